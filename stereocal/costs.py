@@ -49,9 +49,7 @@ def reprojection_cost(
     total = 0.0
     xp, yp, xs, ys = rays[0], rays[1], rays[2], rays[3]
     for k in range(rays.shape[1]):
-        first, second = reprojection_shift(
-            R, T, xp[k], yp[k], xs[k], ys[k], pixel_scale
-        )
+        first, second = reprojection_shift(R, T, xp[k], yp[k], xs[k], ys[k], pixel_scale)
         total += first + second
     return total
 

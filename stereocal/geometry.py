@@ -241,9 +241,7 @@ def reprojection_errors_of_rays(
     errors = np.empty((rays.shape[1], 2))
     xp, yp, xs, ys = rays[0], rays[1], rays[2], rays[3]
     for k in range(rays.shape[1]):
-        first, second = reprojection_shift(
-            R, T, xp[k], yp[k], xs[k], ys[k], pixel_scale
-        )
+        first, second = reprojection_shift(R, T, xp[k], yp[k], xs[k], ys[k], pixel_scale)
         errors[k, 0], errors[k, 1] = first, second
     return errors
 

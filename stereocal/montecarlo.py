@@ -96,9 +96,7 @@ class Problem:
 
     def cost(self, pose: Pose) -> float:
         """The cost of a pose; NaN if a point cannot be reconstructed in front of both cameras."""
-        return costs.cost(
-            self.kind, pose.R, pose.T, self.rays, self.reference, self.pixel_scale
-        )
+        return costs.cost(self.kind, pose.R, pose.T, self.rays, self.reference, self.pixel_scale)
 
 
 def minimise(

@@ -1,0 +1,271 @@
+"""Run the three methods on a data set: essential, 2D Monte Carlo, 3D Monte Carlo (paper, Sec. 3)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+
+from stereocal import checks, costs
+from stereocal.compiled import FloatArray, IntArray
+from stereocal.dataset import Dataset
+from stereocal.errors import StereocalError
+from stereocal.essential import Solver, calibrate_essential
+from stereocal.geometry import Pose, reprojection_errors_of_rays, triangulate_rays
+from stereocal.montecarlo import Problem, SearchSettings, Trace, minimise
+from stereocal.parameters import RigParameters
+
+Method = Literal["essential", "2d", "3d"]
+METHODS: tuple[Method, ...] = ("essential", "2d", "3d")
+COST_UNITS: Mapping[Method, str] = {"essential": "", "2d": "px", "3d": "m"}
+
+
+@dataclass(frozen=True)
+class CalibrationSettings:
+    """Everything that can be tuned; the defaults are the paper's.
+
+    Raises:
+        StereocalError: a value outside its range.
+    """
+
+    search: SearchSettings = field(default_factory=SearchSettings)
+    essential: Solver = "constrained"
+    calibration_frames: int | None = None
+    """Calibrate with so many frames, drawn at random; with all when None."""
+    known_points: bool = False
+    """The footnote's 3D cost: distance from known points instead of lengths of bars."""
+
+    def __post_init__(self) -> None:
+        if self.essential not in ("constrained", "linear"):
+            raise StereocalError(
+                f'The essential solver "{self.essential}" is not known: constrained or linear.'
+            )
+        if self.calibration_frames is not None and self.calibration_frames < 1:
+            raise StereocalError("The number of calibration frames must be at least 1.")
+
+    def to_json(self) -> dict[str, Any]:
+        """All settings in one flat object."""
+        return {
+            **asdict(self.search),
+            "essential": self.essential,
+            "calibration_frames": self.calibration_frames,
+            "known_points": self.known_points,
+        }
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> CalibrationSettings:
+        """The settings that `to_json` describes; what is missing keeps its default.
+
+        Raises:
+            StereocalError: a name that is no setting, or a value of the wrong kind or range.
+        """
+        rest = dict(data)
+        own = {
+            name: rest.pop(name)
+            for name in ("essential", "calibration_frames", "known_points")
+            if name in rest
+        }
+        try:
+            return cls(search=SearchSettings(**rest), **own)
+        except TypeError as error:
+            raise StereocalError(f"The settings cannot be read: {error}.") from error
+
+
+@dataclass(frozen=True, eq=False)
+class MethodResult:
+    """The pose that one method found, and how."""
+
+    method: Method
+    pose: Pose
+    cost: float
+    """Unit: `COST_UNITS[method]`."""
+    evaluations: int
+    stop_reason: str
+    seconds: float
+    trace: Trace | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Errors:
+    """How a pose fits the data set, frame by frame."""
+
+    reprojection_px: FloatArray
+    """(n,), per pair the mean over both cameras; NaN where the point is behind a camera."""
+    length: FloatArray
+    """(m,), per bar |D - D^R| / D, a fraction; NaN likewise."""
+
+    @property
+    def mean_reprojection_px(self) -> float:
+        """Mean over the pairs that have a value; NaN if none has."""
+        return _mean(self.reprojection_px)
+
+    @property
+    def mean_length(self) -> float:
+        """Mean relative length error over the bars that have a value; NaN if none has."""
+        return _mean(self.length)
+
+    @property
+    def p95_length(self) -> float:
+        """The relative length error that 95 % of the bars stay below; NaN if none has one."""
+        known = self.length[np.isfinite(self.length)]
+        return float(np.percentile(known, 95)) if len(known) else float("nan")
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """The results of all methods, with the data and the settings that made them."""
+
+    dataset: Dataset
+    settings: CalibrationSettings
+    frames: IntArray
+    """The frames that were calibrated with; the others only test."""
+    methods: Mapping[Method, MethodResult]
+    warnings: tuple[str, ...]
+    """What is odd about the data, a sentence each."""
+
+    @cached_property
+    def errors(self) -> Mapping[Method, Errors]:
+        """Errors of each method on all frames, also those not calibrated with."""
+        return {name: errors_of(self.dataset, found.pose) for name, found in self.methods.items()}
+
+    def parameters(self, method: Literal["2d", "3d"]) -> RigParameters:
+        """The parameter set to save: `2d` for matching, `3d` for reconstruction."""
+        found = self.methods[method]
+        return RigParameters(
+            method=method,
+            primary=self.dataset.primary,
+            secondary=self.dataset.secondary,
+            pose=found.pose,
+            cost=found.cost,
+            settings=self.settings.to_json(),
+            inputs={
+                "sha256": self.dataset.sha256,
+                "name": self.dataset.name,
+                "baseline_m": self.dataset.baseline_m,
+                "target_distance_m": self.dataset.target_distance_m,
+                "frames": [int(frame) for frame in self.frames],
+            },
+        )
+
+
+def calibrate(
+    dataset: Dataset,
+    settings: CalibrationSettings | None = None,
+    trace: bool = False,
+    progress: Callable[[str], None] | None = None,
+) -> Calibration:
+    """Run the three methods.
+
+    The random numbers of the two searches are independent streams of `settings.search.seed`.
+
+    Args:
+        trace: record every move of the searches.
+        progress: called with the name of each method as it begins.
+
+    Raises:
+        StereocalError: the data do not allow a calibration; says why and what to do.
+    """
+    settings = settings or CalibrationSettings()
+    say = progress or (lambda _: None)
+    of_split, of_2d, of_3d = np.random.SeedSequence(settings.search.seed).spawn(3)
+    frames = _draw_frames(dataset, settings.calibration_frames, of_split)
+    chosen = _only(dataset, frames)
+    checks.check_points(chosen)
+    reconstruction = reconstruction_problem(chosen, settings.known_points)
+
+    say("essential")
+    start = calibrate_essential(
+        chosen.rays, chosen.baseline_m, settings.essential, tie_breaker=reconstruction.cost
+    )
+    checks.check_in_front(chosen, start.pose)
+    checks.check_scale(chosen, start.pose)
+    results: dict[Method, MethodResult] = {
+        "essential": MethodResult(
+            "essential", start.pose, start.cost, start.evaluations, start.stop_reason, start.seconds
+        )
+    }
+    for name, problem, seed in (
+        ("2d", reprojection_problem(chosen), of_2d),
+        ("3d", reconstruction, of_3d),
+    ):
+        method: Method = "2d" if name == "2d" else "3d"
+        say(method)
+        found = minimise(problem, start.pose, settings.search, seed, trace)
+        results[method] = MethodResult(
+            method, found.pose, found.cost, found.evaluations, found.stop_reason, found.seconds,
+            found.trace,
+        )  # fmt: skip
+    return Calibration(dataset, settings, frames, results, tuple(checks.warnings_about(chosen)))
+
+
+def reprojection_problem(dataset: Dataset) -> Problem:
+    """The 2D cost on all pairs of a data set."""
+    return Problem(costs.REPROJECTION, dataset.rays, np.empty((0, 0)), dataset.pixel_scale)
+
+
+def reconstruction_problem(dataset: Dataset, known_points: bool = False) -> Problem:
+    """The 3D cost on all bars of a data set, or on its known points.
+
+    Raises:
+        StereocalError: no frame has both targets, or no row has a known point.
+    """
+    rows = dataset.correspondences
+    if known_points:
+        known = np.isfinite(rows.known_points_m).all(axis=1)
+        if not known.any():
+            raise StereocalError(
+                "No row has a known point: the columns x_m, y_m, z_m are missing or empty."
+            )
+        return Problem(
+            costs.POINTS,
+            np.ascontiguousarray(dataset.rays[:, known]),
+            np.ascontiguousarray(rows.known_points_m[known].T),
+            dataset.pixel_scale,
+        )
+    if not len(rows.bars):
+        raise StereocalError(
+            "No frame has both targets A and B, so there is no length to measure: the 3D method "
+            "needs frames in which both cameras see both ends of the bar."
+        )
+    return Problem(
+        costs.DISTANCE,
+        np.ascontiguousarray(dataset.rays[:, rows.bars.T.ravel()]),
+        dataset.bar_distances_m[None, :].copy(),
+        dataset.pixel_scale,
+    )
+
+
+def errors_of(dataset: Dataset, pose: Pose) -> Errors:
+    """Reprojection and length errors of a pose on a data set."""
+    both = reprojection_errors_of_rays(pose.R, pose.T, dataset.rays, dataset.pixel_scale)
+    points = triangulate_rays(pose.R, pose.T, dataset.rays)
+    bars = dataset.correspondences.bars
+    lengths = np.linalg.norm(points[bars[:, 0]] - points[bars[:, 1]], axis=1)
+    measured = dataset.bar_distances_m
+    return Errors(both.mean(axis=1), np.abs(lengths - measured) / measured)
+
+
+def _draw_frames(dataset: Dataset, count: int | None, seed: np.random.SeedSequence) -> IntArray:
+    frames = dataset.correspondences.frames
+    if count is None or count == len(frames):
+        return frames
+    if count > len(frames):
+        raise StereocalError(
+            f"{count} calibration frames are wanted, but the data set has {len(frames)}."
+        )
+    rng = np.random.Generator(np.random.PCG64(seed))
+    return np.sort(rng.choice(frames, count, replace=False))
+
+
+def _only(dataset: Dataset, frames: IntArray) -> Dataset:
+    if len(frames) == len(dataset.correspondences.frames):
+        return dataset
+    return dataset.of_frames(frames)
+
+
+def _mean(values: FloatArray) -> float:
+    known = values[np.isfinite(values)]
+    return float(known.mean()) if len(known) else float("nan")

@@ -1,0 +1,109 @@
+"""What can be wrong with a data set as a whole, found before anyone trusts a result."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stereocal.dataset import Dataset
+from stereocal.errors import StereocalError
+from stereocal.essential import MINIMUM_PAIRS
+from stereocal.geometry import Pose, triangulate_rays
+
+SMALLEST_SPREAD = 0.01
+"""Points within 1 % of the image's diagonal are in one place: they fix no angle."""
+
+LARGEST_SCALE_ERROR = 1.5
+"""Lens errors of several percent move lengths by as much, never by half."""
+
+FEW_BARS = 5
+"""Five angles cannot be found from fewer lengths."""
+
+
+def check_points(dataset: Dataset) -> None:
+    """Refuse too few points, and points all in one place.
+
+    Raises:
+        StereocalError: as said.
+    """
+    rows = dataset.correspondences
+    if len(rows) < MINIMUM_PAIRS:
+        raise StereocalError(
+            f"There {'is 1 pair' if len(rows) == 1 else f'are {len(rows)} pairs'} of points; at "
+            f"least {MINIMUM_PAIRS} are needed, and 40 or more are wise (20 frames of the bar)."
+        )
+    for which, points, camera in (
+        ("primary", rows.primary, dataset.primary),
+        ("secondary", rows.secondary, dataset.secondary),
+    ):
+        extent = float(np.hypot(*np.ptp(points, axis=0)))
+        if extent < SMALLEST_SPREAD * float(np.hypot(*camera.image_size)):
+            raise StereocalError(
+                f"All {len(rows)} points of the {which} camera lie in one place, within "
+                f"{extent:.1f} px: move the bar through the whole view and through the depth."
+            )
+
+
+def check_in_front(dataset: Dataset, pose: Pose) -> None:
+    """Refuse pairs that meet behind a camera: they are no pictures of one point.
+
+    Raises:
+        StereocalError: names the first three.
+    """
+    points = triangulate_rays(pose.R, pose.T, dataset.rays)
+    behind = np.flatnonzero(np.isnan(points[:, 0]))
+    if len(behind):
+        named = "; ".join(dataset.correspondences.name_of(row) for row in behind[:3])
+        raise StereocalError(
+            f"{len(behind)} of {len(points)} pairs do not meet in front of the cameras ({named}"
+            f"{'; and more' if len(behind) > 3 else ''}): look whether A and B are exchanged "
+            "there, or leave these frames out."
+        )
+
+
+def check_scale(dataset: Dataset, pose: Pose) -> None:
+    """Refuse a baseline and a distance that contradict each other, such as metres and millimetres.
+
+    Raises:
+        StereocalError: says which length the images expect.
+    """
+    bars = dataset.correspondences.bars
+    if not len(bars):
+        return
+    points = triangulate_rays(pose.R, pose.T, dataset.rays)
+    lengths = np.linalg.norm(points[bars[:, 0]] - points[bars[:, 1]], axis=1)
+    ratio = float(np.median(dataset.bar_distances_m / lengths))
+    if 1 / LARGEST_SCALE_ERROR < ratio < LARGEST_SCALE_ERROR:
+        return
+    stated = float(np.median(dataset.bar_distances_m))
+    if ratio > 1:
+        verdict = "the distance is larger than the baseline allows"
+        factor = ratio
+        units = "The distance looks like {unit}, or the baseline is {factor} too small."
+    else:
+        verdict = "the distance is smaller than the baseline allows"
+        factor = 1 / ratio
+        units = "The baseline looks like {unit}, or the distance is {factor} too small."
+    hint = "Measure both again."
+    for size, unit in ((1000.0, "millimetres"), (100.0, "centimetres")):
+        if size / 2 < factor < size * 2:
+            hint = units.format(unit=unit, factor=f"{size:g} times") + " Give both in metres."
+    raise StereocalError(
+        f"The distance between the targets is given as {stated:g} m and the baseline as "
+        f"{dataset.baseline_m:g} m, but with this baseline the images say a distance of "
+        f"{stated / ratio:.3g} m: {verdict}. {hint}"
+    )
+
+
+def warnings_about(dataset: Dataset) -> list[str]:
+    """What is odd but allowed, a sentence each."""
+    found = []
+    bars = len(dataset.correspondences.bars)
+    if 0 < bars < FEW_BARS:
+        found.append(
+            f"Only {bars} frame{'s have' if bars > 1 else ' has'} both targets: the 3D method "
+            f"needs at least {FEW_BARS} to fix the five angles."
+        )
+    same_K = np.array_equal(dataset.primary.K, dataset.secondary.K)
+    if same_K and np.array_equal(dataset.primary.distortion, dataset.secondary.distortion):
+        found.append("Both cameras have exactly the same lens. Was one camera file given twice?")
+    return found

@@ -1,0 +1,275 @@
+"""What a calibration starts from: the points of the bar, the cameras, the measured lengths."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from stereocal.camera import Camera
+from stereocal.compiled import FloatArray, IntArray
+from stereocal.errors import StereocalError
+from stereocal.geometry import stack_rays
+
+TARGETS = ("A", "B")
+LONGEST_PLAUSIBLE_M = 1000.0
+"""A baseline or bar beyond a kilometre is a number in millimetres."""
+
+
+@dataclass(frozen=True)
+class RowProblem:
+    """One refused row of a table: where it stands and why."""
+
+    line: int
+    reason: str
+
+    def __str__(self) -> str:
+        return f"line {self.line}: {self.reason}"
+
+
+@dataclass(frozen=True, eq=False)
+class Correspondences:
+    """Images of the two targets A and B in both cameras, one row per frame and target.
+
+    All arrays have n rows. Pixels are raw (distorted), (0, 0) is the centre of the top-left pixel.
+
+    Raises:
+        StereocalError: arrays of different lengths, NaN, or a frame with the same target twice.
+    """
+
+    frame: IntArray
+    target: IntArray
+    """0 for A, 1 for B."""
+    primary: FloatArray
+    """(n, 2)."""
+    secondary: FloatArray
+    """(n, 2)."""
+    distance_m: FloatArray
+    """Distance A-B measured for this frame; NaN where the data set's own distance holds."""
+    known_points_m: FloatArray
+    """(n, 3) places in the primary camera's frame, where known; else NaN."""
+    line: IntArray
+    """Line of the file that the row came from, for messages; 0 where there is none."""
+
+    def __post_init__(self) -> None:
+        n = len(self.frame)
+        shapes = {
+            "target": (n,), "primary": (n, 2), "secondary": (n, 2),
+            "distance_m": (n,), "known_points_m": (n, 3), "line": (n,),
+        }  # fmt: skip
+        for name, shape in shapes.items():
+            if getattr(self, name).shape != shape:
+                raise StereocalError(
+                    f"{name} has shape {getattr(self, name).shape}; {shape} is needed."
+                )
+        if not (np.isfinite(self.primary).all() and np.isfinite(self.secondary).all()):
+            raise StereocalError("An image point is not a finite number.")
+        if not np.isin(self.target, (0, 1)).all():
+            raise StereocalError("A target is neither A (0) nor B (1).")
+        if len(np.unique(np.column_stack([self.frame, self.target]), axis=0)) < n:
+            raise StereocalError("A frame has the same target twice.")
+        for name in ("frame", *shapes):
+            getattr(self, name).setflags(write=False)
+
+    @classmethod
+    def from_arrays(
+        cls,
+        frame: npt.ArrayLike,
+        target: Iterable[str],
+        primary: npt.ArrayLike,
+        secondary: npt.ArrayLike,
+        distance_m: npt.ArrayLike | None = None,
+        known_points_m: npt.ArrayLike | None = None,
+    ) -> Correspondences:
+        """From arrays as a script has them; `target` holds "A" and "B"."""
+        frames = np.array(frame, dtype=np.int64)
+        n = len(frames)
+        return cls(
+            frame=frames,
+            target=np.array([TARGETS.index(name) for name in target], dtype=np.int64),
+            primary=np.array(primary, dtype=np.float64),
+            secondary=np.array(secondary, dtype=np.float64),
+            distance_m=np.full(n, np.nan) if distance_m is None else np.array(distance_m, float),
+            known_points_m=(
+                np.full((n, 3), np.nan) if known_points_m is None else np.array(known_points_m)
+            ),
+            line=np.zeros(n, dtype=np.int64),
+        )
+
+    def __len__(self) -> int:
+        return len(self.frame)
+
+    @cached_property
+    def frames(self) -> IntArray:
+        """The frame numbers, each once, in order."""
+        return np.unique(self.frame)
+
+    @cached_property
+    def bars(self) -> IntArray:
+        """(m, 2): the rows of A and of B of each frame that has both, in order of the frames."""
+        rows = [
+            {int(f): i for i, f in enumerate(self.frame) if self.target[i] == t} for t in (0, 1)
+        ]
+        both = sorted(rows[0].keys() & rows[1].keys())
+        return np.array([(rows[0][f], rows[1][f]) for f in both], dtype=np.int64).reshape(-1, 2)
+
+    def where(self, keep: npt.NDArray[np.bool_]) -> Correspondences:
+        """The rows for which `keep`, of shape (n,), is true."""
+        return Correspondences(
+            *(
+                getattr(self, name)[keep]
+                for name in (
+                    "frame", "target", "primary", "secondary", "distance_m", "known_points_m",
+                    "line",
+                )
+            )
+        )  # fmt: skip
+
+    def of_frames(self, frames: npt.ArrayLike) -> Correspondences:
+        """The rows of the given frames."""
+        return self.where(np.isin(self.frame, np.asarray(frames)))
+
+    def name_of(self, row: int) -> str:
+        """How messages name a row: "frame 12, target A (line 25)"."""
+        name = f"frame {self.frame[row]}, target {TARGETS[self.target[row]]}"
+        return f"{name} (line {self.line[row]})" if self.line[row] else name
+
+
+@dataclass(frozen=True, eq=False)
+class Dataset:
+    """Correspondences with the two cameras and the two measured lengths.
+
+    Raises:
+        StereocalError: a length that cannot be, points outside an image, or a lens that cannot be
+            inverted where a point lies.
+    """
+
+    name: str
+    primary: Camera
+    secondary: Camera
+    correspondences: Correspondences
+    baseline_m: float
+    target_distance_m: float
+    baseline_sigma_m: float | None = None
+    target_distance_sigma_m: float | None = None
+    notes: str = ""
+
+    def __post_init__(self) -> None:
+        check_length("baseline", self.baseline_m)
+        check_length("distance between the targets", self.target_distance_m)
+        for what, sigma in (
+            ("baseline", self.baseline_sigma_m),
+            ("distance between the targets", self.target_distance_sigma_m),
+        ):
+            if sigma is not None and not (np.isfinite(sigma) and sigma > 0):
+                raise StereocalError(
+                    f"The uncertainty of the {what} is {sigma}: it must be above 0."
+                )
+        problems = points_outside(self.correspondences, self.primary, self.secondary)
+        if problems:
+            raise StereocalError(summary_of(problems, "of the points lie outside their image"))
+        lost = np.flatnonzero(~np.isfinite(self.rays).all(axis=0))
+        if len(lost):
+            raise StereocalError(
+                f"The lens model cannot be inverted at {self.correspondences.name_of(lost[0])}: "
+                "the distortion coefficients do not fit the image this far from its centre."
+            )
+
+    def of_frames(self, frames: npt.ArrayLike) -> Dataset:
+        """The same data set with the given frames only."""
+        return replace(self, correspondences=self.correspondences.of_frames(frames))
+
+    def with_cameras_exchanged(self) -> Dataset:
+        """The same points with the two camera files the other way round.
+
+        Raises:
+            StereocalError: points then lie outside their image.
+        """
+        return replace(self, primary=self.secondary, secondary=self.primary)
+
+    @cached_property
+    def rays(self) -> FloatArray:
+        """Undistorted, normalised points, shape (4, n), as in `geometry`. Computed once."""
+        return stack_rays(
+            self.primary.undistort(self.correspondences.primary),
+            self.secondary.undistort(self.correspondences.secondary),
+        )
+
+    @cached_property
+    def pixel_scale(self) -> FloatArray:
+        """(2, 3): fx, skew, fy of each camera."""
+        return np.array([self.primary.pixel_scale, self.secondary.pixel_scale])
+
+    @cached_property
+    def bar_distances_m(self) -> FloatArray:
+        """(m,): the measured length of each bar of `correspondences.bars`."""
+        own = self.correspondences.distance_m[self.correspondences.bars]
+        of_frame = np.where(np.isnan(own[:, 0]), own[:, 1], own[:, 0])
+        return np.where(np.isnan(of_frame), self.target_distance_m, of_frame)
+
+    @cached_property
+    def sha256(self) -> str:
+        """Digest of all numbers that a calibration depends on, however they were stored."""
+        rows = self.correspondences
+        content = {
+            "cameras": [self.primary.to_json(), self.secondary.to_json()],
+            "baseline_m": self.baseline_m,
+            "target_distance_m": self.target_distance_m,
+            "rows": [
+                getattr(rows, name).tolist()
+                for name in ("frame", "target", "primary", "secondary", "distance_m",
+                             "known_points_m")
+            ],
+        }  # fmt: skip
+        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def check_length(what: str, value: float) -> None:
+    """Refuse a measured length that cannot be.
+
+    Raises:
+        StereocalError: zero, negative, not finite, or evidently in millimetres.
+    """
+    if not np.isfinite(value) or value <= 0:
+        raise StereocalError(f"The {what} is {value:g} m: it must be a length above 0.")
+    if value > LONGEST_PLAUSIBLE_M:
+        raise StereocalError(
+            f"The {what} is {value:g} m: this looks like millimetres. Give it in metres "
+            f"({value / 1000:g})."
+        )
+
+
+def points_outside(
+    correspondences: Correspondences, primary: Camera, secondary: Camera
+) -> list[RowProblem]:
+    """Rows with a point outside its image; a pixel reaches 0.5 px around its centre."""
+    problems = []
+    for which, points, camera in (
+        ("primary", correspondences.primary, primary),
+        ("secondary", correspondences.secondary, secondary),
+    ):
+        size = np.array(camera.image_size)
+        outside = ((points < -0.5) | (points > size - 0.5)).any(axis=1)
+        for row in np.flatnonzero(outside):
+            u, v = points[row]
+            problems.append(
+                RowProblem(
+                    int(correspondences.line[row]),
+                    f"frame {correspondences.frame[row]}, target "
+                    f"{TARGETS[correspondences.target[row]]}: the {which} point ({u:g}, {v:g}) is "
+                    f"outside the {size[0]}x{size[1]} px image",
+                )
+            )
+    return sorted(problems, key=lambda problem: problem.line)
+
+
+def summary_of(problems: list[RowProblem], what: str) -> str:
+    """One sentence for a list of refused rows: how many, and the first three."""
+    shown = "; ".join(str(p) if p.line else p.reason for p in problems[:3])
+    more = f"; and {len(problems) - 3} more" if len(problems) > 3 else ""
+    return f"{len(problems)} {what}: {shown}{more}."

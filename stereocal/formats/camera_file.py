@@ -1,0 +1,111 @@
+"""Camera files: our JSON (`stereocal-camera/1`) and OpenCV FileStorage (YAML, XML, JSON)."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import cv2
+import numpy as np
+
+from stereocal.camera import Camera
+from stereocal.errors import StereocalError
+
+CAMERA_FORMAT = "stereocal-camera/1"
+LARGEST_BYTES = 4_000_000
+K_NAMES = ("camera_matrix", "Camera_Matrix", "cameraMatrix", "K", "M")
+DISTORTION_NAMES = (
+    "distortion_coefficients", "Distortion_Coefficients", "distCoeffs", "dist_coeffs", "D",
+)  # fmt: skip
+WIDTH_NAMES = ("image_width", "image_Width", "width")
+HEIGHT_NAMES = ("image_height", "image_Height", "height")
+EXPECTED = (
+    "stereocal reads its own JSON, and OpenCV's YAML, XML or JSON with camera_matrix, "
+    "distortion_coefficients, image_width and image_height"
+)
+
+
+def read_camera(content: bytes, source: str) -> Camera:
+    """The camera of a file, whose format is told by its content.
+
+    Raises:
+        StereocalError: an empty file, an unknown format, or a camera that cannot be.
+    """
+    if not content.strip():
+        raise StereocalError(f"{source}: the file is empty.")
+    if len(content) > LARGEST_BYTES:
+        raise StereocalError(f"{source}: {len(content)} bytes are too many for a camera file.")
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise StereocalError(f"{source}: this is not a camera file; {EXPECTED}.") from error
+    start = text.lstrip()
+    if start.startswith("{"):
+        data = _json_object(text, source)
+        if str(data.get("format", "")).startswith("stereocal-camera"):
+            if data["format"] != CAMERA_FORMAT:
+                raise StereocalError(
+                    f"{source}: the format {data['format']!r} is not known; "
+                    f'this version reads "{CAMERA_FORMAT}".'
+                )
+            return Camera.from_json(data, source)
+    elif not start.startswith(("%YAML", "<?xml")):
+        raise StereocalError(f"{source}: the format of the camera file is not known; {EXPECTED}.")
+    return _read_file_storage(start, source)
+
+
+def write_camera(camera: Camera) -> bytes:
+    """Our JSON file of a camera."""
+    return (json.dumps({"format": CAMERA_FORMAT, **camera.to_json()}, indent=2) + "\n").encode()
+
+
+def _json_object(text: str, source: str) -> dict[str, Any]:
+    try:
+        data = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise StereocalError(f"{source}: this is not valid JSON ({error}).") from error
+    return dict(data)
+
+
+def _read_file_storage(text: str, source: str) -> Camera:
+    try:
+        storage = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
+    except (cv2.error, SystemError) as error:
+        raise StereocalError(
+            f"{source}: OpenCV cannot read this file; it is cut off or damaged."
+        ) from error
+    try:
+        K = _matrix(storage, K_NAMES, source)
+        distortion = _matrix(storage, DISTORTION_NAMES, source)
+        width = _number(storage, WIDTH_NAMES, source)
+        height = _number(storage, HEIGHT_NAMES, source)
+    except cv2.error as error:
+        raise StereocalError(f"{source}: a matrix in this file is damaged.") from error
+    finally:
+        storage.release()
+    try:
+        return Camera(K, distortion, (int(width), int(height)))
+    except (StereocalError, ValueError, OverflowError) as error:
+        raise StereocalError(f"{source}: {error}") from error
+
+
+def _node(storage: Any, names: tuple[str, ...], source: str) -> Any:
+    for name in names:
+        node = storage.getNode(name)
+        if not node.empty():
+            return node
+    raise StereocalError(f"{source}: {names[0]} is missing; {EXPECTED}.")
+
+
+def _matrix(storage: Any, names: tuple[str, ...], source: str) -> Any:
+    matrix = _node(storage, names, source).mat()
+    if matrix is None:
+        raise StereocalError(f"{source}: {names[0]} is not a matrix (!!opencv-matrix).")
+    return np.asarray(matrix, dtype=np.float64)
+
+
+def _number(storage: Any, names: tuple[str, ...], source: str) -> float:
+    node = _node(storage, names, source)
+    if not (node.isInt() or node.isReal()):
+        raise StereocalError(f"{source}: {names[0]} is not a number.")
+    return float(node.real())

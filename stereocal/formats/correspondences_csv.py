@@ -1,0 +1,192 @@
+"""`correspondences.csv`: frame, target, four pixel coordinates, and optional measured lengths."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from stereocal.dataset import TARGETS, Correspondences, RowProblem, summary_of
+from stereocal.errors import StereocalError
+
+if TYPE_CHECKING:
+    from _csv import Reader
+
+PIXELS = ("u_primary", "v_primary", "u_secondary", "v_secondary")
+REQUIRED = ("frame", "target", *PIXELS)
+KNOWN_POINT = ("x_m", "y_m", "z_m")
+TEMPLATE = (
+    "frame,target,u_primary,v_primary,u_secondary,v_secondary\n"
+    "1,A,1012.31,655.02,884.77,671.40\n"
+    "1,B,1303.84,702.15,1190.26,720.93\n"
+    "2,A,655.19,801.66,540.08,812.57\n"
+    "2,B,921.42,1010.37,799.95,1029.11\n"
+)
+
+
+@dataclass(frozen=True)
+class Table:
+    """What was read of a file: the sound rows, and the refused ones with the reason."""
+
+    correspondences: Correspondences
+    problems: list[RowProblem]
+
+    def strict(self, source: str) -> Correspondences:
+        """The rows, if none was refused.
+
+        Raises:
+            StereocalError: some rows were refused; names the first three.
+        """
+        if self.problems:
+            raise StereocalError(f"{source}: {summary_of(self.problems, 'rows cannot be used')}")
+        return self.correspondences
+
+
+def read_table(content: bytes, source: str) -> Table:
+    """Read a table; comma, semicolon or tab between columns, further columns are ignored.
+
+    Raises:
+        StereocalError: the file as a whole is no such table.
+    """
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise StereocalError(f"{source}: this is not a text file (CSV in UTF-8).") from error
+    if not text.strip():
+        raise StereocalError(f"{source}: the file is empty.")
+    first = text.lstrip("\r\n").splitlines()[0]
+    delimiter = max(",;\t", key=first.count)
+    reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter)
+    try:
+        return _read_rows(reader, source, decimal_comma=delimiter == ";")
+    except csv.Error as error:
+        raise StereocalError(f"{source}, line {reader.line_num}: {error}.") from error
+
+
+def write_table(rows: Correspondences) -> bytes:
+    """The table of `rows`, which `read_table` reads back to the same numbers."""
+    columns = list(REQUIRED)
+    with_distance = bool(np.isfinite(rows.distance_m).any())
+    with_points = bool(np.isfinite(rows.known_points_m).any())
+    columns += ["distance_m"] * with_distance + list(KNOWN_POINT) * with_points
+    out = io.StringIO(newline="")
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(columns)
+    for i in range(len(rows)):
+        numbers = [*rows.primary[i], *rows.secondary[i]]
+        numbers += [rows.distance_m[i]] * with_distance
+        numbers += list(rows.known_points_m[i]) * with_points
+        cells = ["" if math.isnan(x) else repr(float(x)) for x in numbers]
+        writer.writerow([int(rows.frame[i]), TARGETS[rows.target[i]], *cells])
+    return out.getvalue().encode()
+
+
+class _Refused(Exception):
+    """A row that cannot be used; the text is the reason."""
+
+
+@dataclass
+class _Row:
+    frame: int
+    target: int
+    numbers: list[float]
+    line: int
+
+
+def _read_rows(reader: Reader, source: str, decimal_comma: bool) -> Table:
+    columns: dict[str, int] | None = None
+    rows: list[_Row] = []
+    problems: list[RowProblem] = []
+    seen: dict[tuple[int, int], int] = {}
+    distances: dict[int, float] = {}
+    for cells in reader:
+        if not any(cell.strip() for cell in cells):
+            continue
+        if columns is None:
+            columns = _columns_of(cells, source)
+            continue
+        try:
+            row = _read_row(cells, columns, reader.line_num, decimal_comma)
+            key = (row.frame, row.target)
+            if key in seen:
+                raise _Refused(
+                    f"frame {row.frame} has target {TARGETS[row.target]} already, "
+                    f"in line {seen[key]}"
+                )
+            distance = row.numbers[4]
+            known = distances.setdefault(row.frame, distance)
+            if not (math.isnan(distance) or math.isnan(known)) and distance != known:
+                raise _Refused(
+                    f"frame {row.frame} has two different distances, {known:g} and {distance:g} m"
+                )
+            seen[key] = row.line
+            rows.append(row)
+        except _Refused as refused:
+            problems.append(RowProblem(reader.line_num, str(refused)))
+    if not rows and not problems:
+        raise StereocalError(f"{source}: the table has a header and no rows.")
+    numbers = np.array([row.numbers for row in rows], dtype=np.float64).reshape(-1, 8)
+    return Table(
+        Correspondences(
+            frame=np.array([row.frame for row in rows], dtype=np.int64),
+            target=np.array([row.target for row in rows], dtype=np.int64),
+            primary=numbers[:, 0:2].copy(),
+            secondary=numbers[:, 2:4].copy(),
+            distance_m=numbers[:, 4].copy(),
+            known_points_m=numbers[:, 5:8].copy(),
+            line=np.array([row.line for row in rows], dtype=np.int64),
+        ),
+        problems,
+    )
+
+
+def _columns_of(header: list[str], source: str) -> dict[str, int]:
+    names = [cell.strip().lower() for cell in header]
+    missing = [name for name in REQUIRED if name not in names]
+    if missing:
+        raise StereocalError(
+            f"{source}: the column{'s' if len(missing) > 1 else ''} {', '.join(missing)} "
+            f"{'are' if len(missing) > 1 else 'is'} missing; the first line must name the columns "
+            f"{', '.join(REQUIRED)}, and names {', '.join(names)[:200]}."
+        )
+    twice = [name for name in (*REQUIRED, "distance_m", *KNOWN_POINT) if names.count(name) > 1]
+    if twice:
+        raise StereocalError(f"{source}: the column {twice[0]} stands in the first line twice.")
+    return {name: i for i, name in enumerate(names)}
+
+
+def _read_row(cells: list[str], columns: dict[str, int], line: int, decimal_comma: bool) -> _Row:
+    def cell(name: str) -> str:
+        at = columns.get(name, len(cells))
+        return cells[at].strip() if at < len(cells) else ""
+
+    def number(name: str, optional: bool = False) -> float:
+        text = cell(name)
+        if not text and optional:
+            return math.nan
+        if not text:
+            raise _Refused(f"{name} is empty")
+        try:
+            value = float(text.replace(",", ".") if decimal_comma else text)
+        except ValueError:
+            raise _Refused(f'{name} is "{text[:40]}", which is not a number') from None
+        if not math.isfinite(value):
+            raise _Refused(f"{name} is {text[:40]}, which is not a finite number")
+        return value
+
+    frame = number("frame")
+    if frame != int(frame) or abs(frame) > 2**53:
+        raise _Refused(f"frame is {cell('frame')[:40]}, which is not a whole number")
+    target = cell("target").upper()
+    if target not in TARGETS:
+        raise _Refused(f'target is "{cell("target")[:40]}"; it must be A or B')
+    numbers = [number(name) for name in PIXELS]
+    distance = number("distance_m", optional=True)
+    if distance <= 0:
+        raise _Refused(f"distance_m is {distance:g}; it must be above 0")
+    numbers += [distance, *(number(name, optional=True) for name in KNOWN_POINT)]
+    return _Row(int(frame), TARGETS.index(target), numbers, line)
