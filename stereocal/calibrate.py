@@ -1,4 +1,4 @@
-"""Run the three methods on a data set: essential, 2D Monte Carlo, 3D Monte Carlo (paper, Sec. 3)."""
+"""Run the three methods on a data set: essential, 2D Monte Carlo, 3D Monte Carlo (paper, 3)."""
 
 from __future__ import annotations
 

@@ -93,11 +93,12 @@ class Camera:
         guess = cv2.undistortPoints(bent[:, None], np.eye(3), self.distortion).reshape(-1, 2)
         straight = np.asarray(guess, dtype=np.float64)
         step = 1e-6
+        along_u, along_v = np.array([step, 0.0]), np.array([0.0, step])
         with np.errstate(all="ignore"):
             for _ in range(20):
                 error = self._bend(straight) - bent
-                along_x = (self._bend(straight + [step, 0]) - error - bent) / step
-                along_y = (self._bend(straight + [0, step]) - error - bent) / step
+                along_x = (self._bend(straight + along_u) - error - bent) / step
+                along_y = (self._bend(straight + along_v) - error - bent) / step
                 determinant = along_x[:, 0] * along_y[:, 1] - along_x[:, 1] * along_y[:, 0]
                 straight = (
                     straight

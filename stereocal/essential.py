@@ -83,8 +83,7 @@ def calibrate_essential(
     evaluations = len(candidates)
     found = []
     for E in candidates:
-        R, T = np.empty((3, 3)), np.empty(3)
-        in_front = choose_pose(E, rays, R, T)
+        R, T, in_front = choose_pose(E, rays)
         if in_front and solver == "constrained":
             angles = np.array(angles_of(R, T))
             rounds, converged = constrain(angles, rays)
@@ -140,65 +139,48 @@ def _five_point(rays: FloatArray) -> list[FloatArray]:
     return candidates
 
 
-@compiled
 def linear_essential(rays: FloatArray) -> FloatArray:
     """The 8-point estimate with Hartley's normalisation, projected to an essential matrix (3, 3).
 
-    NaN where the points do not determine it.
+    NaN where the points do not determine it. Plain NumPy: compiled, its decompositions take 13 s to
+    compile and save 0.1 ms a call.
     """
-    n = rays.shape[1]
-    normalisers = np.zeros((2, 3, 3))
-    scaled = np.empty((4, n))
-    for camera in range(2):
-        x, y = rays[2 * camera], rays[2 * camera + 1]
-        mean_x, mean_y = x.mean(), y.mean()
-        spread = np.sqrt((((x - mean_x) ** 2 + (y - mean_y) ** 2).mean()) / 2.0)
-        scaled[2 * camera] = (x - mean_x) / spread
-        scaled[2 * camera + 1] = (y - mean_y) / spread
-        normalisers[camera, 0, 0] = normalisers[camera, 1, 1] = 1.0 / spread
-        normalisers[camera, 0, 2] = -mean_x / spread
-        normalisers[camera, 1, 2] = -mean_y / spread
-        normalisers[camera, 2, 2] = 1.0
-    if not np.isfinite(scaled).all():
+    p, normalise_p = _normalised(rays[:2])
+    q, normalise_q = _normalised(rays[2:])
+    A = np.einsum("in,jn->nij", q, p).reshape(-1, 9)
+    if not np.isfinite(A).all():
         return np.full((3, 3), np.nan)
-    A = np.ones((n, 9))
-    A[:, 0], A[:, 1], A[:, 2] = scaled[2] * scaled[0], scaled[2] * scaled[1], scaled[2]
-    A[:, 3], A[:, 4], A[:, 5] = scaled[3] * scaled[0], scaled[3] * scaled[1], scaled[3]
-    A[:, 6], A[:, 7] = scaled[0], scaled[1]
-    _, singular, vt = np.linalg.svd(A)
+    _, singular, vt = np.linalg.svd(A, full_matrices=len(A) < 9)
     if singular[7] < 1e-12 * singular[0]:
         return np.full((3, 3), np.nan)
-    E = normalisers[1].T @ np.ascontiguousarray(vt[8]).reshape(3, 3) @ normalisers[0]
-    u, _, wt = np.linalg.svd(E)
-    u[:, 2] = 0.0
-    projected: FloatArray = u @ wt
-    return projected
+    u, _, vt = np.linalg.svd(normalise_q.T @ vt[8].reshape(3, 3) @ normalise_p)
+    E: FloatArray = u @ np.diag([1.0, 1.0, 0.0]) @ vt
+    return E
 
 
-@compiled
-def choose_pose(E: FloatArray, rays: FloatArray, R: FloatArray, T: FloatArray) -> int:
-    """Write the one of E's four poses with the most points in front of both cameras, |T| = 1.
+def _normalised(points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Homogeneous points (3, n) about 0 with a mean square of 1 along each axis, and the map."""
+    mean = points.mean(axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        scale = 1.0 / np.sqrt(((points - mean[:, None]) ** 2).mean())
+        T = np.array([[scale, 0.0, -scale * mean[0]], [0.0, scale, -scale * mean[1]], [0, 0, 1]])
+        return T @ np.vstack([points, np.ones(points.shape[1])]), T
 
-    Returns how many points are in front.
+
+def choose_pose(E: FloatArray, rays: FloatArray) -> tuple[FloatArray, FloatArray, int]:
+    """The one of E's four poses with the most points in front of both cameras.
+
+    Returns R, the unit vector t, and how many points are in front.
     """
     u, _, vt = np.linalg.svd(E)
-    if np.linalg.det(u) < 0.0:
-        u = -u
-    if np.linalg.det(vt) < 0.0:
-        vt = -vt
-    most = 0
-    for candidate in range(4):
-        sign = 1.0 if candidate & 1 else -1.0
-        turn = np.array([[0.0, -sign, 0.0], [sign, 0.0, 0.0], [0.0, 0.0, 1.0]])
-        rotation = np.ascontiguousarray(u) @ turn @ np.ascontiguousarray(vt)
-        direction = u[:, 2] * (1.0 if candidate & 2 else -1.0)
-        points = triangulate_rays(rotation, direction, rays)
-        in_front = np.isfinite(points[:, 0]).sum()
-        if in_front > most:
-            most = in_front
-            R[:] = rotation
-            T[:] = direction
-    return most
+    u, vt = u * np.sign(np.linalg.det(u)), vt * np.sign(np.linalg.det(vt))
+    turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    found = []
+    for R in (u @ turn @ vt, u @ turn.T @ vt):
+        for t in (u[:, 2].copy(), -u[:, 2]):
+            points = triangulate_rays(R, t, rays)
+            found.append((R, t, int(np.isfinite(points[:, 0]).sum())))
+    return max(found, key=lambda pose: pose[2])
 
 
 @compiled

@@ -85,7 +85,7 @@ def write_table(rows: Correspondences) -> bytes:
     return out.getvalue().encode()
 
 
-class _Refused(Exception):
+class _RefusedError(Exception):
     """A row that cannot be used; the text is the reason."""
 
 
@@ -113,19 +113,19 @@ def _read_rows(reader: Reader, source: str, decimal_comma: bool) -> Table:
             row = _read_row(cells, columns, reader.line_num, decimal_comma)
             key = (row.frame, row.target)
             if key in seen:
-                raise _Refused(
+                raise _RefusedError(
                     f"frame {row.frame} has target {TARGETS[row.target]} already, "
                     f"in line {seen[key]}"
                 )
             distance = row.numbers[4]
             known = distances.setdefault(row.frame, distance)
             if not (math.isnan(distance) or math.isnan(known)) and distance != known:
-                raise _Refused(
+                raise _RefusedError(
                     f"frame {row.frame} has two different distances, {known:g} and {distance:g} m"
                 )
             seen[key] = row.line
             rows.append(row)
-        except _Refused as refused:
+        except _RefusedError as refused:
             problems.append(RowProblem(reader.line_num, str(refused)))
     if not rows and not problems:
         raise StereocalError(f"{source}: the table has a header and no rows.")
@@ -169,24 +169,24 @@ def _read_row(cells: list[str], columns: dict[str, int], line: int, decimal_comm
         if not text and optional:
             return math.nan
         if not text:
-            raise _Refused(f"{name} is empty")
+            raise _RefusedError(f"{name} is empty")
         try:
             value = float(text.replace(",", ".") if decimal_comma else text)
         except ValueError:
-            raise _Refused(f'{name} is "{text[:40]}", which is not a number') from None
+            raise _RefusedError(f'{name} is "{text[:40]}", which is not a number') from None
         if not math.isfinite(value):
-            raise _Refused(f"{name} is {text[:40]}, which is not a finite number")
+            raise _RefusedError(f"{name} is {text[:40]}, which is not a finite number")
         return value
 
     frame = number("frame")
     if frame != int(frame) or abs(frame) > 2**53:
-        raise _Refused(f"frame is {cell('frame')[:40]}, which is not a whole number")
+        raise _RefusedError(f"frame is {cell('frame')[:40]}, which is not a whole number")
     target = cell("target").upper()
     if target not in TARGETS:
-        raise _Refused(f'target is "{cell("target")[:40]}"; it must be A or B')
+        raise _RefusedError(f'target is "{cell("target")[:40]}"; it must be A or B')
     numbers = [number(name) for name in PIXELS]
     distance = number("distance_m", optional=True)
     if distance <= 0:
-        raise _Refused(f"distance_m is {distance:g}; it must be above 0")
+        raise _RefusedError(f"distance_m is {distance:g}; it must be above 0")
     numbers += [distance, *(number(name, optional=True) for name in KNOWN_POINT)]
     return _Row(int(frame), TARGETS.index(target), numbers, line)
