@@ -13,23 +13,12 @@ import numpy.typing as npt
 
 from stereocal.camera import Camera
 from stereocal.compiled import FloatArray, IntArray
-from stereocal.errors import StereocalError
+from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
 from stereocal.geometry import stack_rays
 
 TARGETS = ("A", "B")
 LONGEST_PLAUSIBLE_M = 1000.0
 """A baseline or bar beyond a kilometre is a number in millimetres."""
-
-
-@dataclass(frozen=True)
-class RowProblem:
-    """One refused row of a table: where it stands and why."""
-
-    line: int
-    reason: str
-
-    def __str__(self) -> str:
-        return f"line {self.line}: {self.reason}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,6 +123,10 @@ class Correspondences:
         """The rows of the given frames."""
         return self.where(np.isin(self.frame, np.asarray(frames)))
 
+    def without_lines(self, lines: Iterable[int]) -> Correspondences:
+        """All rows but those from these lines of the file."""
+        return self.where(~np.isin(self.line, list(lines)))
+
     def name_of(self, row: int) -> str:
         """How messages name a row: "frame 12, target A (line 25)"."""
         name = f"frame {self.frame[row]}, target {TARGETS[self.target[row]]}"
@@ -172,7 +165,7 @@ class Dataset:
                 )
         problems = points_outside(self.correspondences, self.primary, self.secondary)
         if problems:
-            raise StereocalError(summary_of(problems, "of the points lie outside their image"))
+            raise RefusedRowsError("", problems, "with a point outside its image")
         lost = np.flatnonzero(~np.isfinite(self.rays).all(axis=0))
         if len(lost):
             raise StereocalError(
@@ -266,10 +259,3 @@ def points_outside(
                 )
             )
     return sorted(problems, key=lambda problem: problem.line)
-
-
-def summary_of(problems: list[RowProblem], what: str) -> str:
-    """One sentence for a list of refused rows: how many, and the first three."""
-    shown = "; ".join(str(p) if p.line else p.reason for p in problems[:3])
-    more = f"; and {len(problems) - 3} more" if len(problems) > 3 else ""
-    return f"{len(problems)} {what}: {shown}{more}."

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stereocal.dataset import TARGETS, Correspondences, RowProblem, summary_of
-from stereocal.errors import StereocalError
+from stereocal.dataset import TARGETS, Correspondences
+from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
 
 if TYPE_CHECKING:
     from _csv import Reader
@@ -42,7 +42,7 @@ class Table:
             StereocalError: some rows were refused; names the first three.
         """
         if self.problems:
-            raise StereocalError(f"{source}: {summary_of(self.problems, 'rows cannot be used')}")
+            raise RefusedRowsError(f"{source}: ", self.problems, "cannot be used")
         return self.correspondences
 
 

@@ -10,7 +10,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from stereocal.dataset import Dataset
-from stereocal.errors import StereocalError
+from stereocal.errors import RefusedRowsError, StereocalError
 from stereocal.formats.camera_file import read_camera, write_camera
 from stereocal.formats.correspondences_csv import read_table, write_table
 
@@ -77,6 +77,10 @@ def parse_dataset(files: Mapping[str, bytes], source: str) -> Dataset:
             target_distance_sigma_m=_optional(description, "target_distance_sigma_m", where),
             notes=str(description.get("notes", "")),
         )
+    except RefusedRowsError as error:
+        raise RefusedRowsError(
+            f"{source}: {TABLE}: ", error.problems, "with a point outside its image"
+        ) from error
     except StereocalError as error:
         text = str(error)
         raise StereocalError(text if text.startswith(source) else f"{source}: {text}") from error

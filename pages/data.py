@@ -1,0 +1,64 @@
+"""Data: give points, cameras and two lengths; see what was read."""
+
+import streamlit as st
+from stereocal.figures import describe_coverage, plot_coverage
+
+from stereocal.formats.correspondences_csv import TEMPLATE
+from stereocal.tables import contents_table
+from stereocal.ui.forms import length_field
+from stereocal.ui.intake import TITLES, show_refusal, take_dataset, take_file
+from stereocal.ui.project import current_project, forget_project
+from stereocal.ui.results import dataset_download
+
+st.title("Data")
+st.subheader("Which points did the cameras see, and what did you measure?")
+
+project = current_project()
+how = st.segmented_control(
+    "I have", ["Single files", "A zip", "A folder"], default="Single files", key="data_how"
+)
+if how == "A zip":
+    zipped = st.file_uploader("Zip with dataset.json", type=["zip"], key="upload_zip")
+    take_dataset([zipped] if zipped else [])
+elif how == "A folder":
+    folder = st.file_uploader(
+        "Folder with dataset.json", accept_multiple_files="directory", key="upload_folder"
+    )
+    take_dataset(folder or [])
+else:
+    for slot, column in zip(TITLES, st.columns(3), strict=True):
+        with column:
+            kinds = ["csv", "txt"] if slot == "correspondences" else ["json", "yaml", "yml", "xml"]
+            take_file(slot, st.file_uploader(TITLES[slot], type=kinds, key=f"upload_{slot}"))
+    st.download_button(
+        "Template for the table", TEMPLATE, "correspondences.csv", "text/csv", on_click="ignore",
+        icon=":material/download:",
+    )  # fmt: skip
+
+left, right = st.columns(2)
+with left:
+    length_field(project, "baseline_m", "Baseline: distance between the cameras")
+with right:
+    length_field(project, "target_distance_m", "Distance between targets A and B")
+show_refusal()
+
+project = current_project()
+if project is None or not project.inputs.files:
+    st.info("Nothing is loaded yet. Give files above, or try the sample data on the Start page.")
+    st.page_link("pages/start.py", label="Back to Start")
+    st.stop()
+
+st.header("What was read", divider="gray")
+dataset = project.dataset
+if dataset is None:
+    st.warning(f"Still missing: {', '.join(project.inputs.missing)}.")
+    st.stop()
+st.success(
+    f"Complete: {len(dataset.correspondences)} pairs of points in "
+    f"{len(dataset.correspondences.frames)} frames. Go on to calibrate."
+)
+st.page_link("pages/calibrate.py", label="Calibrate", icon=":material/arrow_forward:")
+st.plotly_chart(plot_coverage(dataset), key="coverage", alt=describe_coverage(dataset))
+st.table(contents_table(dataset))
+dataset_download(dataset)
+st.button("Start again with nothing", on_click=forget_project, key="forget")

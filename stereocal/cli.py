@@ -1,0 +1,145 @@
+"""`python -m stereocal`: the calibrations from the command line."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from stereocal import __version__
+from stereocal.calibrate import METHODS, Calibration, CalibrationSettings, calibrate
+from stereocal.errors import StereocalError
+from stereocal.formats.dataset_files import read_dataset
+from stereocal.montecarlo import SearchSettings
+from stereocal.simulate import write_field
+from stereocal.writing import write_all
+
+FILES = {"2d": "parameters_2d.json", "3d": "parameters_3d.json"}
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command; 0 when it is done, 2 with one sentence on stderr for bad input."""
+    parsed = _parser().parse_args(arguments)
+    try:
+        if parsed.command == "calibrate":
+            _calibrate(parsed)
+        else:
+            _simulate(parsed)
+    except StereocalError as error:
+        print(f"stereocal: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+def add_search_options(parser: argparse.ArgumentParser) -> None:
+    """The settings of the search and of the essential method, as options."""
+    paper = SearchSettings()
+    for option, kind, default, text in (
+        ("--seed", int, paper.seed, "source of the random numbers"),
+        ("--delta", float, paper.delta, "first step of an angle, rad"),
+        ("--delta-min", float, paper.delta_min, "the search ends below this step, rad"),
+        ("--acceptance", float, paper.acceptance, "the step shrinks below this acceptance ratio"),
+        ("--shrink", float, paper.shrink, "factor of a shrinking step"),
+        ("--minimum-moves", int, paper.minimum_moves, "moves before the ratio is looked at"),
+    ):
+        parser.add_argument(
+            option, type=kind, default=default, metavar="N", help=f"{text} (default: {default:g})"
+        )
+    parser.add_argument(
+        "--essential",
+        choices=("constrained", "linear"),
+        default="constrained",
+        help="solver of the essential method (default: constrained)",
+    )
+
+
+def settings_from(parsed: argparse.Namespace) -> CalibrationSettings:
+    """The settings of `add_search_options` and, where given, the further ones of `calibrate`."""
+    return CalibrationSettings(
+        search=SearchSettings(
+            delta=parsed.delta,
+            delta_min=parsed.delta_min,
+            acceptance=parsed.acceptance,
+            shrink=parsed.shrink,
+            minimum_moves=parsed.minimum_moves,
+            seed=parsed.seed,
+        ),
+        essential=parsed.essential,
+        calibration_frames=parsed.calibration_frames,
+        known_points=parsed.known_points,
+    )
+
+
+def table_of(calibration: Calibration) -> str:
+    """The results of the methods, a line each."""
+    lines = [
+        f"{'method':<10} {'reprojection px':>15} {'length mean %':>14} {'length 95 %':>12} "
+        f"{'evaluations':>12} {'seconds':>8}  stopped because"
+    ]
+    for name in METHODS:
+        found, errors = calibration.methods[name], calibration.errors[name]
+        lines.append(
+            f"{name:<10} {errors.mean_reprojection_px:>15.4f} "
+            f"{_percent(errors.mean_length):>14} {_percent(errors.p95_length):>12} "
+            f"{found.evaluations:>12} {found.seconds:>8.3f}  {found.stop_reason}"
+        )
+    return "\n".join(lines)
+
+
+def _percent(fraction: float) -> str:
+    return "none" if math.isnan(fraction) else f"{100 * fraction:.4f}"
+
+
+def _calibrate(parsed: argparse.Namespace) -> None:
+    dataset = read_dataset(parsed.dataset)
+    calibration = calibrate(dataset, settings_from(parsed))
+    files = {
+        parsed.out / FILES["2d"]: calibration.parameters("2d").dumps().encode(),
+        parsed.out / FILES["3d"]: calibration.parameters("3d").dumps().encode(),
+    }
+    write_all(files)
+    rows = dataset.correspondences
+    print(
+        f"{dataset.name}: {len(rows)} pairs, {len(rows.bars)} bars in {len(rows.frames)} frames; "
+        f"calibrated with {len(calibration.frames)} frames; errors are of all frames."
+    )
+    print(table_of(calibration))
+    for warning in calibration.warnings:
+        print(f"Note: {warning}")
+    for path in files:
+        print(f"wrote {path}")
+
+
+def _simulate(parsed: argparse.Namespace) -> None:
+    folder = parsed.out / "field"
+    write_field(folder, parsed.seed)
+    print(f"wrote {folder}")
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="stereocal", description=__doc__)
+    parser.add_argument("--version", action="version", version=__version__)
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+
+    command = commands.add_parser("calibrate", help="the two parameter files of a data set")
+    command.add_argument("dataset", type=Path, help="folder or zip with dataset.json")
+    command.add_argument("--out", type=Path, required=True, help="folder for the two files")
+    add_search_options(command)
+    command.add_argument(
+        "--calibration-frames",
+        type=int,
+        metavar="K",
+        help="calibrate with K frames drawn at random, test with the others (default: all)",
+    )
+    command.add_argument(
+        "--known-points",
+        action="store_true",
+        help="3D cost: known points (columns x_m, y_m, z_m) instead of distances",
+    )
+
+    command = commands.add_parser("simulate", help="the synthetic sample data")
+    command.add_argument("--out", type=Path, required=True, help="folder for the data sets")
+    command.add_argument("--seed", type=int, default=0, metavar="N", help="default: 0")
+    return parser

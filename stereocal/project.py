@@ -1,0 +1,299 @@
+"""One piece of work on disk: inputs, settings, results. Knows no screen.
+
+A project is a folder `<home>/projects/<32 hex digits>`:
+
+- `project.json`: which input files are current, the measured lengths, the settings. It is replaced
+  in one step, so that what it names is always a complete state.
+- `inputs/<digest>-<name>`: the files as given, never changed once written.
+- `calibration.json`: the last finished result with its settings and the inputs it was made from.
+
+The id is unguessable and is the only key to the folder.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+import os
+import re
+import secrets
+import sys
+import threading
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from stereocal.calibrate import (
+    Calibration,
+    CalibrationSettings,
+    Method,
+    MethodResult,
+)
+from stereocal.camera import Camera
+from stereocal.dataset import Dataset, check_length
+from stereocal.errors import StereocalError
+from stereocal.formats.camera_file import read_camera
+from stereocal.formats.correspondences_csv import read_table
+from stereocal.geometry import Pose
+from stereocal.montecarlo import Trace
+from stereocal.writing import write_atomically
+
+PROJECT_FORMAT = "stereocal-project/1"
+ID_PATTERN = re.compile(r"[0-9a-f]{32}")
+Slot = Literal["primary", "secondary", "correspondences"]
+SLOTS: tuple[Slot, ...] = ("primary", "secondary", "correspondences")
+_WRITING = threading.Lock()
+"""One change of a project at a time in this server; a change reads, edits and replaces."""
+
+
+def default_home() -> Path:
+    """STEREOCAL_HOME, or the user's data directory."""
+    if given := os.environ.get("STEREOCAL_HOME"):
+        return Path(given)
+    if sys.platform == "win32":
+        return Path(os.environ.get("LOCALAPPDATA", Path.home() / "AppData/Local")) / "stereocal"
+    if sys.platform == "darwin":
+        return Path.home() / "Library/Application Support/stereocal"
+    return Path(os.environ.get("XDG_DATA_HOME", Path.home() / ".local/share")) / "stereocal"
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """What a person has given so far; None where nothing was."""
+
+    name: str = ""
+    baseline_m: float | None = None
+    target_distance_m: float | None = None
+    files: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    """Slot to the file's name below `inputs/`."""
+    labels: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    """Slot to the name that the person's file had."""
+
+    @property
+    def missing(self) -> list[str]:
+        """What is still needed, in words."""
+        named = {
+            "correspondences": "the table of points",
+            "primary": "the primary camera's file",
+            "secondary": "the secondary camera's file",
+        }
+        lacking = [words for slot, words in named.items() if slot not in self.files]
+        lacking += ["the baseline"] * (self.baseline_m is None)
+        lacking += ["the distance between the targets"] * (self.target_distance_m is None)
+        return lacking
+
+
+class Project:
+    """An open project. Every change is on disk when its method returns.
+
+    Raises:
+        StereocalError: on `open`, an id that is none, or no such project.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    @property
+    def id(self) -> str:
+        """32 hexadecimal digits."""
+        return self.folder.name
+
+    @classmethod
+    def create(cls, home: Path) -> Project:
+        """A new, empty project below `home`."""
+        project = cls(home / "projects" / secrets.token_hex(16))
+        project._write_state({"format": PROJECT_FORMAT, "inputs": {}, "settings": {}})
+        return project
+
+    @classmethod
+    def open(cls, home: Path, project_id: str) -> Project:
+        """The project of this id."""
+        if not ID_PATTERN.fullmatch(project_id):
+            raise StereocalError("The address does not name a project.")
+        project = cls(home / "projects" / project_id)
+        if not (project.folder / "project.json").is_file():
+            raise StereocalError("There is no project at this address, or it was removed.")
+        project._read_state()
+        return project
+
+    # Inputs
+
+    @property
+    def inputs(self) -> Inputs:
+        """What has been given so far."""
+        return Inputs(**self._read_state()["inputs"])
+
+    def give(self, files: Mapping[Slot, tuple[str, bytes]], **values: Any) -> None:
+        """Take over files (slot to name and content) and values in one step, or nothing.
+
+        The state that results is checked as far as it is complete.
+
+        Raises:
+            StereocalError: what was given cannot be used; the project is as it was.
+        """
+        with _WRITING:
+            state = self._read_state()
+            new = json.loads(json.dumps(state["inputs"]))
+            new.update(values)
+            for slot, (label, content) in files.items():
+                stored = f"{hashlib.sha256(content).hexdigest()[:20]}-{slot}"
+                write_atomically(self.folder / "inputs" / stored, content)
+                new.setdefault("files", {})[slot] = stored
+                new.setdefault("labels", {})[slot] = label
+            inputs = Inputs(**new)
+            for what, value in (
+                ("baseline", inputs.baseline_m),
+                ("distance between the targets", inputs.target_distance_m),
+            ):
+                if value is not None:
+                    check_length(what, value)
+            self._camera(inputs, "primary")
+            self._camera(inputs, "secondary")
+            if "correspondences" in inputs.files:
+                label = inputs.labels["correspondences"]
+                read_table(self._content(inputs, "correspondences"), label).strict(label)
+            if not inputs.missing:
+                self._dataset(inputs)
+            state["inputs"] = new
+            self._write_state(state)
+
+    def clear_inputs(self) -> None:
+        """Forget the inputs, for a fresh start. The last result stays."""
+        self._change(lambda state: state.update(inputs={}))
+
+    @property
+    def dataset(self) -> Dataset | None:
+        """The data set, once everything has been given."""
+        inputs = self.inputs
+        return None if inputs.missing else self._dataset(inputs)
+
+    def camera(self, slot: Literal["primary", "secondary"]) -> Camera | None:
+        """One camera, once given."""
+        return self._camera(self.inputs, slot)
+
+    # Settings and results
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Values of the forms by name."""
+        return dict(self._read_state()["settings"])
+
+    def keep_settings(self, values: Mapping[str, Any]) -> None:
+        """Remember values of forms."""
+        self._change(lambda state: state["settings"].update(values))
+
+    def keep_calibration(self, calibration: Calibration) -> None:
+        """Keep a finished result in place of the last one."""
+        content = {
+            "format": PROJECT_FORMAT,
+            "inputs": dataclasses.asdict(self.inputs),
+            "dataset_sha256": calibration.dataset.sha256,
+            "settings": calibration.settings.to_json(),
+            "frames": calibration.frames.tolist(),
+            "warnings": list(calibration.warnings),
+            "methods": {name: _to_json(found) for name, found in calibration.methods.items()},
+        }
+        text = json.dumps(content, allow_nan=False)
+        write_atomically(self.folder / "calibration.json", text.encode())
+
+    @property
+    def calibration(self) -> Calibration | None:
+        """The last finished result, with the data it was made from; None before the first."""
+        path = self.folder / "calibration.json"
+        if not path.is_file():
+            return None
+        try:
+            content = json.loads(path.read_bytes())
+            return Calibration(
+                dataset=self._dataset(Inputs(**content["inputs"])),
+                settings=CalibrationSettings.from_json(content["settings"]),
+                frames=np.array(content["frames"], dtype=np.int64),
+                methods={name: _from_json(data) for name, data in content["methods"].items()},
+                warnings=tuple(content["warnings"]),
+            )
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise StereocalError(
+                "The last result of this project cannot be read; calibrate again."
+            ) from error
+
+    # On disk
+
+    def _content(self, inputs: Inputs, slot: Slot) -> bytes:
+        try:
+            return (self.folder / "inputs" / inputs.files[slot]).read_bytes()
+        except OSError as error:
+            raise StereocalError(
+                f"{inputs.labels[slot]} has gone from the project's folder; give it again."
+            ) from error
+
+    def _camera(self, inputs: Inputs, slot: Literal["primary", "secondary"]) -> Camera | None:
+        if slot not in inputs.files:
+            return None
+        return read_camera(self._content(inputs, slot), inputs.labels[slot])
+
+    def _dataset(self, inputs: Inputs) -> Dataset:
+        primary, secondary = self._camera(inputs, "primary"), self._camera(inputs, "secondary")
+        if primary is None or secondary is None:
+            raise StereocalError(f"Still missing: {', '.join(inputs.missing)}.")
+        label = inputs.labels["correspondences"]
+        table = read_table(self._content(inputs, "correspondences"), label)
+        return Dataset(
+            name=inputs.name or Path(label).stem,
+            primary=primary,
+            secondary=secondary,
+            correspondences=table.strict(label),
+            baseline_m=float(inputs.baseline_m or 0.0),
+            target_distance_m=float(inputs.target_distance_m or 0.0),
+        )
+
+    def _read_state(self) -> dict[str, Any]:
+        try:
+            state = json.loads((self.folder / "project.json").read_bytes())
+        except (OSError, ValueError) as error:
+            raise StereocalError(f"The project's file cannot be read ({error}).") from error
+        if not isinstance(state, dict) or state.get("format") != PROJECT_FORMAT:
+            raise StereocalError("The project was written by another version of stereocal.")
+        return state
+
+    def _write_state(self, state: Mapping[str, Any]) -> None:
+        text = json.dumps(state, indent=1, allow_nan=False)
+        write_atomically(self.folder / "project.json", text.encode())
+
+    def _change(self, edit: Callable[[dict[str, Any]], None]) -> None:
+        with _WRITING:
+            state = self._read_state()
+            edit(state)
+            self._write_state(state)
+
+
+def _to_json(found: MethodResult) -> dict[str, Any]:
+    trace = found.trace
+    return {
+        **{
+            name: getattr(found, name)
+            for name in ("method", "cost", "evaluations", "stop_reason", "seconds")
+        },
+        "R": found.pose.R.tolist(),
+        "T": found.pose.T.tolist(),
+        "trace": None
+        if trace is None
+        else {name: getattr(trace, name).tolist() for name in ("cost", "delta", "ratio")},
+    }
+
+
+def _from_json(data: Mapping[str, Any]) -> MethodResult:
+    method: Method = data["method"]
+    trace = data["trace"]
+    return MethodResult(
+        method=method,
+        pose=Pose(np.array(data["R"]), np.array(data["T"])),
+        cost=float(data["cost"]),
+        evaluations=int(data["evaluations"]),
+        stop_reason=str(data["stop_reason"]),
+        seconds=float(data["seconds"]),
+        trace=None if trace is None else Trace(*(np.array(trace[k]) for k in trace)),
+    )

@@ -1,0 +1,196 @@
+"""Taking in what a person gives: a sample, a zip, a folder, single files, two lengths."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import pandas as pd
+import streamlit as st
+
+from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
+from stereocal.formats.correspondences_csv import read_table, write_table
+from stereocal.formats.dataset_files import (
+    TABLE,
+    find_description,
+    pack_dataset,
+    parse_dataset,
+    read_dataset,
+    unzip,
+)
+from stereocal.project import Project, Slot
+from stereocal.ui.project import SAMPLE, new_project, project_to_write
+
+UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
+TITLES: Mapping[Slot, str] = {
+    "correspondences": "Table of points (CSV)",
+    "primary": "Camera file, primary",
+    "secondary": "Camera file, secondary",
+}
+_REFUSED = "refused"
+
+
+class Upload(Protocol):
+    """What Streamlit hands over of an uploaded file."""
+
+    name: str
+    file_id: str
+
+    def getvalue(self) -> bytes:
+        """The content."""
+
+
+def load_sample() -> None:
+    """Begin a project with the sample data set."""
+    _give_dataset(new_project(), pack_dataset(read_dataset(SAMPLE)), "sample data")
+
+
+def take_dataset(uploads: Sequence[Upload]) -> None:
+    """A zip, or the files of a folder."""
+    if not uploads or not _is_new(*uploads):
+        return
+    source = "the folder"
+    files = {upload.name: upload.getvalue() for upload in uploads}
+    try:
+        if len(uploads) == 1 and uploads[0].name.lower().endswith(".zip"):
+            source = uploads[0].name
+            files = unzip(files[source], source)
+        _give_dataset(project_to_write(), files, source)
+        _settled()
+    except RefusedRowsError as error:
+        folder, _ = find_description(files, source)
+        rest = _rows_but(files[folder + TABLE], error.problems)
+        _refuse(error, rest, lambda: _retry_dataset({**files, folder + TABLE: rest[0]}, source))
+    except StereocalError as error:
+        _refuse(error)
+    st.rerun()
+
+
+def take_file(slot: Slot, upload: Upload | None) -> None:
+    """One of the single files."""
+    if upload is None or not _is_new(upload):
+        return
+    name, content = upload.name, upload.getvalue()
+    try:
+        project_to_write().give({slot: (name, content)})
+        _settled()
+    except RefusedRowsError as error:
+        if slot == "correspondences":
+            rest = _rows_but(content, error.problems)
+            _refuse(error, rest, lambda: _retry_file(name, rest[0]))
+        else:
+            _refuse(error)
+    except StereocalError as error:
+        _refuse(error)
+    st.rerun()
+
+
+def take_length(name: str, value_key: str, unit_key: str) -> None:
+    """The baseline or the distance, when its field or unit has changed (a callback)."""
+    value = st.session_state[value_key]
+    metres = None if value is None else float(value) * UNITS[st.session_state[unit_key]]
+    try:
+        project = project_to_write()
+        project.keep_settings({unit_key: st.session_state[unit_key]})
+        project.give({}, **{name: metres})
+        _settled()
+    except StereocalError as error:
+        _refuse(error)
+
+
+def show_refusal() -> None:
+    """What was refused last and why, until something is accepted."""
+    refused: _Refusal | None = st.session_state.get(_REFUSED)
+    if refused is None:
+        return
+    st.error(f"{escape_markdown(refused.sentence)}\n\nWhat was loaded before is unchanged.")
+    if refused.problems:
+        rows = [(problem.line, problem.reason) for problem in refused.problems]
+        st.dataframe(
+            pd.DataFrame(rows, columns=["Line", "Refused because"]),
+            hide_index=True,
+            height=min(38 + 35 * len(rows), 250),
+        )
+    if refused.retry is not None and refused.left:
+        label = f"Leave these rows out and use the other {refused.left}"
+        st.button(label, on_click=refused.retry, key="use_rest")
+
+
+@dataclass(frozen=True)
+class _Refusal:
+    sentence: str
+    problems: Sequence[RowProblem]
+    left: int
+    """How many rows could be used."""
+    retry: Callable[[], None] | None
+
+
+def _refuse(
+    error: StereocalError,
+    rest: tuple[bytes, int] = (b"", 0),
+    retry: Callable[[], None] | None = None,
+) -> None:
+    problems = error.problems if isinstance(error, RefusedRowsError) else ()
+    st.session_state[_REFUSED] = _Refusal(str(error), problems, rest[1], retry)
+
+
+def _settled() -> None:
+    st.session_state.pop(_REFUSED, None)
+
+
+def _rows_but(content: bytes, problems: Sequence[RowProblem]) -> tuple[bytes, int]:
+    """A table without its refused rows, and how many are left."""
+    rows = read_table(content, TABLE).correspondences
+    left = rows.without_lines(problem.line for problem in problems)
+    return write_table(left), len(left)
+
+
+def _retry_dataset(files: Mapping[str, bytes], source: str) -> None:
+    try:
+        _give_dataset(project_to_write(), files, source)
+        _settled()
+    except StereocalError as error:
+        _refuse(error)
+
+
+def _retry_file(name: str, content: bytes) -> None:
+    try:
+        project_to_write().give({"correspondences": (name, content)})
+        _settled()
+    except RefusedRowsError as error:
+        rest = _rows_but(content, error.problems)
+        _refuse(error, rest, lambda: _retry_file(name, rest[0]))
+    except StereocalError as error:
+        _refuse(error)
+
+
+def _give_dataset(project: Project, files: Mapping[str, bytes], source: str) -> None:
+    """Put a whole data set into a project, or refuse it."""
+    dataset = parse_dataset(files, source)
+    folder, description = find_description(files, source)
+    cameras: Mapping[str, str] = description["cameras"]
+    given: dict[Slot, tuple[str, bytes]] = {
+        "primary": (cameras["primary"], files[folder + cameras["primary"]]),
+        "secondary": (cameras["secondary"], files[folder + cameras["secondary"]]),
+        "correspondences": (TABLE, files[folder + TABLE]),
+    }
+    project.give(
+        given,
+        name=dataset.name,
+        baseline_m=dataset.baseline_m,
+        target_distance_m=dataset.target_distance_m,
+    )
+
+
+def _is_new(*uploads: Upload) -> bool:
+    """Whether these uploads have not been dealt with yet; a page is drawn many times."""
+    seen: set[str] = st.session_state.setdefault("uploads_seen", set())
+    new = {upload.file_id for upload in uploads} - seen
+    seen |= new
+    return bool(new)
+
+
+def escape_markdown(text: str) -> str:
+    """Text of a file, such as its name, that Streamlit must not take for markup."""
+    return "".join(f"\\{sign}" if sign in "\\`*_{}[]<>#$~|:" else sign for sign in text)

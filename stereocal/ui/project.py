@@ -1,0 +1,94 @@
+"""The open project: its id stands in the URL, everything else on disk."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import streamlit as st
+
+from stereocal.calibrate import calibrate
+from stereocal.errors import StereocalError
+from stereocal.formats.dataset_files import read_dataset
+from stereocal.project import Project, default_home
+
+SAMPLE = Path(__file__).parents[2] / "sample_data" / "field"
+_ID = "project_id"
+
+
+def keep_address() -> None:
+    """Put the project's id back into the URL, which a change of page has emptied."""
+    if "project" in st.query_params:
+        st.session_state[_ID] = st.query_params["project"]
+    elif _ID in st.session_state:
+        st.query_params["project"] = st.session_state[_ID]
+
+
+def current_project() -> Project | None:
+    """The project that the URL names; None before there is one.
+
+    An address that names none is said on the page, which then stops.
+    """
+    project_id = st.session_state.get(_ID)
+    if project_id is None:
+        return None
+    try:
+        return Project.open(default_home(), project_id)
+    except StereocalError as error:
+        st.error(str(error))
+        st.button("Start a new project", on_click=forget_project, type="primary")
+        st.stop()
+
+
+def project_to_write() -> Project:
+    """The current project, made now if there is none yet."""
+    return current_project() or new_project()
+
+
+def new_project() -> Project:
+    """Begin a project and make it the current one."""
+    project = Project.create(default_home())
+    forget_project()
+    st.session_state[_ID] = project.id
+    st.query_params["project"] = project.id
+    return project
+
+
+def forget_project() -> None:
+    """Leave the current project; it stays on disk under its address."""
+    st.session_state.clear()
+    st.query_params.clear()
+
+
+def remembered(project: Project, defaults: Mapping[str, Any]) -> None:
+    """Give widgets their kept values, before they are drawn.
+
+    Session state forgets a widget that a page does not draw; the project does not.
+    """
+    kept = project.settings
+    for key, default in defaults.items():
+        if key not in st.session_state:
+            st.session_state[key] = kept.get(key, default)
+
+
+def keeper(project: Project, key: str) -> Callable[[], None]:
+    """The callback that keeps the value of the widget `key` in the project."""
+
+    def keep() -> None:
+        project.keep_settings({key: st.session_state[key]})
+
+    return keep
+
+
+@st.cache_resource(show_spinner=False)
+def warm_up() -> threading.Thread:
+    """Compile the searches in the background when the server starts (10 s the very first time)."""
+    thread = threading.Thread(target=_calibrate_sample, daemon=True, name="warm-up")
+    thread.start()
+    return thread
+
+
+def _calibrate_sample() -> None:
+    calibrate(read_dataset(SAMPLE), trace=True)

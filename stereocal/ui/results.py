@@ -1,0 +1,88 @@
+"""Results on the screen, and their downloads."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+
+import streamlit as st
+
+from stereocal.calibrate import Calibration
+from stereocal.cli import FILES
+from stereocal.dataset import Dataset
+from stereocal.figures import (
+    describe_frame_errors,
+    describe_rig,
+    describe_traces,
+    plot_frame_errors,
+    plot_rig,
+    plot_traces,
+)
+from stereocal.formats.dataset_files import pack_dataset
+from stereocal.tables import METHOD_TITLES, answer, results_table
+from stereocal.ui.texts import TWO_FILES
+
+
+def show_result(calibration: Calibration) -> None:
+    """Answer, downloads, table and figures, from top to bottom."""
+    for warning in calibration.warnings:
+        st.warning(warning)
+    st.success(answer(calibration))
+    for method, column in zip(("2d", "3d"), st.columns(2), strict=True):
+        with column:
+            st.markdown(TWO_FILES[method])
+            st.download_button(
+                f"Download {FILES[method]}",
+                calibration.parameters("2d" if method == "2d" else "3d").dumps(),
+                FILES[method],
+                "application/json",
+                on_click="ignore",
+                type="primary",
+                icon=":material/download:",
+                key=f"download_{method}",
+            )
+    st.table(results_table(calibration))
+    views = {
+        "Errors by frame": _show_frames,
+        "The rig in 3D": _show_rig,
+        "The searches": _show_searches,
+    }
+    view = st.segmented_control(
+        "Look at", list(views), default="Errors by frame", key="view", required=True
+    )
+    views[view or "Errors by frame"](calibration)
+
+
+def dataset_download(dataset: Dataset) -> None:
+    """The whole data set as one zip, which can be uploaded again."""
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in pack_dataset(dataset).items():
+            archive.writestr(zipfile.ZipInfo(name), content, zipfile.ZIP_DEFLATED)
+    st.download_button(
+        "Download this data set",
+        packed.getvalue(),
+        "dataset.zip",
+        "application/zip",
+        on_click="ignore",
+        icon=":material/download:",
+    )
+
+
+def _show_frames(calibration: Calibration) -> None:
+    st.plotly_chart(
+        plot_frame_errors(calibration), key="frames", alt=describe_frame_errors(calibration)
+    )
+
+
+def _show_rig(calibration: Calibration) -> None:
+    method = st.segmented_control(
+        "As seen with", ["2d", "3d", "essential"], default="3d", key="rig_method",
+        format_func=lambda name: METHOD_TITLES[name], required=True,
+    )  # fmt: skip
+    chosen = method or "3d"
+    st.plotly_chart(plot_rig(calibration, chosen), key="rig", alt=describe_rig(calibration, chosen))
+
+
+def _show_searches(calibration: Calibration) -> None:
+    st.plotly_chart(plot_traces(calibration), key="traces", alt=describe_traces(calibration))

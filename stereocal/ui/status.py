@@ -1,0 +1,49 @@
+"""Whether a shown result still belongs to what the form and the data say."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from stereocal.calibrate import Calibration
+from stereocal.dataset import Dataset
+
+NAMES = {
+    "delta": "Δ",
+    "delta_min": "Δ min",
+    "acceptance": "acceptance ratio",
+    "shrink": "shrink factor",
+    "minimum_moves": "minimum moves",
+    "seed": "seed",
+    "essential": "essential solver",
+    "calibration_frames": "calibration frames",
+}
+
+
+def staleness(result: Calibration, dataset: Dataset, values: Mapping[str, Any]) -> str | None:
+    """A sentence that says what has changed since the result; None if nothing has."""
+    if result.dataset.sha256 != dataset.sha256:
+        return (
+            "The data have changed since this result. Press Calibrate for the new data; until then "
+            "the old result stays."
+        )
+    made_with = result.settings.to_json()
+    changed = [NAMES[key] for key, value in values.items() if made_with[key] != value]
+    if not changed:
+        return None
+    return (
+        f"The form has changed since this result ({', '.join(changed)}). It still shows the result "
+        "of the settings named below it. Press Calibrate to renew it."
+    )
+
+
+def describe_settings(result: Calibration) -> str:
+    """The settings that made a result, in one line."""
+    made_with = result.settings.to_json()
+    made_with["calibration_frames"] = f"{len(result.frames)} calibration frames"
+    parts = [
+        f"{NAMES[key]} {value:g}" if isinstance(value, float) else f"{NAMES[key]} {value}"
+        for key, value in made_with.items()
+        if key in NAMES and key != "calibration_frames"
+    ]
+    return f"Made with: {', '.join([*parts, made_with['calibration_frames']])}."

@@ -1,0 +1,32 @@
+"""Longer texts of the pages."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+PICTURE = Path(__file__).parents[2] / "assets" / "how_it_works.svg"
+
+PURPOSE = """
+- Two cameras look at a bar with two targets, A and B, in 20 or more positions.
+- From the images, the distance A–B and the distance between the cameras, stereocal finds how the
+  cameras stand.
+- Images are noisy, so no single set of parameters is best at everything. You get **two**:
+- the **2D set**, to find which points of the two images belong together,
+- the **3D set**, to measure positions and distances in space.
+"""
+
+BRING = """
+1. **A table of points** (CSV): for each frame, where targets A and B are in both images, in pixels.
+   About 25 frames, with the bar moved through the whole view and at different distances.
+2. **One camera file for each camera**: the lens, as OpenCV, MATLAB-like tools or stereocal saved it
+   (focal length, image centre, distortion, image size).
+3. **The baseline**: the distance between the two cameras, measured with a laser range finder.
+4. **The distance between the two targets** on the bar, centre to centre.
+
+Nothing leaves this computer: the page talks to the stereocal server that you started.
+"""
+
+TWO_FILES = {
+    "2d": "For **matching**: finding which point of one image belongs to which of the other.",
+    "3d": "For **measuring**: turning matched points into positions and distances in metres.",
+}
