@@ -170,7 +170,8 @@ def calibrate(
     """
     settings = settings or CalibrationSettings()
     say = progress or (lambda _: None)
-    of_split, of_2d, of_3d = np.random.SeedSequence(settings.search.seed).spawn(3)
+    seeds = np.random.SeedSequence(settings.search.seed).spawn(4)
+    of_split, of_2d, of_3d, of_exchange = seeds
     frames = _draw_frames(dataset, settings.calibration_frames, of_split)
     chosen = _only(dataset, frames)
     checks.check_points(chosen)
@@ -198,7 +199,10 @@ def calibrate(
             method, found.pose, found.cost, found.evaluations, found.stop_reason, found.seconds,
             found.trace,
         )  # fmt: skip
-    return Calibration(dataset, settings, frames, results, tuple(checks.warnings_about(chosen)))
+    as_given = (results["2d"].cost, results["3d"].cost)
+    exchanged = _costs_with_cameras_exchanged(chosen, settings, of_exchange)
+    warnings = checks.warnings_about(chosen) + checks.check_exchange(as_given, exchanged)
+    return Calibration(dataset, settings, frames, results, tuple(warnings))
 
 
 def reprojection_problem(dataset: Dataset) -> Problem:
@@ -246,6 +250,25 @@ def errors_of(dataset: Dataset, pose: Pose) -> Errors:
     lengths = np.linalg.norm(points[bars[:, 0]] - points[bars[:, 1]], axis=1)
     measured = dataset.bar_distances_m
     return Errors(both.mean(axis=1), np.abs(lengths - measured) / measured)
+
+
+def _costs_with_cameras_exchanged(
+    dataset: Dataset, settings: CalibrationSettings, seed: np.random.SeedSequence
+) -> tuple[float, float] | None:
+    """2D and 3D cost with the two camera files the other way round; None where it cannot be."""
+    try:
+        other = dataset.with_cameras_exchanged()
+        start = calibrate_essential(other.rays, other.baseline_m, settings.essential)
+        matching, measuring = (
+            minimise(problem, start.pose, settings.search, seed).cost
+            for problem in (
+                reprojection_problem(other),
+                reconstruction_problem(other, settings.known_points),
+            )
+        )
+    except StereocalError:
+        return None
+    return matching, measuring
 
 
 def _draw_frames(dataset: Dataset, count: int | None, seed: np.random.SeedSequence) -> IntArray:

@@ -1,0 +1,201 @@
+"""The main job in a real browser against a real server."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from stereocal.cli import main
+from stereocal.parameters import RigParameters
+from tests.browser.conftest import LONGEST_MS, ROOT, serve
+
+pytestmark = pytest.mark.browser
+Settled = Callable[[Page], None]
+FIELD = ROOT / "sample_data" / "field"
+
+
+def download(page: Page, method: str, folder: Path) -> Path:
+    """Press a download button; the file under the name that the browser was told."""
+    with page.expect_download() as event:
+        page.locator(f".st-key-download_{method} button").click()
+    path = folder / event.value.suggested_filename
+    event.value.save_as(path)
+    return path
+
+
+def calibrate(page: Page) -> None:
+    page.get_by_role("button", name="Calibrate", exact=True).click()
+    expect(page.get_by_text("To find which points belong together")).to_be_visible(
+        timeout=LONGEST_MS
+    )
+
+
+def same_but_for_the_date(one: Path, other: Path) -> bool:
+    contents = [json.loads(path.read_text()) for path in (one, other)]
+    for content in contents:
+        assert content.pop("created")
+        content["inputs"].pop("name")
+    return bool(contents[0] == contents[1])
+
+
+def row_of(page: Page, name: str) -> list[str]:
+    """The cells of one row of the table of results."""
+    row = page.locator("tr", has_text=name)
+    return [cell.strip() for cell in row.locator("td").all_inner_texts()]
+
+
+def test_upload_real_recordings_and_compare_with_the_command_line(
+    page: Page, app_url: str, settled: Settled, tmp_path: Path
+) -> None:
+    given = os.environ.get("STEREOCAL_REAL_DATA")
+    if not given:
+        pytest.skip("STEREOCAL_REAL_DATA is not set")
+    real = Path(given) / "ewand12"
+    page.goto(f"{app_url}/data")
+    settled(page)
+    for slot, name in (
+        ("correspondences", "correspondences.csv"),
+        ("primary", "primary.yaml"),
+        ("secondary", "secondary.yaml"),
+    ):
+        page.locator(f".st-key-upload_{slot} input[type=file]").set_input_files(real / name)
+        settled(page)
+    for field, value in (("baseline_m", "4.976"), ("target_distance_m", "390")):
+        if value == "390":  # typed in millimetres
+            page.locator(f".st-key-{field}_unit").click()
+            page.get_by_role("option", name="mm", exact=True).click()
+            settled(page)
+        box = page.locator(f".st-key-{field}_value input")
+        box.fill(value)
+        box.press("Enter")
+        settled(page)
+    expect(page.get_by_text("818 pairs of points in 409 frames")).to_be_visible()
+    page.locator("[data-testid=stMain]").get_by_role("link", name="Calibrate").click()
+    settled(page)
+    calibrate(page)
+    reprojection = [float(cell) for cell in row_of(page, "Mean reprojection error (px)")]
+    length = [float(cell) for cell in row_of(page, "Mean bar length error (%)")]
+    assert len(reprojection) == len(length) == 3
+    assert reprojection[1] < reprojection[2] and length[2] < length[1]  # the paper's point
+
+    described = {
+        "format": "stereocal-dataset/1", "name": "ewand12", "baseline_m": 4.976,
+        "target_distance_m": 0.39,
+        "cameras": {"primary": "primary.yaml", "secondary": "secondary.yaml"},
+    }  # fmt: skip
+    folder = tmp_path / "ewand12"
+    folder.mkdir()
+    (folder / "dataset.json").write_text(json.dumps(described))
+    for name in ("correspondences.csv", "primary.yaml", "secondary.yaml"):
+        (folder / name).write_bytes((real / name).read_bytes())
+    assert main(["calibrate", str(folder), "--out", str(tmp_path / "cli")]) == 0
+    for method, purpose in (("2d", "matching"), ("3d", "reconstruction")):
+        mine = download(page, method, tmp_path)
+        assert mine.name == f"parameters_{method}.json"
+        assert RigParameters.load(mine).purpose == purpose
+        assert same_but_for_the_date(mine, tmp_path / "cli" / mine.name)
+
+
+def test_sample_to_downloads_with_a_refresh_and_a_restart(
+    page: Page, browser: Browser, settled: Settled, tmp_path: Path
+) -> None:
+    home = tmp_path / "home"
+    with serve(home) as url:
+        page.goto(url)
+        settled(page)
+        page.locator(".st-key-demo button").click()
+        expect(page.get_by_text("50 pairs of points in 25 frames")).to_be_visible()
+        page.reload()
+        expect(page.get_by_text("50 pairs of points in 25 frames")).to_be_visible()
+        page.get_by_test_id("stSidebar").get_by_role("link", name="Calibrate").click()
+        settled(page)
+        calibrate(page)
+        table = [row_of(page, name) for name in ("Mean reprojection", "Yaw", "Stopped because")]
+        address = page.url
+        assert re.search(r"/calibrate\?project=[0-9a-f]{32}$", address)
+
+        page.reload()
+        settled(page)
+        assert [
+            row_of(page, name) for name in ("Mean reprojection", "Yaw", "Stopped because")
+        ] == table
+        second = browser.new_context(accept_downloads=True).new_page()
+        second.goto(address)
+        settled(second)
+        assert row_of(second, "Yaw") == table[1]
+        second.context.close()
+        page.goto("about:blank")
+    with serve(home) as url:
+        page.goto(re.sub(r"http://[^/]+", url, address))
+        settled(page)
+        assert row_of(page, "Yaw") == table[1]
+        files = [download(page, method, tmp_path) for method in ("2d", "3d")]
+    truth = json.loads((FIELD / "truth.json").read_text())
+    for path in files:
+        pose = RigParameters.load(path).pose
+        assert np.abs(pose.R - np.array(truth["R"])).max() < 5e-3
+
+
+def test_form_that_moved_on_is_said_and_values_survive_a_change_of_page(
+    page: Page, app_url: str, settled: Settled
+) -> None:
+    page.goto(app_url)
+    settled(page)
+    page.locator(".st-key-demo button").click()
+    expect(page.get_by_text("50 pairs of points in 25 frames")).to_be_visible()
+    sidebar = page.get_by_test_id("stSidebar")
+    sidebar.get_by_role("link", name="Calibrate").click()
+    settled(page)
+    calibrate(page)
+    before = row_of(page, "Yaw")
+    page.get_by_text("Settings of the search").click()
+    seed = page.locator(".st-key-seed input")
+    seed.fill("7")
+    seed.press("Enter")
+    expect(page.get_by_text("The form has changed since this result (seed)")).to_be_visible()
+    assert row_of(page, "Yaw") == before
+    sidebar.get_by_role("link", name="Data").click()
+    expect(page.get_by_text("What was read")).to_be_visible()
+    sidebar.get_by_role("link", name="Calibrate").click()
+    settled(page)
+    page.get_by_text("Settings of the search").click()
+    expect(page.locator(".st-key-seed input")).to_have_value("7")
+    expect(page.get_by_text("The form has changed since this result (seed)")).to_be_visible()
+    page.get_by_role("button", name="Calibrate", exact=True).click()
+    expect(page.get_by_text("The form has changed")).to_have_count(0, timeout=LONGEST_MS)
+    expect(page.get_by_text("seed 7")).to_be_visible()
+
+
+def test_bad_upload_leaves_what_was_there(
+    page: Page, app_url: str, settled: Settled, tmp_path: Path
+) -> None:
+    page.goto(app_url)
+    settled(page)
+    page.locator(".st-key-demo button").click()
+    expect(page.get_by_text("50 pairs of points in 25 frames")).to_be_visible()
+    bad = tmp_path / "bad.csv"
+    lines = (FIELD / "correspondences.csv").read_text().splitlines()
+    cells = lines[3].split(",")
+    lines[3] = ",".join([*cells[:2], "twelve", *cells[3:]])
+    bad.write_text("\n".join(lines))
+    page.locator(".st-key-upload_correspondences input[type=file]").set_input_files(bad)
+    expect(page.get_by_text(re.compile('line 4: u_primary is "twelve"')).first).to_be_visible()
+    expect(page.get_by_text("What was loaded before is unchanged")).to_be_visible()
+    expect(page.get_by_text("50 pairs of points in 25 frames")).to_be_visible()
+    page.locator(".st-key-use_rest button").click()
+    expect(page.get_by_text("49 pairs of points in 25 frames")).to_be_visible()
+
+
+def test_address_that_names_no_project_is_said(page: Page, app_url: str, settled: Settled) -> None:
+    for address in ("0" * 32, "..%2F..%2Fetc"):
+        page.goto(f"{app_url}/calibrate?project={address}")
+        settled(page)
+        expect(page.get_by_role("button", name="Start a new project")).to_be_visible()
+        expect(page.get_by_text("Traceback")).to_have_count(0)
