@@ -5,11 +5,13 @@ import streamlit as st
 from stereocal.calibrate import calibrate
 from stereocal.errors import StereocalError
 from stereocal.ui.forms import settings_form, settings_of
+from stereocal.ui.frame import need_frame
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.project import current_project
 from stereocal.ui.results import show_result
 from stereocal.ui.status import describe_settings, staleness
 
+need_frame()
 st.title("Calibrate")
 st.subheader("How do the cameras stand, and how large are the errors?")
 

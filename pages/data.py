@@ -1,15 +1,17 @@
 """Data: give points, cameras and two lengths; see what was read."""
 
 import streamlit as st
-from stereocal.figures import describe_coverage, plot_coverage
 
+from stereocal.figures import describe_coverage, plot_coverage
 from stereocal.formats.correspondences_csv import TEMPLATE
 from stereocal.tables import contents_table
 from stereocal.ui.forms import length_field
+from stereocal.ui.frame import need_frame
 from stereocal.ui.intake import TITLES, show_refusal, take_dataset, take_file
 from stereocal.ui.project import current_project, forget_project
 from stereocal.ui.results import dataset_download
 
+need_frame()
 st.title("Data")
 st.subheader("Which points did the cameras see, and what did you measure?")
 

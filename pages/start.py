@@ -2,10 +2,12 @@
 
 import streamlit as st
 
+from stereocal.ui.frame import need_frame
 from stereocal.ui.intake import load_sample
 from stereocal.ui.project import forget_project
 from stereocal.ui.texts import BRING, PICTURE, PURPOSE
 
+need_frame()
 st.title("stereocal")
 st.subheader("How do two cameras stand to each other, and how well can they match and measure?")
 

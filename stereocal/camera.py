@@ -92,13 +92,10 @@ class Camera:
             return bent
         guess = cv2.undistortPoints(bent[:, None], np.eye(3), self.distortion).reshape(-1, 2)
         straight = np.asarray(guess, dtype=np.float64)
-        step = 1e-6
-        along_u, along_v = np.array([step, 0.0]), np.array([0.0, step])
         with np.errstate(all="ignore"):
             for _ in range(20):
                 error = self._bend(straight) - bent
-                along_x = (self._bend(straight + along_u) - error - bent) / step
-                along_y = (self._bend(straight + along_v) - error - bent) / step
+                along_x, along_y = self._slopes(straight)
                 determinant = along_x[:, 0] * along_y[:, 1] - along_x[:, 1] * along_y[:, 0]
                 straight = (
                     straight
@@ -113,6 +110,12 @@ class Camera:
                 if np.nanmax(np.abs(error), initial=0.0) < 1e-13:
                     break
             found = np.abs(self._bend(straight) - bent).max(axis=1) < 1e-10
+            # The model folds back far out, where it has further solutions that no lens has: all the
+            # way from the centre, both eigenvalues of the slopes must be above 0.
+            for part in (0.25, 0.5, 0.75, 1.0):
+                along_x, along_y = self._slopes(part * straight)
+                found &= along_x[:, 0] * along_y[:, 1] > along_x[:, 1] * along_y[:, 0]
+                found &= along_x[:, 0] + along_y[:, 1] > 0
         return np.where(found[:, None], straight, np.nan)
 
     def undistort_to_pixels(self, pixels: npt.ArrayLike) -> FloatArray:
@@ -160,6 +163,14 @@ class Camera:
             points[:, None], np.zeros(3), np.zeros(3), np.eye(3), self.distortion
         )
         return np.asarray(bent, dtype=np.float64).reshape(-1, 2)
+
+    def _slopes(self, normalised: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Derivatives (n, 2) of the bent points by x and by y of the straight ones."""
+        step = 1e-6
+        along_x = self._bend(normalised + np.array([step, 0.0]))
+        along_y = self._bend(normalised + np.array([0.0, step]))
+        here = self._bend(normalised)
+        return (along_x - here) / step, (along_y - here) / step
 
     def _to_pixels(self, normalised: FloatArray) -> FloatArray:
         pixels: FloatArray = normalised @ self.K[:2, :2].T + self.K[:2, 2]

@@ -117,7 +117,13 @@ def _sum_of_squares(pose: Pose, rays: FloatArray) -> float:
 
 
 def _five_point(rays: FloatArray) -> list[FloatArray]:
-    """Essential matrices of all subsets of 5 pairs (Nister's solver, from OpenCV)."""
+    """Essential matrices of all subsets of 5 pairs (Nister's solver, from OpenCV).
+
+    None where the pairs give fewer than 5 conditions, such as one pair given five times.
+    """
+    singular = np.linalg.svd(_coefficients(rays), compute_uv=False)
+    if singular[MINIMUM_PAIRS - 1] < 1e-12 * singular[0]:
+        return []
     candidates: list[FloatArray] = []
     for subset in itertools.combinations(range(rays.shape[1]), MINIMUM_PAIRS):
         p = np.ascontiguousarray(rays[:2, subset].T)
@@ -182,10 +188,19 @@ def constrain(start: Angles, rays: FloatArray) -> tuple[Angles, int, bool]:
     Returns the angles, the evaluations, and whether it converged.
     """
     r = np.linalg.qr(_coefficients(rays), mode="r")
+
+    def residual(angles: FloatArray) -> FloatArray:
+        value: FloatArray = r @ _essential(angles).ravel()
+        return value
+
+    def jacobian(angles: FloatArray) -> FloatArray:
+        value: FloatArray = r @ _essential_derivatives(angles).reshape(5, 9).T
+        return value
+
     solution = least_squares(
-        lambda angles: r @ _essential(angles).ravel(),
-        start,
-        jac=lambda angles: r @ _essential_derivatives(angles).reshape(5, 9).T,
+        residual,
+        np.array(start),
+        jac=jacobian,
         method="lm",
         xtol=1e-15,
         ftol=1e-15,

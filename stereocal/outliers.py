@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
 from stereocal.calibrate import Calibration, Method
 from stereocal.compiled import FloatArray, IntArray
@@ -35,16 +36,12 @@ def bar_frames(calibration: Calibration) -> IntArray:
     return rows.frame[rows.bars[:, 0]]
 
 
-def held_out(
-    calibration: Calibration, frames: IntArray
-) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+def held_out(calibration: Calibration, frames: IntArray) -> npt.NDArray[np.bool_]:
     """(f,): true for the frames that were not calibrated with."""
     return ~np.isin(frames, calibration.frames)
 
 
-def outlying(
-    values: FloatArray, smallest_excess: float
-) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+def outlying(values: FloatArray, smallest_excess: float) -> npt.NDArray[np.bool_]:
     """(n,): true for values far above the median, and for those that could not be computed."""
     known = values[np.isfinite(values)]
     if not len(known):
@@ -52,7 +49,8 @@ def outlying(
     median = np.median(known)
     spread = MAD_TO_SIGMA * np.median(np.abs(known - median))
     limit = median + max(SPREADS * spread, smallest_excess)
-    return ~(values <= limit)
+    usual: npt.NDArray[np.bool_] = values <= limit
+    return ~usual
 
 
 def reprojection_outliers(calibration: Calibration) -> list[int]:

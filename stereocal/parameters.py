@@ -71,6 +71,9 @@ class RigParameters:
             )
         if not np.isfinite(self.cost):
             raise StereocalError("The cost of the parameter set is not a finite number.")
+        threshold = self.matching_threshold_px
+        if threshold is not None and not (np.isfinite(threshold) and threshold >= 0):
+            raise StereocalError(f"The matching threshold is {threshold} px: it must be 0 or more.")
 
     @property
     def purpose(self) -> str:
@@ -193,11 +196,12 @@ class RigParameters:
             raise StereocalError(f"{source}: the convention {data['convention']!r} is not known.")
         try:
             pose = Pose(np.array(data["R"], float), np.array(data["T"], float))
+            stated = Pose.from_angles(Angles(**data["angles"]), pose.baseline)
         except StereocalError as error:
             raise StereocalError(f"{source}: {error}") from error
-        if abs(pose.baseline - float(data["baseline_m"])) > 1e-6 * pose.baseline:
+        # "not <=" refuses NaN too.
+        if not abs(pose.baseline - float(data["baseline_m"])) <= 1e-6 * pose.baseline:
             raise StereocalError(f"{source}: the length of T and baseline_m contradict each other.")
-        stated = Pose.from_angles(Angles(**data["angles"]), pose.baseline)
         if not (np.allclose(stated.R, pose.R, atol=1e-6) and np.allclose(stated.T, pose.T, 1e-6)):
             raise StereocalError(f"{source}: the angles and R, T contradict each other.")
         threshold = data["matching_threshold_px"]

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pandas as pd
 
-from stereocal.calibrate import COST_UNITS, METHODS, Calibration, Errors, Method, errors_of
+from stereocal.calibrate import COST_UNITS, METHODS, Calibration, Method, errors_of
 from stereocal.dataset import Dataset
 
 METHOD_TITLES = {"essential": "Essential matrix", "2d": "2D set", "3d": "3D set"}
@@ -35,6 +35,7 @@ def _column(calibration: Calibration, name: Method) -> dict[str, str]:
         "Mean reprojection error (px)": digits(errors.mean_reprojection_px),
         "Mean bar length error (%)": digits(100 * errors.mean_length),
         "95 % of bars within (%)": digits(100 * errors.p95_length),
+        "Pairs behind a camera": f"{int(np.isnan(errors.reprojection_px).sum())}",
         **{
             title: f"{math.degrees(getattr(angles, key)):.4f}"
             for key, title in ANGLE_TITLES.items()
@@ -42,14 +43,9 @@ def _column(calibration: Calibration, name: Method) -> dict[str, str]:
         "Baseline (m)": f"{found.pose.baseline:.4f}",
         "Cost": f"{digits(found.cost)} {unit}".strip(),
         "Evaluations of the cost": f"{found.evaluations}",
-        "Time (s)": f"{found.seconds:.3f}",
+        "Time (ms)": digits(1000 * found.seconds, 2),
         "Stopped because": found.stop_reason,
-        **_lost(errors),
     }
-
-
-def _lost(errors: Errors) -> dict[str, str]:
-    return {"Pairs behind a camera": f"{int(np.isnan(errors.reprojection_px).sum())}"}
 
 
 def held_out(calibration: Calibration) -> list[int]:
@@ -70,7 +66,7 @@ def answer(calibration: Calibration) -> str:
     measuring = errors_of(dataset, calibration.methods["3d"].pose)
     first = (
         f"To find which points belong together, use the 2D set: on {where}, points "
-        f"come back within {digits(matching.mean_reprojection_px)} px on average."
+        f"reproject to within {digits(matching.mean_reprojection_px)} px on average."
     )
     if math.isnan(measuring.mean_length):
         return first

@@ -1,0 +1,32 @@
+"""Every figure: a result in, a Plotly figure out; and a sentence that says the same as the figure.
+
+Backgrounds are transparent and no text has a colour of its own: the page decides, light or dark.
+"""
+
+from stereocal.figures.coverage import describe_coverage, plot_coverage
+from stereocal.figures.frame_errors import describe_frame_errors, plot_frame_errors
+from stereocal.figures.rig import describe_rig, plot_rig
+from stereocal.figures.style import (
+    METHOD_COLOURS,
+    METHOD_NAMES,
+    METHOD_SYMBOLS,
+    TARGET_COLOURS,
+    TARGET_SYMBOLS,
+)
+from stereocal.figures.traces import describe_traces, plot_traces
+
+__all__ = [
+    "METHOD_COLOURS",
+    "METHOD_NAMES",
+    "METHOD_SYMBOLS",
+    "TARGET_COLOURS",
+    "TARGET_SYMBOLS",
+    "describe_coverage",
+    "describe_frame_errors",
+    "describe_rig",
+    "describe_traces",
+    "plot_coverage",
+    "plot_frame_errors",
+    "plot_rig",
+    "plot_traces",
+]

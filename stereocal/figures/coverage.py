@@ -1,0 +1,132 @@
+"""Where the targets lay in the two images."""
+
+from __future__ import annotations
+
+import numpy as np
+import plotly.graph_objects as go
+from plotly.subplots import make_subplots
+
+from stereocal.camera import Camera
+from stereocal.compiled import FloatArray
+from stereocal.dataset import TARGETS, Dataset
+from stereocal.figures.style import (
+    FAINT,
+    NEUTRAL,
+    TARGET_COLOURS,
+    TARGET_SYMBOLS,
+    count,
+    finish,
+)
+
+HEIGHT = 440
+GRID_CELLS = 4
+"""The description counts covered cells of a grid of so many by so many."""
+
+
+def plot_coverage(dataset: Dataset) -> go.Figure:
+    """The points of A and B in both images, side by side, the bar of each frame joined."""
+    figure = make_subplots(rows=1, cols=2, horizontal_spacing=0.04)
+    finish(figure, HEIGHT)
+    for column, (side, camera, points) in enumerate(_sides(dataset), start=1):
+        _add_image(figure, column, camera)
+        _add_points(figure, column, dataset, points)
+        _set_axes(figure, column, side, camera)
+    # The panels' titles stand between the legend and the images, so its place is fixed.
+    figure.update_layout(margin_t=125, legend={"yref": "container", "y": 1.0, "yanchor": "top"})
+    return figure
+
+
+def describe_coverage(dataset: Dataset) -> str:
+    """The coverage of both images in one sentence."""
+    rows = dataset.correspondences
+    parts = [
+        f"in the {side.lower()} image they fall into {_covered_cells(points, camera)} of "
+        f"{GRID_CELLS**2} equal parts of its {_size(camera)}"
+        for side, camera, points in _sides(dataset)
+    ]
+    return (
+        f"Image points of {count(int((rows.target == 0).sum()), 'target')} A and "
+        f"{int((rows.target == 1).sum())} B in {count(len(rows.frames), 'frame')}: "
+        f"{' and '.join(parts)}."
+    )
+
+
+def _sides(dataset: Dataset) -> tuple[tuple[str, Camera, FloatArray], ...]:
+    rows = dataset.correspondences
+    return (
+        ("Primary", dataset.primary, rows.primary),
+        ("Secondary", dataset.secondary, rows.secondary),
+    )
+
+
+def _size(camera: Camera) -> str:
+    return f"{camera.image_size[0]} × {camera.image_size[1]} px"
+
+
+def _add_image(figure: go.Figure, column: int, camera: Camera) -> None:
+    """The border of the image: pixels reach 0.5 px around their centres."""
+    right, bottom = (side - 0.5 for side in camera.image_size)
+    figure.add_trace(
+        go.Scatter(
+            x=[-0.5, right, right, -0.5, -0.5], y=[-0.5, -0.5, bottom, bottom, -0.5],
+            mode="lines", line={"color": NEUTRAL, "width": 1.5}, name="Border of the image",
+            hoverinfo="skip", showlegend=False,
+        ),
+        row=1, col=column,
+    )  # fmt: skip
+
+
+def _add_points(figure: go.Figure, column: int, dataset: Dataset, points: FloatArray) -> None:
+    rows = dataset.correspondences
+    bars = np.full((len(rows.bars), 3, 2), np.nan)  # A, B, gap
+    bars[:, :2] = points[rows.bars]
+    figure.add_trace(
+        go.Scatter(
+            x=bars[..., 0].ravel(), y=bars[..., 1].ravel(), mode="lines",
+            line={"color": FAINT, "width": 1}, hoverinfo="skip", legendgroup="bars",
+            name=f"Bar A–B (n = {len(rows.bars)})", showlegend=column == 1,
+        ),
+        row=1, col=column,
+    )  # fmt: skip
+    for number, target in enumerate(TARGETS):
+        of_target = rows.target == number
+        figure.add_trace(
+            go.Scatter(
+                x=points[of_target, 0], y=points[of_target, 1], mode="markers",
+                marker={
+                    "color": TARGET_COLOURS[target], "symbol": TARGET_SYMBOLS[target],
+                    "size": 8 if len(rows.frames) <= 100 else 5,
+                },
+                customdata=rows.frame[of_target], legendgroup=target,
+                name=f"Target {target} (n = {of_target.sum()})", showlegend=column == 1,
+                hovertemplate=(
+                    f"frame %{{customdata}}, target {target}<br>"
+                    "u %{x:.2f} px, v %{y:.2f} px<extra></extra>"
+                ),
+            ),
+            row=1, col=column,
+        )  # fmt: skip
+
+
+def _set_axes(figure: go.Figure, column: int, side: str, camera: Camera) -> None:
+    """Image axes: u to the right along the top, v downwards, equal scales."""
+    width, height = camera.image_size
+    margin = 0.01 * max(width, height)
+    figure.update_xaxes(
+        row=1, col=column, side="top", range=[-0.5 - margin, width - 0.5 + margin],
+        title_text=f"<b>{side}</b><br>{_size(camera)}<br>u (px)", constrain="domain", nticks=5,
+        constraintoward="right" if column == 1 else "left",
+        tickangle=0, showgrid=False,
+    )  # fmt: skip
+    figure.update_yaxes(
+        row=1, col=column, range=[height - 0.5 + margin, -0.5 - margin], title_text="v (px)",
+        side="left" if column == 1 else "right",
+        scaleanchor="x" if column == 1 else "x2", constrain="domain", constraintoward="top",
+        nticks=6, showgrid=False,
+    )  # fmt: skip
+
+
+def _covered_cells(points: FloatArray, camera: Camera) -> int:
+    """How many cells of a grid over the image have a point."""
+    cells = (points + 0.5) / np.array(camera.image_size) * GRID_CELLS
+    return len(np.unique(np.clip(cells.astype(int), 0, GRID_CELLS - 1), axis=0))

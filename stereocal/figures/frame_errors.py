@@ -1,0 +1,269 @@
+"""The errors of the methods, frame by frame."""
+
+from __future__ import annotations
+
+import textwrap
+from dataclasses import dataclass
+
+import numpy as np
+import plotly.graph_objects as go
+from plotly.subplots import make_subplots
+
+from stereocal.calibrate import METHODS, Calibration, Method
+from stereocal.compiled import FloatArray, IntArray
+from stereocal.figures.style import (
+    METHOD_COLOURS,
+    METHOD_NAMES,
+    METHOD_SYMBOLS,
+    NEUTRAL,
+    count,
+    finish,
+)
+from stereocal.outliers import (
+    bar_frames,
+    frame_reprojection_px,
+    held_out,
+    length_outliers,
+    outlying_frames,
+    reprojection_outliers,
+)
+
+HEIGHT = 600
+LOG_BEYOND = 30.0
+"""Logarithmic axis when the largest error is so many times the smallest median of a method."""
+LOWEST_OF_MEDIAN = 0.01
+"""A logarithmic axis begins here, as a part of that median: an error may be zero by chance."""
+MOST_LABELS = 12
+LABEL_WIDTH, LABEL_HEIGHT = 0.09, 0.12
+"""Room for the number of a frame, as parts of a panel on a narrow screen."""
+SIZES = {"essential": 9, "2d": 7, "3d": 8}
+
+
+@dataclass(frozen=True, eq=False)
+class _Panel:
+    """One kind of error: its frames, its values by method, and the frames to name."""
+
+    title: str
+    unit: str
+    frames: IntArray
+    values: dict[Method, FloatArray]
+    labelled: Method
+    outliers: list[int]
+
+    @property
+    def known(self) -> FloatArray:
+        """The values of all methods that could be computed."""
+        every = np.concatenate(list(self.values.values()))
+        known: FloatArray = every[np.isfinite(every)]
+        return known
+
+    @property
+    def smallest_median(self) -> float:
+        """The median of the best method; NaN if none is above 0."""
+        medians = [_median(values) for values in self.values.values()]
+        return min((m for m in medians if np.isfinite(m) and m > 0), default=np.nan)
+
+    @property
+    def is_log(self) -> bool:
+        """Whether the axis is logarithmic."""
+        largest = float(self.known.max(initial=0.0))
+        return largest > LOG_BEYOND * self.smallest_median
+
+
+def plot_frame_errors(calibration: Calibration) -> go.Figure:
+    """Reprojection and length error of every frame and method; held-out frames are open."""
+    figure = make_subplots(rows=2, cols=1, shared_xaxes=True, vertical_spacing=0.05)
+    finish(figure, HEIGHT)
+    panels = _panels(calibration)
+    for row, panel in enumerate(panels, start=1):
+        for method in METHODS:
+            _add_method(figure, row, calibration, panel, method)
+        _add_labels(figure, row, panel)
+        figure.update_yaxes(
+            row=row, col=1, title_text=f"{panel.title} ({panel.unit})", **_scale(panel)
+        )
+    _add_key(figure, calibration)
+    figure.update_xaxes(row=2, col=1, title_text=_frame_title(calibration, panels))
+    return figure
+
+
+def describe_frame_errors(calibration: Calibration) -> str:
+    """Median and largest errors of the methods, and the frames that stand out, in one sentence."""
+    parts = []
+    for panel in _panels(calibration):
+        values = [
+            f"{METHOD_NAMES[method]} {_number(_median(errors))} and {_number(_largest(errors))}"
+            for method, errors in panel.values.items()
+        ]
+        parts.append(
+            f"{panel.title.lower()} in {panel.unit}, median and largest: {', '.join(values)}"
+        )
+    frames = calibration.dataset.correspondences.frames
+    left = int(held_out(calibration, frames).sum())
+    outliers = outlying_frames(calibration)
+    named = ", ".join(map(str, outliers[:MOST_LABELS]))
+    more = " and more" if len(outliers) > MOST_LABELS else ""
+    ending = [
+        *_missing(_panels(calibration)),
+        f"{count(len(outliers), 'frame')} standing out{': ' if outliers else ''}{named}{more}",
+    ]
+    return (
+        f"Errors of {count(len(frames), 'frame')}, {left} of them held out: "
+        f"{'; '.join([*parts, *ending])}."
+    )
+
+
+def _panels(calibration: Calibration) -> tuple[_Panel, _Panel]:
+    return (
+        _Panel(
+            "Reprojection error", "px", calibration.dataset.correspondences.frames,
+            {method: frame_reprojection_px(calibration, method) for method in METHODS},
+            "2d", reprojection_outliers(calibration),
+        ),
+        _Panel(
+            "Length error", "%", bar_frames(calibration),
+            {method: 100 * calibration.errors[method].length for method in METHODS},
+            "3d", length_outliers(calibration),
+        ),
+    )  # fmt: skip
+
+
+def _add_method(
+    figure: go.Figure, row: int, calibration: Calibration, panel: _Panel, method: Method
+) -> None:
+    """Two traces: frames calibrated with, filled; held-out frames, open."""
+    left = held_out(calibration, panel.frames)
+    for chosen, kind, suffix in ((~left, "calibrated with", ""), (left, "held out", "-open")):
+        if not chosen.any():
+            continue
+        figure.add_trace(
+            go.Scatter(
+                x=panel.frames[chosen], y=panel.values[method][chosen], mode="markers",
+                marker={
+                    "color": METHOD_COLOURS[method], "symbol": METHOD_SYMBOLS[method] + suffix,
+                    "size": SIZES[method] - (2 if len(panel.frames) > 100 else 0), "opacity": 0.85,
+                },
+                name=METHOD_NAMES[method], legendgroup=method,
+                showlegend=row == 1 and not suffix,
+                hovertemplate=(
+                    f"{METHOD_NAMES[method]}, frame %{{x}} ({kind})<br>"
+                    f"{panel.title.lower()} %{{y:.3g}} {panel.unit}<extra></extra>"
+                ),
+            ),
+            row=row, col=1,
+        )  # fmt: skip
+
+
+def _add_labels(figure: go.Figure, row: int, panel: _Panel) -> None:
+    """Name the outlying frames above their highest symbol, the worst first, where there is room."""
+    at, heights = _labelled(panel)
+    if not len(at):
+        return
+    figure.add_trace(
+        go.Scatter(
+            x=panel.frames[at], y=heights, mode="text",
+            text=[f"<b>{frame}</b>" for frame in panel.frames[at]], textposition="top center",
+            textfont={"size": 14}, hoverinfo="skip", showlegend=False, cliponaxis=False,
+            name="Outlying frames",
+        ),
+        row=row, col=1,
+    )  # fmt: skip
+
+
+def _labelled(panel: _Panel) -> tuple[IntArray, FloatArray]:
+    """Positions in `panel.frames` of the outlying frames to name, and the height of each name."""
+    at = np.flatnonzero(np.isin(panel.frames, panel.outliers))
+    at = at[np.isfinite(panel.values[panel.labelled][at])]
+    at = at[np.argsort(-panel.values[panel.labelled][at], kind="stable")]
+    heights = np.nanmax([values[at] for values in panel.values.values()], axis=0)
+    width = float(panel.frames.max() - panel.frames.min()) if len(at) else 0.0
+    across = panel.frames[at] / max(width, 1.0)
+    shown = np.log10(np.maximum(heights, 1e-300)) if panel.is_log else heights
+    up = shown / _height_of_axis(panel)
+    kept: list[int] = []
+    for i in range(len(at)):
+        crowded = any(
+            abs(across[i] - across[k]) < LABEL_WIDTH and abs(up[i] - up[k]) < LABEL_HEIGHT
+            for k in kept
+        )
+        if not crowded and len(kept) < MOST_LABELS:
+            kept.append(i)
+    return at[kept], heights[kept]
+
+
+def _height_of_axis(panel: _Panel) -> float:
+    """From the lower to the upper end of the axis: in decades where it is logarithmic."""
+    if not len(panel.known):
+        return 1.0
+    if panel.is_log:
+        return float(np.log10(panel.known.max() / _lowest_drawn(panel)))
+    return float(panel.known.max()) or 1.0
+
+
+def _add_key(figure: go.Figure, calibration: Calibration) -> None:
+    """Say in the legend what open symbols are, if there are any."""
+    left = int(held_out(calibration, calibration.dataset.correspondences.frames).sum())
+    if left:
+        figure.add_trace(
+            go.Scatter(
+                x=[None], y=[None], mode="markers", hoverinfo="skip",
+                marker={"color": NEUTRAL, "symbol": "circle-open", "size": 9},
+                name=f"Open: held out (n = {left})",
+            ),
+            row=1, col=1,
+        )  # fmt: skip
+
+
+def _scale(panel: _Panel) -> dict[str, object]:
+    if not panel.is_log:
+        top = 1.15 * panel.known.max(initial=0.0)
+        return {"type": "linear", "range": [0.0, top or 1.0]}
+    low, high = _lowest_drawn(panel) / 1.3, panel.known.max() * 3
+    return {"type": "log", "range": [np.log10(low), np.log10(high)], "dtick": 1}
+
+
+def _lowest_drawn(panel: _Panel) -> float:
+    positive = panel.known[panel.known > 0]
+    return float(max(positive.min(), LOWEST_OF_MEDIAN * panel.smallest_median))
+
+
+def _frame_title(calibration: Calibration, panels: tuple[_Panel, ...]) -> str:
+    """The title of the frame axis, and below it what the panels cannot show."""
+    title = f"Frame (n = {len(calibration.dataset.correspondences.frames)})"
+    notes = _missing(panels)
+    for panel in panels:
+        if not len(panel.frames):
+            notes.append("no frame has both targets, so there is no length")
+        below = int((panel.known < _lowest_drawn(panel)).sum()) if panel.is_log else 0
+        if below:
+            notes.append(
+                f"{count(below, panel.title.lower())} below "
+                f"{_lowest_drawn(panel):.1g} {panel.unit} out of view"
+            )
+    lines = [line for note in notes for line in textwrap.wrap(note[0].upper() + note[1:], 44)]
+    return "<br>".join([title, *lines])
+
+
+def _missing(panels: tuple[_Panel, ...]) -> list[str]:
+    """A phrase for each method and error with frames that have no value."""
+    return [
+        f"{METHOD_NAMES[method]}: {count(int(np.isnan(values).sum()), 'frame')} without "
+        f"{panel.title.lower()} (point behind a camera)"
+        for panel in panels
+        for method, values in panel.values.items()
+        if np.isnan(values).any()
+    ]
+
+
+def _median(values: FloatArray) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if len(known) else float("nan")
+
+
+def _largest(values: FloatArray) -> float:
+    known = values[np.isfinite(values)]
+    return float(known.max()) if len(known) else float("nan")
+
+
+def _number(value: float) -> str:
+    return f"{value:.3g}" if np.isfinite(value) else "none"

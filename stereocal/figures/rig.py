@@ -1,0 +1,280 @@
+"""The rig in 3D: two cameras, the baseline between them, and the reconstructed bars.
+
+Drawn in the primary camera's frame with its up direction upwards: (x, z, -y).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+import plotly.graph_objects as go
+
+from stereocal.calibrate import METHODS, Calibration, Errors, Method
+from stereocal.camera import Camera
+from stereocal.compiled import FloatArray
+from stereocal.dataset import TARGETS, Dataset
+from stereocal.errors import StereocalError
+from stereocal.figures.style import (
+    GRID_3D,
+    METHOD_COLOURS,
+    METHOD_NAMES,
+    NEUTRAL,
+    TARGET_COLOURS,
+    TARGET_SYMBOLS,
+    TRANSPARENT,
+    count,
+    finish,
+)
+from stereocal.geometry import Pose, triangulate_rays
+
+HEIGHT = 480
+FRUSTUM_OF_DEPTH = 0.15
+"""A camera is drawn as deep as this part of the scene: its true size would be a dot."""
+EYE_OF_DIAGONAL = 1.6
+"""Distance of the eye, as a part of the scene's diagonal: it fits narrow screens too."""
+AXIS_TITLES = {"xaxis": "x (m)", "yaxis": "z (m), depth", "zaxis": "−y (m), up"}
+
+
+@dataclass(frozen=True, eq=False)
+class _Scene:
+    """What one method makes of the data set, in the primary camera's frame."""
+
+    dataset: Dataset
+    pose: Pose
+    errors: Errors
+
+    @cached_property
+    def points(self) -> FloatArray:
+        """(n, 3), metres."""
+        return triangulate_rays(self.pose.R, self.pose.T, self.dataset.rays)
+
+    @cached_property
+    def bars(self) -> FloatArray:
+        """(m, 2, 3), metres: A and B."""
+        return self.points[self.dataset.correspondences.bars]
+
+    @cached_property
+    def lengths(self) -> FloatArray:
+        """(m,), metres."""
+        lengths: FloatArray = np.linalg.norm(self.bars[:, 0] - self.bars[:, 1], axis=1)
+        return lengths
+
+    @cached_property
+    def drawn(self) -> npt.NDArray[np.bool_]:
+        """(m,): the bars that have a length."""
+        return np.isfinite(self.lengths)
+
+    @cached_property
+    def depth(self) -> float:
+        """Largest depth of a point; the baseline where there is no point."""
+        depths = self.points[np.isfinite(self.points[:, 2]), 2]
+        return float(depths.max()) if len(depths) else self.pose.baseline
+
+    @cached_property
+    def secondary_centre(self) -> FloatArray:
+        """(3,), metres."""
+        return self.pose.inverse().T
+
+    @cached_property
+    def hover(self) -> list[str]:
+        """A text for each bar."""
+        frames = self.dataset.correspondences.frame[self.dataset.correspondences.bars[:, 0]]
+        return [
+            f"frame {frame}<br>length {length:.4f} m, error {100 * error:.2f} %"
+            for frame, length, error in zip(frames, self.lengths, self.errors.length, strict=True)
+        ]
+
+
+def plot_rig(calibration: Calibration, method: str) -> go.Figure:
+    """The rig as one method sees it, with the bars; equal axes, metres."""
+    chosen = _method(method)
+    scene = _scene(calibration, chosen)
+    figure = finish(go.Figure(), HEIGHT)
+    _add_bars(figure, scene, chosen)
+    _add_targets(figure, scene)
+    _add_cameras(figure, scene)
+    _add_baseline(figure, scene)
+    axis = {
+        "showbackground": False, "gridcolor": GRID_3D, "linecolor": GRID_3D, "zeroline": False,
+        "nticks": 6, "tickfont": {"size": 12}, "showspikes": False,
+    }  # fmt: skip
+    figure.update_layout(
+        scene={
+            "aspectmode": "data",
+            "camera": _view(figure),
+            "bgcolor": TRANSPARENT,
+            **{
+                name: {**axis, "title": {"text": title, "font": {"size": 14}}}
+                for name, title in AXIS_TITLES.items()
+            },
+        }
+    )
+    return figure
+
+
+def describe_rig(calibration: Calibration, method: str) -> str:
+    """The rig and its bars in one sentence."""
+    chosen = _method(method)
+    scene = _scene(calibration, chosen)
+    x, y, z = scene.secondary_centre
+    text = (
+        f"The rig with the {METHOD_NAMES[chosen]}: the secondary camera stands "
+        f"{scene.pose.baseline:.3f} m from the primary, {abs(x):.2f} m to the "
+        f"{'right' if x >= 0 else 'left'}, {abs(y):.2f} m {'down' if y >= 0 else 'up'} and "
+        f"{abs(z):.2f} m {'forward' if z >= 0 else 'back'} in the primary's view"
+    )
+    if scene.drawn.any():
+        depths = scene.bars[scene.drawn][..., 2]
+        text += (
+            f"; {count(int(scene.drawn.sum()), 'bar')} at depths from {depths.min():.2f} to "
+            f"{depths.max():.2f} m, with a mean length error of "
+            f"{100 * scene.errors.mean_length:.2f} %"
+        )
+    missing = int((~scene.drawn).sum())
+    if missing:
+        text += f"; {count(missing, 'bar')} not drawn (point behind a camera)"
+    return text + "."
+
+
+def _method(name: str) -> Method:
+    for method in METHODS:
+        if method == name:
+            return method
+    raise StereocalError(f'The method "{name}" is not known: {", ".join(METHODS)}.')
+
+
+def _scene(calibration: Calibration, method: Method) -> _Scene:
+    return _Scene(calibration.dataset, calibration.methods[method].pose, calibration.errors[method])
+
+
+def _upright(points: FloatArray) -> dict[str, FloatArray]:
+    """Points (..., 3) of the primary's frame as the figure's axes: x, depth, up."""
+    return {
+        "x": points[..., 0].ravel(), "y": points[..., 2].ravel(), "z": -points[..., 1].ravel()
+    }  # fmt: skip
+
+
+def _view(figure: go.Figure) -> dict[str, dict[str, float]]:
+    """A view from behind the primary camera, from the right and above, that holds the scene.
+
+    Plotly scales a scene to a volume of 1 and counts the eye's distance in that unit.
+    """
+    spans = [
+        np.ptp(values[np.isfinite(values)])
+        for values in (np.concatenate([trace[axis] for trace in figure.data]) for axis in "xyz")
+    ]
+    size = np.maximum(spans, 1e-3 * max(spans))
+    distance = EYE_OF_DIAGONAL * np.linalg.norm(size / np.cbrt(np.prod(size)))
+    x, y, z = (distance * np.array([0.3, -0.88, 0.38])).tolist()
+    return {
+        "eye": {"x": x, "y": y, "z": z},
+        "up": {"x": 0.0, "y": 0.0, "z": 1.0},
+        "center": {"x": 0.0, "y": 0.0, "z": -0.1},
+    }
+
+
+def _add_bars(figure: go.Figure, scene: _Scene, method: Method) -> None:
+    """One trace for all bars: A, middle, B, gap; the middle is there to be pointed at."""
+    bars = scene.bars[scene.drawn]
+    path = np.full((len(bars), 4, 3), np.nan)
+    path[:, 0], path[:, 1], path[:, 2] = bars[:, 0], bars.mean(axis=1), bars[:, 1]
+    texts = [text for text, keep in zip(scene.hover, scene.drawn, strict=True) if keep]
+    missing = int((~scene.drawn).sum())
+    figure.add_trace(
+        go.Scatter3d(
+            **_upright(path), mode="lines", line={"color": METHOD_COLOURS[method], "width": 4},
+            text=np.repeat(texts, 4), hovertemplate="%{text}<extra></extra>",
+            name=f"Bars, {METHOD_NAMES[method]} (n = {len(bars)}"
+            + (f", {missing} behind a camera)" if missing else ")"),
+        )
+    )  # fmt: skip
+
+
+def _add_targets(figure: go.Figure, scene: _Scene) -> None:
+    rows = scene.dataset.correspondences
+    of_bar = dict.fromkeys(range(len(rows)), "no bar: the other target is missing")
+    for pair, text in zip(rows.bars, scene.hover, strict=True):
+        of_bar.update(dict.fromkeys(pair.tolist(), text))
+    for number, target in enumerate(TARGETS):
+        of_target = np.flatnonzero((rows.target == number) & np.isfinite(scene.points[:, 0]))
+        points = scene.points[of_target]
+        figure.add_trace(
+            go.Scatter3d(
+                **_upright(points), mode="markers",
+                marker={
+                    "color": TARGET_COLOURS[target], "symbol": TARGET_SYMBOLS[target],
+                    "size": 3.5 if len(rows.frames) <= 100 else 2,
+                },
+                text=[of_bar[row] for row in of_target.tolist()],
+                customdata=points[:, 1],
+                hovertemplate=(
+                    f"target {target}, %{{text}}<br>x %{{x:.3f}} m (right), "
+                    "y %{customdata:.3f} m (down), z %{y:.3f} m (depth)<extra></extra>"
+                ),
+                name=f"Target {target}",
+            )
+        )  # fmt: skip
+
+
+def _add_cameras(figure: go.Figure, scene: _Scene) -> None:
+    """Both frusta, with their optical centres named."""
+    size = FRUSTUM_OF_DEPTH * scene.depth
+    primary_from_secondary = scene.pose.inverse()
+    for name, camera, corners in (
+        ("primary", scene.dataset.primary, _corners(scene.dataset.primary, size)),
+        (
+            "secondary", scene.dataset.secondary,
+            primary_from_secondary.apply(_corners(scene.dataset.secondary, size)),
+        ),
+    ):  # fmt: skip
+        centre = np.zeros(3) if name == "primary" else scene.secondary_centre
+        a, b, c, d = corners
+        gap = np.full(3, np.nan)
+        # From the centre round each side of the image.
+        path = np.array([centre, a, b, centre, gap, centre, c, d, centre, gap, b, c, gap, d, a])
+        figure.add_trace(
+            go.Scatter3d(
+                **_upright(path), mode="lines", line={"color": NEUTRAL, "width": 4},
+                hoverinfo="skip", showlegend=False, name=f"{name} camera",
+            )
+        )  # fmt: skip
+        width, height = camera.image_size
+        figure.add_trace(
+            go.Scatter3d(
+                **_upright(centre), mode="markers+text", text=[name], textposition="bottom center",
+                marker={"color": NEUTRAL, "size": 5}, textfont={"size": 14}, showlegend=False,
+                hovertemplate=f"{name} camera, {width} × {height} px<br>x {centre[0]:.3f} m (right)"
+                f", y {centre[1]:.3f} m (down), z {centre[2]:.3f} m (depth)<extra></extra>",
+                name=f"optical centre, {name}",
+            )
+        )  # fmt: skip
+
+
+def _corners(camera: Camera, depth: float) -> FloatArray:
+    """The image's four corners at a depth, in the camera's frame, without lens distortion."""
+    width, height = camera.image_size
+    right, bottom = width - 0.5, height - 0.5
+    pixels = np.array([[-0.5, -0.5, 1], [right, -0.5, 1], [right, bottom, 1], [-0.5, bottom, 1]])
+    corners: FloatArray = depth * pixels @ np.linalg.inv(camera.K).T
+    return corners
+
+
+def _add_baseline(figure: go.Figure, scene: _Scene) -> None:
+    ends = np.array([np.zeros(3), scene.secondary_centre])
+    length = f"{scene.pose.baseline:.3f} m"
+    figure.add_trace(
+        go.Scatter3d(
+            **_upright(ends), mode="lines", line={"color": NEUTRAL, "width": 3, "dash": "dash"},
+            hovertemplate=f"baseline {length}<extra></extra>", name=f"Baseline {length}",
+        )
+    )  # fmt: skip
+    figure.add_trace(
+        go.Scatter3d(
+            **_upright(ends.mean(axis=0)), mode="text", text=[f"baseline {length}"],
+            textposition="top center", textfont={"size": 13}, hoverinfo="skip",
+            showlegend=False, name="length of the baseline",
+        )
+    )  # fmt: skip

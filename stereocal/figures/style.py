@@ -1,0 +1,75 @@
+"""What all figures share: colours (Okabe-Ito), symbols, axes, legend.
+
+The colours have a contrast of at least 3:1 on white and on the dark page.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import plotly.graph_objects as go
+
+from stereocal.calibrate import Method
+
+METHOD_NAMES: Mapping[Method, str] = {
+    "essential": "Essential matrix",
+    "2d": "2D set",
+    "3d": "3D set",
+}
+METHOD_COLOURS: Mapping[Method, str] = {
+    "essential": "#7F7F7F",
+    "2d": "#1F83C4",
+    "3d": "#D55E00",
+}
+METHOD_SYMBOLS: Mapping[Method, str] = {
+    "essential": "square",
+    "2d": "circle",
+    "3d": "triangle-up",
+}
+TARGET_COLOURS: Mapping[str, str] = {"A": "#009E73", "B": "#CC79A7"}
+TARGET_SYMBOLS: Mapping[str, str] = {"A": "circle", "B": "diamond"}
+NEUTRAL = "#7F7F7F"
+FAINT = "rgba(127,127,127,0.45)"
+GRID = "rgba(127,127,127,0.25)"
+GRID_3D = "#8C9399"
+"""Opaque: a see-through line in a 3D scene is blended with white, whatever the page is."""
+TRANSPARENT = "rgba(0,0,0,0)"
+
+
+def finish(figure: go.Figure, height: int) -> go.Figure:
+    """Give a figure the common look: transparent, small margins, legend in rows above the plot."""
+    figure.update_layout(
+        height=height,
+        paper_bgcolor=TRANSPARENT,
+        plot_bgcolor=TRANSPARENT,
+        margin={"l": 8, "r": 8, "t": 8, "b": 8},
+        font={"size": 14},
+        legend={
+            "orientation": "h", "x": 0, "xanchor": "left", "y": 1.0, "yanchor": "bottom",
+            "font": {"size": 14}, "bgcolor": TRANSPARENT, "itemsizing": "constant",
+        },
+    )  # fmt: skip
+    axes = {
+        "automargin": True, "showgrid": True, "gridcolor": GRID, "zeroline": False,
+        "showline": True, "linecolor": FAINT, "ticks": "outside", "tickcolor": FAINT,
+        "tickfont": {"size": 13}, "title_font": {"size": 14}, "title_standoff": 6,
+    }  # fmt: skip
+    figure.update_xaxes(**axes)
+    figure.update_yaxes(**axes)
+    return figure
+
+
+def sentence_only(text: str, height: int = 160) -> go.Figure:
+    """A figure with nothing to draw, which says why."""
+    figure = finish(go.Figure(), height)
+    figure.update_xaxes(visible=False)
+    figure.update_yaxes(visible=False)
+    figure.add_annotation(
+        text=text, x=0.5, y=0.5, xref="paper", yref="paper", showarrow=False, font={"size": 15}
+    )
+    return figure
+
+
+def count(n: int, what: str) -> str:
+    """`1 frame`, `25 frames`."""
+    return f"{n} {what}" if n == 1 else f"{n} {what}s"

@@ -1,0 +1,36 @@
+"""The frame around the pages, which `app.py` draws first."""
+
+from __future__ import annotations
+
+import streamlit as st
+from streamlit.navigation.page import StreamlitPage
+
+TITLES = {"start": "Start", "data": "Data", "calibrate": "Calibrate"}
+"""The pages in the order of the work: the file below `pages/`, and the last part of the address."""
+
+_DRAWN = "frame_drawn"
+
+
+def pages() -> list[StreamlitPage]:
+    """All pages of the dashboard."""
+    return [
+        st.Page(f"pages/{name}.py", title=title, url_path=name, default=name == "start")
+        for name, title in TITLES.items()
+    ]
+
+
+def frame_drawn() -> None:
+    """Note that `app.py` runs and will run the page."""
+    st.session_state[_DRAWN] = True
+
+
+def need_frame() -> None:
+    """Run `app.py` first, if Streamlit has started a page by itself.
+
+    A server that has just started knows nothing of `app.py`'s `st.navigation`. If the first address
+    that it gets is a bookmarked page, it finds a folder `pages/` and runs that file alone, without
+    the frame and the address of the project. One call of `st.navigation` ends that mode for good.
+    """
+    if _DRAWN not in st.session_state:
+        st.navigation(pages())
+        st.rerun()
