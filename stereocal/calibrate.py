@@ -20,6 +20,11 @@ from stereocal.parameters import RigParameters
 
 Method = Literal["essential", "2d", "3d"]
 METHODS: tuple[Method, ...] = ("essential", "2d", "3d")
+METHOD_NAMES: Mapping[Method, str] = {
+    "essential": "Essential matrix",
+    "2d": "2D set",
+    "3d": "3D set",
+}
 COST_UNITS: Mapping[Method, str] = {"essential": "", "2d": "px", "3d": "m"}
 
 
@@ -125,6 +130,11 @@ class Calibration:
     methods: Mapping[Method, MethodResult]
     warnings: tuple[str, ...]
     """What is odd about the data, a sentence each."""
+
+    @cached_property
+    def held_out_frames(self) -> IntArray:
+        """The frames that were not calibrated with."""
+        return np.setdiff1d(self.dataset.correspondences.frames, self.frames)
 
     @cached_property
     def errors(self) -> Mapping[Method, Errors]:

@@ -7,10 +7,9 @@ import math
 import numpy as np
 import pandas as pd
 
-from stereocal.calibrate import COST_UNITS, METHODS, Calibration, Method, errors_of
+from stereocal.calibrate import COST_UNITS, METHOD_NAMES, METHODS, Calibration, Method, errors_of
 from stereocal.dataset import Dataset
 
-METHOD_TITLES = {"essential": "Essential matrix", "2d": "2D set", "3d": "3D set"}
 ANGLE_TITLES = {
     "yaw": "Yaw α (degrees)",
     "pitch": "Pitch β (degrees)",
@@ -23,8 +22,10 @@ ANGLE_TITLES = {
 def results_table(calibration: Calibration) -> pd.DataFrame:
     """The three methods side by side: a column a method, a row a quantity, all as text."""
     return pd.DataFrame(
-        {METHOD_TITLES[name]: _column(calibration, name) for name in METHODS}
-    ).rename_axis("All frames" if not held_out(calibration) else "All frames, fitted and held out")
+        {METHOD_NAMES[name]: _column(calibration, name) for name in METHODS}
+    ).rename_axis(
+        "All frames" if not len(calibration.held_out_frames) else "All frames, fitted and held out"
+    )
 
 
 def _column(calibration: Calibration, name: Method) -> dict[str, str]:
@@ -48,18 +49,12 @@ def _column(calibration: Calibration, name: Method) -> dict[str, str]:
     }
 
 
-def held_out(calibration: Calibration) -> list[int]:
-    """The frames that were not calibrated with."""
-    frames = calibration.dataset.correspondences.frames
-    return [int(frame) for frame in np.setdiff1d(frames, calibration.frames)]
-
-
 def answer(calibration: Calibration) -> str:
     """The result in one or two sentences, on the held-out frames where there are any."""
-    testing = held_out(calibration)
+    testing = calibration.held_out_frames
     dataset = calibration.dataset
     where = "the frames it was fitted to"
-    if testing:
+    if len(testing):
         dataset = dataset.of_frames(testing)
         where = f"{len(testing)} frames that took no part in the fit"
     matching = errors_of(dataset, calibration.methods["2d"].pose)

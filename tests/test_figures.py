@@ -291,8 +291,8 @@ def test_rig_places_the_cameras(calibration: Calibration) -> None:
     there = np.array([centre.x[0], -centre.z[0], centre.y[0]])
     np.testing.assert_allclose(pose.apply(there), 0, atol=1e-12)
     assert traces_of(figure, name="optical centre, primary")[0].x[0] == 0
-    (baseline,) = traces_of(figure, name="length of the baseline")
-    assert baseline.text == ("baseline 2.370 m",)
+    (baseline,) = traces_of(figure, name="Baseline 2.370 m")
+    assert np.linalg.norm([np.ptp(baseline[axis]) for axis in "xyz"]) == pytest.approx(2.37)
     for name, camera in (
         ("primary", calibration.dataset.primary),
         ("secondary", calibration.dataset.secondary),

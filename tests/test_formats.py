@@ -309,8 +309,8 @@ class TestCameraFile:
             ({"camera_matrix": np.zeros((3, 3))}, "cannot be inverted"),
             ({"camera_matrix": np.eye(4)}, "3x3"),
             ({"camera_matrix": np.array(SECONDARY.K.T)}, "transposed"),
-            ({"camera_matrix": 5}, "not a matrix"),
-            ({"camera_matrix": "K"}, "not a matrix"),
+            ({"camera_matrix": 5}, "matrix"),
+            ({"camera_matrix": "K"}, "matrix"),
             ({"distortion_coefficients": np.zeros((1, 3))}, "3 distortion coefficients"),
             ({"image_width": "wide"}, "not a number"),
             ({"image_width": 0}, "0x1024"),
@@ -350,7 +350,7 @@ class TestCameraFile:
     def test_files_cut_off(self, suffix: str, percent: int) -> None:
         """The size stands first in our order of nodes, and a matrix half there is no camera."""
         whole = with_storage(suffix, **NODES)
-        with pytest.raises(StereocalError, match="^c: "):
+        with pytest.raises(StereocalError, match=r"^c: "):
             read_camera(whole[: len(whole) * percent // 100], "c")
 
     @given(st.sampled_from(SUFFIXES), st.data())
@@ -471,7 +471,7 @@ class TestDatasetFiles:
             ({"baseline_m": float("nan")}, "above 0"),
             ({"baseline_m": float("inf")}, "above 0"),
             ({"baseline_m": 2370}, "millimetres"),
-            ({"target_distance_m": 10**400}, "number|metres"),
+            ({"target_distance_m": 10**400}, "far too large"),
             ({"cameras": ...}, "must name a primary and a secondary"),
             ({"cameras": ["primary.json", "secondary.json"]}, "must name"),
             ({"cameras": {"primary": "primary.json"}}, "must name"),
@@ -492,9 +492,7 @@ class TestDatasetFiles:
             parse_dataset({**self.files, "correspondences.csv": bad}, "x")
         assert [problem.line for problem in e.value.problems] == [14]
         far = self.files["correspondences.csv"] + b"99,A,1599.6,2,3,4\n"
-        with pytest.raises(
-            RefusedRowsError, match=r"^x: correspondences\.csv: .*line 14: .*outside"
-        ):
+        with pytest.raises(RefusedRowsError, match=in_table + ".*outside"):
             parse_dataset({**self.files, "correspondences.csv": far}, "x")
 
     @given(st.data())

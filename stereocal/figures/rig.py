@@ -30,10 +30,10 @@ from stereocal.figures.style import (
 )
 from stereocal.geometry import Pose, triangulate_rays
 
-HEIGHT = 480
+HEIGHT = 520
 FRUSTUM_OF_DEPTH = 0.15
 """A camera is drawn as deep as this part of the scene: its true size would be a dot."""
-EYE_OF_DIAGONAL = 1.6
+EYE_OF_DIAGONAL = 1.4
 """Distance of the eye, as a part of the scene's diagonal: it fits narrow screens too."""
 AXIS_TITLES = {"xaxis": "x (m)", "yaxis": "z (m), depth", "zaxis": "−y (m), up"}
 
@@ -168,7 +168,7 @@ def _view(figure: go.Figure) -> dict[str, dict[str, float]]:
     ]
     size = np.maximum(spans, 1e-3 * max(spans))
     distance = EYE_OF_DIAGONAL * np.linalg.norm(size / np.cbrt(np.prod(size)))
-    x, y, z = (distance * np.array([0.3, -0.88, 0.38])).tolist()
+    x, y, z = (distance * np.array([0.42, -0.8, 0.43])).tolist()
     return {
         "eye": {"x": x, "y": y, "z": z},
         "up": {"x": 0.0, "y": 0.0, "z": 1.0},
@@ -206,7 +206,7 @@ def _add_targets(figure: go.Figure, scene: _Scene) -> None:
                 **_upright(points), mode="markers",
                 marker={
                     "color": TARGET_COLOURS[target], "symbol": TARGET_SYMBOLS[target],
-                    "size": 3.5 if len(rows.frames) <= 100 else 2,
+                    "size": 2.5 if len(rows.frames) <= 100 else 1.5,
                 },
                 text=[of_bar[row] for row in of_target.tolist()],
                 customdata=points[:, 1],
@@ -269,12 +269,5 @@ def _add_baseline(figure: go.Figure, scene: _Scene) -> None:
         go.Scatter3d(
             **_upright(ends), mode="lines", line={"color": NEUTRAL, "width": 3, "dash": "dash"},
             hovertemplate=f"baseline {length}<extra></extra>", name=f"Baseline {length}",
-        )
-    )  # fmt: skip
-    figure.add_trace(
-        go.Scatter3d(
-            **_upright(ends.mean(axis=0)), mode="text", text=[f"baseline {length}"],
-            textposition="top center", textfont={"size": 13}, hoverinfo="skip",
-            showlegend=False, name="length of the baseline",
         )
     )  # fmt: skip

@@ -9,13 +9,9 @@ from collections.abc import Mapping
 
 import plotly.graph_objects as go
 
+from stereocal.calibrate import METHOD_NAMES as METHOD_NAMES
 from stereocal.calibrate import Method
 
-METHOD_NAMES: Mapping[Method, str] = {
-    "essential": "Essential matrix",
-    "2d": "2D set",
-    "3d": "3D set",
-}
 METHOD_COLOURS: Mapping[Method, str] = {
     "essential": "#7F7F7F",
     "2d": "#1F83C4",

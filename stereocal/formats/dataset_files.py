@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import io
 import json
+import lzma
+import struct
 import zipfile
+import zlib
 from collections.abc import Mapping
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -21,6 +24,12 @@ MOST_FILES = 20_000
 MOST_BYTES = 2_000_000_000
 MOST_SWELLING = 200
 """A table of numbers packs to a fifth; a file that swells two hundredfold is a trap."""
+
+DAMAGED_ZIP = (
+    zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError, ValueError, OSError,
+    OverflowError, struct.error, zlib.error, lzma.LZMAError,
+)  # fmt: skip
+"""All that `zipfile` and its decompressors raise on damaged content."""
 
 
 def read_dataset(path: str | Path) -> Dataset:
@@ -140,7 +149,7 @@ def unzip(content: bytes, source: str) -> dict[str, bytes]:
             for item in members:
                 with archive.open(item) as member:
                     files[item.filename] = member.read(item.file_size)
-    except (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError, ValueError) as error:
+    except DAMAGED_ZIP as error:
         if isinstance(error, StereocalError):
             raise
         raise StereocalError(f"{source}: this is not a sound zip file ({error}).") from error
@@ -194,4 +203,7 @@ def _optional(description: Mapping[str, Any], key: str, where: str) -> float | N
         return None
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise StereocalError(f"{where}: {key} is {value!r}; it must be a number, in metres.")
-    return float(value)
+    try:
+        return float(value)
+    except OverflowError as error:
+        raise StereocalError(f"{where}: {key} is far too large; give it in metres.") from error

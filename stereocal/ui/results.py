@@ -7,7 +7,7 @@ import zipfile
 
 import streamlit as st
 
-from stereocal.calibrate import Calibration
+from stereocal.calibrate import METHOD_NAMES, METHODS, Calibration
 from stereocal.cli import FILES
 from stereocal.dataset import Dataset
 from stereocal.figures import (
@@ -19,7 +19,7 @@ from stereocal.figures import (
     plot_traces,
 )
 from stereocal.formats.dataset_files import pack_dataset
-from stereocal.tables import METHOD_TITLES, answer, results_table
+from stereocal.tables import answer, results_table
 from stereocal.ui.texts import TWO_FILES
 
 
@@ -50,7 +50,7 @@ def show_result(calibration: Calibration) -> None:
     view = st.segmented_control(
         "Look at", list(views), default="Errors by frame", key="view", required=True
     )
-    views[view or "Errors by frame"](calibration)
+    views[view](calibration)
 
 
 def dataset_download(dataset: Dataset) -> None:
@@ -77,11 +77,10 @@ def _show_frames(calibration: Calibration) -> None:
 
 def _show_rig(calibration: Calibration) -> None:
     method = st.segmented_control(
-        "As seen with", ["2d", "3d", "essential"], default="3d", key="rig_method",
-        format_func=lambda name: METHOD_TITLES[name], required=True,
+        "As seen with", METHODS, default="3d", key="rig_method",
+        format_func=lambda name: METHOD_NAMES[name], required=True,
     )  # fmt: skip
-    chosen = method or "3d"
-    st.plotly_chart(plot_rig(calibration, chosen), key="rig", alt=describe_rig(calibration, chosen))
+    st.plotly_chart(plot_rig(calibration, method), key="rig", alt=describe_rig(calibration, method))
 
 
 def _show_searches(calibration: Calibration) -> None:
