@@ -22,6 +22,7 @@ browser: $(VENV)/.dev
 
 benchmark: $(VENV)/.dev
 	$(BIN)/python -m pytest benchmarks --benchmark-enable
+	$(BIN)/python -m benchmarks.ratios
 
 $(VENV)/.run: requirements.txt
 	$(PYTHON) -m venv $(VENV)

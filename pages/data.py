@@ -9,7 +9,7 @@ from stereocal.ui.forms import length_field
 from stereocal.ui.frame import need_frame
 from stereocal.ui.intake import TITLES, show_refusal, take_dataset, take_file
 from stereocal.ui.project import current_project, forget_project
-from stereocal.ui.results import dataset_download
+from stereocal.ui.results import dataset_download, show_figure
 
 need_frame()
 st.title("Data")
@@ -60,7 +60,7 @@ st.success(
     f"{len(dataset.correspondences.frames)} frames. Go on to calibrate."
 )
 st.page_link("pages/calibrate.py", label="Calibrate", icon=":material/arrow_forward:")
-st.plotly_chart(plot_coverage(dataset), key="coverage", alt=describe_coverage(dataset))
+show_figure(plot_coverage(dataset), describe_coverage(dataset), "coverage")
 st.table(contents_table(dataset))
 dataset_download(dataset)
 st.button("Start again with nothing", on_click=forget_project, key="forget")

@@ -26,7 +26,8 @@ def frame_reprojection_px(calibration: Calibration, method: Method) -> FloatArra
     rows = calibration.dataset.correspondences
     worst = np.full(len(rows.frames), -np.inf)
     at = np.searchsorted(rows.frames, rows.frame)
-    np.maximum.at(worst, at, calibration.errors[method].reprojection_px)
+    with np.errstate(invalid="ignore"):  # NumPy 1 warns of NaN
+        np.maximum.at(worst, at, calibration.errors[method].reprojection_px)
     return worst
 
 

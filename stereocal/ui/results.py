@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import zipfile
 
+import plotly.graph_objects as go
 import streamlit as st
 
 from stereocal.calibrate import METHOD_NAMES, METHODS, Calibration
@@ -20,6 +21,7 @@ from stereocal.figures import (
 )
 from stereocal.formats.dataset_files import pack_dataset
 from stereocal.tables import answer, results_table
+from stereocal.ui.intake import escape_markdown
 from stereocal.ui.texts import TWO_FILES
 
 
@@ -53,6 +55,12 @@ def show_result(calibration: Calibration) -> None:
     views[view](calibration)
 
 
+def show_figure(figure: go.Figure, sentence: str, key: str) -> None:
+    """A figure, and beneath it what it shows in words: for everyone, and for screen readers."""
+    st.plotly_chart(figure, key=key)
+    st.caption(escape_markdown(sentence))
+
+
 def dataset_download(dataset: Dataset) -> None:
     """The whole data set as one zip, which can be uploaded again."""
     packed = io.BytesIO()
@@ -70,9 +78,7 @@ def dataset_download(dataset: Dataset) -> None:
 
 
 def _show_frames(calibration: Calibration) -> None:
-    st.plotly_chart(
-        plot_frame_errors(calibration), key="frames", alt=describe_frame_errors(calibration)
-    )
+    show_figure(plot_frame_errors(calibration), describe_frame_errors(calibration), "frames")
 
 
 def _show_rig(calibration: Calibration) -> None:
@@ -80,8 +86,8 @@ def _show_rig(calibration: Calibration) -> None:
         "As seen with", METHODS, default="3d", key="rig_method",
         format_func=lambda name: METHOD_NAMES[name], required=True,
     )  # fmt: skip
-    st.plotly_chart(plot_rig(calibration, method), key="rig", alt=describe_rig(calibration, method))
+    show_figure(plot_rig(calibration, method), describe_rig(calibration, method), "rig")
 
 
 def _show_searches(calibration: Calibration) -> None:
-    st.plotly_chart(plot_traces(calibration), key="traces", alt=describe_traces(calibration))
+    show_figure(plot_traces(calibration), describe_traces(calibration), "traces")
