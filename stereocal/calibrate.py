@@ -141,8 +141,18 @@ class Calibration:
         """Errors of each method on all frames, also those not calibrated with."""
         return {name: errors_of(self.dataset, found.pose) for name, found in self.methods.items()}
 
-    def parameters(self, method: Literal["2d", "3d"]) -> RigParameters:
-        """The parameter set to save: `2d` for matching, `3d` for reconstruction."""
+    def parameters(
+        self,
+        method: Literal["2d", "3d"],
+        matching_threshold_px: float | None = None,
+        validation: Mapping[str, Any] | None = None,
+    ) -> RigParameters:
+        """The parameter set to save: `2d` for matching, `3d` for reconstruction.
+
+        Args:
+            matching_threshold_px: recommended limit of the reprojection error of a match.
+            validation: figures of a validation of this data set, where there was one.
+        """
         found = self.methods[method]
         return RigParameters(
             method=method,
@@ -158,6 +168,8 @@ class Calibration:
                 "target_distance_m": self.dataset.target_distance_m,
                 "frames": [int(frame) for frame in self.frames],
             },
+            matching_threshold_px=matching_threshold_px,
+            validation=validation,
         )
 
 

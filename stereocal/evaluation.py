@@ -12,7 +12,7 @@ of 0 counts as below all bins, and a pair that cannot be reconstructed in front 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, Future, as_completed
 from dataclasses import dataclass, field
 from typing import Any
@@ -71,6 +71,17 @@ class EvaluationSettings:
             "calibration_frames": self.calibration_frames,
         }
 
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> EvaluationSettings:
+        """The settings that `to_json` describes.
+
+        Raises:
+            StereocalError: a name that is no setting, or a value out of range.
+        """
+        rest = dict(data)
+        own = {name: rest.pop(name) for name in ("runs", "calibration_frames") if name in rest}
+        return cls(CalibrationSettings.from_json(rest), **own)
+
 
 @dataclass(frozen=True, eq=False)
 class Run:
@@ -121,9 +132,24 @@ def split(
     frames = dataset.correspondences.frames
     check_split(dataset, calibration_frames)
     order = np.random.Generator(np.random.PCG64(seed)).permutation(frames)
-    fit = dataset.of_frames(order[:calibration_frames])
+    fit = _part(dataset, order[:calibration_frames])
     check_points(fit)
-    return fit, dataset.of_frames(order[calibration_frames:])
+    return fit, _part(dataset, order[calibration_frames:])
+
+
+def _part(dataset: Dataset, frames: IntArray) -> Dataset:
+    """The data set with these frames only, and their rays taken from those of the whole.
+
+    `Dataset.of_frames` would check every point again and take the lens out of it again, which was
+    half the time of a run.
+    """
+    rows = dataset.correspondences
+    keep = np.isin(rows.frame, frames)
+    part = copy.copy(dataset)
+    vars(part).update(correspondences=rows.where(keep), rays=dataset.rays[:, keep])
+    for known_of_the_whole in ("bar_distances_m", "sha256"):
+        vars(part).pop(known_of_the_whole, None)
+    return part
 
 
 def check_split(dataset: Dataset, calibration_frames: int) -> None:

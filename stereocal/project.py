@@ -6,6 +6,7 @@ A project is a folder `<home>/projects/<32 hex digits>`:
   in one step, so that what it names is always a complete state.
 - `inputs/<digest>-<name>`: the files as given, never changed once written.
 - `calibration.json`: the last finished result with its settings and the inputs it was made from.
+- `evaluation.npz`: what the last finished validation counted, with its settings.
 
 The id is unguessable and is the only key to the folder.
 """
@@ -36,8 +37,10 @@ from stereocal.calibrate import (
 from stereocal.camera import Camera
 from stereocal.dataset import Dataset, check_length
 from stereocal.errors import StereocalError
+from stereocal.evaluation_files import Evaluation, pack_evaluation, unpack_evaluation
 from stereocal.formats.camera_file import read_camera
 from stereocal.formats.correspondences_csv import read_table
+from stereocal.formats.dataset_files import parse_dataset, unzip
 from stereocal.geometry import Pose
 from stereocal.montecarlo import Trace
 from stereocal.writing import write_atomically
@@ -219,6 +222,41 @@ class Project:
             raise StereocalError(
                 "The last result of this project cannot be read; calibrate again."
             ) from error
+
+    def keep_evaluation(self, evaluation: Evaluation) -> None:
+        """Keep a finished evaluation in place of the last one."""
+        write_atomically(self.folder / "evaluation.npz", pack_evaluation(evaluation))
+
+    @property
+    def evaluation(self) -> Evaluation | None:
+        """The last finished evaluation; None before the first."""
+        path = self.folder / "evaluation.npz"
+        return unpack_evaluation(path.read_bytes()) if path.is_file() else None
+
+    # Further data sets, to validate on together
+
+    def add_dataset(self, label: str, content: bytes) -> None:
+        """Take over a zip with a further data set.
+
+        Raises:
+            StereocalError: it cannot be used; the project is as it was.
+        """
+        parse_dataset(unzip(content, label), label)
+        stored = f"{hashlib.sha256(content).hexdigest()[:20]}-dataset.zip"
+        write_atomically(self.folder / "inputs" / stored, content)
+        self._change(lambda state: state.setdefault("more", []).append([label, stored]))
+
+    def drop_datasets(self) -> None:
+        """Forget the further data sets."""
+        self._change(lambda state: state.pop("more", None))
+
+    @property
+    def more_datasets(self) -> list[Dataset]:
+        """The further data sets."""
+        return [
+            parse_dataset(unzip((self.folder / "inputs" / stored).read_bytes(), label), label)
+            for label, stored in self._read_state().get("more", [])
+        ]
 
     # On disk
 

@@ -102,8 +102,7 @@ def random_rig(seed: int, pairs: int) -> tuple[Pose, FloatArray]:
     depth = rng.uniform(4.0, 12.0, (pairs, 1))
     flat = rng.uniform(-0.35, 0.35, (pairs, 2))
     points = np.hstack([flat * depth, depth])
-    # The smallest depth in the secondary: 4 cos(0.5) cos(0.4) - 4 * 0.7 * 0.35 ... > 0 is not sure
-    # for every draw, so points too near are pushed away along their rays.
+    # Points too near to the secondary, or behind it, are pushed away along their rays.
     while (near := pose.apply(points)[:, 2] < 1.0).any():
         points[near] *= 2.0
     return pose, points

@@ -42,7 +42,7 @@ class TestThereAndBack:
     def test_pixels(self, coefficients: int) -> None:
         camera = camera_with(coefficients)
         back = camera.distort(camera.undistort(grid()))
-        # Newton ends at 1e-13 on the plane z = 1, which is 1e-10 px; measured: 5e-12 px.
+        # Newton ends at 1e-13 on the plane z = 1, which is 1e-10 px; measured: 5e-13 px.
         np.testing.assert_allclose(back, grid(), rtol=0, atol=1e-9)
 
     @pytest.mark.parametrize("coefficients", LENSES)
@@ -50,7 +50,7 @@ class TestThereAndBack:
         camera = camera_with(coefficients)
         rays = np.random.default_rng(3).uniform(-0.4, 0.4, (200, 2))
         back = camera.undistort(camera.distort(rays))
-        # 1e-12 on the plane z = 1 is 1e-9 px; measured: 2e-15.
+        # 1e-12 on the plane z = 1 is 1e-9 px; measured: 3e-16.
         np.testing.assert_allclose(back, rays, rtol=0, atol=1e-12)
 
     @given(
@@ -92,7 +92,7 @@ class TestProject:
         camera = camera_with(coefficients, NO_SKEW)
         lens = np.array(LENSES[coefficients] or [0.0] * 4)
         expected, _ = cv2.projectPoints(self.points, np.zeros(3), np.zeros(3), NO_SKEW, lens)
-        # The same formula with the division done before: 1e-16 of 1000 px; measured: 5e-13 px.
+        # The same formula with the division done before: 1e-16 of 1000 px; measured: 2e-13 px.
         np.testing.assert_allclose(
             camera.project(self.points), np.asarray(expected).reshape(-1, 2), rtol=0, atol=1e-10
         )
@@ -103,7 +103,7 @@ class TestProject:
         )
         moved = camera_with(0).project(self.points) - straight.project(self.points)
         y = self.points[:, 1] / self.points[:, 2]
-        # The difference of numbers near 1000 px keeps 1e-13 px.
+        # The difference of numbers near 1000 px keeps 1e-13 px; measured: 2e-13.
         np.testing.assert_allclose(moved[:, 0], 2.3 * y, rtol=0, atol=1e-11)
         np.testing.assert_allclose(moved[:, 1], 0, rtol=0, atol=1e-12)
 

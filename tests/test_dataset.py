@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -80,18 +80,18 @@ class TestLengths:
     @pytest.mark.parametrize("name", ["baseline_m", "target_distance_m"])
     def test_no_length(self, name: str, value: float) -> None:
         with pytest.raises(StereocalError, match="must be a length above 0"):
-            replace(EXACT, **{name: value})
+            replace(EXACT, **cast(Any, {name: value}))
 
     @pytest.mark.parametrize("name", ["baseline_m", "target_distance_m"])
     def test_millimetres(self, name: str) -> None:
         with pytest.raises(StereocalError, match=r"looks like millimetres.*\(2\.37\)"):
-            replace(EXACT, **{name: 2370.0})
+            replace(EXACT, **cast(Any, {name: 2370.0}))
 
     @pytest.mark.parametrize("value", [0.0, -1e-3, float("nan"), float("inf")])
     @pytest.mark.parametrize("name", ["baseline_sigma_m", "target_distance_sigma_m"])
     def test_no_uncertainty(self, name: str, value: float) -> None:
         with pytest.raises(StereocalError, match="uncertainty"):
-            replace(EXACT, **{name: value})
+            replace(EXACT, **cast(Any, {name: value}))
 
     def test_a_frames_own_distance_goes_before_the_data_sets(self) -> None:
         """Given with A, with B, with both, and with none."""

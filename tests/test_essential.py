@@ -53,9 +53,10 @@ def test_exact_points_give_the_rig(pairs: int, solver: Solver) -> None:
     # Five pairs fit several rigs; known points say which is meant.
     known = Problem(costs.POINTS, rays, points.T.copy(), np.ones((2, 3)))
     found = calibrate_essential(rays, BASELINE_M, solver, tie_breaker=known.cost)
-    np.testing.assert_allclose(found.pose.angles, ANGLES, rtol=0, atol=1e-6)
-    np.testing.assert_allclose(found.pose.R, RIG.R, rtol=0, atol=1e-6)
-    np.testing.assert_allclose(found.pose.T, RIG.T, rtol=0, atol=1e-6 * BASELINE_M)
+    # Rounding of 1e-16, times a few for the narrow field; measured: 1e-14, and costs of 2e-29.
+    np.testing.assert_allclose(found.pose.angles, ANGLES, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(found.pose.R, RIG.R, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(found.pose.T, RIG.T, rtol=0, atol=1e-9 * BASELINE_M)
     assert found.cost < 1e-20
     assert found.solver == solver
 
@@ -75,10 +76,10 @@ def test_the_scale_is_the_measured_baseline(baseline: float) -> None:
 
 
 def test_noise_moves_the_rig_a_little() -> None:
-    """0.4 px of 1200 is 3e-4 rad a point; 40 points fix five angles to a small multiple of it."""
+    """0.4 px of 1200 is 3e-4 rad a point; 40 points fix the weakest angle to 60 times that."""
     found = calibrate_essential(NOISY, BASELINE_M).pose.angles
     off = np.abs(np.subtract(found, ANGLES))
-    assert 1e-6 < off.max() < 0.02  # measured: 0.004
+    assert 1e-6 < off.max() < 0.04  # measured: 0.018
 
 
 class TestConstrained:
@@ -89,7 +90,7 @@ class TestConstrained:
             residuals_at, start, args=(NOISY,), method="lm", xtol=1e-15, ftol=1e-15
         )
         found = calibrate_essential(NOISY, BASELINE_M)
-        # Both stop at a flat minimum, the cost is equal to second order of the angles' difference.
+        # SciPy stops 2e-7 rad away; the cost differs by the square of it; measured: 1e-11.
         assert found.cost == pytest.approx(2 * peer.cost, rel=1e-9)
         np.testing.assert_allclose(found.pose.angles, peer.x, rtol=0, atol=1e-6)
         assert found.stop_reason == "converged"
@@ -97,14 +98,14 @@ class TestConstrained:
     def test_is_better_than_the_linear_estimate(self) -> None:
         linear = calibrate_essential(NOISY, BASELINE_M, "linear")
         constrained = calibrate_essential(NOISY, BASELINE_M)
-        assert constrained.cost < 0.999 * linear.cost
+        assert constrained.cost < 0.5 * linear.cost  # measured: 234 times better
         assert constrained.evaluations > linear.evaluations == 1
 
     def test_the_gradient_vanishes_there(self) -> None:
         """The Gauss-Newton step from the result, with differences for a Jacobian, is nothing."""
         angles = np.array(calibrate_essential(NOISY, BASELINE_M).pose.angles)
         step, *_ = np.linalg.lstsq(differences(angles, NOISY), residuals_at(angles, NOISY))
-        assert np.abs(step).max() < 1e-6
+        assert np.abs(step).max() < 1e-8  # measured: 8e-11, the error of the differences
 
     def test_any_small_step_costs_more(self) -> None:
         best = calibrate_essential(NOISY, BASELINE_M)
@@ -120,12 +121,18 @@ class TestConstrained:
         rays = np.random.default_rng(seed).uniform(-0.5, 0.5, (4, 9))
         at = np.array(angles)
         J = _coefficients(rays) @ _essential_derivatives(at).reshape(5, 9).T
-        # Central differences of numbers of order 1: rounding 1e-16 / 1e-6, and 1e-12 of curvature.
+        # Central differences of numbers of order 1: rounding 1e-16 / 1e-6, and 1e-12 of curvature;
+        # measured: 3e-10.
         np.testing.assert_allclose(J, differences(at, rays), rtol=0, atol=1e-9)
         gradient = 2 * J.T @ residuals_at(at, rays)
-        # SciPy's differences are one-sided: 1e-8 times the second derivative, which is up to 20.
-        slope = approx_fprime(at, lambda a: float((residuals_at(a, rays) ** 2).sum()))
-        np.testing.assert_allclose(gradient, slope, rtol=0, atol=1e-6)
+        # SciPy's differences are one-sided: 1e-8 times the second derivative, up to 40;
+        # measured: 6e-7.
+
+        def cost(angles: FloatArray) -> float:
+            return float((residuals_at(angles, rays) ** 2).sum())
+
+        slope = approx_fprime(at, cost)
+        np.testing.assert_allclose(gradient, slope, rtol=0, atol=2e-6)
 
     def test_coefficients_times_E_are_the_residuals(self) -> None:
         ours = _coefficients(NOISY) @ RIG.essential.ravel()
@@ -136,12 +143,14 @@ class TestConstrained:
         angles, evaluations, converged = constrain(start, rays_of(RIG, bar_ends(10)))
         assert converged
         assert evaluations < 50
+        # Exact points have an exact minimum; measured: 2e-16.
         np.testing.assert_allclose(angles, ANGLES, rtol=0, atol=1e-9)
 
 
 class TestLinear:
     def test_is_an_essential_matrix(self) -> None:
         singular = np.linalg.svd(linear_essential(NOISY), compute_uv=False)
+        # Set to 1, 1, 0 and multiplied by rotations; measured: 2e-16.
         np.testing.assert_allclose(singular, [1, 1, 0], rtol=0, atol=1e-14)
 
     def test_opencv_recovers_the_same_pose_from_it(self) -> None:
@@ -149,6 +158,7 @@ class TestLinear:
         p, q = NOISY[:2].T.copy(), NOISY[2:].T.copy()
         _, R, t, _ = cv2.recoverPose(E, p, q, np.eye(3))
         ours = choose_pose(E, NOISY)
+        # The same decomposition of one matrix; measured: 4e-16.
         np.testing.assert_allclose(ours[0], np.asarray(R), rtol=0, atol=1e-12)
         np.testing.assert_allclose(ours[1], np.ravel(np.asarray(t)), rtol=0, atol=1e-12)
         assert ours[2] == NOISY.shape[1]

@@ -353,6 +353,50 @@ class TestCameraFile:
         with pytest.raises(StereocalError, match=r"^c: "):
             read_camera(whole[: len(whole) * percent // 100], "c")
 
+    @pytest.mark.parametrize(
+        ("old", "new"),
+        [
+            (b"  cols: 3\n", b""),
+            (b"  rows: 3\n", b""),
+            (b"cols: 3", b"cols: -1"),
+            (b"cols: 3", b"cols: 2000000000"),
+            (b"rows: 3", b"rows: 2"),
+            (b"rows: 3", b"rows: three"),
+            (b"  rows: 3\n  cols: 3\n", b"  sizes: [" + b"3, " * 99 + b"3]\n"),
+            (b"[1260.82, 0,", b"[a, b,"),
+            (b"[1260.82, 0,", b"[[1260.82, 0],"),
+            (b", 0, 0, 1]", b"]"),
+            (b"data: [1260.82", b"datum: [1260.82"),
+        ],
+    )
+    def test_matrices_that_opencv_dies_of(self, old: bytes, new: bytes) -> None:
+        """`FileNode.mat()` of OpenCV 5.0 ends the interpreter at some of these."""
+        assert old in OTHER_TOOL
+        with pytest.raises(StereocalError, match=r"^c: camera_matrix "):
+            read_camera(OTHER_TOOL.replace(old, new, 1), "c")
+
+    @pytest.mark.parametrize("suffix", [".xml", ".json"])
+    def test_a_matrix_without_columns(self, suffix: str) -> None:
+        whole = with_storage(suffix, **NODES)
+        cut = whole.replace(b"<cols>3</cols>", b"").replace(b'"cols": 3,', b"")
+        assert cut != whole
+        with pytest.raises(StereocalError, match="is not a matrix"):
+            read_camera(cut, "c")
+
+    @pytest.mark.parametrize(
+        "content",
+        [
+            b"%YAML:1.0\na: " + b"[" * 200_000,
+            b"%YAML:1.0\na: " + b"{a: " * 200_000,
+            b"%YAML:1.0\na:\n  " + b"- " * 200_000,
+            b'<?xml version="1.0"?><opencv_storage>' + b"<a>" * 200_000,
+            b'{"a":' + b"[" * 900 + b"]" * 900 + b"}",
+        ],
+    )
+    def test_deep_nesting_does_not_end_the_program(self, content: bytes) -> None:
+        with pytest.raises(StereocalError, match="nested too deeply"):
+            read_camera(content, "c")
+
     @given(st.sampled_from(SUFFIXES), st.data())
     @settings(max_examples=150)
     def test_mutated_files_are_read_or_refused(self, suffix: str, data: st.DataObject) -> None:
@@ -486,9 +530,8 @@ class TestDatasetFiles:
 
     def test_refused_rows_are_named_with_their_file(self) -> None:
         bad = self.files["correspondences.csv"] + b"99,A,1,2,3,x\n"
-        with pytest.raises(
-            RefusedRowsError, match=r"^x: correspondences\.csv: 1 row .*line 14"
-        ) as e:
+        in_table = r"^x: correspondences\.csv: 1 row .*line 14: "
+        with pytest.raises(RefusedRowsError, match=in_table) as e:
             parse_dataset({**self.files, "correspondences.csv": bad}, "x")
         assert [problem.line for problem in e.value.problems] == [14]
         far = self.files["correspondences.csv"] + b"99,A,1599.6,2,3,4\n"

@@ -27,7 +27,7 @@ MOST_SWELLING = 200
 
 DAMAGED_ZIP = (
     zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError, ValueError, OSError,
-    OverflowError, struct.error, zlib.error, lzma.LZMAError,
+    OverflowError, IndexError, struct.error, zlib.error, lzma.LZMAError,
 )  # fmt: skip
 """All that `zipfile` and its decompressors raise on damaged content."""
 

@@ -69,15 +69,24 @@ NUMBERS = (
 def settings_form(project: Project, dataset: Dataset) -> dict[str, Any]:
     """The settings of the calibration, as they stand in the form."""
     frames = len(dataset.correspondences.frames)
-    defaults: dict[str, Any] = {number.key: number.default for number in NUMBERS}
-    defaults |= {"essential": "constrained", "calibration_frames": frames}
-    remembered(project, defaults)
+    remembered(project, {"calibration_frames": frames})
     st.session_state["calibration_frames"] = min(st.session_state["calibration_frames"], frames)
-    st.slider(
-        "Frames to calibrate with (the others test the result)",
-        1, frames, key="calibration_frames", on_change=keeper(project, "calibration_frames"),
-        help=f"All {frames}, or fewer, drawn at random. Paper: 20 of 25.",
-    )  # fmt: skip
+    if frames > 1:
+        st.slider(
+            "Frames to calibrate with (the others test the result)",
+            1, frames, key="calibration_frames", on_change=keeper(project, "calibration_frames"),
+            help=f"All {frames}, or fewer, drawn at random. Paper: 20 of 25.",
+        )  # fmt: skip
+    chosen = st.session_state["calibration_frames"]
+    values = search_form(project)
+    return values | {"calibration_frames": None if chosen == frames else chosen}
+
+
+def search_form(project: Project) -> dict[str, Any]:
+    """The settings of the search and of the essential method, in an expander."""
+    defaults: dict[str, Any] = {number.key: number.default for number in NUMBERS}
+    defaults["essential"] = "constrained"
+    remembered(project, defaults)
     with st.expander("Settings of the search"):
         columns = st.columns(3)
         for at, number in enumerate(NUMBERS):
@@ -93,9 +102,7 @@ def settings_form(project: Project, dataset: Dataset) -> dict[str, Any]:
             help="Constrained: the best essential matrix. Linear: the textbook's 8-point estimate "
             "alone, as the start of the searches.",
         )  # fmt: skip
-    chosen = st.session_state["calibration_frames"]
-    values = {key: st.session_state[key] for key in defaults}
-    return values | {"calibration_frames": None if chosen == frames else chosen}
+    return {key: st.session_state[key] for key in defaults}
 
 
 def settings_of(values: dict[str, Any]) -> CalibrationSettings:

@@ -26,6 +26,13 @@ BRING = """
 Nothing leaves this computer: the page talks to the stereocal server that you started.
 """
 
+VALIDATE = """
+Many times over, some frames are drawn to calibrate with, and the others test the result.
+**Matching**: do correct pairs of points have smaller errors than wrong ones? Where the two curves
+overlap, a wrong pair looks right: the overlap is the *false correspondence probability* (FCP).
+**Measuring**: how far off are the lengths of bars that took no part?
+"""
+
 TWO_FILES = {
     "2d": "For **matching**: finding which point of one image belongs to which of the other.",
     "3d": "For **measuring**: turning matched points into positions and distances in metres.",

@@ -1,0 +1,57 @@
+"""Where runs are computed: threads, processes, or a Dask cluster, all as one kind of executor."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+from collections.abc import Iterator
+from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
+from contextlib import contextmanager
+from typing import Any
+
+from stereocal.errors import StereocalError
+
+
+@contextmanager
+def engine(workers: int | None = None, scheduler: str | None = None) -> Iterator[Executor]:
+    """An executor for `evaluation.evaluate`.
+
+    Args:
+        workers: so many processes; None for threads, which the compiled searches do not block.
+        scheduler: address of a Dask scheduler, such as tcp://host:8786; its workers are used.
+
+    Raises:
+        StereocalError: both are given, or the cluster cannot be reached.
+    """
+    if workers is not None and scheduler is not None:
+        raise StereocalError("Give either a number of workers or a scheduler, not both.")
+    if workers is not None and workers < 1:
+        raise StereocalError(f"The number of workers is {workers}: it must be at least 1.")
+    if scheduler is not None:
+        with _cluster(scheduler) as cluster:
+            yield cluster
+    elif workers is not None:
+        # Never fork: the server and NumPy run threads, whose locks a fork would copy.
+        context = multiprocessing.get_context("spawn")
+        with ProcessPoolExecutor(workers, mp_context=context) as processes:
+            yield processes
+    else:
+        with ThreadPoolExecutor(os.cpu_count() or 1) as threads:
+            yield threads
+
+
+@contextmanager
+def _cluster(address: str) -> Iterator[Executor]:
+    try:
+        import distributed
+    except ImportError as error:
+        raise StereocalError(
+            "A scheduler needs Dask: pip install 'stereocal[cluster]' (or distributed)."
+        ) from error
+    connect: Any = distributed.Client
+    try:
+        client = connect(address, timeout="10s")
+    except (OSError, TimeoutError, ValueError) as error:
+        raise StereocalError(f"The scheduler at {address} cannot be reached ({error}).") from error
+    with client:
+        yield client.get_executor()

@@ -1,0 +1,130 @@
+"""What an evaluation leaves behind: `summary.json` for scripts, and the counts for a project."""
+
+from __future__ import annotations
+
+import io
+import json
+import zipfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+import stereocal
+from stereocal.calibrate import Method
+from stereocal.dataset import Dataset
+from stereocal.errors import StereocalError
+from stereocal.evaluation import EvaluationSettings, Run
+from stereocal.summary import MethodSummary
+
+SUMMARY_FORMAT = "stereocal-summary/1"
+
+
+def summary_json(
+    pooled: Mapping[Method, MethodSummary],
+    by_dataset: Mapping[str, Mapping[Method, MethodSummary]],
+    datasets: Sequence[Dataset],
+    settings: EvaluationSettings,
+) -> bytes:
+    """`summary.json`: all figures pooled and by data set; errors as fractions, angles in rad."""
+    content = {
+        "format": SUMMARY_FORMAT,
+        "methods": {method: found.to_json() for method, found in pooled.items()},
+        "datasets": [
+            {
+                "name": name,
+                "frames": len(dataset.correspondences.frames),
+                "pairs": len(dataset.correspondences),
+                "bars": len(dataset.correspondences.bars),
+                "baseline_m": dataset.baseline_m,
+                "target_distance_m": dataset.target_distance_m,
+                "sha256": dataset.sha256,
+                "methods": {method: found.to_json() for method, found in own.items()},
+            }
+            for (name, own), dataset in zip(by_dataset.items(), datasets, strict=True)
+        ],
+        "settings": settings.to_json(),
+        "software": {"stereocal": stereocal.__version__, "numpy": np.__version__},
+    }
+    return (json.dumps(content, indent=2, allow_nan=False) + "\n").encode()
+
+
+def validation_figures(
+    pooled: Mapping[Method, MethodSummary], settings: EvaluationSettings
+) -> dict[str, dict[str, Any]]:
+    """What the parameter files say of a validation, by method: its figures and its protocol."""
+    protocol = {"runs": settings.runs, "calibration_frames": settings.calibration_frames}
+    return {method: {**protocol, **found.to_json()} for method, found in pooled.items()}
+
+
+def unique_names(datasets: Sequence[Dataset]) -> list[str]:
+    """The names of data sets, with a number where two are alike."""
+    names: list[str] = []
+    for dataset in datasets:
+        name, copy = dataset.name, 2
+        while name in names:
+            name, copy = f"{dataset.name} ({copy})", copy + 1
+        names.append(name)
+    return names
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """The runs of a finished evaluation, with the settings and the data they came from."""
+
+    runs: Sequence[Sequence[Run]]
+    settings: EvaluationSettings
+    names: Sequence[str]
+    """Of the data sets, in order."""
+    sha256: Sequence[str]
+    """Of the data sets, in order."""
+
+
+def pack_evaluation(evaluation: Evaluation) -> bytes:
+    """An evaluation as one compressed file of plain arrays."""
+    runs = evaluation.runs
+    about = {
+        "settings": evaluation.settings.to_json(),
+        "names": list(evaluation.names),
+        "sha256": list(evaluation.sha256),
+    }
+    arrays: dict[str, Any] = {"about": np.frombuffer(json.dumps(about).encode(), dtype=np.uint8)}
+    for at, of_one in enumerate(runs):
+        arrays[f"counts{at}"] = np.array([run.counts for run in of_one], dtype=np.uint32)
+        arrays[f"nans{at}"] = np.array([run.nans for run in of_one])
+        arrays[f"angles{at}"] = np.array([run.angles for run in of_one])
+        # Runs may test with different numbers of bars: frames with one target have none.
+        arrays[f"bars{at}"] = np.array([run.lengths.shape[1] for run in of_one])
+        arrays[f"lengths{at}"] = np.concatenate([run.lengths for run in of_one], axis=1)
+    packed = io.BytesIO()
+    np.savez_compressed(packed, **arrays)
+    return packed.getvalue()
+
+
+def unpack_evaluation(content: bytes) -> Evaluation:
+    """The evaluation that `pack_evaluation` packed.
+
+    Raises:
+        StereocalError: the file is damaged.
+    """
+    runs = []
+    try:
+        with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
+            about = json.loads(arrays["about"].tobytes())
+            for at in range(len(about["names"])):
+                counts = arrays[f"counts{at}"].astype(np.int64)
+                ends = np.cumsum(arrays[f"bars{at}"])[:-1]
+                lengths = np.split(arrays[f"lengths{at}"], ends, axis=1)
+                nans, angles = arrays[f"nans{at}"], arrays[f"angles{at}"]
+                runs.append(
+                    [Run(*parts) for parts in zip(counts, nans, lengths, angles, strict=True)]
+                )
+            return Evaluation(
+                runs,
+                EvaluationSettings.from_json(about["settings"]),
+                about["names"],
+                about["sha256"],
+            )
+    except (KeyError, TypeError, ValueError, OSError, EOFError, zipfile.BadZipFile) as error:
+        raise StereocalError("The last validation cannot be read; validate again.") from error

@@ -1,0 +1,196 @@
+"""Each sentence about a data set as a whole, and that sound data hear none."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from stereocal.calibrate import calibrate, reconstruction_problem
+from stereocal.checks import (
+    check_exchange,
+    check_in_front,
+    check_points,
+    check_scale,
+    warnings_about,
+)
+from stereocal.compiled import FloatArray
+from stereocal.dataset import Correspondences, Dataset
+from stereocal.errors import StereocalError
+from stereocal.geometry import Angles, Pose
+from tests.rig import BAR_M, BASELINE_M, PRIMARY, RIG, SECONDARY, correspondences, dataset
+
+SOUND = dataset(20, noise_px=0.3)
+
+
+def with_points(primary: FloatArray, secondary: FloatArray) -> Dataset:
+    rows = SOUND.correspondences
+    return replace(SOUND, correspondences=replace(rows, primary=primary, secondary=secondary))
+
+
+def test_sound_data_hear_nothing() -> None:
+    check_points(SOUND)
+    check_in_front(SOUND, RIG)
+    check_scale(SOUND, RIG)
+    assert warnings_about(SOUND) == []
+    assert calibrate(SOUND).warnings == ()
+
+
+class TestPoints:
+    def test_fewer_than_five_pairs(self) -> None:
+        few = SOUND.of_frames([1, 2])
+        with pytest.raises(StereocalError, match=r"There are 4 pairs of points; at least 5"):
+            check_points(few)
+        with pytest.raises(StereocalError, match=r"There are 4 pairs of points; at least 5"):
+            calibrate(few)
+        rows = SOUND.correspondences
+        one = replace(SOUND, correspondences=rows.where(np.arange(len(rows)) == 3))
+        with pytest.raises(StereocalError, match="There is 1 pair of points"):
+            check_points(one)
+        five = replace(SOUND, correspondences=rows.where(np.arange(len(rows)) < 5))
+        check_points(five)
+
+    @pytest.mark.parametrize("which", ["primary", "secondary"])
+    def test_all_in_one_place(self, which: str) -> None:
+        """Within 1 % of the diagonal, which is 20 px in the primary and 16 in the secondary."""
+        n = len(SOUND.correspondences)
+        diagonal = {"primary": 2000.0, "secondary": 1639.2}[which]
+        for fraction, refused in ((0.009, True), (0.011, False)):
+            side = fraction * diagonal / np.sqrt(2)
+            points = {
+                "primary": np.array(SOUND.correspondences.primary),
+                "secondary": np.array(SOUND.correspondences.secondary),
+            }
+            points[which] = 500.0 + np.linspace(0, side, n)[:, None] * np.ones(2)
+            data = with_points(**points)
+            if refused:
+                with pytest.raises(
+                    StereocalError, match=f"points of the {which} camera lie in one"
+                ):
+                    check_points(data)
+            else:
+                check_points(data)
+
+
+class TestScale:
+    @pytest.mark.parametrize(
+        ("factor", "says"),
+        [
+            (1 / 1000, r"baseline looks like millimetres.*distance is 1000 times too small"),
+            (1 / 100, r"baseline looks like centimetres.*distance is 100 times too small"),
+            (1 / 2, r"smaller than the baseline allows\. Measure both again"),
+            (2, r"larger than the baseline allows\. Measure both again"),
+            (100, r"distance looks like centimetres.*baseline is 100 times too small"),
+            (1000, r"distance looks like millimetres.*baseline is 1000 times too small"),
+        ],
+    )
+    def test_off(self, factor: float, says: str) -> None:
+        """The factor on the distance, or its inverse on the baseline: the same contradiction."""
+        stretched = Pose(RIG.R, RIG.T / factor)
+        by_distance = replace(SOUND, target_distance_m=BAR_M * factor)
+        by_baseline = replace(SOUND, baseline_m=min(BASELINE_M / factor, 999.0))
+        for data, pose in ((by_distance, RIG), (by_baseline, stretched)):
+            with pytest.raises(StereocalError, match=says) as error:
+                check_scale(data, pose)
+        assert "but with this baseline the images say a distance of" in str(error.value)
+
+    def test_calibrate_says_so_too(self) -> None:
+        """With the essential start, whose lengths are 7 % off."""
+        with pytest.raises(StereocalError, match=r"images say a distance of 0\.9"):
+            calibrate(replace(SOUND, target_distance_m=870.0))
+
+    @pytest.mark.parametrize("factor", [0.7, 0.9, 1.1, 1.45])
+    def test_a_poor_measurement_passes(self, factor: float) -> None:
+        check_scale(replace(SOUND, target_distance_m=BAR_M * factor), RIG)
+
+    def test_one_wrong_bar_does_not_decide(self) -> None:
+        distances = np.array(SOUND.correspondences.distance_m)
+        distances[:2] = 1000 * BAR_M
+        rows = replace(SOUND.correspondences, distance_m=distances)
+        check_scale(replace(SOUND, correspondences=rows), RIG)
+
+
+class TestExchangedTargets:
+    """A bar longer than the baseline along it: A's ray and B's then meet behind the cameras."""
+
+    pose = Pose.from_angles(Angles(0.05, -0.07, 0.11, 0.13, 3.02), 0.4)
+
+    def data(self, exchanged: int | None) -> Dataset:
+        rng = np.random.default_rng(3)
+        middle = rng.uniform([-0.8, -0.7, 5.0], [0.8, 0.7, 8.0], (15, 3))
+        along = rng.normal(0, [0.5, 0.4, 0.3], (15, 3))
+        along[6] = 1.0, 0.1, 0.0
+        along *= BAR_M / 2 / np.linalg.norm(along, axis=1, keepdims=True)
+        points = np.stack([middle - along, middle + along], axis=1).reshape(-1, 3)
+        primary, secondary = PRIMARY.project(points), SECONDARY.project(self.pose.apply(points))
+        if exchanged is not None:
+            a = 2 * exchanged
+            secondary[[a, a + 1]] = secondary[[a + 1, a]]
+        rows = Correspondences.from_arrays(
+            np.repeat(np.arange(15), 2), ["A", "B"] * 15, primary, secondary
+        )
+        return Dataset("short", PRIMARY, SECONDARY, rows, 0.4, BAR_M)
+
+    def test_in_one_frame(self) -> None:
+        check_in_front(self.data(None), self.pose)
+        with pytest.raises(StereocalError, match=r"1 of 30 pairs do not meet .*\(frame 6, target"):
+            check_in_front(self.data(6), self.pose)
+
+    def test_many_are_counted_and_three_named(self) -> None:
+        behind = Pose(self.pose.R, -self.pose.T)
+        with pytest.raises(StereocalError, match=r"30 of 30 pairs .*frame 1, target A; and more\)"):
+            check_in_front(self.data(None), behind)
+
+
+def test_no_bars_for_the_3d_method() -> None:
+    rows = SOUND.correspondences
+    only_A = replace(SOUND, correspondences=rows.where(np.array(rows.target) == 0))
+    with pytest.raises(StereocalError, match="No frame has both targets A and B"):
+        reconstruction_problem(only_A)
+    with pytest.raises(StereocalError, match="No frame has both targets A and B"):
+        calibrate(only_A)
+    check_scale(only_A, RIG)
+
+
+def test_no_known_points() -> None:
+    with pytest.raises(StereocalError, match="No row has a known point"):
+        reconstruction_problem(SOUND, known_points=True)
+
+
+@pytest.mark.parametrize("frames", [1, 4, 5])
+def test_few_bars(frames: int) -> None:
+    rows = correspondences(8, noise_px=0.3)
+    keep = (np.array(rows.frame) <= frames) | (np.array(rows.target) == 0)
+    said = warnings_about(replace(SOUND, correspondences=rows.where(keep)))
+    expected = {1: ["Only 1 frame has both"], 4: ["Only 4 frames have both"], 5: []}[frames]
+    assert len(said) == len(expected)
+    assert all(text.startswith(start) for text, start in zip(said, expected, strict=True))
+
+
+def test_the_same_lens_twice() -> None:
+    twice = replace(SOUND.of_frames([1, 3]), primary=SECONDARY)
+    assert warnings_about(twice)[-1].startswith("Both cameras have exactly the same lens.")
+
+
+class TestExchangedCameras:
+    @pytest.mark.parametrize(
+        ("given", "exchanged", "outcome"),
+        [
+            ((10.0, 0.1), None, "nothing"),
+            ((10.0, 0.1), (12.0, 0.2), "nothing"),
+            ((10.0, 0.1), (9.8, 0.095), "nothing"),
+            ((10.0, 0.1), (9.8, 0.08), "warning"),
+            ((10.0, 0.1), (5.0, 0.05), "refused"),
+            ((10.0, 0.1), (1.0, 0.11), "nothing"),
+            ((10.0, 0.1), (0.0, 0.0), "refused"),
+        ],
+    )
+    def test_by_the_costs(
+        self, given: tuple[float, float], exchanged: tuple[float, float] | None, outcome: str
+    ) -> None:
+        if outcome == "refused":
+            with pytest.raises(StereocalError, match="seem to be exchanged"):
+                check_exchange(given, exchanged)
+        else:
+            assert len(check_exchange(given, exchanged)) == (outcome == "warning")
