@@ -36,7 +36,7 @@ if st.button("Calibrate", type="primary", key="run"):
         st.error(escape_markdown(str(error)))
 
 try:
-    result = project.calibration
+    result, evaluation = project.calibration, project.evaluation
 except StereocalError as error:
     st.error(escape_markdown(str(error)))
     st.stop()
@@ -46,5 +46,5 @@ if result is None:
 st.header("Result", divider="gray")
 if stale := staleness(result, dataset, values):
     st.warning(stale)
-show_result(result)
+show_result(result, evaluation)
 st.caption(describe_settings(result))

@@ -144,14 +144,13 @@ class Calibration:
     def parameters(
         self,
         method: Literal["2d", "3d"],
-        matching_threshold_px: float | None = None,
         validation: Mapping[str, Any] | None = None,
     ) -> RigParameters:
         """The parameter set to save: `2d` for matching, `3d` for reconstruction.
 
         Args:
-            matching_threshold_px: recommended limit of the reprojection error of a match.
-            validation: figures of a validation of this data set, where there was one.
+            validation: figures of a validation of this data set, where there was one; its
+                `threshold_px` becomes the recommended limit of a match.
         """
         found = self.methods[method]
         return RigParameters(
@@ -168,7 +167,7 @@ class Calibration:
                 "target_distance_m": self.dataset.target_distance_m,
                 "frames": [int(frame) for frame in self.frames],
             },
-            matching_threshold_px=matching_threshold_px,
+            matching_threshold_px=validation["threshold_px"] if validation else None,
             validation=validation,
         )
 
@@ -277,7 +276,12 @@ def errors_of(dataset: Dataset, pose: Pose) -> Errors:
 def _costs_with_cameras_exchanged(
     dataset: Dataset, settings: CalibrationSettings, seed: np.random.SeedSequence
 ) -> tuple[float, float] | None:
-    """2D and 3D cost with the two camera files the other way round; None where it cannot be."""
+    """2D and 3D cost with the two camera files the other way round.
+
+    None where that cannot be, and for so few points that any cameras fit them.
+    """
+    if len(dataset.correspondences.bars) < checks.BARS_TO_TELL:
+        return None
     try:
         other = dataset.with_cameras_exchanged()
         start = calibrate_essential(other.rays, other.baseline_m, settings.essential)

@@ -18,6 +18,9 @@ LARGEST_SCALE_ERROR = 1.5
 SURELY_EXCHANGED = 1.5
 MAYBE_EXCHANGED = 1.15
 
+BARS_TO_TELL = 10
+"""Five angles fit the lengths of five bars, and five pairs, whatever the cameras."""
+
 FEW_BARS = 5
 """Five angles cannot be found from fewer lengths."""
 

@@ -7,6 +7,7 @@ import json
 import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -56,6 +57,23 @@ def validation_figures(
     """What the parameter files say of a validation, by method: its figures and its protocol."""
     protocol = {"runs": settings.runs, "calibration_frames": settings.calibration_frames}
     return {method: {**protocol, **found.to_json()} for method, found in pooled.items()}
+
+
+def validation_in_summary(path: Path, dataset: Dataset) -> dict[str, dict[str, Any]]:
+    """The figures that `validation_figures` gives, from a `summary.json` with this data set.
+
+    Raises:
+        StereocalError: the file cannot be read, or it says nothing of this data set.
+    """
+    try:
+        content = json.loads(path.read_bytes())
+        known = {entry["sha256"]: entry["methods"] for entry in content["datasets"]}
+        protocol = {name: content["settings"][name] for name in ("runs", "calibration_frames")}
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise StereocalError(f"{path}: this is not a summary.json of evaluate.") from error
+    if dataset.sha256 not in known:
+        raise StereocalError(f"{path}: it says nothing of the data set {dataset.name}.")
+    return {method: {**protocol, **found} for method, found in known[dataset.sha256].items()}
 
 
 def unique_names(datasets: Sequence[Dataset]) -> list[str]:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 import pandas as pd
 
 from stereocal.calibrate import COST_UNITS, METHOD_NAMES, METHODS, Calibration, Method, errors_of
 from stereocal.dataset import Dataset
+from stereocal.summary import Estimate, MethodSummary, best_methods
 
 ANGLE_TITLES = {
     "yaw": "Yaw α (degrees)",
@@ -99,6 +101,134 @@ def _distances(dataset: Dataset) -> str:
     if len(own) and np.ptp(own) > 0:
         return f"{own.min():g} to {own.max():g} m, by frame"
     return f"{own[0] if len(own) else dataset.target_distance_m:g} m"
+
+
+def validation_table(summaries: Mapping[Method, MethodSummary]) -> pd.DataFrame:
+    """The validation figures side by side: a column a method, a row a quantity, all as text."""
+    return pd.DataFrame(
+        {
+            METHOD_NAMES[method]: {
+                **_matching_column(summaries[method]),
+                **_measuring_column(summaries[method]),
+                **_counts_column(summaries[method]),
+            }
+            for method in METHODS
+            if method in summaries
+        }
+    ).rename_axis("Held-out frames; in brackets 95 % intervals")
+
+
+def _matching_column(summary: MethodSummary) -> dict[str, str]:
+    looks_right = "How often a wrong pair looks right (FCP)"
+    residual, matching = summary.residual, summary.reprojection
+    return {
+        f"{looks_right}, residual (%)": _with_interval(residual.fcp),
+        f"{looks_right}, reprojection error (%)": _with_interval(matching.fcp),
+        "Recommended threshold, residual (no unit)": digits(residual.threshold),
+        "Recommended threshold, reprojection error (px)": digits(matching.threshold),
+        "Correct pairs lost at that many px (%)": percent(matching.correct_lost),
+        "Wrong pairs let in at that many px (%)": percent(matching.wrong_let_in),
+    }
+
+
+def _measuring_column(summary: MethodSummary) -> dict[str, str]:
+    lengths = summary.reconstruction
+    return {
+        "3D error of the bars, median (%)": _with_interval(lengths.median),
+        "95 % of bars within (%)": percent(lengths.p95),
+        "3D error of the bars, mean (%)": percent(lengths.mean),
+        "Bars with a 3D error above 1 % (%)": percent(lengths.fraction_above_1_percent),
+        "Spread of the lengths, blind to scale (wand score, %)": digits(lengths.wand_score, 2),
+        "Error of the scale (mean length error, %)": percent(lengths.mean_length_error),
+    }
+
+
+def _counts_column(summary: MethodSummary) -> dict[str, str]:
+    residual, matching = summary.residual, summary.reprojection
+    bars = summary.reconstruction.pdf
+    return {
+        "Correct pairs counted": f"{matching.correct.n}",
+        "Wrong pairs counted": f"{matching.wrong.n}",
+        "Pairs behind a camera, correct and wrong": f"{matching.correct.nans} and "
+        f"{matching.wrong.nans}",
+        "Residuals of zero": f"{residual.correct.zeros + residual.wrong.zeros}",
+        "Reprojection errors of zero": f"{matching.correct.zeros + matching.wrong.zeros}",
+        "Bars counted": f"{max(bars.n, bars.nans)}",
+        "Bars without value": f"{bars.nans}",
+        "3D errors of zero": f"{bars.zeros}",
+    }
+
+
+def validation_answer(summaries: Mapping[Method, MethodSummary]) -> str:
+    """Which set to match with, at which limit, and which to measure with, and how well.
+
+    The 2D set is named for matching and the 3D set for measuring where they are best, or where
+    their interval overlaps that of the best; then it is said which methods are level with them.
+    """
+    best = best_methods(summaries)
+    fcps = {method: summary.reprojection.fcp for method, summary in summaries.items()}
+    medians = {method: summary.reconstruction.median for method, summary in summaries.items()}
+    match = _recommended(fcps, best["reprojection"], "2d")
+    matching = summaries[match].reprojection
+    first = (
+        f"Match with {_name(match)} at {digits(matching.threshold, 2)} px: "
+        f"{percent(matching.wrong_let_in)} % of wrong pairs pass and "
+        f"{percent(matching.correct_lost)} % of correct ones are lost"
+        f"{_level(fcps, match, 'FCP')}."
+    )
+    measure = _recommended(medians, best["reconstruction"], "3d")
+    if not math.isfinite(medians[measure].value):
+        return f"{first} No bar could be measured."
+    lengths = summaries[measure].reconstruction
+    return (
+        f"{first} Measure with {_name(measure)}: 95 % of bars within {percent(lengths.p95)} %"
+        f"{_level(medians, measure, 'median error')}."
+    )
+
+
+def _recommended(found: Mapping[Method, Estimate], best: Method, made_for_it: Method) -> Method:
+    if made_for_it in found and _overlap(found[made_for_it], found[best]):
+        return made_for_it
+    return best
+
+
+def _level(found: Mapping[Method, Estimate], chosen: Method, what: str) -> str:
+    """A clause on the methods whose interval overlaps that of the chosen one."""
+    level = [
+        f"{_name(method)} with {percent(estimate.value)} %"
+        for method, estimate in found.items()
+        if method != chosen and _overlap(estimate, found[chosen])
+    ]
+    if not level:
+        return ""
+    return (
+        f" (level with it, for the intervals overlap: {' and '.join(level)}; its own {what} is "
+        f"{percent(found[chosen].value)} %)"
+    )
+
+
+def _overlap(a: Estimate, b: Estimate) -> bool:
+    return a.low <= b.high and b.low <= a.high
+
+
+def _name(method: Method) -> str:
+    return "the essential matrix" if method == "essential" else f"the {METHOD_NAMES[method]}"
+
+
+def percent(fraction: float, significant: int = 2) -> str:
+    """A fraction in percent, without the sign: `0.0037` is `0.37`."""
+    return digits(round(100 * fraction, 9) + 0.0, significant)
+
+
+def interval(estimate: Estimate) -> str:
+    """The interval of a fraction in percent: `0.18 to 0.51`."""
+    return f"{percent(estimate.low)} to {percent(estimate.high)}"
+
+
+def _with_interval(estimate: Estimate) -> str:
+    if not math.isfinite(estimate.value):
+        return "none"
+    return f"{percent(estimate.value)} ({interval(estimate)})"
 
 
 def digits(value: float, significant: int = 3) -> str:

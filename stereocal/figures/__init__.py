@@ -14,6 +14,12 @@ from stereocal.figures.style import (
     TARGET_SYMBOLS,
 )
 from stereocal.figures.traces import describe_traces, plot_traces
+from stereocal.figures.validation import (
+    describe_comparison,
+    describe_validation,
+    plot_comparison,
+    plot_validation,
+)
 
 __all__ = [
     "METHOD_COLOURS",
@@ -21,12 +27,16 @@ __all__ = [
     "METHOD_SYMBOLS",
     "TARGET_COLOURS",
     "TARGET_SYMBOLS",
+    "describe_comparison",
     "describe_coverage",
     "describe_frame_errors",
     "describe_rig",
     "describe_traces",
+    "describe_validation",
+    "plot_comparison",
     "plot_coverage",
     "plot_frame_errors",
     "plot_rig",
     "plot_traces",
+    "plot_validation",
 ]

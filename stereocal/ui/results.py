@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import zipfile
+from typing import Any, Literal
 
 import plotly.graph_objects as go
 import streamlit as st
@@ -11,6 +12,7 @@ import streamlit as st
 from stereocal.calibrate import METHOD_NAMES, METHODS, Calibration
 from stereocal.cli import FILES
 from stereocal.dataset import Dataset
+from stereocal.evaluation_files import Evaluation, validation_figures
 from stereocal.figures import (
     describe_frame_errors,
     describe_rig,
@@ -20,22 +22,28 @@ from stereocal.figures import (
     plot_traces,
 )
 from stereocal.formats.dataset_files import pack_dataset
+from stereocal.summary import summarise
 from stereocal.tables import answer, results_table
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.texts import TWO_FILES
 
 
-def show_result(calibration: Calibration) -> None:
+def show_result(calibration: Calibration, evaluation: Evaluation | None = None) -> None:
     """Answer, downloads, table and figures, from top to bottom."""
     for warning in calibration.warnings:
         st.warning(warning)
     st.success(answer(calibration))
-    for method, column in zip(("2d", "3d"), st.columns(2), strict=True):
+    figures: dict[str, dict[str, Any]] = {}
+    if evaluation is not None and list(evaluation.sha256) == [calibration.dataset.sha256]:
+        figures = validation_figures(summarise(evaluation.runs), evaluation.settings)
+        st.caption("The two files carry the figures of the last validation of these data.")
+    methods: tuple[Literal["2d", "3d"], ...] = ("2d", "3d")
+    for method, column in zip(methods, st.columns(2), strict=True):
         with column:
             st.markdown(TWO_FILES[method])
             st.download_button(
                 f"Download {FILES[method]}",
-                calibration.parameters("2d" if method == "2d" else "3d").dumps(),
+                calibration.parameters(method, figures.get(method)).dumps(),
                 FILES[method],
                 "application/json",
                 on_click="ignore",

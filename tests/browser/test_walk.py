@@ -61,22 +61,25 @@ def test_upload_real_recordings_and_compare_with_the_command_line(
     real = Path(given) / "ewand12"
     page.goto(f"{app_url}/data")
     settled(page)
-    for slot, name in (
-        ("correspondences", "correspondences.csv"),
-        ("primary", "primary.yaml"),
-        ("secondary", "secondary.yaml"),
+    missing = page.get_by_text("Still missing")
+    for slot, name, lacking in (
+        ("correspondences", "correspondences.csv", "the primary camera's file, the secondary"),
+        ("primary", "primary.yaml", "Still missing: the secondary camera's file"),
+        ("secondary", "secondary.yaml", "Still missing: the baseline"),
     ):
         page.locator(f".st-key-upload_{slot} input[type=file]").set_input_files(real / name)
-        settled(page)
-    for field, value in (("baseline_m", "4.976"), ("target_distance_m", "390")):
-        if value == "390":  # typed in millimetres
-            page.locator(f".st-key-{field}_unit").click()
-            page.get_by_role("option", name="mm", exact=True).click()
-            settled(page)
-        box = page.locator(f".st-key-{field}_value input")
-        box.fill(value)
-        box.press("Enter")
-        settled(page)
+        expect(missing).to_contain_text(lacking)
+    box = page.locator(".st-key-baseline_m_value input")
+    box.fill("4.976")
+    box.press("Enter")
+    expect(missing).to_contain_text("Still missing: the distance between the targets")
+    settled(page)
+    page.locator(".st-key-target_distance_m_unit").click()
+    page.get_by_role("option", name="mm", exact=True).click()
+    settled(page)
+    box = page.locator(".st-key-target_distance_m_value input")
+    box.fill("390")
+    box.press("Enter")
     expect(page.get_by_text("818 pairs of points in 409 frames")).to_be_visible()
     page.locator("[data-testid=stMain]").get_by_role("link", name="Calibrate").click()
     settled(page)
@@ -136,7 +139,7 @@ def test_sample_to_downloads_with_a_refresh_and_a_restart(
     with serve(home) as url:  # a bookmark is the first address that the new server gets
         page.goto(re.sub(r"http://[^/]+", url, address))
         expect(page.get_by_test_id("stSidebar").get_by_role("link")).to_have_text(
-            ["Start", "Data", "Calibrate"]
+            ["Start", "Data", "Calibrate", "Validate"]
         )
         settled(page)
         expect(page.get_by_text("Page not found")).to_have_count(0)
@@ -224,3 +227,51 @@ def test_address_that_names_no_project_is_said(page: Page, app_url: str, settled
         settled(page)
         expect(page.get_by_role("button", name="Start a new project")).to_be_visible()
         expect(page.get_by_text("Traceback")).to_have_count(0)
+
+
+def test_validation_follows_the_controls_and_a_long_run_can_be_cancelled(
+    page: Page, app_url: str, settled: Settled, tmp_path: Path
+) -> None:
+    page.goto(app_url)
+    settled(page)
+    page.locator(".st-key-demo button").click()
+    expect(page.get_by_text("50 pairs of points in 25 frames")).to_be_visible()
+    page.get_by_test_id("stSidebar").get_by_role("link", name="Validate").click()
+    expect(page.get_by_text("Match with the")).to_be_visible(timeout=LONGEST_MS)
+
+    def state() -> tuple[list[str], str]:
+        settled(page)
+        page.wait_for_timeout(1000)  # Plotly draws after the page is settled
+        titles = page.locator(".st-key-validation .annotation-text").all_text_contents()
+        return row_of(page, "3D error of the bars, median"), " ".join(titles)
+
+    seen = [state()]
+    assert len(seen[0][0]) == 3
+    page.get_by_text("Settings of the search").click()
+    for field, value in (("delta", "0.1"), ("acceptance", "0.9")):
+        box = page.locator(f".st-key-{field} input")
+        box.fill(value)
+        box.press("Enter")
+        made_with = "Δ 0.1," if field == "delta" else "acceptance ratio 0.9,"
+        expect(page.get_by_text(re.compile(rf"^Made with: .*{made_with}"))).to_be_visible()
+        seen.append(state())
+    page.locator(".st-key-validate_frames [role=slider]").focus()
+    page.keyboard.press("ArrowLeft")
+    expect(page.get_by_text(re.compile("^Made with: .* 19 calibration frames"))).to_be_visible()
+    seen.append(state())
+    tables, figures = zip(*[(str(table), figure) for table, figure in seen], strict=True)
+    assert len(set(tables)) == len(seen)
+    assert len(set(figures)) == len(seen)
+
+    page.locator(".st-key-validate_runs [role=slider]").focus()
+    page.keyboard.press("End")
+    page.get_by_role("button", name=re.compile("^Validate")).click()
+    page.locator(".st-key-cancel button").click()
+    expect(page.get_by_text("Cancelled. What is shown is the last finished")).to_be_visible()
+    expect(page.get_by_text(re.compile("^Made with: .* 100 runs, 19 calibration"))).to_be_visible()
+    assert state() == seen[-1]
+
+    with page.expect_download() as event:
+        page.locator(".st-key-download_summary button").click()
+    event.value.save_as(tmp_path / "summary.json")
+    assert json.loads((tmp_path / "summary.json").read_text())["settings"]["runs"] == 100

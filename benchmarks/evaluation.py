@@ -1,0 +1,144 @@
+"""The whole protocol: seconds, memory, growth, and the ratio to plain NumPy.
+
+python -m benchmarks.evaluation
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import resource
+import time
+from collections.abc import Callable
+from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
+from functools import partial
+
+import numpy as np
+
+from benchmarks import vectorised
+from benchmarks.cases import plain_search
+from stereocal.calibrate import CalibrationSettings, reconstruction_problem
+from stereocal.compiled import FloatArray
+from stereocal.dataset import Dataset
+from stereocal.essential import Solver, calibrate_essential
+from stereocal.evaluation import EvaluationSettings, evaluate, evaluate_runs, split
+from stereocal.geometry import Pose
+from stereocal.nineteen import simulate_nineteen
+from stereocal.summary import summarise
+
+TURNS = 7
+PLAIN_RUNS = 2
+SOLVERS: tuple[Solver, ...] = ("linear", "constrained")
+
+
+def protocol(datasets: list[Dataset], settings: EvaluationSettings, executor: Executor) -> None:
+    """All runs, and all that is said of them."""
+    runs = evaluate(datasets, settings, executor)
+    summarise(runs or [])
+
+
+def seconds_of(act: Callable[[], object], turns: int) -> FloatArray:
+    """Seconds of each turn, (turns,)."""
+    taken = np.empty(turns)
+    for turn in range(turns):
+        started = time.perf_counter()
+        act()
+        taken[turn] = time.perf_counter() - started
+    return taken
+
+
+def said(seconds: FloatArray) -> str:
+    """Median and range, in seconds."""
+    return f"{np.median(seconds):.3g} s ({seconds.min():.3g} to {seconds.max():.3g})"
+
+
+def plain_run(dataset: Dataset, settings: EvaluationSettings, run: int) -> None:
+    """One run with the fast NumPy costs, and the pairs in whole arrays."""
+    seeds = np.random.SeedSequence([0, 0, run]).spawn(4)
+    fit, test = split(dataset, settings.calibration_frames, seeds[0])
+    problem = reconstruction_problem(fit)
+    start = calibrate_essential(fit.rays, fit.baseline_m, settings.calibration.essential).pose
+    scale, search = fit.pixel_scale, settings.calibration.search
+    plain_search(lambda R, T: vectorised.reprojection_cost(R, T, fit.rays, scale), start, search)
+    plain_search(
+        lambda R, T: vectorised.distance_cost(R, T, problem.rays, problem.reference), start, search
+    )
+    for _ in range(3):
+        plain_errors(test, start)
+
+
+def plain_runs(dataset: Dataset, settings: EvaluationSettings, runs: range) -> None:
+    """Several of them."""
+    for run in runs:
+        plain_run(dataset, settings, run)
+
+
+def plain_errors(test: Dataset, pose: Pose) -> None:
+    """Residuals, reprojection errors and lengths of all pairs of a test, counted in bins."""
+    n = test.rays.shape[1]
+    first, second = np.divmod(np.arange(n * n), n)
+    rays = np.vstack([test.rays[:2, first], test.rays[2:, second]])
+    points = vectorised.triangulate(pose.R, pose.T, rays)
+    moved = pose.R @ points + pose.T[:, None]
+    shift = np.hypot(*(points[:2] / points[2] - rays[:2]))
+    shift += np.hypot(*(moved[:2] / moved[2] - rays[2:]))
+    p, q = (np.vstack([part, np.ones(n * n)]) for part in (rays[:2], rays[2:]))
+    residuals = np.abs((q * (pose.essential @ p)).sum(axis=0))
+    edges = np.linspace(-12.0, 6.0, 901)
+    for values in (shift, residuals):
+        for label in (first == second, first != second):
+            np.histogram(np.log10(np.maximum(values[label], 1e-300)), edges)
+
+
+def ratio(dataset: Dataset, solver: Solver) -> str:
+    """Both sides in turn; one run each, one thread."""
+    settings = EvaluationSettings(CalibrationSettings(essential=solver))
+    ratios = []
+    for turn in range(TURNS):
+        of = range(turn * PLAIN_RUNS, (turn + 1) * PLAIN_RUNS)
+        plain = seconds_of(partial(plain_runs, dataset, settings, of), 1)
+        ours = seconds_of(partial(evaluate_runs, dataset, settings, 0, of), 3)
+        ratios.append(float(plain[0] / np.median(ours)))
+    return f"{np.median(ratios):.0f} ({min(ratios):.0f} to {max(ratios):.0f})"
+
+
+def growth() -> None:
+    """Seconds of 4 runs of 25, 250 and 2,500 frames, four fifths to calibrate."""
+    for frames in (25, 250, 2500):
+        dataset = simulate_nineteen(0, datasets=1, frames=frames)[0][1]
+        settings = EvaluationSettings(runs=4, calibration_frames=frames * 4 // 5)
+        act = partial(evaluate_runs, dataset, settings, 0, range(settings.runs))
+        act()
+        print(f"{frames} frames, 4 runs: {said(seconds_of(act, 5))}", flush=True)
+
+
+def main() -> None:
+    """Measure and print."""
+    datasets = [dataset for _, dataset in simulate_nineteen(0)]
+    spawn = multiprocessing.get_context("spawn")
+    print(f"{os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}; median (range)")
+    engines: list[tuple[str, Executor]] = [
+        ("1 thread", ThreadPoolExecutor(1)),
+        ("2 threads", ThreadPoolExecutor(2)),
+        ("2 processes", ProcessPoolExecutor(2, mp_context=spawn)),
+    ]
+    for name, executor in engines:
+        with executor:
+            evaluate(datasets[:2], EvaluationSettings(runs=20), executor)  # compiles
+            for solver in SOLVERS:
+                settings = EvaluationSettings(CalibrationSettings(essential=solver))
+                one = seconds_of(partial(protocol, datasets[3:4], settings, executor), 5)
+                many = seconds_of(partial(protocol, datasets, settings, executor), 2)
+                print(f"{name}, {solver}: one {said(one)}, nineteen {said(many)}", flush=True)
+    own, children = (
+        resource.getrusage(who).ru_maxrss / 1024
+        for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
+    )
+    print(f"peak memory: {own:.0f} MB, largest worker process {children:.0f} MB")
+    for solver in SOLVERS:
+        print(f"plain NumPy / compiled, {solver}: {ratio(datasets[3], solver)}", flush=True)
+    growth()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,440 @@
+"""The paper's Fig. 4 for the user's own rig: how well each method matches and measures."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import plotly.graph_objects as go
+from plotly.subplots import make_subplots
+
+from stereocal.calibrate import METHODS, Method
+from stereocal.compiled import FloatArray
+from stereocal.errors import StereocalError
+from stereocal.figures.style import (
+    METHOD_COLOURS,
+    METHOD_NAMES,
+    METHOD_SYMBOLS,
+    NEUTRAL,
+    count,
+    finish,
+)
+from stereocal.summary import (
+    ACCEPTABLE,
+    Discrimination,
+    Estimate,
+    MethodSummary,
+    Pdf,
+    best_methods,
+)
+from stereocal.tables import digits, interval, percent
+
+CORRECT_COLOUR, WRONG_COLOUR = "#009E73", "#E69F00"
+HEIGHT = 900
+COMPARISON_HEIGHT = 700
+COLUMNS = ("residual", "reprojection", "reconstruction")
+HEADINGS = {
+    "residual": "|Residual|",
+    "reprojection": "Reprojection error",
+    "reconstruction": "3D error",
+}
+AXIS_TITLES = {
+    "residual": "log<sub>10</sub> of |residual|<br>(no unit)",
+    "reprojection": "log<sub>10</sub> of<br>reprojection error (px)",
+    "reconstruction": "log<sub>10</sub> of 3D error<br>|D − D<sup>R</sup>| / D (fraction)",
+}
+UNITS = {"residual": "", "reprojection": " px", "reconstruction": ""}
+SHOWN = (0.01, 0.999)
+"""Quantiles of every PDF of a column that its axis reaches at least."""
+LEGEND_LINE, LINE_HEIGHT, FOOT_HEIGHT = 24, 17, 80
+LONGEST_NAME = 20
+FILLS = {"correct": "rgba(0,158,115,0.45)", "2d": "rgba(31,131,196,0.45)"}
+FILLS |= {"essential": "rgba(127,127,127,0.45)", "3d": "rgba(213,94,0,0.45)"}
+
+
+@dataclass(frozen=True, eq=False)
+class _Panel:
+    """One method and one quantity, and where it stands in the grid."""
+
+    method: Method
+    quantity: str
+    summary: MethodSummary
+    is_best: bool
+    row: int
+    column: int
+    axis: str
+    """What Plotly appends to `x` and `y` for this panel."""
+
+    @property
+    def matching(self) -> Discrimination | None:
+        """Correct and wrong pairs; None in the column of the 3D error."""
+        if self.quantity == "residual":
+            return self.summary.residual
+        return self.summary.reprojection if self.quantity == "reprojection" else None
+
+    @property
+    def pdfs(self) -> tuple[Pdf, ...]:
+        found = self.matching
+        return (found.correct, found.wrong) if found else (self.summary.reconstruction.pdf,)
+
+    @property
+    def line(self) -> float:
+        """Where the vertical line stands, in the quantity's unit."""
+        return self.matching.threshold if self.matching else ACCEPTABLE
+
+
+def plot_validation(
+    summaries: Mapping[Method, MethodSummary], columns: Sequence[str] = COLUMNS
+) -> go.Figure:
+    """PDFs of residual, reprojection error and 3D error; a row a method, the best framed.
+
+    Args:
+        columns: the quantities to draw, of `COLUMNS`; on a narrow screen one at a time.
+
+    Raises:
+        StereocalError: a column that is none.
+    """
+    panels = _panels(summaries, columns)
+    methods = [method for method in METHODS if method in summaries]
+    titles = {(panel.row, panel.column): _title(panel) for panel in panels}
+    lines = max(len(title) for title in titles.values())
+    # On a narrow screen, each entry of the legend has a line of its own.
+    top = LEGEND_LINE * (4 if len(columns) == 1 else 2) + LINE_HEIGHT * lines + 8
+    figure = make_subplots(
+        rows=len(methods), cols=len(columns), shared_xaxes="columns",
+        horizontal_spacing=0.065 if len(columns) > 1 else 0.0,
+        vertical_spacing=(LINE_HEIGHT * lines + 24) / (HEIGHT - top - FOOT_HEIGHT),
+    )  # fmt: skip
+    finish(figure, HEIGHT)
+    for column, quantity in enumerate(columns, start=1):
+        own = {(panel.row, column): panel for panel in panels if panel.column == column}
+        _add_column(figure, quantity, [(panel, titles[at]) for at, panel in own.items()])
+    _add_key(figure, columns)
+    figure.update_layout(
+        hovermode="x", margin_t=top,
+        legend={"xref": "container", "yref": "container", "y": 1.0, "yanchor": "top"},
+    )  # fmt: skip
+    return figure
+
+
+def describe_validation(summaries: Mapping[Method, MethodSummary]) -> str:
+    """The figure in words, a sentence a column."""
+    best = best_methods(summaries)
+    sentences = []
+    for quantity in COLUMNS:
+        parts = [
+            f"{METHOD_NAMES[panel.method]} {_in_words(panel)}"
+            + (" (best)" if best[quantity] == panel.method and panel.is_best else "")
+            for panel in _panels(summaries, [quantity])
+        ]
+        what = (
+            "3D error of bars, median and 95 %"
+            if quantity == "reconstruction"
+            else f"How often a wrong pair looks right (FCP), by {HEADINGS[quantity].lower()}"
+        )
+        sentences.append(f"{what}: {'; '.join(parts)}.")
+    return f"{' '.join(sentences)} In brackets: 95 % intervals."
+
+
+def _panels(summaries: Mapping[Method, MethodSummary], columns: Sequence[str]) -> list[_Panel]:
+    for quantity in columns:
+        if quantity not in COLUMNS:
+            raise StereocalError(f'The column "{quantity}" is not known: {", ".join(COLUMNS)}.')
+    best = best_methods(summaries)
+    found = []
+    for row, method in enumerate((m for m in METHODS if m in summaries), start=1):
+        summary = summaries[method]
+        for column, quantity in enumerate(columns, start=1):
+            number = (row - 1) * len(columns) + column
+            known = quantity != "reconstruction" or bool(
+                np.isfinite(summary.reconstruction.median.value)
+            )
+            found.append(
+                _Panel(
+                    method, quantity, summary, known and best[quantity] == method, row, column,
+                    "" if number == 1 else str(number),
+                )
+            )  # fmt: skip
+    return found
+
+
+def _title(panel: _Panel) -> list[str]:
+    """The lines above a panel: the figure, how many values, and what has no place in the PDF."""
+    found, lengths = panel.matching, panel.summary.reconstruction
+    heading = f"<b>{HEADINGS[panel.quantity]}{': best' if panel.is_best else ''}</b>"
+    if found:
+        lines = [
+            f"FCP <b>{percent(found.fcp.value)} %</b> ({interval(found.fcp)})",
+            f"n = {found.correct.n} correct, {found.wrong.n} wrong",
+        ]
+    elif np.isfinite(lengths.median.value):
+        lines = [
+            f"median <b>{percent(lengths.median.value)} %</b> ({interval(lengths.median)})",
+            f"95 % within {percent(lengths.p95)} %, n = {lengths.pdf.n}",
+        ]
+    else:
+        lines = ["no bar could be measured", f"n = {lengths.pdf.n}"]
+    missing = sum(pdf.nans for pdf in panel.pdfs)
+    zeros = sum(pdf.zeros for pdf in panel.pdfs)
+    notes = [f"{missing} without value"] * bool(missing) + [f"{zeros} of zero"] * bool(zeros)
+    return [heading, *lines, *([", ".join(notes)] if notes else [])]
+
+
+def _in_words(panel: _Panel) -> str:
+    found, lengths = panel.matching, panel.summary.reconstruction
+    missing = sum(pdf.nans for pdf in panel.pdfs)
+    zeros = sum(pdf.zeros for pdf in panel.pdfs)
+    notes = (f", {missing} without value" if missing else "") + (
+        f", {zeros} of zero" if zeros else ""
+    )
+    if found:
+        return (
+            f"{percent(found.fcp.value)} % ({interval(found.fcp)}) with the threshold at "
+            f"{digits(found.threshold, 2)}{UNITS[panel.quantity]}, n = {found.correct.n} correct "
+            f"and {found.wrong.n} wrong pairs{notes}"
+        )
+    if not np.isfinite(lengths.median.value):
+        return f"none{notes}"
+    return (
+        f"{percent(lengths.median.value)} % ({interval(lengths.median)}) and "
+        f"{percent(lengths.p95)} %, n = {lengths.pdf.n}{notes}"
+    )
+
+
+def _span(panels: Sequence[_Panel]) -> tuple[float, float]:
+    """The range of a column's axis: all PDFs between two quantiles, and all lines."""
+    ends = [float(np.log10(panel.line)) for panel in panels]
+    for pdf in (pdf for panel in panels for pdf in panel.pdfs):
+        running = np.cumsum(pdf.density)
+        if running[-1] > 0:
+            first, last = np.searchsorted(running / running[-1], SHOWN)
+            ends += [float(pdf.edges[first]), float(pdf.edges[last + 1])]
+    margin = 0.03 * max(max(ends) - min(ends), 1.0)
+    return min(ends) - margin, max(ends) + margin
+
+
+def _outside(panels: Sequence[_Panel], span: tuple[float, float]) -> int:
+    """How many values lie in bins that are wholly beside the axis."""
+    total = 0.0
+    for pdf in (pdf for panel in panels for pdf in panel.pdfs):
+        beside = (pdf.edges[1:] <= span[0]) | (pdf.edges[:-1] >= span[1])
+        total += float((pdf.density * np.diff(pdf.edges))[beside].sum() * pdf.n)
+    return round(total)
+
+
+def _add_column(
+    figure: go.Figure, quantity: str, panels: Sequence[tuple[_Panel, list[str]]]
+) -> None:
+    """The panels of one quantity, on the same axes."""
+    own = [panel for panel, _ in panels]
+    span = _span(own)
+    highest = max((float(pdf.density.max(initial=0)) for p in own for pdf in p.pdfs), default=0.0)
+    for panel, title in panels:
+        _add_panel(figure, panel, span, highest or 1.0, title)
+    outside = _outside(own, span)
+    figure.update_xaxes(
+        row=own[-1].row, col=own[-1].column,
+        title_text=AXIS_TITLES[quantity]
+        + (f"<br>{count(outside, 'value')} out of view" if outside else ""),
+    )  # fmt: skip
+
+
+def _add_panel(
+    figure: go.Figure, panel: _Panel, span: tuple[float, float], highest: float, title: list[str]
+) -> None:
+    if panel.matching:
+        _add_pdf(figure, panel, panel.matching.correct, "correct")
+        _add_pdf(figure, panel, panel.matching.wrong, "wrong")
+    else:
+        _add_pdf(figure, panel, panel.summary.reconstruction.pdf, panel.method)
+    _add_line(figure, panel, span, highest)
+    figure.add_annotation(
+        text="<br>".join(title), xref=f"x{panel.axis} domain", x=0, xanchor="left",
+        yref=f"y{panel.axis} domain", y=1, yanchor="bottom", yshift=3, align="left",
+        showarrow=False, font={"size": 12},
+    )  # fmt: skip
+    if panel.is_best:
+        figure.add_shape(
+            type="rect", xref=f"x{panel.axis} domain", yref=f"y{panel.axis} domain",
+            x0=0, x1=1, y0=0, y1=1, line={"color": METHOD_COLOURS[panel.method], "width": 4},
+            name=f"best {panel.quantity}",
+        )  # fmt: skip
+    figure.update_xaxes(row=panel.row, col=panel.column, range=span, tickangle=0, nticks=8)
+    figure.update_yaxes(
+        row=panel.row, col=panel.column, range=[0, 1.22 * highest], nticks=5,
+        title_text=f"<b>{METHOD_NAMES[panel.method]}</b><br>Density per decade"
+        if panel.column == 1 else None,
+    )  # fmt: skip
+
+
+def _add_pdf(figure: go.Figure, panel: _Panel, pdf: Pdf, kind: str) -> None:
+    """The PDF as a filled step line; wrong pairs are hatched and dotted."""
+    drawn = _drawn(pdf)
+    ends = 10 ** np.column_stack([pdf.edges[:-1], pdf.edges[1:]])[drawn]
+    pairs = {"correct": CORRECT_COLOUR, "wrong": WRONG_COLOUR}
+    colour = pairs.get(kind, METHOD_COLOURS[panel.method])
+    unit = UNITS[panel.quantity]
+    fill: dict[str, object] = {"fillcolor": FILLS.get(kind)}
+    if kind == "wrong":
+        fill = {
+            "fillcolor": WRONG_COLOUR,
+            "fillpattern": {"shape": "/", "fillmode": "replace", "size": 6, "solidity": 0.3,
+                            "fgcolor": WRONG_COLOUR},
+        }  # fmt: skip
+    what = f"{kind} pairs" if panel.matching else "3D error"
+    figure.add_trace(
+        go.Scatter(
+            x=((pdf.edges[:-1] + pdf.edges[1:]) / 2)[drawn], y=pdf.density[drawn], mode="lines",
+            line={"color": colour, "shape": "hvh", "width": 2,
+                  "dash": "dot" if kind == "wrong" else "solid"},
+            fill="tozeroy", hoveron="points", customdata=ends, showlegend=False,
+            name=f"{METHOD_NAMES[panel.method]}, {what}",
+            hovertemplate=(
+                f"{what}: %{{customdata[0]:.3g}} to %{{customdata[1]:.3g}}{unit}<br>"
+                "%{y:.3g} per decade<extra></extra>"
+            ),
+            **fill,
+        ),
+        row=panel.row, col=panel.column,
+    )  # fmt: skip
+
+
+def _drawn(pdf: Pdf) -> slice:
+    """From one bin before the first value to one after the last."""
+    filled = np.flatnonzero(pdf.density)
+    if not len(filled):
+        return slice(0, 0)
+    return slice(max(0, int(filled[0]) - 1), min(len(pdf.density), int(filled[-1]) + 2))
+
+
+def _add_line(figure: go.Figure, panel: _Panel, span: tuple[float, float], highest: float) -> None:
+    """The threshold, or the line at 1 %, with its value in the free part above the PDFs."""
+    at = float(np.log10(panel.line))
+    place = (at - span[0]) / (span[1] - span[0])
+    side = "center" if 0.15 < place < 0.85 else "right" if place < 0.5 else "left"
+    value = f"{digits(panel.line, 2)}{UNITS[panel.quantity]}" if panel.matching else "1 %"
+    name = "Recommended threshold" if panel.matching else "3D error of 1 %"
+    figure.add_trace(
+        go.Scatter(
+            x=[at, at], y=[0, 1.06 * highest], mode="lines+text", text=["", value],
+            textposition=f"top {side}", textfont={"size": 12}, cliponaxis=False,
+            line={"color": NEUTRAL, "dash": "dash", "width": 2}, showlegend=False,
+            name=name, hovertemplate=f"{name.lower()}: {value}<extra></extra>",
+        ),
+        row=panel.row, col=panel.column,
+    )  # fmt: skip
+
+
+def _add_key(figure: go.Figure, columns: Sequence[str]) -> None:
+    """The legend, by traces without points: it does not switch single panels off."""
+    filled = {"mode": "lines", "fill": "tozeroy"}
+    keys: list[dict[str, object]] = []
+    if set(columns) - {"reconstruction"}:
+        hatch = {"shape": "/", "fillmode": "replace", "size": 6, "fgcolor": WRONG_COLOUR}
+        keys += [
+            {**filled, "name": "Correct pairs", "fillcolor": FILLS["correct"],
+             "line": {"color": CORRECT_COLOUR}},
+            {**filled, "name": "Wrong pairs", "fillpattern": hatch,
+             "fillcolor": WRONG_COLOUR, "line": {"color": WRONG_COLOUR, "dash": "dot"}},
+        ]  # fmt: skip
+    lines = "Dashed: threshold"
+    if "reconstruction" in columns:
+        lines = "Dashed: 1 %" if len(columns) == 1 else "Dashed: threshold, or 1 %"
+    keys += [
+        {"mode": "lines", "name": lines, "line": {"color": NEUTRAL, "dash": "dash", "width": 2}},
+        {"mode": "markers", "name": "Framed: best",
+         "marker": {"symbol": "square-open", "size": 12, "color": NEUTRAL, "line": {"width": 3}}},
+    ]  # fmt: skip
+    for key in keys:
+        figure.add_trace(go.Scatter(x=[None], y=[None], hoverinfo="skip", **key), row=1, col=1)
+
+
+def plot_comparison(by_dataset: Mapping[str, Mapping[Method, MethodSummary]]) -> go.Figure:
+    """FCP of the reprojection error and median 3D error of several data sets, with intervals."""
+    names = list(by_dataset)
+    figure = make_subplots(rows=2, cols=1, shared_xaxes=True, vertical_spacing=0.06)
+    finish(figure, COMPARISON_HEIGHT)
+    for row, title in ((1, "FCP, reprojection<br>error (%)"), (2, "Median 3D error (%)")):
+        estimates = {
+            method: [_estimate(by_dataset[name][method], row) for name in names]
+            for method in METHODS
+            if all(method in by_dataset[name] for name in names)
+        }
+        floor = _floor([e for of_method in estimates.values() for e in of_method])
+        for method, values in estimates.items():
+            _add_comparison(figure, row, method, names, values, floor)
+        zeros = sum(e.value == 0 for of_method in estimates.values() for e in of_method)
+        figure.update_yaxes(
+            row=row, col=1, type="log", exponentformat="none", dtick="D2",
+            title_text=title + (f"<br>open: 0 (n = {zeros})" if zeros else ""),
+        )  # fmt: skip
+    short = [n if len(n) <= LONGEST_NAME else f"{n[: LONGEST_NAME - 1]}…" for n in names]
+    figure.update_xaxes(
+        tickvals=list(range(len(names))), ticktext=[html.escape(name) for name in short],
+        range=[-0.5, len(names) - 0.5], showgrid=False,
+    )  # fmt: skip
+    figure.update_xaxes(row=2, col=1, title_text=f"Data set (n = {len(names)})")
+    return figure
+
+
+def describe_comparison(by_dataset: Mapping[str, Mapping[Method, MethodSummary]]) -> str:
+    """The comparison in one sentence."""
+    parts = []
+    for row, what in ((1, "FCP of the reprojection error"), (2, "median 3D error")):
+        of_methods = []
+        for method in METHODS:
+            values = [_estimate(s[method], row).value for s in by_dataset.values() if method in s]
+            known = [value for value in values if np.isfinite(value)]
+            span = f"{percent(min(known))} to {percent(max(known))} %" if known else "none"
+            of_methods.append(f"{METHOD_NAMES[method]} {span}{_wins(by_dataset, method, row)}")
+        parts.append(f"{what}: {', '.join(of_methods)}")
+    return f"Over {count(len(by_dataset), 'data set')}, {'; '.join(parts)}."
+
+
+def _wins(
+    by_dataset: Mapping[str, Mapping[Method, MethodSummary]], method: Method, row: int
+) -> str:
+    column = "reprojection" if row == 1 else "reconstruction"
+    wins = sum(
+        best_methods(summaries)[column] == method
+        and bool(np.isfinite(_estimate(summaries[method], row).value))
+        for summaries in by_dataset.values()
+    )
+    return f" (lowest in {wins})"
+
+
+def _estimate(summary: MethodSummary, row: int) -> Estimate:
+    return summary.reprojection.fcp if row == 1 else summary.reconstruction.median
+
+
+def _floor(estimates: Sequence[Estimate]) -> float:
+    """Where a zero is drawn on a logarithmic axis: below all that is above 0."""
+    positive = [v for e in estimates for v in (e.value, e.low, e.high) if v > 0]
+    return min(positive) / 2 if positive else 1e-6
+
+
+def _add_comparison(
+    figure: go.Figure, row: int, method: Method, names: Sequence[str],
+    estimates: Sequence[Estimate], floor: float,
+) -> None:  # fmt: skip
+    values = np.array([[e.value, e.low, e.high] for e in estimates])
+    drawn: FloatArray = 100 * np.maximum(values, floor)
+    symbol = METHOD_SYMBOLS[method]
+    texts = [
+        f"{html.escape(name)}, {METHOD_NAMES[method]}<br>{percent(e.value)} % ({interval(e)})"
+        for name, e in zip(names, estimates, strict=True)
+    ]
+    figure.add_trace(
+        go.Scatter(
+            x=np.arange(len(names)) + 0.22 * (METHODS.index(method) - 1), y=drawn[:, 0],
+            error_y={"type": "data", "array": drawn[:, 2] - drawn[:, 0],
+                     "arrayminus": drawn[:, 0] - drawn[:, 1], "thickness": 1.5, "width": 3},
+            mode="markers", name=METHOD_NAMES[method], legendgroup=method, showlegend=row == 1,
+            marker={"color": METHOD_COLOURS[method], "size": 9 if len(names) <= 8 else 7,
+                    "symbol": [symbol + "-open" * (e.value == 0) for e in estimates]},
+            text=texts, hovertemplate="%{text}<extra></extra>",
+        ),
+        row=row, col=1,
+    )  # fmt: skip

@@ -1,0 +1,228 @@
+"""The Validate page: which data, which protocol, running it, and what came out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import streamlit as st
+
+from stereocal.dataset import Dataset
+from stereocal.errors import StereocalError
+from stereocal.evaluation import EvaluationSettings
+from stereocal.evaluation_files import Evaluation, summary_json
+from stereocal.figures import (
+    describe_comparison,
+    describe_validation,
+    plot_comparison,
+    plot_validation,
+)
+from stereocal.formats.dataset_files import read_dataset
+from stereocal.project import Project
+from stereocal.report import report_html
+from stereocal.summary import summarise
+from stereocal.tables import validation_answer, validation_table
+from stereocal.ui import jobs
+from stereocal.ui.forms import search_form, settings_of
+from stereocal.ui.intake import escape_markdown
+from stereocal.ui.project import keeper, remembered
+from stereocal.ui.results import show_figure
+
+NINETEEN = Path(__file__).parents[2] / "sample_data" / "nineteen"
+MINE, ALL, PAPER = "My data set", "All my data sets", "Nineteen synthetic rigs"
+INSTANT = 150
+"""Runs of 25 frames that take less than a second: those are computed as the controls move."""
+COLUMNS = {
+    "residual": "Residual",
+    "reprojection": "Reprojection error",
+    "reconstruction": "3D error",
+}
+
+
+def choose_data(project: Project, own: Dataset) -> list[Dataset]:
+    """The data sets to validate on."""
+    more = project.more_datasets
+    kinds = [MINE, *([ALL] if more else []), *([PAPER] if NINETEEN.is_dir() else [])]
+    remembered(project, {"validate_on": MINE})
+    if st.session_state["validate_on"] not in kinds:
+        st.session_state["validate_on"] = MINE
+    kind = st.segmented_control(
+        "Validate on", kinds, key="validate_on", required=True,
+        on_change=keeper(project, "validate_on"),
+    )  # fmt: skip
+    with st.expander(f"Further data sets to pool and compare ({len(more)} loaded)"):
+        _further(project, more)
+    if kind == PAPER:
+        return [read_dataset(path) for path in sorted(NINETEEN.iterdir()) if path.is_dir()]
+    return [own, *more] if kind == ALL else [own]
+
+
+def choose_protocol(project: Project, datasets: Sequence[Dataset]) -> EvaluationSettings:
+    """How often, and with how many frames.
+
+    Raises:
+        StereocalError: settings that contradict each other.
+    """
+    most = min(len(dataset.correspondences.frames) for dataset in datasets) - 2
+    most = max(most, 2)
+    remembered(project, {"validate_runs": 100, "validate_frames": 20})
+    st.session_state["validate_frames"] = min(st.session_state["validate_frames"], most)
+    left, right = st.columns(2)
+    left.slider(
+        "Runs", 10, 500, step=10, key="validate_runs", on_change=keeper(project, "validate_runs"),
+        help="How often frames are drawn anew. Paper: 100.",
+    )  # fmt: skip
+    right.slider(
+        "Frames to calibrate with; the others test", 1, most, key="validate_frames",
+        on_change=keeper(project, "validate_frames"), help="Paper: 20 of 25.",
+    )  # fmt: skip
+    values = search_form(project)
+    return EvaluationSettings(
+        settings_of(values), st.session_state["validate_runs"], st.session_state["validate_frames"]
+    )
+
+
+def bring_up_to_date(
+    project: Project, datasets: Sequence[Dataset], settings: EvaluationSettings
+) -> None:
+    """Compute at once what is short; offer a button for what is long."""
+    if _is_current(project.evaluation, datasets, settings):
+        return
+    frames = sum(len(dataset.correspondences.frames) for dataset in datasets)
+    work = settings.runs * frames / 25
+    if work <= INSTANT:
+        try:
+            with st.spinner("Validating."):
+                jobs.run_now(project, datasets, settings)
+        except StereocalError as error:
+            st.error(escape_markdown(str(error)))
+        return
+    job = jobs.jobs().get(project.id)
+    if job is None or job.state != "running":
+        label = f"Validate ({settings.runs * len(datasets)} runs)"
+        st.button(
+            label, type="primary", key="validate", on_click=jobs.start,
+            args=(project, datasets, settings),
+        )  # fmt: skip
+
+
+@st.fragment(run_every=0.5)
+def show_job(project: Project) -> None:
+    """Progress with a way to stop, while something runs; how it ended, until the next."""
+    job = jobs.jobs().get(project.id)
+    if job is None:
+        return
+    if job.state == "running":
+        text = f"{job.done} of {job.total} runs, about {job.seconds_left:.0f} s left"
+        st.progress(job.done / max(job.total, 1), text if job.done else "Starting")
+        if st.button("Cancel", key="cancel"):
+            job.cancelled = True
+        return
+    if job.state == "failed":
+        st.error(escape_markdown(job.sentence))
+    elif job.state == "cancelled":
+        st.info("Cancelled. What is shown is the last finished validation.")
+    if not job.seen:
+        job.seen = True
+        st.rerun()
+
+
+def show_evaluation(
+    project: Project,
+    evaluation: Evaluation,
+    datasets: Sequence[Dataset],
+    settings: EvaluationSettings,
+) -> None:
+    """Answer, figure, table and downloads of the last finished evaluation."""
+    if not _is_current(evaluation, datasets, settings):
+        st.warning(
+            "The form or the data have changed since this validation. It shows what it was made "
+            f"with: {describe_protocol(evaluation)}"
+        )
+    remembered(project, {"bin_width": 0.1})
+    pooled = summarise(evaluation.runs, st.session_state["bin_width"])
+    st.success(validation_answer(pooled))
+    wide = st.segmented_control(
+        "Show", ["All three", *COLUMNS.values()], default="All three", key="columns", required=True
+    )
+    columns = [key for key, title in COLUMNS.items() if wide in ("All three", title)]
+    show_figure(plot_validation(pooled, columns), describe_validation(pooled), "validation")
+    st.select_slider(
+        "Width of the bins (decades)", [0.02, 0.04, 0.1, 0.2, 0.5], key="bin_width",
+        on_change=keeper(project, "bin_width"), help="The overlap depends on it a little.",
+    )  # fmt: skip
+    st.table(validation_table(pooled))
+    names = evaluation.names
+    by_dataset = {
+        name: summarise([own], st.session_state["bin_width"])
+        for name, own in zip(names, evaluation.runs, strict=True)
+    }
+    if len(names) > 1:
+        st.subheader("Data set by data set")
+        show_figure(plot_comparison(by_dataset), describe_comparison(by_dataset), "comparison")
+    used = {dataset.sha256: dataset for dataset in datasets}
+    if all(digest in used for digest in evaluation.sha256):
+        _downloads([used[digest] for digest in evaluation.sha256], evaluation, pooled, by_dataset)
+    st.caption(f"Made with: {describe_protocol(evaluation)}")
+
+
+def describe_protocol(evaluation: Evaluation) -> str:
+    """Data and settings of an evaluation in one line."""
+    settings = evaluation.settings
+    search = settings.calibration.search
+    return (
+        f"{escape_markdown(', '.join(evaluation.names[:3]))}"
+        f"{' and more' if len(evaluation.names) > 3 else ''}; {settings.runs} runs, "
+        f"{settings.calibration_frames} calibration frames, Δ {search.delta:g}, Δ min "
+        f"{search.delta_min:g}, acceptance ratio {search.acceptance:g}, shrink factor "
+        f"{search.shrink:g}, minimum moves {search.minimum_moves}, seed {search.seed}, "
+        f"essential solver {settings.calibration.essential}."
+    )
+
+
+def _downloads(
+    datasets: Sequence[Dataset], evaluation: Evaluation, pooled: Any, by_dataset: Any
+) -> None:
+    left, right = st.columns(2)
+    settings = evaluation.settings
+    left.download_button(
+        "Download report.html", report_html(pooled, by_dataset, datasets, settings), "report.html",
+        "text/html", on_click="ignore", icon=":material/download:", key="download_report",
+    )  # fmt: skip
+    right.download_button(
+        "Download summary.json", summary_json(pooled, by_dataset, datasets, settings),
+        "summary.json", "application/json", on_click="ignore", icon=":material/download:",
+        key="download_summary",
+    )  # fmt: skip
+
+
+def _further(project: Project, more: Sequence[Dataset]) -> None:
+    uploads = st.file_uploader(
+        "Zips with dataset.json", type=["zip"], accept_multiple_files=True, key="upload_more"
+    )
+    seen: set[str] = st.session_state.setdefault("uploads_seen", set())
+    for upload in uploads:
+        if upload.file_id in seen:
+            continue
+        seen.add(upload.file_id)
+        try:
+            project.add_dataset(upload.name, upload.getvalue())
+        except StereocalError as error:
+            st.error(escape_markdown(str(error)))
+        else:
+            st.rerun()
+    for dataset in more:
+        st.markdown(f"- {escape_markdown(dataset.name)}")
+    if more:
+        st.button("Forget them", on_click=project.drop_datasets, key="drop_more")
+
+
+def _is_current(
+    evaluation: Evaluation | None, datasets: Sequence[Dataset], settings: EvaluationSettings
+) -> bool:
+    return (
+        evaluation is not None
+        and evaluation.settings == settings
+        and list(evaluation.sha256) == [dataset.sha256 for dataset in datasets]
+    )
