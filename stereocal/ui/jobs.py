@@ -29,8 +29,6 @@ class Job:
     sentence: str = ""
     """Why it failed."""
     cancelled: bool = False
-    seen: bool = False
-    """Whether a page has shown how it ended."""
     started: float = field(default_factory=time.monotonic)
 
     @property

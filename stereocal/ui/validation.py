@@ -107,25 +107,28 @@ def bring_up_to_date(
         )  # fmt: skip
 
 
-@st.fragment(run_every=0.5)
 def show_job(project: Project) -> None:
     """Progress with a way to stop, while something runs; how it ended, until the next."""
     job = jobs.jobs().get(project.id)
     if job is None:
         return
     if job.state == "running":
-        text = f"{job.done} of {job.total} runs, about {job.seconds_left:.0f} s left"
-        st.progress(job.done / max(job.total, 1), text if job.done else "Starting")
-        if st.button("Cancel", key="cancel"):
-            job.cancelled = True
-        return
-    if job.state == "failed":
+        # Only now: a timer that is always there would interrupt every longer run of the page.
+        _show_progress(job)
+    elif job.state == "failed":
         st.error(escape_markdown(job.sentence))
     elif job.state == "cancelled":
         st.info("Cancelled. What is shown is the last finished validation.")
-    if not job.seen:
-        job.seen = True
+
+
+@st.fragment(run_every=0.5)
+def _show_progress(job: jobs.Job) -> None:
+    if job.state != "running":
         st.rerun()
+    text = f"{job.done} of {job.total} runs, about {job.seconds_left:.0f} s left"
+    st.progress(job.done / max(job.total, 1), text if job.done else "Starting")
+    if st.button("Cancel", key="cancel"):
+        job.cancelled = True
 
 
 def show_evaluation(

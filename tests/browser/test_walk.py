@@ -255,7 +255,7 @@ def test_validation_follows_the_controls_and_a_long_run_can_be_cancelled(
         made_with = "Δ 0.1," if field == "delta" else "acceptance ratio 0.9,"
         expect(page.get_by_text(re.compile(rf"^Made with: .*{made_with}"))).to_be_visible()
         seen.append(state())
-    page.locator(".st-key-validate_frames [role=slider]").focus()
+    page.locator(".st-key-validate_frames").get_by_role("slider").focus()
     page.keyboard.press("ArrowLeft")
     expect(page.get_by_text(re.compile("^Made with: .* 19 calibration frames"))).to_be_visible()
     seen.append(state())
@@ -263,7 +263,7 @@ def test_validation_follows_the_controls_and_a_long_run_can_be_cancelled(
     assert len(set(tables)) == len(seen)
     assert len(set(figures)) == len(seen)
 
-    page.locator(".st-key-validate_runs [role=slider]").focus()
+    page.locator(".st-key-validate_runs").get_by_role("slider").focus()
     page.keyboard.press("End")
     page.get_by_role("button", name=re.compile("^Validate")).click()
     page.locator(".st-key-cancel button").click()
