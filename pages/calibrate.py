@@ -17,12 +17,13 @@ st.subheader("How do the cameras stand, and how large are the errors?")
 
 project = current_project()
 try:
-    dataset = project.dataset if project else None
+    inputs = project.inputs if project else None
+    dataset = project.dataset_of(inputs) if project and inputs else None
 except StereocalError as error:
     st.error(escape_markdown(str(error)))
     st.stop()
-if project is None or dataset is None:
-    missing = ", ".join(project.inputs.missing) if project else "points, cameras and two lengths"
+if project is None or inputs is None or dataset is None:
+    missing = ", ".join(inputs.missing) if inputs else "points, cameras and two lengths"
     st.info(f"Before this page can answer, it needs {missing}.")
     st.page_link("pages/data.py", label="Give them on the Data page")
     st.stop()
@@ -31,7 +32,7 @@ values = settings_form(project, dataset)
 if st.button("Calibrate", type="primary", key="run"):
     try:
         with st.spinner("Calibrating. The very first time takes about ten seconds longer."):
-            project.keep_calibration(calibrate(dataset, settings_of(values), trace=True))
+            project.keep_calibration(calibrate(dataset, settings_of(values), trace=True), inputs)
     except StereocalError as error:
         st.error(escape_markdown(str(error)))
 

@@ -2,12 +2,20 @@
 
 import streamlit as st
 
+from stereocal.errors import StereocalError
 from stereocal.figures import describe_coverage, plot_coverage
 from stereocal.formats.correspondences_csv import TEMPLATE
 from stereocal.tables import contents_table
 from stereocal.ui.forms import length_field
 from stereocal.ui.frame import need_frame
-from stereocal.ui.intake import TITLES, show_refusal, take_dataset, take_file
+from stereocal.ui.intake import (
+    TITLES,
+    escape_markdown,
+    in_use,
+    show_refusal,
+    take_dataset,
+    take_file,
+)
 from stereocal.ui.project import current_project, forget_project
 from stereocal.ui.results import dataset_download, show_figure
 
@@ -31,6 +39,7 @@ else:
     for slot, column in zip(TITLES, st.columns(3), strict=True):
         with column:
             kinds = ["csv", "txt"] if slot == "correspondences" else ["json", "yaml", "yml", "xml"]
+            in_use(project, slot)
             take_file(slot, st.file_uploader(TITLES[slot], type=kinds, key=f"upload_{slot}"))
     st.download_button(
         "Template for the table", TEMPLATE, "correspondences.csv", "text/csv", on_click="ignore",
@@ -51,7 +60,11 @@ if project is None or not project.inputs.files:
     st.stop()
 
 st.header("What was read", divider="gray")
-dataset = project.dataset
+try:
+    dataset = project.dataset
+except StereocalError as error:
+    st.error(escape_markdown(str(error)))
+    st.stop()
 if dataset is None:
     st.warning(f"Still missing: {', '.join(project.inputs.missing)}.")
     st.stop()

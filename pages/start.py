@@ -2,8 +2,9 @@
 
 import streamlit as st
 
+from stereocal.errors import StereocalError
 from stereocal.ui.frame import need_frame
-from stereocal.ui.intake import load_sample
+from stereocal.ui.intake import escape_markdown, load_sample
 from stereocal.ui.project import forget_project
 from stereocal.ui.texts import BRING, PICTURE, PURPOSE
 
@@ -15,8 +16,12 @@ text, picture = st.columns([5, 6], gap="large")
 with text:
     st.markdown(PURPOSE)
     if st.button("Try it with sample data", type="primary", key="demo"):
-        load_sample()
-        st.switch_page("pages/data.py")
+        try:
+            load_sample()
+        except StereocalError as error:
+            st.error(escape_markdown(str(error)))
+        else:
+            st.switch_page("pages/data.py")
     if st.button("Begin with my own data", key="begin"):
         forget_project()
         st.switch_page("pages/data.py")

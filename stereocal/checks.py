@@ -21,6 +21,7 @@ MAYBE_EXCHANGED = 1.15
 BARS_TO_TELL = 10
 """Five angles fit the lengths of five bars, and five pairs, whatever the cameras."""
 
+FEW_PAIRS = 8
 FEW_BARS = 5
 """Five angles cannot be found from fewer lengths."""
 
@@ -138,6 +139,12 @@ def check_exchange(
 def warnings_about(dataset: Dataset) -> list[str]:
     """What is odd but allowed, a sentence each."""
     found = []
+    pairs = len(dataset.correspondences)
+    if pairs < FEW_PAIRS:
+        found.append(
+            f"{pairs} pairs of points are very few: errors of tens of percent are possible. Do not "
+            "measure with this result; bring 20 frames or more."
+        )
     bars = len(dataset.correspondences.bars)
     if 0 < bars < FEW_BARS:
         found.append(

@@ -170,6 +170,10 @@ class ProgressBar:
 
 
 def _simulate(parsed: argparse.Namespace) -> None:
+    for name in ("seed", "datasets", "frames"):
+        lowest = 0 if name == "seed" else 1
+        if getattr(parsed, name) < lowest:
+            raise StereocalError(f"--{name} must be at least {lowest}.")
     write_field(parsed.out / "field", parsed.seed)
     print(f"wrote {parsed.out / 'field'}")
     write_nineteen(parsed.out / "nineteen", parsed.seed, parsed.datasets, parsed.frames)

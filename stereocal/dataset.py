@@ -238,14 +238,19 @@ def check_length(what: str, value: float) -> None:
 
 
 def points_outside(
-    correspondences: Correspondences, primary: Camera, secondary: Camera
+    correspondences: Correspondences, primary: Camera | None, secondary: Camera | None
 ) -> list[RowProblem]:
-    """Rows with a point outside its image; a pixel reaches 0.5 px around its centre."""
+    """Rows with a point outside its image; a pixel reaches 0.5 px around its centre.
+
+    A camera that is None is not looked at.
+    """
     problems = []
     for which, points, camera in (
         ("primary", correspondences.primary, primary),
         ("secondary", correspondences.secondary, secondary),
     ):
+        if camera is None:
+            continue
         size = np.array(camera.image_size)
         outside = ((points < -0.5) | (points > size - 0.5)).any(axis=1)
         for row in np.flatnonzero(outside):

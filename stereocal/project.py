@@ -35,8 +35,8 @@ from stereocal.calibrate import (
     MethodResult,
 )
 from stereocal.camera import Camera
-from stereocal.dataset import Dataset, check_length
-from stereocal.errors import StereocalError
+from stereocal.dataset import Dataset, check_length, points_outside
+from stereocal.errors import RefusedRowsError, StereocalError
 from stereocal.evaluation_files import Evaluation, pack_evaluation, unpack_evaluation
 from stereocal.formats.camera_file import read_camera
 from stereocal.formats.correspondences_csv import read_table
@@ -47,6 +47,8 @@ from stereocal.writing import write_atomically
 
 PROJECT_FORMAT = "stereocal-project/1"
 ID_PATTERN = re.compile(r"[0-9a-f]{32}")
+LONGEST_TRACE = 50_000
+"""Moves of a search that are kept to be drawn; 2 million made a file of 183 MB."""
 Slot = Literal["primary", "secondary", "correspondences"]
 SLOTS: tuple[Slot, ...] = ("primary", "secondary", "correspondences")
 _WRITING = threading.Lock()
@@ -154,29 +156,33 @@ class Project:
             ):
                 if value is not None:
                     check_length(what, value)
-            self._camera(inputs, "primary")
-            self._camera(inputs, "secondary")
+            cameras = self._camera(inputs, "primary"), self._camera(inputs, "secondary")
             if "correspondences" in inputs.files:
                 label = inputs.labels["correspondences"]
-                read_table(self._content(inputs, "correspondences"), label).strict(label)
+                rows = read_table(self._content(inputs, "correspondences"), label).strict(label)
+                if outside := points_outside(rows, *cameras):
+                    raise RefusedRowsError(f"{label}: ", outside, "with a point outside its image")
             if not inputs.missing:
                 self._dataset(inputs)
             state["inputs"] = new
             self._write_state(state)
 
-    def clear_inputs(self) -> None:
-        """Forget the inputs, for a fresh start. The last result stays."""
-        self._change(lambda state: state.update(inputs={}))
-
     @property
     def dataset(self) -> Dataset | None:
         """The data set, once everything has been given."""
-        inputs = self.inputs
+        return self.dataset_of(self.inputs)
+
+    def dataset_of(self, inputs: Inputs) -> Dataset | None:
+        """The data set of a state of the inputs; None if something is missing."""
         return None if inputs.missing else self._dataset(inputs)
 
-    def camera(self, slot: Literal["primary", "secondary"]) -> Camera | None:
-        """One camera, once given."""
-        return self._camera(self.inputs, slot)
+    @property
+    def table(self) -> tuple[str, bytes] | None:
+        """Name and content of the table of points, once given."""
+        inputs = self.inputs
+        if "correspondences" not in inputs.files:
+            return None
+        return inputs.labels["correspondences"], self._content(inputs, "correspondences")
 
     # Settings and results
 
@@ -189,11 +195,14 @@ class Project:
         """Remember values of forms."""
         self._change(lambda state: state["settings"].update(values))
 
-    def keep_calibration(self, calibration: Calibration) -> None:
-        """Keep a finished result in place of the last one."""
+    def keep_calibration(self, calibration: Calibration, inputs: Inputs) -> None:
+        """Keep a finished result, made from `inputs`, in place of the last one.
+
+        The inputs may have changed since, in another tab.
+        """
         content = {
             "format": PROJECT_FORMAT,
-            "inputs": dataclasses.asdict(self.inputs),
+            "inputs": dataclasses.asdict(inputs),
             "dataset_sha256": calibration.dataset.sha256,
             "settings": calibration.settings.to_json(),
             "frames": calibration.frames.tolist(),
@@ -211,8 +220,11 @@ class Project:
             return None
         try:
             content = json.loads(path.read_bytes())
+            dataset = self._dataset(Inputs(**content["inputs"]))
+            if dataset.sha256 != content["dataset_sha256"]:
+                raise StereocalError("The result and its data do not belong together.")
             return Calibration(
-                dataset=self._dataset(Inputs(**content["inputs"])),
+                dataset=dataset,
                 settings=CalibrationSettings.from_json(content["settings"]),
                 frames=np.array(content["frames"], dtype=np.int64),
                 methods={name: _from_json(data) for name, data in content["methods"].items()},
@@ -318,7 +330,7 @@ def _to_json(found: MethodResult) -> dict[str, Any]:
         "R": found.pose.R.tolist(),
         "T": found.pose.T.tolist(),
         "trace": None
-        if trace is None
+        if trace is None or len(trace.cost) > LONGEST_TRACE
         else {name: getattr(trace, name).tolist() for name in ("cost", "delta", "ratio")},
     }
 

@@ -194,3 +194,11 @@ class TestExchangedCameras:
                 check_exchange(given, exchanged)
         else:
             assert len(check_exchange(given, exchanged)) == (outcome == "warning")
+
+
+def test_few_pairs_are_warned_of() -> None:
+    rows = correspondences(4, noise_px=0.3)
+    few = rows.where(np.arange(len(rows)) < 7)
+    said = warnings_about(replace(SOUND, correspondences=few))
+    assert any("7 pairs of points are very few" in s for s in said)
+    assert not any("very few" in s for s in warnings_about(replace(SOUND, correspondences=rows)))

@@ -39,15 +39,18 @@ def read_dataset(path: str | Path) -> Dataset:
         StereocalError: one sentence that says what is wrong, and where.
     """
     path = Path(path)
-    if path.is_dir():
-        files = {
-            str(PurePosixPath(file.relative_to(path))): file.read_bytes()
-            for file in _small_files(path)
-        }
-    elif path.is_file():
-        files = unzip(path.read_bytes(), path.name)
-    else:
-        raise StereocalError(f"{path}: there is no such folder or file.")
+    try:
+        if path.is_dir():
+            files = {
+                str(PurePosixPath(file.relative_to(path))): file.read_bytes()
+                for file in _small_files(path)
+            }
+        elif path.is_file():
+            files = unzip(path.read_bytes(), path.name)
+        else:
+            raise StereocalError(f"{path}: there is no such folder or file.")
+    except OSError as error:
+        raise StereocalError(f"{path} cannot be read: {error.strerror or error}.") from error
     return parse_dataset(files, str(path))
 
 

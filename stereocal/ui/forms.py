@@ -31,8 +31,8 @@ def length_field(project: Project | None, name: str, label: str) -> None:
     args = (name, value_key, unit_key)
     st.session_state.setdefault(value_key, None)
     field.number_input(
-        label, min_value=0.0, step=None, format="%.6g", key=value_key, on_change=take_length,
-        args=args, placeholder="measured length",
+        label, min_value=0.0, value=None, step=None, format="%.10g", key=value_key,
+        on_change=take_length, args=args, placeholder="measured length",
     )  # fmt: skip
     choice.selectbox("Unit", list(UNITS), key=unit_key, on_change=take_length, args=args)
 
@@ -51,13 +51,13 @@ class _Number:
 PAPER = SearchSettings()
 NUMBERS = (
     _Number("delta", "First step Δ (rad)", PAPER.delta, 1e-9, 0.5,
-            "How far an angle is moved at first. Paper: 0.001 rad.", "%.2e"),
+            "How far an angle is moved at first. Paper: 0.001 rad.", "%.10g"),
     _Number("delta_min", "Smallest step Δ min (rad)", PAPER.delta_min, 1e-12, 0.5,
-            "The search ends when the step is smaller. Paper: 0.000001 rad.", "%.2e"),
+            "The search ends when the step is smaller. Paper: 0.000001 rad.", "%.10g"),
     _Number("acceptance", "Acceptance ratio", PAPER.acceptance, 0.01, 0.99,
-            "The step shrinks when fewer moves than this part are accepted. Paper: 0.2.", "%.2f"),
+            "The step shrinks when fewer moves than this part are accepted. Paper: 0.2.", "%.10g"),
     _Number("shrink", "Shrink factor", PAPER.shrink, 0.01, 0.99,
-            "What the step is multiplied by when it shrinks. Paper: 0.75.", "%.2f"),
+            "What the step is multiplied by when it shrinks. Paper: 0.75.", "%.10g"),
     _Number("minimum_moves", "Minimum moves", PAPER.minimum_moves, 1, 100_000,
             "Moves at one step before the ratio is looked at. Paper: 1, to the letter; 20 is "
             "steadier.", "%d"),

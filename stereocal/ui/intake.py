@@ -46,6 +46,13 @@ def load_sample() -> None:
     _give_dataset(new_project(), pack_dataset(read_dataset(SAMPLE)), "sample data")
 
 
+def in_use(project: Project | None, slot: Slot) -> None:
+    """Say which file holds a slot; the uploader forgets it."""
+    label = project.inputs.labels.get(slot) if project else None
+    if label:
+        st.caption(f"In use: {escape_markdown(label)}")
+
+
 def take_dataset(uploads: Sequence[Upload]) -> None:
     """A zip, or the files of a folder."""
     if not uploads or not _is_new(*uploads):
@@ -59,9 +66,7 @@ def take_dataset(uploads: Sequence[Upload]) -> None:
         _give_dataset(project_to_write(), files, source)
         _settled()
     except RefusedRowsError as error:
-        folder, _ = find_description(files, source)
-        rest = _rows_but(files[folder + TABLE], error.problems)
-        _refuse(error, rest, lambda: _retry_dataset({**files, folder + TABLE: rest[0]}, source))
+        _offer_rest_of_dataset(files, source, error)
     except StereocalError as error:
         _refuse(error)
     st.rerun()
@@ -76,11 +81,7 @@ def take_file(slot: Slot, upload: Upload | None) -> None:
         project_to_write().give({slot: (name, content)})
         _settled()
     except RefusedRowsError as error:
-        if slot == "correspondences":
-            rest = _rows_but(content, error.problems)
-            _refuse(error, rest, lambda: _retry_file(name, rest[0]))
-        else:
-            _refuse(error)
+        _offer_rest({slot: (name, content)}, error)
     except StereocalError as error:
         _refuse(error)
     st.rerun()
@@ -88,11 +89,11 @@ def take_file(slot: Slot, upload: Upload | None) -> None:
 
 def take_length(name: str, value_key: str, unit_key: str) -> None:
     """The baseline or the distance, when its field or unit has changed (a callback)."""
-    value = st.session_state[value_key]
-    metres = None if value is None else float(value) * UNITS[st.session_state[unit_key]]
+    value, unit = st.session_state.get(value_key), st.session_state.get(unit_key, "m")
+    metres = None if value is None else float(value) * UNITS[unit]
     try:
         project = project_to_write()
-        project.keep_settings({unit_key: st.session_state[unit_key]})
+        project.keep_settings({unit_key: unit})
         project.give({}, **{name: metres})
         _settled()
     except StereocalError as error:
@@ -146,21 +147,40 @@ def _rows_but(content: bytes, problems: Sequence[RowProblem]) -> tuple[bytes, in
     return write_table(left), len(left)
 
 
+def _offer_rest_of_dataset(
+    files: Mapping[str, bytes], source: str, error: RefusedRowsError
+) -> None:
+    folder, _ = find_description(files, source)
+    rest = _rows_but(files[folder + TABLE], error.problems)
+    _refuse(error, rest, lambda: _retry_dataset({**files, folder + TABLE: rest[0]}, source))
+
+
 def _retry_dataset(files: Mapping[str, bytes], source: str) -> None:
     try:
         _give_dataset(project_to_write(), files, source)
         _settled()
+    except RefusedRowsError as error:
+        _offer_rest_of_dataset(files, source, error)
     except StereocalError as error:
         _refuse(error)
 
 
-def _retry_file(name: str, content: bytes) -> None:
+def _offer_rest(files: dict[Slot, tuple[str, bytes]], error: RefusedRowsError) -> None:
+    """Refuse files, and offer to go on without the rows of the table that do not fit."""
+    table = files.get("correspondences") or project_to_write().table
+    if table is None:
+        _refuse(error)
+        return
+    rest = _rows_but(table[1], error.problems)
+    _refuse(error, rest, lambda: _retry({**files, "correspondences": (table[0], rest[0])}))
+
+
+def _retry(files: dict[Slot, tuple[str, bytes]]) -> None:
     try:
-        project_to_write().give({"correspondences": (name, content)})
+        project_to_write().give(files)
         _settled()
     except RefusedRowsError as error:
-        rest = _rows_but(content, error.problems)
-        _refuse(error, rest, lambda: _retry_file(name, rest[0]))
+        _offer_rest(files, error)
     except StereocalError as error:
         _refuse(error)
 

@@ -50,7 +50,8 @@ def project_to_write() -> Project:
 def new_project() -> Project:
     """Begin a project and make it the current one."""
     project = Project.create(default_home())
-    forget_project()
+    if _ID in st.session_state:
+        forget_project()
     st.session_state[_ID] = project.id
     st.query_params["project"] = project.id
     return project

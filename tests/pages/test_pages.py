@@ -179,6 +179,39 @@ def test_bad_length_is_said_and_the_old_one_stays(
     assert getattr(project_of(app, home).inputs, field) == before
 
 
+def test_length_typed_before_anything_else(app: AppTest, home: Path) -> None:
+    app.button(key="begin").click().run()
+    app.switch_page("pages/data.py").run()
+    app.selectbox(key="baseline_m_unit").set_value("cm").run()
+    app.number_input(key="baseline_m_value").set_value(450.0).run()
+    assert not app.exception and not app.error
+    assert project_of(app, home).inputs.baseline_m == pytest.approx(4.5)
+    assert app.number_input(key="baseline_m_value").value == 450.0
+    assert app.selectbox(key="baseline_m_unit").value == "cm"
+
+
+def test_length_can_be_taken_back(app: AppTest, home: Path) -> None:
+    open_sample(app)
+    app.number_input(key="baseline_m_value").set_value(None).run()
+    assert "Still missing: the baseline" in messages(app)
+    assert project_of(app, home).inputs.baseline_m is None
+
+
+def test_bad_point_is_listed_when_its_camera_comes(app: AppTest) -> None:
+    app.switch_page("pages/data.py").run()
+    rows = (FIELD / "correspondences.csv").read_text().splitlines()
+    cells = rows[5].split(",")
+    rows[5] = ",".join([*cells[:2], "2337", *cells[3:]])
+    table = app.file_uploader(key="upload_correspondences")
+    table.upload("points.csv", "\n".join(rows).encode(), "text/csv").run()
+    camera = app.file_uploader(key="upload_primary")
+    camera.upload("p.json", (FIELD / "primary.json").read_bytes(), "application/json").run()
+    assert list(app.dataframe[0].value["Line"]) == [6]
+    app.button(key="use_rest").click().run()
+    assert not app.error
+    assert "Still missing: the secondary camera's file" in messages(app)
+
+
 def test_length_in_millimetres(app: AppTest, home: Path) -> None:
     open_sample(app)
     app.selectbox(key="target_distance_m_unit").set_value("mm").run()
