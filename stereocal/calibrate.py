@@ -14,7 +14,7 @@ from stereocal.compiled import FloatArray, IntArray
 from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
 from stereocal.essential import Solver, calibrate_essential
-from stereocal.geometry import Pose, reprojection_errors_of_rays, triangulate_rays
+from stereocal.geometry import Pose, reprojection_errors_of_rays
 from stereocal.montecarlo import Problem, SearchSettings, Trace, minimise
 from stereocal.parameters import RigParameters
 
@@ -266,9 +266,7 @@ def reconstruction_problem(dataset: Dataset, known_points: bool = False) -> Prob
 def errors_of(dataset: Dataset, pose: Pose) -> Errors:
     """Reprojection and length errors of a pose on a data set."""
     both = reprojection_errors_of_rays(pose.R, pose.T, dataset.rays, dataset.pixel_scale)
-    points = triangulate_rays(pose.R, pose.T, dataset.rays)
-    bars = dataset.correspondences.bars
-    lengths = np.linalg.norm(points[bars[:, 0]] - points[bars[:, 1]], axis=1)
+    lengths = dataset.reconstructed_lengths_m(pose)
     measured = dataset.bar_distances_m
     return Errors(both.mean(axis=1), np.abs(lengths - measured) / measured)
 

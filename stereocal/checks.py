@@ -73,12 +73,9 @@ def check_scale(dataset: Dataset, pose: Pose) -> None:
     Raises:
         StereocalError: says which length the images expect.
     """
-    bars = dataset.correspondences.bars
-    if not len(bars):
+    if not len(dataset.correspondences.bars):
         return
-    points = triangulate_rays(pose.R, pose.T, dataset.rays)
-    lengths = np.linalg.norm(points[bars[:, 0]] - points[bars[:, 1]], axis=1)
-    ratio = float(np.median(dataset.bar_distances_m / lengths))
+    ratio = float(np.median(dataset.bar_distances_m / dataset.reconstructed_lengths_m(pose)))
     if 1 / LARGEST_SCALE_ERROR < ratio < LARGEST_SCALE_ERROR:
         return
     stated = float(np.median(dataset.bar_distances_m))

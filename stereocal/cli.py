@@ -25,7 +25,7 @@ from stereocal.montecarlo import SearchSettings
 from stereocal.nineteen import write_nineteen
 from stereocal.report import report_html
 from stereocal.simulate import write_field
-from stereocal.summary import summarise
+from stereocal.summary import summarise_all
 from stereocal.tables import validation_answer
 from stereocal.writing import write_all
 
@@ -136,9 +136,7 @@ def _evaluate(parsed: argparse.Namespace) -> None:
     with engine(parsed.workers, parsed.scheduler) as executor:
         runs = evaluate(datasets, settings, executor, ProgressBar("runs").show)
     assert runs is not None  # nobody cancels here
-    pooled = summarise(runs)
-    names = unique_names(datasets)
-    by_dataset = {name: summarise([own]) for name, own in zip(names, runs, strict=True)}
+    pooled, by_dataset = summarise_all(unique_names(datasets), runs)
     write_all(
         {
             parsed.out / "summary.json": summary_json(pooled, by_dataset, datasets, settings),

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from stereocal.camera import Camera
 from stereocal.compiled import FloatArray, IntArray
 from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
-from stereocal.geometry import stack_rays
+from stereocal.geometry import Pose, stack_rays, triangulate_rays
 
 TARGETS = ("A", "B")
 LONGEST_PLAUSIBLE_M = 1000.0
@@ -204,6 +204,13 @@ class Dataset:
         own = self.correspondences.distance_m[self.correspondences.bars]
         of_frame = np.where(np.isnan(own[:, 0]), own[:, 1], own[:, 0])
         return np.where(np.isnan(of_frame), self.target_distance_m, of_frame)
+
+    def reconstructed_lengths_m(self, pose: Pose) -> FloatArray:
+        """(m,): the lengths of the bars as `pose` gives them; NaN behind a camera."""
+        points = triangulate_rays(pose.R, pose.T, self.rays)
+        bars = self.correspondences.bars
+        lengths: FloatArray = np.linalg.norm(points[bars[:, 0]] - points[bars[:, 1]], axis=1)
+        return lengths
 
     @cached_property
     def sha256(self) -> str:

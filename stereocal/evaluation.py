@@ -22,9 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stereocal.calibrate import (
-    METHODS,
     CalibrationSettings,
-    Method,
     reconstruction_problem,
     reprojection_problem,
 )
@@ -33,7 +31,7 @@ from stereocal.compiled import FloatArray, IntArray, compiled
 from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
 from stereocal.essential import calibrate_essential
-from stereocal.geometry import Pose, reprojection_shift, triangulate_rays
+from stereocal.geometry import Pose, reprojection_shift
 from stereocal.montecarlo import minimise
 
 LOWEST, HIGHEST, FINE = -12.0, 6.0, 0.02
@@ -175,17 +173,14 @@ def check_split(dataset: Dataset, calibration_frames: int) -> None:
 def _test(test: Dataset, poses: Sequence[Pose], rng: np.random.Generator) -> Run:
     counts = np.zeros((len(poses), 2, 2, BINS + 2), dtype=np.int64)
     nans = np.zeros((len(poses), 2), dtype=np.int64)
-    bars = test.correspondences.bars
-    lengths = np.empty((len(poses), len(bars)))
+    lengths = np.empty((len(poses), len(test.correspondences.bars)))
     partners = _partners(len(test.correspondences), rng)
     for at, pose in enumerate(poses):
         count_pairs(
             pose.R, pose.T, pose.essential, test.rays, test.pixel_scale, partners,
             counts[at], nans[at],
         )  # fmt: skip
-        points = triangulate_rays(pose.R, pose.T, test.rays)
-        distances = np.linalg.norm(points[bars[:, 0]] - points[bars[:, 1]], axis=1)
-        lengths[at] = distances / test.bar_distances_m
+        lengths[at] = test.reconstructed_lengths_m(pose) / test.bar_distances_m
     return Run(counts, nans, lengths, np.array([pose.angles for pose in poses]))
 
 
@@ -289,8 +284,3 @@ def evaluate_runs(
 ) -> list[Run]:
     """Several runs of one data set: the piece of work that an executor gets."""
     return [evaluate_run(dataset, settings, number, run) for run in runs]
-
-
-def method_index(method: Method) -> int:
-    """The place of a method on the first axis of `Run`."""
-    return METHODS.index(method)

@@ -179,6 +179,21 @@ def summarise(
     return found
 
 
+def summarise_all(
+    names: Sequence[str], runs: Sequence[Sequence[Run]], bin_width: float = 0.1
+) -> tuple[dict[Method, MethodSummary], dict[str, dict[Method, MethodSummary]]]:
+    """All data sets pooled, and each by its name; one alone is its own pool.
+
+    Raises:
+        StereocalError: as `summarise`.
+    """
+    pooled = summarise(runs, bin_width)
+    if len(runs) == 1:
+        return pooled, {names[0]: pooled}
+    each = {name: summarise([own], bin_width) for name, own in zip(names, runs, strict=True)}
+    return pooled, each
+
+
 def best_methods(summaries: Mapping[Method, MethodSummary]) -> dict[str, Method]:
     """The best method of each column of the figure: residual, reprojection, reconstruction."""
     return {

@@ -55,35 +55,25 @@ def in_use(project: Project | None, slot: Slot) -> None:
 
 def take_dataset(uploads: Sequence[Upload]) -> None:
     """A zip, or the files of a folder."""
-    if not uploads or not _is_new(*uploads):
+    if not uploads or not is_new(*uploads):
         return
-    source = "the folder"
     files = {upload.name: upload.getvalue() for upload in uploads}
-    try:
-        if len(uploads) == 1 and uploads[0].name.lower().endswith(".zip"):
-            source = uploads[0].name
-            files = unzip(files[source], source)
-        _give_dataset(project_to_write(), files, source)
-        _settled()
-    except RefusedRowsError as error:
-        _offer_rest_of_dataset(files, source, error)
-    except StereocalError as error:
-        _refuse(error)
+    name = uploads[0].name
+    if len(uploads) == 1 and name.lower().endswith(".zip"):
+        try:
+            _try_dataset(unzip(files[name], name), name)
+        except StereocalError as error:
+            _refuse(error)
+    else:
+        _try_dataset(files, "the folder")
     st.rerun()
 
 
 def take_file(slot: Slot, upload: Upload | None) -> None:
     """One of the single files."""
-    if upload is None or not _is_new(upload):
+    if upload is None or not is_new(upload):
         return
-    name, content = upload.name, upload.getvalue()
-    try:
-        project_to_write().give({slot: (name, content)})
-        _settled()
-    except RefusedRowsError as error:
-        _offer_rest({slot: (name, content)}, error)
-    except StereocalError as error:
-        _refuse(error)
+    _try_files({slot: (upload.name, upload.getvalue())})
     st.rerun()
 
 
@@ -147,40 +137,32 @@ def _rows_but(content: bytes, problems: Sequence[RowProblem]) -> tuple[bytes, in
     return write_table(left), len(left)
 
 
-def _offer_rest_of_dataset(
-    files: Mapping[str, bytes], source: str, error: RefusedRowsError
-) -> None:
-    folder, _ = find_description(files, source)
-    rest = _rows_but(files[folder + TABLE], error.problems)
-    _refuse(error, rest, lambda: _retry_dataset({**files, folder + TABLE: rest[0]}, source))
-
-
-def _retry_dataset(files: Mapping[str, bytes], source: str) -> None:
+def _try_dataset(files: Mapping[str, bytes], source: str) -> None:
+    """Take over a data set; if rows of it are refused, offer to go on without them."""
     try:
         _give_dataset(project_to_write(), files, source)
         _settled()
     except RefusedRowsError as error:
-        _offer_rest_of_dataset(files, source, error)
+        folder, _ = find_description(files, source)
+        rest = _rows_but(files[folder + TABLE], error.problems)
+        _refuse(error, rest, lambda: _try_dataset({**files, folder + TABLE: rest[0]}, source))
     except StereocalError as error:
         _refuse(error)
 
 
-def _offer_rest(files: dict[Slot, tuple[str, bytes]], error: RefusedRowsError) -> None:
-    """Refuse files, and offer to go on without the rows of the table that do not fit."""
-    table = files.get("correspondences") or project_to_write().table
-    if table is None:
-        _refuse(error)
-        return
-    rest = _rows_but(table[1], error.problems)
-    _refuse(error, rest, lambda: _retry({**files, "correspondences": (table[0], rest[0])}))
-
-
-def _retry(files: dict[Slot, tuple[str, bytes]]) -> None:
+def _try_files(files: dict[Slot, tuple[str, bytes]]) -> None:
+    """Take over files; if rows of the table are refused, offer to go on without them."""
     try:
         project_to_write().give(files)
         _settled()
     except RefusedRowsError as error:
-        _offer_rest(files, error)
+        table = files.get("correspondences") or project_to_write().table
+        if table is None:
+            _refuse(error)
+            return
+        name, (rest, left) = table[0], _rows_but(table[1], error.problems)
+        again: dict[Slot, tuple[str, bytes]] = {**files, "correspondences": (name, rest)}
+        _refuse(error, (rest, left), lambda: _try_files(again))
     except StereocalError as error:
         _refuse(error)
 
@@ -203,7 +185,7 @@ def _give_dataset(project: Project, files: Mapping[str, bytes], source: str) -> 
     )
 
 
-def _is_new(*uploads: Upload) -> bool:
+def is_new(*uploads: Upload) -> bool:
     """Whether these uploads have not been dealt with yet; a page is drawn many times."""
     seen: set[str] = st.session_state.setdefault("uploads_seen", set())
     new = {upload.file_id for upload in uploads} - seen

@@ -21,11 +21,11 @@ from stereocal.figures import (
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.project import Project
 from stereocal.report import report_html
-from stereocal.summary import summarise
+from stereocal.summary import summarise_all
 from stereocal.tables import validation_answer, validation_table
 from stereocal.ui import jobs
 from stereocal.ui.forms import search_form, settings_of
-from stereocal.ui.intake import escape_markdown
+from stereocal.ui.intake import escape_markdown, is_new
 from stereocal.ui.project import keeper, remembered
 from stereocal.ui.results import show_figure
 
@@ -144,7 +144,8 @@ def show_evaluation(
             f"with: {describe_protocol(evaluation)}"
         )
     remembered(project, {"bin_width": 0.1})
-    pooled = summarise(evaluation.runs, st.session_state["bin_width"])
+    names = evaluation.names
+    pooled, by_dataset = summarise_all(names, evaluation.runs, st.session_state["bin_width"])
     st.success(validation_answer(pooled))
     wide = st.segmented_control(
         "Show", ["All three", *COLUMNS.values()], default="All three", key="columns", required=True
@@ -156,11 +157,6 @@ def show_evaluation(
         on_change=keeper(project, "bin_width"), help="The overlap depends on it a little.",
     )  # fmt: skip
     st.table(validation_table(pooled))
-    names = evaluation.names
-    by_dataset = {
-        name: summarise([own], st.session_state["bin_width"])
-        for name, own in zip(names, evaluation.runs, strict=True)
-    }
     if len(names) > 1:
         st.subheader("Data set by data set")
         show_figure(plot_comparison(by_dataset), describe_comparison(by_dataset), "comparison")
@@ -204,11 +200,9 @@ def _further(project: Project, more: Sequence[Dataset]) -> None:
     uploads = st.file_uploader(
         "Zips with dataset.json", type=["zip"], accept_multiple_files=True, key="upload_more"
     )
-    seen: set[str] = st.session_state.setdefault("uploads_seen", set())
     for upload in uploads:
-        if upload.file_id in seen:
+        if not is_new(upload):
             continue
-        seen.add(upload.file_id)
         try:
             project.add_dataset(upload.name, upload.getvalue())
         except StereocalError as error:
