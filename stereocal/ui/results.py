@@ -10,7 +10,7 @@ import plotly.graph_objects as go
 import streamlit as st
 
 from stereocal.calibrate import METHOD_NAMES, METHODS, Calibration
-from stereocal.cli import FILES
+from stereocal.commands.calibrate import FILES
 from stereocal.dataset import Dataset
 from stereocal.evaluation_files import Evaluation, validation_figures
 from stereocal.figures import (

@@ -1,0 +1,1 @@
+"""One file per command: `add` says its options, `run` does it."""

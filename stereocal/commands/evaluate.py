@@ -1,0 +1,56 @@
+"""`stereocal evaluate`: FCP and 3D error over random splits."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from stereocal.commands.options import add_search_options, settings_from
+from stereocal.commands.progress import ProgressBar
+from stereocal.engines import engine
+from stereocal.evaluation import EvaluationSettings, evaluate
+from stereocal.evaluation_files import summary_json, unique_names
+from stereocal.formats.dataset_files import read_dataset
+from stereocal.report import report_html
+from stereocal.summary import summarise_all
+from stereocal.tables import validation_answer
+from stereocal.writing import write_all
+
+
+def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """The options of the command."""
+    command = commands.add_parser("evaluate", help="FCP and 3D error over random splits")
+    command.set_defaults(run=run)
+    command.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="folders, zips")
+    command.add_argument("--out", type=Path, required=True, help="folder for the two files")
+    add_search_options(command)
+    command.add_argument("--runs", type=int, default=100, metavar="N", help="default: 100")
+    command.add_argument(
+        "--calibration-frames", type=int, default=20, metavar="K", help="of each run (default: 20)"
+    )
+    command.add_argument("--known-points", action="store_true", help="as for calibrate")
+    command.add_argument("--workers", type=int, metavar="N", help="N processes (default: threads)")
+    command.add_argument("--scheduler", metavar="ADDRESS", help="a Dask cluster: tcp://host:8786")
+
+
+def run(parsed: argparse.Namespace) -> None:
+    """Evaluate, write summary.json and report.html, print the answer."""
+    datasets = [read_dataset(path) for path in parsed.datasets]
+    settings = EvaluationSettings(
+        settings_from(parsed, calibration_frames=None), parsed.runs, parsed.calibration_frames
+    )
+    with engine(parsed.workers, parsed.scheduler) as executor:
+        runs = evaluate(datasets, settings, executor, ProgressBar("runs").show)
+    assert runs is not None  # nobody cancels here
+    pooled, by_dataset = summarise_all(unique_names(datasets), runs)
+    write_all(
+        {
+            parsed.out / "summary.json": summary_json(pooled, by_dataset, datasets, settings),
+            parsed.out / "report.html": report_html(
+                pooled, by_dataset, datasets, settings
+            ).encode(),
+        }
+    )
+    print(validation_answer(pooled))
+    for path in (parsed.out / "summary.json", parsed.out / "report.html"):
+        print(f"wrote {path}")

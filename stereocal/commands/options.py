@@ -1,0 +1,49 @@
+"""Options that several commands share."""
+
+from __future__ import annotations
+
+import argparse
+
+from stereocal.calibrate import CalibrationSettings
+from stereocal.montecarlo import SearchSettings
+
+
+def add_search_options(parser: argparse.ArgumentParser) -> None:
+    """The settings of the search and of the essential method, as options."""
+    paper = SearchSettings()
+    for option, kind, default, text in (
+        ("--seed", int, paper.seed, "source of the random numbers"),
+        ("--delta", float, paper.delta, "first step of an angle, rad"),
+        ("--delta-min", float, paper.delta_min, "the search ends below this step, rad"),
+        ("--acceptance", float, paper.acceptance, "the step shrinks below this acceptance ratio"),
+        ("--shrink", float, paper.shrink, "factor of a shrinking step"),
+        ("--minimum-moves", int, paper.minimum_moves, "moves before the ratio is looked at"),
+    ):
+        parser.add_argument(
+            option, type=kind, default=default, metavar="N", help=f"{text} (default: {default:g})"
+        )
+    parser.add_argument(
+        "--essential",
+        choices=("constrained", "linear"),
+        default="constrained",
+        help="solver of the essential method (default: constrained)",
+    )
+
+
+def settings_from(
+    parsed: argparse.Namespace, calibration_frames: int | None
+) -> CalibrationSettings:
+    """The settings of `add_search_options`, with the further ones."""
+    return CalibrationSettings(
+        search=SearchSettings(
+            delta=parsed.delta,
+            delta_min=parsed.delta_min,
+            acceptance=parsed.acceptance,
+            shrink=parsed.shrink,
+            minimum_moves=parsed.minimum_moves,
+            seed=parsed.seed,
+        ),
+        essential=parsed.essential,
+        calibration_frames=calibration_frames,
+        known_points=parsed.known_points,
+    )
