@@ -1,0 +1,157 @@
+"""Pairs of photographs by name: the ways in which people name them, and what cannot be told."""
+
+from __future__ import annotations
+
+import random
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from stereocal.pairing import Pair, Pairing, natural, number_pairs, pair_names
+
+STYLES = {
+    "left01": ("left{n:02}.png", "right{n:02}.png"),
+    "left-0000": ("left-{n:04}.jpg", "right-{n:04}.jpg"),
+    "cam folders": ("rig/cam0/{n:04}.tif", "rig/cam1/{n:04}.tif"),
+    "cam folders and names": ("cam0/cam0_{n}.tif", "cam1/cam1_{n}.tif"),
+    "Cam1_": ("Cam1_img_{n:03}.tif", "Cam2_img_{n:03}.tif"),
+    "camera_01": ("camera_01_{n:03}.tif", "camera_02_{n:03}.tif"),
+    "_L": ("IMG_{n:04}_L.JPG", "IMG_{n:04}_R.JPG"),
+    "07L": ("{n:02}L.bmp", "{n:02}R.bmp"),
+    "L7": ("L{n}.bmp", "R{n}.bmp"),
+    "A folder": ("A/{n}.png", "B/{n}.png"),
+    "c1": ("run1_c1_{n:04}.png", "run1_c2_{n:04}.png"),
+    "image_0": ("image_0/{n:06}.png", "image_1/{n:06}.png"),
+    "image_00": ("drive/image_00/{n:06}.png", "drive/image_01/{n:06}.png"),
+    "numbers": ("0/{n:06}.png", "1/{n:06}.png"),
+    "words": ("Left camera/frame {n}.png", "Right camera/frame {n}.png"),
+    "LeftCam": ("LeftCam{n}.png", "RightCam{n}.png"),
+    "ours": ("primary/{n}.png", "secondary/{n}.png"),
+    "ours and theirs": ("primary/left{n}.png", "secondary/right{n}.png"),
+    "ours, other kinds": ("primary/{n}.png", "secondary/{n}.tif"),
+    "frame folders": ("{n}/left.png", "{n}/right.png"),
+    "both words in a folder": ("stereo_left_right/left{n}.png", "stereo_left_right/right{n}.png"),
+    "windows": ("C:\\bat\\left\\{n}.png", "C:\\bat\\right\\{n}.png"),
+    "date": ("left_{n:04}_2024.png", "right_{n:04}_2024.png"),
+}
+FRAMES = st.sets(st.integers(0, 9999), min_size=1, max_size=12)
+
+
+def made(style: str, frames: set[int]) -> list[Pair]:
+    first, second = STYLES[style]
+    return [Pair(n, first.format(n=n), second.format(n=n)) for n in sorted(frames)]
+
+
+def names_of(pairs: list[Pair], seed: int = 1) -> list[str]:
+    names = [name for pair in pairs for name in (pair.primary, pair.secondary)]
+    random.Random(seed).shuffle(names)
+    return names
+
+
+def twos(pairing: Pairing) -> set[tuple[str, str]]:
+    return {(pair.primary, pair.secondary) for pair in pairing.pairs}
+
+
+@pytest.mark.parametrize("style", STYLES)
+def test_the_ways_of_naming(style: str) -> None:
+    pairs = made(style, {3, 7, 12, 110})
+    found = pair_names(names_of(pairs))
+    assert list(found.pairs) == pairs
+    assert not found.alone and not found.unknown and not found.ambiguous
+    assert found.sentence.startswith("4 pairs by name")
+
+
+@given(style=st.sampled_from(sorted(STYLES)), frames=FRAMES, seed=st.integers(0, 99))
+def test_any_frames_in_any_order(style: str, frames: set[int], seed: int) -> None:
+    pairs = made(style, frames)
+    found = pair_names(names_of(pairs, seed))
+    assert twos(found) == {(pair.primary, pair.secondary) for pair in pairs}
+    # One "date" pair alone is numbered by its last number, the year; and a few folders called by
+    # numbers can be cameras as well as frames.
+    if len(frames) > 1:
+        assert list(found.pairs) == pairs
+
+
+@given(
+    style=st.sampled_from(sorted(set(STYLES) - {"frame folders"})),
+    frames=st.sets(st.integers(0, 9999), min_size=3, max_size=12),
+    data=st.data(),
+)
+def test_a_lost_twin_is_named_and_the_others_stay(
+    style: str, frames: set[int], data: st.DataObject
+) -> None:
+    pairs = made(style, frames)
+    lost = data.draw(st.sampled_from(pairs))
+    camera = data.draw(st.integers(0, 1))
+    gone = (lost.primary, lost.secondary)[camera]
+    found = pair_names([name for name in names_of(pairs) if name != gone])
+    assert twos(found) == {(p.primary, p.secondary) for p in pairs if p != lost}
+    assert [(one.name, one.camera) for one in found.alone] == [
+        ((lost.secondary, lost.primary)[camera], 1 - camera)
+    ]
+    twin = found.alone[0].twin
+    assert twin.replace("/", "\\").rsplit(".")[0] == gone.replace("/", "\\").rsplit(".")[0]
+    assert twin in found.sentence
+
+
+@given(st.lists(st.text("lr0123_/.camLRb ", max_size=12), max_size=12))
+def test_every_photograph_is_accounted_for_once(names: list[str]) -> None:
+    found = pair_names(names)
+    shown = [name for pair in found.pairs for name in (pair.primary, pair.secondary)]
+    shown += [one.name for one in found.alone] + list(found.unknown)
+    assert sorted(shown) == sorted(set(names))
+    assert len({pair.frame for pair in found.pairs}) == len(found.pairs)
+    assert found.sentence
+
+
+@pytest.mark.parametrize(
+    ("names", "sentence"),
+    [
+        ([], "no photograph was given"),
+        (["left1.png"], "one photograph was given"),
+        (["foo.png", "bar.png"], "None of the 2 photographs could be paired by name"),
+        (["img_1.png", "img_2.png", "img_3.png"], "None of the 3 photographs"),
+        (["left1.png", "right2.png"], "left1.png (primary) has no right1.png beside it"),
+        (["LEFT1.png", "RIGHT2.png"], "RIGHT2.png (secondary) has no LEFT2.png beside it"),
+        (["left1.png", "left1.jpg", "right1.png"], "Several files claim the same place: left1.jpg"),
+    ],
+)  # fmt: skip
+def test_nothing_to_pair_is_said(names: list[str], sentence: str) -> None:
+    found = pair_names(names)
+    assert not found.pairs and not found.ambiguous
+    assert sentence in found.sentence
+
+
+def test_never_by_order() -> None:
+    names = [f"{folder}/DSC_{n}.jpg" for folder, n in (("one", 11), ("one", 12), ("two", 31))]
+    assert not pair_names([*names, "two/DSC_32.jpg"]).pairs
+
+
+def test_three_cameras_are_ambiguous() -> None:
+    found = pair_names([f"cam{camera}/{n}.png" for camera in range(3) for n in range(4)])
+    assert found.ambiguous
+    assert twos(found) == {(f"cam0/{n}.png", f"cam1/{n}.png") for n in range(4)}
+    assert "can as well be read with cam1 and cam2" in found.sentence
+
+
+def test_words_that_contradict_are_ambiguous() -> None:
+    names = [f"cam0_right_{n}.png" for n in range(3)] + [f"cam1_left_{n}.png" for n in range(3)]
+    assert not pair_names(names).pairs or pair_names(names).ambiguous
+
+
+def test_surer_words_win() -> None:
+    found = pair_names(["1/left.png", "1/right.png", "2/left.png", "2/right.png"])
+    assert twos(found) == {("1/left.png", "1/right.png"), ("2/left.png", "2/right.png")}
+    assert not found.ambiguous
+
+
+def test_frames_are_counted_where_no_number_tells_them_apart() -> None:
+    pairs = {"*a": ("la", "ra"), "*b": ("lb", "rb"), "*9": ("l9", "r9")}
+    assert [pair.frame for pair in number_pairs(pairs)] == [1, 2, 3]
+    long = {f"*{n}{'0' * 40}": (f"l{n}", f"r{n}") for n in (7, 8)}
+    assert [pair.frame for pair in number_pairs(long)] == [1, 2]
+
+
+def test_numbers_sort_as_numbers() -> None:
+    assert sorted(["img10", "img9", "Img1"], key=natural) == ["Img1", "img9", "img10"]
