@@ -5,8 +5,9 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -17,6 +18,9 @@ from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
 from stereocal.geometry import Pose, stack_rays, triangulate_rays
 
 TARGETS = ("A", "B")
+SOURCES = ("detected", "corrected", "manual")
+"""Who placed a point: the detector, a person with the detector's help, or a person alone."""
+UNKNOWN_SOURCE = -1
 LONGEST_PLAUSIBLE_M = 1000.0
 """A baseline or bar beyond a kilometre is a number in millimetres."""
 
@@ -42,6 +46,11 @@ class Correspondences:
     """Distance A-B measured for this frame; NaN where the data set's own distance holds."""
     known_points_m: FloatArray
     """(n, 3) places in the primary camera's frame, where known; else NaN."""
+    sigma_primary_px: FloatArray
+    """Standard error of the primary point, of one coordinate; NaN where it is not known."""
+    sigma_secondary_px: FloatArray
+    source: IntArray
+    """Index into `SOURCES`; -1 where it is not known."""
     line: IntArray
     """Line of the file that the row came from, for messages; 0 where there is none."""
 
@@ -49,7 +58,8 @@ class Correspondences:
         n = len(self.frame)
         shapes = {
             "target": (n,), "primary": (n, 2), "secondary": (n, 2),
-            "distance_m": (n,), "known_points_m": (n, 3), "line": (n,),
+            "distance_m": (n,), "known_points_m": (n, 3),
+            "sigma_primary_px": (n,), "sigma_secondary_px": (n,), "source": (n,), "line": (n,),
         }  # fmt: skip
         for name, shape in shapes.items():
             if getattr(self, name).shape != shape:
@@ -60,6 +70,10 @@ class Correspondences:
             raise StereocalError("An image point is not a finite number.")
         if not np.isin(self.target, (0, 1)).all():
             raise StereocalError("A target is neither A (0) nor B (1).")
+        if not np.isin(self.source, range(UNKNOWN_SOURCE, len(SOURCES))).all():
+            raise StereocalError(f"A source is none of {', '.join(SOURCES)}.")
+        if (self.sigma_primary_px <= 0).any() or (self.sigma_secondary_px <= 0).any():
+            raise StereocalError("The standard error of an image point is not above 0.")
         if len(np.unique(np.column_stack([self.frame, self.target]), axis=0)) < n:
             raise StereocalError("A frame has the same target twice.")
         for name in ("frame", *shapes):
@@ -74,24 +88,43 @@ class Correspondences:
         secondary: npt.ArrayLike,
         distance_m: npt.ArrayLike | None = None,
         known_points_m: npt.ArrayLike | None = None,
+        sigma_primary_px: npt.ArrayLike | None = None,
+        sigma_secondary_px: npt.ArrayLike | None = None,
+        source: Iterable[str] | None = None,
     ) -> Correspondences:
-        """From arrays as a script has them; `target` holds "A" and "B"."""
+        """From arrays as a script has them.
+
+        `target` holds "A" and "B"; `source` the words of `SOURCES`, and "" where it is not known.
+        """
         frames = np.array(frame, dtype=np.int64)
         n = len(frames)
+
+        def optional(given: npt.ArrayLike | None, *shape: int) -> FloatArray:
+            return np.full((n, *shape), np.nan) if given is None else np.array(given, float)
+
+        words = [""] * n if source is None else list(source)
         return cls(
             frame=frames,
             target=np.array([TARGETS.index(name) for name in target], dtype=np.int64),
             primary=np.array(primary, dtype=np.float64),
             secondary=np.array(secondary, dtype=np.float64),
-            distance_m=np.full(n, np.nan) if distance_m is None else np.array(distance_m, float),
-            known_points_m=(
-                np.full((n, 3), np.nan) if known_points_m is None else np.array(known_points_m)
-            ),
+            distance_m=optional(distance_m),
+            known_points_m=optional(known_points_m, 3),
+            sigma_primary_px=optional(sigma_primary_px),
+            sigma_secondary_px=optional(sigma_secondary_px),
+            source=np.array([source_code(word) for word in words], dtype=np.int64),
             line=np.zeros(n, dtype=np.int64),
         )
 
     def __len__(self) -> int:
         return len(self.frame)
+
+    @property
+    def has_sigmas(self) -> bool:
+        """Whether the standard error of any point is known."""
+        return bool(
+            np.isfinite(self.sigma_primary_px).any() or np.isfinite(self.sigma_secondary_px).any()
+        )
 
     @cached_property
     def frames(self) -> IntArray:
@@ -109,15 +142,7 @@ class Correspondences:
 
     def where(self, keep: npt.NDArray[np.bool_]) -> Correspondences:
         """The rows for which `keep`, of shape (n,), is true."""
-        return Correspondences(
-            *(
-                getattr(self, name)[keep]
-                for name in (
-                    "frame", "target", "primary", "secondary", "distance_m", "known_points_m",
-                    "line",
-                )
-            )
-        )  # fmt: skip
+        return Correspondences(*(getattr(self, field.name)[keep] for field in fields(self)))
 
     def of_frames(self, frames: npt.ArrayLike) -> Correspondences:
         """The rows of the given frames."""
@@ -216,7 +241,7 @@ class Dataset:
     def sha256(self) -> str:
         """Digest of all numbers that a calibration depends on, however they were stored."""
         rows = self.correspondences
-        content = {
+        content: dict[str, Any] = {
             "cameras": [self.primary.to_json(), self.secondary.to_json()],
             "baseline_m": self.baseline_m,
             "target_distance_m": self.target_distance_m,
@@ -226,7 +251,24 @@ class Dataset:
                              "known_points_m")
             ],
         }  # fmt: skip
+        if rows.has_sigmas:
+            # Beside the rows, so that a table without them has the digest that it always had.
+            sigmas = (rows.sigma_primary_px, rows.sigma_secondary_px)
+            content["sigmas_px"] = [sigma.tolist() for sigma in sigmas]
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def source_code(word: str) -> int:
+    """The index of a word of `SOURCES`; -1 for an empty one.
+
+    Raises:
+        StereocalError: it is none of them.
+    """
+    if not word:
+        return UNKNOWN_SOURCE
+    if word not in SOURCES:
+        raise StereocalError(f'The source "{word[:40]}" is none of {", ".join(SOURCES)}.')
+    return SOURCES.index(word)
 
 
 def check_length(what: str, value: float) -> None:

@@ -40,7 +40,8 @@ from stereocal.errors import RefusedRowsError, StereocalError
 from stereocal.evaluation_files import Evaluation, pack_evaluation, unpack_evaluation
 from stereocal.formats.camera_file import read_camera
 from stereocal.formats.correspondences_csv import read_table
-from stereocal.formats.dataset_files import parse_dataset, unzip
+from stereocal.formats.dataset_files import parse_dataset
+from stereocal.formats.zip_files import unzip
 from stereocal.geometry import Pose
 from stereocal.montecarlo import Trace
 from stereocal.writing import write_atomically

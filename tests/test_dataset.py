@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any, cast
 
 import numpy as np
@@ -21,12 +21,10 @@ def changed(**columns: Any) -> Correspondences:
     rows = correspondences(3)
     return Correspondences(
         **{
-            name: columns.get(name, np.array(getattr(rows, name)))
-            for name in (
-                "frame", "target", "primary", "secondary", "distance_m", "known_points_m", "line",
-            )
+            field.name: columns.get(field.name, np.array(getattr(rows, field.name)))
+            for field in fields(rows)
         }
-    )  # fmt: skip
+    )
 
 
 class TestCorrespondences:
@@ -50,6 +48,22 @@ class TestCorrespondences:
         np.testing.assert_array_equal(chosen.secondary, rows.secondary[[0, 1, 4, 5]])
         np.testing.assert_array_equal(rows.without_lines([3, 6]).line, [2, 4, 5, 7])
 
+    def test_sigmas_and_sources_stay_with_their_rows(self) -> None:
+        sigma = np.array([0.1, 0.2, np.nan, 0.4, 0.5, 0.6])
+        rows = changed(sigma_secondary_px=sigma, source=np.array([0, 1, 2, -1, 0, 1]))
+        assert rows.has_sigmas and not changed().has_sigmas
+        chosen = rows.of_frames([2])
+        np.testing.assert_array_equal(chosen.sigma_secondary_px, [np.nan, 0.4])
+        np.testing.assert_array_equal(chosen.source, [2, -1])
+        assert np.isnan(chosen.sigma_primary_px).all()
+
+    def test_words_of_sources(self) -> None:
+        twos = np.ones((2, 2))
+        rows = Correspondences.from_arrays([1, 2], "AB", twos, twos, source=["manual", ""])
+        np.testing.assert_array_equal(rows.source, [2, -1])
+        with pytest.raises(StereocalError, match='"guess" is none of detected'):
+            Correspondences.from_arrays([1, 2], "AB", twos, twos, source=["guess", ""])
+
     def test_names_of_rows(self) -> None:
         assert changed().name_of(3) == "frame 2, target B"
         assert changed(line=np.arange(2, 8)).name_of(3) == "frame 2, target B (line 5)"
@@ -58,6 +72,9 @@ class TestCorrespondences:
         ("columns", "says"),
         [
             ({"frame": np.array([1, 1, 1, 2, 3, 3])}, "twice"),
+            ({"source": np.array([0, 1, 2, -1, 3, 0])}, "none of detected, corrected, manual"),
+            ({"sigma_primary_px": np.array([1, 1, 0, 1, 1, np.nan])}, "not above 0"),
+            ({"sigma_secondary_px": np.array([1, 1, -1, 1, 1, np.nan])}, "not above 0"),
             ({"target": np.array([0, 1, 0, 1, 0, 2])}, "neither A"),
             ({"target": np.zeros(5, int)}, "target has shape"),
             ({"primary": np.full((6, 2), np.nan)}, "not a finite number"),
@@ -173,6 +190,7 @@ class TestDataset:
             replace(EXACT, primary=Camera(PRIMARY.K, np.zeros(0), PRIMARY.image_size)),
             EXACT.of_frames([1, 2, 3, 4, 5]),
             dataset(6, known_points=True),
+            replace(EXACT, correspondences=replace(rows, sigma_primary_px=np.full(12, 0.1))),
         ]
         assert len({EXACT.sha256, *(other.sha256 for other in others)}) == 1 + len(others)
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import io
 import json
+import tracemalloc
 import zipfile
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,8 @@ from stereocal.dataset import Correspondences
 from stereocal.errors import RefusedRowsError, StereocalError
 from stereocal.formats.camera_file import read_camera, write_camera
 from stereocal.formats.correspondences_csv import TEMPLATE, read_table, write_table
-from stereocal.formats.dataset_files import pack_dataset, parse_dataset, read_dataset, unzip
+from stereocal.formats.dataset_files import pack_dataset, parse_dataset, read_dataset, read_survey
+from stereocal.formats.zip_files import unzip
 from stereocal.parameters import RigParameters
 from tests.rig import PRIMARY, SECONDARY, correspondences, dataset
 
@@ -155,6 +157,27 @@ class TestTable:
         )  # fmt: skip
         assert not problems_of(content)
 
+    def test_sigmas_and_sources(self) -> None:
+        content = table(
+            ROW + ",0.05,,detected", "1,B,1,2,3,4,0.1,0.2,", "2,A,1,2,3,4,,,Manual",
+            "3,A,1,2,3,4,0,,", "4,A,1,2,3,4,,-1,", "5,A,1,2,3,4,,,guessed", "6,A,1,2,3,4,x,,",
+            header=HEADER + ",sigma_primary_px,sigma_secondary_px,source",
+        )  # fmt: skip
+        rows = read_table(content, "t.csv").correspondences
+        np.testing.assert_array_equal(rows.sigma_primary_px, [0.05, 0.1, np.nan])
+        np.testing.assert_array_equal(rows.sigma_secondary_px, [np.nan, 0.2, np.nan])
+        np.testing.assert_array_equal(rows.source, [0, -1, 2])
+        reasons = [reason for _, reason in problems_of(content)]
+        assert len(reasons) == 4
+        assert "sigma_primary_px is 0; it must be above 0" in reasons[0]
+        assert "sigma_secondary_px is -1; it must be above 0" in reasons[1]
+        assert 'source is "guessed"; it must be detected, corrected, manual' in reasons[2]
+        assert 'sigma_primary_px is "x", which is not a number' in reasons[3]
+
+    def test_a_table_without_sigmas_is_written_without_their_columns(self) -> None:
+        rows = read_table(table(ROW), "t.csv").correspondences
+        assert write_table(rows).splitlines()[0].decode() == HEADER
+
     def test_known_points(self) -> None:
         content = table(ROW + ",1,2,7.5", "1,B,1,2,3,4,,,", header=HEADER + ",x_m,y_m,z_m")
         rows = read_table(content, "t.csv").strict("t.csv")
@@ -194,6 +217,10 @@ class TestTable:
         n = len(keys)
         places = npst.arrays(np.float64, (n, 2), elements=self.finite)
         known = st.none() | npst.arrays(np.float64, (n, 3), elements=self.finite | st.just(np.nan))
+        sigma = st.floats(1e-6, 1e6) | st.just(np.nan)
+        sigmas = st.none() | npst.arrays(np.float64, n, elements=sigma)
+        word = st.sampled_from(["", "detected", "corrected", "manual"])
+        sources = st.none() | st.lists(word, min_size=n, max_size=n)
         own = {frame: data.draw(st.just(np.nan) | st.floats(1e-3, 1e3)) for frame, _ in keys}
         rows = Correspondences.from_arrays(
             [frame for frame, _ in keys],
@@ -202,10 +229,14 @@ class TestTable:
             data.draw(places),
             [own[frame] for frame, _ in keys],
             data.draw(known),
+            data.draw(sigmas),
+            data.draw(sigmas),
+            data.draw(sources),
         )
         back = read_table(write_table(rows), "t.csv").strict("t.csv")
-        for name in ("frame", "target", "primary", "secondary", "distance_m", "known_points_m"):
-            np.testing.assert_array_equal(getattr(back, name), getattr(rows, name))
+        for field in fields(rows):
+            if field.name != "line":
+                np.testing.assert_array_equal(getattr(back, field.name), getattr(rows, field.name))
 
     @given(st.binary(max_size=300))
     @example(b'"')
@@ -482,6 +513,30 @@ class TestDatasetFiles:
         files = {other: content for other, content in self.files.items() if other != name}
         with pytest.raises(StereocalError, match=f"^x: .*{name}"):
             parse_dataset(files, "x")
+
+    @pytest.mark.parametrize("packed", [False, True])
+    def test_photographs_and_no_table_yet(self, tmp_path: Path, packed: bool) -> None:
+        files = {k: v for k, v in self.files.items() if k != "correspondences.csv"}
+        files |= {f"{camera}/1.png": b"x" for camera in ("primary", "secondary")}
+        source = tmp_path / "survey"
+        if packed:
+            source.write_bytes(zipped(files))
+        else:
+            for name, content in files.items():
+                (source / name).parent.mkdir(parents=True, exist_ok=True)
+                (source / name).write_bytes(content)
+        with pytest.raises(StereocalError, match=r"photographs and no correspondences\.csv yet"):
+            read_dataset(source)
+        survey = read_survey(source)
+        assert survey.with_points(NOISY.correspondences).sha256 == NOISY.sha256
+
+    def test_photographs_are_not_unpacked_with_the_texts(self, tmp_path: Path) -> None:
+        content = zipped({**self.files, "primary/1.png": bytes(9_000_000)})
+        (tmp_path / "a.zip").write_bytes(content)
+        tracemalloc.start()
+        assert read_dataset(tmp_path / "a.zip").sha256 == NOISY.sha256
+        assert tracemalloc.get_traced_memory()[1] < 3_000_000
+        tracemalloc.stop()
 
     def test_nothing_there(self, tmp_path: Path) -> None:
         with pytest.raises(StereocalError, match="no such folder or file"):

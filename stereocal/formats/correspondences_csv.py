@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stereocal.dataset import TARGETS, Correspondences
+from stereocal.dataset import SOURCES, TARGETS, UNKNOWN_SOURCE, Correspondences
 from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
 
 if TYPE_CHECKING:
@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 PIXELS = ("u_primary", "v_primary", "u_secondary", "v_secondary")
 REQUIRED = ("frame", "target", *PIXELS)
 KNOWN_POINT = ("x_m", "y_m", "z_m")
+SIGMAS = ("sigma_primary_px", "sigma_secondary_px")
+OPTIONAL = ("distance_m", *KNOWN_POINT, *SIGMAS)
+SOURCE = "source"
 TEMPLATE = (
     "frame,target,u_primary,v_primary,u_secondary,v_secondary\n"
     "1,A,1012.31,655.02,884.77,671.40\n"
@@ -69,18 +72,24 @@ def read_table(content: bytes, source: str) -> Table:
 
 def write_table(rows: Correspondences) -> bytes:
     """The table of `rows`, which `read_table` reads back to the same numbers."""
-    columns = list(REQUIRED)
-    with_distance = bool(np.isfinite(rows.distance_m).any())
-    with_points = bool(np.isfinite(rows.known_points_m).any())
-    columns += ["distance_m"] * with_distance + list(KNOWN_POINT) * with_points
+    optional = {
+        "distance_m": rows.distance_m,
+        **{name: rows.known_points_m[:, i] for i, name in enumerate(KNOWN_POINT)},
+        **{name: getattr(rows, name) for name in SIGMAS},
+    }
+    known = {name: column for name, column in optional.items() if np.isfinite(column).any()}
+    if known.keys() & set(KNOWN_POINT):
+        known = {name: optional[name] for name in OPTIONAL if name in known or name in KNOWN_POINT}
+    with_source = bool((rows.source != UNKNOWN_SOURCE).any())
     out = io.StringIO(newline="")
     writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(columns)
+    writer.writerow([*REQUIRED, *known, *[SOURCE] * with_source])
     for i in range(len(rows)):
-        numbers = [*rows.primary[i], *rows.secondary[i]]
-        numbers += [rows.distance_m[i]] * with_distance
-        numbers += list(rows.known_points_m[i]) * with_points
+        numbers = [*rows.primary[i], *rows.secondary[i], *(column[i] for column in known.values())]
         cells = ["" if math.isnan(x) else repr(float(x)) for x in numbers]
+        if with_source:
+            code = rows.source[i]
+            cells.append("" if code == UNKNOWN_SOURCE else SOURCES[code])
         writer.writerow([int(rows.frame[i]), TARGETS[rows.target[i]], *cells])
     return out.getvalue().encode()
 
@@ -94,6 +103,8 @@ class _Row:
     frame: int
     target: int
     numbers: list[float]
+    """The four pixels, then the columns of `OPTIONAL`; NaN where a cell is empty."""
+    source: int
     line: int
 
 
@@ -129,7 +140,8 @@ def _read_rows(reader: Reader, source: str, decimal_comma: bool) -> Table:
             problems.append(RowProblem(reader.line_num, str(refused)))
     if not rows and not problems:
         raise StereocalError(f"{source}: the table has a header and no rows.")
-    numbers = np.array([row.numbers for row in rows], dtype=np.float64).reshape(-1, 8)
+    numbers = np.array([row.numbers for row in rows], dtype=np.float64)
+    numbers = numbers.reshape(-1, len(PIXELS) + len(OPTIONAL))
     return Table(
         Correspondences(
             frame=np.array([row.frame for row in rows], dtype=np.int64),
@@ -138,6 +150,9 @@ def _read_rows(reader: Reader, source: str, decimal_comma: bool) -> Table:
             secondary=numbers[:, 2:4].copy(),
             distance_m=numbers[:, 4].copy(),
             known_points_m=numbers[:, 5:8].copy(),
+            sigma_primary_px=numbers[:, 8].copy(),
+            sigma_secondary_px=numbers[:, 9].copy(),
+            source=np.array([row.source for row in rows], dtype=np.int64),
             line=np.array([row.line for row in rows], dtype=np.int64),
         ),
         problems,
@@ -153,7 +168,7 @@ def _columns_of(header: list[str], source: str) -> dict[str, int]:
             f"{'are' if len(missing) > 1 else 'is'} missing; the first line must name the columns "
             f"{', '.join(REQUIRED)}, and names {', '.join(names)[:200]}."
         )
-    twice = [name for name in (*REQUIRED, "distance_m", *KNOWN_POINT) if names.count(name) > 1]
+    twice = [name for name in (*REQUIRED, *OPTIONAL, SOURCE) if names.count(name) > 1]
     if twice:
         raise StereocalError(f"{source}: the column {twice[0]} stands in the first line twice.")
     return {name: i for i, name in enumerate(names)}
@@ -165,18 +180,7 @@ def _read_row(cells: list[str], columns: dict[str, int], line: int, decimal_comm
         return cells[at].strip() if at < len(cells) else ""
 
     def number(name: str, optional: bool = False) -> float:
-        text = cell(name)
-        if not text and optional:
-            return math.nan
-        if not text:
-            raise _RefusedError(f"{name} is empty")
-        try:
-            value = float(text.replace(",", ".") if decimal_comma else text)
-        except ValueError:
-            raise _RefusedError(f'{name} is "{text[:40]}", which is not a number') from None
-        if not math.isfinite(value):
-            raise _RefusedError(f"{name} is {text[:40]}, which is not a finite number")
-        return value
+        return _number(name, cell(name), optional, decimal_comma)
 
     frame = number("frame")
     if frame != int(frame) or abs(frame) > 2**53:
@@ -185,8 +189,30 @@ def _read_row(cells: list[str], columns: dict[str, int], line: int, decimal_comm
     if target not in TARGETS:
         raise _RefusedError(f'target is "{cell("target")[:40]}"; it must be A or B')
     numbers = [number(name) for name in PIXELS]
-    distance = number("distance_m", optional=True)
-    if distance <= 0:
-        raise _RefusedError(f"distance_m is {distance:g}; it must be above 0")
-    numbers += [distance, *(number(name, optional=True) for name in KNOWN_POINT)]
-    return _Row(int(frame), TARGETS.index(target), numbers, line)
+    optional = {name: number(name, optional=True) for name in OPTIONAL}
+    for name in ("distance_m", *SIGMAS):
+        if optional[name] <= 0:
+            raise _RefusedError(f"{name} is {optional[name]:g}; it must be above 0")
+    numbers += optional.values()
+    return _Row(int(frame), TARGETS.index(target), numbers, _source_of(cell(SOURCE)), line)
+
+
+def _number(name: str, text: str, optional: bool, decimal_comma: bool) -> float:
+    if not text and optional:
+        return math.nan
+    if not text:
+        raise _RefusedError(f"{name} is empty")
+    try:
+        value = float(text.replace(",", ".") if decimal_comma else text)
+    except ValueError:
+        raise _RefusedError(f'{name} is "{text[:40]}", which is not a number') from None
+    if not math.isfinite(value):
+        raise _RefusedError(f"{name} is {text[:40]}, which is not a finite number")
+    return value
+
+
+def _source_of(text: str) -> int:
+    if text and text.lower() not in SOURCES:
+        words = ", ".join(SOURCES)
+        raise _RefusedError(f'{SOURCE} is "{text[:40]}"; it must be {words} or empty')
+    return SOURCES.index(text.lower()) if text else UNKNOWN_SOURCE

@@ -1,35 +1,47 @@
-"""A data set as a folder or a zip: `dataset.json`, two camera files, `correspondences.csv`."""
+"""A data set as a folder or a zip: `dataset.json`, two camera files, points or photographs."""
 
 from __future__ import annotations
 
-import io
 import json
-import lzma
-import struct
-import zipfile
-import zlib
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from stereocal.dataset import Dataset
+from stereocal.camera import Camera
+from stereocal.dataset import Correspondences, Dataset
 from stereocal.errors import RefusedRowsError, StereocalError
 from stereocal.formats.camera_file import read_camera, write_camera
 from stereocal.formats.correspondences_csv import read_table, write_table
+from stereocal.formats.photograph_files import is_photograph
+from stereocal.formats.zip_files import open_zip, unzip
 
 DATASET_FORMAT = "stereocal-dataset/1"
 DESCRIPTION = "dataset.json"
 TABLE = "correspondences.csv"
-MOST_FILES = 20_000
-MOST_BYTES = 2_000_000_000
-MOST_SWELLING = 200
-"""A table of numbers packs to a fifth; a file that swells two hundredfold is a trap."""
+TEXTS = frozenset((".json", ".csv", ".yaml", ".yml", ".xml"))
 
-DAMAGED_ZIP = (
-    zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError, ValueError, OSError,
-    OverflowError, IndexError, struct.error, zlib.error, lzma.LZMAError,
-)  # fmt: skip
-"""All that `zipfile` and its decompressors raise on damaged content."""
+
+@dataclass(frozen=True)
+class Survey:
+    """What `dataset.json` tells: all of a data set but its points."""
+
+    name: str
+    primary: Camera
+    secondary: Camera
+    baseline_m: float
+    target_distance_m: float
+    baseline_sigma_m: float | None
+    target_distance_sigma_m: float | None
+    notes: str
+
+    def with_points(self, correspondences: Correspondences) -> Dataset:
+        """The data set.
+
+        Raises:
+            StereocalError: as `Dataset`.
+        """
+        return Dataset(correspondences=correspondences, **vars(self))
 
 
 def read_dataset(path: str | Path) -> Dataset:
@@ -38,57 +50,66 @@ def read_dataset(path: str | Path) -> Dataset:
     Raises:
         StereocalError: one sentence that says what is wrong, and where.
     """
-    path = Path(path)
-    try:
-        if path.is_dir():
-            files = {
-                str(PurePosixPath(file.relative_to(path))): file.read_bytes()
-                for file in _small_files(path)
-            }
-        elif path.is_file():
-            files = unzip(path.read_bytes(), path.name)
-        else:
-            raise StereocalError(f"{path}: there is no such folder or file.")
-    except OSError as error:
-        raise StereocalError(f"{path} cannot be read: {error.strerror or error}.") from error
-    return parse_dataset(files, str(path))
+    files, photographs = read_texts(Path(path))
+    return parse_dataset(files, str(path), photographs)
 
 
-def parse_dataset(files: Mapping[str, bytes], source: str) -> Dataset:
-    """The data set of files by name; they may all lie in one folder further down.
+def read_survey(path: str | Path) -> Survey:
+    """Read a data set but for its points, which need not be there yet.
 
     Raises:
         StereocalError: as `read_dataset`.
     """
-    folder, description = find_description(files, source)
-    where = f"{source}: {DESCRIPTION}"
+    files, _ = read_texts(Path(path))
+    return parse_survey(files, str(path))
 
-    def content_of(name: Any, what: str) -> tuple[str, bytes]:
-        if not isinstance(name, str) or folder + name not in files:
-            raise StereocalError(f"{source}: {what} {name!r} is missing.")
-        return f"{source}: {name}", files[folder + name]
 
-    cameras = description.get("cameras")
-    if not isinstance(cameras, dict) or not {"primary", "secondary"} <= cameras.keys():
-        raise StereocalError(f'{where}: "cameras" must name a primary and a secondary camera file.')
-    name, content = content_of(cameras["primary"], "the primary's camera file")
-    primary = read_camera(content, name)
-    name, content = content_of(cameras["secondary"], "the secondary's camera file")
-    secondary = read_camera(content, name)
-    name, content = content_of(TABLE, "the table of points")
-    rows = read_table(content, name).strict(name)
+def read_texts(path: Path) -> tuple[dict[str, bytes], bool]:
+    """The text files of a folder or a zip by name, and whether there are photographs too.
+
+    Raises:
+        StereocalError: there is no such folder or zip, or it cannot be read.
+    """
     try:
-        return Dataset(
-            name=str(description.get("name") or Path(source).stem),
-            primary=primary,
-            secondary=secondary,
-            correspondences=rows,
-            baseline_m=_length(description, "baseline_m", where),
-            target_distance_m=_length(description, "target_distance_m", where),
-            baseline_sigma_m=_optional(description, "baseline_sigma_m", where),
-            target_distance_sigma_m=_optional(description, "target_distance_sigma_m", where),
-            notes=str(description.get("notes", "")),
-        )
+        if path.is_dir():
+            texts = {
+                str(PurePosixPath(file.relative_to(path))): file.read_bytes()
+                for file in _files_in(
+                    path, lambda name: PurePosixPath(name).suffix.lower() in TEXTS
+                )
+            }
+            return texts, any(True for _ in _files_in(path, is_photograph))
+        if path.is_file():
+            with open_zip(path, path.name) as opened:
+                photographs = any(map(is_photograph, opened.names))
+            return unzip(path, path.name, lambda name: not is_photograph(name)), photographs
+    except OSError as error:
+        raise StereocalError(f"{path} cannot be read: {error.strerror or error}.") from error
+    raise StereocalError(f"{path}: there is no such folder or file.")
+
+
+def parse_dataset(files: Mapping[str, bytes], source: str, photographs: bool = False) -> Dataset:
+    """The data set of files by name; they may all lie in one folder further down.
+
+    Args:
+        photographs: whether photographs lie beside them, in which the targets can be found.
+
+    Raises:
+        StereocalError: as `read_dataset`.
+    """
+    survey = parse_survey(files, source)
+    folder, _ = find_description(files, source)
+    if folder + TABLE not in files:
+        if photographs or any(map(is_photograph, files)):
+            raise StereocalError(
+                f"{source}: it holds photographs and no {TABLE} yet; find the targets in them "
+                "first, by `python -m stereocal detect` or on the Data page."
+            )
+        raise StereocalError(f"{source}: the table of points {TABLE!r} is missing.")
+    name = f"{source}: {TABLE}"
+    rows = read_table(files[folder + TABLE], name).strict(name)
+    try:
+        return survey.with_points(rows)
     except RefusedRowsError as error:
         raise RefusedRowsError(
             f"{source}: {TABLE}: ", error.problems, "with a point outside its image"
@@ -96,6 +117,36 @@ def parse_dataset(files: Mapping[str, bytes], source: str) -> Dataset:
     except StereocalError as error:
         text = str(error)
         raise StereocalError(text if text.startswith(source) else f"{source}: {text}") from error
+
+
+def parse_survey(files: Mapping[str, bytes], source: str) -> Survey:
+    """What the files tell but for the points.
+
+    Raises:
+        StereocalError: as `read_dataset`; the lengths are checked when the points are there.
+    """
+    folder, description = find_description(files, source)
+    where = f"{source}: {DESCRIPTION}"
+    named = description.get("cameras")
+    if not isinstance(named, dict) or not {"primary", "secondary"} <= named.keys():
+        raise StereocalError(f'{where}: "cameras" must name a primary and a secondary camera file.')
+
+    def camera(which: str) -> Camera:
+        name = named[which]
+        if not isinstance(name, str) or folder + name not in files:
+            raise StereocalError(f"{source}: the {which}'s camera file {name!r} is missing.")
+        return read_camera(files[folder + name], f"{source}: {name}")
+
+    return Survey(
+        name=str(description.get("name") or Path(source).stem),
+        primary=camera("primary"),
+        secondary=camera("secondary"),
+        baseline_m=_length(description, "baseline_m", where),
+        target_distance_m=_length(description, "target_distance_m", where),
+        baseline_sigma_m=_optional(description, "baseline_sigma_m", where),
+        target_distance_sigma_m=_optional(description, "target_distance_sigma_m", where),
+        notes=str(description.get("notes", "")),
+    )
 
 
 def find_description(files: Mapping[str, bytes], source: str) -> tuple[str, dict[str, Any]]:
@@ -128,39 +179,6 @@ def find_description(files: Mapping[str, bytes], source: str) -> tuple[str, dict
     return found[0][: -len(DESCRIPTION)], description
 
 
-def unzip(content: bytes, source: str) -> dict[str, bytes]:
-    """The files of a zip by name, in memory; no path of the zip is ever written to.
-
-    Raises:
-        StereocalError: not a zip, empty, damaged, or suspiciously large inside.
-    """
-    if not content:
-        raise StereocalError(f"{source}: the file is empty (0 bytes).")
-    try:
-        with zipfile.ZipFile(io.BytesIO(content)) as archive:
-            members = [item for item in archive.infolist() if not item.is_dir()]
-            total = sum(item.file_size for item in members)
-            if len(members) > MOST_FILES or total > MOST_BYTES:
-                raise StereocalError(
-                    f"{source}: {len(members)} files of {total} bytes inside are too many."
-                )
-            if total > MOST_SWELLING * len(content) + 10_000_000:
-                raise StereocalError(
-                    f"{source}: {len(content)} bytes would swell to {total}; it is not unpacked."
-                )
-            files = {}
-            for item in members:
-                with archive.open(item) as member:
-                    files[item.filename] = member.read(item.file_size)
-    except DAMAGED_ZIP as error:
-        if isinstance(error, StereocalError):
-            raise
-        raise StereocalError(f"{source}: this is not a sound zip file ({error}).") from error
-    if not files:
-        raise StereocalError(f"{source}: the zip is empty.")
-    return files
-
-
 def pack_dataset(dataset: Dataset) -> dict[str, bytes]:
     """The files of a data set by name, which `parse_dataset` reads back to the same numbers."""
     description = {
@@ -182,15 +200,14 @@ def pack_dataset(dataset: Dataset) -> dict[str, bytes]:
     }
 
 
-def _small_files(folder: Path) -> list[Path]:
-    """The text files of a folder and of its direct subfolders; photographs are not read here."""
-    wanted = {".json", ".csv", ".yaml", ".yml", ".xml"}
-    return [
+def _files_in(folder: Path, wanted: Callable[[str], bool]) -> Iterable[Path]:
+    """The files of a folder and of its direct subfolders whose names are wanted."""
+    return (
         file
         for pattern in ("*", "*/*")
         for file in sorted(folder.glob(pattern))
-        if file.is_file() and file.suffix.lower() in wanted
-    ]
+        if wanted(file.name) and file.is_file()
+    )
 
 
 def _length(description: Mapping[str, Any], key: str, where: str) -> float:

@@ -17,8 +17,8 @@ from stereocal.formats.dataset_files import (
     pack_dataset,
     parse_dataset,
     read_dataset,
-    unzip,
 )
+from stereocal.formats.zip_files import unzip
 from stereocal.project import Project, Slot
 from stereocal.ui.project import SAMPLE, new_project, project_to_write
 

@@ -1,0 +1,95 @@
+"""Photographs from a folder, a zip or an upload: each a file on disk, read when its turn comes.
+
+Nothing here holds more than one photograph in memory, and what comes from a zip or an upload is
+stored under a name made from its content, never under its own.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import tempfile
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path, PurePosixPath
+
+from stereocal.errors import StereocalError
+from stereocal.formats.photograph import SUFFIXES
+from stereocal.formats.zip_files import open_zip
+
+Photographs = Mapping[str, Path]
+"""Names as the person has them, with folders and forward slashes, to files on disk."""
+Progress = Callable[[int, int], None]
+
+
+def is_photograph(name: str) -> bool:
+    """Whether a file's name is a photograph's, and not one that a system has hidden there."""
+    path = PurePosixPath(name.replace("\\", "/"))
+    hidden = any(part.startswith((".", "__MACOSX")) and part != ".." for part in path.parts)
+    return path.suffix.lower() in SUFFIXES and not hidden
+
+
+def photographs_in(source: Path, store: Path, progress: Progress | None = None) -> Photographs:
+    """The photographs of a folder, where they lie, or of a zip, unpacked into `store`.
+
+    Raises:
+        StereocalError: there is no such folder or zip, or it holds no photograph.
+    """
+    if source.is_dir():
+        found: dict[str, Path] = {}
+        for path in sorted(source.rglob("*")):
+            name = path.relative_to(source).as_posix()
+            if is_photograph(name) and path.is_file():
+                found[name] = path
+    elif source.is_file():
+        found = unpack_photographs(source, source.name, store, progress)
+    else:
+        raise StereocalError(f"{source}: there is no such folder or file.")
+    if not found:
+        raise StereocalError(
+            f"{source}: there is no photograph in it (PNG, JPEG, TIFF, BMP or PGM)."
+        )
+    return found
+
+
+def unpack_photographs(
+    source: Path | bytes, name: str, store: Path, progress: Progress | None = None
+) -> dict[str, Path]:
+    """Unpack the photographs of a zip into the folder `store`, one at a time.
+
+    Raises:
+        StereocalError: as `zip_files.open_zip`, or the disk is full.
+    """
+    with open_zip(source, name) as opened:
+        names = [member for member in opened.names if is_photograph(member)]
+        found = {}
+        for done, member in enumerate(names):
+            found[member] = keep_photograph(opened.pieces(member), member, store)
+            if progress:
+                progress(done + 1, len(names))
+        return found
+
+
+def keep_photograph(pieces: Iterable[bytes], name: str, store: Path) -> Path:
+    """Write a photograph's file into `store`, named by its content; the same one only once.
+
+    Raises:
+        StereocalError: the folder cannot be written to, or the disk is full.
+    """
+    suffix = PurePosixPath(name).suffix.lower()
+    digest = hashlib.sha256()
+    temporary = None
+    try:
+        store.mkdir(parents=True, exist_ok=True)
+        handle, temporary = tempfile.mkstemp(dir=store, prefix=".new-")
+        with os.fdopen(handle, "wb") as file:
+            for piece in pieces:
+                digest.update(piece)
+                file.write(piece)
+        path = store / f"{digest.hexdigest()[:32]}{suffix if suffix in SUFFIXES else ''}"
+        Path(temporary).replace(path)
+    except OSError as error:
+        raise StereocalError(f"{name} cannot be stored: {error.strerror or error}.") from error
+    finally:
+        if temporary is not None:
+            Path(temporary).unlink(missing_ok=True)
+    return path
