@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +11,8 @@ import streamlit as st
 
 from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
-from stereocal.evaluation import EvaluationSettings
-from stereocal.evaluation_files import Evaluation, summary_json
+from stereocal.evaluation import EvaluationSettings, evaluate
+from stereocal.evaluation_files import Evaluation, summary_json, unique_names
 from stereocal.figures import (
     describe_comparison,
     describe_validation,
@@ -31,6 +32,7 @@ from stereocal.ui.results import show_figure
 
 NINETEEN = Path(__file__).parents[2] / "sample_data" / "nineteen"
 MINE, ALL, PAPER = "My data set", "All my data sets", "Nineteen synthetic rigs"
+STAGES = ("runs",)
 INSTANT = 150
 """Runs of 25 frames that take less than a second: those are computed as the controls move."""
 COLUMNS = {
@@ -94,41 +96,46 @@ def bring_up_to_date(
     if work <= INSTANT:
         try:
             with st.spinner("Validating."):
-                jobs.run_now(project, datasets, settings)
+                _validate(project, datasets, settings, jobs.Job(STAGES), jobs.pool())
         except StereocalError as error:
             st.error(escape_markdown(str(error)))
         return
-    job = jobs.jobs().get(project.id)
-    if job is None or job.state != "running":
+    if not jobs.is_running(project, "evaluation"):
         label = f"Validate ({settings.runs * len(datasets)} runs)"
         st.button(
-            label, type="primary", key="validate", on_click=jobs.start,
+            label, type="primary", key="validate", on_click=_start,
             args=(project, datasets, settings),
         )  # fmt: skip
 
 
 def show_job(project: Project) -> None:
     """Progress with a way to stop, while something runs; how it ended, until the next."""
-    job = jobs.jobs().get(project.id)
-    if job is None:
-        return
-    if job.state == "running":
-        # Only now: a timer that is always there would interrupt every longer run of the page.
-        _show_progress(job)
-    elif job.state == "failed":
-        st.error(escape_markdown(job.sentence))
-    elif job.state == "cancelled":
-        st.info("Cancelled. What is shown is the last finished validation.")
+    last = "Cancelled. What is shown is the last finished validation."
+    jobs.show_job(project, "evaluation", last)
 
 
-@st.fragment(run_every=0.5)
-def _show_progress(job: jobs.Job) -> None:
-    if job.state != "running":
-        st.rerun()
-    text = f"{job.done} of {job.total} runs, about {job.seconds_left:.0f} s left"
-    st.progress(job.done / max(job.total, 1), text if job.done else "Starting")
-    if st.button("Cancel", key="cancel"):
-        job.cancelled = True
+def _start(project: Project, datasets: Sequence[Dataset], settings: EvaluationSettings) -> None:
+    executor = jobs.pool()
+    jobs.start(
+        project, "evaluation", STAGES,
+        lambda job: _validate(project, datasets, settings, job, executor),
+    )  # fmt: skip
+
+
+def _validate(
+    project: Project,
+    datasets: Sequence[Dataset],
+    settings: EvaluationSettings,
+    job: jobs.Job,
+    executor: Executor,
+) -> bool:
+    """Evaluate and keep the result; False if it was cancelled."""
+    runs = evaluate(datasets, settings, executor, job.progress, lambda: job.cancelled)
+    if runs is None:
+        return False
+    digests = [dataset.sha256 for dataset in datasets]
+    project.keep_evaluation(Evaluation(runs, settings, unique_names(datasets), digests))
+    return True
 
 
 def show_evaluation(
