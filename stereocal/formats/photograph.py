@@ -32,8 +32,11 @@ AS_STORED = cv2.IMREAD_UNCHANGED | cv2.IMREAD_IGNORE_ORIENTATION
 cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
 
 
-def read_photograph(path: Path) -> GreyImage:
+def read_photograph(path: Path, name: str | None = None) -> GreyImage:
     """The photograph in a file: PNG, JPEG, TIFF, BMP or PGM, by its content, not by its name.
+
+    Args:
+        name: what messages call it, if not by the file's name.
 
     Returns:
         (h, w), uint8 or uint16: raw values, also those of 10 or 12 bits in 16. Colours are weighed
@@ -42,7 +45,8 @@ def read_photograph(path: Path) -> GreyImage:
     Raises:
         StereocalError: it cannot be read, is no photograph, is cut off, or is too large.
     """
-    return decode_photograph(_content_of(path), path.name)
+    name = name or path.name
+    return decode_photograph(_content_of(path, name), name)
 
 
 def decode_photograph(content: bytes, name: str) -> GreyImage:
@@ -68,13 +72,14 @@ def decode_photograph(content: bytes, name: str) -> GreyImage:
     return np.ascontiguousarray(image)
 
 
-def photograph_header(path: Path) -> Header:
+def photograph_header(path: Path, name: str | None = None) -> Header:
     """Format and size of the photograph in a file, which is looked through and not decoded.
 
     Raises:
         StereocalError: as `read_photograph`.
     """
-    return read_header(_content_of(path), path.name)
+    name = name or path.name
+    return read_header(_content_of(path, name), name)
 
 
 def read_header(content: bytes, name: str) -> Header:
@@ -95,16 +100,16 @@ def read_header(content: bytes, name: str) -> Header:
     return header
 
 
-def _content_of(path: Path) -> bytes:
+def _content_of(path: Path, name: str) -> bytes:
     try:
         if path.stat().st_size > MOST_BYTES:
             raise StereocalError(
-                f"{path.name}: the file has {path.stat().st_size / 1e9:.1f} GB; at most "
+                f"{name}: the file has {path.stat().st_size / 1e9:.1f} GB; at most "
                 f"{MOST_BYTES / 1e9:.0f} GB are read."
             )
         return path.read_bytes()
     except OSError as error:
-        raise StereocalError(f"{path.name} cannot be read: {error.strerror or error}.") from error
+        raise StereocalError(f"{name} cannot be read: {error.strerror or error}.") from error
 
 
 def _without_remarks(content: bytes) -> bytes:
