@@ -14,7 +14,15 @@ import numpy as np
 import numpy.typing as npt
 
 from stereocal.compiled import FloatArray, compiled
-from stereocal.corner_model import ALL, CORE, CURVATURE_SIGMA, GRADIENT_SIGMA, minimise, spread, window
+from stereocal.corner_model import (
+    ALL,
+    CORE,
+    CURVATURE_SIGMA,
+    GRADIENT_SIGMA,
+    minimise,
+    spread,
+    window,
+)
 
 GreyImage = npt.NDArray[np.float32]
 
@@ -26,6 +34,9 @@ GROWTH = 3.0
 PIXELS_WHILE_GROWING = 3000
 SMALLEST_SINE = 0.35
 """Edges closer than 20 degrees: a board tilted by more than 70."""
+ROUNDS = 30
+LONG = 6.0
+"""Arms so many blurs long tell nothing more."""
 SHARP = 1.3
 """Below this blur, in px, the model is averaged over each pixel."""
 
@@ -62,6 +73,14 @@ class Corner:
         return math.sqrt(0.5 * float(np.trace(self.covariance)))
 
     @property
+    def quality(self) -> float:
+        """0 to 1: what the fit explains, less where the arms differ or are short against the blur.
+
+        Saddles of leaves and clouds are curved and soft: most have less than 0.7.
+        """
+        return arm_quality(self.explained, self.arms, self.blur)
+
+    @property
     def lengths(self) -> FloatArray:
         """(2,): lengths of the board along its two edges; the shorter arm counts twice."""
         return np.array([2.0 * min(self.arms[:2]), 2.0 * min(self.arms[2:])])
@@ -70,6 +89,14 @@ class Corner:
     def board_px(self) -> float:
         """Size of the board: the mean of its two lengths."""
         return float(self.lengths.mean())
+
+
+@compiled
+def arm_quality(explained: float, arms: FloatArray, blur: float) -> float:
+    """As `Corner.quality`."""
+    first, second = min(arms[0], arms[1]), min(arms[2], arms[3])
+    alike = first / max(arms[0], arms[1]) * second / max(arms[2], arms[3])
+    return explained * math.sqrt(alike) * min(1.0, min(first, second) / (LONG * blur))
 
 
 @compiled
@@ -149,36 +176,51 @@ def _arm(
     return distance, beyond / max(n, 1), False
 
 
+@compiled
+def follow(
+    image: GreyImage, p: FloatArray, half: FloatArray, reach: float
+) -> tuple[FloatArray, int, int]:
+    """Where the board of an X-corner ends.
+
+    Args:
+        image: (h, w).
+        p: (13,), the parameters of `corner_model`.
+        half: (2,): the fitted window reaches so far along the two edges, px.
+        reach: look so many windows far.
+
+    Returns the lengths of the four arms (infinite beyond the reach; forward and back along the
+    first edge, then the second), along how many a next square follows, and how many the image cuts.
+    """
+    arms, flips, cut = np.empty(4), 0, 0
+    along, normal = np.empty((2, 2)), np.empty((2, 2))
+    for e in range(2):
+        normal[e, 0], normal[e, 1] = math.cos(p[2 + e]), math.sin(p[2 + e])
+        along[e, 0], along[e, 1] = -normal[e, 1], normal[e, 0]
+    blur = math.exp(p[4])
+    sine = abs(math.sin(p[2] - p[3]))
+    start = np.empty(5)
+    start[0], start[1] = p[0], p[1]
+    start[4] = max(blur, 0.3) * math.sqrt(2.0) / sine
+    for i in range(4):
+        e, o = i // 2, 1 - i // 2
+        forward = 1.0 - 2.0 * (i % 2)
+        offset = max(1.0, min(max(2.0, 2.2 * blur) / sine, 0.8 * half[o]))
+        # F is positive where both distances have one sign: which side is bright follows.
+        aside = along[o, 0] * normal[e, 0] + along[o, 1] * normal[e, 1]
+        ahead = along[e, 0] * normal[o, 0] + along[e, 1] * normal[o, 1]
+        start[2] = math.copysign(2.0 * p[6], aside * ahead * forward * p[6])
+        start[3] = max(1.0, min(2.0 * blur / sine, 0.8 * half[e]))
+        arms[i], beyond, ended = _arm(
+            image, start, forward * along[e], offset * along[o], reach * half[e]
+        )
+        flips += int(beyond < -0.5)
+        cut += int(ended)
+    return arms, flips, cut
+
+
 def _directions(p: FloatArray) -> FloatArray:
     """(2, 2): unit vectors along the edges; the normals are p[2] and p[3]."""
     return np.array([[-math.sin(p[2]), math.cos(p[2])], [-math.sin(p[3]), math.cos(p[3])]])
-
-
-def _follow(
-    image: GreyImage, p: FloatArray, half: FloatArray, reach: float
-) -> tuple[FloatArray, int, int]:
-    """Lengths of the four arms (infinite beyond `reach` windows), flips, and arms cut off."""
-    along = _directions(p)
-    blur = math.exp(p[4])
-    sine = abs(math.sin(p[2] - p[3]))
-    arms, flips, cut = np.empty(4), 0, 0
-    for i in range(4):
-        edge, forward = i // 2, 1.0 - 2.0 * (i % 2)
-        away = along[1 - edge]
-        offset = max(1.0, min(max(2.0, 2.2 * blur) / sine, 0.8 * half[1 - edge]))
-        # F is positive where both distances have one sign: which side is bright follows.
-        normal = np.array([math.cos(p[2 + edge]), math.sin(p[2 + edge])])
-        other = np.array([math.cos(p[3 - edge]), math.sin(p[3 - edge])])
-        sign = np.sign(away @ normal) * np.sign(forward * along[edge] @ other)
-        first = max(1.0, min(2.0 * blur / sine, 0.8 * half[edge]))
-        spread_along = max(blur, 0.3) * math.sqrt(2.0) / sine
-        start = np.array([p[0], p[1], 2.0 * p[6] * sign, first, spread_along])
-        arms[i], beyond, ended = _arm(
-            image, start, forward * along[edge], offset * away, reach * half[edge]
-        )
-        flips += beyond < -0.5
-        cut += ended
-    return arms, flips, cut
 
 
 def _fit(
@@ -193,29 +235,34 @@ def _fit(
     fitted = p.copy()
     if len(pixels) <= size + 4:
         return pixels, fitted, penalty, False
-    _, converged = minimise(pixels, fitted, size, radius, math.exp(p[4]) < SHARP, penalty)
+    _, converged = minimise(pixels, fitted, size, radius, math.exp(p[4]) < SHARP, penalty, ROUNDS)
     return pixels, fitted, penalty, converged
 
 
+@compiled
 def plausible(p: FloatArray, start: FloatArray, reach: float) -> bool:
     """Whether a fit stayed at its corner and kept two different edges and a blur that can be."""
-    return bool(
-        np.isfinite(p).all()
-        and np.hypot(p[0] - start[0], p[1] - start[1]) < reach
+    moved = math.hypot(p[0] - start[0], p[1] - start[1])
+    return (
+        math.isfinite(p[:CORE].sum())
+        and moved < reach
         and abs(math.sin(p[2] - p[3])) > SMALLEST_SINE
-        and -3.0 < p[4] < math.log(max(reach, 1.0) * 2.0)
-        and p[6] != 0.0
+        and -3.0 < p[4] < math.log(2.0 * max(reach, 1.0))
+        and p[6] * start[6] > 0.0
     )
 
 
-def fit_corner(image: GreyImage, start: FloatArray, half: float, quantum: float) -> Corner | None:
+def fit_corner(
+    image: GreyImage, start: FloatArray, half: float, quantum: float, gain: float = 1.0
+) -> Corner | None:
     """Fit the X-corner near a start.
 
     Args:
-        image: (h, w), grey levels.
+        image: (h, w), grey levels times `gain`.
         start: (13,), the first seven parameters of `corner_model` near their values.
         half: px; the first window reaches so far from the centre along both edges.
-        quantum: step of the grey levels: 1 for a photograph of integers, 0 for none.
+        quantum: step of the numbers in `image`: the gain for a photograph of integers, or 0.
+        gain: the result is given in grey levels.
 
     Returns None where the fit finds no crossing of two edges.
     """
@@ -227,7 +274,7 @@ def fit_corner(image: GreyImage, start: FloatArray, half: float, quantum: float)
         return None
     arms, flips, cut = np.full(4, np.inf), 0, 0
     for _ in range(7):
-        arms, flips, cut = _follow(image, p, reach, GROWTH)
+        arms, flips, cut = follow(image, p, reach, GROWTH)
         blur = math.exp(p[4])
         ends = np.array([min(arms[:2]), min(arms[2:])])
         wanted = np.maximum(INSIDE * ends - blur, SMALLEST_HALF_WINDOW)
@@ -244,7 +291,7 @@ def fit_corner(image: GreyImage, start: FloatArray, half: float, quantum: float)
             break
     if not np.isfinite(arms).all():
         return None
-    return _final(image, p, reach, noise, quantum, (arms, flips, cut))
+    return _final(image, p, reach, noise, (quantum, gain), (arms, flips, cut))
 
 
 def _final(
@@ -252,10 +299,11 @@ def _final(
     p: FloatArray,
     half: FloatArray,
     noise: float,
-    quantum: float,
+    scale: tuple[float, float],
     ends: tuple[FloatArray, int, int],
 ) -> Corner | None:
     """The fit of all pixels of the last window, and what is said of it."""
+    quantum, gain = scale
     smallest = max(quantum**2 / 12.0, (1e-5 * p[6]) ** 2)
     radius = float(half.max())
     for _ in range(2):
@@ -279,9 +327,9 @@ def _final(
         flips=ends[1],
         cut=ends[2],
         blur=math.exp(p[4]),
-        contrast=contrast,
-        black=float(p[5] - contrast / 2),
-        white=float(p[5] + contrast / 2),
-        residual=math.sqrt(found[3]),
+        contrast=contrast / gain,
+        black=float(p[5] - contrast / 2) / gain,
+        white=float(p[5] + contrast / 2) / gain,
+        residual=math.sqrt(found[3]) / gain,
         explained=1.0 - float(found[3]) / max(float(np.var(pixels[:, 2])), 1e-12),
     )

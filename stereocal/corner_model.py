@@ -38,7 +38,6 @@ FAR = 5.0
 NODES, WEIGHTS = (np.ascontiguousarray(part) for part in np.polynomial.legendre.leggauss(6))
 PIXEL_NODE = 0.5 / math.sqrt(3.0)
 """Gauss points of a pixel of width 1: sums over 2x2 of them integrate cubics over its area."""
-ROUNDS = 30
 
 
 @inlined
@@ -70,7 +69,9 @@ def _crossing(
 
 
 @compiled
-def _model(p: FloatArray, x: float, y: float, radius: float, area: bool, slope: FloatArray) -> float:
+def _model(
+    p: FloatArray, x: float, y: float, radius: float, area: bool, slope: FloatArray
+) -> float:
     """Grey level of the pixel at (x, y); fills `slope`, its derivatives by the 13 parameters."""
     cos1, sin1 = math.cos(p[2]), math.sin(p[2])
     cos2, sin2 = math.cos(p[3]), math.sin(p[3])
@@ -185,7 +186,13 @@ def _solve(L: FloatArray, b: FloatArray, x: FloatArray) -> None:
 
 @compiled
 def minimise(
-    pixels: FloatArray, p: FloatArray, size: int, radius: float, area: bool, penalty: FloatArray
+    pixels: FloatArray,
+    p: FloatArray,
+    size: int,
+    radius: float,
+    area: bool,
+    penalty: FloatArray,
+    rounds: int,
 ) -> tuple[float, bool]:
     """Levenberg-Marquardt on the first `size` parameters of p, in place.
 
@@ -196,6 +203,7 @@ def minimise(
         radius: of the window in px: the unit of the gradients.
         area: average the model over each pixel; for blurs that are not large against a pixel.
         penalty: (13,), what the cost gains for each parameter squared.
+        rounds: at most so many.
 
     Returns the cost and whether it converged: a last step of the centre below 1e-5 px.
     """
@@ -205,7 +213,7 @@ def minimise(
     H_new, g_new = np.empty((size, size)), np.empty(size)
     cost = _normal_equations(pixels, p, radius, area, penalty[:size], H, g)
     damping = 1e-3
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         damped[:] = H
         for a in range(size):
             damped[a, a] += damping * H[a, a] + 1e-30
