@@ -1,0 +1,319 @@
+"""The image of one X-corner, fitted to sub-pixel, with the covariance of its centre.
+
+A 2x2 checkerboard shows two straight edges that cross. Seen through a Gaussian blur of standard
+deviation s, the crossing of two half-planes with signed distances l1 and l2 is
+    F(h, k, rho) = E[sign(h + x) sign(k + y)],  h = l1 / s, k = l2 / s, rho = n1 . n2,
+where x and y are standard normal with correlation rho: the blur acts on both distances at once.
+For edges at right angles (rho = 0) this is erf(h / sqrt 2) erf(k / sqrt 2). Its value comes from
+Plackett's identity, dF/drho = 4 phi2(h, k, rho), integrated as in Drezner and Wesolowsky (1990),
+J. Stat. Comput. Simul. 35, 101; its derivatives are closed.
+
+The parameters, in this order:
+    0, 1    centre (u, v), px
+    2, 3    directions of the two normals, rad
+    4       log of the blur s, px
+    5, 6    offset a and half contrast b, grey levels
+    7, 8    curvature of the two edges, 1/px: what a lens does to a straight line
+    9 - 12  gradients of a and of b over the window, by u and by v: shade and vignetting
+The last six have priors around 0, so that a small window leaves them there and a large one finds
+them; what they leave unknown is in the covariance.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from stereocal.compiled import FloatArray, compiled, inlined
+
+CORE, ALL = 7, 13
+CURVATURE_SIGMA = 1e-4
+"""1/px. A line at distance d from the axis of a lens bends by 2 k1 d / f^2: 1.5e-4 at the edge of
+1600 px for k1 = -0.2, f = 1500 px."""
+GRADIENT_SIGMA = 0.2
+"""Change of offset and contrast from the centre to the end of the window, per half contrast."""
+FAR = 5.0
+"""Beyond so many blurs an edge has no more effect: F differs from 1 by 6e-7."""
+NODES, WEIGHTS = (np.ascontiguousarray(part) for part in np.polynomial.legendre.leggauss(6))
+PIXEL_NODE = 0.5 / math.sqrt(3.0)
+"""Gauss points of a pixel of width 1: sums over 2x2 of them integrate cubics over its area."""
+
+
+@inlined
+def _crossing(
+    h: float, k: float, rho: float, root: float, reach: float
+) -> tuple[float, float, float, float]:
+    """F and its derivatives by h, k and rho; root = sqrt(1 - rho^2), reach = asin(rho)."""
+    near_h, near_k = abs(h) < FAR, abs(k) < FAR
+    erf_h = math.erf(h * math.sqrt(0.5)) if near_h else math.copysign(1.0, h)
+    erf_k = math.erf(k * math.sqrt(0.5)) if near_k else math.copysign(1.0, k)
+    value, by_h, by_k, by_rho = erf_h * erf_k, 0.0, 0.0, 0.0
+    scale = math.sqrt(2.0 / math.pi)
+    if near_h:
+        by_h = scale * math.exp(-0.5 * h * h) * math.erf((k - rho * h) / root * math.sqrt(0.5))
+    if near_k:
+        by_k = scale * math.exp(-0.5 * k * k) * math.erf((h - rho * k) / root * math.sqrt(0.5))
+    square, product = h * h + k * k, h * k
+    if square < 40.0:
+        total = 0.0
+        for i in range(NODES.size):
+            sine = math.sin(0.5 * reach * (1.0 + NODES[i]))
+            total += WEIGHTS[i] * math.exp(
+                -0.5 * (square - 2.0 * sine * product) / (1.0 - sine * sine)
+            )
+        value += total * reach / math.pi
+        exponent = -0.5 * (square - 2.0 * rho * product) / (root * root)
+        by_rho = 2.0 / (math.pi * root) * math.exp(exponent)
+    return value, by_h, by_k, by_rho
+
+
+@compiled
+def _model(
+    p: FloatArray, x: float, y: float, radius: float, area: bool, slope: FloatArray
+) -> float:
+    """Grey level of the pixel at (x, y); fills `slope`, its derivatives by the 13 parameters."""
+    cos1, sin1 = math.cos(p[2]), math.sin(p[2])
+    cos2, sin2 = math.cos(p[3]), math.sin(p[3])
+    rho = cos1 * cos2 + sin1 * sin2
+    by_angle = -(sin1 * cos2 - cos1 * sin2)
+    root, reach = math.sqrt(max(1.0 - rho * rho, 1e-6)), math.asin(rho)
+    sharp = math.exp(-p[4])
+    slope[:] = 0.0
+    gx, gy = (x - p[0]) / radius, (y - p[1]) / radius
+    half = p[6] + p[11] * gx + p[12] * gy
+    count = 4 if area else 1
+    f = 0.0
+    for i in range(count):
+        dx, dy = x - p[0], y - p[1]
+        if area:
+            dx += PIXEL_NODE * (2 * (i & 1) - 1)
+            dy += PIXEL_NODE * ((i & 2) - 1)
+        n1, t1 = cos1 * dx + sin1 * dy, cos1 * dy - sin1 * dx
+        n2, t2 = cos2 * dx + sin2 * dy, cos2 * dy - sin2 * dx
+        h = (n1 + 0.5 * p[7] * t1 * t1) * sharp
+        k = (n2 + 0.5 * p[8] * t2 * t2) * sharp
+        value, by_h, by_k, by_rho = _crossing(h, k, rho, root, reach)
+        f += value
+        if by_h == 0.0 and by_k == 0.0:
+            continue
+        along1, along2 = by_h * sharp, by_k * sharp
+        slope[0] -= along1 * (cos1 - p[7] * t1 * sin1) + along2 * (cos2 - p[8] * t2 * sin2)
+        slope[1] -= along1 * (sin1 + p[7] * t1 * cos1) + along2 * (sin2 + p[8] * t2 * cos2)
+        slope[2] += along1 * t1 * (1.0 - p[7] * n1) + by_rho * by_angle
+        slope[3] += along2 * t2 * (1.0 - p[8] * n2) - by_rho * by_angle
+        slope[4] -= by_h * h + by_k * k
+        slope[7] += along1 * 0.5 * t1 * t1
+        slope[8] += along2 * 0.5 * t2 * t2
+    f /= count
+    for j in (0, 1, 2, 3, 4, 7, 8):
+        slope[j] *= half / count
+    slope[0] -= (p[9] + p[11] * f) / radius
+    slope[1] -= (p[10] + p[12] * f) / radius
+    slope[5], slope[6] = 1.0, f
+    slope[9], slope[10], slope[11], slope[12] = gx, gy, gx * f, gy * f
+    return p[5] + p[9] * gx + p[10] * gy + half * f
+
+
+@compiled
+def _normal_equations(
+    pixels: FloatArray,
+    p: FloatArray,
+    radius: float,
+    area: bool,
+    penalty: FloatArray,
+    H: FloatArray,
+    g: FloatArray,
+) -> float:
+    """Fills H = J^T J + diag(penalty) and g = J^T e + penalty p; returns their cost."""
+    size = g.size
+    slope = np.empty(ALL)
+    H[:] = 0.0
+    g[:] = 0.0
+    cost = 0.0
+    for i in range(pixels.shape[0]):
+        x, y = pixels[i, 0], pixels[i, 1]
+        error = _model(p, x, y, radius, area, slope) - pixels[i, 2]
+        cost += error * error
+        for a in range(size):
+            s = slope[a]
+            if s != 0.0:
+                g[a] += s * error
+                for b in range(a + 1):
+                    H[a, b] += s * slope[b]
+    for a in range(size):
+        H[a, a] += penalty[a]
+        g[a] += penalty[a] * p[a]
+        cost += penalty[a] * p[a] * p[a]
+        for b in range(a):
+            H[b, a] = H[a, b]
+    return cost
+
+
+@compiled
+def _factor(A: FloatArray, L: FloatArray) -> bool:
+    """Cholesky factor of A; false where A is not positive definite."""
+    size = A.shape[0]
+    for i in range(size):
+        for j in range(i + 1):
+            total = A[i, j]
+            for m in range(j):
+                total -= L[i, m] * L[j, m]
+            if i == j:
+                if not total > 1e-14 * A[i, i]:
+                    return False
+                L[i, i] = math.sqrt(total)
+            else:
+                L[i, j] = total / L[j, j]
+    return True
+
+
+@compiled
+def _solve(L: FloatArray, b: FloatArray, x: FloatArray) -> None:
+    """x with L L^T x = b."""
+    size = b.size
+    for i in range(size):
+        total = b[i]
+        for m in range(i):
+            total -= L[i, m] * x[m]
+        x[i] = total / L[i, i]
+    for i in range(size - 1, -1, -1):
+        total = x[i]
+        for m in range(i + 1, size):
+            total -= L[m, i] * x[m]
+        x[i] = total / L[i, i]
+
+
+@compiled
+def minimise(
+    pixels: FloatArray,
+    p: FloatArray,
+    size: int,
+    radius: float,
+    area: bool,
+    penalty: FloatArray,
+    rounds: int,
+) -> tuple[float, bool]:
+    """Levenberg-Marquardt on the first `size` parameters of p, in place.
+
+    Args:
+        pixels: (n, 3): u, v, grey level.
+        p: (13,), the start, then the result.
+        size: 7 (one straight crossing, even light) or 13.
+        radius: of the window in px: the unit of the gradients.
+        area: average the model over each pixel; for blurs that are not large against a pixel.
+        penalty: (13,), what the cost gains for each parameter squared.
+        rounds: at most so many.
+
+    Returns the cost and whether it converged: a last step of the centre below 1e-5 px.
+    """
+    H, L, trial = np.empty((size, size)), np.zeros((size, size)), p.copy()
+    g, step = np.empty(size), np.empty(size)
+    damped = np.empty((size, size))
+    H_new, g_new = np.empty((size, size)), np.empty(size)
+    cost = _normal_equations(pixels, p, radius, area, penalty[:size], H, g)
+    damping = 1e-3
+    for _ in range(rounds):
+        damped[:] = H
+        for a in range(size):
+            damped[a, a] += damping * H[a, a] + 1e-30
+        if not _factor(damped, L):
+            damping = max(damping * 10.0, 1e-6)
+            if damping > 1e8:
+                return cost, False
+            continue
+        _solve(L, g, step)
+        for a in range(size):
+            trial[a] = p[a] - step[a]
+        new = _normal_equations(pixels, trial, radius, area, penalty[:size], H_new, g_new)
+        if new <= cost:
+            small = abs(step[0]) + abs(step[1]) < 1e-5 and cost - new < 1e-6 * cost
+            p[:size] = trial[:size]
+            H, H_new, g, g_new, cost = H_new, H, g_new, g, new
+            damping *= 0.1
+            if small:
+                return cost, True
+        else:
+            if abs(step[0]) + abs(step[1]) < 1e-7:
+                return cost, True
+            damping *= 10.0
+            if damping > 1e8:
+                return cost, False
+    return cost, False
+
+
+@compiled
+def spread(
+    pixels: FloatArray, p: FloatArray, radius: float, area: bool, penalty: FloatArray
+) -> FloatArray:
+    """(5,): covariance uu, uv, vv for noise of variance 1, variance of the noise, of its edges.
+
+    The last is the mean squared residual weighted by how much each pixel moves the centre: near the
+    edges the noise differs from that of the flat squares, and so does what the model misses.
+    All NaN where the pixels do not determine the parameters.
+    """
+    found = np.full(5, np.nan)
+    H, L = np.empty((ALL, ALL)), np.zeros((ALL, ALL))
+    g, unit = np.empty(ALL), np.zeros(ALL)
+    columns = np.zeros((2, ALL))
+    _normal_equations(pixels, p, radius, area, penalty, H, g)
+    if not _factor(H, L):
+        return found
+    for a in range(2):
+        unit[:] = 0.0
+        unit[a] = 1.0
+        _solve(L, unit, columns[a])
+    slope = np.empty(ALL)
+    total, weighted, weights = 0.0, 0.0, 0.0
+    for i in range(pixels.shape[0]):
+        error = _model(p, pixels[i, 0], pixels[i, 1], radius, area, slope) - pixels[i, 2]
+        du, dv = 0.0, 0.0
+        for a in range(ALL):
+            du += columns[0, a] * slope[a]
+            dv += columns[1, a] * slope[a]
+        weight = du * du + dv * dv
+        total += error * error
+        weighted += weight * error * error
+        weights += weight
+    found[0], found[1], found[2] = columns[0, 0], columns[0, 1], columns[1, 1]
+    found[3] = total / max(pixels.shape[0] - ALL, 1)
+    found[4] = weighted / weights
+    return found
+
+
+@compiled
+def window(
+    image: FloatArray,
+    u: float,
+    v: float,
+    along: FloatArray,
+    half: FloatArray,
+    stride: int,
+) -> FloatArray:
+    """(n, 3): the pixels u, v, grey level of a parallelogram around (u, v).
+
+    Args:
+        image: (h, w).
+        along: (2, 2), unit vectors along the two edges.
+        half: (2,), how far it reaches along each of them, px.
+        stride: take every so many rows and columns.
+    """
+    height, width = image.shape
+    reach_u = abs(along[0, 0]) * half[0] + abs(along[1, 0]) * half[1]
+    reach_v = abs(along[0, 1]) * half[0] + abs(along[1, 1]) * half[1]
+    left, right = max(0, math.ceil(u - reach_u)), min(width - 1, math.floor(u + reach_u))
+    top, bottom = max(0, math.ceil(v - reach_v)), min(height - 1, math.floor(v + reach_v))
+    across = along[0, 0] * along[1, 1] - along[0, 1] * along[1, 0]
+    rows = max(0, (bottom - top) // stride + 1)
+    columns = max(0, (right - left) // stride + 1)
+    found = np.empty((rows * columns, 3))
+    n = 0
+    for y in range(top, bottom + 1, stride):
+        for x in range(left, right + 1, stride):
+            dx, dy = x - u, y - v
+            first = (dx * along[1, 1] - dy * along[1, 0]) / across
+            second = (dy * along[0, 0] - dx * along[0, 1]) / across
+            if abs(first) <= half[0] and abs(second) <= half[1]:
+                found[n, 0], found[n, 1], found[n, 2] = x, y, image[y, x]
+                n += 1
+    return found[:n]

@@ -1,0 +1,86 @@
+"""Photographs of single 2x2 boards, made without the model that is fitted to them.
+
+Each pixel is a mean over a fine grid of points that are traced back to the board's plane; the blur
+is a discrete Gaussian on that fine grid.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from stereocal.compiled import FloatArray
+
+
+@dataclass(frozen=True)
+class Board:
+    """How one board is seen. Lengths in px, brightness in grey levels."""
+
+    centre: tuple[float, float]
+    side: float = 80.0
+    turn: float = 0.3
+    tilt: float = 0.0
+    tilt_axis: float = 0.0
+    distance: float = 20.0
+    """Of the camera, in sides of the board: how strong the perspective is."""
+    blur: float = 1.0
+    black: float = 60.0
+    white: float = 190.0
+    margin: float = 0.0
+    """White paper around the board, in sides."""
+    shade: tuple[float, float] = (0.0, 0.0)
+    """Relative change of the light per 100 px to the right and down."""
+
+
+def plane_to_image(board: Board) -> FloatArray:
+    """(3, 3): homography from the board's plane (one side long, its centre at 0) to px."""
+    turn, axis = board.turn, board.tilt_axis
+    spin = np.array(
+        [[math.cos(turn), -math.sin(turn), 0], [math.sin(turn), math.cos(turn), 0], [0, 0, 1]]
+    )
+    lean, _ = cv2.Rodrigues(board.tilt * np.array([math.cos(axis), math.sin(axis), 0.0]))
+    R = np.asarray(lean, dtype=np.float64) @ spin
+    H = np.column_stack([R[:, 0], R[:, 1], [0.0, 0.0, board.distance]])
+    scale = board.side * board.distance
+    to_px = np.array([[scale, 0, board.centre[0]], [0, scale, board.centre[1]], [0, 0, 1]])
+    return to_px @ H
+
+
+def paint(light: FloatArray, board: Board, origin: tuple[float, float], fine: int) -> None:
+    """Draw a board into `light`, (h fine, w fine), in place; pixel (0, 0) has its centre at
+    `origin`."""
+    height, width = light.shape
+    u = origin[0] + (np.arange(width) + 0.5) / fine - 0.5
+    v = origin[1] + (np.arange(height) + 0.5) / fine - 0.5
+    inverse = np.linalg.inv(plane_to_image(board))
+    x, y, w = (row[0] * u + row[1] * v[:, None] + row[2] for row in inverse)
+    x, y = x / w, y / w
+    far = np.maximum(np.abs(x), np.abs(y))
+    light[far < 0.5 + board.margin] = board.white
+    light[(far < 0.5) & (x * y < 0)] = board.black
+    light *= 1.0 + board.shade[0] * (u - board.centre[0]) / 100.0
+    light *= 1.0 + board.shade[1] * (v - board.centre[1])[:, None] / 100.0
+
+
+def picture(
+    board: Board,
+    size: tuple[int, int],
+    noise: float = 0.0,
+    seed: int = 0,
+    background: float = 120.0,
+    fine: int = 8,
+    bits: int = 8,
+) -> npt.NDArray[np.uint8 | np.uint16]:
+    """A photograph (h, w) of one board on a plain background; `size` is (width, height)."""
+    light = np.full((size[1] * fine, size[0] * fine), background)
+    paint(light, board, (0.0, 0.0), fine)
+    light = cv2.GaussianBlur(light, (0, 0), board.blur * fine, borderType=cv2.BORDER_REPLICATE)
+    image = light.reshape(size[1], fine, size[0], fine).mean(axis=(1, 3))
+    image = image + noise * np.random.default_rng(seed).normal(size=image.shape)
+    scale = (2**bits - 1) / 255.0
+    kind = np.uint8 if bits == 8 else np.uint16
+    return np.clip(np.rint(image * scale), 0, 2**bits - 1).astype(kind)
