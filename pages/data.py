@@ -16,6 +16,7 @@ from stereocal.ui.intake import (
     take_dataset,
     take_file,
 )
+from stereocal.ui.photographs import choose_kind, has_photographs, photographs_in
 from stereocal.ui.project import current_project, forget_project
 from stereocal.ui.results import dataset_download, show_figure
 
@@ -24,10 +25,10 @@ st.title("Data")
 st.subheader("Which points did the cameras see, and what did you measure?")
 
 project = current_project()
-how = st.segmented_control(
-    "I have", ["Single files", "A zip", "A folder"], default="Single files", key="data_how"
-)
-if how == "A zip":
+how = choose_kind(project)
+if how == "Photographs":
+    photographs_in(project)
+elif how == "A zip":
     zipped = st.file_uploader("Zip with dataset.json", type=["zip"], key="upload_zip")
     take_dataset([zipped] if zipped else [])
 elif how == "A folder":
@@ -54,7 +55,7 @@ with right:
 show_refusal()
 
 project = current_project()
-if project is None or not project.inputs.files:
+if project is None or not (project.inputs.files or has_photographs(project)):
     st.info("Nothing is loaded yet. Give files above, or try the sample data on the Start page.")
     st.page_link("pages/start.py", label="Back to Start")
     st.stop()

@@ -7,6 +7,7 @@ A project is a folder `<home>/projects/<32 hex digits>`:
 - `inputs/<digest>-<name>`: the files as given, never changed once written.
 - `calibration.json`: the last finished result with its settings and the inputs it was made from.
 - `evaluation.npz`: what the last finished validation counted, with its settings.
+- `photographs/`: see `project_photographs`.
 
 The id is unguessable and is the only key to the folder.
 """
@@ -184,6 +185,12 @@ class Project:
         if "correspondences" not in inputs.files:
             return None
         return inputs.labels["correspondences"], self._content(inputs, "correspondences")
+
+    @property
+    def cameras(self) -> tuple[Camera | None, Camera | None]:
+        """The primary and the secondary camera, as far as they were given."""
+        inputs = self.inputs
+        return self._camera(inputs, "primary"), self._camera(inputs, "secondary")
 
     # Settings and results
 

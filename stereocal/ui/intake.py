@@ -63,7 +63,7 @@ def take_dataset(uploads: Sequence[Upload]) -> None:
         try:
             _try_dataset(unzip(files[name], name), name)
         except StereocalError as error:
-            _refuse(error)
+            refuse(error)
     else:
         _try_dataset(files, "the folder")
     st.rerun()
@@ -85,9 +85,9 @@ def take_length(name: str, value_key: str, unit_key: str) -> None:
         project = project_to_write()
         project.keep_settings({unit_key: unit})
         project.give({}, **{name: metres})
-        _settled()
+        settled()
     except StereocalError as error:
-        _refuse(error)
+        refuse(error)
 
 
 def show_refusal() -> None:
@@ -117,7 +117,7 @@ class _Refusal:
     retry: Callable[[], None] | None
 
 
-def _refuse(
+def refuse(
     error: StereocalError,
     rest: tuple[bytes, int] = (b"", 0),
     retry: Callable[[], None] | None = None,
@@ -126,7 +126,7 @@ def _refuse(
     st.session_state[_REFUSED] = _Refusal(str(error), problems, rest[1], retry)
 
 
-def _settled() -> None:
+def settled() -> None:
     st.session_state.pop(_REFUSED, None)
 
 
@@ -141,30 +141,30 @@ def _try_dataset(files: Mapping[str, bytes], source: str) -> None:
     """Take over a data set; if rows of it are refused, offer to go on without them."""
     try:
         _give_dataset(project_to_write(), files, source)
-        _settled()
+        settled()
     except RefusedRowsError as error:
         folder, _ = find_description(files, source)
         rest = _rows_but(files[folder + TABLE], error.problems)
-        _refuse(error, rest, lambda: _try_dataset({**files, folder + TABLE: rest[0]}, source))
+        refuse(error, rest, lambda: _try_dataset({**files, folder + TABLE: rest[0]}, source))
     except StereocalError as error:
-        _refuse(error)
+        refuse(error)
 
 
 def _try_files(files: dict[Slot, tuple[str, bytes]]) -> None:
     """Take over files; if rows of the table are refused, offer to go on without them."""
     try:
         project_to_write().give(files)
-        _settled()
+        settled()
     except RefusedRowsError as error:
         table = files.get("correspondences") or project_to_write().table
         if table is None:
-            _refuse(error)
+            refuse(error)
             return
         name, (rest, left) = table[0], _rows_but(table[1], error.problems)
         again: dict[Slot, tuple[str, bytes]] = {**files, "correspondences": (name, rest)}
-        _refuse(error, (rest, left), lambda: _try_files(again))
+        refuse(error, (rest, left), lambda: _try_files(again))
     except StereocalError as error:
-        _refuse(error)
+        refuse(error)
 
 
 def _give_dataset(project: Project, files: Mapping[str, bytes], source: str) -> None:

@@ -1,0 +1,76 @@
+"""All photographed frames at a glance: the surroundings of the targets, and how sure they are."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import streamlit as st
+
+from stereocal.errors import StereocalError
+from stereocal.frames import STATES, Frame, describe_frames
+from stereocal.project_photographs import ProjectPhotographs
+from stereocal.ui.intake import escape_markdown, refuse, settled
+
+ON_A_SHEET = 12
+COLUMNS = 3
+BADGES = {
+    "found": (":material/check:", "green"),
+    "doubtful": (":material/question_mark:", "orange"),
+    "refused": (":material/close:", "red"),
+}
+
+
+def show_contact_sheet(store: ProjectPhotographs, frames: Sequence[Frame], running: bool) -> None:
+    """The frames, twelve on a sheet, with the choice to use each."""
+    st.info(describe_frames(frames))
+    counts = {state: sum(frame.state == state for frame in frames) for state in STATES}
+    kinds = {f"All ({len(frames)})": "", **{f"{s} ({n})": s for s, n in counts.items() if n}}
+    chosen = st.segmented_control(
+        "Show", list(kinds), default=next(iter(kinds)), key="sheet_kind", required=True
+    )
+    shown = [frame for frame in frames if kinds[chosen] in ("", frame.state)]
+    sheets = -(-len(shown) // ON_A_SHEET)
+    sheet = 1
+    if sheets > 1:
+        st.session_state["sheet"] = min(st.session_state.get("sheet", 1), sheets)
+        sheet = st.number_input(f"Sheet (of {sheets})", 1, sheets, step=1, key="sheet")
+    on_it = shown[(sheet - 1) * ON_A_SHEET : sheet * ON_A_SHEET]
+    for start in range(0, len(on_it), COLUMNS):
+        for frame, column in zip(on_it[start:], st.columns(COLUMNS), strict=False):
+            with column:
+                _show_frame(store, frame, running)
+    st.caption(
+        "Each picture: the primary camera on the left, the secondary on the right; A orange, B "
+        "blue. Sigma is the standard error of a centre."
+    )
+
+
+def _show_frame(store: ProjectPhotographs, frame: Frame, running: bool) -> None:
+    st.image(store.thumbnail(frame), width="stretch")
+    icon, colour = BADGES[frame.state]
+    sigmas = [c.sigma_px for pair in frame.centres for c in pair if c and c.sigma_px is not None]
+    sigma = f" · sigma ≤ {max(sigmas):.3f} px" if sigmas else ""
+    st.markdown(f":{colour}-badge[{icon} {frame.state}] **Frame {frame.frame}**{sigma}")
+    if frame.reason:
+        st.caption(escape_markdown(frame.reason))
+    key = f"use_frame_{frame.frame}"
+    st.session_state[key] = frame.use
+    st.checkbox(
+        "Use this frame", key=key, disabled=running or not frame.targets_in_both,
+        on_change=_choose, args=(store, frame.frame, key),
+    )  # fmt: skip
+
+
+def _choose(store: ProjectPhotographs, number: int, key: str) -> None:
+    frames = store.frames or []
+    try:
+        store.keep_frames(
+            [
+                replace(f, use=bool(st.session_state[key])) if f.frame == number else f
+                for f in frames
+            ]
+        )
+        settled()
+    except StereocalError as error:
+        refuse(error)

@@ -1,0 +1,244 @@
+"""Photographs on the Data page: taking them in, pairing them, finding the targets."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from pathlib import Path
+
+import pandas as pd
+import streamlit as st
+
+from stereocal.errors import StereocalError
+from stereocal.formats.photograph import SUFFIXES
+from stereocal.formats.photograph_files import (
+    is_photograph,
+    keep_photograph,
+    unpack_photographs,
+)
+from stereocal.frame_detection import STAGES, detect_frames, keep_corrections
+from stereocal.pairing import CAMERAS, Pair
+from stereocal.project import Project, Slot
+from stereocal.project_photographs import PairRow, ProjectPhotographs
+from stereocal.ui import jobs
+from stereocal.ui.contact_sheet import show_contact_sheet
+from stereocal.ui.intake import (
+    TITLES,
+    Upload,
+    escape_markdown,
+    in_use,
+    refuse,
+    settled,
+    take_file,
+)
+from stereocal.ui.project import project_to_write
+
+TOGETHER, FOLDER, APART = "Both cameras together", "A folder", "One camera after the other"
+KINDS = [*sorted(suffix.removeprefix(".") for suffix in SUFFIXES), "zip"]
+COLUMNS = ("Use", "Frame", "Primary photograph", "Secondary photograph")
+LENSES: tuple[Slot, ...] = ("primary", "secondary")
+_ROUND, _BASE = "photographs_round", "pairs_base"
+
+
+def choose_kind(project: Project | None) -> str | None:
+    """What the person has; photographs, if the project holds some."""
+    if "data_how" not in st.session_state:
+        there = project is not None and has_photographs(project)
+        st.session_state["data_how"] = "Photographs" if there else "Single files"
+    return st.segmented_control(
+        "I have", ["Single files", "Photographs", "A zip", "A folder"], key="data_how"
+    )
+
+
+def has_photographs(project: Project) -> bool:
+    """Whether any have been given."""
+    return bool(ProjectPhotographs(project).photographs)
+
+
+def photographs_in(project: Project | None) -> None:
+    """The uploaders, and what has been made of the photographs so far."""
+    how = st.segmented_control(
+        "They come as", [TOGETHER, FOLDER, APART], default=TOGETHER, key="photographs_how",
+        required=True,
+    )  # fmt: skip
+    key = f"upload_photographs_{st.session_state.setdefault(_ROUND, 0)}"
+    if how == APART:
+        for camera, column in zip(CAMERAS, st.columns(2), strict=True):
+            with column:
+                uploads = st.file_uploader(
+                    f"Photographs of the {camera} camera, or a zip of them", type=KINDS,
+                    accept_multiple_files=True, key=f"{key}_{camera}",
+                )  # fmt: skip
+                take_photographs(uploads, f"{camera}/")
+    elif how == FOLDER:
+        folder = st.file_uploader(
+            "Folder with the photographs", accept_multiple_files="directory", key=f"{key}_folder"
+        )
+        take_photographs(folder)
+    else:
+        uploads = st.file_uploader(
+            "Photographs of both cameras, or a zip of them", type=KINDS,
+            accept_multiple_files=True, key=key,
+            help="Name the two photographs of a frame alike but for the camera: left07.png and "
+            "right07.png, or cam0/07.png and cam1/07.png in a zip.",
+        )  # fmt: skip
+        take_photographs(uploads)
+    if project is None:
+        return
+    for slot, column in zip(LENSES, st.columns(2), strict=True):
+        with column:
+            in_use(project, slot)
+            kinds = ["json", "yaml", "yml", "xml"]
+            take_file(slot, st.file_uploader(TITLES[slot], type=kinds, key=f"upload_{slot}"))
+    store = ProjectPhotographs(project)
+    try:
+        if store.photographs:
+            _show_pairs(store)
+            _find_targets(store)
+    except StereocalError as error:
+        st.error(escape_markdown(str(error)))
+
+
+def take_photographs(uploads: Sequence[Upload], prefix: str = "") -> None:
+    """Put uploads onto the disk, and let go of them in memory.
+
+    Args:
+        prefix: goes before the names, as a folder: which camera took them.
+    """
+    if not uploads:
+        return
+    store = ProjectPhotographs(project_to_write())
+    found: dict[str, Path] = {}
+    try:
+        for upload in uploads:
+            if upload.name.lower().endswith(".zip"):
+                inside = unpack_photographs(upload.getvalue(), upload.name, store.files)
+                if not inside:
+                    raise StereocalError(f"{upload.name}: there is no photograph in it.")
+                found |= {prefix + name: path for name, path in inside.items()}
+            elif is_photograph(upload.name):
+                name = prefix + upload.name
+                found[name] = keep_photograph([upload.getvalue()], name, store.files)
+        if not found:
+            raise StereocalError("There is no photograph among these files.")
+        settled()
+    except StereocalError as error:
+        refuse(error)
+    if found:
+        store.add(found)
+    st.session_state.pop(_BASE, None)
+    # A new key empties the uploader, which else holds every file in memory while the page is open.
+    st.session_state[_ROUND] += 1
+    st.rerun()
+
+
+def _show_pairs(store: ProjectPhotographs) -> None:
+    """How the photographs were paired, and the table to change that."""
+    proposal, rows = store.proposal, store.rows
+    said = f"{len(store.photographs)} photographs. {proposal.sentence}"
+    sure = proposal.pairs and not (proposal.alone or proposal.unknown or proposal.ambiguous)
+    (st.success if sure else st.warning)(escape_markdown(said))
+    used = sum(row.use for row in rows)
+    with st.expander(f"Pairs: {used} of {len(rows)} used; change them here", expanded=not rows):
+        edited = _table_of_pairs(store, rows)
+        try:
+            new = rows_of(edited)
+            if new != rows:
+                store.keep_rows(new)
+                st.rerun()
+        except StereocalError as error:
+            st.error(escape_markdown(f"{error} The last sound table is kept."))
+        left, right = st.columns(2)
+        left.button("Pair by name again", on_click=_pair_again, args=(store,), key="pair_again")
+        right.button("Remove all photographs", on_click=_clear, args=(store,), key="no_photographs")
+
+
+def _table_of_pairs(store: ProjectPhotographs, rows: Sequence[PairRow]) -> pd.DataFrame:
+    # The editor keeps changes to the table it began with: that one is held while it is on screen.
+    key = f"pairs_{st.session_state[_ROUND]}"
+    if key not in st.session_state or _BASE not in st.session_state:
+        st.session_state[_BASE] = table_of(rows)
+    names = sorted(store.photographs)
+    base: pd.DataFrame = st.session_state[_BASE]
+    edited: pd.DataFrame = st.data_editor(
+        base, key=key, num_rows="dynamic", hide_index=True,
+        column_config={
+            "Use": st.column_config.CheckboxColumn(default=True, width="small"),
+            "Frame": st.column_config.NumberColumn(step=1, width="small", required=True),
+            **{
+                name: st.column_config.SelectboxColumn(options=names, required=True)
+                for name in COLUMNS[2:]
+            },
+        },
+    )  # fmt: skip
+    return edited
+
+
+def table_of(rows: Sequence[PairRow]) -> pd.DataFrame:
+    """The pairs as the editor shows them."""
+    content = [(row.use, row.pair.frame, row.pair.primary, row.pair.secondary) for row in rows]
+    table = pd.DataFrame(content, columns=list(COLUMNS))
+    return table.astype({"Use": bool, "Frame": "Int64", COLUMNS[2]: object, COLUMNS[3]: object})
+
+
+def rows_of(table: pd.DataFrame) -> list[PairRow]:
+    """The pairs as a person has edited them; rows not filled in yet are left aside."""
+    return [
+        PairRow(Pair(int(frame), str(primary), str(secondary)), use is not False)
+        for use, frame, primary, secondary in table[list(COLUMNS)].itertuples(index=False)
+        if pd.notna(frame) and pd.notna(primary) and pd.notna(secondary)
+    ]
+
+
+def _pair_again(store: ProjectPhotographs) -> None:
+    store.keep_rows(None)
+    _forget_table()
+
+
+def _clear(store: ProjectPhotographs) -> None:
+    store.clear()
+    _forget_table()
+
+
+def _forget_table() -> None:
+    st.session_state.pop(_BASE, None)
+    st.session_state[_ROUND] += 1
+
+
+def _find_targets(store: ProjectPhotographs) -> None:
+    """The button, the job, and the contact sheet of what was found."""
+    project, rows = store.project, [row for row in store.rows if row.use]
+    running = jobs.is_running(project, "photographs")
+    frames = store.frames
+    st.button(
+        "Find the targets" if frames is None else "Find the targets again", key="find_targets",
+        type="primary" if frames is None else "secondary", disabled=running or not rows,
+        on_click=_start, args=(store, [row.pair for row in rows]),
+    )  # fmt: skip
+    jobs.show_job(project, "photographs", "Cancelled. What was found before is unchanged.")
+    if frames is None:
+        return
+    if {(f.frame, f.files) for f in frames} != {
+        (row.pair.frame, (row.pair.primary, row.pair.secondary)) for row in rows
+    }:
+        st.warning("The pairs have changed since the targets were found. Find them again.")
+    show_contact_sheet(store, frames, running)
+
+
+def _start(store: ProjectPhotographs, pairs: Sequence[Pair]) -> None:
+    executor = jobs.pool()
+    settled()
+    jobs.start(store.project, "photographs", STAGES, lambda job: _find(store, pairs, job, executor))
+
+
+def _find(
+    store: ProjectPhotographs, pairs: Sequence[Pair], job: jobs.Job, executor: Executor
+) -> bool:
+    sizes = [camera.image_size if camera else None for camera in store.project.cameras]
+    found = detect_frames(
+        pairs, store.photographs, sizes, executor, job.begin, job.progress, lambda: job.cancelled
+    )
+    if found is None:
+        return False
+    store.keep_frames(keep_corrections(found, store.frames or []))
+    return True

@@ -1,0 +1,67 @@
+"""Small photographs of the bar with known centres, for tests of the way from files to tables."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from stereocal.camera import Camera
+from stereocal.photographs import BarSettings, PhotographPair, photograph_bars, place_visible_bars
+from stereocal.rendering import PhotographSettings
+from stereocal.simulate import Rig, field_rig
+
+SHRINK = 4
+BOARD_M, BAR_M, DEPTHS_M = 0.3, 0.9, (6.0, 9.0)
+
+
+@dataclass(frozen=True)
+class BarSet:
+    """Frames of the bar and the rig that took them."""
+
+    rig: Rig
+    pairs: Sequence[PhotographPair]
+
+    def files(self, suffix: str = ".png") -> dict[str, bytes]:
+        """primary/left1.png, secondary/right1.png, and so on."""
+        found = {}
+        for pair in self.pairs:
+            for name, image in (
+                (f"primary/left{pair.frame}", pair.primary),
+                (f"secondary/right{pair.frame}", pair.secondary),
+            ):
+                done, content = cv2.imencode(suffix, image)
+                assert done
+                found[name + suffix] = bytes(content)
+        return found
+
+
+def small(camera: Camera) -> Camera:
+    """A camera with the same lens and fewer, larger pixels."""
+    K = camera.K / SHRINK
+    K[2, 2] = 1.0
+    width, height = camera.image_size
+    return Camera(K, camera.distortion, (width // SHRINK, height // SHRINK))
+
+
+@lru_cache(maxsize=4)
+def bar_set(frames: int, seed: int = 3) -> BarSet:
+    """Frames of 584 x 432 px before a plain background."""
+    rng = np.random.default_rng(seed)
+    field = field_rig(baseline_m=2.0)
+    rig = Rig(small(field.primary), small(field.secondary), field.secondary_from_primary)
+    scene = place_visible_bars(rig, rng, frames, BAR_M, BOARD_M, depths_m=DEPTHS_M, margin_px=40.0)
+    bar = BarSettings(board_m=BOARD_M)
+    pairs = photograph_bars(scene, (110.0, 110.0), bar, PhotographSettings(), rng)
+    return BarSet(rig, tuple(pairs))
+
+
+def write(files: dict[str, bytes], folder: Path) -> None:
+    """The files below `folder`."""
+    for name, content in files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(content)

@@ -1,0 +1,177 @@
+"""Photographs on the Data page, without a browser."""
+
+from __future__ import annotations
+
+import io
+import time
+import zipfile
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from streamlit.testing.v1 import AppTest
+
+from stereocal.formats.camera_file import write_camera
+from stereocal.pairing import Pair
+from stereocal.project import Project
+from stereocal.project_photographs import PairRow, ProjectPhotographs
+from stereocal.ui.photographs import rows_of, table_of
+from tests.bar_photographs import bar_set
+
+ROOT = Path(__file__).parents[2]
+SLOW = 120
+BARS = bar_set(4)
+FILES = BARS.files()
+
+
+@pytest.fixture
+def app(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[AppTest]:
+    monkeypatch.setenv("STEREOCAL_HOME", str(tmp_path))
+    started = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW).run()
+    started.switch_page("pages/data.py").run()
+    started.segmented_control(key="data_how").set_value("Photographs").run()
+    assert not started.exception
+    yield started
+    assert not started.exception
+
+
+def messages(app: AppTest) -> str:
+    return " ".join(str(item.value) for kind in (app.error, app.info, app.warning, app.success)
+                    for item in kind).replace("\\", "")  # fmt: skip
+
+
+def store_of(app: AppTest, home: Path) -> ProjectPhotographs:
+    return ProjectPhotographs(Project.open(home, app.session_state["project_id"]))
+
+
+def upload(app: AppTest, files: Mapping[str, bytes]) -> None:
+    widget = app.file_uploader(key=f"upload_photographs_{app.session_state['photographs_round']}")
+    for name, content in files.items():
+        widget.upload(name, content)
+    app.run()
+
+
+def upload_zip(app: AppTest, files: Mapping[str, bytes]) -> None:
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w") as archive:
+        for name, content in files.items():
+            archive.writestr(name, content)
+    upload(app, {"bars.zip": packed.getvalue()})
+
+
+def find(app: AppTest, home: Path) -> None:
+    app.button(key="find_targets").click().run()
+    end = time.monotonic() + SLOW
+    while not (frames := (store_of(app, home).frames)) and time.monotonic() < end:
+        time.sleep(0.2)
+    assert frames
+    time.sleep(0.3)
+    app.run()
+
+
+def give_cameras_and_lengths(app: AppTest) -> None:
+    for slot in ("primary", "secondary"):
+        content = write_camera(getattr(BARS.rig, slot))
+        app.file_uploader(key=f"upload_{slot}").upload(f"{slot}.json", content, "text/json").run()
+    app.number_input(key="baseline_m_value").set_value(2.0).run()
+    app.number_input(key="target_distance_m_value").set_value(0.9).run()
+
+
+def test_from_photographs_to_a_complete_data_set(app: AppTest, tmp_path: Path) -> None:
+    upload_zip(app, FILES)
+    assert "8 photographs. 4 pairs by name: primary with left is the primary" in messages(app)
+    give_cameras_and_lengths(app)
+    assert "Still missing: the table of points" in messages(app)
+    find(app, tmp_path)
+    assert "4 frames: 4 found, 0 doubtful, 0 refused" in messages(app)
+    assert "8 pairs of points in 4 frames" in messages(app)
+    dataset = store_of(app, tmp_path).project.dataset
+    assert dataset is not None
+    rows = dataset.correspondences
+    for pair in BARS.pairs:
+        found = rows.primary[rows.frame == pair.frame]
+        away = np.linalg.norm(found[:, None] - pair.centres_primary[None], axis=2).min(axis=1)
+        assert away.max() < 0.1
+    assert rows.has_sigmas and (rows.source == 0).all()
+
+    app.checkbox(key="use_frame_2").set_value(False).run()
+    assert "6 pairs of points in 3 frames" in messages(app)
+    again = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW)
+    again.query_params["project"] = app.session_state["project_id"]
+    again.run().switch_page("pages/data.py").run()
+    assert again.segmented_control(key="data_how").value == "Photographs"
+    assert "6 pairs of points in 3 frames" in messages(again)
+    assert again.checkbox(key="use_frame_2").value is False
+
+
+def test_files_one_after_the_other_and_a_missing_twin(app: AppTest, tmp_path: Path) -> None:
+    plain = {name.split("/")[1]: content for name, content in FILES.items()}
+    names = sorted(plain)
+    upload(app, {name: plain[name] for name in names[:6]})
+    assert "left3.png (primary) has no right3.png beside it" in messages(app)
+    upload(app, {name: plain[name] for name in names[6:]})
+    assert "8 photographs. 4 pairs by name" in messages(app)
+    assert [row.pair.frame for row in store_of(app, tmp_path).rows] == [1, 2, 3, 4]
+    app.button(key="no_photographs").click().run()
+    assert not store_of(app, tmp_path).photographs
+    assert "Nothing is loaded yet" in messages(app)
+
+
+def test_one_camera_after_the_other(app: AppTest) -> None:
+    app.segmented_control(key="photographs_how").set_value("One camera after the other").run()
+    for camera in ("primary", "secondary"):
+        number = app.session_state["photographs_round"]
+        widget = app.file_uploader(key=f"upload_photographs_{number}_{camera}")
+        own = [n for n in FILES if n.startswith(camera)]
+        for i, name in enumerate(own):
+            widget.upload(f"DSC{i}.png", FILES[name])
+        app.run()
+    assert "4 pairs by name: primary is the primary camera" in messages(app)
+
+
+def test_bad_photographs_refuse_their_own_frame_only(app: AppTest, tmp_path: Path) -> None:
+    bad = dict(FILES)
+    bad["primary/left2.png"] = b"frame,target\n1,A\n"
+    bad["secondary/right3.png"] = FILES["secondary/right3.png"][:-500]
+    bad["primary/left4.png"] = bar_set(1, 9).files()["primary/left1.png"][:0]
+    upload_zip(app, bad)
+    find(app, tmp_path)
+    said = " ".join(item.value for item in app.caption).replace("\\", "")
+    assert "4 frames: 1 found, 0 doubtful, 3 refused" in messages(app)
+    assert "primary/left2.png: this is no photograph" in said
+    assert "secondary/right3.png: the PNG is cut off" in said
+    assert "primary/left4.png: the file is empty" in said
+    assert app.checkbox(key="use_frame_2").disabled and not app.checkbox(key="use_frame_1").disabled
+
+
+@pytest.mark.parametrize(
+    ("files", "sentence"),
+    [
+        ({"notes.txt.zip": b"x"}, "not a sound zip"),
+        ({"empty.zip": b""}, "the file is empty"),
+        ({"left1.png": FILES["primary/left1.png"]}, "one photograph was given"),
+    ],
+)
+def test_what_cannot_be_used_is_said(files: dict[str, bytes], sentence: str, app: AppTest) -> None:
+    upload(app, files)
+    assert sentence in messages(app)
+
+
+def test_a_bomb_is_said_and_nothing_is_lost(app: AppTest, tmp_path: Path) -> None:
+    upload_zip(app, FILES)
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("left5.pgm", bytes(30_000_000))
+    upload(app, {"bomb.zip": packed.getvalue()})
+    assert "would swell to 30000000" in messages(app)
+    assert len(store_of(app, tmp_path).photographs) == 8
+
+
+def test_the_table_of_pairs_there_and_back() -> None:
+    rows = [PairRow(Pair(3, "l3", "r3")), PairRow(Pair(7, "l7", "r7"), use=False)]
+    assert rows_of(table_of(rows)) == rows
+    half = pd.concat([table_of(rows), pd.DataFrame([{"Use": True, "Frame": 9}])])
+    assert rows_of(half) == rows
+    assert rows_of(table_of([])) == []
