@@ -15,8 +15,9 @@ import numpy as np
 from stereocal.camera import Camera
 from stereocal.compiled import FloatArray
 from stereocal.geometry import Pose
-from stereocal.rendering import Picture, Placed, blurred, chessboard, paint, ray_splines, turned
-from stereocal.scenery import Canvas, paint_scenery
+from stereocal.rays import ray_splines
+from stereocal.rendering import Picture, Placed, blurred, chessboard, paint, turned
+from stereocal.scenery import Canvas, clouded, paint_scenery
 from stereocal.simulate import Rig
 
 WALL_M = 40.0
@@ -25,8 +26,8 @@ LARGEST_CANVAS_PX = 9000
 """Longest side of the painting; a wide view is painted more coarsely."""
 WIDEST = 2.0
 """Nothing is painted further aside than this times the distance; it is mirrored there."""
-CHESSBOARD_M = 14.0
-"""Distance of the chessboard that lies about."""
+CHESSBOARD_M = 26.0
+"""Distance of the chessboard that lies about: behind the bar, wherever it is held."""
 
 
 def outdoors(
@@ -51,6 +52,17 @@ def outdoors(
             paint(picture, camera, lying.seen_from(pose), max(0.5 * softness_px, 0.3))
         pictures.append(picture)
     return pictures[0], pictures[1]
+
+
+def indoors(camera: Camera, rng: np.random.Generator) -> Picture:
+    """What is behind a board in the lab: a wall out of focus, with shelves and papers on it."""
+    width, height = camera.image_size
+    canvas = Canvas(np.zeros((height, width), dtype=np.uint8), 0.0, 0.0, width / 4.0)
+    canvas.grey[:] = np.clip(125.0 + 12.0 * clouded((height, width), rng, width / 3, 60.0), 0, 255)
+    for x, y in rng.uniform([-0.3, -0.3], [4.0, 4.0 * height / width], (14, 2)):
+        right, bottom = np.array([x, y]) + rng.uniform([0.2, 0.1], [1.2, 0.9])
+        canvas.rectangle(x, y, right, bottom, float(rng.uniform(50.0, 200.0)))
+    return blurred(canvas.grey.astype(np.float32), 6.0)
 
 
 def seen_wall(canvas: Canvas, camera: Camera, camera_from_primary: Pose) -> Picture:
@@ -80,7 +92,7 @@ def lying_chessboard(camera: Camera, rng: np.random.Generator) -> Placed:
     steep = float(rng.uniform(0.7, 1.1))
     R = turned((-steep, 0.0, 0.0)) @ turned((0.0, 0.0, spin))
     black, white = rng.uniform([30.0, 150.0], [60.0, 200.0])
-    return Placed(chessboard((6, 4), 0.08, black, white), Pose(R, CHESSBOARD_M * ray))
+    return Placed(chessboard((6, 4), 0.15, black, white), Pose(R, CHESSBOARD_M * ray))
 
 
 def _wall_points(

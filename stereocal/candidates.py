@@ -49,16 +49,14 @@ COLUMNS = ALL + 3
 
 
 @compiled
-def _saddle(image: GreyImage, strength: GreyImage) -> None:
-    """Fills -det(Hessian) by second differences; the outer pixels stay."""
-    height, width = image.shape
-    for y in range(1, height - 1):
-        for x in range(1, width - 1):
-            xx = image[y, x + 1] - 2 * image[y, x] + image[y, x - 1]
-            yy = image[y + 1, x] - 2 * image[y, x] + image[y - 1, x]
-            xy = image[y + 1, x + 1] - image[y + 1, x - 1]
-            xy += image[y - 1, x - 1] - image[y - 1, x + 1]
-            strength[y, x] = xy * xy * np.float32(0.0625) - xx * yy
+def _saddle(image: GreyImage, y: int, strength: GreyImage) -> None:
+    """Fills -det(Hessian) of one row, (w,), by second differences; its ends stay."""
+    for x in range(1, image.shape[1] - 1):
+        xx = image[y, x + 1] - 2 * image[y, x] + image[y, x - 1]
+        yy = image[y + 1, x] - 2 * image[y, x] + image[y - 1, x]
+        xy = image[y + 1, x + 1] - image[y + 1, x - 1]
+        xy += image[y - 1, x - 1] - image[y - 1, x + 1]
+        strength[x] = xy * xy * np.float32(0.0625) - xx * yy
 
 
 @compiled
@@ -124,23 +122,27 @@ def _likeness(image: GreyImage, x: int, y: int, p: FloatArray) -> float:
 
 
 @compiled
-def _starts(image: GreyImage, strength: GreyImage, weakest: float) -> FloatArray:
+def _starts(image: GreyImage, weakest: float) -> FloatArray:
     """(n, 14): starts of the fits at the saddles that pass the ring, and their likeness."""
     height, width = image.shape
     found = np.empty((256, ALL + 1))
     ring = np.empty(RING.shape[0])
+    rows = np.zeros((3, width), dtype=np.float32)
     n = 0
+    _saddle(image, BORDER - 1, rows[(BORDER - 1) % 3])
+    _saddle(image, BORDER, rows[BORDER % 3])
     for y in range(BORDER, height - BORDER):
+        above, here, below = rows[(y - 1) % 3], rows[y % 3], rows[(y + 1) % 3]
+        _saddle(image, y + 1, below)
         for x in range(BORDER, width - BORDER):
-            here = strength[y, x]
-            if here < weakest:
+            s = here[x]
+            if s < weakest or here[x - 1] > s or here[x + 1] > s:
                 continue
-            highest = True
-            for j in range(-1, 2):
-                for i in range(-1, 2):
-                    if strength[y + j, x + i] > here:
-                        highest = False
-            if highest and _ring(image, x, y, ring, found[n]):
+            if max(above[x - 1], above[x], above[x + 1]) > s:
+                continue
+            if max(below[x - 1], below[x], below[x + 1]) > s:
+                continue
+            if _ring(image, x, y, ring, found[n]):
                 found[n, ALL] = _likeness(image, x, y, found[n])
                 n += 1
                 if n == found.shape[0]:
@@ -164,7 +166,7 @@ def _screen(level: GreyImage, starts: FloatArray, scores: FloatArray) -> None:
         pixels = window(level, p[0], p[1], along, half, 1)
         if pixels.shape[0] < 3 * CORE:
             continue
-        cost, _ = minimise(pixels, p, CORE, HALF_WINDOW, False, penalty, ROUNDS)
+        cost, _ = minimise(pixels, p, CORE, HALF_WINDOW, 0, penalty, ROUNDS)
         if not plausible(p, before, 3.0) or 2.0 * abs(p[6]) < SMALLEST_CONTRAST:
             continue
         explained = 1.0 - cost / max(np.var(pixels[:, 2]) * pixels.shape[0], 1e-9)
@@ -173,7 +175,7 @@ def _screen(level: GreyImage, starts: FloatArray, scores: FloatArray) -> None:
         arms, flips, _ = follow(level, p, half, LOOK)
         for a in range(4):
             arms[a] = min(arms[a], LOOK * HALF_WINDOW)
-        scores[i, 0], scores[i, 1] = arm_quality(explained, arms, math.exp(p[4])), flips
+        scores[i, 0], scores[i, 1] = explained * arm_quality(arms, math.exp(p[4])), flips
 
 
 def candidates(image: GreyImage) -> FloatArray:
@@ -190,10 +192,7 @@ def candidates(image: GreyImage) -> FloatArray:
     for depth in range(LEVELS):
         if min(level.shape) < SMALLEST_SIDE:
             break
-        smooth = cv2.GaussianBlur(level, (0, 0), SMOOTHING)
-        strength = np.zeros_like(smooth)
-        _saddle(smooth, strength)
-        starts = _starts(smooth, strength, WEAKEST**2)
+        starts = _starts(cv2.GaussianBlur(level, (5, 5), SMOOTHING), WEAKEST**2)
         likest = np.argsort(-starts[:, ALL], kind="stable")[:MOST]
         p = np.ascontiguousarray(starts[likest, :ALL])
         scores = np.zeros((len(p), 2))

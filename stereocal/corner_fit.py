@@ -31,10 +31,13 @@ INSIDE = 0.85
 parallelograms, and their border is blurred too."""
 SMALLEST_HALF_WINDOW = 2.5
 GROWTH = 3.0
-PIXELS_WHILE_GROWING = 3000
+PIXELS_WHILE_GROWING = 1500
 SMALLEST_SINE = 0.35
 """Edges closer than 20 degrees: a board tilted by more than 70."""
+WORST_ARMS = 0.4
 ROUNDS = 30
+MISFIT = 0.06
+"""Boards have 0.00 to 0.03, pickets and leaves 0.05 to 0.15."""
 LONG = 6.0
 """Arms so many blurs long tell nothing more."""
 SHARP = 1.3
@@ -64,8 +67,8 @@ class Corner:
     white: float
     residual: float
     """Root mean square of what the fit leaves."""
-    explained: float
-    """Share of the variance in the window that the fit explains."""
+    misfit: float
+    """What the fit leaves that is no noise, root mean square, per contrast."""
 
     @property
     def sigma_px(self) -> float:
@@ -74,11 +77,11 @@ class Corner:
 
     @property
     def quality(self) -> float:
-        """0 to 1: what the fit explains, less where the arms differ or are short against the blur.
+        """0 to 1: less where the fit leaves a pattern, and where the arms differ or are short.
 
-        Saddles of leaves and clouds are curved and soft: most have less than 0.7.
+        Saddles of leaves, fences and clouds are curved and soft: most have less than 0.6.
         """
-        return arm_quality(self.explained, self.arms, self.blur)
+        return arm_quality(self.arms, self.blur) * math.exp(-0.5 * (self.misfit / MISFIT) ** 2)
 
     @property
     def lengths(self) -> FloatArray:
@@ -92,11 +95,11 @@ class Corner:
 
 
 @compiled
-def arm_quality(explained: float, arms: FloatArray, blur: float) -> float:
-    """As `Corner.quality`."""
+def arm_quality(arms: FloatArray, blur: float) -> float:
+    """0 to 1: how much four arms look like those of one sharp board."""
     first, second = min(arms[0], arms[1]), min(arms[2], arms[3])
     alike = first / max(arms[0], arms[1]) * second / max(arms[2], arms[3])
-    return explained * math.sqrt(alike) * min(1.0, min(first, second) / (LONG * blur))
+    return math.sqrt(alike) * min(1.0, min(first, second) / (LONG * blur))
 
 
 @compiled
@@ -115,7 +118,7 @@ def _sample(image: GreyImage, x: float, y: float) -> float:
 @compiled
 def _arm(
     image: GreyImage, start: FloatArray, along: FloatArray, side: FloatArray, length: float
-) -> tuple[float, float, bool]:
+) -> tuple[float, bool, bool]:
     """Follow one half edge.
 
     Args:
@@ -126,8 +129,8 @@ def _arm(
         length: how far to look.
 
     Returns where the difference falls below half of what a crossing has there (infinite where it
-    does not), the mean relative difference from 1.2 to 1.8 times as far, and whether the image
-    ends there.
+    does not), whether the same difference, the other way round, follows from 1.2 to 1.8 times as
+    far, and whether the image ends there.
     """
     step = max(0.5, length / 120.0)
     smooth = max(1, int(2.0 / step), int(0.08 * start[3] / step))
@@ -158,22 +161,26 @@ def _arm(
             hoped -= expected[i - smooth]
         t = start[3] + (i - smooth + 1) * step
         if t > length:
-            return math.inf, 0.0, False
+            return math.inf, False, False
         if i >= smooth - 1 and total < 0.5 * hoped:
             end = i - smooth + 1
             break
     if end < 0:
         if last < count:
-            return start[3] + last * step, 0.0, True
-        return math.inf, 0.0, False
+            return start[3] + last * step, False, True
+        return math.inf, False, False
     distance = start[3] + end * step
-    beyond, n = 0.0, 0
+    beyond, square, n = 0.0, 0.0, 0
     for i in range(end, last):
         t = start[3] + i * step
         if 1.2 * distance < t < 1.8 * distance:
             beyond += profile[i]
+            square += profile[i] ** 2
             n += 1
-    return distance, beyond / max(n, 1), False
+    if n == 0:
+        return distance, False, False
+    mean = beyond / n
+    return distance, abs(mean + 1.0) < 0.35 and square / n - mean * mean < 0.35**2, False
 
 
 @compiled
@@ -210,10 +217,10 @@ def follow(
         ahead = along[e, 0] * normal[o, 0] + along[e, 1] * normal[o, 1]
         start[2] = math.copysign(2.0 * p[6], aside * ahead * forward * p[6])
         start[3] = max(1.0, min(2.0 * blur / sine, 0.8 * half[e]))
-        arms[i], beyond, ended = _arm(
+        arms[i], turned, ended = _arm(
             image, start, forward * along[e], offset * along[o], reach * half[e]
         )
-        flips += int(beyond < -0.5)
+        flips += int(turned)
         cut += int(ended)
     return arms, flips, cut
 
@@ -224,7 +231,13 @@ def _directions(p: FloatArray) -> FloatArray:
 
 
 def _fit(
-    image: GreyImage, p: FloatArray, half: FloatArray, noise: float, size: int, stride: int
+    image: GreyImage,
+    p: FloatArray,
+    half: FloatArray,
+    noise: float,
+    size: int,
+    stride: int,
+    samples: int,
 ) -> tuple[FloatArray, FloatArray, FloatArray, bool]:
     """Fit in one window: pixels, parameters, penalty, and whether it converged."""
     pixels = window(image, p[0], p[1], _directions(p), half, stride)
@@ -235,7 +248,7 @@ def _fit(
     fitted = p.copy()
     if len(pixels) <= size + 4:
         return pixels, fitted, penalty, False
-    _, converged = minimise(pixels, fitted, size, radius, math.exp(p[4]) < SHARP, penalty, ROUNDS)
+    _, converged = minimise(pixels, fitted, size, radius, samples, penalty, ROUNDS)
     return pixels, fitted, penalty, converged
 
 
@@ -269,7 +282,7 @@ def fit_corner(
     p = start.copy()
     reach = np.array([half, half])
     noise = max(quantum**2 / 12.0, (0.05 * p[6]) ** 2)
-    _, p, _, _ = _fit(image, p, reach, noise, CORE, 1)
+    _, p, _, _ = _fit(image, p, reach, noise, CORE, 1, 0)
     if not plausible(p, start, half):
         return None
     arms, flips, cut = np.full(4, np.inf), 0, 0
@@ -283,13 +296,13 @@ def fit_corner(
         reach = grown
         stride = max(1, round(math.sqrt(4.0 * reach[0] * reach[1] / PIXELS_WHILE_GROWING)))
         size = CORE if max(reach) < 8 else ALL
-        _, fitted, _, _ = _fit(image, p, reach, noise, size, stride)
+        _, fitted, _, _ = _fit(image, p, reach, noise, size, stride, 0)
         if not plausible(fitted, p, float(min(reach))):
             return None
         p = fitted
         if done:
             break
-    if not np.isfinite(arms).all():
+    if not np.isfinite(arms).all() or arm_quality(arms, math.exp(p[4])) < WORST_ARMS:
         return None
     return _final(image, p, reach, noise, (quantum, gain), (arms, flips, cut))
 
@@ -307,18 +320,20 @@ def _final(
     smallest = max(quantum**2 / 12.0, (1e-5 * p[6]) ** 2)
     radius = float(half.max())
     for _ in range(2):
-        area = math.exp(p[4]) < SHARP
-        pixels, fitted, penalty, converged = _fit(image, p, half, noise, ALL, 1)
+        samples = 4 if math.exp(p[4]) < SHARP else 1
+        pixels, fitted, penalty, converged = _fit(image, p, half, noise, ALL, 1, samples)
         if not converged or not plausible(fitted, p, float(min(half))):
             return None
         p = fitted
-        found = spread(pixels, p, radius, area, penalty)
+        found = spread(pixels, p, radius, samples, penalty)
         noise = max(found[3], smallest)
     variance = max(found[3], found[4], smallest)
     if not np.isfinite(found).all():
         return None
     covariance = variance * np.array([[found[0], found[1]], [found[1], found[2]]])
     contrast = 2.0 * abs(p[6])
+    # Chance gives the products of n residuals of pure noise a spread of 1 / sqrt(n).
+    pattern = float(found[5] - 2.0 * found[3] / math.sqrt(len(pixels)))
     return Corner(
         centre=p[:2].copy(),
         covariance=covariance,
@@ -331,5 +346,5 @@ def _final(
         black=float(p[5] - contrast / 2) / gain,
         white=float(p[5] + contrast / 2) / gain,
         residual=math.sqrt(found[3]) / gain,
-        explained=1.0 - float(found[3]) / max(float(np.var(pixels[:, 2])), 1e-12),
+        misfit=math.sqrt(max(0.0, pattern)) / contrast,
     )

@@ -28,6 +28,8 @@ import numpy as np
 from stereocal.compiled import FloatArray, compiled, inlined
 
 CORE, ALL = 7, 13
+FRAME = 17
+ROOT_HALF, ROOT_TWO_BY_PI = math.sqrt(0.5), math.sqrt(2.0 / math.pi)
 CURVATURE_SIGMA = 1e-4
 """1/px. A line at distance d from the axis of a lens bends by 2 k1 d / f^2: 1.5e-4 at the edge of
 1600 px for k1 = -0.2, f = 1500 px."""
@@ -40,63 +42,81 @@ PIXEL_NODE = 0.5 / math.sqrt(3.0)
 """Gauss points of a pixel of width 1: sums over 2x2 of them integrate cubics over its area."""
 
 
+@compiled
+def _frame(p: FloatArray, radius: float, samples: int, frame: FloatArray) -> None:
+    """Fills (14,): what all pixels share, so that no pixel needs a sine."""
+    cos1, sin1 = math.cos(p[2]), math.sin(p[2])
+    cos2, sin2 = math.cos(p[3]), math.sin(p[3])
+    rho = cos1 * cos2 + sin1 * sin2
+    reach = math.asin(min(max(rho, -1.0), 1.0))
+    frame[0], frame[1], frame[2], frame[3] = cos1, sin1, cos2, sin2
+    frame[4], frame[5], frame[6] = rho, math.sqrt(max(1.0 - rho * rho, 1e-6)), reach / math.pi
+    frame[7], frame[8] = math.exp(-p[4]), sin2 * cos1 - cos2 * sin1
+    for i in range(NODES.size):
+        frame[9 + i] = math.sin(0.5 * reach * (1.0 + NODES[i]))
+    frame[FRAME - 2], frame[FRAME - 1] = 1.0 / radius, samples
+
+
 @inlined
-def _crossing(
-    h: float, k: float, rho: float, root: float, reach: float
-) -> tuple[float, float, float, float]:
-    """F and its derivatives by h, k and rho; root = sqrt(1 - rho^2), reach = asin(rho)."""
+def _crossing(h: float, k: float, frame: FloatArray) -> tuple[float, float, float, float]:
+    """F and its derivatives by h, k and rho."""
+    rho, root = frame[4], frame[5]
     near_h, near_k = abs(h) < FAR, abs(k) < FAR
-    erf_h = math.erf(h * math.sqrt(0.5)) if near_h else math.copysign(1.0, h)
-    erf_k = math.erf(k * math.sqrt(0.5)) if near_k else math.copysign(1.0, k)
+    erf_h = math.erf(h * ROOT_HALF) if near_h else math.copysign(1.0, h)
+    erf_k = math.erf(k * ROOT_HALF) if near_k else math.copysign(1.0, k)
     value, by_h, by_k, by_rho = erf_h * erf_k, 0.0, 0.0, 0.0
-    scale = math.sqrt(2.0 / math.pi)
-    if near_h:
-        by_h = scale * math.exp(-0.5 * h * h) * math.erf((k - rho * h) / root * math.sqrt(0.5))
-    if near_k:
-        by_k = scale * math.exp(-0.5 * k * k) * math.erf((h - rho * k) / root * math.sqrt(0.5))
+    if frame[FRAME - 1] == 0.0:
+        by_h = ROOT_TWO_BY_PI * math.exp(-0.5 * h * h) * erf_k if near_h else 0.0
+        by_k = ROOT_TWO_BY_PI * math.exp(-0.5 * k * k) * erf_h if near_k else 0.0
+        return value, by_h, by_k, by_rho
     square, product = h * h + k * k, h * k
-    if square < 40.0:
-        total = 0.0
-        for i in range(NODES.size):
-            sine = math.sin(0.5 * reach * (1.0 + NODES[i]))
-            total += WEIGHTS[i] * math.exp(
-                -0.5 * (square - 2.0 * sine * product) / (1.0 - sine * sine)
-            )
-        value += total * reach / math.pi
-        exponent = -0.5 * (square - 2.0 * rho * product) / (root * root)
-        by_rho = 2.0 / (math.pi * root) * math.exp(exponent)
+    if square >= 40.0:
+        # Far from the crossing only one edge is near, and F is that edge's.
+        if near_h:
+            by_h = math.copysign(ROOT_TWO_BY_PI, k) * math.exp(-0.5 * h * h)
+        if near_k:
+            by_k = math.copysign(ROOT_TWO_BY_PI, h) * math.exp(-0.5 * k * k)
+        return value, by_h, by_k, by_rho
+    if near_h:
+        by_h = math.exp(-0.5 * h * h) * math.erf((k - rho * h) / root * ROOT_HALF)
+        by_h *= ROOT_TWO_BY_PI
+    if near_k:
+        by_k = math.exp(-0.5 * k * k) * math.erf((h - rho * k) / root * ROOT_HALF)
+        by_k *= ROOT_TWO_BY_PI
+    total = 0.0
+    for i in range(NODES.size):
+        sine = frame[9 + i]
+        total += WEIGHTS[i] * math.exp(-0.5 * (square - 2.0 * sine * product) / (1.0 - sine * sine))
+    value += total * frame[6]
+    by_rho = 2.0 / (math.pi * root)
+    by_rho *= math.exp(-0.5 * (square - 2.0 * rho * product) / (root * root))
     return value, by_h, by_k, by_rho
 
 
 @compiled
-def _model(
-    p: FloatArray, x: float, y: float, radius: float, area: bool, slope: FloatArray
-) -> float:
+def _model(p: FloatArray, frame: FloatArray, x: float, y: float, slope: FloatArray) -> float:
     """Grey level of the pixel at (x, y); fills `slope`, its derivatives by the 13 parameters."""
-    cos1, sin1 = math.cos(p[2]), math.sin(p[2])
-    cos2, sin2 = math.cos(p[3]), math.sin(p[3])
-    rho = cos1 * cos2 + sin1 * sin2
-    by_angle = -(sin1 * cos2 - cos1 * sin2)
-    root, reach = math.sqrt(max(1.0 - rho * rho, 1e-6)), math.asin(rho)
-    sharp = math.exp(-p[4])
+    cos1, sin1, cos2, sin2 = frame[0], frame[1], frame[2], frame[3]
+    sharp, by_angle = frame[7], frame[8]
+    per_radius, count = frame[FRAME - 2], max(1, int(frame[FRAME - 1]))
     slope[:] = 0.0
-    gx, gy = (x - p[0]) / radius, (y - p[1]) / radius
+    gx, gy = (x - p[0]) * per_radius, (y - p[1]) * per_radius
     half = p[6] + p[11] * gx + p[12] * gy
-    count = 4 if area else 1
     f = 0.0
     for i in range(count):
         dx, dy = x - p[0], y - p[1]
-        if area:
+        if count > 1:
             dx += PIXEL_NODE * (2 * (i & 1) - 1)
             dy += PIXEL_NODE * ((i & 2) - 1)
         n1, t1 = cos1 * dx + sin1 * dy, cos1 * dy - sin1 * dx
         n2, t2 = cos2 * dx + sin2 * dy, cos2 * dy - sin2 * dx
         h = (n1 + 0.5 * p[7] * t1 * t1) * sharp
         k = (n2 + 0.5 * p[8] * t2 * t2) * sharp
-        value, by_h, by_k, by_rho = _crossing(h, k, rho, root, reach)
+        if i == 0 and min(abs(h), abs(k)) > FAR + 1.5 * sharp:
+            f = count * math.copysign(1.0, h * k)
+            break
+        value, by_h, by_k, by_rho = _crossing(h, k, frame)
         f += value
-        if by_h == 0.0 and by_k == 0.0:
-            continue
         along1, along2 = by_h * sharp, by_k * sharp
         slope[0] -= along1 * (cos1 - p[7] * t1 * sin1) + along2 * (cos2 - p[8] * t2 * sin2)
         slope[1] -= along1 * (sin1 + p[7] * t1 * cos1) + along2 * (sin2 + p[8] * t2 * cos2)
@@ -108,8 +128,8 @@ def _model(
     f /= count
     for j in (0, 1, 2, 3, 4, 7, 8):
         slope[j] *= half / count
-    slope[0] -= (p[9] + p[11] * f) / radius
-    slope[1] -= (p[10] + p[12] * f) / radius
+    slope[0] -= (p[9] + p[11] * f) * per_radius
+    slope[1] -= (p[10] + p[12] * f) * per_radius
     slope[5], slope[6] = 1.0, f
     slope[9], slope[10], slope[11], slope[12] = gx, gy, gx * f, gy * f
     return p[5] + p[9] * gx + p[10] * gy + half * f
@@ -120,20 +140,21 @@ def _normal_equations(
     pixels: FloatArray,
     p: FloatArray,
     radius: float,
-    area: bool,
+    samples: int,
     penalty: FloatArray,
     H: FloatArray,
     g: FloatArray,
 ) -> float:
     """Fills H = J^T J + diag(penalty) and g = J^T e + penalty p; returns their cost."""
     size = g.size
-    slope = np.empty(ALL)
+    slope, frame = np.empty(ALL), np.empty(FRAME)
+    _frame(p, radius, samples, frame)
     H[:] = 0.0
     g[:] = 0.0
     cost = 0.0
     for i in range(pixels.shape[0]):
         x, y = pixels[i, 0], pixels[i, 1]
-        error = _model(p, x, y, radius, area, slope) - pixels[i, 2]
+        error = _model(p, frame, x, y, slope) - pixels[i, 2]
         cost += error * error
         for a in range(size):
             s = slope[a]
@@ -190,7 +211,7 @@ def minimise(
     p: FloatArray,
     size: int,
     radius: float,
-    area: bool,
+    samples: int,
     penalty: FloatArray,
     rounds: int,
 ) -> tuple[float, bool]:
@@ -201,7 +222,8 @@ def minimise(
         p: (13,), the start, then the result.
         size: 7 (one straight crossing, even light) or 13.
         radius: of the window in px: the unit of the gradients.
-        area: average the model over each pixel; for blurs that are not large against a pixel.
+        samples: 4 averages the model over each pixel, for blurs that are not large against one;
+            1 takes its middle; 0 also takes the edges to be at right angles, which is quick.
         penalty: (13,), what the cost gains for each parameter squared.
         rounds: at most so many.
 
@@ -211,7 +233,7 @@ def minimise(
     g, step = np.empty(size), np.empty(size)
     damped = np.empty((size, size))
     H_new, g_new = np.empty((size, size)), np.empty(size)
-    cost = _normal_equations(pixels, p, radius, area, penalty[:size], H, g)
+    cost = _normal_equations(pixels, p, radius, samples, penalty[:size], H, g)
     damping = 1e-3
     for _ in range(rounds):
         damped[:] = H
@@ -225,7 +247,7 @@ def minimise(
         _solve(L, g, step)
         for a in range(size):
             trial[a] = p[a] - step[a]
-        new = _normal_equations(pixels, trial, radius, area, penalty[:size], H_new, g_new)
+        new = _normal_equations(pixels, trial, radius, samples, penalty[:size], H_new, g_new)
         if new <= cost:
             small = abs(step[0]) + abs(step[1]) < 1e-5 and cost - new < 1e-6 * cost
             p[:size] = trial[:size]
@@ -244,29 +266,32 @@ def minimise(
 
 @compiled
 def spread(
-    pixels: FloatArray, p: FloatArray, radius: float, area: bool, penalty: FloatArray
+    pixels: FloatArray, p: FloatArray, radius: float, samples: int, penalty: FloatArray
 ) -> FloatArray:
-    """(5,): covariance uu, uv, vv for noise of variance 1, variance of the noise, of its edges.
+    """(6,): covariance uu, uv, vv for noise of variance 1, three measures of the noise.
 
-    The last is the mean squared residual weighted by how much each pixel moves the centre: near the
-    edges the noise differs from that of the flat squares, and so does what the model misses.
+    First its variance. Then that of its edges: the mean squared residual weighted by how much each pixel moves the centre: near the
+    edges the noise differs from that of the flat squares, and so does what the model misses. Last the mean product of
+    residuals side by side: noise has none, things that are no board do.
     All NaN where the pixels do not determine the parameters.
     """
-    found = np.full(5, np.nan)
+    found = np.full(6, np.nan)
     H, L = np.empty((ALL, ALL)), np.zeros((ALL, ALL))
     g, unit = np.empty(ALL), np.zeros(ALL)
     columns = np.zeros((2, ALL))
-    _normal_equations(pixels, p, radius, area, penalty, H, g)
+    _normal_equations(pixels, p, radius, samples, penalty, H, g)
     if not _factor(H, L):
         return found
     for a in range(2):
         unit[:] = 0.0
         unit[a] = 1.0
         _solve(L, unit, columns[a])
-    slope = np.empty(ALL)
+    slope, frame = np.empty(ALL), np.empty(FRAME)
+    _frame(p, radius, samples, frame)
     total, weighted, weights = 0.0, 0.0, 0.0
+    beside, neighbours, before = 0.0, 0, 0.0
     for i in range(pixels.shape[0]):
-        error = _model(p, pixels[i, 0], pixels[i, 1], radius, area, slope) - pixels[i, 2]
+        error = _model(p, frame, pixels[i, 0], pixels[i, 1], slope) - pixels[i, 2]
         du, dv = 0.0, 0.0
         for a in range(ALL):
             du += columns[0, a] * slope[a]
@@ -275,9 +300,14 @@ def spread(
         total += error * error
         weighted += weight * error * error
         weights += weight
+        if i > 0 and pixels[i, 0] == pixels[i - 1, 0] + 1.0:
+            beside += error * before
+            neighbours += 1
+        before = error
     found[0], found[1], found[2] = columns[0, 0], columns[0, 1], columns[1, 1]
     found[3] = total / max(pixels.shape[0] - ALL, 1)
     found[4] = weighted / weights
+    found[5] = beside / max(neighbours, 1)
     return found
 
 

@@ -16,7 +16,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from stereocal.candidates import FLIPS, LEVEL, candidates
+from stereocal.candidates import FLIPS, LEVEL, SCORE, candidates
 from stereocal.compiled import FloatArray
 from stereocal.corner_fit import Corner, GreyImage, fit_corner
 from stereocal.corner_model import ALL
@@ -30,13 +30,17 @@ State = Literal["found", "doubtful", "refused"]
 SMALLEST_IMAGE = 16
 LIGHT = 255.0
 """Photographs are scaled so that their brightest parts have this grey level."""
-FITS = 24
+FITS = 20
 """So many of the best candidates are fitted at full size."""
+MUCH_LESS = 0.6
+"""Once two are found, candidates with less than this part of their score are left."""
+NEAR = 1.5
+"""Corners of a larger chessboard lie within so many times twice their square."""
 SMALLEST_QUALITY = 0.45
 SURE_QUALITY = 0.7
-SIZE_SPREAD, LIGHT_SPREAD = 0.4, 0.5
+SIZE_SPREAD, LIGHT_SPREAD, BLACK_SPREAD = 0.4, 0.5, 0.25
 """Of the logarithms of the size and of the contrast of the two boards of a bar: one may be half as
-far again as the other, and more in the shade."""
+far again as the other, and more in the shade. The last is of the black squares' difference, per sum of the contrasts."""
 RUNNER_UP_DOUBTFUL, RUNNER_UP_AMBIGUOUS = 0.6, 0.9
 BLUR_DOUBTFUL, BLUR_REFUSED = 0.1, 0.16
 """Blur per size of the board: at 0.16 an edge is as wide as half a square."""
@@ -194,11 +198,10 @@ def _corners(light: _Light) -> tuple[list[Corner], int]:
     """Boards that stand alone, and how many corners of larger chessboards there were."""
     found: list[Corner] = []
     tried: list[tuple[float, float, float]] = []
-    chess = fits = 0
-    for row in candidates(light.image):
-        if row[FLIPS] >= 2:
-            chess += 1
-            continue
+    rows = candidates(light.image)
+    in_rows = rows[rows[:, FLIPS] >= 2, :2]
+    fits, good = 0, 0.0
+    for row in rows[rows[:, FLIPS] < 2]:
         u, v = float(row[0]), float(row[1])
         near = [
             corner for corner in found if math.dist(corner.centre, (u, v)) < 0.3 * corner.board_px
@@ -207,28 +210,32 @@ def _corners(light: _Light) -> tuple[list[Corner], int]:
         again = any(math.dist(t[:2], (u, v)) < 2.0 and t[2] == row[LEVEL] for t in tried)
         if near or again:
             continue
-        if fits == FITS:
+        if fits == FITS or row[SCORE] < MUCH_LESS * good:
             break
         fits += 1
         tried.append((u, v, float(row[LEVEL])))
         corner = _fitted(light, row)
         if corner is None or corner.quality < SMALLEST_QUALITY:
             continue
-        if corner.flips >= 2:
-            chess += 1
+        neighbours = np.hypot(*(in_rows - corner.centre).T) < NEAR * corner.board_px
+        if corner.flips >= 2 or (corner.flips and neighbours.sum() >= 2):
+            in_rows = np.vstack([in_rows, corner.centre])
         elif not any(math.dist(c.centre, corner.centre) < 0.3 * c.board_px for c in found):
             found.append(corner)
-    return found, chess
+            if len(found) == 2:
+                good = float(row[SCORE])
+    return found, len(in_rows)
 
 
 def _alike(first: Corner, second: Corner) -> float:
     """0 to 1: how well two corners are the two targets of one bar."""
     size = math.log(np.hypot(*first.lengths) / np.hypot(*second.lengths)) / SIZE_SPREAD
     light = math.log(first.contrast / second.contrast) / LIGHT_SPREAD
-    like = math.exp(-0.5 * (size**2 + light**2))
+    dark = (first.black - second.black) / (first.contrast + second.contrast) / BLACK_SPREAD
+    like = math.exp(-0.5 * (size**2 + light**2 + dark**2))
     if math.dist(first.centre, second.centre) < 0.5 * (first.board_px + second.board_px):
         like *= 0.1  # boards side by side: parts of one thing
-    return math.sqrt(first.quality * second.quality) * like
+    return first.quality * second.quality * like
 
 
 def _in_order(first: Corner, second: Corner) -> tuple[Corner, Corner]:
@@ -322,6 +329,6 @@ def _doubts(
         doubts += [say() for true, say in asked if true]
     if runner_up > RUNNER_UP_DOUBTFUL:
         doubts.append("Another board looks nearly as much like a target.")
-    if score < 0.4 * min(corner.quality for corner in pair):
+    if score < 0.25 * pair[0].quality * pair[1].quality:
         doubts.append("The two boards look unlike each other.")
     return tuple(doubts)
