@@ -12,6 +12,7 @@ import streamlit as st
 from stereocal.calibrate import calibrate
 from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import read_dataset
+from stereocal.frame_detection import compile_detection
 from stereocal.project import Project, default_home
 
 SAMPLE = Path(__file__).parents[2] / "sample_data" / "field"
@@ -85,11 +86,12 @@ def keeper(project: Project, key: str) -> Callable[[], None]:
 
 @st.cache_resource(show_spinner=False)
 def warm_up() -> threading.Thread:
-    """Compile the searches in the background when the server starts (10 s the very first time)."""
-    thread = threading.Thread(target=_calibrate_sample, daemon=True, name="warm-up")
+    """Compile in the background when the server starts (some 20 s the very first time)."""
+    thread = threading.Thread(target=_compile, daemon=True, name="warm-up")
     thread.start()
     return thread
 
 
-def _calibrate_sample() -> None:
+def _compile() -> None:
     calibrate(read_dataset(SAMPLE), trace=True)
+    compile_detection()
