@@ -30,7 +30,7 @@ def tile(image: GreyImage | None, centres: CentrePair) -> Tile:
     scale = min(WIDTH / part.shape[1], HEIGHT / part.shape[0])
     size = max(1, round(part.shape[1] * scale)), max(1, round(part.shape[0] * scale))
     how = cv2.INTER_AREA if scale < 1 else cv2.INTER_NEAREST
-    drawn = cv2.cvtColor(_shown(cv2.resize(part, size, interpolation=how)), cv2.COLOR_GRAY2BGR)
+    drawn: Tile = cv2.cvtColor(_shown(cv2.resize(part, size, interpolation=how)), cv2.COLOR_GRAY2BGR)
     for letter, colour, centre in zip("AB", COLOURS, centres, strict=True):
         if centre:
             # Pixel centres are at integers: the middle of a shrunk pixel is not its corner.
@@ -38,15 +38,19 @@ def tile(image: GreyImage | None, centres: CentrePair) -> Tile:
                 round((centre.u - left + 0.5) * scale - 0.5),
                 round((centre.v - top + 0.5) * scale - 0.5),
             )
-            cv2.drawMarker(drawn, at, colour, cv2.MARKER_CROSS, 15, 2)
-            cv2.putText(
-                drawn, letter, (at[0] + 9, at[1] - 7), cv2.FONT_HERSHEY_SIMPLEX, 0.55, colour, 2,
-                cv2.LINE_AA,
-            )  # fmt: skip
+            _mark(drawn, at, letter, colour)
     whole = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
     y, x = (HEIGHT - drawn.shape[0]) // 2, (WIDTH - drawn.shape[1]) // 2
     whole[y : y + drawn.shape[0], x : x + drawn.shape[1]] = drawn
     return whole
+
+
+def _mark(drawn: Tile, at: tuple[int, int], letter: str, colour: tuple[int, int, int]) -> None:
+    """A cross and a letter, rimmed in black to stand out on white too."""
+    beside = at[0] + 9, at[1] - 7
+    for ink, width in (((0, 0, 0), 4), (colour, 2)):
+        cv2.drawMarker(drawn, at, ink, cv2.MARKER_CROSS, 15, width)
+        cv2.putText(drawn, letter, beside, cv2.FONT_HERSHEY_SIMPLEX, 0.55, ink, width, cv2.LINE_AA)
 
 
 def side_by_side(primary: Tile, secondary: Tile) -> bytes:
