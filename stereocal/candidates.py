@@ -172,10 +172,10 @@ def _screen(level: GreyImage, starts: FloatArray, scores: FloatArray) -> None:
         explained = 1.0 - cost / max(np.var(pixels[:, 2]) * pixels.shape[0], 1e-9)
         if explained < EXPLAINED:
             continue
-        arms, flips, _ = follow(level, p, half, LOOK)
+        arms, flips, cut = follow(level, p, half, LOOK)
         for a in range(4):
             arms[a] = min(arms[a], LOOK * HALF_WINDOW)
-        scores[i, 0], scores[i, 1] = explained * arm_quality(arms, math.exp(p[4])), flips
+        scores[i, 0], scores[i, 1] = explained * arm_quality(arms, cut, math.exp(p[4])), flips
 
 
 def candidates(image: GreyImage) -> FloatArray:

@@ -34,6 +34,7 @@ GROWTH = 3.0
 PIXELS_WHILE_GROWING = 1500
 SMALLEST_SINE = 0.35
 """Edges closer than 20 degrees: a board tilted by more than 70."""
+FARTHEST = 30.0
 WORST_ARMS = 0.4
 ROUNDS = 30
 MISFIT = 0.06
@@ -59,7 +60,7 @@ class Corner:
     flips: int
     """Along so many arms a next square follows in the opposite order: a larger chessboard."""
     cut: int
-    """So many arms end at the border of the image."""
+    """Bit i is set where arm i ends at the border of the image."""
     blur: float
     contrast: float
     """White less black."""
@@ -81,7 +82,9 @@ class Corner:
 
         Saddles of leaves, fences and clouds are curved and soft: most have less than 0.6.
         """
-        return arm_quality(self.arms, self.blur) * math.exp(-0.5 * (self.misfit / MISFIT) ** 2)
+        return arm_quality(self.arms, self.cut, self.blur) * math.exp(
+            -0.5 * (self.misfit / MISFIT) ** 2
+        )
 
     @property
     def lengths(self) -> FloatArray:
@@ -95,11 +98,19 @@ class Corner:
 
 
 @compiled
-def arm_quality(arms: FloatArray, blur: float) -> float:
-    """0 to 1: how much four arms look like those of one sharp board."""
-    first, second = min(arms[0], arms[1]), min(arms[2], arms[3])
-    alike = first / max(arms[0], arms[1]) * second / max(arms[2], arms[3])
-    return math.sqrt(alike) * min(1.0, min(first, second) / (LONG * blur))
+def arm_quality(arms: FloatArray, cut: int, blur: float) -> float:
+    """0 to 1: how much four arms look like those of one sharp board; cut ones (bits) as if whole."""
+    quality, shortest = 1.0, math.inf
+    for pair in (0, 2):
+        first, second = arms[pair], arms[pair + 1]
+        if cut >> pair & 1:
+            first = max(first, second)
+        if cut >> pair & 2:
+            second = max(first, second)
+        shorter = min(first, second)
+        quality *= math.sqrt(shorter / max(first, second))
+        shortest = min(shortest, shorter)
+    return quality * min(1.0, shortest / (LONG * blur))
 
 
 @compiled
@@ -196,7 +207,7 @@ def follow(
         reach: look so many windows far.
 
     Returns the lengths of the four arms (infinite beyond the reach; forward and back along the
-    first edge, then the second), along how many a next square follows, and how many the image cuts.
+    first edge, then the second), along how many a next square follows, and the bits of those that the image cuts.
     """
     arms, flips, cut = np.empty(4), 0, 0
     along, normal = np.empty((2, 2)), np.empty((2, 2))
@@ -221,7 +232,7 @@ def follow(
             image, start, forward * along[e], offset * along[o], reach * half[e]
         )
         flips += int(turned)
-        cut += int(ended)
+        cut |= int(ended) << i
     return arms, flips, cut
 
 
@@ -302,7 +313,10 @@ def fit_corner(
         p = fitted
         if done:
             break
-    if not np.isfinite(arms).all() or arm_quality(arms, math.exp(p[4])) < WORST_ARMS:
+    if cut:
+        # A board at the border has a small window, from which its other arms reach far.
+        arms, flips, cut = follow(image, p, reach, FARTHEST)
+    if not np.isfinite(arms).all() or arm_quality(arms, cut, math.exp(p[4])) < WORST_ARMS:
         return None
     return _final(image, p, reach, noise, (quantum, gain), (arms, flips, cut))
 
@@ -346,5 +360,5 @@ def _final(
         black=float(p[5] - contrast / 2) / gain,
         white=float(p[5] + contrast / 2) / gain,
         residual=math.sqrt(found[3]) / gain,
-        misfit=math.sqrt(max(0.0, pattern)) / contrast,
+        misfit=math.sqrt(max(0.0, pattern)) / float(contrast),
     )

@@ -13,6 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -48,6 +49,7 @@ CUT_REFUSED = 0.5
 """A board of which less than this part of an arm is in the image."""
 SIGMA_DOUBTFUL_PX = 0.3
 SATURATED_SHARE = 0.3
+SOFT = 0.12
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,7 +226,19 @@ def _corners(light: _Light) -> tuple[list[Corner], int]:
             found.append(corner)
             if len(found) == 2:
                 good = float(row[SCORE])
-    return found, len(in_rows)
+    # A board of 3x2 squares has two corners, each with one next square.
+    single = [
+        corner
+        for corner in found
+        if not corner.flips
+        or not any(
+            other is not corner
+            and other.flips
+            and math.dist(other.centre, corner.centre) < 0.75 * corner.board_px
+            for other in found
+        )
+    ]
+    return single, len(in_rows) + len(found) - len(single)
 
 
 def _alike(first: Corner, second: Corner) -> float:
@@ -270,15 +284,17 @@ def _why_none(light: _Light, corners: list[Corner], chess: int) -> tuple[Reason,
         return "too few candidates", (
             "There is a chessboard, but no board of 2x2 squares that stands alone."
         )
-    if _softness(light.image) < 0.02:
+    if min(light.image.shape) >= 64 and _softness(light.image) < SOFT:
         return "blurred", "The photograph is blurred, or shows nothing with edges."
     return "too few candidates", "No board of 2x2 squares was found."
 
 
 def _softness(image: GreyImage) -> float:
-    """How much neighbouring pixels differ, per spread of the brightness: 0.01 when blurred."""
-    step = float(np.percentile(np.abs(np.diff(image[:: max(1, len(image) // 512)], axis=1)), 99.5))
-    return step / max(float(np.std(image[::4, ::4])), 1e-9) / 4.0
+    """The steepest steps over 4 px, per range of the brightness: 0.1 for a blur of 15 px."""
+    small = cv2.resize(image, None, fx=0.25, fy=0.25, interpolation=cv2.INTER_AREA)
+    low, high = np.percentile(small, [0.5, 99.5])
+    step = float(np.percentile(np.abs(np.diff(small, axis=1)), 99.5))
+    return step / max(float(high - low), 1e-9)
 
 
 def _blurred(corner: Corner) -> str:
