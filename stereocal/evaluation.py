@@ -12,10 +12,9 @@ of 0 counts as below all bins, and a pair that cannot be reconstructed in front 
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, Future, as_completed
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -27,7 +26,7 @@ from stereocal.calibrate import (
     reprojection_problem,
 )
 from stereocal.checks import check_points
-from stereocal.compiled import FloatArray, IntArray, compiled
+from stereocal.compiled import BoolArray, FloatArray, IntArray, compiled
 from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
 from stereocal.essential import calibrate_essential
@@ -107,52 +106,34 @@ def evaluate_run(dataset: Dataset, settings: EvaluationSettings, number: int, ru
     """
     search = settings.calibration.search
     seeds = np.random.SeedSequence([search.seed, number, run]).spawn(4)
-    fit, test = split(dataset, settings.calibration_frames, seeds[0])
-    reconstruction = reconstruction_problem(fit, settings.calibration.known_points)
+    fit = split(dataset, settings.calibration_frames, seeds[0])
+    check_points(dataset, fit)
+    reprojection = reprojection_problem(dataset, fit)
+    reconstruction = reconstruction_problem(dataset, settings.calibration.known_points, fit)
     start = calibrate_essential(
-        fit.rays, fit.baseline_m, settings.calibration.essential, reconstruction.cost
+        reprojection.rays,
+        dataset.baseline_m,
+        settings.calibration.essential,
+        reconstruction.cost,
     )
     poses = [
         start.pose,
-        minimise(reprojection_problem(fit), start.pose, search, seeds[1]).pose,
+        minimise(reprojection, start.pose, search, seeds[1]).pose,
         minimise(reconstruction, start.pose, search, seeds[2]).pose,
     ]
-    return _test(test, poses, np.random.Generator(np.random.PCG64(seeds[3])))
+    return _test(dataset, ~fit, poses, np.random.Generator(np.random.PCG64(seeds[3])))
 
 
-def split(
-    dataset: Dataset, calibration_frames: int, seed: np.random.SeedSequence
-) -> tuple[Dataset, Dataset]:
-    """The data set to fit and the one to test, drawn at random.
+def split(dataset: Dataset, calibration_frames: int, seed: np.random.SeedSequence) -> BoolArray:
+    """Which rows to fit, (n,); the frames are drawn at random, and the other rows are the test.
 
     Raises:
         StereocalError: fewer than 2 frames are left to test with.
     """
-    frames = dataset.correspondences.frames
     check_split(dataset, calibration_frames)
-    order = np.random.Generator(np.random.PCG64(seed)).permutation(frames)
-    fit = _part(dataset, order[:calibration_frames])
-    check_points(fit)
-    return fit, _part(dataset, order[calibration_frames:])
-
-
-def _part(dataset: Dataset, frames: IntArray) -> Dataset:
-    """The data set with these frames only; rows and rays are taken from those of the whole.
-
-    `Dataset.of_frames` would check every row again and take the lens out of it again, which was
-    more than half the time of a run.
-    """
     rows = dataset.correspondences
-    keep = np.isin(rows.frame, frames)
-    own, part = copy.copy(rows), copy.copy(dataset)
-    # What was computed once for the whole is other for the part.
-    for holder, names in ((own, ("frames", "bars")), (part, ("bar_distances_m", "sha256"))):
-        for name in names:
-            vars(holder).pop(name, None)
-    vars(own).update({column.name: getattr(rows, column.name)[keep] for column in fields(rows)})
-    rays = np.ascontiguousarray(dataset.rays[:, keep])
-    vars(part).update(correspondences=own, rays=rays)
-    return part
+    order = np.random.Generator(np.random.PCG64(seed)).permutation(rows.frames)
+    return np.isin(rows.frame, order[:calibration_frames])
 
 
 def check_split(dataset: Dataset, calibration_frames: int) -> None:
@@ -170,17 +151,21 @@ def check_split(dataset: Dataset, calibration_frames: int) -> None:
         )
 
 
-def _test(test: Dataset, poses: Sequence[Pose], rng: np.random.Generator) -> Run:
+def _test(
+    dataset: Dataset, test: BoolArray, poses: Sequence[Pose], rng: np.random.Generator
+) -> Run:
     counts = np.zeros((len(poses), 2, 2, BINS + 2), dtype=np.int64)
     nans = np.zeros((len(poses), 2), dtype=np.int64)
-    lengths = np.empty((len(poses), len(test.correspondences.bars)))
-    partners = _partners(len(test.correspondences), rng)
+    rays = np.ascontiguousarray(dataset.rays[:, test])
+    partners = _partners(rays.shape[1], rng)
+    bars = dataset.bars_among(test)
+    lengths = np.empty((len(poses), np.count_nonzero(bars)))
     for at, pose in enumerate(poses):
         count_pairs(
-            pose.R, pose.T, pose.essential, test.rays, test.pixel_scale, partners,
+            pose.R, pose.T, pose.essential, rays, dataset.pixel_scale, partners,
             counts[at], nans[at],
         )  # fmt: skip
-        lengths[at] = test.reconstructed_lengths_m(pose) / test.bar_distances_m
+        lengths[at] = (dataset.reconstructed_lengths_m(pose) / dataset.bar_distances_m)[bars]
     return Run(counts, nans, lengths, np.array([pose.angles for pose in poses]))
 
 
