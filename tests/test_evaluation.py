@@ -24,19 +24,9 @@ from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
 from stereocal.essential import Solver
 from stereocal.evaluation import (
-    ABOVE,
-    BELOW,
-    BINS,
-    CORRECT,
-    FINE,
-    LOWEST,
     MOST_PARTNERS,
-    REPROJECTION,
-    RESIDUAL,
-    WRONG,
     EvaluationSettings,
     Run,
-    count_pairs,
     evaluate,
     evaluate_run,
     split,
@@ -45,6 +35,18 @@ from stereocal.formats.camera_file import read_camera
 from stereocal.formats.correspondences_csv import read_table
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.geometry import Angles, Pose
+from stereocal.protocol import (
+    ABOVE,
+    BELOW,
+    BINS,
+    CORRECT,
+    FINE,
+    LOWEST,
+    REPROJECTION,
+    RESIDUAL,
+    WRONG,
+    count_pairs,
+)
 from stereocal.summary import summarise
 from tests import reference, rig
 

@@ -11,7 +11,8 @@ from scipy.stats import norm
 from stereocal.calibrate import METHODS, Method
 from stereocal.compiled import FloatArray
 from stereocal.errors import StereocalError
-from stereocal.evaluation import ABOVE, BELOW, BINS, CORRECT, FINE, LOWEST, REPROJECTION, WRONG, Run
+from stereocal.evaluation import Run
+from stereocal.protocol import ABOVE, BELOW, BINS, CORRECT, FINE, LOWEST, REPROJECTION, WRONG
 from stereocal.summary import (
     BOOTSTRAPS,
     MethodSummary,
