@@ -65,10 +65,10 @@ def plain_run(dataset: Dataset, settings: EvaluationSettings, run: int) -> None:
     constrained = settings.calibration.essential == "constrained"
     start = vectorised.essential(fit.rays, dataset.baseline_m, constrained)
     scale, search = fit.pixel_scale, settings.calibration.search
-    plain_search(lambda R, T: vectorised.reprojection_cost(R, T, fit.rays, scale), start, search)
-    plain_search(
-        lambda R, T: vectorised.distance_cost(R, T, problem.rays, problem.reference), start, search
-    )
+    matching = partial(vectorised.reprojection_cost, rays=fit.rays, pixel_scale=scale)
+    measuring = partial(vectorised.distance_cost, rays=problem.rays, reference=problem.reference)
+    plain_search(matching, start, search, seeds[1])
+    plain_search(measuring, start, search, seeds[2])
     for _ in range(3):
         plain_errors(dataset.rays[:, ~rows], start)
 
@@ -118,6 +118,11 @@ def growth() -> None:
         print(f"{frames} frames, 4 runs: {said(seconds_of(act, 5))}", flush=True)
 
 
+def memory() -> str:
+    """Peak memory of this process so far."""
+    return f"{resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MB"
+
+
 def main() -> None:
     """Measure and print."""
     datasets = [dataset for _, dataset in simulate_nineteen(0)]
@@ -134,13 +139,12 @@ def main() -> None:
             for solver in SOLVERS:
                 settings = EvaluationSettings(CalibrationSettings(essential=solver))
                 one = seconds_of(partial(protocol, datasets[3:4], settings, executor), 5)
-                many = seconds_of(partial(protocol, datasets, settings, executor), 2)
-                print(f"{name}, {solver}: one {said(one)}, nineteen {said(many)}", flush=True)
-    own, children = (
-        resource.getrusage(who).ru_maxrss / 1024
-        for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
-    )
-    print(f"peak memory: {own:.0f} MB, largest worker process {children:.0f} MB")
+                many = seconds_of(partial(protocol, datasets, settings, executor), 3)
+                print(
+                    f"{name}, {solver}: one {said(one)}, nineteen {said(many)}; "
+                    f"peak memory so far {memory()}",
+                    flush=True,
+                )
     for solver in SOLVERS:
         print(f"plain NumPy / compiled, {solver}: {ratio(datasets[3], solver)}", flush=True)
     growth()

@@ -26,7 +26,7 @@ from stereocal.calibrate import (
     reprojection_problem,
 )
 from stereocal.checks import check_points
-from stereocal.compiled import BoolArray, FloatArray, IntArray
+from stereocal.compiled import BoolArray, CountArray, FloatArray, IntArray
 from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
 from stereocal.essential import calibrate_essential
@@ -77,7 +77,7 @@ class EvaluationSettings:
 class Run:
     """What one run counted. First axis: the methods, in the order of `METHODS`."""
 
-    counts: IntArray
+    counts: CountArray
     """(3, 2, 2, BINS + 2): method; residual, reprojection; wrong, correct; bin."""
     nans: IntArray
     """(3, 2): pairs not reconstructed in front of both cameras; wrong, correct."""
@@ -166,7 +166,7 @@ def check_split(dataset: Dataset, calibration_frames: int) -> None:
 
 def _test(dataset: Dataset, rows: BoolArray, angles: FloatArray, rng: np.random.Generator) -> Run:
     """Count all pairs of some rows (n,) with the angles of each method, (3, 5)."""
-    counts = np.zeros((len(angles), 2, 2, BINS + 2), dtype=np.int64)
+    counts = np.zeros((len(angles), 2, 2, BINS + 2), dtype=np.int32)
     nans = np.zeros((len(angles), 2), dtype=np.int64)
     bars = dataset.bars_among(rows)
     lengths = np.empty((len(angles), np.count_nonzero(bars)))

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from stereocal import costs
-from stereocal.compiled import FloatArray, IntArray, compiled
+from stereocal.compiled import CountArray, FloatArray, IntArray, compiled
 from stereocal.essential import LINEAR_PAIRS, choose_pose, constrain, linear_essential
 from stereocal.geometry import (
     angles_of,
@@ -97,7 +97,7 @@ def validate_rays(
     partners: IntArray,
     bar_rays: FloatArray,
     distances: FloatArray,
-    counts: IntArray,
+    counts: CountArray,
     nans: IntArray,
     lengths: FloatArray,
 ) -> None:
@@ -135,7 +135,7 @@ def count_pairs(
     rays: FloatArray,
     pixel_scale: FloatArray,
     partners: IntArray,
-    counts: IntArray,
+    counts: CountArray,
     nans: IntArray,
 ) -> None:
     """Add |residual| and reprojection error of all pairs to `counts`, and the NaN to `nans`."""

@@ -158,7 +158,9 @@ def summarise(
     # Runs of one data set are resampled; with several data sets, the data sets.
     units = [[run] for run in runs[0]] if len(runs) == 1 else [list(of_one) for of_one in runs]
     weights = rng.multinomial(len(units), np.full(len(units), 1 / len(units)), BOOTSTRAPS)
-    counts = np.array([np.sum([run.counts for run in unit], axis=0) for unit in units])
+    counts = np.array(
+        [np.sum([run.counts for run in unit], axis=0, dtype=np.int64) for unit in units]
+    )
     nans = np.sum([run.nans for unit in units for run in unit], axis=0)
     found: dict[Method, MethodSummary] = {}
     for at, method in enumerate(METHODS):

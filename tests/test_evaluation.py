@@ -169,7 +169,7 @@ def test_a_split_is_what_of_frames_gives(field: Dataset) -> None:
 
 
 def counts_of(rays: FloatArray, partners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    counts, nans = np.zeros((2, 2, BINS + 2), dtype=np.int64), np.zeros(2, dtype=np.int64)
+    counts, nans = np.zeros((2, 2, BINS + 2), dtype=np.int32), np.zeros(2, dtype=np.int64)
     scale = np.array([[1000.0, 0.0, 1000.0]] * 2)
     # Side by side, looking ahead: a pair on one row meets, and the left one must look more right.
     pose = Pose(np.eye(3), np.array([-1.0, 0.0, 0.0]))

@@ -11,6 +11,7 @@ import streamlit as st
 
 from stereocal.calibrate import calibrate
 from stereocal.errors import StereocalError
+from stereocal.evaluation import EvaluationSettings, evaluate_runs
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.project import Project, default_home
 
@@ -92,4 +93,6 @@ def warm_up() -> threading.Thread:
 
 
 def _calibrate_sample() -> None:
-    calibrate(read_dataset(SAMPLE), trace=True)
+    dataset = read_dataset(SAMPLE)
+    calibrate(dataset, trace=True)
+    evaluate_runs(dataset, EvaluationSettings(), 0, [0])

@@ -268,7 +268,8 @@ def test_validation_follows_the_controls_and_a_long_run_can_be_cancelled(
 
     page.locator(".st-key-validate_runs").get_by_role("slider").focus()
     page.keyboard.press("End")
-    page.get_by_role("button", name=re.compile("^Validate")).click()
+    page.locator(".st-key-validate_on").get_by_text("Nineteen synthetic rigs").click()
+    page.get_by_role("button", name="Validate (9500 runs)").click()
     page.locator(".st-key-cancel button").click()
     expect(page.get_by_text("Cancelled. What is shown is the last finished")).to_be_visible()
     expect(page.get_by_text(re.compile("^Made with: .* 100 runs, 19 calibration"))).to_be_visible()
