@@ -275,6 +275,7 @@ def test_validation_follows_the_controls_and_a_long_run_can_be_cancelled(
     expect(page.get_by_text(re.compile("^Made with: .* 100 runs, 19 calibration"))).to_be_visible()
     assert state() == seen[-1]
 
+    page.locator(".st-key-validate_on").get_by_text("My data set").click()
     with page.expect_download() as event:
         page.locator(".st-key-download_summary button").click()
     event.value.save_as(tmp_path / "summary.json")
