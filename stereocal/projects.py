@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import secrets
 import shutil
@@ -97,11 +98,8 @@ def bring_back(home: Path, project_id: str) -> Project:
     return Project.open(home, project_id)
 
 
-def sweep(home: Path, removed_days: float, unused_days: float | None = None) -> int:
+def sweep(home: Path, removed_days: float, unused_days: float = math.inf) -> int:
     """Delete what was removed so many days ago, and remove what nobody has changed for longer.
-
-    Args:
-        unused_days: None keeps projects without end.
 
     Returns:
         How many projects were removed or deleted.
@@ -111,8 +109,8 @@ def sweep(home: Path, removed_days: float, unused_days: float | None = None) -> 
         if now - folder.stat().st_mtime > removed_days * DAY_S:
             shutil.rmtree(folder, ignore_errors=True)
             count += 1
-    for folder in _folders(home / "projects") if unused_days is not None else ():
-        if unused_days is not None and now - _changed(folder) > unused_days * DAY_S:
+    for folder in _folders(home / "projects"):
+        if now - _changed(folder) > unused_days * DAY_S:
             remove(home, folder.name)
             count += 1
     return count
