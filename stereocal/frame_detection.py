@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
+from functools import partial
 from pathlib import Path
 
 import cv2
@@ -13,11 +14,11 @@ from stereocal.camera import Camera
 from stereocal.corner_fit import Corner
 from stereocal.dataset import TARGETS
 from stereocal.detection import Detection, detect_targets, refusal
-from stereocal.errors import StereocalError
-from stereocal.formats.photograph import read_photograph
+from stereocal.detection_series import detect_series
+from stereocal.formats.photograph import GreyImage, read_photograph
 from stereocal.formats.photograph_files import Photographs
 from stereocal.frames import Centre, CentrePair, Frame, State
-from stereocal.inspection import Progress, collect, look_through, wrong_sizes
+from stereocal.inspection import Progress, look_through, wrong_sizes
 from stereocal.labelling import FrameLabels, LabelledPair, label_targets
 from stereocal.pairing import CAMERAS, Pair
 
@@ -56,14 +57,12 @@ def detect_frames(
     problems |= {name: f"{name}: there is no such photograph." for name in wanted.keys() - there}
     problems |= wrong_sizes(pairs, sizes, [camera.image_size for camera in cameras])
     begin(STAGES[1])
-    work = {
-        executor.submit(_detect, path, name): name
-        for name, path in there.items()
-        if name not in problems
-    }
-    seen = collect(work, progress, cancelled)
-    if seen is None:
+    sound = [name for name in there if name not in problems]
+    read = partial(_read, {there[name]: name for name in sound})
+    found = detect_series([there[name] for name in sound], read, executor, progress, cancelled)
+    if found is None:
         return None
+    seen = dict(zip(sound, found, strict=True))
     seen |= {name: refusal(UNREADABLE, "unreadable", said) for name, said in problems.items()}
     return _agree(pairs, seen, cameras)
 
@@ -98,11 +97,9 @@ def compile_detection() -> None:
     detect_targets(cv2.GaussianBlur(photograph, (0, 0), 1.0))
 
 
-def _detect(path: Path, name: str) -> Detection:
-    try:
-        return detect_targets(read_photograph(path, name))
-    except StereocalError as error:
-        return refusal(UNREADABLE, "unreadable", str(error))
+def _read(names: Mapping[Path, str], path: Path) -> GreyImage:
+    """The photograph at `path`, which messages call by the person's name for it."""
+    return read_photograph(path, names[path])
 
 
 def _agree(

@@ -109,17 +109,22 @@ class Project:
         """32 hexadecimal digits."""
         return self.folder.name
 
+    @staticmethod
+    def is_id(name: str) -> bool:
+        """Whether this can be a project's id."""
+        return ID_PATTERN.fullmatch(name) is not None
+
     @classmethod
     def create(cls, home: Path) -> Project:
         """A new, empty project below `home`."""
-        project = cls(home / "projects" / secrets.token_hex(16))
+        project = cls(private_folder(home / "projects") / secrets.token_hex(16))
         project._write_state({"format": PROJECT_FORMAT, "inputs": {}, "settings": {}})
         return project
 
     @classmethod
     def open(cls, home: Path, project_id: str) -> Project:
         """The project of this id."""
-        if not ID_PATTERN.fullmatch(project_id):
+        if not cls.is_id(project_id):
             raise StereocalError("The address does not name a project.")
         project = cls(home / "projects" / project_id)
         if not (project.folder / "project.json").is_file():
@@ -176,6 +181,10 @@ class Project:
                 self._dataset(inputs)
             state["inputs"] = new
             self._write_state(state)
+
+    def rename(self, name: str) -> None:
+        """Call the project, and what is calibrated from now on, by this name."""
+        self._change(lambda state: state["inputs"].update(name=name))
 
     @property
     def dataset(self) -> Dataset | None:
@@ -334,6 +343,20 @@ class Project:
             state = self._read_state()
             edit(state)
             self._write_state(state)
+
+
+def private_folder(path: Path) -> Path:
+    """A folder that only the server's own user may look into; made if it is not there.
+
+    Raises:
+        StereocalError: it cannot be made.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        path.chmod(0o700)
+    except OSError as error:
+        raise StereocalError(f"{path} cannot be made: {error.strerror or error}.") from error
+    return path
 
 
 def _to_json(found: MethodResult) -> dict[str, Any]:

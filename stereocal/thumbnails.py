@@ -30,7 +30,7 @@ def tile(image: GreyImage | None, centres: CentrePair) -> Tile:
     scale = min(WIDTH / part.shape[1], HEIGHT / part.shape[0])
     size = max(1, round(part.shape[1] * scale)), max(1, round(part.shape[0] * scale))
     how = cv2.INTER_AREA if scale < 1 else cv2.INTER_NEAREST
-    drawn: Tile = cv2.cvtColor(_shown(cv2.resize(part, size, interpolation=how)), cv2.COLOR_GRAY2BGR)
+    drawn = cv2.cvtColor(_shown(cv2.resize(part, size, interpolation=how)), cv2.COLOR_GRAY2BGR)
     for letter, colour, centre in zip("AB", COLOURS, centres, strict=True):
         if centre:
             # Pixel centres are at integers: the middle of a shrunk pixel is not its corner.
@@ -45,7 +45,9 @@ def tile(image: GreyImage | None, centres: CentrePair) -> Tile:
     return whole
 
 
-def _mark(drawn: Tile, at: tuple[int, int], letter: str, colour: tuple[int, int, int]) -> None:
+def _mark(
+    drawn: npt.NDArray[Any], at: tuple[int, int], letter: str, colour: tuple[int, int, int]
+) -> None:
     """A cross and a letter, rimmed in black to stand out on white too."""
     beside = at[0] + 9, at[1] - 7
     for ink, width in (((0, 0, 0), 4), (colour, 2)):
