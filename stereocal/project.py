@@ -41,8 +41,7 @@ from stereocal.errors import RefusedRowsError, StereocalError
 from stereocal.evaluation_files import Evaluation, pack_evaluation, unpack_evaluation
 from stereocal.formats.camera_file import read_camera
 from stereocal.formats.correspondences_csv import read_table
-from stereocal.formats.dataset_files import parse_dataset
-from stereocal.formats.zip_files import unzip
+from stereocal.formats.dataset_files import parse_zip
 from stereocal.geometry import Pose
 from stereocal.montecarlo import Trace
 from stereocal.writing import write_atomically
@@ -278,7 +277,7 @@ class Project:
         Raises:
             StereocalError: it cannot be used; the project is as it was.
         """
-        parse_dataset(unzip(content, label), label)
+        parse_zip(content, label)
         stored = f"{hashlib.sha256(content).hexdigest()[:20]}-dataset.zip"
         write_atomically(self.folder / "inputs" / stored, content)
         self._change(lambda state: state.setdefault("more", []).append([label, stored]))
@@ -291,7 +290,7 @@ class Project:
     def more_datasets(self) -> list[Dataset]:
         """The further data sets."""
         return [
-            parse_dataset(unzip((self.folder / "inputs" / stored).read_bytes(), label), label)
+            parse_zip((self.folder / "inputs" / stored).read_bytes(), label)
             for label, stored in self._read_state().get("more", [])
         ]
 
