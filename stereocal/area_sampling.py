@@ -11,18 +11,22 @@ import numpy.typing as npt
 
 from stereocal.compiled import FloatArray, compiled, inlined
 
-SAMPLES = 64
-"""Samples per part of a pixel that a cell's edge crosses."""
+SAMPLES_PER_PIXEL = 512
+"""Samples of a part that an edge crosses, times parts of a pixel along an axis: an edge along the
+rows or columns, the worst case, is placed to half of 1/512 px."""
 BLUR_REACH = 4.0
 """The blur's kernel ends at so many standard deviations."""
 
 
-def sample_offsets() -> FloatArray:
-    """(SAMPLES, 2) in the unit square: Hammersley's points, even in every direction, symmetric."""
-    count = SAMPLES // 2
-    radical = np.array([int(f"{i:05b}"[::-1], 2) for i in range(count)]) / count
-    half = np.column_stack([(np.arange(count) + 0.5) / count, radical + 0.5 / count])
-    half = half + np.array([-0.25, 0.25]) / count
+def sample_offsets(parts: int) -> FloatArray:
+    """(n, 2) in the unit square: Hammersley's points and their mirror images, all in the square.
+
+    Each coordinate takes n evenly spaced values, symmetric about 1/2.
+    """
+    bits = int(np.ceil(np.log2(SAMPLES_PER_PIXEL / parts))) - 1
+    count = 2**bits
+    mirrored = np.array([int(f"{i:0{bits}b}"[::-1], 2) for i in range(count)])
+    half = (np.column_stack([np.arange(count), mirrored]) + np.array([0.25, 0.75])) / count
     return np.concatenate([half, 1.0 - half])
 
 
@@ -87,6 +91,13 @@ def one_cell(
 
 
 @inlined
+def at(corners: tuple[float, float, float, float], a: float, b: float) -> float:
+    """A value at (a, b) of a unit square, bilinear between its corners."""
+    above = (1.0 - a) * corners[0] + a * corners[1]
+    return (1.0 - b) * above + b * ((1.0 - a) * corners[2] + a * corners[3])
+
+
+@inlined
 def part_average(
     s: tuple[float, float, float, float],
     t: tuple[float, float, float, float],
@@ -101,16 +112,18 @@ def part_average(
     `s` and `t` are the board coordinates of the pixel's corners, bilinear between them.
     """
     rows, columns = cells.shape
+    left, right, top, bottom = q / parts, (q + 1) / parts, p / parts, (p + 1) / parts
+    same, grey, cover = one_cell(
+        (at(s, left, top), at(s, right, top), at(s, left, bottom), at(s, right, bottom)),
+        (at(t, left, top), at(t, right, top), at(t, left, bottom), at(t, right, bottom)),
+        cells,
+    )
+    if same:
+        return grey, cover
     grey = cover = 0.0
     for n in range(len(offsets)):
-        a = (q + offsets[n, 0]) / parts
-        b = (p + offsets[n, 1]) / parts
-        column = np.floor(
-            (1.0 - b) * ((1.0 - a) * s[0] + a * s[1]) + b * ((1.0 - a) * s[2] + a * s[3])
-        )
-        row = np.floor(
-            (1.0 - b) * ((1.0 - a) * t[0] + a * t[1]) + b * ((1.0 - a) * t[2] + a * t[3])
-        )
+        a, b = (q + offsets[n, 0]) / parts, (p + offsets[n, 1]) / parts
+        column, row = np.floor(at(s, a, b)), np.floor(at(t, a, b))
         if 0 <= row < rows and 0 <= column < columns:
             grey += cells[int(row), int(column)]
             cover += 1.0

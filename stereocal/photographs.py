@@ -12,9 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
-import numpy.typing as npt
 
 from stereocal.compiled import FloatArray
 from stereocal.errors import StereocalError
@@ -26,8 +24,10 @@ from stereocal.rendering import (
     Picture,
     Placed,
     photograph,
+    turned,
     x_corner_board,
 )
+from stereocal.scenery import GROUND_M
 from stereocal.simulate import FIELD_DEPTHS_M, MOST_ROUNDS, Rig, Scene, place_bars
 
 VISIBLE_MARGIN_PX = 110.0
@@ -121,7 +121,9 @@ def place_boards(
     objects = []
     if bar.rod_m:
         middle = ends_m.mean(axis=0)
-        objects.append(rod(middle, middle + np.array([0.0, 2.5, 0.0]), viewpoint, bar.rod_m))
+        foot = np.array([middle[0], GROUND_M, middle[2]])
+        if middle[1] < GROUND_M - 0.1:
+            objects.append(rod(middle, foot, viewpoint, bar.rod_m))
         objects.append(rod(ends_m[0], ends_m[1], viewpoint, bar.rod_m))
     boards = []
     for end in ends_m:
@@ -148,8 +150,8 @@ def facing(
     across = np.cross([0.0, 1.0, 0.0], away)
     across /= np.linalg.norm(across)
     upright = np.column_stack([across, np.cross(away, across), away])
-    axis = tilt * np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
-    return Pose(upright @ _rotation(axis) @ _rotation(np.array([0.0, 0.0, spin])), centre)
+    axis = (tilt * np.cos(azimuth), tilt * np.sin(azimuth), 0.0)
+    return Pose(upright @ turned(axis) @ turned((0.0, 0.0, spin)), centre)
 
 
 def rod(start: FloatArray, end: FloatArray, viewpoint: FloatArray, thickness_m: float) -> Placed:
@@ -196,8 +198,3 @@ def place_visible_bars(
     raise StereocalError(
         f"Boards of {board_m:g} m hide each other on a bar of {length_m:g} m; make them smaller."
     )
-
-
-def _rotation(vector: npt.NDArray[np.float64]) -> FloatArray:
-    """The rotation by a rotation vector (Rodrigues)."""
-    return np.asarray(cv2.Rodrigues(vector)[0], dtype=np.float64)
