@@ -15,8 +15,9 @@ import numpy as np
 from stereocal.camera import Camera
 from stereocal.compiled import FloatArray
 from stereocal.geometry import Pose
-from stereocal.rendering import Picture, Placed, blurred, chessboard, paint, ray_splines, turned
-from stereocal.scenery import Canvas, paint_scenery
+from stereocal.rays import ray_splines
+from stereocal.rendering import Picture, Placed, blurred, chessboard, paint, turned
+from stereocal.scenery import Canvas, clouded, paint_scenery
 from stereocal.simulate import Rig
 
 WALL_M = 40.0
@@ -51,6 +52,17 @@ def outdoors(
             paint(picture, camera, lying.seen_from(pose), max(0.5 * softness_px, 0.3))
         pictures.append(picture)
     return pictures[0], pictures[1]
+
+
+def indoors(camera: Camera, rng: np.random.Generator) -> Picture:
+    """What is behind a board in the lab: a wall out of focus, with shelves and papers on it."""
+    width, height = camera.image_size
+    canvas = Canvas(np.zeros((height, width), dtype=np.uint8), 0.0, 0.0, width / 4.0)
+    canvas.grey[:] = np.clip(125.0 + 12.0 * clouded((height, width), rng, width / 3, 60.0), 0, 255)
+    for x, y in rng.uniform([-0.3, -0.3], [4.0, 4.0 * height / width], (14, 2)):
+        right, bottom = np.array([x, y]) + rng.uniform([0.2, 0.1], [1.2, 0.9])
+        canvas.rectangle(x, y, right, bottom, float(rng.uniform(50.0, 200.0)))
+    return blurred(canvas.grey.astype(np.float32), 6.0)
 
 
 def seen_wall(canvas: Canvas, camera: Camera, camera_from_primary: Pose) -> Picture:

@@ -15,7 +15,6 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 import numpy.typing as npt
-from scipy.interpolate import RectBivariateSpline
 
 from stereocal.area_sampling import (
     BLUR_REACH,
@@ -28,6 +27,7 @@ from stereocal.camera import Camera
 from stereocal.compiled import FloatArray
 from stereocal.errors import StereocalError
 from stereocal.geometry import Pose
+from stereocal.rays import on_plane, ray_splines
 
 Picture = npt.NDArray[np.float32]
 """(height, width) grey levels before the sensor, 255 being full scale."""
@@ -36,12 +36,11 @@ Photograph = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 WHITE_LEVEL = 255.0
 STRIP_ROWS = 64
 """Rows of the photograph that are painted at once: keeps the parts in the processor's cache."""
-NODE_PX = 16.0
-"""Spacing of the pixels whose rays are computed by Newton's method; a cubic spline joins them. It
-is off by 2e-4 px for a wide lens (f = 500 px, k1 = -0.3) and by far less for a long one."""
 PARTS_TIMES_BLUR = 2.8
 """Parts per pixel times blur in pixels: an edge blurred by 0.8 px is right to 0.3 %."""
 MOST_PARTS = 8
+CHARUCO_MARKER = 0.75
+"""Side of a marker of a ChArUco board, in squares."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,7 +214,7 @@ def paint(picture: Picture, camera: Camera, placed: Placed, blur_px: float) -> N
     for start in range(top, bottom, STRIP_ROWS):
         stop = min(start + STRIP_ROWS, bottom)
         rows = np.arange(start - pad, stop + pad + 1) - 0.5
-        s, t = _on_board(rays[0](rows, columns), rays[1](rows, columns), board_from_ray)
+        s, t = on_plane(rays[0](rows, columns), rays[1](rows, columns), board_from_ray)
         s, t = s * per_metre[0] + middle[0], t * per_metre[1] + middle[1]
         fine = np.empty((2, (len(rows) - 1) * parts, (len(columns) - 1) * parts), dtype=np.float32)
         fill_parts(s, t, cells, offsets, parts, fine)
@@ -282,32 +281,3 @@ def _box(camera: Camera, placed: Placed, reach: float) -> tuple[int, int, int, i
     left, top = (int(v) for v in np.clip(np.floor(low), 0, [width, height]))
     right, bottom = (int(v) for v in np.clip(np.ceil(high) + 1, 0, [width, height]))
     return (left, top, right, bottom) if left < right and top < bottom else None
-
-
-def ray_splines(
-    camera: Camera, columns: npt.NDArray[np.floating], rows: npt.NDArray[np.floating]
-) -> tuple[RectBivariateSpline, RectBivariateSpline]:
-    """Normalised x and y as functions of (rows, columns) in pixels, over the range given."""
-    nodes = [
-        np.linspace(values[0], values[-1], max(4, int(np.ceil(np.ptp(values) / NODE_PX)) + 1))
-        for values in (columns, rows)
-    ]
-    grid = np.stack(np.meshgrid(*nodes), axis=-1)
-    rays = camera.undistort(grid.reshape(-1, 2)).reshape(grid.shape)
-    if not np.isfinite(rays).all():
-        raise StereocalError("The lens cannot be inverted everywhere in the image to be rendered.")
-    x, y = (RectBivariateSpline(nodes[1], nodes[0], rays[..., i]) for i in range(2))
-    return x, y
-
-
-def _on_board(
-    x: FloatArray, y: FloatArray, board_from_ray: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Where rays meet the plane of the board, in its frame, in metres."""
-    H = board_from_ray
-    scale = H[2, 0] * x + H[2, 1] * y + H[2, 2]
-    scale[scale <= 0] = np.nan
-    return (
-        (H[0, 0] * x + H[0, 1] * y + H[0, 2]) / scale,
-        (H[1, 0] * x + H[1, 1] * y + H[1, 2]) / scale,
-    )
