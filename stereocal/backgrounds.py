@@ -26,8 +26,8 @@ LARGEST_CANVAS_PX = 9000
 """Longest side of the painting; a wide view is painted more coarsely."""
 WIDEST = 2.0
 """Nothing is painted further aside than this times the distance; it is mirrored there."""
-CHESSBOARD_M = 14.0
-"""Distance of the chessboard that lies about."""
+CHESSBOARD_M = 26.0
+"""Distance of the chessboard that lies about: behind the bar, wherever it is held."""
 
 
 def outdoors(
@@ -92,7 +92,7 @@ def lying_chessboard(camera: Camera, rng: np.random.Generator) -> Placed:
     steep = float(rng.uniform(0.7, 1.1))
     R = turned((-steep, 0.0, 0.0)) @ turned((0.0, 0.0, spin))
     black, white = rng.uniform([30.0, 150.0], [60.0, 200.0])
-    return Placed(chessboard((6, 4), 0.08, black, white), Pose(R, CHESSBOARD_M * ray))
+    return Placed(chessboard((6, 4), 0.15, black, white), Pose(R, CHESSBOARD_M * ray))
 
 
 def _wall_points(

@@ -39,7 +39,7 @@ from stereocal.simulate import (
 )
 from stereocal.writing import write_atomically
 
-JPEG_QUALITY = 85
+JPEG_QUALITY = 80
 """Of the photographs of the bar; what it costs is in sample_data/README.md."""
 JPEG_QUALITY_BOARDS = 75
 """Of the chessboards: their many corners average over the errors."""
