@@ -5,8 +5,10 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from stereocal.commands.progress import ProgressBar
 from stereocal.errors import StereocalError
 from stereocal.nineteen import write_nineteen
+from stereocal.sample_photographs import write_photographs
 from stereocal.simulate import write_field
 
 
@@ -18,6 +20,11 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     command.add_argument("--frames", type=int, default=25, metavar="N", help="default: 25")
     command.add_argument("--out", type=Path, required=True, help="folder for the data sets")
     command.add_argument("--seed", type=int, default=0, metavar="N", help="default: 0")
+    command.add_argument(
+        "--images",
+        action="store_true",
+        help="also photographs of the bar and of a chessboard (23 MB, about a minute)",
+    )
 
 
 def run(parsed: argparse.Namespace) -> None:
@@ -30,3 +37,7 @@ def run(parsed: argparse.Namespace) -> None:
     print(f"wrote {parsed.out / 'field'}")
     write_nineteen(parsed.out / "nineteen", parsed.seed, parsed.datasets, parsed.frames)
     print(f"wrote {parsed.out / 'nineteen'}")
+    if parsed.images:
+        bar = ProgressBar("photographs")
+        write_photographs(parsed.out / "photographs", parsed.seed, parsed.frames, progress=bar.show)
+        print(f"wrote {parsed.out / 'photographs'}")
