@@ -83,8 +83,8 @@ def bound(case: Case) -> FloatArray:
     H = plane_to_image(board)
     ends = H @ np.array([[1e-4, 0, 1], [0, 1e-4, 1], [0, 0, 1]]).T
     flat = ends[:2] / ends[2]
-    along: FloatArray = np.asarray((flat[:, :2] - flat[:, 2:]).T * 1e4, dtype=np.float64)
-    lengths: FloatArray = np.linalg.norm(along, axis=1)
+    along: FloatArray = np.asarray((flat[:, :2] - flat[:, 2:]).T * 1e4)
+    lengths: FloatArray = np.sqrt((along**2).sum(axis=1))
     p = np.zeros(ALL)
     p[:2] = board.centre
     p[2:4] = [np.arctan2(-a[0], a[1]) for a in along]
@@ -96,8 +96,8 @@ def bound(case: Case) -> FloatArray:
     for pixel, slope in zip(pixels, slopes, strict=True):
         model(p, frame, pixel[0], pixel[1], slope)
     J = slopes[:, :CORE]
-    inverse: FloatArray = np.linalg.inv(J.T @ J)[:2, :2] * (case.noise**2 + 1 / 12)
-    return inverse
+    inverse: FloatArray = np.asarray(np.linalg.inv(J.T @ J), dtype=np.float64)[:2, :2]
+    return inverse * (case.noise**2 + 1 / 12)
 
 
 def subpix(image: Photograph, start: FloatArray, half: int) -> FloatArray:
