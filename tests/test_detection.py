@@ -27,7 +27,7 @@ RIGHT = Board((520.3, 170.2), 90.0, 1.0, 0.3, 2.0)
 
 
 def scene(boards: Sequence[Board], noise: float = 2.0, blur: float = 1.0) -> Photograph:
-    fine = 4
+    fine = 4 if blur < 5.0 else 1
     light = np.full((SIZE[1] * fine, SIZE[0] * fine), 120.0)
     for board in boards:
         paint(light, board, (0.0, 0.0), fine)
