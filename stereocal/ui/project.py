@@ -101,9 +101,14 @@ def warm_up() -> threading.Thread:
 
 
 def _begin() -> None:
-    """Delete what is too old; compile the searches (25 s the very first time)."""
+    """Delete what is too old; compile (25 s the very first time)."""
     settings = ServerSettings.from_environment()
     sweep(default_home(), settings.undo_days, settings.keep_days)
+    compile_all()
+
+
+def compile_all() -> None:
+    """Use all compiled code once, so that nobody waits for it later."""
     dataset = read_dataset(SAMPLE)
     calibrate(dataset, trace=True)
     evaluate_runs(dataset, EvaluationSettings(), 0, [0])
