@@ -38,3 +38,13 @@ TWO_FILES = {
     "2d": "For **matching**: finding which point of one image belongs to which of the other.",
     "3d": "For **measuring**: turning matched points into positions and distances in metres.",
 }
+
+BOARDS = """
+- Print a chessboard, glue it to something flat and stiff, and count its **inner corners**: where
+  four squares meet. Leave a white border.
+- Take **about 50 photographs**, at the distance and focus of your recordings. The whole board must
+  be in view.
+- Cover the **whole image**, edges and corners too, and tilt the board by 20 to 50 degrees in
+  different directions.
+- Zoom and focus must not change between these photographs and your recordings.
+"""
