@@ -91,7 +91,7 @@ def residual_field(calibration: LensCalibration) -> ResidualField:
 
 def advice(calibration: LensCalibration) -> list[str]:
     """What a person should know or do, in sentences; empty when all is well."""
-    search, settings = calibration.search, calibration.settings
+    search = calibration.search
     told = []
     if outlying := calibration.outlying:
         told.append(
@@ -116,13 +116,20 @@ def advice(calibration: LensCalibration) -> list[str]:
             f"The lens leaves {field.typical_px:.2f} px that are the same in many photographs: the "
             "board may be bent, or the lens needs another model."
         )
-    k3 = PARAMETERS.index("k3")
-    if not settings.fix_k3 and abs(calibration.values[k3]) < calibration.standard_errors[k3]:
-        told.append(
-            "The coefficient k3 cannot be told from 0 here. It does no harm, but k1 and k2 are "
-            "surer when it is held at 0."
-        )
     return told
+
+
+def hint(calibration: LensCalibration) -> str | None:
+    """What could be done better, where nothing is wrong."""
+    k3 = PARAMETERS.index("k3")
+    if calibration.settings.fix_k3:
+        return None
+    if abs(calibration.values[k3]) > calibration.standard_errors[k3]:
+        return None
+    return (
+        "The coefficient k3 cannot be told from 0 here. It does no harm, but k1 and k2 are surer "
+        "when it is held at 0."
+    )
 
 
 def largest_shift_px(camera: Camera) -> float:

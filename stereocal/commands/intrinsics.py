@@ -14,7 +14,7 @@ from stereocal.formats.camera_file import write_camera, write_opencv_camera
 from stereocal.formats.photograph_files import Photographs, photographs_in
 from stereocal.intrinsics import LensCalibration, LensSettings, calibrate_lens
 from stereocal.lens_files import about
-from stereocal.lens_quality import advice
+from stereocal.lens_quality import advice, hint
 from stereocal.lens_tables import LENS_COLUMNS, lens_answer, lens_rows
 from stereocal.writing import write_atomically
 
@@ -99,5 +99,5 @@ def _print(search: BoardSearch, lens: LensCalibration) -> None:
     print(" ".join(f"{title:>16}" for title in LENS_COLUMNS))
     for row in lens_rows(lens):
         print(" ".join(f"{cell:>16}" for cell in row))
-    for sentence in advice(lens):
+    for sentence in filter(None, (*advice(lens), hint(lens))):
         print(f"Note: {sentence}")

@@ -17,7 +17,7 @@ from stereocal.formats.camera_file import write_camera, write_opencv_camera
 from stereocal.intrinsics import LensCalibration
 from stereocal.lens_files import about
 from stereocal.lens_preview import preview
-from stereocal.lens_quality import advice, largest_shift_px
+from stereocal.lens_quality import advice, hint, largest_shift_px
 from stereocal.lens_tables import lens_answer, lens_table
 from stereocal.project_lens import ProjectLens
 from stereocal.ui.intake import escape_markdown, refuse, settled
@@ -41,6 +41,8 @@ def show_lens(store: ProjectLens) -> None:
     for sentence in advice(lens):
         st.warning(escape_markdown(sentence))
     st.success(escape_markdown(lens_answer(lens)))
+    if said := hint(lens):
+        st.caption(said)
     _use_and_downloads(store, lens)
     views = {
         f"The {lens.settings.repeats} results": _show_draws,
