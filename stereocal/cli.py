@@ -7,10 +7,10 @@ import sys
 from collections.abc import Sequence
 
 from stereocal import __version__
-from stereocal.commands import calibrate, detect, evaluate, match, reconstruct, simulate
+from stereocal.commands import calibrate, convert, detect, evaluate, match, reconstruct, simulate
 from stereocal.errors import StereocalError
 
-COMMANDS = (calibrate, evaluate, detect, match, reconstruct, simulate)
+COMMANDS = (calibrate, evaluate, detect, match, reconstruct, convert, simulate)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
