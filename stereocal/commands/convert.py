@@ -7,7 +7,7 @@ from pathlib import Path
 
 from stereocal.errors import StereocalError
 from stereocal.formats.exchange import FORMATS, export, export_notes, import_parameters
-from stereocal.formats.pixel_origin import CORNERS, PixelOrigin
+from stereocal.formats.pixel_origin import CORNERS, FLIPS, PixelOrigin
 from stereocal.formats.stereo import ExchangeOptions
 from stereocal.parameters import RigParameters
 from stereocal.reconstruction import read_world
@@ -41,9 +41,9 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     )
     dlt.add_argument(
         "--flip",
-        type=float,
-        metavar="H",
-        help="lower left: v' = H - v (default: the image height)",
+        choices=FLIPS,
+        default="h",
+        help="lower left: v' is this less v, with the image height h (default: h)",
     )
     dlt.add_argument(
         "--world",

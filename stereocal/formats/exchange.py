@@ -73,14 +73,17 @@ def export_files(
 def export(
     rig: RigParameters, name: str, path: str | Path, options: ExchangeOptions | None = None
 ) -> list[Path]:
-    """Write a format: a single file as `path`, several into the folder `path`; which were written.
+    """Write a format: a single file as `path`, or into it if it is a folder; several into a folder.
+
+    Returns:
+        The files that were written.
 
     Raises:
         StereocalError: as `export_files`, or the disk cannot be written to.
     """
     files = export_files(rig, name, options)
     path = Path(path)
-    alone = len(files) == 1
+    alone = len(files) == 1 and not path.is_dir()
     placed = {path if alone else path / each: content for each, content in files.items()}
     write_all(placed)
     return list(placed)
@@ -139,6 +142,7 @@ def import_parameters(
     """
     path = Path(path)
     try:
+        path.stat()
         found = sorted(path.iterdir()) if path.is_dir() else [path]
         files = {
             each.name: each.read_bytes()

@@ -12,28 +12,29 @@ from stereocal.compiled import FloatArray
 
 Corner = Literal["upper-left", "lower-left"]
 CORNERS: tuple[Corner, ...] = ("upper-left", "lower-left")
+Flip = Literal["h", "h-1", "h+1"]
+FLIPS: tuple[Flip, ...] = ("h", "h-1", "h+1")
 
 
 @dataclass(frozen=True)
 class PixelOrigin:
     """How image points are counted: `u' = u + first_pixel`, and v by the corner.
 
-    Upper left: `v' = v + first_pixel`. Lower left: `v' = flip - v`. Here (u, v) are stereocal's,
-    whose (0, 0) is the centre of the top-left pixel.
+    Upper left: `v' = v + first_pixel`. Lower left: `v' = flip - v`, where h is the image
+    height. Here (u, v) are stereocal's, whose (0, 0) is the centre of the top-left pixel.
     """
 
     corner: Corner = "upper-left"
     first_pixel: float = 0.0
     """Coordinate of the centre of the first pixel: 1 in MATLAB, 0.5 in COLMAP."""
-    flip: float | None = None
-    """Where v' = 0 stands, in rows; None is the image height h, as DLTdv5 to 7, Argus and easyWand
-    have it. Some programs take h - 1 or h + 1."""
+    flip: Flip = "h"
+    """DLTdv5 to 7, Argus and easyWand take h; others h - 1 (the bottom row is 0) or h + 1."""
 
     def matrix(self, height: int) -> FloatArray:
         """(3, 3), from our homogeneous pixels to theirs."""
         if self.corner == "upper-left":
             return np.array([[1.0, 0, self.first_pixel], [0, 1.0, self.first_pixel], [0, 0, 1.0]])
-        flip = height if self.flip is None else self.flip
+        flip = height + {"h": 0, "h-1": -1, "h+1": 1}[self.flip]
         return np.array([[1.0, 0, self.first_pixel], [0, -1.0, flip], [0, 0, 1.0]])
 
     def to_theirs(self, pixels: npt.ArrayLike, height: int) -> FloatArray:

@@ -22,9 +22,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import pandas as pd
 
-from stereocal.compiled import IntArray
+from stereocal.compiled import FloatArray, IntArray
 from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
 
 BLOCK_ROWS = 100_000
@@ -214,9 +215,9 @@ class PointTable:
         raw.columns = pd.Index(self.names)
         columns = {}
         for name in ("frame", *self.numbers):
-            columns[name] = _numbers_of(raw[name], decimal_comma=self.delimiter == ";")
+            columns[name] = numbers_of(raw[name], decimal_comma=self.delimiter == ";")
         points = np.column_stack([columns[name] for name in self.numbers])
-        unseen = np.logical_and.reduce([_is_missing(raw[name]) for name in self.numbers])
+        unseen = np.logical_and.reduce([is_missing(raw[name]) for name in self.numbers])
         whole = columns["frame"] == np.round(columns["frame"])
         good = np.isfinite(points).all(axis=1) & whole & (np.abs(columns["frame"]) < 2**53)
         bad = np.flatnonzero(~good & ~unseen)
@@ -225,7 +226,8 @@ class PointTable:
                 f"{self.path}: ", [self._problem(raw, int(row)) for row in bad], "cannot be used"
             )
         kept = good & ~unseen
-        self._left_out += int(unseen.sum())
+        # A blank line is no row.
+        self._left_out += int((unseen & ~is_missing(raw["frame"])).sum())
         table = pd.DataFrame(
             {"frame": columns["frame"][kept].astype(np.int64)}, index=raw.index[kept]
         )
@@ -241,7 +243,7 @@ class PointTable:
             text = str(raw[name].iloc[row]).strip()
             if text.lower() in MISSING or raw[name].isna().iloc[row]:
                 return RowProblem(line, f"{name} is empty")
-            value = _numbers_of(raw[name].iloc[[row]], decimal_comma=self.delimiter == ";")[0]
+            value = numbers_of(raw[name].iloc[[row]], decimal_comma=self.delimiter == ";")[0]
             if not np.isfinite(value):
                 return RowProblem(line, f'{name} is "{text[:40]}", which is not a finite number')
             if name == "frame" and (value != round(value) or abs(value) >= 2**53):
@@ -289,13 +291,15 @@ def parquet_library() -> Any:
     return pyarrow.parquet
 
 
-def _numbers_of(column: pd.Series[Any], decimal_comma: bool) -> np.ndarray[Any, Any]:
+def numbers_of(column: pd.Series[Any], decimal_comma: bool) -> FloatArray:
+    """A column as numbers; NaN for what is none."""
     if decimal_comma and not pd.api.types.is_numeric_dtype(column):
         column = column.str.replace(",", ".", regex=False)
     return pd.to_numeric(column, errors="coerce").to_numpy(dtype=np.float64, na_value=np.nan)
 
 
-def _is_missing(column: pd.Series[Any]) -> np.ndarray[Any, Any]:
+def is_missing(column: pd.Series[Any]) -> npt.NDArray[np.bool_]:
+    """Where a column is empty, or says that it is (NaN, NA, none)."""
     if pd.api.types.is_numeric_dtype(column):
         return column.isna().to_numpy()
     return (column.isna() | column.str.strip().str.lower().isin(MISSING)).to_numpy()
