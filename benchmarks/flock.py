@@ -12,7 +12,7 @@ from stereocal.compiled import FloatArray, IntArray
 from stereocal.essential import Solver
 from stereocal.nineteen import simulate_nineteen
 from stereocal.parameters import RigParameters
-from stereocal.simulate import Rig, place_bars
+from stereocal.simulate import FIELD_DEPTHS_M, Rig, place_bars
 
 NOISE_PX = 0.3
 MISSING = 0.10
@@ -37,12 +37,18 @@ class FlockFrame:
         )
 
 
-def flock(rig: Rig, points: int, frames: int, seed: int) -> Iterator[FlockFrame]:
-    """Frames with about `points` points a camera, everywhere in the common view at 8 to 25 m."""
+def flock(
+    rig: Rig,
+    points: int,
+    frames: int,
+    seed: int,
+    depths_m: tuple[float, float] = FIELD_DEPTHS_M,
+) -> Iterator[FlockFrame]:
+    """Frames with about `points` points a camera, everywhere in the common view."""
     rng = np.random.default_rng([seed, points])
     birds = round(points * (1 - SPURIOUS) / (1 - MISSING))
     for _ in range(frames):
-        places = place_bars(rig, rng, birds, 0.1).ends_m[:, 0]
+        places = place_bars(rig, rng, birds, 0.1, depths_m).ends_m[:, 0]
         moved = rig.secondary_from_primary.apply(places)
         sides = []
         for camera, seen in ((rig.primary, places), (rig.secondary, moved)):

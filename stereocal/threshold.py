@@ -15,8 +15,9 @@ exchange their partners are not counted: a threshold hardly changes how often th
 threshold taken makes lost + wrong least: there, one more correct pair costs one more wrong one.
 
 n, s and f are estimated from the errors of all pairs of some frames, up to an error with some four
-pairs per point: a mixture of a half-normal (correct pairs: a normal offset from the epipolar line)
-and a uniform (wrong ones), fitted by maximum likelihood.
+pairs per point: a mixture of a peak (correct pairs) and a uniform (wrong ones), fitted by maximum
+likelihood. The peak is half-normal, as a normal offset from the epipolar line makes it, but for 5 %
+of the pairs, whose scale is three times as large: real detections have such tails.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 from scipy.special import erf
 
 from stereocal.pair_candidates import pairs_within
@@ -39,6 +41,8 @@ SAMPLE_POINTS = 2000
 PAIRS_PER_POINT = 4
 """Enough wrong pairs to see their density, and near enough to 0 for it to be flat."""
 BINS = 400
+TAIL = 0.05
+TAIL_SCALE = 3.0
 EVIDENCE = 30.0
 """Twice the gain in log likelihood by which correct pairs must show; chance gives 10 at most."""
 MOST_LOST = 0.5
@@ -56,7 +60,7 @@ class ThresholdChoice:
 
     threshold_px: float
     sigma_px: float
-    """Scale of the half-normal of correct pairs."""
+    """Scale of the half-normal of correct pairs, its tail apart."""
     wrong_per_point: float
     """Expected wrong candidates of a primary point within the threshold."""
     partnered: float
@@ -142,7 +146,7 @@ def _fit(counts: FloatArray, edges: FloatArray) -> tuple[float, float, float]:
     """Scale of the half-normal, its share, and twice the gain in log likelihood over no peak."""
     limit = edges[-1]
     scales = np.geomspace(3e-4 * limit, 0.5 * limit, 150)[:, None]
-    peak = np.diff(erf(edges / (np.sqrt(2.0) * scales)), axis=1) / erf(limit / (2**0.5 * scales))
+    peak = np.diff(_found(edges, scales), axis=1) / _found(limit, scales)
     flat = np.diff(edges) / limit
     share = np.full((len(scales), 1), 0.1)
     total = counts.sum()
@@ -155,13 +159,20 @@ def _fit(counts: FloatArray, edges: FloatArray) -> tuple[float, float, float]:
     return float(scales[best, 0]), float(share[best, 0]), float(gain)
 
 
+def _found(error: npt.ArrayLike, scale: npt.ArrayLike) -> FloatArray:
+    """F: the share of correct pairs up to an error."""
+    relative = np.asarray(error) / (np.sqrt(2.0) * np.asarray(scale))
+    share: FloatArray = (1 - TAIL) * erf(relative) + TAIL * erf(relative / TAIL_SCALE)
+    return share
+
+
 def _choose(
     sigma: float, correct: float, wrong_per_px: float, points: FloatArray, limit: float
 ) -> ThresholdChoice:
     """Least lost + wrong, with the numbers of all frames together."""
     partnered = np.minimum(correct / points, 1 - LEAST_UNPARTNERED)
     errors = np.concatenate([[0.0], np.geomspace(1e-2 * sigma, limit, 4000)])
-    found = erf(errors / (np.sqrt(2.0) * sigma))
+    found = _found(errors, sigma)
     free = (1 - partnered[0] * found) * (1 - partnered[1] * found)
     taken = np.concatenate([[0.0], np.cumsum(0.5 * (free[1:] + free[:-1]) * np.diff(errors))])
     at = int(np.argmin(correct * (1 - found) + wrong_per_px * taken))
