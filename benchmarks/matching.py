@@ -147,8 +147,8 @@ def speed(frames: int) -> None:
             load = os.getloadavg()[0]
             print(f"| {NAMES[method]} | {threshold:g} px | {cpu:.1f} | {wall:.1f} | {load:.1f} |")
         after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-        print(f"\nMemory of the process: {after / 1e3:.0f} MB, of which {(after - before) / 1e3:.0f}"
-              " MB came with the matching.")  # fmt: skip
+        more = (after - before) / 1e3
+        print(f"\nMemory of the process: {after / 1e3:.0f} MB, {more:.0f} MB of it from matching.")
 
 
 def main() -> None:

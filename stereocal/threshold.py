@@ -134,7 +134,7 @@ def _pooled_errors(
             rig.pose.R, rig.pose.T, first, second, scale, np.inf, near, far
         )
         few = min(len(primary), len(secondary))
-        wanted += max(few, min(PAIRS_PER_POINT * few, len(primary) * len(secondary) // 2))
+        wanted += max(few, min(PAIRS_PER_POINT * few, 3 * len(primary) * len(secondary) // 4))
         # Room for frames of unlike density, and still far fewer than all.
         most = 10 * PAIRS_PER_POINT * few
         found.append(errors if len(errors) <= most else np.partition(errors, most)[:most])

@@ -32,7 +32,7 @@ def propose_layout(content: bytes, source: str) -> PointLayout:
         StereocalError: empty, no text, or like no layout that is known.
     """
     rows, delimiter = _first_rows(content, source)
-    for guess in (_deeplabcut, _dltdv, _trackmate, _long_table, _wand):
+    for guess in (_trackmate, _deeplabcut, _dltdv, _long_table, _wand):
         layout = guess(rows, delimiter)
         if layout is not None:
             return layout
@@ -124,7 +124,7 @@ def _trackmate(rows: list[list[str]], delimiter: str) -> PointLayout | None:
         return None
     x, frame = names.index("POSITION_X"), names.index("FRAME")
     header = 0
-    while header < len(rows) and not _is_number(rows[header][frame]):
+    while header < len(rows) and not rows[header][frame].strip().isdigit():
         header += 1
     unit = rows[3][x].strip("() ").lower() if header == 4 else ""
     questions = []
