@@ -32,7 +32,7 @@ from stereocal.geometry import (
 from stereocal.writing import write_atomically
 
 PARAMETERS_FORMAT = "stereocal-parameters/1"
-PURPOSES = {"2d": "matching", "3d": "reconstruction", "imported": "any"}
+PURPOSES = {"2d": "matching", "3d": "reconstruction", "imported": "both"}
 PIXEL_ORIGIN = "centre of the top-left pixel is (0, 0); u to the right, v down"
 CONVENTION = "x_secondary = R @ x_primary + T"
 UNITS = {"T": "m", "baseline_m": "m", "angles": "rad", "K": "px", "matching_threshold_px": "px"}
@@ -78,7 +78,7 @@ class RigParameters:
 
     @property
     def purpose(self) -> str:
-        """`matching` for the 2D set, `reconstruction` for the 3D set, else `any`."""
+        """`matching` for the 2D set, `reconstruction` for the 3D set, else `both`."""
         return PURPOSES[self.method]
 
     def reconstruct(self, primary_px: npt.ArrayLike, secondary_px: npt.ArrayLike) -> FloatArray:

@@ -22,6 +22,7 @@ from stereocal.geometry import (
 )
 from stereocal.parameters import RigParameters
 
+POSE_NAMES = (*Angles._fields, "baseline_m")
 RAY_STEP = 1e-6
 POSE_STEP = 1e-6
 """Steps of the derivatives: rad for rays and angles, metres for the baseline. With a central
@@ -54,7 +55,7 @@ def reconstruct_points(
         primary_px: (n, 2) raw pixels; `secondary_px`: (n, 2), row by row their partners.
         world: `world_from_primary`; None leaves the points in the primary's frame.
         sigma_px: standard deviation of one pixel coordinate; with it the points get standard
-            errors.
+            errors. Without it and `pose_covariance`, a refined file's own are taken.
         pose_covariance: (6, 6) of yaw, pitch, roll, delta, epsilon (rad) and baseline (m), as a
             refined fit has it; it is added to what the image noise does. Its part is common to all
             points: a distance between two of them is surer than their places.
@@ -67,12 +68,33 @@ def reconstruct_points(
     scale = np.array([rig.primary.pixel_scale, rig.secondary.pixel_scale])
     error = reprojection_errors_of_rays(rig.pose.R, rig.pose.T, rays, scale).mean(axis=1)
     sigma = None
+    if sigma_px is None and pose_covariance is None:
+        sigma_px, pose_covariance = noise_of_file(rig)
     if sigma_px is not None or pose_covariance is not None:
         covariance = point_covariances(rig, rays, sigma_px or 0.0, pose_covariance)
         if world is not None:
             covariance = world.R @ covariance @ world.R.T
         sigma = np.sqrt(np.einsum("nii->ni", covariance))
     return Points(xyz if world is None else world.apply(xyz), error, sigma)
+
+
+def noise_of_file(rig: RigParameters) -> tuple[float | None, FloatArray | None]:
+    """Image noise (px) and covariance (6, 6) of the pose that a refined file carries, else None.
+
+    The covariance of its lenses is left out, so that the standard errors are somewhat too small
+    far from the image's centre.
+    """
+    carried = getattr(rig, "uncertainties", None)
+    if not carried:
+        return None, None
+    try:
+        order = [carried["covariance"]["of"].index(name) for name in POSE_NAMES]
+        whole = np.array(carried["covariance"]["matrix"], dtype=np.float64)
+        return float(carried["sigma_px"]["value"]), whole[np.ix_(order, order)]
+    except (KeyError, TypeError, ValueError, IndexError) as error:
+        raise StereocalError(
+            f"The uncertainties of the parameter file cannot be read ({error})."
+        ) from error
 
 
 def point_covariances(

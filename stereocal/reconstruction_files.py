@@ -16,7 +16,7 @@ from stereocal.geometry import Pose
 from stereocal.matching import purpose_warning
 from stereocal.pairs import ERROR_DECIMALS
 from stereocal.parameters import RigParameters
-from stereocal.reconstruction import reconstruct_points
+from stereocal.reconstruction import noise_of_file, reconstruct_points
 
 PIXELS = ("u_primary", "v_primary", "u_secondary", "v_secondary")
 POINT_COLUMNS = ("frame", "x", "y", "z", "error_px")
@@ -59,7 +59,8 @@ def reconstruct(
 
     Args:
         world: `world_from_primary`; None leaves the points in the primary's frame, in metres.
-        sigma_px: standard deviation of a pixel coordinate; adds `sigma_x`, `sigma_y`, `sigma_z`.
+        sigma_px: standard deviation of a pixel coordinate; adds `sigma_x`, `sigma_y`, `sigma_z`. A
+            refined file brings its own.
 
     Returns:
         `frame,x,y,z,error_px`, then the standard errors if asked for, then the further columns.
@@ -100,7 +101,8 @@ def reconstruct_table(
         StereocalError: bad input; no file is written then.
     """
     contents = pairs.check(lambda block: _outside(rig, block))
-    columns = [*POINT_COLUMNS, *(SIGMA_COLUMNS if sigma_px is not None else ())]
+    has_errors = sigma_px is not None or noise_of_file(rig)[0] is not None
+    columns = [*POINT_COLUMNS, *(SIGMA_COLUMNS if has_errors else ())]
     columns += list(_carried(pairs.names).values())
     errors = []
     done = 0

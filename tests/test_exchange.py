@@ -66,7 +66,7 @@ class TestThereAndBack:
         # Measured: 1e-12 px at most.
         np.testing.assert_allclose(views(back), views(rig, lens=name != "dlt"), rtol=0, atol=1e-6)
         np.testing.assert_allclose(back.pose.T, rig.pose.T, rtol=0, atol=1e-9)
-        assert (back.method, back.purpose, back.cost) == ("imported", "any", None)
+        assert (back.method, back.purpose, back.cost) == ("imported", "both", None)
         assert back.primary.image_size == (1600, 1200)
         assert back.inputs["format"] == name
 

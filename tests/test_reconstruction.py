@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -126,3 +127,26 @@ class TestWorldFile:
     def test_no_such_file(self, tmp_path: Path) -> None:
         with pytest.raises(StereocalError, match="cannot be read"):
             read_world(tmp_path / "none.json")
+
+
+def test_a_file_with_uncertainties_brings_standard_errors() -> None:
+    """The noise and the pose's part of a larger covariance, picked by name."""
+    names = ["bar_factor", *ANGLES._fields, "baseline_m"]
+    covariance = np.diag(np.arange(1.0, 8.0) * 1e-8)
+    rig = replace(RIG_3D)
+    carried = {
+        "sigma_px": {"value": 0.2, "source": "estimated"},
+        "covariance": {"of": names, "matrix": covariance.tolist()},
+    }
+    object.__setattr__(rig, "uncertainties", carried)
+    found = reconstruct_points(rig, *PIXELS).sigma_m
+    expected = reconstruct_points(
+        RIG_3D, *PIXELS, sigma_px=0.2, pose_covariance=covariance[1:, 1:]
+    ).sigma_m
+    np.testing.assert_allclose(np.asarray(found), np.asarray(expected), rtol=1e-12)
+    assert not np.allclose(
+        np.asarray(found), np.asarray(reconstruct_points(rig, *PIXELS, sigma_px=0.2).sigma_m)
+    )
+    carried["covariance"] = {"of": ["yaw"], "matrix": [[1.0]]}
+    with pytest.raises(StereocalError, match="cannot be read"):
+        reconstruct_points(rig, *PIXELS)
