@@ -20,9 +20,9 @@ from scipy.optimize import linear_sum_assignment
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components, min_weight_full_bipartite_matching
 
-from stereocal.pair_candidates import pairs_within
 from stereocal.compiled import FloatArray, IntArray
 from stereocal.errors import StereocalError
+from stereocal.pair_candidates import pairs_within
 from stereocal.parameters import RigParameters
 
 ANY_DEPTH = (0.0, float("inf"))

@@ -29,10 +29,10 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import erf
 
-from stereocal.pair_candidates import pairs_within
 from stereocal.compiled import FloatArray
 from stereocal.errors import StereocalError
 from stereocal.matching import ANY_DEPTH, check_depths
+from stereocal.pair_candidates import pairs_within
 from stereocal.parameters import RigParameters
 
 SAMPLE_FRAMES = 20

@@ -11,11 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stereocal import matching
-from stereocal.candidates import pairs_within
 from stereocal.compiled import FloatArray
 from stereocal.errors import StereocalError
 from stereocal.geometry import Angles, Pose
 from stereocal.matching import assign, match_points, purpose_warning, refuse_different_rigs
+from stereocal.pair_candidates import pairs_within
 from stereocal.parameters import RigParameters
 from stereocal.threshold import choose_threshold, sample_of
 from tests.rig import ANGLES, BASELINE_M, PRIMARY, RIG, SECONDARY, SEEDS, images
