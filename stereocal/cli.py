@@ -7,10 +7,19 @@ import sys
 from collections.abc import Sequence
 
 from stereocal import __version__
-from stereocal.commands import calibrate, detect, evaluate, intrinsics, simulate
+from stereocal.commands import (
+    calibrate,
+    convert,
+    detect,
+    evaluate,
+    intrinsics,
+    match,
+    reconstruct,
+    simulate,
+)
 from stereocal.errors import StereocalError
 
-COMMANDS = (calibrate, evaluate, detect, intrinsics, simulate)
+COMMANDS = (calibrate, evaluate, detect, intrinsics, match, reconstruct, convert, simulate)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -32,7 +32,7 @@ from stereocal.geometry import (
 from stereocal.writing import write_atomically
 
 PARAMETERS_FORMAT = "stereocal-parameters/1"
-PURPOSES = {"2d": "matching", "3d": "reconstruction"}
+PURPOSES = {"2d": "matching", "3d": "reconstruction", "imported": "both"}
 PIXEL_ORIGIN = "centre of the top-left pixel is (0, 0); u to the right, v down"
 CONVENTION = "x_secondary = R @ x_primary + T"
 UNITS = {"T": "m", "baseline_m": "m", "angles": "rad", "K": "px", "matching_threshold_px": "px"}
@@ -49,12 +49,13 @@ class RigParameters:
     """
 
     method: str
-    """`2d` or `3d`."""
+    """`2d` or `3d`; `imported` for parameters that another program found."""
     primary: Camera
     secondary: Camera
     pose: Pose
     """`secondary_from_primary`."""
-    cost: float
+    cost: float | None
+    """None for imported parameters, whose cost nobody knows."""
     settings: Mapping[str, Any]
     inputs: Mapping[str, Any]
     matching_threshold_px: float | None = None
@@ -69,7 +70,7 @@ class RigParameters:
                 f'The parameters were fitted with the triangulation "{self.triangulation}"; '
                 "this version knows midpoint only."
             )
-        if not np.isfinite(self.cost):
+        if self.method != "imported" and (self.cost is None or not np.isfinite(self.cost)):
             raise StereocalError("The cost of the parameter set is not a finite number.")
         threshold = self.matching_threshold_px
         if threshold is not None and not (np.isfinite(threshold) and threshold >= 0):
@@ -77,7 +78,7 @@ class RigParameters:
 
     @property
     def purpose(self) -> str:
-        """`matching` for the 2D set, `reconstruction` for the 3D set."""
+        """`matching` for the 2D set, `reconstruction` for the 3D set, else `both`."""
         return PURPOSES[self.method]
 
     def reconstruct(self, primary_px: npt.ArrayLike, secondary_px: npt.ArrayLike) -> FloatArray:
@@ -210,7 +211,7 @@ class RigParameters:
             primary=Camera.from_json(data["cameras"]["primary"], f"{source}, primary"),
             secondary=Camera.from_json(data["cameras"]["secondary"], f"{source}, secondary"),
             pose=pose,
-            cost=float(data["cost"]),
+            cost=None if data["method"] == "imported" else float(data["cost"]),
             settings=data["settings"],
             inputs=data["inputs"],
             matching_threshold_px=None if threshold is None else float(threshold),

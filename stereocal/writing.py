@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 
 from stereocal.errors import StereocalError
@@ -46,4 +47,32 @@ def write_all(files: Mapping[Path, bytes]) -> None:
         raise StereocalError(f"{where} cannot be written: {error.strerror or error}.") from error
     finally:
         for temporary, _ in waiting:
+            temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def write_in_parts(path: Path) -> Iterator[Path]:
+    """A temporary file beside `path` to write to piece by piece; it becomes `path` at the end.
+
+    Raises:
+        StereocalError: the folder cannot be written to, or the disk is full. After this or any
+            other error inside the `with`, `path` is as it was.
+    """
+    temporary: Path | None = None
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if path.is_dir():
+            raise IsADirectoryError(0, "it is a folder", str(path))
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        os.close(handle)
+        temporary = Path(name)
+        yield temporary
+        with temporary.open("rb") as file:
+            os.fsync(file.fileno())
+        temporary.chmod(0o644)
+        temporary.replace(path)
+    except OSError as error:
+        raise StereocalError(f"{path} cannot be written: {error.strerror or error}.") from error
+    finally:
+        if temporary is not None:
             temporary.unlink(missing_ok=True)

@@ -16,6 +16,7 @@ class ProgressBar:
         self.what = what
         self.started = time.monotonic()
         self.is_open = False
+        self.drawn = 0.0
 
     def __enter__(self) -> ProgressBar:
         return self
@@ -25,7 +26,10 @@ class ProgressBar:
             print(file=sys.stderr)
 
     def show(self, done: int, total: int) -> None:
-        """Draw the line; the last call ends it."""
+        """Draw the line, at most ten times a second; the last call ends it."""
+        if done < total and time.monotonic() - self.drawn < 0.1:
+            return
+        self.drawn = time.monotonic()
         left = (time.monotonic() - self.started) * (total - done) / max(done, 1)
         filled = 30 * done // total
         line = (

@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Mapping
 from typing import Any
 
 import cv2
-import numpy as np
 
 from stereocal.camera import Camera
 from stereocal.compiled import FloatArray
 from stereocal.errors import StereocalError
+from stereocal.formats.file_storage import find_node, matrix_of, open_storage
 
 CAMERA_FORMAT = "stereocal-camera/1"
 LARGEST_BYTES = 4_000_000
-MOST_VALUES = 100
-DEEPEST = 50
-"""OpenCV's parser calls itself for every level, and ends the whole program when there are many."""
 K_NAMES = ("camera_matrix", "Camera_Matrix", "cameraMatrix", "K", "M")
 DISTORTION_NAMES = (
     "distortion_coefficients", "Distortion_Coefficients", "distCoeffs", "dist_coeffs", "D",
@@ -99,14 +95,7 @@ def _json_object(text: str, source: str) -> dict[str, Any]:
 
 
 def _read_file_storage(text: str, source: str) -> Camera:
-    if _depth(text) > DEEPEST:
-        raise StereocalError(f"{source}: this is not a camera file, it is nested too deeply.")
-    try:
-        storage = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
-    except (cv2.error, SystemError) as error:
-        raise StereocalError(
-            f"{source}: OpenCV cannot read this file; it is cut off or damaged."
-        ) from error
+    storage = open_storage(text, source)
     try:
         K = _matrix(storage, K_NAMES, source)
         distortion = _matrix(storage, DISTORTION_NAMES, source)
@@ -122,43 +111,15 @@ def _read_file_storage(text: str, source: str) -> Camera:
         raise StereocalError(f"{source}: {error}") from error
 
 
-def _depth(text: str) -> int:
-    """At least as many levels as the brackets, tags and dashes of a file are nested in."""
-    depth = deepest = 0
-    for mark in re.finditer(r"[\[{]|[\]}]|</|/>|<(?=\w)|(?:-[ \t]+){50}", text):
-        depth += -1 if mark[0] in ("]", "}", "</", "/>") else 1
-        depth += DEEPEST if mark[0].startswith("-") else 0
-        deepest = max(deepest, depth)
-    return deepest
-
-
 def _node(storage: Any, names: tuple[str, ...], source: str) -> Any:
-    for name in names:
-        node = storage.getNode(name)
-        if not node.empty():
-            return node
-    raise StereocalError(f"{source}: {names[0]} is missing; {EXPECTED}.")
+    node = find_node(storage, names)
+    if node is None:
+        raise StereocalError(f"{source}: {names[0]} is missing; {EXPECTED}.")
+    return node
 
 
 def _matrix(storage: Any, names: tuple[str, ...], source: str) -> FloatArray:
-    """The numbers of an OpenCV matrix, (rows, cols).
-
-    Read one by one: `FileNode.mat()` of OpenCV 5.0 writes past its memory, and ends the whole
-    program, where rows or cols are missing or negative.
-    """
-    node = _node(storage, names, source)
-    rows, cols, data = (
-        node.getNode(key) if node.isMap() else None for key in ("rows", "cols", "data")
-    )
-    if rows is None or cols is None or data is None or not (rows.isInt() and cols.isInt()):
-        raise StereocalError(f"{source}: {names[0]} is not a matrix (!!opencv-matrix).")
-    shape = (int(rows.real()), int(cols.real()))
-    values = [data.at(i) for i in range(min(data.size(), MOST_VALUES))] if data.isSeq() else []
-    if min(shape) < 0 or shape[0] * shape[1] != len(values):
-        raise StereocalError(f"{source}: {names[0]} does not hold the numbers of a matrix.")
-    if not all(value.isInt() or value.isReal() for value in values):
-        raise StereocalError(f"{source}: {names[0]} holds something that is not a number.")
-    return np.array([value.real() for value in values], dtype=np.float64).reshape(shape)
+    return matrix_of(_node(storage, names, source), names[0], source)
 
 
 def _number(storage: Any, names: tuple[str, ...], source: str) -> float:

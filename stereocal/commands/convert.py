@@ -1,0 +1,92 @@
+"""`stereocal convert`: parameters to and from the formats of other programs."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from stereocal.errors import StereocalError
+from stereocal.formats.exchange import FORMATS, export, export_notes, import_parameters
+from stereocal.formats.pixel_origin import CORNERS, FLIPS, PixelOrigin
+from stereocal.formats.stereo import ExchangeOptions
+from stereocal.parameters import RigParameters
+from stereocal.reconstruction import read_world
+
+
+def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """The options of the command."""
+    command = commands.add_parser(
+        "convert", help="parameters to and from the formats of other programs"
+    )
+    command.set_defaults(run=run)
+    command.add_argument("parameters", type=Path, help="a parameter file; with --from, theirs")
+    direction = command.add_mutually_exclusive_group(required=True)
+    direction.add_argument("--to", choices=tuple(FORMATS), help="write this format")
+    direction.add_argument(
+        "--from", dest="origin_format", choices=tuple(FORMATS), help="read this format"
+    )
+    command.add_argument(
+        "--out", type=Path, required=True, help="file; folder where a format has several files"
+    )
+    dlt = command.add_argument_group("DLT coefficients")
+    dlt.add_argument(
+        "--image-origin", choices=CORNERS, default="upper-left", help="default: upper-left"
+    )
+    dlt.add_argument(
+        "--first-pixel",
+        type=float,
+        default=0.0,
+        metavar="N",
+        help="coordinate of the centre of the first pixel: 1 for DLTdv8 (default: 0)",
+    )
+    dlt.add_argument(
+        "--flip",
+        choices=FLIPS,
+        default="h",
+        help="lower left: v' is this less v, with the image height h (default: h)",
+    )
+    dlt.add_argument(
+        "--world",
+        type=Path,
+        metavar="FILE",
+        help="4x4 table (JSON or CSV) that takes points of the primary camera's frame to yours",
+    )
+    for which in ("primary", "secondary"):
+        command.add_argument(
+            f"--image-size-{which}",
+            metavar="WxH",
+            help="with --from, where the file does not say it (DLT, OpenCV's own)",
+        )
+
+
+def run(parsed: argparse.Namespace) -> None:
+    """Convert, say what was written."""
+    options = ExchangeOptions(
+        (_size(parsed.image_size_primary), _size(parsed.image_size_secondary)),
+        PixelOrigin(parsed.image_origin, parsed.first_pixel, parsed.flip),
+        None if parsed.world is None else read_world(parsed.world),
+    )
+    if parsed.to is not None:
+        rig = RigParameters.load(parsed.parameters)
+        written = export(rig, parsed.to, parsed.out, options)
+        for note in export_notes(rig, parsed.to):
+            print(f"Note: {note}")
+    else:
+        import_parameters(parsed.parameters, parsed.origin_format, options).save(parsed.out)
+        written = [parsed.out]
+    for path in written:
+        print(f"wrote {path}")
+
+
+def _size(text: str | None) -> tuple[int, int] | None:
+    if text is None:
+        return None
+    try:
+        width, height = (int(side) for side in text.lower().split("x"))
+    except ValueError:
+        raise StereocalError(
+            f'The image size "{text}" is not width x height, as 1280x1024.'
+        ) from None
+    if width < 1 or height < 1:
+        raise StereocalError(f'The image size "{text}" is not possible.')
+    return width, height

@@ -1,0 +1,80 @@
+"""`stereocal match`: which points of the two cameras belong together."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from stereocal.commands.progress import ProgressBar
+from stereocal.errors import StereocalError
+from stereocal.formats.point_table import PointTable
+from stereocal.matching_files import match_tables
+from stereocal.pairs import POINT, Threshold
+from stereocal.parameters import RigParameters
+
+
+def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """The options of the command."""
+    command = commands.add_parser("match", help="which points of the two cameras belong together")
+    command.set_defaults(run=run)
+    command.add_argument("primary", type=Path, help="frame,u,v and more; CSV or Parquet")
+    command.add_argument("secondary", type=Path, help="the same of the secondary camera")
+    command.add_argument(
+        "--parameters", type=Path, required=True, metavar="FILE", help="parameters_2d.json"
+    )
+    command.add_argument("--out", type=Path, required=True, help="pairs.csv or pairs.parquet")
+    command.add_argument(
+        "--threshold",
+        metavar="PX",
+        help='largest reprojection error of a pair in pixels, or "auto": chosen from the points '
+        "(default: the file's own, or auto where it has none)",
+    )
+    command.add_argument(
+        "--depth",
+        type=float,
+        nargs=2,
+        default=(0.0, float("inf")),
+        metavar=("NEAR", "FAR"),
+        help="only pairs at this depth before the primary camera, in metres",
+    )
+    command.add_argument(
+        "--unmatched", type=Path, metavar="FILE", help="write the points without a partner here"
+    )
+
+
+def run(parsed: argparse.Namespace) -> None:
+    """Match, write the pairs, print what was found."""
+    rig = RigParameters.load(parsed.parameters)
+    threshold = _threshold(parsed.threshold)
+    if parsed.unmatched is not None and parsed.unmatched == parsed.out:
+        raise StereocalError("--out and --unmatched name the same file.")
+    report = match_tables(
+        rig,
+        PointTable(parsed.primary, POINT),
+        PointTable(parsed.secondary, POINT),
+        parsed.out,
+        threshold,
+        tuple(parsed.depth),
+        parsed.unmatched,
+        ProgressBar("frames").show,
+    )
+    assert report is not None  # nobody cancels here
+    if report.chosen is not None:
+        print(report.chosen.sentence())
+    print(report.sentence())
+    for note in report.notes:
+        print(f"Note: {note}")
+    for path in (parsed.out, parsed.unmatched):
+        if path is not None:
+            print(f"wrote {path}")
+
+
+def _threshold(text: str | None) -> Threshold:
+    if text is None or text == "auto":
+        return text  # type: ignore[return-value]  # the literal "auto"
+    try:
+        return float(text)
+    except ValueError:
+        raise StereocalError(
+            f'--threshold is "{text}"; it must be a number of pixels, or auto.'
+        ) from None

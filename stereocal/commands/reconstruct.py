@@ -1,0 +1,62 @@
+"""`stereocal reconstruct`: points in 3D of matched pairs."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from stereocal.commands.progress import ProgressBar
+from stereocal.formats.point_table import PointTable
+from stereocal.matching import refuse_different_rigs
+from stereocal.parameters import RigParameters
+from stereocal.reconstruction import read_world
+from stereocal.reconstruction_files import PIXELS, reconstruct_table
+
+
+def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """The options of the command."""
+    command = commands.add_parser("reconstruct", help="points in 3D of matched pairs")
+    command.set_defaults(run=run)
+    command.add_argument("pairs", type=Path, help="pairs.csv or pairs.parquet of match")
+    command.add_argument(
+        "--parameters", type=Path, required=True, metavar="FILE", help="parameters_3d.json"
+    )
+    command.add_argument("--out", type=Path, required=True, help="points.csv or points.parquet")
+    command.add_argument(
+        "--world",
+        type=Path,
+        metavar="FILE",
+        help="4x4 table (JSON or CSV) that takes points of the primary camera's frame to yours",
+    )
+    command.add_argument(
+        "--sigma-px",
+        type=float,
+        metavar="PX",
+        help="noise of one pixel coordinate: adds the standard error of each coordinate in metres",
+    )
+    command.add_argument(
+        "--matched-with",
+        type=Path,
+        metavar="FILE",
+        help="the parameter file of match: refuse if it is of another rig",
+    )
+
+
+def run(parsed: argparse.Namespace) -> None:
+    """Reconstruct, write the points, print how well they fit."""
+    rig = RigParameters.load(parsed.parameters)
+    if parsed.matched_with is not None:
+        refuse_different_rigs(RigParameters.load(parsed.matched_with), rig)
+    world = None if parsed.world is None else read_world(parsed.world)
+    report = reconstruct_table(
+        rig,
+        PointTable(parsed.pairs, PIXELS),
+        parsed.out,
+        world,
+        parsed.sigma_px,
+        ProgressBar("pairs").show,
+    )
+    print(report.sentence())
+    for note in report.notes:
+        print(f"Note: {note}")
+    print(f"wrote {parsed.out}")

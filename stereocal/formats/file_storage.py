@@ -1,0 +1,74 @@
+"""OpenCV FileStorage (YAML, XML, JSON): opened without risk, read number by number."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import cv2
+import numpy as np
+
+from stereocal.compiled import FloatArray
+from stereocal.errors import StereocalError
+
+MOST_VALUES = 100
+DEEPEST = 50
+"""OpenCV's parser calls itself for every level, and ends the whole program when there are many."""
+
+
+def open_storage(text: str, source: str) -> Any:
+    """A `cv2.FileStorage` of a text; the caller releases it.
+
+    Raises:
+        StereocalError: damaged, or nested too deeply.
+    """
+    if _depth(text) > DEEPEST:
+        raise StereocalError(f"{source}: this is not a camera file, it is nested too deeply.")
+    try:
+        return cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
+    except (cv2.error, SystemError) as error:
+        raise StereocalError(
+            f"{source}: OpenCV cannot read this file; it is cut off or damaged."
+        ) from error
+
+
+def find_node(storage: Any, names: tuple[str, ...]) -> Any:
+    """The first node of these names that is there, else None."""
+    for name in names:
+        node = storage.getNode(name)
+        if not node.empty():
+            return node
+    return None
+
+
+def matrix_of(node: Any, name: str, source: str) -> FloatArray:
+    """The numbers of an OpenCV matrix, (rows, cols).
+
+    Read one by one: `FileNode.mat()` of OpenCV 5.0 writes past its memory, and ends the whole
+    program, where rows or cols are missing or negative.
+
+    Raises:
+        StereocalError: no matrix, or not of numbers.
+    """
+    rows, cols, data = (
+        node.getNode(key) if node.isMap() else None for key in ("rows", "cols", "data")
+    )
+    if rows is None or cols is None or data is None or not (rows.isInt() and cols.isInt()):
+        raise StereocalError(f"{source}: {name} is not a matrix (!!opencv-matrix).")
+    shape = (int(rows.real()), int(cols.real()))
+    values = [data.at(i) for i in range(min(data.size(), MOST_VALUES))] if data.isSeq() else []
+    if min(shape) < 0 or shape[0] * shape[1] != len(values):
+        raise StereocalError(f"{source}: {name} does not hold the numbers of a matrix.")
+    if not all(value.isInt() or value.isReal() for value in values):
+        raise StereocalError(f"{source}: {name} holds something that is not a number.")
+    return np.array([value.real() for value in values], dtype=np.float64).reshape(shape)
+
+
+def _depth(text: str) -> int:
+    """At least as many levels as the brackets, tags and dashes of a file are nested in."""
+    depth = deepest = 0
+    for mark in re.finditer(r"[\[{]|[\]}]|</|/>|<(?=\w)|(?:-[ \t]+){50}", text):
+        depth += -1 if mark[0] in ("]", "}", "</", "/>") else 1
+        depth += DEEPEST if mark[0].startswith("-") else 0
+        deepest = max(deepest, depth)
+    return deepest

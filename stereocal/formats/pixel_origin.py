@@ -1,0 +1,51 @@
+"""Where the pixels of other programs start, and how ours become theirs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from stereocal.compiled import FloatArray
+
+Corner = Literal["upper-left", "lower-left"]
+CORNERS: tuple[Corner, ...] = ("upper-left", "lower-left")
+Flip = Literal["h", "h-1", "h+1"]
+FLIPS: tuple[Flip, ...] = ("h", "h-1", "h+1")
+
+
+@dataclass(frozen=True)
+class PixelOrigin:
+    """How image points are counted: `u' = u + first_pixel`, and v by the corner.
+
+    Upper left: `v' = v + first_pixel`. Lower left: `v' = flip - v`, where h is the image
+    height. Here (u, v) are stereocal's, whose (0, 0) is the centre of the top-left pixel.
+    """
+
+    corner: Corner = "upper-left"
+    first_pixel: float = 0.0
+    """Coordinate of the centre of the first pixel: 1 in MATLAB, 0.5 in COLMAP."""
+    flip: Flip = "h"
+    """DLTdv5 to 7, Argus and easyWand take h; others h - 1 (the bottom row is 0) or h + 1."""
+
+    def matrix(self, height: int) -> FloatArray:
+        """(3, 3), from our homogeneous pixels to theirs."""
+        if self.corner == "upper-left":
+            return np.array([[1.0, 0, self.first_pixel], [0, 1.0, self.first_pixel], [0, 0, 1.0]])
+        flip = height + {"h": 0, "h-1": -1, "h+1": 1}[self.flip]
+        return np.array([[1.0, 0, self.first_pixel], [0, -1.0, flip], [0, 0, 1.0]])
+
+    def to_theirs(self, pixels: npt.ArrayLike, height: int) -> FloatArray:
+        """Their pixels (n, 2) of ours."""
+        return _apply(self.matrix(height), pixels)
+
+    def to_ours(self, pixels: npt.ArrayLike, height: int) -> FloatArray:
+        """Our pixels (n, 2) of theirs."""
+        return _apply(np.asarray(np.linalg.inv(self.matrix(height)), np.float64), pixels)
+
+
+def _apply(matrix: FloatArray, pixels: npt.ArrayLike) -> FloatArray:
+    moved: FloatArray = np.asarray(pixels, dtype=np.float64) @ matrix[:2, :2].T + matrix[:2, 2]
+    return moved

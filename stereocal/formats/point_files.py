@@ -1,0 +1,231 @@
+"""Point files of tracking programs, by a layout that says which column is what.
+
+    layout = propose_layout(content, "xypts.csv")     # to be looked at, and changed where wrong
+    table = read_points(content, layout, "cam1", image_height=1024, source="xypts.csv")
+
+A layout is proposed from the header. What a file cannot say (where its pixels start, which cameras
+are meant) stands in `questions`, for a person to answer.
+"""
+
+from __future__ import annotations
+
+import io
+from dataclasses import dataclass, field
+
+import numpy as np
+import pandas as pd
+
+from stereocal.compiled import FloatArray
+from stereocal.dataset import Correspondences
+from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
+from stereocal.formats.pixel_origin import PixelOrigin
+from stereocal.formats.point_table import is_missing, numbers_of
+
+
+@dataclass(frozen=True)
+class PointColumns:
+    """Where one point of one camera stands: indices of its two columns, from 0."""
+
+    camera: str
+    point: str
+    u: int
+    v: int
+    likelihood: int | None = None
+    """Column that says how sure the tracker was, if there is one."""
+
+
+@dataclass(frozen=True)
+class PointLayout:
+    """What the columns of a point file mean."""
+
+    program: str
+    """Who writes such files, for people."""
+    columns: tuple[PointColumns, ...]
+    header_rows: int
+    delimiter: str = ","
+    frame: int | None = None
+    """Column of the frame's number; None counts the rows from `first_frame`."""
+    first_frame: int = 1
+    further: tuple[tuple[str, int], ...] = ()
+    """Names and indices of columns that are carried along."""
+    origin: PixelOrigin = field(default_factory=PixelOrigin)
+    px_per_unit: float = 1.0
+    least_likelihood: float = 0.0
+    """Points less likely than this count as not seen."""
+    zero_is_missing: bool = False
+    """Whether a point at (0, 0) was not seen."""
+    questions: tuple[str, ...] = ()
+
+    @property
+    def cameras(self) -> tuple[str, ...]:
+        """Names of the cameras, in the file's order."""
+        return tuple(dict.fromkeys(each.camera for each in self.columns))
+
+    @property
+    def points(self) -> tuple[str, ...]:
+        """Names of the points, in the file's order."""
+        return tuple(dict.fromkeys(each.point for each in self.columns))
+
+
+def read_points(
+    content: bytes,
+    layout: PointLayout,
+    camera: str,
+    image_height: int | None = None,
+    source: str = "points",
+    first_rows: int | None = None,
+) -> pd.DataFrame:
+    """The points of one camera: `frame,u,v`, then `point` where the file names points, and more.
+
+    Pixels are stereocal's: the centre of the top-left pixel is (0, 0). Points that were not
+    seen are left out.
+
+    Args:
+        image_height: rows of the image; needed where the file counts from the lower left.
+        first_rows: read so many rows only, for a preview.
+
+    Raises:
+        StereocalError: no such camera, the height is missing, or rows that cannot be read.
+    """
+    chosen = [each for each in layout.columns if each.camera == camera]
+    if not chosen:
+        raise StereocalError(
+            f"{source}: there is no camera {camera}; the file has {', '.join(layout.cameras)}."
+        )
+    raw = _table(content, layout, source, first_rows)
+    frames = _frames(raw, layout, source)
+    parts = []
+    for each in chosen:
+        pixels = _pixels(raw, layout, each, image_height, source)
+        part = pd.DataFrame({"frame": frames, "u": pixels[:, 0], "v": pixels[:, 1]})
+        if len(layout.points) > 1:
+            part["point"] = each.point
+        for name, index in layout.further:
+            part[name] = raw[index].array
+        parts.append(part[np.isfinite(pixels).all(axis=1)])
+    return pd.concat(parts).sort_values("frame", kind="stable", ignore_index=True)
+
+
+def read_bars(
+    content: bytes,
+    layout: PointLayout,
+    cameras: tuple[str, str],
+    ends: tuple[str, str],
+    image_heights: tuple[int | None, int | None] = (None, None),
+    source: str = "points",
+) -> Correspondences:
+    """The two ends of a bar in two cameras, to calibrate with: pairs that both cameras saw.
+
+    Args:
+        cameras: which are the primary and the secondary.
+        ends: which points are A and B.
+
+    Raises:
+        StereocalError: as `read_points`, or no end was seen by both cameras.
+    """
+    raw = _table(content, layout, source, None)
+    frames = _frames(raw, layout, source)
+    found: list[tuple[FloatArray, FloatArray]] = []
+    for end in ends:
+        sides = []
+        for camera, height in zip(cameras, image_heights, strict=True):
+            wanted = [e for e in layout.columns if (e.camera, e.point) == (camera, end)]
+            if not wanted:
+                raise StereocalError(f"{source}: there is no point {end} of camera {camera}.")
+            sides.append(_pixels(raw, layout, wanted[0], height, source))
+        found.append((sides[0], sides[1]))
+    seen = [np.isfinite(np.hstack(sides)).all(axis=1) for sides in found]
+    if not any(each.any() for each in seen):
+        raise StereocalError(
+            f"{source}: no end of the bar was seen by both cameras, {cameras[0]} and {cameras[1]}."
+        )
+    return Correspondences.from_arrays(
+        frame=np.concatenate([frames[each] for each in seen]),
+        target=["A"] * int(seen[0].sum()) + ["B"] * int(seen[1].sum()),
+        primary=np.concatenate([sides[0][each] for sides, each in zip(found, seen, strict=True)]),
+        secondary=np.concatenate([sides[1][each] for sides, each in zip(found, seen, strict=True)]),
+    )
+
+
+def _table(
+    content: bytes, layout: PointLayout, source: str, first_rows: int | None
+) -> pd.DataFrame:
+    """The rows under the header, all as text; the index holds the lines of the file."""
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise StereocalError(f"{source}: this is not a text file (CSV in UTF-8).") from error
+    try:
+        raw = pd.read_csv(
+            io.StringIO(text),
+            sep=layout.delimiter,
+            header=None,
+            skiprows=layout.header_rows,
+            nrows=first_rows,
+            dtype=str,
+            keep_default_na=False,
+            skip_blank_lines=False,
+        )
+    except (pd.errors.ParserError, pd.errors.EmptyDataError) as error:
+        raise StereocalError(f"{source}: the rows cannot be read ({error}).") from error
+    raw.index += layout.header_rows + 1
+    raw = raw[(raw != "").any(axis=1)]
+    last = max(max(each.u, each.v) for each in layout.columns)
+    if raw.shape[1] <= last:
+        raise StereocalError(
+            f"{source}: the layout ({layout.program}) needs {last + 1} columns; the file has "
+            f"{raw.shape[1]}."
+        )
+    return raw
+
+
+def _frames(
+    raw: pd.DataFrame, layout: PointLayout, source: str
+) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
+    if layout.frame is None:
+        return np.arange(layout.first_frame, layout.first_frame + len(raw))
+    values = _numbers(raw, layout, layout.frame, source)
+    bad = np.flatnonzero(~(values == np.round(values)))
+    if len(bad):
+        problems = [RowProblem(int(raw.index[int(k)]), "no whole frame number") for k in bad]
+        raise RefusedRowsError(f"{source}: ", problems, "cannot be used")
+    return values.astype(np.int64)
+
+
+def _pixels(
+    raw: pd.DataFrame,
+    layout: PointLayout,
+    columns: PointColumns,
+    image_height: int | None,
+    source: str,
+) -> FloatArray:
+    """(n, 2) pixels in our count; NaN where the point was not seen."""
+    if layout.origin.corner == "lower-left" and image_height is None:
+        raise StereocalError(
+            f"{source}: the points are counted from the lower left, so the image height is needed."
+        )
+    pixels = np.column_stack([_numbers(raw, layout, k, source) for k in (columns.u, columns.v)])
+    if layout.zero_is_missing:
+        pixels[(pixels == 0).all(axis=1)] = np.nan
+    if columns.likelihood is not None:
+        likelihood = _numbers(raw, layout, columns.likelihood, source)
+        pixels[likelihood < layout.least_likelihood] = np.nan
+    pixels[np.isnan(pixels).any(axis=1)] = np.nan
+    return layout.origin.to_ours(pixels * layout.px_per_unit, image_height or 0)
+
+
+def _numbers(raw: pd.DataFrame, layout: PointLayout, index: int, source: str) -> FloatArray:
+    column = raw[index]
+    values = numbers_of(column, decimal_comma=layout.delimiter == ";")
+    missing = column.isna().to_numpy() | is_missing(column)
+    bad = np.flatnonzero(~np.isfinite(values) & ~missing)
+    if len(bad):
+        problems = [
+            RowProblem(
+                int(raw.index[int(k)]),
+                f'column {index + 1} is "{str(column.iloc[int(k)])[:40]}", which is not a number',
+            )
+            for k in bad
+        ]
+        raise RefusedRowsError(f"{source}: ", problems, "cannot be used")
+    return values

@@ -1,0 +1,210 @@
+"""Which program wrote a point file: a layout proposed from its first rows."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from dataclasses import replace
+
+from stereocal.errors import StereocalError
+from stereocal.formats.pixel_origin import PixelOrigin
+from stereocal.formats.point_files import PointColumns, PointLayout
+
+HEAD_BYTES = 200_000
+LOWER_LEFT = PixelOrigin("lower-left")
+ONE_BASED = PixelOrigin("upper-left", first_pixel=1.0)
+ASK_LOWER_LEFT = (
+    "Are the points counted from the lower left, v' = h - v, with the image height h? Some "
+    "programs take h - 1 or h + 1, newer ones count from the upper left."
+)
+ASK_CAMERAS = "Which of the {count} cameras are the primary and the secondary?"
+ASK_ENDS = "Which two of the {count} points are the ends A and B of the bar?"
+FRAME_NAMES = ("frame", "frames", "frame_number", "image", "t", "time", "index")
+U_NAMES = ("u", "x", "x_px", "col", "column", "position_x", "x_position", "cx", "centroid_x")
+V_NAMES = ("v", "y", "y_px", "row", "position_y", "y_position", "cy", "centroid_y")
+
+
+def propose_layout(content: bytes, source: str) -> PointLayout:
+    """The layout that the first rows of a file look like.
+
+    Raises:
+        StereocalError: empty, no text, or like no layout that is known.
+    """
+    rows, delimiter = _first_rows(content, source)
+    for guess in (_trackmate, _deeplabcut, _dltdv, _long_table, _wand):
+        layout = guess(rows, delimiter)
+        if layout is not None:
+            return layout
+    raise StereocalError(
+        f"{source}: the layout is not known. stereocal reads frame,u,v tables, wand files of Argus "
+        "and easyWand (4 columns a camera), DLTdv, DeepLabCut and TrackMate; its first line is "
+        f'"{delimiter.join(rows[0])[:100]}".'
+    )
+
+
+def _first_rows(content: bytes, source: str) -> tuple[list[list[str]], str]:
+    head = content[:HEAD_BYTES]
+    text = head.decode("utf-8-sig", errors="replace")
+    if not text.strip():
+        raise StereocalError(f"{source}: the file is empty.")
+    if "\ufffd" in text[:-3] or "\x00" in text:
+        raise StereocalError(f"{source}: this is not a text file (CSV in UTF-8).")
+    lines = text.splitlines()
+    if len(content) > HEAD_BYTES and len(lines) > 1:
+        lines.pop()  # it may be cut off
+    delimiter = max(",;\t", key=lines[0].count)
+    try:
+        rows = list(csv.reader(io.StringIO("\n".join(lines[:8])), delimiter=delimiter))
+    except csv.Error as error:
+        raise StereocalError(f"{source}: this is not a CSV file ({error}).") from error
+    if len(rows) < 2:
+        raise StereocalError(f"{source}: the file has one row only.")
+    return rows, delimiter
+
+
+def _deeplabcut(rows: list[list[str]], delimiter: str) -> PointLayout | None:
+    """Rows scorer, [individuals,] bodyparts, coords; then x, y, likelihood of each part."""
+    names = [row[0].strip().lower() if row else "" for row in rows]
+    if names[0] != "scorer" or "coords" not in names[:4]:
+        return None
+    coords = names.index("coords")
+    labels = [rows[k] for k in range(1, coords)]
+    marks = [cell.strip().lower() for cell in rows[coords]]
+    columns = [
+        PointColumns(
+            "cam1",
+            " ".join(row[k].strip() for row in labels),
+            k,
+            k + 1,
+            k + 2 if marks[k + 2 : k + 3] == ["likelihood"] else None,
+        )
+        for k in range(1, len(marks) - 1)
+        if marks[k] == "x"
+    ]
+    return PointLayout(
+        program="DeepLabCut",
+        columns=tuple(columns),
+        header_rows=coords + 1,
+        delimiter=delimiter,
+        frame=0,
+        questions=("How likely must a point be to count? Below 0.6 it is often wrong.",),
+    )
+
+
+def _dltdv(rows: list[list[str]], delimiter: str) -> PointLayout | None:
+    """`pt1_cam1_X,pt1_cam1_Y,...` of DLTdv5 to 7, `<name>_cam1_U,<name>_cam1_V,...` of DLTdv8."""
+    found = [re.fullmatch(r"(.+)_cam(\d+)_([XYUV])", cell.strip()) for cell in rows[0]]
+    columns = [
+        PointColumns(f"cam{match[2]}", match[1], k, k + 1)
+        for k, match in enumerate(found)
+        if match is not None and match[3] in "XU" and k + 1 < len(found)
+    ]
+    if not columns or None in found:
+        return None
+    newer = any(match is not None and match[3] == "U" for match in found)
+    layout = PointLayout(
+        program="DLTdv8" if newer else "DLTdv5 to 7",
+        columns=tuple(columns),
+        header_rows=1,
+        delimiter=delimiter,
+        origin=ONE_BASED if newer else LOWER_LEFT,
+        zero_is_missing=True,
+    )
+    ask_origin = (
+        "Is the first pixel (1, 1), at the upper left, as in DLTdv8?" if newer else ASK_LOWER_LEFT
+    )
+    return _asking(layout, ask_origin)
+
+
+def _trackmate(rows: list[list[str]], delimiter: str) -> PointLayout | None:
+    """Spots: names, two more rows of names, units; older versions have the first row only."""
+    names = [cell.strip().upper() for cell in rows[0]]
+    if not {"POSITION_X", "POSITION_Y", "FRAME"} <= set(names):
+        return None
+    x, frame = names.index("POSITION_X"), names.index("FRAME")
+    header = 0
+    while header < len(rows) and not rows[header][frame].strip().isdigit():
+        header += 1
+    unit = rows[3][x].strip("() ").lower() if header == 4 else ""
+    questions = []
+    if unit not in ("pixel", "pixels", "px"):
+        questions.append(
+            f"Positions are in {unit or 'a unit that the file does not name'}: how many pixels is "
+            "one unit?"
+        )
+    return PointLayout(
+        program="TrackMate",
+        columns=(PointColumns("cam1", "spot", x, names.index("POSITION_Y")),),
+        header_rows=header,
+        delimiter=delimiter,
+        frame=frame,
+        further=(("track", names.index("TRACK_ID")),) if "TRACK_ID" in names else (),
+        questions=tuple(questions),
+    )
+
+
+def _long_table(rows: list[list[str]], delimiter: str) -> PointLayout | None:
+    """A row a point, with a frame column: ours, and others by the names of their columns."""
+    names = [cell.strip().lower() for cell in rows[0]]
+    at = [
+        next((names.index(name) for name in known if name in names), None)
+        for known in (FRAME_NAMES, U_NAMES, V_NAMES)
+    ]
+    frame, u, v = at
+    if frame is None or u is None or v is None:
+        return None
+    ours = [names[k] for k in (frame, u, v)] == ["frame", "u", "v"]
+    asked = (
+        f"Are the columns {names[frame]}, {names[u]} and {names[v]} frame, u and v, with the "
+        "centre of the top-left pixel at (0, 0)?"
+    )
+    return PointLayout(
+        program="stereocal" if ours else "a table with a row for each point",
+        columns=(PointColumns("cam1", "point", u, v),),
+        header_rows=1,
+        delimiter=delimiter,
+        frame=frame,
+        further=tuple((rows[0][k].strip(), k) for k in range(len(names)) if k not in (frame, u, v)),
+        questions=() if ours else (asked,),
+    )
+
+
+def _wand(rows: list[list[str]], delimiter: str) -> PointLayout | None:
+    """4 columns a camera: x, y of end A in all cameras, then of end B; with a header or without."""
+    count = len(rows[1])
+    headed = not all(_is_number(cell) for cell in rows[0])
+    if count % 4 or not count or not all(_is_number(cell) for cell in rows[1]):
+        return None
+    cameras = count // 4
+    columns = tuple(
+        PointColumns(f"cam{k + 1}", end, 2 * (k + half * cameras), 2 * (k + half * cameras) + 1)
+        for half, end in enumerate("AB")
+        for k in range(cameras)
+    )
+    layout = PointLayout(
+        program="a wand file of Argus or easyWand",
+        columns=columns,
+        header_rows=int(headed),
+        delimiter=delimiter,
+        origin=LOWER_LEFT,
+        zero_is_missing=True,
+    )
+    return _asking(layout, ASK_LOWER_LEFT)
+
+
+def _asking(layout: PointLayout, ask_origin: str) -> PointLayout:
+    questions = [ask_origin]
+    if len(layout.cameras) > 2:
+        questions.append(ASK_CAMERAS.format(count=len(layout.cameras)))
+    if len(layout.points) > 2:
+        questions.append(ASK_ENDS.format(count=len(layout.points)))
+    return replace(layout, questions=tuple(questions))
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text.strip() or "nan")
+    except ValueError:
+        return False
+    return True

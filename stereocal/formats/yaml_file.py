@@ -1,0 +1,36 @@
+"""YAML of strangers, read without surprises."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import yaml
+
+from stereocal.errors import StereocalError
+from stereocal.formats.stereo import text_of
+
+
+class _PlainLoader(yaml.SafeLoader):  # type: ignore[misc]  # the package has no types
+    """Plain data only. No aliases: a few hundred bytes of them can stand for gigabytes."""
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        if self.check_event(yaml.AliasEvent):
+            raise yaml.YAMLError("aliases are not read")
+        return super().compose_node(parent, index)
+
+
+def read_mapping(content: bytes, source: str) -> dict[str, Any]:
+    """The mapping that a YAML file holds.
+
+    Raises:
+        StereocalError: no YAML, or no mapping.
+    """
+    text = text_of(content, source)
+    try:
+        data = yaml.load(text, Loader=_PlainLoader)
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        reason = str(error).splitlines()[0] if str(error) else "it is damaged"
+        raise StereocalError(f"{source}: this is not valid YAML ({reason}).") from error
+    if not isinstance(data, dict):
+        raise StereocalError(f"{source}: this is not a parameter file (a YAML mapping).")
+    return {str(key): value for key, value in data.items()}

@@ -1,0 +1,62 @@
+"""What a script gets from `import stereocal`, and that the documented script runs."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import stereocal
+from stereocal.calibrate import calibrate
+from stereocal.parameters import RigParameters
+
+ROOT = Path(__file__).parents[1]
+
+
+def test_the_documented_script_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (script,) = re.findall(r"```python\n(.*?)```", (ROOT / "docs/library.md").read_text(), re.S)
+    lines = [line for line in script.splitlines() if line.strip() and not line.startswith("#")]
+    assert len(lines) <= 20
+    (tmp_path / "sample_data").symlink_to(ROOT / "sample_data")
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, object] = {}
+    exec(compile(script, "library.md", "exec"), names)
+    pairs, points = names["pairs"], names["points"]
+    assert len(pairs) == len(points) > 45  # type: ignore[arg-type]  # of 50
+    assert np.isfinite(points[["x", "y", "z", "sigma_z"]].to_numpy()).all()  # type: ignore[index]
+    assert RigParameters.load("parameters_3d.json").purpose == "reconstruction"
+    assert Path("opencv_files/extrinsics.yml").is_file()
+    assert "error_px" in capsys.readouterr().out
+
+
+def test_every_name_is_there() -> None:
+    assert set(stereocal.__all__) <= set(dir(stereocal))
+    for name in stereocal.__all__:
+        assert getattr(stereocal, name).__name__ == name
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        _ = stereocal.nothing
+
+
+def test_calibrate_is_the_function_whatever_was_imported_before() -> None:
+    assert stereocal.calibrate is calibrate
+    code = (
+        "import stereocal.calibrate, stereocal.evaluation, sys; "
+        "assert stereocal.calibrate is sys.modules['stereocal.calibrate'].calibrate"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, cwd=ROOT)
+
+
+def test_importing_alone_is_quick() -> None:
+    """It brings none of the large packages."""
+    large = {"numpy", "numba", "cv2", "scipy"}
+    code = f"import stereocal, sys; print(sorted({large} & set(sys.modules)))"
+    run = subprocess.run(
+        [sys.executable, "-c", code], check=True, cwd=ROOT, capture_output=True, text=True
+    )
+    assert run.stdout.strip() == "[]"
