@@ -1,0 +1,311 @@
+"""The refined method's least squares over all frames, compiled.
+
+For each q (see `bar_fit`) the places of the targets are found frame by frame; the least sum of
+squares of a frame, s(q), depends on q alone. The cost is the sum of rho(s) over the frames plus the
+priors. Its normal equations come from the frame's Jacobian with the places eliminated (Schur
+complement), so that time and memory grow with the frames and not with their square.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stereocal.bar_fit import (
+    COLUMNS,
+    EPSILON,
+    OWN,
+    RESIDUALS,
+    SHARED,
+    backward,
+    factor,
+    fill_motions,
+    forward,
+    normal_matrix,
+    residuals_of,
+    settle,
+)
+from stereocal.compiled import FloatArray, compiled
+from stereocal.geometry import fill_pose, midpoint
+
+CONVERGED = 1e-9
+"""The solve ends when the next step would lower the cost by less: 3e-5 standard errors."""
+
+
+@compiled
+def loss(s: float, limit: float) -> tuple[float, float]:
+    """Tukey's biweight rho(s) of a sum of squares, and its slope, the frame's weight.
+
+    rho is s near 0 and constant above `limit`: such a frame has no say. An infinite limit is plain
+    least squares, a limit of 0 leaves the frame out.
+    """
+    if limit == np.inf:
+        return s, 1.0
+    if not s < limit:
+        return limit / 3.0, 0.0
+    left = 1.0 - s / limit
+    return limit / 3.0 * (1.0 - left * left * left), left * left
+
+
+@compiled
+def sums(
+    q: FloatArray,
+    lenses: FloatArray,
+    pixels: FloatArray,
+    rays: FloatArray,
+    distances: FloatArray,
+    weight: float,
+    length_weight: float,
+    limits: FloatArray,
+    places: FloatArray,
+    misfits: FloatArray,
+    H: FloatArray,
+    g: FloatArray,
+) -> float:
+    """Cost of all frames; writes places (n, 6), misfits s (n,), H (15, 15) and g (15,).
+
+    H and g are those of the places at their best: J^T J and J^T r with x eliminated.
+
+    Args:
+        pixels: (n, 2, 4), NaN for a target that was not seen.
+        rays: (n, 2, 4): the same undistorted with the stated lenses, where places must be started.
+        distances: (n,), NaN without a bar.
+    """
+    R, T, motions = np.empty((3, 3)), np.empty(3), np.empty((6, 3))
+    fill_pose(q[: EPSILON + 1], q[5], R, T)
+    fill_motions(q, R, motions)
+    r, J, V = np.empty(RESIDUALS), np.empty((RESIDUALS, COLUMNS)), np.empty((OWN, OWN))
+    Y = np.empty((COLUMNS, OWN))
+    H[:, :] = 0.0
+    g[:] = 0.0
+    cost = 0.0
+    for f in range(len(pixels)):
+        x = places[f]
+        own = 0.0 if np.isnan(distances[f]) else length_weight
+        if np.isnan(x).any():
+            start(R, T, rays[f], x)
+        s = settle(
+            q, R, T, motions, lenses, pixels[f], distances[f], weight, own, x, r, J, V
+        )
+        misfits[f] = s
+        rho, w = loss(s, limits[f])
+        cost += rho
+        if not s < np.inf:
+            x[:] = np.nan
+        elif w > 0.0:
+            residuals_of(
+                q, R, T, motions, lenses, pixels[f], distances[f], weight, own, x, True, r, J
+            )
+            normal_matrix(J, pixels[f], 0.0, V)
+            if factor(V, OWN):
+                eliminate(J, r, V, w, Y, H, g)
+    for i in range(SHARED):
+        for j in range(i):
+            H[j, i] = H[i, j]
+    return cost
+
+
+@compiled
+def start(R: FloatArray, T: FloatArray, rays: FloatArray, x: FloatArray) -> None:
+    """Midpoints of the targets seen; far in front of the camera for one that was not."""
+    for target in range(2):
+        at = 3 * target
+        if np.isnan(rays[target, 0]):
+            x[at], x[at + 1], x[at + 2] = 0.0, 0.0, 1.0
+        else:
+            x[at], x[at + 1], x[at + 2], _, _, _ = midpoint(
+                R, T, rays[target, 0], rays[target, 1], rays[target, 2], rays[target, 3]
+            )
+
+
+@compiled
+def eliminate(
+    J: FloatArray,
+    r: FloatArray,
+    L: FloatArray,
+    w: float,
+    Y: FloatArray,
+    H: FloatArray,
+    g: FloatArray,
+) -> None:
+    """Add w times the Schur complement of a frame to H (lower half) and g.
+
+    With J = [J_x J_q] and J_x^T J_x = L L^T: y = L^-1 J_x^T J_q, H = J_q^T J_q - y^T y.
+    """
+    for j in range(SHARED):
+        y = Y[j]
+        for i in range(OWN):
+            total = 0.0
+            for k in range(RESIDUALS):
+                total += J[k, i] * J[k, OWN + j]
+            y[i] = total
+        forward(L, y, OWN)
+    z = Y[SHARED]
+    for i in range(OWN):
+        z[i] = 0.0
+        for k in range(RESIDUALS):
+            z[i] += J[k, i] * r[k]
+    forward(L, z, OWN)
+    for i in range(SHARED):
+        for j in range(i + 1):
+            total = 0.0
+            for k in range(RESIDUALS):
+                total += J[k, OWN + i] * J[k, OWN + j]
+            for k in range(OWN):
+                total -= Y[i, k] * Y[j, k]
+            H[i, j] += w * total
+        total = 0.0
+        for k in range(RESIDUALS):
+            total += J[k, OWN + i] * r[k]
+        for k in range(OWN):
+            total -= Y[i, k] * z[k]
+        g[i] += w * total
+
+
+@compiled
+def adjust(
+    origin: FloatArray,
+    M: FloatArray,
+    precision: FloatArray,
+    p: FloatArray,
+    lenses: FloatArray,
+    pixels: FloatArray,
+    rays: FloatArray,
+    distances: FloatArray,
+    weight: float,
+    length_weight: float,
+    limits: FloatArray,
+    places: FloatArray,
+    misfits: FloatArray,
+    H: FloatArray,
+    most_steps: int,
+) -> tuple[float, int, bool]:
+    """Levenberg-Marquardt over the free numbers p, with q = origin + M p; in place.
+
+    The prior of p is normal about 0 with the given precision (0: none). Returns the cost with the
+    priors, the number of steps tried, and whether it converged.
+    """
+    k = len(p)
+    q, g = np.empty(SHARED), np.empty(SHARED)
+    trial_p, trial_places, trial_misfits = np.empty(k), places.copy(), misfits.copy()
+    trial_H, trial_g = np.empty((SHARED, SHARED)), np.empty(SHARED)
+    A, L, b, d = np.empty((k, k)), np.empty((k, k)), np.empty(k), np.empty(k)
+    fill_shared(origin, M, p, q)
+    cost = sums(
+        q, lenses, pixels, rays, distances, weight, length_weight, limits, places, misfits, H, g
+    ) + prior_cost(p, precision)
+    damping = 1e-5
+    for step in range(1, most_steps + 1):
+        normal_equations(H, g, M, p, precision, A, b)
+        L[:, :] = A
+        for i in range(k):
+            L[i, i] *= 1.0 + damping
+        if not factor(L, k):
+            return cost, step, False
+        d[:] = b
+        forward(L, d, k)
+        gain = 0.0
+        for i in range(k):
+            gain += d[i] * d[i]
+        backward(L, d, k)
+        for i in range(k):
+            trial_p[i] = p[i] - d[i]
+        fill_shared(origin, M, trial_p, q)
+        trial_places[:, :] = places
+        trial = sums(
+            q, lenses, pixels, rays, distances, weight, length_weight, limits, trial_places,
+            trial_misfits, trial_H, trial_g,
+        ) + prior_cost(trial_p, precision)  # fmt: skip
+        if trial <= cost:
+            cost = trial
+            p[:], places[:, :], misfits[:] = trial_p, trial_places, trial_misfits
+            H[:, :], g[:] = trial_H, trial_g
+            damping *= 0.05
+            if gain < CONVERGED:
+                return cost, step, True
+        else:
+            if gain < 1e-6:  # rounding, or the error that is left in the places
+                return cost, step, True
+            damping = max(20.0 * damping, 1e-4)
+    return cost, most_steps, False
+
+
+@compiled
+def fill_shared(origin: FloatArray, M: FloatArray, p: FloatArray, q: FloatArray) -> None:
+    """q = origin + M p."""
+    for i in range(SHARED):
+        q[i] = origin[i]
+        for j in range(len(p)):
+            q[i] += M[i, j] * p[j]
+
+
+@compiled
+def prior_cost(p: FloatArray, precision: FloatArray) -> float:
+    """Sum of the squared deviations from the stated values, in standard deviations."""
+    total = 0.0
+    for i in range(len(p)):
+        total += precision[i] * p[i] * p[i]
+    return total
+
+
+@compiled
+def normal_equations(
+    H: FloatArray,
+    g: FloatArray,
+    M: FloatArray,
+    p: FloatArray,
+    precision: FloatArray,
+    A: FloatArray,
+    b: FloatArray,
+) -> None:
+    """A = M^T H M + precision, b = M^T g + precision p."""
+    for i in range(len(p)):
+        b[i] = precision[i] * p[i]
+        for r in range(SHARED):
+            b[i] += M[r, i] * g[r]
+        for j in range(len(p)):
+            total = 0.0
+            for r in range(SHARED):
+                if M[r, i] != 0.0:
+                    for s in range(SHARED):
+                        total += M[r, i] * H[r, s] * M[s, j]
+            A[i, j] = total
+        A[i, i] += precision[i]
+
+
+@compiled
+def length_innovations(
+    q: FloatArray,
+    lenses: FloatArray,
+    pixels: FloatArray,
+    distances: FloatArray,
+    weight: float,
+    places: FloatArray,
+    found: FloatArray,
+) -> None:
+    """Write to `found`, (n, 2), what the pixels alone say of each bar's length.
+
+    Column 0: the length of the bar at `places`, which must be those of the pixels alone, less the
+    stated one, in metres. Column 1: its variance from the noise of the pixels, in square metres:
+    l^T (J_x^T J_x)^-1 l, where l is the slope of the length. NaN where there is no bar.
+    """
+    R, T, motions = np.empty((3, 3)), np.empty(3), np.empty((6, 3))
+    fill_pose(q[: EPSILON + 1], q[5], R, T)
+    fill_motions(q, R, motions)
+    r, J, V = np.empty(RESIDUALS), np.empty((RESIDUALS, COLUMNS)), np.empty((OWN, OWN))
+    slope = np.empty(OWN)
+    found[:, :] = np.nan
+    for f in range(len(pixels)):
+        if np.isnan(distances[f]) or np.isnan(places[f]).any():
+            continue
+        s = residuals_of(
+            q, R, T, motions, lenses, pixels[f], distances[f], weight, 1.0, places[f], False, r, J
+        )
+        if not s < np.inf:
+            continue
+        slope[:] = J[8, :OWN]
+        J[8, :OWN] = 0.0
+        normal_matrix(J, pixels[f], 0.0, V)
+        if factor(V, OWN):
+            forward(V, slope, OWN)
+            found[f, 0] = r[8]
+            found[f, 1] = (slope * slope).sum()
