@@ -11,12 +11,13 @@ from __future__ import annotations
 import numpy as np
 
 from stereocal.bar_fit import (
-    COLUMNS,
+    ALL,
     EPSILON,
     OWN,
     RESIDUALS,
     SHARED,
     backward,
+    descent,
     factor,
     fill_motions,
     forward,
@@ -28,7 +29,9 @@ from stereocal.compiled import FloatArray, compiled
 from stereocal.geometry import fill_pose, midpoint
 
 CONVERGED = 1e-9
-"""The solve ends when the next step would lower the cost by less: 3e-5 standard errors."""
+"""A solve ends with a step that was to lower the cost by less: 3e-5 standard errors."""
+ROUGHLY = 1e-2
+"""The same while the limit still comes down: a tenth of a standard error."""
 
 
 @compiled
@@ -63,7 +66,7 @@ def sums(
 ) -> float:
     """Cost of all frames; writes places (n, 6), misfits s (n,), H (15, 15) and g (15,).
 
-    H and g are those of the places at their best: J^T J and J^T r with x eliminated.
+    H and g are those of the places at their best: J J^T and J r with x eliminated.
 
     Args:
         pixels: (n, 2, 4), NaN for a target that was not seen.
@@ -73,8 +76,8 @@ def sums(
     R, T, motions = np.empty((3, 3)), np.empty(3), np.empty((6, 3))
     fill_pose(q[: EPSILON + 1], q[5], R, T)
     fill_motions(q, R, motions)
-    r, J, V = np.empty(RESIDUALS), np.empty((RESIDUALS, COLUMNS)), np.empty((OWN, OWN))
-    Y = np.empty((COLUMNS, OWN))
+    r, J, V = np.empty(RESIDUALS), np.empty((ALL, RESIDUALS)), np.empty((OWN, OWN))
+    Y = np.empty((SHARED + 1, OWN))
     H[:, :] = 0.0
     g[:] = 0.0
     cost = 0.0
@@ -129,35 +132,31 @@ def eliminate(
 ) -> None:
     """Add w times the Schur complement of a frame to H (lower half) and g.
 
-    With J = [J_x J_q] and J_x^T J_x = L L^T: y = L^-1 J_x^T J_q, H = J_q^T J_q - y^T y.
+    With J_x J_x^T = L L^T and y = L^-1 J_x J_q^T: H = J_q J_q^T - y^T y.
     """
     for j in range(SHARED):
-        y = Y[j]
         for i in range(OWN):
-            total = 0.0
-            for k in range(RESIDUALS):
-                total += J[k, i] * J[k, OWN + j]
-            y[i] = total
-        forward(L, y, OWN)
+            Y[j, i] = descent(J, i, J[OWN + j])
+        forward(L, Y[j], OWN)
     z = Y[SHARED]
     for i in range(OWN):
-        z[i] = 0.0
-        for k in range(RESIDUALS):
-            z[i] += J[k, i] * r[k]
+        z[i] = descent(J, i, r)
     forward(L, z, OWN)
     for i in range(SHARED):
+        a, y = J[OWN + i], Y[i]
         for j in range(i + 1):
+            b = J[OWN + j]
             total = 0.0
             for k in range(RESIDUALS):
-                total += J[k, OWN + i] * J[k, OWN + j]
+                total += a[k] * b[k]
             for k in range(OWN):
-                total -= Y[i, k] * Y[j, k]
+                total -= y[k] * Y[j, k]
             H[i, j] += w * total
         total = 0.0
         for k in range(RESIDUALS):
-            total += J[k, OWN + i] * r[k]
+            total += a[k] * r[k]
         for k in range(OWN):
-            total -= Y[i, k] * z[k]
+            total -= y[k] * z[k]
         g[i] += w * total
 
 
@@ -177,6 +176,7 @@ def adjust(
     places: FloatArray,
     misfits: FloatArray,
     H: FloatArray,
+    tolerance: float,
     most_steps: int,
 ) -> tuple[float, int, bool]:
     """Levenberg-Marquardt over the free numbers p, with q = origin + M p; in place.
@@ -220,7 +220,7 @@ def adjust(
             p[:], places[:, :], misfits[:] = trial_p, trial_places, trial_misfits
             H[:, :], g[:] = trial_H, trial_g
             damping *= 0.05
-            if gain < CONVERGED:
+            if gain < tolerance:
                 return cost, step, True
         else:
             if gain < 1e-6:  # rounding, or the error that is left in the places
@@ -286,12 +286,12 @@ def length_innovations(
 
     Column 0: the length of the bar at `places`, which must be those of the pixels alone, less the
     stated one, in metres. Column 1: its variance from the noise of the pixels, in square metres:
-    l^T (J_x^T J_x)^-1 l, where l is the slope of the length. NaN where there is no bar.
+    l^T (J_x J_x^T)^-1 l, where l is the slope of the length. NaN where there is no bar.
     """
     R, T, motions = np.empty((3, 3)), np.empty(3), np.empty((6, 3))
     fill_pose(q[: EPSILON + 1], q[5], R, T)
     fill_motions(q, R, motions)
-    r, J, V = np.empty(RESIDUALS), np.empty((RESIDUALS, COLUMNS)), np.empty((OWN, OWN))
+    r, J, V = np.empty(RESIDUALS), np.empty((ALL, RESIDUALS)), np.empty((OWN, OWN))
     slope = np.empty(OWN)
     found[:, :] = np.nan
     for f in range(len(pixels)):
@@ -302,10 +302,34 @@ def length_innovations(
         )
         if not s < np.inf:
             continue
-        slope[:] = J[8, :OWN]
-        J[8, :OWN] = 0.0
+        slope[:] = J[:OWN, 8]
+        J[:OWN, 8] = 0.0
         normal_matrix(J, pixels[f], 0.0, V)
         if factor(V, OWN):
             forward(V, slope, OWN)
             found[f, 0] = r[8]
             found[f, 1] = (slope * slope).sum()
+
+
+@compiled
+def point_slopes(
+    q: FloatArray, lenses: FloatArray, weight: float, points: FloatArray, slopes: FloatArray
+) -> None:
+    """Write `slopes`, (n, 18, 4), of the pixels of points (n, 3): by the place and by q.
+
+    In units of 1 / `weight` pixels. NaN behind a camera.
+    """
+    R, T, motions = np.empty((3, 3)), np.empty(3), np.empty((6, 3))
+    fill_pose(q[: EPSILON + 1], q[5], R, T)
+    fill_motions(q, R, motions)
+    r, J, x = np.empty(RESIDUALS), np.empty((ALL, RESIDUALS)), np.zeros(OWN)
+    pixels = np.full((2, 4), np.nan)
+    pixels[0] = 0.0
+    for k in range(len(points)):
+        x[:3] = points[k]
+        s = residuals_of(q, R, T, motions, lenses, pixels, 0.0, weight, 0.0, x, True, r, J)
+        for i in range(4):
+            for j in range(3):
+                slopes[k, j, i] = J[j, i] if s < np.inf else np.nan
+            for j in range(SHARED):
+                slopes[k, 3 + j, i] = J[OWN + j, i] if s < np.inf else np.nan

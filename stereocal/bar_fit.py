@@ -4,7 +4,8 @@ The unknowns that all frames share are `q`, 15 numbers: the five angles, the bas
 factor of the bar's length, and fx, fy, cx, cy of the primary and of the secondary camera. A frame
 adds the places of its targets, `x`: six numbers in metres, in the primary's frame. Its residuals
 are nine: eight pixel coordinates over sigma_px, and the length |A - B| less the bar's over its
-scatter. Their slopes by x and then by q fill the 21 columns of a (9, 21) array.
+scatter. Their slopes by x and then by q are the 21 rows of `J`, shape (21, 9): a row is one
+unknown, because sums run over residuals, and those of a row lie side by side in memory.
 """
 
 from __future__ import annotations
@@ -18,11 +19,12 @@ YAW, PITCH, ROLL, DELTA, EPSILON, BASELINE, BAR, PRIMARY, SECONDARY = 0, 1, 2, 3
 SHARED = 15
 OWN = 6
 RESIDUALS = 9
-COLUMNS = OWN + SHARED
+ALL = OWN + SHARED
 
 MOST_STEPS = 12
-SETTLED = 1e-9
-"""The places are found when the next step would lower the sum of squares by less."""
+SETTLED = 1e-6
+"""The places are found when a step was to lower the sum of squares by less; what is left then is
+the square of a small number smaller (measured: below 1e-9)."""
 
 
 @compiled
@@ -93,7 +95,7 @@ def residuals_of(
     r: FloatArray,
     J: FloatArray,
 ) -> float:
-    """Write the residuals r (9,) of a frame and their slopes J (9, 21); return the sum of squares.
+    """Write the residuals r (9,) of a frame and their slopes J (21, 9); return the sum of squares.
 
     Infinite where a target is behind a camera. NaN pixels are a target that was not seen: its
     residuals are 0. Without `whole` only the slopes by x are written.
@@ -104,7 +106,7 @@ def residuals_of(
         weight: 1 / sigma_px.
         length_weight: 1 / scatter of the bar's length; 0 leaves the length out.
     """
-    J[:, : COLUMNS if whole else OWN] = 0.0
+    J[: ALL if whole else OWN] = 0.0
     r[:] = 0.0
     slopes = np.empty((2, 3))
     for target in range(2):
@@ -124,7 +126,7 @@ def residuals_of(
         )  # fmt: skip
         for i in range(2):
             for j in range(3):
-                J[row + i, at + j] = slopes[i, j]
+                J[at + j, row + i] = slopes[i, j]
         if whole:
             lens_slopes(J, row, OWN + PRIMARY, weight, bx, by)
         row += 2
@@ -135,16 +137,16 @@ def residuals_of(
         for i in range(2):
             p, s, t = slopes[i, 0], slopes[i, 1], slopes[i, 2]
             for j in range(3):
-                J[row + i, at + j] = p * R[0, j] + s * R[1, j] + t * R[2, j]
+                J[at + j, row + i] = p * R[0, j] + s * R[1, j] + t * R[2, j]
             if whole:
                 # p . (axis x y) = axis . (y x p)
                 m0, m1, m2 = yy * t - yz * s, yz * p - yx * t, yx * s - yy * p
                 for k in range(3):
-                    J[row + i, OWN + k] = (
+                    J[OWN + k, row + i] = (
                         motions[k, 0] * m0 + motions[k, 1] * m1 + motions[k, 2] * m2
                     )
                 for k in range(3, 6):
-                    J[row + i, OWN + k] = (
+                    J[OWN + k, row + i] = (
                         motions[k, 0] * p + motions[k, 1] * s + motions[k, 2] * t
                     )
         if whole:
@@ -154,10 +156,10 @@ def residuals_of(
         length = np.sqrt(dx * dx + dy * dy + dz * dz)
         r[8] = length_weight * (length - q[BAR] * distance)
         scale = length_weight / length
-        J[8, 0], J[8, 1], J[8, 2] = scale * dx, scale * dy, scale * dz
-        J[8, 3], J[8, 4], J[8, 5] = -scale * dx, -scale * dy, -scale * dz
+        J[0, 8], J[1, 8], J[2, 8] = scale * dx, scale * dy, scale * dz
+        J[3, 8], J[4, 8], J[5, 8] = -scale * dx, -scale * dy, -scale * dz
         if whole:
-            J[8, OWN + BAR] = -length_weight * distance
+            J[OWN + BAR, 8] = -length_weight * distance
     total = 0.0
     for i in range(RESIDUALS):
         total += r[i] * r[i]
@@ -166,13 +168,13 @@ def residuals_of(
 
 @compiled
 def lens_slopes(
-    J: FloatArray, row: int, column: int, weight: float, bx: float, by: float
+    J: FloatArray, row: int, at: int, weight: float, bx: float, by: float
 ) -> None:
     """Slopes of two residuals by fx, fy, cx, cy."""
-    J[row, column] = weight * bx
-    J[row, column + 2] = weight
-    J[row + 1, column + 1] = weight * by
-    J[row + 1, column + 3] = weight
+    J[at, row] = weight * bx
+    J[at + 2, row] = weight
+    J[at + 1, row + 1] = weight * by
+    J[at + 3, row + 1] = weight
 
 
 @compiled
@@ -212,19 +214,32 @@ def backward(L: FloatArray, b: FloatArray, n: int) -> None:
 
 @compiled
 def normal_matrix(J: FloatArray, pixels: FloatArray, damping: float, V: FloatArray) -> None:
-    """J_x^T J_x, (6, 6), the diagonal raised by `damping`; 1 for a target that was not seen."""
-    for i in range(OWN):
-        for j in range(i + 1):
-            total = 0.0
-            for k in range(RESIDUALS):
-                total += J[k, i] * J[k, j]
-            V[i, j] = total
-            V[j, i] = total
-        V[i, i] *= 1.0 + damping
+    """J_x J_x^T, (6, 6), the diagonal raised by `damping`; 1 for a target that was not seen.
+
+    Only the length joins the two targets. Only the lower half is written.
+    """
     for target in range(2):
-        if np.isnan(pixels[target, 0]):
-            for i in range(3 * target, 3 * target + 3):
-                V[i, i] = 1.0
+        at, row = 3 * target, 4 * target
+        unseen = np.isnan(pixels[target, 0])
+        for i in range(at, at + 3):
+            for j in range(at):
+                V[i, j] = J[i, 8] * J[j, 8]
+            for j in range(at, i + 1):
+                total = J[i, 8] * J[j, 8]
+                for k in range(4):
+                    total += J[i, row + k] * J[j, row + k]
+                V[i, j] = total
+            V[i, i] = 1.0 if unseen else V[i, i] * (1.0 + damping)
+
+
+@compiled
+def descent(J: FloatArray, i: int, other: FloatArray) -> float:
+    """Row i of J_x times (9,) residuals or a row of J: four pixel coordinates and the length."""
+    row = 0 if i < 3 else 4
+    total = J[i, 8] * other[8]
+    for k in range(4):
+        total += J[i, row + k] * other[row + k]
+    return total
 
 
 @compiled
@@ -254,9 +269,7 @@ def settle(
     for _ in range(MOST_STEPS):
         normal_matrix(J, pixels, damping, V)
         for i in range(OWN):
-            step[i] = 0.0
-            for k in range(RESIDUALS):
-                step[i] += J[k, i] * r[k]
+            step[i] = descent(J, i, r)
         if not factor(V, OWN):
             break
         forward(V, step, OWN)

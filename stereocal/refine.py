@@ -24,7 +24,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.stats import chi2
 
-from stereocal.adjustment import adjust, length_innovations, sums
+from stereocal.adjustment import CONVERGED, ROUGHLY, adjust, length_innovations, sums
 from stereocal.bar_fit import BAR, BASELINE, EPSILON, OWN, PRIMARY, SECONDARY, SHARED
 from stereocal.camera import Camera
 from stereocal.compiled import FloatArray, IntArray
@@ -32,7 +32,7 @@ from stereocal.dataset import Dataset
 from stereocal.distortion import lens_terms
 from stereocal.errors import StereocalError
 from stereocal.essential import calibrate_essential, choose_pose
-from stereocal.geometry import Angles, Pose
+from stereocal.geometry import Angles, Pose, residuals
 from stereocal.unknowns import RefineSettings, Unknowns, camera_of, unknowns_of
 
 GIVEN, ESTIMATED = "given", "estimated from the residuals"
@@ -99,6 +99,11 @@ class RefinedResult:
         return np.asarray(self.unknowns.origin + self.unknowns.M @ self.p)
 
     @cached_property
+    def lenses(self) -> FloatArray:
+        """(2, 23): skew and distortion of both lenses, for the compiled functions."""
+        return lenses_of(self.dataset)
+
+    @cached_property
     def p_covariance(self) -> FloatArray:
         """(k, k): covariance of the free numbers, priors included."""
         M = self.unknowns.M
@@ -149,24 +154,46 @@ def refine(
     settings = settings or RefineSettings()
     began = time.perf_counter()
     found: _Adjustment | None = None
-    if start is None:
-        try:
-            start = calibrate_essential(dataset.rays, dataset.baseline_m).pose
-        except StereocalError:
-            start = robust_start(dataset)
-    if start is not None:
-        found = _solved(dataset, start, settings)
-    if settings.loss == "robust" and (found is None or found.outlying.any()):
-        other = robust_start(dataset)
-        second = None if other is None else _solved(dataset, other, settings)
-        if second is not None and (found is None or second.better_than(found)):
-            found = second
+    for pose in _starts(dataset, start, settings):
+        if found is not None and not found.outlying.any():
+            break
+        other = _solved(dataset, pose, settings)
+        if found is None or (other is not None and other.better_than(found)):
+            found = other
     if found is None:
         raise StereocalError(
             "The refined method found no position of the cameras that fits: check that points, "
             "targets and camera files are not exchanged."
         )
     return found.result(time.perf_counter() - began)
+
+
+def _starts(dataset: Dataset, start: Pose | None, settings: RefineSettings) -> list[Pose]:
+    """Where to begin: the given or the essential pose and one that ignores gross errors.
+
+    The better one, by the median of the residuals, comes first.
+    """
+    if start is None:
+        try:
+            start = calibrate_essential(dataset.rays, dataset.baseline_m).pose
+        except StereocalError:
+            start = None
+    robust = robust_start(dataset) if settings.loss == "robust" else None
+    found = [pose for pose in (start, robust) if pose is not None]
+    rays = dataset.rays.T
+    return sorted(
+        found,
+        key=lambda pose: float(
+            np.median(np.abs(residuals(pose.essential, rays[:, :2], rays[:, 2:])))
+        ),
+    )
+
+
+def lenses_of(dataset: Dataset) -> FloatArray:
+    """(2, 23): what of the two lenses stays: skew and distortion."""
+    return np.array(
+        [np.append(c.K[0, 1], lens_terms(c)) for c in (dataset.primary, dataset.secondary)]
+    )
 
 
 def robust_start(dataset: Dataset) -> Pose | None:
@@ -212,9 +239,7 @@ class _Adjustment:
         self.targets = np.isfinite(self.pixels[:, :, 0]).sum(axis=1)
         self.freedom = self.targets + bar
         self.limit = chi2.isf(RARE, self.freedom)
-        self.lenses = np.array(
-            [np.append(c.K[0, 1], lens_terms(c)) for c in (dataset.primary, dataset.secondary)]
-        )
+        self.lenses = lenses_of(dataset)
         self.p = np.zeros(len(self.unknowns.names))
         self.places = np.full((n, OWN), np.nan)
         self.misfits = np.full(n, np.inf)
@@ -266,7 +291,7 @@ class _Adjustment:
                 return False
             while True:
                 scale = max(1.0, scale)
-                self._solve(SOFT * scale * self.limit)
+                self._solve(SOFT * scale * self.limit, ROUGHLY)
                 if not np.isfinite(self.cost):
                     return False
                 if scale == 1.0:
@@ -291,11 +316,11 @@ class _Adjustment:
         """Factor of a misfit that was found with the noise of `before`."""
         return (before[0] / self.sigma_px) ** 2
 
-    def _solve(self, limits: FloatArray) -> None:
+    def _solve(self, limits: FloatArray, tolerance: float = CONVERGED) -> None:
         self.cost, steps, self.converged = adjust(
             self.unknowns.origin, self.unknowns.M, self.unknowns.precision, self.p, self.lenses,
             self.pixels, self.rays, self.distances, 1 / self.sigma_px, 1 / self.scatter, limits,
-            self.places, self.misfits, self.H, self.settings.maximum_steps,
+            self.places, self.misfits, self.H, tolerance, self.settings.maximum_steps,
         )  # fmt: skip
         self.steps += steps
 
