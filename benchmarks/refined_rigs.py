@@ -83,3 +83,39 @@ def held_out(dataset: Dataset, frames: int) -> tuple[Dataset, Dataset]:
 def fixed_lenses(settings: RefineSettings) -> RefineSettings:
     """The same with both lenses held."""
     return replace(settings, primary=LensPrior(0.0, 0.0), secondary=LensPrior(0.0, 0.0))
+
+
+def spoiled(
+    dataset: Dataset, rng: np.random.Generator, share: float = 0.1, slip_px: float = 40.0
+) -> tuple[Dataset, list[int]]:
+    """The data set with gross errors in a share of its frames, and these frames.
+
+    In turn: a point of the secondary that belongs to another frame, a point that slipped in one
+    image in a random direction, and A and B exchanged in one image.
+    """
+    rows = dataset.correspondences
+    primary, secondary = rows.primary.copy(), rows.secondary.copy()
+    bad = rng.choice(len(rows.bars), round(share * len(rows.bars)), replace=False)
+    size = np.array(dataset.secondary.image_size) - 1.0
+    for turn, bar in enumerate(bad):
+        a, b = rows.bars[bar]
+        one = a if rng.random() < 0.5 else b
+        if turn % 3 == 0:
+            others = np.flatnonzero(rows.frame != rows.frame[a])
+            secondary[one] = rows.secondary[rng.choice(others)]
+        elif turn % 3 == 1:
+            image = primary if rng.random() < 0.5 else secondary
+            limit = np.array(dataset.primary.image_size) - 1.0 if image is primary else size
+            angle = rng.uniform(0, 2 * np.pi)
+            slip = slip_px * np.array([np.cos(angle), np.sin(angle)])
+            moved = image[one] + slip
+            inside = ((moved >= 0) & (moved <= limit)).all()
+            image[one] = moved if inside else image[one] - slip
+        else:
+            secondary[[a, b]] = secondary[[b, a]]
+    inside = ((primary >= 0) & (primary <= np.array(dataset.primary.image_size) - 1)).all(axis=1)
+    inside &= ((secondary >= 0) & (secondary <= size)).all(axis=1)
+    changed = replace(rows, primary=primary, secondary=secondary).where(inside)
+    return replace(dataset, correspondences=changed), sorted(
+        int(frame) for frame in rows.frame[rows.bars[bad, 0]]
+    )
