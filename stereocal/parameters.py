@@ -32,7 +32,7 @@ from stereocal.geometry import (
 from stereocal.writing import write_atomically
 
 PARAMETERS_FORMAT = "stereocal-parameters/1"
-PURPOSES = {"2d": "matching", "3d": "reconstruction"}
+PURPOSES = {"2d": "matching", "3d": "reconstruction", "refined": "both"}
 PIXEL_ORIGIN = "centre of the top-left pixel is (0, 0); u to the right, v down"
 CONVENTION = "x_secondary = R @ x_primary + T"
 UNITS = {"T": "m", "baseline_m": "m", "angles": "rad", "K": "px", "matching_threshold_px": "px"}

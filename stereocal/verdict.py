@@ -155,20 +155,20 @@ def verdict(runs: Sequence[HeldOut]) -> Verdict:
         kind = "two"
     add = _frames_to_add((matching, measuring), fitted + tested) if kind == "few" else None
     px, share = np.nanmedian(matching_px, axis=0), np.nanmedian(length, axis=0)
+    figures = (
+        f"the refined set matches with {px[2]:.2f} px where the 2D set has {px[0]:.2f} px "
+        f"({_words(matching)}), and measures with {_percent(share[2])} where the 3D set has "
+        f"{_percent(share[1])} ({_words(measuring)})."
+    )
+    more = f"about {add}" if add else f"more than {MOST_TO_ADD * (fitted + tested)}"
     opening = {
-        "one": "One refined set does both jobs",
-        "two": "Two sets are worth it on this rig",
-        "few": "Too few frames to tell: add about {}".format(add or "ten times as many"),
+        "one": "One refined set does both jobs: ",
+        "two": "Two sets are worth it on this rig: ",
+        "few": f"Too few frames to tell: add {more}. So far ",
     }[kind]
     return Verdict(
         kind,
-        f"{opening}: it matches with {px[2]:.2f} px where the 2D set has {px[0]:.2f} px "
-        f"({_words(matching)}), and measures with {_percent(share[2])} where the 3D set has "
-        f"{_percent(share[1])} ({_words(measuring)})."
-        if kind != "few"
-        else f"{opening}. So far the refined set matches with {px[2]:.2f} px where the 2D set has "
-        f"{px[0]:.2f} px ({_words(matching)}), and measures with {_percent(share[2])} where the "
-        f"3D set has {_percent(share[1])} ({_words(measuring)}).",
+        opening + figures,
         matching,
         measuring,
         (float(px[0]), float(px[1]), float(px[2])),
