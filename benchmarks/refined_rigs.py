@@ -113,9 +113,10 @@ def spoiled(
             image[one] = moved if inside else image[one] - slip
         else:
             secondary[[a, b]] = secondary[[b, a]]
-    inside = ((primary >= 0) & (primary <= np.array(dataset.primary.image_size) - 1)).all(axis=1)
-    inside &= ((secondary >= 0) & (secondary <= size)).all(axis=1)
-    changed = replace(rows, primary=primary, secondary=secondary).where(inside)
+    largest = np.array(dataset.primary.image_size) - 1
+    kept = np.asarray(((primary >= 0) & (primary <= largest)).all(axis=1))
+    kept &= ((secondary >= 0) & (secondary <= size)).all(axis=1)
+    changed = replace(rows, primary=primary, secondary=secondary).where(kept)
     return replace(dataset, correspondences=changed), sorted(
         int(frame) for frame in rows.frame[rows.bars[bad, 0]]
     )

@@ -86,9 +86,7 @@ def sums(
         own = 0.0 if np.isnan(distances[f]) else length_weight
         if np.isnan(x).any():
             start(R, T, rays[f], x)
-        s = settle(
-            q, R, T, motions, lenses, pixels[f], distances[f], weight, own, x, r, J, V
-        )
+        s = settle(q, R, T, motions, lenses, pixels[f], distances[f], weight, own, x, r, J, V)
         misfits[f] = s
         rho, w = loss(s, limits[f])
         cost += rho

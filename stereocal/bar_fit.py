@@ -80,6 +80,61 @@ def see(
 
 
 @compiled
+def target_residuals(
+    target: int,
+    q: FloatArray,
+    R: FloatArray,
+    T: FloatArray,
+    motions: FloatArray,
+    lenses: FloatArray,
+    seen: FloatArray,
+    weight: float,
+    x: FloatArray,
+    whole: bool,
+    slopes: FloatArray,
+    r: FloatArray,
+    J: FloatArray,
+) -> bool:
+    """Write the four residuals of a target and their slopes; false behind a camera."""
+    at, row = 3 * target, 4 * target
+    a, b, c = x[at], x[at + 1], x[at + 2]
+    yx = R[0, 0] * a + R[0, 1] * b + R[0, 2] * c
+    yy = R[1, 0] * a + R[1, 1] * b + R[1, 2] * c
+    yz = R[2, 0] * a + R[2, 1] * b + R[2, 2] * c
+    sx, sy, sz = yx + T[0], yy + T[1], yz + T[2]
+    if not (c > 0.0 and sz > 0.0):
+        return False
+    bx, by = see(
+        a, b, c, seen[0], seen[1], q[PRIMARY : PRIMARY + 4],
+        lenses[0, 0], lenses[0, 1:], weight, row, r, slopes,
+    )  # fmt: skip
+    for i in range(2):
+        for j in range(3):
+            J[at + j, row + i] = slopes[i, j]
+    if whole:
+        lens_slopes(J, row, OWN + PRIMARY, weight, bx, by)
+    row += 2
+    bx, by = see(
+        sx, sy, sz, seen[2], seen[3], q[SECONDARY : SECONDARY + 4],
+        lenses[1, 0], lenses[1, 1:], weight, row, r, slopes,
+    )  # fmt: skip
+    for i in range(2):
+        p, s, t = slopes[i, 0], slopes[i, 1], slopes[i, 2]
+        for j in range(3):
+            J[at + j, row + i] = p * R[0, j] + s * R[1, j] + t * R[2, j]
+        if whole:
+            # slope . (axis x y) = axis . (y x slope)
+            m0, m1, m2 = yy * t - yz * s, yz * p - yx * t, yx * s - yy * p
+            for k in range(3):
+                turn, shift = motions[k], motions[k + 3]
+                J[OWN + k, row + i] = turn[0] * m0 + turn[1] * m1 + turn[2] * m2
+                J[OWN + 3 + k, row + i] = shift[0] * p + shift[1] * s + shift[2] * t
+    if whole:
+        lens_slopes(J, row, OWN + SECONDARY, weight, bx, by)
+    return True
+
+
+@compiled
 def residuals_of(
     q: FloatArray,
     R: FloatArray,
@@ -110,47 +165,11 @@ def residuals_of(
     r[:] = 0.0
     slopes = np.empty((2, 3))
     for target in range(2):
-        if np.isnan(pixels[target, 0]):
-            continue
-        at, row = 3 * target, 4 * target
-        a, b, c = x[at], x[at + 1], x[at + 2]
-        yx = R[0, 0] * a + R[0, 1] * b + R[0, 2] * c
-        yy = R[1, 0] * a + R[1, 1] * b + R[1, 2] * c
-        yz = R[2, 0] * a + R[2, 1] * b + R[2, 2] * c
-        sx, sy, sz = yx + T[0], yy + T[1], yz + T[2]
-        if not (c > 0.0 and sz > 0.0):
+        seen = pixels[target]
+        if not np.isnan(seen[0]) and not target_residuals(
+            target, q, R, T, motions, lenses, seen, weight, x, whole, slopes, r, J
+        ):
             return np.inf
-        bx, by = see(
-            a, b, c, pixels[target, 0], pixels[target, 1], q[PRIMARY : PRIMARY + 4],
-            lenses[0, 0], lenses[0, 1:], weight, row, r, slopes,
-        )  # fmt: skip
-        for i in range(2):
-            for j in range(3):
-                J[at + j, row + i] = slopes[i, j]
-        if whole:
-            lens_slopes(J, row, OWN + PRIMARY, weight, bx, by)
-        row += 2
-        bx, by = see(
-            sx, sy, sz, pixels[target, 2], pixels[target, 3], q[SECONDARY : SECONDARY + 4],
-            lenses[1, 0], lenses[1, 1:], weight, row, r, slopes,
-        )  # fmt: skip
-        for i in range(2):
-            p, s, t = slopes[i, 0], slopes[i, 1], slopes[i, 2]
-            for j in range(3):
-                J[at + j, row + i] = p * R[0, j] + s * R[1, j] + t * R[2, j]
-            if whole:
-                # p . (axis x y) = axis . (y x p)
-                m0, m1, m2 = yy * t - yz * s, yz * p - yx * t, yx * s - yy * p
-                for k in range(3):
-                    J[OWN + k, row + i] = (
-                        motions[k, 0] * m0 + motions[k, 1] * m1 + motions[k, 2] * m2
-                    )
-                for k in range(3, 6):
-                    J[OWN + k, row + i] = (
-                        motions[k, 0] * p + motions[k, 1] * s + motions[k, 2] * t
-                    )
-        if whole:
-            lens_slopes(J, row, OWN + SECONDARY, weight, bx, by)
     if length_weight > 0.0:
         dx, dy, dz = x[0] - x[3], x[1] - x[4], x[2] - x[5]
         length = np.sqrt(dx * dx + dy * dy + dz * dz)
@@ -167,9 +186,7 @@ def residuals_of(
 
 
 @compiled
-def lens_slopes(
-    J: FloatArray, row: int, at: int, weight: float, bx: float, by: float
-) -> None:
+def lens_slopes(J: FloatArray, row: int, at: int, weight: float, bx: float, by: float) -> None:
     """Slopes of two residuals by fx, fy, cx, cy."""
     J[at, row] = weight * bx
     J[at + 2, row] = weight
@@ -236,7 +253,7 @@ def normal_matrix(J: FloatArray, pixels: FloatArray, damping: float, V: FloatArr
 def descent(J: FloatArray, i: int, other: FloatArray) -> float:
     """Row i of J_x times (9,) residuals or a row of J: four pixel coordinates and the length."""
     row = 0 if i < 3 else 4
-    total = J[i, 8] * other[8]
+    total: float = J[i, 8] * other[8]
     for k in range(4):
         total += J[i, row + k] * other[row + k]
     return total

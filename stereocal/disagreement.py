@@ -24,6 +24,7 @@ from scipy.special import ndtri_exp
 
 from stereocal.bar_fit import BAR, BASELINE, PRIMARY, SECONDARY, SHARED
 from stereocal.compiled import FloatArray
+from stereocal.errors import StereocalError
 from stereocal.refine import RefinedResult, refine
 from stereocal.unknowns import LensPrior, RefineSettings, baseline_sigma_m, distance_sigma_m
 
@@ -69,7 +70,7 @@ def what_disagrees(result: RefinedResult) -> list[Input]:
 
     Solves again for each accused input.
     """
-    current = refine(result.dataset, _with_its_noise(result), start=result.pose)
+    current = _with_its_noise(result)
     found = {key: _input(result, key, value) for key, (value, _) in _tests(current).items()}
     named: list[str] = []
     while True:
@@ -90,8 +91,8 @@ def what_disagrees(result: RefinedResult) -> list[Input]:
     return [found[key] for key in [*named, *rest]]
 
 
-def _with_its_noise(result: RefinedResult) -> RefineSettings:
-    """The settings with the noise of a solve whose priors are wide, where it is not given."""
+def _with_its_noise(result: RefinedResult) -> RefinedResult:
+    """The result with the noise of a solve whose priors are wide, where it was not given."""
     settings, dataset = result.settings, result.dataset
     wide = replace(
         settings,
@@ -100,8 +101,12 @@ def _with_its_noise(result: RefinedResult) -> RefineSettings:
         baseline_sigma_m=WIDER * baseline_sigma_m(dataset, settings),
         distance_sigma_m=WIDER * distance_sigma_m(dataset, settings),
     )
-    noise = refine(dataset, wide, start=result.pose)
-    return replace(settings, sigma_px=noise.sigma_px.value, scatter_m=noise.scatter_m.value)
+    try:
+        noise = refine(dataset, wide, start=result.pose)
+        held = replace(settings, sigma_px=noise.sigma_px.value, scatter_m=noise.scatter_m.value)
+        return refine(dataset, held, start=result.pose)
+    except StereocalError:  # so few frames that wide priors fit anything
+        return result
 
 
 def _widened(lens: LensPrior) -> LensPrior:
@@ -191,8 +196,10 @@ def _freed(settings: RefineSettings, key: str) -> RefineSettings:
     camera, part = key.split()
     lens: LensPrior = getattr(settings, camera)
     lens = replace(lens, focal=np.inf) if part == "focal" else replace(lens, centre_px=np.inf)
-    return replace(settings, primary=lens) if camera == "primary" else replace(
-        settings, secondary=lens
+    return (
+        replace(settings, primary=lens)
+        if camera == "primary"
+        else replace(settings, secondary=lens)
     )
 
 

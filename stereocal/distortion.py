@@ -39,9 +39,7 @@ def _tilt(tau_x: float, tau_y: float) -> FloatArray:
 
 
 @compiled
-def bend(
-    x: float, y: float, terms: FloatArray
-) -> tuple[float, float, float, float, float, float]:
+def bend(x: float, y: float, terms: FloatArray) -> tuple[float, float, float, float, float, float]:
     """The bent point (x', y') of a straight one, and dx'/dx, dx'/dy, dy'/dx, dy'/dy."""
     k1, k2, p1, p2, k3 = terms[0], terms[1], terms[2], terms[3], terms[4]
     k4, k5, k6 = terms[5], terms[6], terms[7]

@@ -1,9 +1,9 @@
 """The paper's two costs as functions of pose and lenses, with their slopes, compiled.
 
-The 2D cost is a sum of lengths |e| of errors in the images, the 3D cost a sum of |D - D^R|. Both are
-made smooth as sqrt(|e|^2 + h^2) with a small h; each term's curvature is bounded by that of a
-parabola with weight 1 / sqrt(|e|^2 + h^2) (iteratively reweighted least squares), which gives the
-normal equations. Slopes are central differences, with rays that move by the lens's own slope.
+The 2D cost is a sum of lengths |e| of errors in the images, the 3D cost a sum of |D - D^R|. Both
+are made smooth as sqrt(|e|^2 + h^2) with a small h; each term is bounded by a parabola of weight
+1 / sqrt(|e|^2 + h^2) (iteratively reweighted least squares), which gives the normal equations.
+Slopes are central differences, with rays that move by the lens's own slope.
 """
 
 from __future__ import annotations

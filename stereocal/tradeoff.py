@@ -22,9 +22,9 @@ from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
 from stereocal.essential import calibrate_essential
 from stereocal.geometry import Angles, Pose
-from stereocal.parameters import RigParameters
 from stereocal.paper_costs import fill_errors, slopes_of_errors, straighten, weigh
-from stereocal.refine import lenses_of
+from stereocal.parameters import RigParameters, inputs_of
+from stereocal.solve import lenses_of
 from stereocal.unknowns import FIXED_LENS, RefineSettings, Unknowns, camera_of, unknowns_of
 
 POINTS = 25
@@ -60,13 +60,7 @@ class TradeOffPoint:
             pose=self.pose,
             cost=(1.0 - self.share) * self.cost_2d_px + self.share * self.cost_3d_m,
             settings={"trade_off_share": self.share, "lenses": self.lenses},
-            inputs={
-                "sha256": dataset.sha256,
-                "name": dataset.name,
-                "baseline_m": dataset.baseline_m,
-                "target_distance_m": dataset.target_distance_m,
-                "frames": [int(frame) for frame in dataset.correspondences.frames],
-            },
+            inputs=inputs_of(dataset, dataset.correspondences.frames),
         )
 
 

@@ -1,10 +1,10 @@
 """How well the refined set is known, and what it measures: standard errors, and errors by place.
 
 The midpoint of two rays is the point X of least sum of squared distances to them. Where camera c
-has the slopes J_c (2, 3) of its pixels by X, a change du of the pixels, or dq of the cameras, shifts
-its ray near X by J_c^+ (du - J_q dq), square to the ray, and the midpoint by N^-1 times the sum of
-both shifts, N = sum of J_c^+ J_c. So the error of a point has two parts: that of its own pixels, and
-that of the cameras, which all points share.
+has the slopes J_c (2, 3) of its pixels by X, a change du of the pixels, or dq of the cameras,
+shifts its ray near X by J_c^+ (du - J_q dq), square to the ray, and the midpoint by N^-1 times the
+sum of both shifts, N = sum of J_c^+ J_c. So the error of a point has two parts: that of its own
+pixels, and that of the cameras, which all points share.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ def distance_sigmas(
 
 @dataclass(frozen=True, eq=False)
 class AccuracyMap:
-    """Predicted errors on the plane y = 0 of the primary's frame; NaN where not both cameras see."""
+    """Predicted errors on the plane y = 0 of the primary's frame; NaN out of a camera's view."""
 
     x_m: FloatArray
     """(i,)."""
@@ -122,12 +122,12 @@ def in_view(camera: Camera, points_m: FloatArray) -> npt.NDArray[np.bool_]:
     pixels = camera.project(points_m)
     with np.errstate(invalid="ignore"):
         size = np.array(camera.image_size)
-        inside = ((pixels >= -0.5) & (pixels <= size - 0.5)).all(axis=1)
+        inside = np.asarray(((pixels >= -0.5) & (pixels <= size - 0.5)).all(axis=1))
         # Far outside the view a lens polynomial can turn back and put a point into the image.
         seen = np.flatnonzero(inside)
         rays = points_m[seen, :2] / points_m[seen, 2:]
         inside[seen] = np.abs(camera.undistort(pixels[seen]) - rays).max(axis=1, initial=0) < 1e-6
-    return np.asarray(inside)
+    return inside
 
 
 def _point_errors(result: RefinedResult, points_m: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
@@ -136,11 +136,13 @@ def _point_errors(result: RefinedResult, points_m: npt.ArrayLike) -> tuple[Float
     slopes = np.empty((len(points), 3 + SHARED, 4))
     point_slopes(result.q, result.lenses, 1 / result.sigma_px.value, points, slopes)
     by_place, by_cameras = slopes[:, :3].transpose(0, 2, 1), slopes[:, 3:].transpose(0, 2, 1)
-    usable = np.isfinite(by_place).all(axis=(1, 2))
+    usable = np.asarray(np.isfinite(by_place).all(axis=(1, 2)))
     own = np.full((len(points), 3, 3), np.nan)
     moves = np.full((len(points), 3, SHARED), np.nan)
     of_both = by_place[usable]
-    shifts = np.concatenate([np.linalg.pinv(of_both[:, :2]), np.linalg.pinv(of_both[:, 2:])], axis=2)
+    shifts = np.concatenate(
+        [np.linalg.pinv(of_both[:, :2]), np.linalg.pinv(of_both[:, 2:])], axis=2
+    )
     gain = np.linalg.solve(shifts @ of_both, shifts)
     own[usable] = gain @ gain.transpose(0, 2, 1)
     moves[usable] = -gain @ by_cameras[usable]

@@ -84,7 +84,8 @@ class RefineSettings:
 
     def to_json(self) -> dict[str, Any]:
         """All settings; infinity as the text "inf", which JSON does not know."""
-        return _without_infinity(asdict(self))
+        settings: dict[str, Any] = _without_infinity(asdict(self))
+        return settings
 
 
 @dataclass(frozen=True, eq=False)
