@@ -28,6 +28,8 @@ ASSUMED_PX = 0.5
 FEWEST_PAIRS = 10
 """Five angles leave five residuals of ten pairs to tell the noise by."""
 FEWEST_BARS = 5
+CHANCE = 0.05
+"""A bar counts as rigid unless its lengths scatter more than so few rigid ones would."""
 
 RARE = 1e-4
 """A frame stands out when a good one would have such a misfit so seldom."""
@@ -222,7 +224,10 @@ def scatter_of(
     """The scatter that explains the lengths beyond the noise of the pixels, in metres.
 
     Solves sum(e^2 / (scatter^2 + v)) = n - spent (Mandel and Paule), or, `robust`, the same for the
-    median of a squared normal number. 0 where the pixels explain all.
+    median of a squared normal number. 0 where the pixels explain all, which is believed unless the
+    sum without scatter is rarer than `CHANCE`: half of all rigid bars would have a scatter
+    otherwise, and the scale would seem less sure than it is (measured on 25 frames: errors of the
+    baseline are 0.93 of the stated ones, 0.97 with this).
 
     Args:
         innovations: (n,), e, reconstructed less stated lengths, in metres.
@@ -230,18 +235,17 @@ def scatter_of(
         spent: how many lengths went into the unknowns.
     """
     squares = np.square(innovations)
-    if len(squares) < 2:
+    left = max(len(squares) - spent, 1.0)
+    if len(squares) < 2 or not float(np.sum(squares / variances)) > chi2.isf(CHANCE, left):
         return 0.0
 
     def excess(square: float) -> float:
         terms = squares / (square + variances)
         if robust:
             return float(np.median(terms)) / float(MEDIANS[1]) - 1.0
-        return float(terms.sum()) / max(len(terms) - spent, 1.0) - 1.0
+        return float(terms.sum()) / left - 1.0
 
-    low, high = 0.0, float(squares.max()) * max(len(squares), 10)
-    if not excess(1e-300) > 0:
-        return 0.0
+    low, high = 0.0, float(squares.max()) * len(squares) * 10
     for _ in range(60):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if excess(middle) > 0 else (low, middle)

@@ -62,15 +62,28 @@ def distance_sigmas(
 
     NaN behind a camera.
     """
+    along, own, slopes = _length_errors(result, first_m, second_m)
+    variance = np.einsum("ni,nij,nj->n", along, own, along)
+    variance += np.einsum("ni,ij,nj->n", slopes, result.covariance, slopes)
+    return np.asarray(np.sqrt(variance))
+
+
+def length_slopes(
+    result: RefinedResult, first_m: npt.ArrayLike, second_m: npt.ArrayLike
+) -> FloatArray:
+    """(n, 15): slopes of reconstructed distances by the shared unknowns of `bar_fit`."""
+    return _length_errors(result, first_m, second_m)[2]
+
+
+def _length_errors(
+    result: RefinedResult, first_m: npt.ArrayLike, second_m: npt.ArrayLike
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Direction (n, 3) of each distance, covariance (n, 3, 3) of its ends' difference, slopes."""
     a, b = (np.asarray(points, dtype=np.float64) for points in (first_m, second_m))
-    along = a - b
-    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    along = (a - b) / np.linalg.norm(a - b, axis=1, keepdims=True)
     own_a, moves_a = _point_errors(result, a)
     own_b, moves_b = _point_errors(result, b)
-    by_cameras = np.einsum("ni,nij->nj", along, moves_a - moves_b)
-    variance = np.einsum("ni,nij,nj->n", along, own_a + own_b, along)
-    variance += np.einsum("ni,ij,nj->n", by_cameras, result.covariance, by_cameras)
-    return np.asarray(np.sqrt(variance))
+    return along, own_a + own_b, np.einsum("ni,nij->nj", along, moves_a - moves_b)
 
 
 @dataclass(frozen=True, eq=False)

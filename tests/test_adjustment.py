@@ -184,7 +184,8 @@ def test_the_result_is_scipys_of_the_whole_problem() -> None:
     peer = least_squares(whole, start, x_scale="jac", xtol=1e-14, ftol=1e-14, gtol=1e-14)
     # Measured: the costs agree to 2e-10, the parameters to 1e-4 of their standard errors.
     assert solve.cost == pytest.approx(2 * peer.cost, rel=1e-7)
-    covariance = np.linalg.inv(peer.jac.T @ peer.jac)[:k, :k]
+    slopes = np.asarray(peer.jac)
+    covariance = np.linalg.inv(slopes.T @ slopes)[:k, :k]
     sigma = np.sqrt(np.diag(covariance))
     assert (np.abs(peer.x[:k] - solve.p) < 1e-3 * sigma).all()
     A = unknowns.M.T @ solve.H @ unknowns.M + np.diag(unknowns.precision)
