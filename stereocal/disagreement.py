@@ -11,7 +11,8 @@ all priors ten times as wide, and held while testing. (Measured, baseline typed 
 this the test's value is 4.8, with it 7.5.)
 
 Images fix the ratio of baseline and bar, not which of the two is wrong. Of inputs that explain the
-conflict equally well, the one is named that has to be off by the fewest of its own uncertainties;
+conflict equally well, the one is named that has to be off by the fewest of its own uncertainties
+(the baseline by twice as many: it ends at points inside the lenses, that nobody can see or touch);
 the others are its rivals and are named beside it.
 """
 
@@ -35,6 +36,9 @@ WIDER = 10.0
 
 AS_WELL = 0.95
 """An input whose test comes so near to the largest explains the conflict as well."""
+
+EASILY_WRONG = {"baseline": 2.0}
+"""An input so many times as easily off as its uncertainty says, compared with its rivals."""
 
 SILENT = 1e-4
 """Where the images lower the prior's variance by a smaller part, they say nothing about it."""
@@ -79,7 +83,7 @@ def what_disagrees(result: RefinedResult) -> list[Input]:
             break
         largest = max(value for value, _ in suspects.values())
         alike = [k for k, (value, _) in suspects.items() if value >= AS_WELL * largest]
-        key, *rivals = sorted(alike, key=lambda k: suspects[k][1])
+        key, *rivals = sorted(alike, key=lambda k: suspects[k][1] / EASILY_WRONG.get(k, 1.0))
         named.append(key)
         freed = refine(result.dataset, _freed(current.settings, key), start=current.pose)
         found[key] = _accused(found[key], freed, tuple(rivals))

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from stereocal.adjustment import CONVERGED, ROUGHLY, adjust, length_innovations, sums
 from stereocal.bar_fit import OWN, SHARED
@@ -31,16 +31,18 @@ FEWEST_BARS = 5
 CHANCE = 0.05
 """A bar counts as rigid unless its lengths scatter more than so few rigid ones would."""
 
+FREEDOMS = np.arange(1, 4)
 RARE = 1e-4
 """A frame stands out when a good one would have such a misfit so seldom."""
+LIMITS = np.append(np.nan, chdtri(FREEDOMS, RARE))
 SOFT = 2.0
 """The biweight ends at so many times the limit: a usual frame keeps 0.86 of its weight."""
 SMALLEST_SIGMA_PX = 1e-3
 """No image point is known better."""
 SMALLEST_SCATTER = 1e-5
 """As a fraction of the bar."""
-MEDIANS = np.append(np.nan, chi2.median(np.array([1, 2, 3])))
-"""Of chi-squared with 1, 2 and 3 degrees of freedom; SciPy takes longer than a solve for one."""
+MEDIANS = np.append(np.nan, chdtri(FREEDOMS, 0.5))
+"""Of chi-squared with 1, 2 and 3 degrees of freedom; NaN for 0."""
 MOST_ROUNDS = 8
 SAME_NOISE = 0.01
 """The noise is found when a round changes it by a smaller part."""
@@ -74,7 +76,7 @@ class Solve:
         bar = np.isfinite(self.distances)
         self.targets = np.isfinite(self.pixels[:, :, 0]).sum(axis=1)
         self.freedom = self.targets + bar
-        self.limit = chi2.isf(RARE, self.freedom)
+        self.limit = LIMITS[self.freedom]
         self.lenses = lenses_of(dataset)
         self.p = np.zeros(len(self.unknowns.names))
         self.places = np.full((n, OWN), np.nan)
@@ -236,17 +238,19 @@ def scatter_of(
     """
     squares = np.square(innovations)
     left = max(len(squares) - spent, 1.0)
-    if len(squares) < 2 or not float(np.sum(squares / variances)) > chi2.isf(CHANCE, left):
+    if len(squares) < 2 or not float(np.sum(squares / variances)) > chdtri(left, CHANCE):
         return 0.0
-
-    def excess(square: float) -> float:
-        terms = squares / (square + variances)
+    high = float(squares.max()) * len(squares) * 10
+    candidates = np.geomspace(1e-9 * high, high, 64)
+    for _ in range(3):  # ends within 1e-4 of the root; 64 at once take as long as one
+        terms = squares / (candidates[:, None] + variances)
         if robust:
-            return float(np.median(terms)) / float(MEDIANS[1]) - 1.0
-        return float(terms.sum()) / left - 1.0
-
-    low, high = 0.0, float(squares.max()) * len(squares) * 10
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if excess(middle) > 0 else (low, middle)
-    return float(np.sqrt(high))
+            excess = np.median(terms, axis=1) / MEDIANS[1] - 1.0
+        else:
+            excess = terms.sum(axis=1) / left - 1.0
+        above = int(np.count_nonzero(excess > 0))  # it falls with the scatter
+        if above == 0:
+            return float(np.sqrt(candidates[0]))
+        last = min(above, len(candidates) - 1)
+        candidates = np.geomspace(candidates[above - 1], candidates[last], 64)
+    return float(np.sqrt(candidates[32]))

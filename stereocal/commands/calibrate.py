@@ -113,9 +113,10 @@ def refined_lines(result: RefinedResult) -> str:
     if left_out:
         shown = [f"{frame} ({100 * share:.0f} %)" for frame, share in left_out.items()]
         more = f" and {len(shown) - SHOWN} more" if len(shown) > SHOWN else ""
+        frames = "1 frame that does" if len(shown) == 1 else f"{len(shown)} frames that do"
         lines.append(
-            f"refined: left out {len(shown)} frame{'s' if len(shown) > 1 else ''} that do not fit "
-            f"(share of all misfit): {', '.join(shown[:SHOWN])}{more}"
+            f"refined: left out {frames} not fit (share of all misfit): "
+            f"{', '.join(shown[:SHOWN])}{more}"
         )
     return "\n".join(lines)
 
