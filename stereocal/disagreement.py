@@ -85,7 +85,7 @@ def what_disagrees(result: RefinedResult) -> list[Input]:
         alike = [k for k, (value, _) in suspects.items() if value >= AS_WELL * largest]
         key, *rivals = sorted(alike, key=lambda k: suspects[k][1] / EASILY_WRONG.get(k, 1.0))
         named.append(key)
-        freed = refine(result.dataset, _freed(current.settings, key), start=current.pose)
+        freed = refine(result.dataset, _freed(current.settings, key), current.pose, result.rows)
         found[key] = _accused(found[key], freed, tuple(rivals))
         current = freed
     rest = sorted(
@@ -106,9 +106,9 @@ def _with_its_noise(result: RefinedResult) -> RefinedResult:
         distance_sigma_m=WIDER * distance_sigma_m(dataset, settings),
     )
     try:
-        noise = refine(dataset, wide, start=result.pose)
+        noise = refine(dataset, wide, result.pose, result.rows)
         held = replace(settings, sigma_px=noise.sigma_px.value, scatter_m=noise.scatter_m.value)
-        return refine(dataset, held, start=result.pose)
+        return refine(dataset, held, result.pose, result.rows)
     except StereocalError:  # so few frames that wide priors fit anything
         return result
 

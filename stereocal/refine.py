@@ -17,11 +17,10 @@ from functools import cached_property
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from stereocal.bar_fit import BAR, BASELINE, EPSILON, PRIMARY, SECONDARY
 from stereocal.camera import Camera
-from stereocal.compiled import FloatArray, IntArray
+from stereocal.compiled import BoolArray, FloatArray, IntArray
 from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
 from stereocal.essential import calibrate_essential, choose_pose
@@ -43,6 +42,8 @@ class RefinedResult:
     pose: Pose
     primary: Camera
     secondary: Camera
+    rows: BoolArray | None
+    """(n,), the rows that were fitted; None for all."""
     unknowns: Unknowns
     p: FloatArray
     """(k,), what was estimated, as departures from `unknowns.origin`."""
@@ -57,7 +58,7 @@ class RefinedResult:
     """(f,): sum of squares of each frame in standard deviations; infinite behind a camera."""
     freedom: IntArray
     """(f,): what a good frame's misfit is on average: 3 for a bar, 1 for a single target."""
-    outlying: npt.NDArray[np.bool_]
+    outlying: BoolArray
     """(f,): the frames that were left out."""
     places_m: FloatArray
     """(f, 2, 3): A and B in the primary's frame, with the lengths taken in; NaN if not seen."""
@@ -114,11 +115,15 @@ class RefinedResult:
 
 
 def refine(
-    dataset: Dataset, settings: RefineSettings | None = None, start: Pose | None = None
+    dataset: Dataset,
+    settings: RefineSettings | None = None,
+    start: Pose | None = None,
+    rows: BoolArray | None = None,
 ) -> RefinedResult:
     """The refined set of a data set.
 
     Args:
+        rows: (n,), which rows to fit; all when not given.
         start: where to begin, such as the essential method's pose; found here when not given.
             Where frames stand out, a start that ignores gross errors is tried too.
 
@@ -128,10 +133,11 @@ def refine(
     settings = settings or RefineSettings()
     began = time.perf_counter()
     found: Solve | None = None
-    for pose in _starts(dataset, start, settings):
+    rays = dataset.rays if rows is None else np.ascontiguousarray(dataset.rays[:, rows])
+    for pose in _starts(dataset, rays, start, settings):
         if found is not None and not found.outlying.any():
             break
-        other = _solved(dataset, pose, settings)
+        other = _solved(dataset, pose, settings, rows)
         if found is None or (other is not None and other.better_than(found)):
             found = other
     if found is None or found.sigma_px > UNBELIEVABLE_PX:
@@ -139,33 +145,33 @@ def refine(
             "The refined method found no position of the cameras that fits: check that points, "
             "targets and camera files are not exchanged."
         )
-    return _result(found, time.perf_counter() - began)
+    return _result(found, rows, time.perf_counter() - began)
 
 
-def _starts(dataset: Dataset, start: Pose | None, settings: RefineSettings) -> list[Pose]:
+def _starts(
+    dataset: Dataset, rays: FloatArray, start: Pose | None, settings: RefineSettings
+) -> list[Pose]:
     """Where to begin: the given or the essential pose and one that ignores gross errors.
 
     The better one, by the median of the residuals, comes first.
     """
     if start is None:
         try:
-            start = calibrate_essential(dataset.rays, dataset.baseline_m).pose
+            start = calibrate_essential(rays, dataset.baseline_m).pose
         except StereocalError:
             start = None
-    robust = robust_start(dataset) if settings.loss == "robust" else None
+    robust = robust_start(dataset, rays) if settings.loss == "robust" else None
     found = [pose for pose in (start, robust) if pose is not None]
-    rays = dataset.rays.T
     return sorted(
         found,
         key=lambda pose: float(
-            np.median(np.abs(residuals(pose.essential, rays[:, :2], rays[:, 2:])))
+            np.median(np.abs(residuals(pose.essential, rays[:2].T, rays[2:].T)))
         ),
     )
 
 
-def robust_start(dataset: Dataset) -> Pose | None:
+def robust_start(dataset: Dataset, rays: FloatArray) -> Pose | None:
     """The pose of an essential matrix that ignores wrong pairs (MAGSAC++, from OpenCV)."""
-    rays = dataset.rays
     if rays.shape[1] < 6:
         return None
     focal = float(np.sqrt(np.prod(dataset.pixel_scale[:, 0])))
@@ -179,13 +185,15 @@ def robust_start(dataset: Dataset) -> Pose | None:
     return Pose(R, dataset.baseline_m * t) if in_front else None
 
 
-def _solved(dataset: Dataset, start: Pose, settings: RefineSettings) -> Solve | None:
+def _solved(
+    dataset: Dataset, start: Pose, settings: RefineSettings, rows: BoolArray | None
+) -> Solve | None:
     """The solve from one start; None if it leads nowhere."""
-    solve = Solve(dataset, start, settings)
+    solve = Solve(dataset, start, settings, rows)
     return solve if solve.run() else None
 
 
-def _result(solve: Solve, seconds: float) -> RefinedResult:
+def _result(solve: Solve, rows: BoolArray | None, seconds: float) -> RefinedResult:
     """What a finished solve says."""
     q = solve.q
     seen = np.isfinite(solve.pixels[:, :, :1])
@@ -195,6 +203,7 @@ def _result(solve: Solve, seconds: float) -> RefinedResult:
         pose=Pose.from_angles(Angles(*q[: EPSILON + 1].tolist()), float(q[BASELINE])),
         primary=camera_of(solve.dataset.primary, q[PRIMARY : PRIMARY + 4]),
         secondary=camera_of(solve.dataset.secondary, q[SECONDARY : SECONDARY + 4]),
+        rows=rows,
         unknowns=solve.unknowns,
         p=solve.p,
         information=solve.H,

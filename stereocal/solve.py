@@ -11,12 +11,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.special import chdtri
 
 from stereocal.adjustment import CONVERGED, ROUGHLY, adjust, length_innovations, sums
 from stereocal.bar_fit import OWN, SHARED
-from stereocal.compiled import FloatArray
+from stereocal.compiled import BoolArray, FloatArray
 from stereocal.dataset import Dataset
 from stereocal.distortion import lens_terms
 from stereocal.geometry import Pose
@@ -59,20 +58,28 @@ class Noise:
 class Solve:
     """The state of a solve: arrays that the compiled code reads and writes. `run` does it."""
 
-    def __init__(self, dataset: Dataset, start: Pose, settings: RefineSettings) -> None:
+    def __init__(
+        self,
+        dataset: Dataset,
+        start: Pose,
+        settings: RefineSettings,
+        rows: BoolArray | None = None,
+    ) -> None:
         self.dataset, self.settings = dataset, settings
-        self.unknowns = unknowns_of(dataset, start, settings)
-        rows = dataset.correspondences
-        self.frames = rows.frames
-        at = np.searchsorted(self.frames, rows.frame)
+        table = dataset.correspondences
+        kept = np.ones(len(table), dtype=np.bool_) if rows is None else rows
+        bars = kept[table.bars].all(axis=1)
+        self.unknowns = unknowns_of(dataset, start, settings, bool(bars.any()))
+        self.frames, at = np.unique(table.frame[kept], return_inverse=True)
         n = len(self.frames)
         self.pixels, self.rays = np.full((n, 2, 4), np.nan), np.full((n, 2, 4), np.nan)
-        self.pixels[at, rows.target, :2], self.pixels[at, rows.target, 2:] = (
-            rows.primary, rows.secondary,
-        )  # fmt: skip
-        self.rays[at, rows.target] = dataset.rays.T
+        target = table.target[kept]
+        self.pixels[at, target, :2] = table.primary[kept]
+        self.pixels[at, target, 2:] = table.secondary[kept]
+        self.rays[at, target] = dataset.rays[:, kept].T
         self.distances = np.full(n, np.nan)
-        self.distances[at[rows.bars[:, 0]]] = dataset.bar_distances_m
+        of_bars = np.searchsorted(self.frames, table.frame[table.bars[bars, 0]])
+        self.distances[of_bars] = dataset.bar_distances_m[bars]
         bar = np.isfinite(self.distances)
         self.targets = np.isfinite(self.pixels[:, :, 0]).sum(axis=1)
         self.freedom = self.targets + bar
@@ -87,7 +94,7 @@ class Solve:
         self.scatter = max(settings.scatter_m or 0.0, self.smallest_scatter)
         self.source_px = self.source_scatter = GIVEN
         if settings.sigma_px is None:
-            self.source_px = ESTIMATED if len(rows) >= FEWEST_PAIRS else ASSUMED
+            self.source_px = ESTIMATED if len(target) >= FEWEST_PAIRS else ASSUMED
         if settings.scatter_m is None:
             self.source_scatter = ESTIMATED if bar.sum() >= FEWEST_BARS else ASSUMED
         self.outlying = np.zeros(n, dtype=np.bool_)
@@ -150,7 +157,7 @@ class Solve:
         self.outlying = ~(self.misfits <= self.limit)
         return bool((~self.outlying).any())
 
-    def _settled(self, before: tuple[float, float, npt.NDArray[np.bool_]], same: float) -> bool:
+    def _settled(self, before: tuple[float, float, BoolArray], same: float) -> bool:
         sigma, scatter, outlying = before
         return (
             abs(self.sigma_px - sigma) <= same * sigma

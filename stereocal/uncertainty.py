@@ -17,7 +17,7 @@ import numpy.typing as npt
 from stereocal.adjustment import point_slopes
 from stereocal.bar_fit import BASELINE, PRIMARY, SECONDARY, SHARED
 from stereocal.camera import Camera
-from stereocal.compiled import FloatArray
+from stereocal.compiled import BoolArray, FloatArray
 from stereocal.errors import StereocalError
 from stereocal.refine import RefinedResult
 
@@ -130,7 +130,7 @@ def accuracy_map(result: RefinedResult, size: int = 60) -> AccuracyMap:
     return AccuracyMap(x, z, point.reshape(shape), distance.reshape(shape))
 
 
-def in_view(camera: Camera, points_m: FloatArray) -> npt.NDArray[np.bool_]:
+def in_view(camera: Camera, points_m: FloatArray) -> BoolArray:
     """(n,): which points of the camera's own frame lie in its image."""
     pixels = camera.project(points_m)
     with np.errstate(invalid="ignore"):

@@ -106,8 +106,13 @@ class Unknowns:
         return 1.0 / np.square(self.sigma)
 
 
-def unknowns_of(dataset: Dataset, start: Pose, settings: RefineSettings) -> Unknowns:
+def unknowns_of(
+    dataset: Dataset, start: Pose, settings: RefineSettings, bars: bool = True
+) -> Unknowns:
     """The unknowns of a data set.
+
+    Args:
+        bars: whether there are bars; without, nothing is to be known of their length.
 
     Raises:
         StereocalError: nothing fixes the scale.
@@ -117,7 +122,6 @@ def unknowns_of(dataset: Dataset, start: Pose, settings: RefineSettings) -> Unkn
     origin[BASELINE], origin[BAR] = dataset.baseline_m, 1.0
     for at, camera in ((PRIMARY, dataset.primary), (SECONDARY, dataset.secondary)):
         origin[at : at + 4] = _lens(camera)
-    bars = len(dataset.correspondences.bars)
     baseline = baseline_sigma_m(dataset, settings)
     bar = distance_sigma_m(dataset, settings) / dataset.target_distance_m if bars else 0.0
     if np.isinf(baseline) and (np.isinf(bar) or not bars):

@@ -18,16 +18,22 @@ from scipy.special import stdtrit
 
 from stereocal.calibrate import (
     CalibrationSettings,
-    errors_of,
     reconstruction_problem,
     reprojection_problem,
 )
-from stereocal.compiled import FloatArray
+from stereocal.camera import Camera
+from stereocal.checks import check_points
+from stereocal.compiled import BoolArray, FloatArray
 from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
 from stereocal.essential import calibrate_essential
 from stereocal.evaluation import split
-from stereocal.geometry import Pose
+from stereocal.geometry import (
+    Pose,
+    reprojection_errors_of_rays,
+    stack_rays,
+    triangulate_rays,
+)
 from stereocal.montecarlo import minimise
 from stereocal.refine import RefinedResult, refine
 from stereocal.unknowns import RefineSettings
@@ -81,16 +87,48 @@ class Verdict:
     """For `few`: about so many more frames would tell; None for more than can be said."""
 
 
-def held_out(test: Dataset, pose_2d: Pose, pose_3d: Pose, refined: RefinedResult) -> HeldOut:
-    """The figures of one run. `test` has the stated lenses; the refined set brings its own."""
-    own = refined.apply(test)
-    found = [errors_of(test, pose_2d), errors_of(test, pose_3d), errors_of(own, refined.pose)]
+def held_out(
+    dataset: Dataset, tested: BoolArray, pose_2d: Pose, pose_3d: Pose, refined: RefinedResult
+) -> HeldOut:
+    """The figures of one run on some rows (n,); the refined set brings its own lenses."""
+    stated = (dataset.primary, dataset.secondary)
+    found = [
+        _errors(dataset, tested, pose_2d, *stated),
+        _errors(dataset, tested, pose_3d, *stated),
+        _errors(dataset, tested, refined.pose, refined.primary, refined.secondary),
+    ]
     return HeldOut(
         fitted_frames=len(refined.frames),
-        tested_frames=len(test.correspondences.frames),
-        matching_px=np.array([errors.mean_reprojection_px for errors in found]),
-        length=np.array([errors.mean_length for errors in found]),
+        tested_frames=len(np.unique(dataset.correspondences.frame[tested])),
+        matching_px=np.array([px for px, _ in found]),
+        length=np.array([length for _, length in found]),
     )
+
+
+def _errors(
+    dataset: Dataset, tested: BoolArray, pose: Pose, primary: Camera, secondary: Camera
+) -> tuple[float, float]:
+    """Mean reprojection error in pixels and mean relative length error; NaN without a value."""
+    table = dataset.correspondences
+    if primary is dataset.primary and secondary is dataset.secondary:
+        rays = np.ascontiguousarray(dataset.rays[:, tested])
+    else:
+        rays = stack_rays(
+            primary.undistort(table.primary[tested]), secondary.undistort(table.secondary[tested])
+        )
+    scale = np.array([primary.pixel_scale, secondary.pixel_scale])
+    px = reprojection_errors_of_rays(pose.R, pose.T, rays, scale)
+    chosen = tested[table.bars].all(axis=1)
+    ends = (np.cumsum(tested) - 1)[table.bars[chosen]]  # rows of the table to rows tested
+    points = triangulate_rays(pose.R, pose.T, rays)
+    lengths = np.linalg.norm(points[ends[:, 0]] - points[ends[:, 1]], axis=1)
+    errors = np.abs(lengths / dataset.bar_distances_m[chosen] - 1)
+    return _mean(px), _mean(errors)
+
+
+def _mean(values: FloatArray) -> float:
+    known = values[np.isfinite(values)]
+    return float(known.mean()) if len(known) else float("nan")
 
 
 def run_splits(
@@ -116,15 +154,17 @@ def run_splits(
     found = []
     for run in range(runs):
         seeds = np.random.SeedSequence([settings.search.seed, 0, run]).spawn(4)
-        fit, test = split(dataset, frames, seeds[0])
-        reconstruction = reconstruction_problem(fit, settings.known_points)
+        fit = split(dataset, frames, seeds[0])
+        check_points(dataset, fit)
+        matching = reprojection_problem(dataset, fit)
+        measuring = reconstruction_problem(dataset, settings.known_points, fit)
         start = calibrate_essential(
-            fit.rays, fit.baseline_m, settings.essential, reconstruction.cost
+            matching.rays, dataset.baseline_m, settings.essential, measuring.cost
         ).pose
-        matching = minimise(reprojection_problem(fit), start, settings.search, seeds[1]).pose
-        measuring = minimise(reconstruction, start, settings.search, seeds[2]).pose
-        refined = refine(fit, refine_settings, start)
-        found.append(held_out(test, matching, measuring, refined))
+        pose_2d = minimise(matching, start, settings.search, seeds[1]).pose
+        pose_3d = minimise(measuring, start, settings.search, seeds[2]).pose
+        refined = refine(dataset, refine_settings, start, fit)
+        found.append(held_out(dataset, ~fit, pose_2d, pose_3d, refined))
         if progress:
             progress(run + 1, runs)
         if cancelled and cancelled():

@@ -90,6 +90,17 @@ def test_same_data_same_result() -> None:
     np.testing.assert_array_equal(refine(data).q, refine(data).q)
 
 
+def test_some_rows_are_as_a_data_set_of_these_rows() -> None:
+    data = rig.dataset(25, 0.2)
+    table = data.correspondences
+    rows = (table.frame % 3 > 0) & ((table.frame != 7) | (table.target == 0))
+    some = refine(data, rows=rows)
+    alone = refine(replace(data, correspondences=table.where(rows)))
+    np.testing.assert_array_equal(some.q, alone.q)
+    np.testing.assert_array_equal(some.misfits, alone.misfits)
+    assert some.frames.tolist() == alone.frames.tolist()
+
+
 def test_single_targets_and_no_bar_at_all() -> None:
     data = rig.dataset(40, 0.2)
     rows = data.correspondences
