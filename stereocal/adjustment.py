@@ -16,15 +16,13 @@ from stereocal.bar_fit import (
     OWN,
     RESIDUALS,
     SHARED,
-    backward,
     descent,
-    factor,
     fill_motions,
-    forward,
     normal_matrix,
     residuals_of,
     settle,
 )
+from stereocal.cholesky import backward, factor, forward
 from stereocal.compiled import FloatArray, compiled
 from stereocal.geometry import fill_pose, midpoint
 

@@ -18,13 +18,11 @@ from stereocal.bar_fit import (
     RESIDUALS,
     SECONDARY,
     SHARED,
-    backward,
-    factor,
     fill_motions,
-    forward,
     residuals_of,
 )
 from stereocal.camera import Camera
+from stereocal.cholesky import backward, factor, forward
 from stereocal.compiled import FloatArray
 from stereocal.distortion import bend, lens_terms
 from stereocal.geometry import fill_pose
