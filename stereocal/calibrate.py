@@ -1,4 +1,4 @@
-"""Run the three methods on a data set: essential, 2D Monte Carlo, 3D Monte Carlo (paper, 3)."""
+"""Run the methods on a data set: essential, 2D Monte Carlo, 3D Monte Carlo (paper, 3), refined."""
 
 from __future__ import annotations
 
@@ -16,7 +16,9 @@ from stereocal.errors import StereocalError
 from stereocal.essential import Solver, calibrate_essential
 from stereocal.geometry import Pose, reprojection_errors_of_rays
 from stereocal.montecarlo import Problem, SearchSettings, Trace, minimise
-from stereocal.parameters import RigParameters
+from stereocal.parameters import RigParameters, inputs_of
+from stereocal.refine import RefinedResult, refine
+from stereocal.unknowns import RefineSettings
 
 Method = Literal["essential", "2d", "3d"]
 METHODS: tuple[Method, ...] = ("essential", "2d", "3d")
@@ -130,6 +132,8 @@ class Calibration:
     methods: Mapping[Method, MethodResult]
     warnings: tuple[str, ...]
     """What is odd about the data, a sentence each."""
+    refined: RefinedResult | None = None
+    """The refined set, where it was asked for and could be found."""
 
     @cached_property
     def held_out_frames(self) -> IntArray:
@@ -140,6 +144,13 @@ class Calibration:
     def errors(self) -> Mapping[Method, Errors]:
         """Errors of each method on all frames, also those not calibrated with."""
         return {name: errors_of(self.dataset, found.pose) for name, found in self.methods.items()}
+
+    @cached_property
+    def refined_errors(self) -> Errors | None:
+        """Errors of the refined set, seen through its own lenses, on all frames."""
+        if self.refined is None:
+            return None
+        return errors_of(self.refined.apply(self.dataset), self.refined.pose)
 
     def parameters(
         self,
@@ -160,13 +171,7 @@ class Calibration:
             pose=found.pose,
             cost=found.cost,
             settings=self.settings.to_json(),
-            inputs={
-                "sha256": self.dataset.sha256,
-                "name": self.dataset.name,
-                "baseline_m": self.dataset.baseline_m,
-                "target_distance_m": self.dataset.target_distance_m,
-                "frames": [int(frame) for frame in self.frames],
-            },
+            inputs=inputs_of(self.dataset, self.frames),
             matching_threshold_px=validation["threshold_px"] if validation else None,
             validation=validation,
         )
@@ -177,14 +182,17 @@ def calibrate(
     settings: CalibrationSettings | None = None,
     trace: bool = False,
     progress: Callable[[str], None] | None = None,
+    refined: RefineSettings | None = None,
 ) -> Calibration:
-    """Run the three methods.
+    """Run the paper's three methods and, where its settings are given, the refined one.
 
     The random numbers of the two searches are independent streams of `settings.search.seed`.
 
     Args:
         trace: record every move of the searches.
         progress: called with the name of each method as it begins.
+        refined: settings of the refined method. If it fails, the others stand, and a warning says
+            why.
 
     Raises:
         StereocalError: the data do not allow a calibration; says why and what to do.
@@ -223,7 +231,14 @@ def calibrate(
     as_given = (results["2d"].cost, results["3d"].cost)
     exchanged = _costs_with_cameras_exchanged(chosen, settings, of_exchange)
     warnings = checks.warnings_about(chosen) + checks.check_exchange(as_given, exchanged)
-    return Calibration(dataset, settings, frames, results, tuple(warnings))
+    fourth = None
+    if refined is not None:
+        say("refined")
+        try:
+            fourth = refine(chosen, refined, start.pose)
+        except StereocalError as error:
+            warnings.append(f"There is no refined set: {error}")
+    return Calibration(dataset, settings, frames, results, tuple(warnings), fourth)
 
 
 def reprojection_problem(dataset: Dataset, rows: BoolArray | None = None) -> Problem:

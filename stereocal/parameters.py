@@ -1,4 +1,4 @@
-"""The parameters of a rig: what the two downloaded files hold."""
+"""The parameters of a rig: what the downloaded files hold."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ import scipy
 
 import stereocal
 from stereocal.camera import Camera
-from stereocal.compiled import FloatArray
+from stereocal.compiled import FloatArray, IntArray
+from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
 from stereocal.geometry import (
     Angles,
@@ -32,7 +33,7 @@ from stereocal.geometry import (
 from stereocal.writing import write_atomically
 
 PARAMETERS_FORMAT = "stereocal-parameters/1"
-PURPOSES = {"2d": "matching", "3d": "reconstruction", "imported": "both"}
+PURPOSES = {"2d": "matching", "3d": "reconstruction", "refined": "both", "imported": "both"}
 PIXEL_ORIGIN = "centre of the top-left pixel is (0, 0); u to the right, v down"
 CONVENTION = "x_secondary = R @ x_primary + T"
 UNITS = {"T": "m", "baseline_m": "m", "angles": "rad", "K": "px", "matching_threshold_px": "px"}
@@ -49,7 +50,7 @@ class RigParameters:
     """
 
     method: str
-    """`2d` or `3d`; `imported` for parameters that another program found."""
+    """`2d`, `3d` or `refined`; `imported` for parameters that another program found."""
     primary: Camera
     secondary: Camera
     pose: Pose
@@ -61,6 +62,8 @@ class RigParameters:
     matching_threshold_px: float | None = None
     validation: Mapping[str, Any] | None = None
     triangulation: str = "midpoint"
+    uncertainties: Mapping[str, Any] | None = None
+    """Of a refined set: what `refined_file` writes. None, and no key in the file, without them."""
 
     def __post_init__(self) -> None:
         if self.method not in PURPOSES:
@@ -135,6 +138,7 @@ class RigParameters:
             "matching_threshold_px": self.matching_threshold_px,
             "cost": self.cost,
             "validation": self.validation,
+            **({} if self.uncertainties is None else {"uncertainties": dict(self.uncertainties)}),
             "settings": dict(self.settings),
             "inputs": dict(self.inputs),
             "software": {
@@ -217,4 +221,33 @@ class RigParameters:
             matching_threshold_px=None if threshold is None else float(threshold),
             validation=data["validation"],
             triangulation=data["triangulation"],
+            uncertainties=_uncertainties(data.get("uncertainties"), source),
         )
+
+
+def inputs_of(dataset: Dataset, frames: IntArray) -> dict[str, Any]:
+    """What a file says of the data that its parameters come from."""
+    return {
+        "sha256": dataset.sha256,
+        "name": dataset.name,
+        "baseline_m": dataset.baseline_m,
+        "target_distance_m": dataset.target_distance_m,
+        "frames": [int(frame) for frame in frames],
+    }
+
+
+def _uncertainties(data: Any, source: str) -> Mapping[str, Any] | None:
+    """The uncertainties of a file as they stand there.
+
+    Raises:
+        StereocalError: not an object, or one with NaN.
+    """
+    if data is None:
+        return None
+    if not isinstance(data, dict):
+        raise StereocalError(f"{source}: the uncertainties are not an object.")
+    try:
+        json.dumps(data, allow_nan=False)
+    except ValueError as error:
+        raise StereocalError(f"{source}: an uncertainty is not a finite number.") from error
+    return data

@@ -30,7 +30,7 @@ def without_date(path: Path) -> str:
     return text
 
 
-def test_calibrate_prints_the_methods_and_writes_two_files(
+def test_calibrate_prints_the_methods_and_writes_three_files(
     field: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "new" / "out"
@@ -38,19 +38,46 @@ def test_calibrate_prints_the_methods_and_writes_two_files(
     printed = capsys.readouterr().out
     for word in ("essential", "2d", "3d", "50 pairs", "25 bars", "the step fell below"):
         assert word in printed
+    assert "refined: noise 0.1" in printed
+    assert "Verdict of 50 random splits: " in printed
     assert sorted(path.name for path in out.iterdir()) == [
         "parameters_2d.json",
         "parameters_3d.json",
+        "parameters_refined.json",
     ]
-    for method, purpose in (("2d", "matching"), ("3d", "reconstruction")):
+    for method, purpose in (("2d", "matching"), ("3d", "reconstruction"), ("refined", "both")):
         path = out / f"parameters_{method}.json"
         assert RigParameters.load(path).purpose == purpose
-        assert json.loads(path.read_text())["settings"]["delta"] == 1e-3
+    assert json.loads((out / "parameters_3d.json").read_text())["settings"]["delta"] == 1e-3
+
+
+def test_calibrate_without_the_refined_set(
+    field: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["calibrate", str(field), "--out", str(tmp_path / "out"), "--no-refined"]) == 0
+    printed = capsys.readouterr().out
+    assert "refined" not in printed
+    assert "erdict" not in printed
+    assert not (tmp_path / "out" / "parameters_refined.json").exists()
+
+
+def test_calibrate_names_bad_frames_and_says_why_there_is_no_verdict(
+    field: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cell(9, 3, "1200")(field)
+    assert main(["calibrate", str(field), "--out", str(tmp_path / "out"), "--runs", "3"]) == 0
+    printed = capsys.readouterr().out
+    frame = (field / "correspondences.csv").read_text().splitlines()[8].split(",")[0]
+    assert re.search(rf"left out 1 frame that do(es)? not fit .*: {frame} \(", printed), printed
+    assert "No verdict: A verdict needs at least 10 runs; there are 3." in printed
 
 
 def test_same_seed_same_bytes_but_for_the_date(field: Path, tmp_path: Path) -> None:
     for out, seed in (("one", "5"), ("two", "5"), ("other", "6")):
-        assert main(["calibrate", str(field), "--out", str(tmp_path / out), "--seed", seed]) == 0
+        arguments = ["calibrate", str(field), "--out", str(tmp_path / out), "--runs", "0"]
+        assert main([*arguments, "--seed", seed]) == 0
+    refined = [without_date(tmp_path / out / "parameters_refined.json") for out in ("one", "two")]
+    assert refined[0] == refined[1]
     for name in ("parameters_2d.json", "parameters_3d.json"):
         one, two, other = (without_date(tmp_path / out / name) for out in ("one", "two", "other"))
         assert one == two

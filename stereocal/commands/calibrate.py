@@ -1,4 +1,4 @@
-"""`stereocal calibrate`: the two parameter files of a data set."""
+"""`stereocal calibrate`: the parameter files of a data set, and whether it needs two sets."""
 
 from __future__ import annotations
 
@@ -7,21 +7,32 @@ import math
 from pathlib import Path
 from typing import Literal
 
-from stereocal.calibrate import METHODS, Calibration, calibrate
+from stereocal.calibrate import METHODS, Calibration, CalibrationSettings, calibrate
 from stereocal.commands.options import add_search_options, settings_from
+from stereocal.dataset import Dataset
+from stereocal.disagreement import Input, what_disagrees
+from stereocal.errors import StereocalError
 from stereocal.evaluation_files import validation_in_summary
 from stereocal.formats.dataset_files import read_dataset
+from stereocal.refine import RefinedResult
+from stereocal.refined_file import refined_parameters
+from stereocal.uncertainty import standard_errors
+from stereocal.unknowns import RefineSettings
+from stereocal.verdict import run_splits, verdict
 from stereocal.writing import write_all
 
 FILES: dict[Literal["2d", "3d"], str] = {"2d": "parameters_2d.json", "3d": "parameters_3d.json"}
+REFINED = "parameters_refined.json"
+SHOWN = 12
+"""Frames left out that are named in the terminal; the file names all."""
 
 
 def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """The options of the command."""
-    command = commands.add_parser("calibrate", help="the two parameter files of a data set")
+    command = commands.add_parser("calibrate", help="the parameter files of a data set")
     command.set_defaults(run=run)
     command.add_argument("dataset", type=Path, help="folder or zip with dataset.json")
-    command.add_argument("--out", type=Path, required=True, help="folder for the two files")
+    command.add_argument("--out", type=Path, required=True, help="folder for the files")
     add_search_options(command)
     command.add_argument(
         "--calibration-frames",
@@ -35,6 +46,19 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
         help="3D cost: known points (columns x_m, y_m, z_m) instead of distances",
     )
     command.add_argument(
+        "--runs",
+        type=int,
+        default=50,
+        metavar="N",
+        help="random splits for the verdict; 0 for none (default: 50)",
+    )
+    command.add_argument(
+        "--no-refined",
+        dest="refined",
+        action="store_false",
+        help="the two sets of the paper only",
+    )
+    command.add_argument(
         "--validation",
         type=Path,
         metavar="SUMMARY.JSON",
@@ -43,9 +67,11 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
 
 
 def run(parsed: argparse.Namespace) -> None:
-    """Calibrate, write the files, print the table."""
+    """Calibrate, write the files, print the table, what disagrees and the verdict."""
     dataset = read_dataset(parsed.dataset)
-    calibration = calibrate(dataset, settings_from(parsed, parsed.calibration_frames))
+    settings = settings_from(parsed, parsed.calibration_frames)
+    refined = RefineSettings() if parsed.refined else None
+    calibration = calibrate(dataset, settings, refined=refined)
     figures = validation_in_summary(parsed.validation, dataset) if parsed.validation else {}
     files = {
         parsed.out / FILES[method]: calibration.parameters(method, figures.get(method))
@@ -53,6 +79,12 @@ def run(parsed: argparse.Namespace) -> None:
         .encode()
         for method in FILES
     }
+    inputs: list[Input] = []
+    if calibration.refined is not None:
+        inputs = what_disagrees(calibration.refined)
+        files[parsed.out / REFINED] = (
+            refined_parameters(calibration.refined, inputs).dumps().encode()
+        )
     write_all(files)
     rows = dataset.correspondences
     print(
@@ -60,10 +92,45 @@ def run(parsed: argparse.Namespace) -> None:
         f"calibrated with {len(calibration.frames)} frames; errors are of all frames."
     )
     print(table_of(calibration))
-    for warning in calibration.warnings:
+    if calibration.refined is not None:
+        print(refined_lines(calibration.refined))
+    for warning in [*calibration.warnings, *(item.advice for item in inputs if item.accused)]:
         print(f"Note: {warning}")
+    if refined is not None and parsed.runs:
+        print(verdict_line(dataset, settings, refined, parsed.runs))
     for path in files:
         print(f"wrote {path}")
+
+
+def refined_lines(result: RefinedResult) -> str:
+    """The noise and the frames left out, a line each."""
+    lines = [
+        f"refined: noise {result.sigma_px.value:.3f} px ({result.sigma_px.source}), scatter of the "
+        f"bar {1000 * result.scatter_m.value:.2f} mm ({result.scatter_m.source}), "
+        f"baseline {result.pose.baseline:.4f} ± {standard_errors(result)['baseline_m'].sigma:.4f} m"
+    ]
+    left_out = result.outlying_frames
+    if left_out:
+        shown = [f"{frame} ({100 * share:.0f} %)" for frame, share in left_out.items()]
+        more = f" and {len(shown) - SHOWN} more" if len(shown) > SHOWN else ""
+        frames = "1 frame that does" if len(shown) == 1 else f"{len(shown)} frames that do"
+        lines.append(
+            f"refined: left out {frames} not fit (share of all misfit): "
+            f"{', '.join(shown[:SHOWN])}{more}"
+        )
+    return "\n".join(lines)
+
+
+def verdict_line(
+    dataset: Dataset, settings: CalibrationSettings, refined: RefineSettings, runs: int
+) -> str:
+    """The verdict of so many random splits, or why there is none."""
+    try:
+        found = run_splits(dataset, settings, refined, runs)
+        assert found is not None  # nobody cancels here
+        return f"Verdict of {runs} random splits: {verdict(found).text}"
+    except StereocalError as error:
+        return f"No verdict: {error}"
 
 
 def table_of(calibration: Calibration) -> str:
@@ -78,6 +145,14 @@ def table_of(calibration: Calibration) -> str:
             f"{name:<10} {errors.mean_reprojection_px:>15.4f} "
             f"{_percent(errors.mean_length):>14} {_percent(errors.p95_length):>12} "
             f"{found.evaluations:>12} {found.seconds:>8.3f}  {found.stop_reason}"
+        )
+    refined, errors_of_refined = calibration.refined, calibration.refined_errors
+    if refined is not None and errors_of_refined is not None:
+        lines.append(
+            f"{'refined':<10} {errors_of_refined.mean_reprojection_px:>15.4f} "
+            f"{_percent(errors_of_refined.mean_length):>14} "
+            f"{_percent(errors_of_refined.p95_length):>12} "
+            f"{refined.steps:>12} {refined.seconds:>8.3f}  {refined.stop_reason}"
         )
     return "\n".join(lines)
 

@@ -1,0 +1,69 @@
+"""OpenCV's lens model with its slopes, compiled: what `camera.Camera` bends, for the adjustment."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stereocal.camera import Camera
+from stereocal.compiled import FloatArray, compiled
+
+TERMS = 22
+"""k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4, whether the sensor is tilted, and its 3x3 map."""
+TILTED = 12
+
+
+def lens_terms(camera: Camera) -> FloatArray:
+    """The coefficients of a camera's lens in the order that `bend` reads, shape (22,)."""
+    terms = np.zeros(TERMS)
+    known = camera.distortion
+    terms[: min(len(known), TILTED)] = known[:TILTED]
+    tilt = np.eye(3)
+    if len(known) > TILTED and known[TILTED:].any():
+        terms[TILTED] = 1.0
+        tilt = _tilt(*known[TILTED:])
+    terms[TILTED + 1 :] = tilt.ravel()
+    return terms
+
+
+def _tilt(tau_x: float, tau_y: float) -> FloatArray:
+    """The map of a tilted sensor, (3, 3) (OpenCV, `computeTiltProjectionMatrix`)."""
+    cx, sx, cy, sy = np.cos(tau_x), np.sin(tau_x), np.cos(tau_y), np.sin(tau_y)
+    turn = np.array([[cy, 0.0, -sy], [0.0, 1.0, 0.0], [sy, 0.0, cy]]) @ np.array(
+        [[1.0, 0.0, 0.0], [0.0, cx, sx], [0.0, -sx, cx]]
+    )
+    to_plane = np.array(
+        [[turn[2, 2], 0.0, -turn[0, 2]], [0.0, turn[2, 2], -turn[1, 2]], [0.0, 0.0, 1.0]]
+    )
+    tilt: FloatArray = to_plane @ turn
+    return tilt
+
+
+@compiled
+def bend(x: float, y: float, terms: FloatArray) -> tuple[float, float, float, float, float, float]:
+    """The bent point (x', y') of a straight one, and dx'/dx, dx'/dy, dy'/dx, dy'/dy."""
+    k1, k2, p1, p2, k3 = terms[0], terms[1], terms[2], terms[3], terms[4]
+    k4, k5, k6 = terms[5], terms[6], terms[7]
+    s1, s2, s3, s4 = terms[8], terms[9], terms[10], terms[11]
+    rr = x * x + y * y
+    above = 1.0 + rr * (k1 + rr * (k2 + rr * k3))
+    below = 1.0 / (1.0 + rr * (k4 + rr * (k5 + rr * k6)))
+    radial = above * below
+    slope = below * (
+        k1 + rr * (2.0 * k2 + 3.0 * rr * k3) - radial * (k4 + rr * (2.0 * k5 + 3.0 * rr * k6))
+    )
+    u = x * radial + 2.0 * p1 * x * y + p2 * (rr + 2.0 * x * x) + rr * (s1 + rr * s2)
+    v = y * radial + p1 * (rr + 2.0 * y * y) + 2.0 * p2 * x * y + rr * (s3 + rr * s4)
+    prism_u, prism_v = 2.0 * (s1 + 2.0 * rr * s2), 2.0 * (s3 + 2.0 * rr * s4)
+    across = 2.0 * (x * y * slope + p1 * x + p2 * y)
+    ux = radial + 2.0 * x * x * slope + 2.0 * p1 * y + 6.0 * p2 * x + x * prism_u
+    uy = across + y * prism_u
+    vx = across + x * prism_v
+    vy = radial + 2.0 * y * y * slope + 6.0 * p1 * y + 2.0 * p2 * x + y * prism_v
+    if terms[12] == 0.0:
+        return u, v, ux, uy, vx, vy
+    scale = 1.0 / (terms[19] * u + terms[20] * v + terms[21])
+    tu = (terms[13] * u + terms[14] * v + terms[15]) * scale
+    tv = (terms[16] * u + terms[17] * v + terms[18]) * scale
+    a, b = (terms[13] - tu * terms[19]) * scale, (terms[14] - tu * terms[20]) * scale
+    c, d = (terms[16] - tv * terms[19]) * scale, (terms[17] - tv * terms[20]) * scale
+    return tu, tv, a * ux + b * vx, a * uy + b * vy, c * ux + d * vx, c * uy + d * vy

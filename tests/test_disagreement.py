@@ -1,0 +1,97 @@
+"""The input that is wrong is named, and no sound one accused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from benchmarks.refined_rigs import Misjudged, random_scene, stated
+from benchmarks.refined_truth import accusations
+from stereocal.dataset import Dataset
+from stereocal.disagreement import ACCUSED, _as_normal, what_disagrees
+from stereocal.refine import refine
+from stereocal.unknowns import FIXED_LENS, RefineSettings
+from tests import rig
+
+KEYS = {
+    "baseline", "distance", "primary focal", "primary centre", "secondary focal",
+    "secondary centre",
+}  # fmt: skip
+KNOWN = Misjudged()
+
+
+def wrong(baseline: float = 1.0, focal: float = 0.0) -> tuple[Dataset, float]:
+    """A rig whose stated values are wrong, and its true baseline."""
+    rng = np.random.default_rng([2, 7])
+    scene = random_scene(rng)
+    data = stated(scene, rng, KNOWN, baseline=baseline, focal=focal)
+    return data, scene.rig.secondary_from_primary.baseline
+
+
+@pytest.mark.parametrize(("what", "least"), [("baseline", 27), ("primary focal", 27)])
+def test_the_wrong_input_is_named(what: str, least: int) -> None:
+    """Baseline 3 % too long, focal length 2 % too long, 30 rigs. Measured: 30 and 29 of them,
+
+    with none and at most 1 sound input accused beside; of 300: 300 and 293, 3 and 4.
+    """
+    named, accused = accusations(30, what, seed=2)
+    assert named >= least
+    assert accused <= 3
+
+
+def test_sound_rigs_are_not_accused() -> None:
+    """Measured: 3 of 300 rigs."""
+    assert accusations(40, "", seed=2)[1] <= 3
+
+
+def test_the_sentence_says_what_and_what_to_do() -> None:
+    data, truth = wrong(baseline=1.03)
+    first, *others = what_disagrees(refine(data, KNOWN.settings()))
+    assert first.key == "baseline"
+    assert first.accused
+    assert first.standard_errors >= ACCUSED
+    assert first.advice.startswith(f"The measured baseline is {data.baseline_m:.4f} m; images")
+    assert "Measure between the entrance pupils, or widen its uncertainty." in first.advice
+    # Images fix the ratio of the two lengths only.
+    assert first.rivals == ("distance",)
+    assert "error of the measured distance between the targets would explain" in first.advice
+    assert first.others_say is not None
+    assert first.others_sigma is not None
+    assert abs(first.others_say[0] - truth) < 4 * first.others_sigma[0]
+    assert {item.key for item in [first, *others]} == KEYS
+    values = [item.standard_errors for item in others]
+    assert values == sorted(values, reverse=True)
+    assert all(item.advice == "" and item.others_say is None for item in others)
+
+
+def test_a_focal_length_is_given_for_both_axes() -> None:
+    data, _ = wrong(focal=0.02)
+    first = what_disagrees(refine(data, KNOWN.settings()))[0]
+    assert first.key == "primary focal"
+    assert "focal length (fx, fy)" in first.advice
+    assert first.stated.tolist() == [data.primary.K[0, 0], data.primary.K[1, 1]]
+    np.testing.assert_allclose(first.prior_sigma, 0.003 * first.stated)
+
+
+def test_what_is_fixed_or_free_is_not_tested() -> None:
+    data = rig.dataset(25, 0.2)
+    settings = RefineSettings(FIXED_LENS, FIXED_LENS, baseline_sigma_m=np.inf)
+    items = what_disagrees(refine(data, settings))
+    assert [item.key for item in items] == ["distance"]
+    # Where the baseline is free, the images say nothing about the bar.
+    assert np.isnan(items[0].standard_errors)
+    assert not items[0].accused
+
+
+@pytest.mark.parametrize("frames", [3, 5, 6])
+def test_few_frames_do_not_break_it(frames: int) -> None:
+    for item in what_disagrees(refine(rig.dataset(frames, 0.2))):
+        assert not item.accused
+
+
+def test_two_numbers_are_as_rare_as_one() -> None:
+    # 95 % of chi-squared with 1 and 2 degrees of freedom: 3.841 and 5.991.
+    assert _as_normal(3.8414588, 1) == pytest.approx(1.959964, abs=1e-6)
+    assert _as_normal(5.9914645, 2) == pytest.approx(1.959964, abs=1e-6)
+    assert _as_normal(0.0, 2) == pytest.approx(0.0, abs=1e-9)
+    assert 60 < _as_normal(4000.0, 2) < 64  # no underflow
