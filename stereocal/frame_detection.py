@@ -4,117 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
 from pathlib import Path
 
-from stereocal.detection import detect_targets
+from stereocal.camera import Camera
+from stereocal.corner_fit import Corner
+from stereocal.dataset import TARGETS
+from stereocal.detection import Detection, detect_targets, refusal
 from stereocal.errors import StereocalError
-from stereocal.formats.photograph import GreyImage, read_photograph
+from stereocal.formats.photograph import read_photograph
 from stereocal.formats.photograph_files import Photographs
 from stereocal.frames import Centre, CentrePair, Frame, State
 from stereocal.inspection import Progress, collect, look_through, wrong_sizes
+from stereocal.labelling import FrameLabels, LabelledPair, label_targets
 from stereocal.pairing import CAMERAS, Pair
 
 STAGES = ("photographs looked through", "photographs searched for targets")
 NOTHING: CentrePair = (None, None)
-
-
-@dataclass(frozen=True)
-class Sighting:
-    """What was seen in one photograph."""
-
-    centres: CentrePair
-    state: State
-    reason: str = ""
-
-
-Locate = Callable[[GreyImage], Sighting]
-
-
-def sight_all(
-    pairs: Sequence[Pair],
-    photographs: Photographs,
-    problems: Mapping[str, str],
-    locate: Locate,
-    executor: Executor,
-    progress: Progress,
-    cancelled: Callable[[], bool],
-) -> list[Frame] | None:
-    """Look for the targets in every photograph of the pairs; each is read when its turn comes.
-
-    Args:
-        photographs: files on disk by name; one that is missing is said with its frame.
-        problems: photographs that are known to be useless, with a sentence; they are not read.
-        locate: finds the targets in one photograph; with a process pool it must be importable.
-
-    Returns:
-        The frames in the order of the pairs; None if it was cancelled.
-    """
-    names = dict.fromkeys(name for pair in pairs for name in (pair.primary, pair.secondary))
-    work = {
-        executor.submit(_sight, photographs[name], name, locate): name
-        for name in names
-        if name in photographs and name not in problems
-    }
-    seen = collect(work, progress, cancelled)
-    if seen is None:
-        return None
-    for name in names:
-        reason = problems.get(name, f"{name}: there is no such photograph.")
-        seen.setdefault(name, Sighting(NOTHING, "refused", reason))
-    return [_frame(pair, seen[pair.primary], seen[pair.secondary]) for pair in pairs]
-
-
-def _sight(path: Path, name: str, locate: Locate) -> Sighting:
-    try:
-        return locate(read_photograph(path, name))
-    except StereocalError as error:
-        return Sighting(NOTHING, "refused", str(error))
-
-
-def _frame(pair: Pair, primary: Sighting, secondary: Sighting) -> Frame:
-    both = (primary, secondary)
-    states = {sighting.state for sighting in both}
-    state: State = (
-        "refused" if "refused" in states else "doubtful" if "doubtful" in states else "found"
-    )
-    reasons = [
-        sighting.reason
-        if sighting.reason.startswith((pair.primary, pair.secondary))
-        else f"{CAMERAS[camera]}: {sighting.reason}"
-        for camera, sighting in enumerate(both)
-        if sighting.reason
-    ]
-    return Frame(
-        frame=pair.frame,
-        files=(pair.primary, pair.secondary),
-        centres=(primary.centres, secondary.centres),
-        state=state,
-        reason=" ".join(reasons),
-        use=state == "found",
-    )
-
-
-def only_centres(found: Sequence[Centre]) -> CentrePair:
-    """One or two centres as A and B, as they come; their names are agreed later."""
-    first, second = [*found, None, None][:2]
-    return first, second
-
-
-def locate_targets(image: GreyImage) -> Sighting:
-    """What `detection.detect_targets` sees in a photograph."""
-    found = detect_targets(image)
-    centres = [
-        Centre(float(corner.centre[0]), float(corner.centre[1]), corner.sigma_px)
-        for corner in found.targets or ()
-    ]
-    return Sighting(only_centres(centres), found.state, found.sentence)
+UNREADABLE = (0, 0)
 
 
 def detect_frames(
     pairs: Sequence[Pair],
     photographs: Photographs,
-    sizes: Sequence[tuple[int, int] | None],
+    cameras: tuple[Camera, Camera],
     executor: Executor,
     begin: Callable[[str], None],
     progress: Progress,
@@ -123,13 +35,13 @@ def detect_frames(
     """All of it: look the photographs through, find the targets, agree on A and B.
 
     Args:
-        photographs: files on disk by name.
-        sizes: (width, height) that the primary and the secondary camera's file tell, or None.
+        photographs: files on disk by name; each is read when its turn comes.
+        cameras: the primary and the secondary; their photographs must have their size.
         begin: is told when a stage of `STAGES` begins, whose progress follows.
 
     Returns:
         A frame for each pair, in their order; None if it was cancelled. A photograph that cannot be
-        used refuses its own frame only.
+        used refuses its own frame only. Doubtful frames are not used until a person says so.
     """
     begin(STAGES[0])
     wanted = dict.fromkeys(name for pair in pairs for name in (pair.primary, pair.secondary))
@@ -137,10 +49,20 @@ def detect_frames(
     looked = look_through(there, executor, progress, cancelled)
     if looked is None:
         return None
-    found, problems = looked
-    problems = problems | wrong_sizes(pairs, found, sizes)
+    sizes, problems = looked
+    problems |= {name: f"{name}: there is no such photograph." for name in wanted.keys() - there}
+    problems |= wrong_sizes(pairs, sizes, [camera.image_size for camera in cameras])
     begin(STAGES[1])
-    return sight_all(pairs, photographs, problems, locate_targets, executor, progress, cancelled)
+    work = {
+        executor.submit(_detect, path, name): name
+        for name, path in there.items()
+        if name not in problems
+    }
+    seen = collect(work, progress, cancelled)
+    if seen is None:
+        return None
+    seen |= {name: refusal(UNREADABLE, "unreadable", said) for name, said in problems.items()}
+    return _agree(pairs, seen, cameras)
 
 
 def keep_corrections(found: Sequence[Frame], before: Sequence[Frame]) -> list[Frame]:
@@ -151,3 +73,73 @@ def keep_corrections(found: Sequence[Frame], before: Sequence[Frame]) -> list[Fr
         if any(centre and centre.source != "detected" for pair in frame.centres for centre in pair)
     }
     return [touched.get((frame.frame, frame.files), frame) for frame in found]
+
+
+def _detect(path: Path, name: str) -> Detection:
+    try:
+        return detect_targets(read_photograph(path, name))
+    except StereocalError as error:
+        return refusal(UNREADABLE, "unreadable", str(error))
+
+
+def _agree(
+    pairs: Sequence[Pair], seen: Mapping[str, Detection], cameras: tuple[Camera, Camera]
+) -> list[Frame]:
+    labelling = label_targets(
+        {pair.frame: seen[pair.primary] for pair in pairs},
+        {pair.frame: seen[pair.secondary] for pair in pairs},
+        cameras,
+    )
+    labels = {report.frame: report for report in labelling.frames}
+    labelled = {(found.frame, found.target): found for found in labelling.pairs}
+    return [_frame(pair, seen, labels[pair.frame], labelled) for pair in pairs]
+
+
+def _frame(
+    pair: Pair,
+    seen: Mapping[str, Detection],
+    report: FrameLabels,
+    labelled: Mapping[tuple[int, str], LabelledPair],
+) -> Frame:
+    both = seen[pair.primary], seen[pair.secondary]
+    found = [labelled.get((pair.frame, target)) for target in TARGETS]
+    if all(found):
+        first, second = (
+            tuple(_centre(getattr(one, camera)) for one in found) for camera in CAMERAS
+        )
+        state: State = "found" if report.state in ("agreed", "swapped") else "doubtful"
+        centres: tuple[CentrePair, CentrePair] = ((first[0], first[1]), (second[0], second[1]))
+        reason = report.sentence
+    else:
+        # What one photograph shows is kept: a person may add what the other one hides.
+        state = "refused"
+        centres = _as_seen(both[0]), _as_seen(both[1])
+        reason = " ".join(
+            _said(one, name, i)
+            for i, (one, name) in enumerate(zip(both, (pair.primary, pair.secondary), strict=True))
+            if one.sentence
+        )
+    return Frame(
+        frame=pair.frame,
+        files=(pair.primary, pair.secondary),
+        centres=centres,
+        state=state,
+        reason=reason,
+        use=state == "found",
+    )
+
+
+def _said(found: Detection, name: str, camera: int) -> str:
+    """What is wrong with one photograph, with its camera, or its name if it stands there."""
+    sentence = found.sentence
+    return sentence if sentence.startswith(name) else f"{CAMERAS[camera].capitalize()}: {sentence}"
+
+
+def _as_seen(found: Detection) -> CentrePair:
+    if found.targets is None:
+        return NOTHING
+    return _centre(found.targets[0]), _centre(found.targets[1])
+
+
+def _centre(corner: Corner) -> Centre:
+    return Centre(float(corner.centre[0]), float(corner.centre[1]), corner.sigma_px)

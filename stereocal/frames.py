@@ -60,6 +60,10 @@ class Frame:
         """The targets (0 A, 1 B) that both photographs show."""
         return [t for t in (0, 1) if all(self.centres[camera][t] for camera in (0, 1))]
 
+    def used(self, use: bool) -> Frame:
+        """The same frame, used or left out."""
+        return replace(self, use=use)
+
     def moved(self, camera: int, target: int, centre: Centre | None) -> Frame:
         """The same frame with one centre placed anew, or taken away."""
         rows = [list(self.centres[0]), list(self.centres[1])]
@@ -79,15 +83,17 @@ def correspondences_of(frames: Iterable[Frame]) -> Correspondences:
     Raises:
         StereocalError: there is no such target.
     """
+    frames = sorted(frames, key=lambda frame: frame.frame)
     seen = [
         (frame.frame, target, first, second, _source_of(first, second))
-        for frame in sorted(frames, key=lambda frame: frame.frame)
+        for frame in frames
         if frame.use
         for target in (0, 1)
         if (first := frame.centres[0][target]) and (second := frame.centres[1][target])
     ]
     if not seen:
-        raise StereocalError("No target is seen by both cameras in any frame that is used.")
+        why = next((f" The first: {report_line(frame)}" for frame in frames if frame.reason), "")
+        raise StereocalError(f"No target is seen by both cameras in any frame that is used.{why}")
     return Correspondences.from_arrays(
         frame=[number for number, *_ in seen],
         target=[TARGETS[target] for _, target, *_ in seen],

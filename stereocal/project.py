@@ -22,7 +22,7 @@ import re
 import secrets
 import sys
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -134,10 +134,15 @@ class Project:
         """What has been given so far."""
         return Inputs(**self._read_state()["inputs"])
 
-    def give(self, files: Mapping[Slot, tuple[str, bytes]], **values: Any) -> None:
+    def give(
+        self, files: Mapping[Slot, tuple[str, bytes]], drop: Sequence[Slot] = (), **values: Any
+    ) -> None:
         """Take over files (slot to name and content) and values in one step, or nothing.
 
         The state that results is checked as far as it is complete.
+
+        Args:
+            drop: slots to empty before.
 
         Raises:
             StereocalError: what was given cannot be used; the project is as it was.
@@ -146,6 +151,9 @@ class Project:
             state = self._read_state()
             new = json.loads(json.dumps(state["inputs"]))
             new.update(values)
+            for slot in drop:
+                for kept in ("files", "labels"):
+                    new.get(kept, {}).pop(slot, None)
             for slot, (label, content) in files.items():
                 stored = f"{hashlib.sha256(content).hexdigest()[:20]}-{slot}"
                 write_atomically(self.folder / "inputs" / stored, content)

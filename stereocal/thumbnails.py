@@ -70,7 +70,8 @@ def box_around(centres: CentrePair, shape: tuple[int, ...]) -> tuple[int, int, i
     margin = max(0.5 * float(np.linalg.norm(high - low)), 60.0)
     reach = (high - low) / 2 + margin
     reach = np.maximum(reach, reach[::-1] * np.array([WIDTH / HEIGHT, HEIGHT / WIDTH]))
-    middle = (low + high) / 2
+    # A box that would leave the image is moved into it, as far as the image is large enough.
+    middle = np.clip((low + high) / 2, reach, np.maximum((width, height) - reach, reach))
     left, top = np.clip(middle - reach, 0, (width - 1, height - 1)).astype(int)
     right, bottom = np.clip(middle + reach + 1, (left + 1, top + 1), (width, height)).astype(int)
     return int(left), int(top), int(right), int(bottom)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import streamlit as st
 
@@ -25,7 +24,10 @@ def show_contact_sheet(store: ProjectPhotographs, frames: Sequence[Frame], runni
     """The frames, twelve on a sheet, with the choice to use each."""
     st.info(describe_frames(frames))
     counts = {state: sum(frame.state == state for frame in frames) for state in STATES}
-    kinds = {f"All ({len(frames)})": "", **{f"{s} ({n})": s for s, n in counts.items() if n}}
+    kinds = {
+        f"All ({len(frames)})": "",
+        **{f"{s.capitalize()} ({n})": s for s, n in counts.items() if n},
+    }
     chosen = st.segmented_control(
         "Show", list(kinds), default=next(iter(kinds)), key="sheet_kind", required=True
     )
@@ -34,7 +36,7 @@ def show_contact_sheet(store: ProjectPhotographs, frames: Sequence[Frame], runni
     sheet = 1
     if sheets > 1:
         st.session_state["sheet"] = min(st.session_state.get("sheet", 1), sheets)
-        sheet = st.number_input(f"Sheet (of {sheets})", 1, sheets, step=1, key="sheet")
+        sheet = st.number_input(f"Sheet (of {sheets})", 1, sheets, step=1, key="sheet", width=200)
     on_it = shown[(sheet - 1) * ON_A_SHEET : sheet * ON_A_SHEET]
     for start in range(0, len(on_it), COLUMNS):
         for frame, column in zip(on_it[start:], st.columns(COLUMNS), strict=False):
@@ -65,12 +67,8 @@ def _show_frame(store: ProjectPhotographs, frame: Frame, running: bool) -> None:
 def _choose(store: ProjectPhotographs, number: int, key: str) -> None:
     frames = store.frames or []
     try:
-        store.keep_frames(
-            [
-                replace(f, use=bool(st.session_state[key])) if f.frame == number else f
-                for f in frames
-            ]
-        )
+        use = bool(st.session_state[key])
+        store.keep_frames([f.used(use) if f.frame == number else f for f in frames])
         settled()
     except StereocalError as error:
         refuse(error)

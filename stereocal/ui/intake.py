@@ -4,22 +4,32 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from pathlib import Path
+from typing import Any, Protocol
 
 import pandas as pd
 import streamlit as st
 
+from stereocal.dataset import Dataset
 from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
 from stereocal.formats.correspondences_csv import read_table, write_table
 from stereocal.formats.dataset_files import (
     TABLE,
+    Survey,
     find_description,
     pack_dataset,
     parse_dataset,
+    parse_survey,
     read_dataset,
+)
+from stereocal.formats.photograph_files import (
+    is_photograph,
+    keep_photograph,
+    unpack_photographs,
 )
 from stereocal.formats.zip_files import unzip
 from stereocal.project import Project, Slot
+from stereocal.project_photographs import ProjectPhotographs
 from stereocal.ui.project import SAMPLE, new_project, project_to_write
 
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
@@ -28,7 +38,12 @@ TITLES: Mapping[Slot, str] = {
     "primary": "Camera file, primary",
     "secondary": "Camera file, secondary",
 }
+PHOTOGRAPHS = "Photographs"
+KIND_NEXT = "data_how_next"
+"""What the Data page shows next; a widget's value cannot be changed once it is drawn."""
 _REFUSED = "refused"
+Unpack = Callable[[Path], Mapping[str, Path]]
+"""Puts the photographs of a data set into a folder: names to files."""
 
 
 class Upload(Protocol):
@@ -57,16 +72,31 @@ def take_dataset(uploads: Sequence[Upload]) -> None:
     """A zip, or the files of a folder."""
     if not uploads or not is_new(*uploads):
         return
-    files = {upload.name: upload.getvalue() for upload in uploads}
     name = uploads[0].name
-    if len(uploads) == 1 and name.lower().endswith(".zip"):
-        try:
-            _try_dataset(unzip(files[name], name), name)
-        except StereocalError as error:
-            refuse(error)
-    else:
-        _try_dataset(files, "the folder")
+    try:
+        if len(uploads) == 1 and name.lower().endswith(".zip"):
+            content = uploads[0].getvalue()
+            texts = unzip(content, name, lambda member: not is_photograph(member))
+            _try_dataset(texts, name, lambda store: unpack_photographs(content, name, store))
+        else:
+            texts = {file.name: file.getvalue() for file in uploads if not is_photograph(file.name)}
+            _try_dataset(texts, "the folder", lambda store: keep_uploads(uploads, store))
+    except StereocalError as error:
+        refuse(error)
     st.rerun()
+
+
+def keep_uploads(uploads: Sequence[Upload], store: Path, prefix: str = "") -> dict[str, Path]:
+    """Put the photographs among the uploads onto the disk, below `store`.
+
+    Args:
+        prefix: goes before their names, as a folder: which camera took them.
+    """
+    return {
+        prefix + upload.name: keep_photograph([upload.getvalue()], upload.name, store)
+        for upload in uploads
+        if is_photograph(upload.name)
+    }
 
 
 def take_file(slot: Slot, upload: Upload | None) -> None:
@@ -84,7 +114,8 @@ def take_length(name: str, value_key: str, unit_key: str) -> None:
     try:
         project = project_to_write()
         project.keep_settings({unit_key: unit})
-        project.give({}, **{name: metres})
+        given: dict[str, Any] = {name: metres}
+        project.give({}, **given)
         settled()
     except StereocalError as error:
         refuse(error)
@@ -137,15 +168,16 @@ def _rows_but(content: bytes, problems: Sequence[RowProblem]) -> tuple[bytes, in
     return write_table(left), len(left)
 
 
-def _try_dataset(files: Mapping[str, bytes], source: str) -> None:
+def _try_dataset(files: Mapping[str, bytes], source: str, unpack: Unpack) -> None:
     """Take over a data set; if rows of it are refused, offer to go on without them."""
     try:
-        _give_dataset(project_to_write(), files, source)
+        _give_dataset(project_to_write(), files, source, unpack)
         settled()
     except RefusedRowsError as error:
         folder, _ = find_description(files, source)
         rest = _rows_but(files[folder + TABLE], error.problems)
-        refuse(error, rest, lambda: _try_dataset({**files, folder + TABLE: rest[0]}, source))
+        without = {**files, folder + TABLE: rest[0]}
+        refuse(error, rest, lambda: _try_dataset(without, source, unpack))
     except StereocalError as error:
         refuse(error)
 
@@ -167,22 +199,35 @@ def _try_files(files: dict[Slot, tuple[str, bytes]]) -> None:
         refuse(error)
 
 
-def _give_dataset(project: Project, files: Mapping[str, bytes], source: str) -> None:
-    """Put a whole data set into a project, or refuse it."""
-    dataset = parse_dataset(files, source)
+def _give_dataset(
+    project: Project,
+    files: Mapping[str, bytes],
+    source: str,
+    unpack: Unpack = lambda _store: {},
+) -> None:
+    """Put a whole data set into a project, in place of what it held, or refuse it."""
+    store = ProjectPhotographs(project)
+    photographs = unpack(store.files)
     folder, description = find_description(files, source)
-    cameras: Mapping[str, str] = description["cameras"]
-    given: dict[Slot, tuple[str, bytes]] = {
-        "primary": (cameras["primary"], files[folder + cameras["primary"]]),
-        "secondary": (cameras["secondary"], files[folder + cameras["secondary"]]),
-        "correspondences": (TABLE, files[folder + TABLE]),
-    }
+    slots: dict[Slot, str] = {"primary": "", "secondary": ""}
+    survey: Survey | Dataset
+    if photographs and folder + TABLE not in files:
+        survey = parse_survey(files, source)
+    else:
+        survey = parse_dataset(files, source)
+        slots["correspondences"] = TABLE
+    slots |= {slot: description["cameras"][slot] for slot in slots if slot != "correspondences"}
     project.give(
-        given,
-        name=dataset.name,
-        baseline_m=dataset.baseline_m,
-        target_distance_m=dataset.target_distance_m,
+        {slot: (name, files[folder + name]) for slot, name in slots.items()},
+        drop=("correspondences",),
+        name=survey.name,
+        baseline_m=survey.baseline_m,
+        target_distance_m=survey.target_distance_m,
     )
+    store.clear()
+    if photographs:
+        store.add(photographs)
+        st.session_state[KIND_NEXT] = PHOTOGRAPHS
 
 
 def is_new(*uploads: Upload) -> bool:

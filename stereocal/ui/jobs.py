@@ -124,12 +124,12 @@ def _show_progress(job: Job, kind: Kind) -> None:
         st.rerun()
     for number, stage in enumerate(job.stages):
         if number < job.at:
-            st.progress(1.0, f"{stage}: all")
+            st.progress(1.0, f"{stage.capitalize()}: all")
         elif number == job.at and job.done:
             left = f"{job.done} of {job.total} {stage}, about {job.seconds_left:.0f} s left"
             st.progress(job.done / max(job.total, 1), left)
         else:
-            st.progress(0.0, "Starting" if number == job.at else f"{stage}: waiting")
+            st.progress(0.0, "Starting" if number == job.at else f"{stage.capitalize()}: not yet")
     st.button("Cancel", key=f"cancel_{kind}", on_click=_cancel, args=(job,))
 
 

@@ -11,11 +11,7 @@ import streamlit as st
 
 from stereocal.errors import StereocalError
 from stereocal.formats.photograph import SUFFIXES
-from stereocal.formats.photograph_files import (
-    is_photograph,
-    keep_photograph,
-    unpack_photographs,
-)
+from stereocal.formats.photograph_files import unpack_photographs
 from stereocal.frame_detection import STAGES, detect_frames, keep_corrections
 from stereocal.pairing import CAMERAS, Pair
 from stereocal.project import Project, Slot
@@ -23,10 +19,13 @@ from stereocal.project_photographs import PairRow, ProjectPhotographs
 from stereocal.ui import jobs
 from stereocal.ui.contact_sheet import show_contact_sheet
 from stereocal.ui.intake import (
+    KIND_NEXT,
+    PHOTOGRAPHS,
     TITLES,
     Upload,
     escape_markdown,
     in_use,
+    keep_uploads,
     refuse,
     settled,
     take_file,
@@ -42,11 +41,13 @@ _ROUND, _BASE = "photographs_round", "pairs_base"
 
 def choose_kind(project: Project | None) -> str | None:
     """What the person has; photographs, if the project holds some."""
+    if KIND_NEXT in st.session_state:
+        st.session_state["data_how"] = st.session_state.pop(KIND_NEXT)
     if "data_how" not in st.session_state:
         there = project is not None and has_photographs(project)
-        st.session_state["data_how"] = "Photographs" if there else "Single files"
+        st.session_state["data_how"] = PHOTOGRAPHS if there else "Single files"
     return st.segmented_control(
-        "I have", ["Single files", "Photographs", "A zip", "A folder"], key="data_how"
+        "I have", ["Single files", PHOTOGRAPHS, "A zip", "A folder"], key="data_how"
     )
 
 
@@ -116,9 +117,8 @@ def take_photographs(uploads: Sequence[Upload], prefix: str = "") -> None:
                 if not inside:
                     raise StereocalError(f"{upload.name}: there is no photograph in it.")
                 found |= {prefix + name: path for name, path in inside.items()}
-            elif is_photograph(upload.name):
-                name = prefix + upload.name
-                found[name] = keep_photograph([upload.getvalue()], name, store.files)
+            else:
+                found |= keep_uploads([upload], store.files, prefix)
         if not found:
             raise StereocalError("There is no photograph among these files.")
         settled()
@@ -210,9 +210,16 @@ def _find_targets(store: ProjectPhotographs) -> None:
     project, rows = store.project, [row for row in store.rows if row.use]
     running = jobs.is_running(project, "photographs")
     frames = store.frames
+    lacking = [name for name, camera in zip(CAMERAS, project.cameras, strict=True) if not camera]
+    if lacking:
+        st.info(
+            f"Give the camera file of the {' and the '.join(lacking)} camera too: how the lenses "
+            "see tells which target is A in both."
+        )
     st.button(
         "Find the targets" if frames is None else "Find the targets again", key="find_targets",
-        type="primary" if frames is None else "secondary", disabled=running or not rows,
+        type="primary" if frames is None else "secondary",
+        disabled=running or bool(lacking) or not rows,
         on_click=_start, args=(store, [row.pair for row in rows]),
     )  # fmt: skip
     jobs.show_job(project, "photographs", "Cancelled. What was found before is unchanged.")
@@ -234,9 +241,12 @@ def _start(store: ProjectPhotographs, pairs: Sequence[Pair]) -> None:
 def _find(
     store: ProjectPhotographs, pairs: Sequence[Pair], job: jobs.Job, executor: Executor
 ) -> bool:
-    sizes = [camera.image_size if camera else None for camera in store.project.cameras]
+    primary, secondary = store.project.cameras
+    if primary is None or secondary is None:
+        raise StereocalError("A camera file has gone from the project; give it again.")
+    cameras = (primary, secondary)
     found = detect_frames(
-        pairs, store.photographs, sizes, executor, job.begin, job.progress, lambda: job.cancelled
+        pairs, store.photographs, cameras, executor, job.begin, job.progress, lambda: job.cancelled
     )
     if found is None:
         return False

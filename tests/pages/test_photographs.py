@@ -22,7 +22,7 @@ from tests.bar_photographs import bar_set
 
 ROOT = Path(__file__).parents[2]
 SLOW = 120
-BARS = bar_set(4)
+BARS = bar_set(7)
 FILES = BARS.files()
 
 
@@ -81,12 +81,14 @@ def give_cameras_and_lengths(app: AppTest) -> None:
 
 def test_from_photographs_to_a_complete_data_set(app: AppTest, tmp_path: Path) -> None:
     upload_zip(app, FILES)
-    assert "8 photographs. 4 pairs by name: primary with left is the primary" in messages(app)
+    assert "14 photographs. 7 pairs by name: primary with left is the primary" in messages(app)
+    assert app.button(key="find_targets").disabled
+    assert "Give the camera file of the primary and the secondary camera" in messages(app)
     give_cameras_and_lengths(app)
     assert "Still missing: the table of points" in messages(app)
     find(app, tmp_path)
-    assert "4 frames: 4 found, 0 doubtful, 0 refused" in messages(app)
-    assert "8 pairs of points in 4 frames" in messages(app)
+    assert "7 frames: 7 found, 0 doubtful, 0 refused" in messages(app)
+    assert "14 pairs of points in 7 frames" in messages(app)
     dataset = store_of(app, tmp_path).project.dataset
     assert dataset is not None
     rows = dataset.correspondences
@@ -97,23 +99,23 @@ def test_from_photographs_to_a_complete_data_set(app: AppTest, tmp_path: Path) -
     assert rows.has_sigmas and (rows.source == 0).all()
 
     app.checkbox(key="use_frame_2").set_value(False).run()
-    assert "6 pairs of points in 3 frames" in messages(app)
+    assert "12 pairs of points in 6 frames" in messages(app)
     again = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW)
     again.query_params["project"] = app.session_state["project_id"]
     again.run().switch_page("pages/data.py").run()
     assert again.segmented_control(key="data_how").value == "Photographs"
-    assert "6 pairs of points in 3 frames" in messages(again)
+    assert "12 pairs of points in 6 frames" in messages(again)
     assert again.checkbox(key="use_frame_2").value is False
 
 
 def test_files_one_after_the_other_and_a_missing_twin(app: AppTest, tmp_path: Path) -> None:
     plain = {name.split("/")[1]: content for name, content in FILES.items()}
     names = sorted(plain)
-    upload(app, {name: plain[name] for name in names[:6]})
-    assert "left3.png (primary) has no right3.png beside it" in messages(app)
-    upload(app, {name: plain[name] for name in names[6:]})
-    assert "8 photographs. 4 pairs by name" in messages(app)
-    assert [row.pair.frame for row in store_of(app, tmp_path).rows] == [1, 2, 3, 4]
+    upload(app, {name: plain[name] for name in names[:10]})
+    assert "left4.png (primary) has no right4.png beside it" in messages(app)
+    upload(app, {name: plain[name] for name in names[10:]})
+    assert "14 photographs. 7 pairs by name" in messages(app)
+    assert [row.pair.frame for row in store_of(app, tmp_path).rows] == [1, 2, 3, 4, 5, 6, 7]
     app.button(key="no_photographs").click().run()
     assert not store_of(app, tmp_path).photographs
     assert "Nothing is loaded yet" in messages(app)
@@ -128,7 +130,7 @@ def test_one_camera_after_the_other(app: AppTest) -> None:
         for i, name in enumerate(own):
             widget.upload(f"DSC{i}.png", FILES[name])
         app.run()
-    assert "4 pairs by name: primary is the primary camera" in messages(app)
+    assert "7 pairs by name: primary is the primary camera" in messages(app)
 
 
 def test_bad_photographs_refuse_their_own_frame_only(app: AppTest, tmp_path: Path) -> None:
@@ -137,9 +139,10 @@ def test_bad_photographs_refuse_their_own_frame_only(app: AppTest, tmp_path: Pat
     bad["secondary/right3.png"] = FILES["secondary/right3.png"][:-500]
     bad["primary/left4.png"] = bar_set(1, 9).files()["primary/left1.png"][:0]
     upload_zip(app, bad)
+    give_cameras_and_lengths(app)
     find(app, tmp_path)
     said = " ".join(item.value for item in app.caption).replace("\\", "")
-    assert "4 frames: 1 found, 0 doubtful, 3 refused" in messages(app)
+    assert "7 frames: 0 found, 4 doubtful, 3 refused" in messages(app)
     assert "primary/left2.png: this is no photograph" in said
     assert "secondary/right3.png: the PNG is cut off" in said
     assert "primary/left4.png: the file is empty" in said
@@ -166,7 +169,7 @@ def test_a_bomb_is_said_and_nothing_is_lost(app: AppTest, tmp_path: Path) -> Non
         archive.writestr("left5.pgm", bytes(30_000_000))
     upload(app, {"bomb.zip": packed.getvalue()})
     assert "would swell to 30000000" in messages(app)
-    assert len(store_of(app, tmp_path).photographs) == 8
+    assert len(store_of(app, tmp_path).photographs) == 14
 
 
 def test_the_table_of_pairs_there_and_back() -> None:

@@ -1,0 +1,68 @@
+"""`stereocal detect`: the table of points of a data set of photographs."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+from pathlib import Path
+
+from stereocal.commands.progress import ProgressBar
+from stereocal.engines import engine
+from stereocal.errors import StereocalError
+from stereocal.formats.correspondences_csv import write_table
+from stereocal.formats.dataset_files import read_survey
+from stereocal.formats.photograph_files import photographs_in
+from stereocal.frame_detection import detect_frames
+from stereocal.frames import correspondences_of, describe_frames, report_line
+from stereocal.pairing import Pairing, pair_names
+from stereocal.writing import write_atomically
+
+
+def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """The options of the command."""
+    command = commands.add_parser("detect", help="the targets in photographs, as a table of points")
+    command.set_defaults(run=run)
+    command.add_argument(
+        "dataset", type=Path, help="folder or zip with dataset.json and photographs"
+    )
+    command.add_argument("--out", type=Path, required=True, help="the table: correspondences.csv")
+    command.add_argument(
+        "--doubtful", action="store_true", help="doubtful frames go into the table too"
+    )
+    command.add_argument("--workers", type=int, metavar="N", help="N processes (default: threads)")
+
+
+def run(parsed: argparse.Namespace) -> None:
+    """Find the targets, say how each frame went, write the table."""
+    survey = read_survey(parsed.dataset)
+    with tempfile.TemporaryDirectory(prefix="stereocal-") as store:
+        bar = ProgressBar("photographs unpacked").show
+        photographs = photographs_in(parsed.dataset, Path(store), bar)
+        pairing = pair_names(photographs)
+        _say(f"{len(photographs)} photographs. {pairing.sentence}")
+        _refuse_unclear(pairing, str(parsed.dataset))
+        with engine(parsed.workers) as executor:
+            bars: list[ProgressBar] = []
+            frames = detect_frames(
+                pairing.pairs, photographs, (survey.primary, survey.secondary), executor,
+                begin=lambda stage: bars.append(ProgressBar(stage)),
+                progress=lambda done, total: bars[-1].show(done, total),
+            )  # fmt: skip
+    assert frames is not None  # nobody cancels here
+    for frame in frames:
+        _say(report_line(frame))
+    if parsed.doubtful:
+        frames = [frame.used(frame.state != "refused") for frame in frames]
+    _say(describe_frames(frames))
+    write_atomically(parsed.out, write_table(correspondences_of(frames)))
+    print(f"wrote {parsed.out}")
+
+
+def _refuse_unclear(pairing: Pairing, source: str) -> None:
+    if not pairing.pairs or pairing.ambiguous:
+        raise StereocalError(f"{source}: {pairing.sentence}")
+
+
+def _say(line: str) -> None:
+    print(line, file=sys.stderr, flush=True)

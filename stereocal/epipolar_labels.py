@@ -1,0 +1,148 @@
+"""Which labels of the bar's targets agree with one epipolar geometry of all frames.
+
+The geometry is found without knowing the labels: from four frames at a time, with each of the 16
+ways to label them (8-point), the one with the least median residual over all frames (least median
+of squares: Rousseeuw, 1984, J. Am. Stat. Assoc. 79, 871), then refined on the frames that fit it.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from stereocal.compiled import FloatArray
+from stereocal.errors import StereocalError
+from stereocal.essential import calibrate_essential, linear_essential
+from stereocal.geometry import Pose, triangulate_rays
+
+FEWEST_FRAMES = 6
+"""12 pairs for 5 angles: fewer leave other labels that fit as well."""
+SAMPLED_FRAMES = 4
+SAMPLES = 40
+REFINED = 8
+"""So many of the best samples are refined."""
+KEPT = 0.7
+"""Part of the frames, those that fit best, that a refinement uses."""
+MOST_SCORED = 200
+"""Frames that the samples are judged by."""
+RUNNER_UP = 3.0
+"""Other labels that fit as well, to this factor, leave all in doubt."""
+NO_WORSE_PX = 0.05
+"""Residuals that differ by less are alike."""
+
+
+@dataclass(frozen=True, eq=False)
+class EpipolarLabels:
+    """What the epipolar geometry says of the labels of f frames.
+
+    The columns of the arrays (f, 2): with the labels as given, with the secondary's exchanged.
+    """
+
+    residual_px: FloatArray
+    """Distance of the targets from their epipolar lines (Sampson), root mean square of both."""
+    length: FloatArray
+    """Length of the bar per baseline; NaN where a target is behind a camera."""
+    unique: bool
+    """No other labels fit nearly as well."""
+
+
+def compare_labels(
+    primary: FloatArray, secondary: FloatArray, focal_px: float, rng: np.random.Generator
+) -> EpipolarLabels | None:
+    """Compare both ways to label each frame.
+
+    Args:
+        primary, secondary: (f, 2, 2): of each frame both targets' normalised points (x, y).
+        focal_px: turns residuals into pixels.
+
+    Returns None where there are too few frames, or they determine no geometry.
+    """
+    frames = len(primary)
+    if frames < FEWEST_FRAMES:
+        return None
+    rays = np.stack([np.concatenate([primary, s], axis=2) for s in (secondary, secondary[:, ::-1])])
+    poses = []
+    for E in _samples(rays, rng):
+        pose = _refined(E, rays)
+        if pose is not None:
+            residual = focal_px * _distances(pose.essential, rays)
+            poses.append((float(np.median(residual.min(axis=0))), pose, residual))
+    if not poses:
+        return None
+    poses.sort(key=lambda found: found[0])
+    least, pose, residual = poses[0]
+    swapped = residual[1] < residual[0]
+    unique = True
+    for other, _, its in poses[1:]:
+        differs = (its[1] < its[0]) != swapped
+        # Where both ways fit, the labels may differ: that bar lies along an epipolar line.
+        clear = residual.max(axis=0) > RUNNER_UP * least + NO_WORSE_PX
+        if (differs & clear).any() and other < RUNNER_UP * least + NO_WORSE_PX:
+            unique = False
+    ends = [triangulate_rays(pose.R, pose.T, way.reshape(-1, 4).T.copy()) for way in rays]
+    lengths = [np.linalg.norm(points[::2] - points[1::2], axis=1) for points in ends]
+    return EpipolarLabels(residual.T, np.column_stack(lengths), unique)
+
+
+def _samples(rays: FloatArray, rng: np.random.Generator) -> list[FloatArray]:
+    """Essential matrices of the samples with the least median residual, the best first.
+
+    Args:
+        rays: (2, f, 2, 4): way to label, frame, target, x and y of both cameras.
+    """
+    frames = rays.shape[1]
+    judges = rays[:, rng.permutation(frames)[:MOST_SCORED]]
+    found = []
+    ways = [np.array(way) for way in itertools.product((0, 1), repeat=SAMPLED_FRAMES)]
+    for _ in range(SAMPLES):
+        chosen = rng.permutation(frames)[:SAMPLED_FRAMES]
+        for way in ways:
+            E = linear_essential(rays[way, chosen].reshape(-1, 4).T)
+            if np.isfinite(E).all():
+                found.append((float(np.median(_distances(E, judges).min(axis=0))), E))
+    found.sort(key=lambda sample: sample[0])
+    return [E for _, E in found[:REFINED]]
+
+
+def _refined(E: FloatArray, rays: FloatArray) -> Pose | None:
+    """The pose that fits best most of the frames, each labelled as it fits; None if there is none.
+
+    Frames and labels are chosen anew until they stay, as in least trimmed squares.
+    """
+    frames = rays.shape[1]
+    most = max(FEWEST_FRAMES - 1, round(KEPT * frames))
+    pose: Pose | None = None
+    before: tuple[bytes, bytes] | None = None
+    for _ in range(10):
+        distance = _distances(E, rays)
+        way = np.argmin(distance, axis=0)
+        kept = np.sort(np.argsort(distance.min(axis=0), kind="stable")[:most])
+        now = (way[kept].tobytes(), kept.tobytes())
+        if now == before:
+            break
+        before = now
+        chosen = rays[way[kept], kept].reshape(-1, 4).T.copy()
+        try:
+            pose = calibrate_essential(chosen, 1.0).pose
+        except StereocalError:
+            return None
+        E = pose.essential
+    return pose
+
+
+def _distances(E: FloatArray, rays: FloatArray) -> FloatArray:
+    """(2, f): Sampson distances, root mean square over the targets of a frame, normalised units.
+
+    Hartley and Zisserman (2004), Multiple View Geometry, equation 11.9.
+    """
+    one = np.ones((*rays.shape[:-1], 1))
+    p = np.concatenate([rays[..., :2], one], axis=-1)
+    q = np.concatenate([rays[..., 2:], one], axis=-1)
+    lines, back = p @ E.T, q @ E
+    residual = (q * lines).sum(axis=-1)
+    slope = (lines[..., :2] ** 2).sum(axis=-1) + (back[..., :2] ** 2).sum(axis=-1)
+    distances: npt.NDArray[np.float64] = np.sqrt((residual**2 / slope).mean(axis=-1))
+    return distances
