@@ -1,7 +1,7 @@
 // A photograph to look at and to pick from: zoom, pan, marks, sub-pixel clicks.
 // Image coordinates: pixel centres at integers, so that pixel i covers i - 0.5 to i + 0.5.
 
-const DEEPEST = 400 // CSS px per image px: a sigma of 0.01 px is then 4 px
+const DEEPEST = 1000 // CSS px per image px: a sigma of 0.005 px is then 5 px
 const CLOSE_UP = 12 // of the buttons that go to a target
 const STEP = 48 // of an arrow key, CSS px
 const SIGMA_SHOWN = 2.5 // radius from which the circle of one sigma is drawn, CSS px
@@ -237,7 +237,10 @@ class Picker {
     if (!this.image) return
     this.drawPhotograph(ratio)
     for (const mark of this.data.marks) this.drawMark(mark)
-    if (this.pending) this.stroke("#ffffff", 2, (path) => path.arc(...this.toScreen(...this.pending), 9, 0, 7))
+    if (this.pending) {
+      const at = this.toScreen(...this.pending)
+      this.stroke("#ffffff", 2, (path) => path.arc(...at, 9, 0, 2 * Math.PI))
+    }
     if (this.canvas.matches(":focus-visible")) this.drawCrossHair()
     this.canvas.dataset.view = JSON.stringify({ scale: this.scale, u: this.u, v: this.v })
     this.tell(null)
@@ -277,14 +280,7 @@ class Picker {
         path.arc(x, y, reach, 0, 2 * Math.PI)
       }
     })
-    if (this.scale >= 3) {
-      this.stroke(mark.colour, 1.5, (path) => {
-        path.moveTo(x - 4, y)
-        path.lineTo(x + 4, y)
-        path.moveTo(x, y - 4)
-        path.lineTo(x, y + 4)
-      })
-    }
+    if (this.scale >= 3) this.stroke(mark.colour, 1.5, (path) => ticks(path, x, y, circle + 2, circle + 6))
     if (circle >= SIGMA_SHOWN) {
       this.stroke("#ffffff", 1.5, (path) => path.arc(x, y, circle, 0, 2 * Math.PI))
     }
@@ -301,13 +297,7 @@ class Picker {
   }
 
   drawCrossHair() {
-    const [x, y] = [this.width / 2, this.height / 2]
-    this.stroke("#ffffff", 1.5, (path) => {
-      for (const [dx, dy] of [[1, 0], [-1, 0], [0, 1], [0, -1]]) {
-        path.moveTo(x + 5 * dx, y + 5 * dy)
-        path.lineTo(x + 26 * dx, y + 26 * dy)
-      }
-    })
+    this.stroke("#ffffff", 1.5, (path) => ticks(path, this.width / 2, this.height / 2, 5, 26))
   }
 
   stroke(colour, width, draw) {
@@ -318,6 +308,14 @@ class Picker {
       this.context.lineWidth = width + extra
       this.context.stroke(path)
     }
+  }
+}
+
+// Four lines around a place that leave it open.
+function ticks(path, x, y, inner, outer) {
+  for (const [dx, dy] of [[1, 0], [-1, 0], [0, 1], [0, -1]]) {
+    path.moveTo(x + inner * dx, y + inner * dy)
+    path.lineTo(x + outer * dx, y + outer * dy)
   }
 }
 
