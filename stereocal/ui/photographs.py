@@ -138,8 +138,7 @@ def _show_pairs(store: ProjectPhotographs) -> None:
     said = f"{len(store.photographs)} photographs. {proposal.sentence}"
     sure = proposal.pairs and not (proposal.alone or proposal.unknown or proposal.ambiguous)
     (st.success if sure else st.warning)(escape_markdown(said))
-    used = sum(row.use for row in rows)
-    with st.expander(f"Pairs: {used} of {len(rows)} used; change them here", expanded=not rows):
+    with st.expander("The pairs: look at them, change them", expanded=not rows):
         edited = _table_of_pairs(store, rows)
         try:
             new = rows_of(edited)
@@ -148,6 +147,7 @@ def _show_pairs(store: ProjectPhotographs) -> None:
                 st.rerun()
         except StereocalError as error:
             st.error(escape_markdown(f"{error} The last sound table is kept."))
+        st.caption(f"{sum(row.use for row in rows)} of {len(rows)} pairs are used.")
         left, right = st.columns(2)
         left.button("Pair by name again", on_click=_pair_again, args=(store,), key="pair_again")
         right.button("Remove all photographs", on_click=_clear, args=(store,), key="no_photographs")

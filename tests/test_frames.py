@@ -1,0 +1,141 @@
+"""What is kept of photographed frames, and the table and the pictures that are made of it."""
+
+from __future__ import annotations
+
+import json
+from typing import cast
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from stereocal.errors import StereocalError
+from stereocal.formats.correspondences_csv import read_table, write_table
+from stereocal.frames import (
+    Centre,
+    CentrePair,
+    Frame,
+    State,
+    correspondences_of,
+    describe_frames,
+    pack_frames,
+    report_line,
+    unpack_frames,
+)
+from stereocal.thumbnails import HEIGHT, WIDTH, box_around, side_by_side, tile
+
+PRIMARY: CentrePair = (Centre(10.0, 20.0, 0.1), Centre(30.0, 40.0, 0.2, "corrected"))
+SECONDARY: CentrePair = (Centre(11.0, 21.0, None, "manual"), Centre(31.0, 41.0, 0.3))
+
+
+def frame(number: int = 1, state: State = "found", use: bool = True) -> Frame:
+    files = (f"left{number}.png", f"right{number}.png")
+    return Frame(number, files, (PRIMARY, SECONDARY), state, "", use)
+
+
+coordinates = st.floats(-1e4, 1e4)
+centres = st.none() | st.builds(
+    Centre, coordinates, coordinates, st.none() | st.floats(1e-6, 10),
+    st.sampled_from(["detected", "corrected", "manual"]),
+)  # fmt: skip
+frames = st.builds(
+    Frame, st.integers(-(2**53), 2**53), st.tuples(st.text(), st.text()),
+    st.tuples(st.tuples(centres, centres), st.tuples(centres, centres)),
+    st.sampled_from(["found", "doubtful", "refused"]), st.text(), st.booleans(),
+)  # fmt: skip
+
+
+@given(st.lists(frames, max_size=5))
+def test_there_and_back(given_frames: list[Frame]) -> None:
+    assert unpack_frames(pack_frames(given_frames)) == given_frames
+
+
+@given(st.binary(max_size=200))
+def test_damaged_files_are_refused(content: bytes) -> None:
+    with pytest.raises(StereocalError):
+        unpack_frames(content)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [("state", "lost"), ("centres", [[None]]), ("files", ["a"]), ("frame", "x"),
+     ("centres", [[{"u": 1, "v": 2, "source": "guess"}, None], [None, None]])],
+)  # fmt: skip
+def test_a_frame_that_cannot_be_is_refused(key: str, value: object) -> None:
+    content = json.loads(pack_frames([frame()]))
+    content["frames"][0][key] = value
+    with pytest.raises(StereocalError, match="cannot be read"):
+        unpack_frames(json.dumps(content).encode())
+
+
+def test_the_table_has_what_both_cameras_see_in_used_frames() -> None:
+    half = frame(3).moved(1, 0, None)
+    rows = correspondences_of([half, frame(2, use=False), frame(1)])
+    np.testing.assert_array_equal(rows.frame, [1, 1, 3])
+    np.testing.assert_array_equal(rows.target, [0, 1, 1])
+    np.testing.assert_array_equal(rows.primary, [[10, 20], [30, 40], [30, 40]])
+    np.testing.assert_array_equal(rows.secondary, [[11, 21], [31, 41], [31, 41]])
+    np.testing.assert_array_equal(rows.sigma_primary_px, [0.1, 0.2, 0.2])
+    np.testing.assert_array_equal(rows.sigma_secondary_px, [np.nan, 0.3, 0.3])
+    # A row is as little automatic as the less automatic one of its points.
+    np.testing.assert_array_equal(rows.source, [2, 1, 1])
+    back = read_table(write_table(rows), "t").strict("t")
+    np.testing.assert_array_equal(back.source, rows.source)
+
+
+def test_no_target_at_all_says_why() -> None:
+    refused = Frame(4, ("l", "r"), ((None, None), (None, None)), "refused", "l: too dark.", False)
+    with pytest.raises(StereocalError, match=r"No target .* The first: frame 4: refused: l: too"):
+        correspondences_of([refused])
+
+
+def test_swapped_and_moved() -> None:
+    swapped = frame().swapped(1)
+    assert swapped.centres == (PRIMARY, SECONDARY[::-1])
+    assert swapped.swapped(1) == frame()
+    assert frame().moved(0, 1, None).targets_in_both == [0]
+
+
+def test_what_is_said() -> None:
+    three = [frame(1), frame(2, "doubtful", use=False), frame(3).moved(0, 0, None)]
+    assert describe_frames(three) == (
+        "3 frames: 2 found, 1 doubtful, 0 refused. 2 are used, 1 of them with both targets."
+    )
+    assert report_line(frame(7)) == "frame 7: found, sigma at most 0.300 px"
+
+
+class TestThumbnails:
+    image = np.full((400, 600), 90, np.uint8)
+
+    def test_size_and_cross(self) -> None:
+        drawn = tile(self.image, (Centre(200, 200), Centre(260, 220)))
+        assert drawn.shape == (HEIGHT, WIDTH, 3)
+        left, top, right, _ = box_around((Centre(200, 200), Centre(260, 220)), (400, 600))
+        scale = WIDTH / (right - left)
+        at = round((200 - top + 0.5) * scale - 0.5), round((200 - left + 0.5) * scale - 0.5)
+        assert drawn[at].tolist() == [0, 158, 230]
+
+    def test_without_targets_the_whole_photograph(self) -> None:
+        assert box_around((None, None), (400, 600)) == (0, 0, 600, 400)
+        assert (tile(None, (None, None)) == 128).all()
+
+    @given(st.tuples(centres, centres), st.integers(16, 900), st.integers(16, 900))
+    def test_any_centres_in_any_image(self, pair: CentrePair, width: int, height: int) -> None:
+        left, top, right, bottom = box_around(pair, (height, width))
+        assert 0 <= left < right <= width and 0 <= top < bottom <= height
+        inside = [c for c in pair if c and 0 <= c.u <= width - 1 and 0 <= c.v <= height - 1]
+        if len(inside) == sum(one is not None for one in pair):
+            assert all(left <= c.u <= right and top <= c.v <= bottom for c in inside)
+        assert tile(np.zeros((height, width), np.uint8), pair).shape == (HEIGHT, WIDTH, 3)
+
+    def test_12_bits_in_16_are_shown_bright(self) -> None:
+        ramp = np.tile(np.linspace(0, 4095, 600), (400, 1)).astype(np.uint16)
+        assert tile(ramp, (None, None)).max() > 250
+
+    def test_both_as_one_picture(self) -> None:
+        part = tile(self.image, (None, None))
+        content = np.frombuffer(side_by_side(part, part), np.uint8)
+        read = cast(np.ndarray, cv2.imdecode(content, cv2.IMREAD_UNCHANGED))
+        assert read.shape == (HEIGHT, 2 * WIDTH + 4, 3)
