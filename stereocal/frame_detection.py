@@ -70,7 +70,8 @@ def keep_corrections(found: Sequence[Frame], before: Sequence[Frame]) -> list[Fr
     touched = {
         (frame.frame, frame.files): frame
         for frame in before
-        if any(centre and centre.source != "detected" for pair in frame.centres for centre in pair)
+        if frame.reviewed
+        or any(centre and centre.source != "detected" for pair in frame.centres for centre in pair)
     }
     return [touched.get((frame.frame, frame.files), frame) for frame in found]
 

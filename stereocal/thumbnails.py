@@ -13,8 +13,9 @@ from stereocal.frames import CentrePair
 
 WIDTH, HEIGHT = 240, 180
 """Of one photograph's part, px."""
-COLOURS = ((0, 158, 230), (230, 159, 86))
-"""Of targets A and B (Okabe-Ito orange and sky blue), in OpenCV's order."""
+COLOURS = ((115, 158, 0), (167, 121, 204))
+"""Of targets A and B as in all figures (Okabe-Ito green and pink), in OpenCV's order."""
+HALO = (30, 30, 30)
 Tile = npt.NDArray[np.uint8]
 
 
@@ -38,11 +39,12 @@ def tile(image: GreyImage | None, centres: CentrePair) -> Tile:
                 round((centre.u - left + 0.5) * scale - 0.5),
                 round((centre.v - top + 0.5) * scale - 0.5),
             )
-            cv2.drawMarker(drawn, at, colour, cv2.MARKER_CROSS, 15, 2)
-            cv2.putText(
-                drawn, letter, (at[0] + 9, at[1] - 7), cv2.FONT_HERSHEY_SIMPLEX, 0.55, colour, 2,
-                cv2.LINE_AA,
-            )  # fmt: skip
+            for shade, more in ((HALO, 3), (colour, 0)):
+                cv2.drawMarker(drawn, at, shade, cv2.MARKER_CROSS, 15, 2 + more)
+                cv2.putText(
+                    drawn, letter, (at[0] + 9, at[1] - 7), cv2.FONT_HERSHEY_SIMPLEX, 0.55, shade,
+                    2 + more, cv2.LINE_AA,
+                )  # fmt: skip
     whole = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
     y, x = (HEIGHT - drawn.shape[0]) // 2, (WIDTH - drawn.shape[1]) // 2
     whole[y : y + drawn.shape[0], x : x + drawn.shape[1]] = drawn

@@ -290,7 +290,10 @@ class Picker {
     context.lineWidth = 4
     context.lineJoin = "round"
     context.strokeStyle = HALO
-    const beside = x + reach + 24 < this.width ? x + reach + 7 : x - reach - 19
+    // On the side away from the other mark.
+    const left = this.data.marks.some((other) => other.u > mark.u) && x - reach > 24
+    context.textAlign = left ? "right" : "left"
+    const beside = left ? x - reach - 5 : x + reach + 5
     context.strokeText(mark.letter, beside, y - reach)
     context.fillStyle = mark.colour
     context.fillText(mark.letter, beside, y - reach)

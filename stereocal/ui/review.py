@@ -50,7 +50,7 @@ def show_frames(store: ProjectPhotographs, frames: Sequence[Frame], running: boo
     if view == ONE and frames:
         _show_one(store, running)
     else:
-        show_contact_sheet(store, frames, running)
+        show_contact_sheet(store, frames, running, lambda number: look_closely(store, number))
     _download(frames)
 
 
@@ -136,7 +136,7 @@ def _show_photograph(store: ProjectPhotographs, frame: Frame, camera: int, runni
     st.markdown(f"**{name.capitalize()}** · {escape_markdown(frame.files[camera])}")
     try:
         path = _path_of(store, frame, camera)
-        shown = _shown(path.stem, path)
+        shown = _shown(path.stem, path, frame.files[camera])
     except StereocalError as error:
         st.warning(escape_markdown(str(error)))
         return
@@ -146,7 +146,9 @@ def _show_photograph(store: ProjectPhotographs, frame: Frame, camera: int, runni
         if at
     ]
     pick(
-        shown, marks, f"Photograph of the {name} camera, frame {frame.frame}", f"pick_{name}",
+        shown, marks,
+        f"Photograph of the {name} camera, frame {frame.frame}. Arrow keys move, plus and minus "
+        "zoom, Enter places a target at the cross-hair in the middle.", f"pick_{name}",
         running, lambda click: take_pick(store, frame.frame, camera, click),
     )  # fmt: skip
     st.button(
@@ -158,9 +160,9 @@ def _show_photograph(store: ProjectPhotographs, frame: Frame, camera: int, runni
 
 
 @st.cache_data(show_spinner=False, max_entries=16)
-def _shown(digest: str, _path: Path) -> Shown:
+def _shown(digest: str, _path: Path, _name: str) -> Shown:
     """Files are named by their digest, so that a photograph is decoded once."""
-    return encode(eight_bits(read_photograph(_path)), digest)
+    return encode(eight_bits(read_photograph(_path, _name)), digest)
 
 
 def _path_of(store: ProjectPhotographs, frame: Frame, camera: int) -> Path:
@@ -223,6 +225,13 @@ def take_back(store: ProjectPhotographs) -> None:
     if edits:
         _go_to(store, edits[-1].after.frame)
         _say(edits[-1].after.frame, "The last change is undone.")
+
+
+def look_closely(store: ProjectPhotographs, number: int) -> None:
+    """Show one frame (a callback)."""
+    st.session_state[VIEW] = ONE
+    store.project.keep_settings({VIEW: ONE})
+    _go_to(store, number)
 
 
 def _go_to(store: ProjectPhotographs, number: int) -> None:
