@@ -8,6 +8,7 @@ const SIGMA_SHOWN = 2.5 // radius from which the circle of one sigma is drawn, C
 const HALO = "rgba(0, 0, 0, 0.75)"
 
 const pickers = new WeakMap()
+const views = (window.stereocalViews ??= new Map()) // by photograph: also of a page that was left
 
 export default function (component) {
   const root = component.parentElement.querySelector(".picker")
@@ -64,7 +65,9 @@ class Picker {
     image.onload = () => {
       if (this.data.id !== data.id) return
       this.image = image
-      this.fitted = true
+      const view = views.get(data.id)
+      this.fitted = !view
+      if (view) Object.assign(this, view)
       this.resize()
       this.canvas.dataset.ready = data.id
     }
@@ -242,7 +245,10 @@ class Picker {
       this.stroke("#ffffff", 2, (path) => path.arc(...at, 9, 0, 2 * Math.PI))
     }
     if (this.canvas.matches(":focus-visible")) this.drawCrossHair()
-    this.canvas.dataset.view = JSON.stringify({ scale: this.scale, u: this.u, v: this.v })
+    const view = { scale: this.scale, u: this.u, v: this.v }
+    this.canvas.dataset.view = JSON.stringify(view)
+    if (this.fitted) views.delete(this.data.id)
+    else views.set(this.data.id, view)
     this.tell(null)
   }
 

@@ -59,8 +59,9 @@ def _show_one(store: ProjectPhotographs, running: bool) -> None:
     frame = _choose_frame(store, review)
     icon, colour = BADGES[frame.state]
     st.markdown(f":{colour}-badge[{icon} {frame.state}] {describe_use(frame)}")
-    if frame.reason:
-        st.markdown(escape_markdown(frame.reason))
+    with st.container():
+        if frame.reason:
+            st.markdown(escape_markdown(frame.reason))
     _decide(store, review, frame, running)
     left, right = st.columns(2, vertical_alignment="bottom")
     left.segmented_control(
@@ -71,7 +72,10 @@ def _show_one(store: ProjectPhotographs, running: bool) -> None:
         help="The centre goes exactly where you click, also with the shift key held. Otherwise it "
         "goes to the fitted corner near the click.",
     )  # fmt: skip
-    _show_said(frame)
+    # Containers, with or without something in them, keep the photographs in their places: at another
+    # one the browser would build them anew.
+    with st.container():
+        _show_said(frame)
     for camera, column in enumerate(st.columns(2)):
         with column:
             _show_photograph(store, frame, camera, running)
