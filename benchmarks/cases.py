@@ -87,9 +87,15 @@ def repeat_cost(
     return total
 
 
-def plain_search(cost: PlainCost, start: Pose, settings: SearchSettings) -> tuple[float, int]:
-    """`montecarlo.search` line by line in plain Python, with its own random numbers."""
-    rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence(settings.seed)))
+def plain_search(
+    cost: PlainCost,
+    start: Pose,
+    settings: SearchSettings,
+    seed: np.random.SeedSequence | None = None,
+) -> tuple[float, int]:
+    """`montecarlo.search` line by line in plain Python, with the same random numbers."""
+    sequence = seed or np.random.SeedSequence(settings.seed)
+    rng = np.random.Generator(np.random.PCG64(sequence))
     angles, delta = np.array(start.angles), settings.delta
     R, T = _pose_of(angles, start.baseline)
     best = cost(R, T)

@@ -17,10 +17,14 @@ import numpy as np
 
 from benchmarks import vectorised
 from benchmarks.cases import plain_search
-from stereocal.calibrate import CalibrationSettings, reconstruction_problem
+from stereocal.calibrate import (
+    CalibrationSettings,
+    reconstruction_problem,
+    reprojection_problem,
+)
 from stereocal.compiled import FloatArray
 from stereocal.dataset import Dataset
-from stereocal.essential import Solver, calibrate_essential
+from stereocal.essential import Solver
 from stereocal.evaluation import EvaluationSettings, evaluate, evaluate_runs, split
 from stereocal.geometry import Pose
 from stereocal.nineteen import simulate_nineteen
@@ -53,18 +57,20 @@ def said(seconds: FloatArray) -> str:
 
 
 def plain_run(dataset: Dataset, settings: EvaluationSettings, run: int) -> None:
-    """One run with the fast NumPy costs, and the pairs in whole arrays."""
+    """One run with the fast NumPy costs and essential method, and the pairs in whole arrays."""
     seeds = np.random.SeedSequence([0, 0, run]).spawn(4)
-    fit, test = split(dataset, settings.calibration_frames, seeds[0])
-    problem = reconstruction_problem(fit)
-    start = calibrate_essential(fit.rays, fit.baseline_m, settings.calibration.essential).pose
+    rows = split(dataset, settings.calibration_frames, seeds[0])
+    fit = reprojection_problem(dataset, rows)
+    problem = reconstruction_problem(dataset, rows=rows)
+    constrained = settings.calibration.essential == "constrained"
+    start = vectorised.essential(fit.rays, dataset.baseline_m, constrained)
     scale, search = fit.pixel_scale, settings.calibration.search
-    plain_search(lambda R, T: vectorised.reprojection_cost(R, T, fit.rays, scale), start, search)
-    plain_search(
-        lambda R, T: vectorised.distance_cost(R, T, problem.rays, problem.reference), start, search
-    )
+    matching = partial(vectorised.reprojection_cost, rays=fit.rays, pixel_scale=scale)
+    measuring = partial(vectorised.distance_cost, rays=problem.rays, reference=problem.reference)
+    plain_search(matching, start, search, seeds[1])
+    plain_search(measuring, start, search, seeds[2])
     for _ in range(3):
-        plain_errors(test, start)
+        plain_errors(dataset.rays[:, ~rows], start)
 
 
 def plain_runs(dataset: Dataset, settings: EvaluationSettings, runs: range) -> None:
@@ -73,11 +79,11 @@ def plain_runs(dataset: Dataset, settings: EvaluationSettings, runs: range) -> N
         plain_run(dataset, settings, run)
 
 
-def plain_errors(test: Dataset, pose: Pose) -> None:
-    """Residuals, reprojection errors and lengths of all pairs of a test, counted in bins."""
-    n = test.rays.shape[1]
+def plain_errors(test: FloatArray, pose: Pose) -> None:
+    """Residuals and reprojection errors of all pairs of the test's rays (4, n), counted in bins."""
+    n = test.shape[1]
     first, second = np.divmod(np.arange(n * n), n)
-    rays = np.vstack([test.rays[:2, first], test.rays[2:, second]])
+    rays = np.vstack([test[:2, first], test[2:, second]])
     points = vectorised.triangulate(pose.R, pose.T, rays)
     moved = pose.R @ points + pose.T[:, None]
     shift = np.hypot(*(points[:2] / points[2] - rays[:2]))
@@ -112,6 +118,11 @@ def growth() -> None:
         print(f"{frames} frames, 4 runs: {said(seconds_of(act, 5))}", flush=True)
 
 
+def memory() -> str:
+    """Peak memory of this process so far."""
+    return f"{resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MB"
+
+
 def main() -> None:
     """Measure and print."""
     datasets = [dataset for _, dataset in simulate_nineteen(0)]
@@ -128,13 +139,12 @@ def main() -> None:
             for solver in SOLVERS:
                 settings = EvaluationSettings(CalibrationSettings(essential=solver))
                 one = seconds_of(partial(protocol, datasets[3:4], settings, executor), 5)
-                many = seconds_of(partial(protocol, datasets, settings, executor), 2)
-                print(f"{name}, {solver}: one {said(one)}, nineteen {said(many)}", flush=True)
-    own, children = (
-        resource.getrusage(who).ru_maxrss / 1024
-        for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
-    )
-    print(f"peak memory: {own:.0f} MB, largest worker process {children:.0f} MB")
+                many = seconds_of(partial(protocol, datasets, settings, executor), 3)
+                print(
+                    f"{name}, {solver}: one {said(one)}, nineteen {said(many)}; "
+                    f"peak memory so far {memory()}",
+                    flush=True,
+                )
     for solver in SOLVERS:
         print(f"plain NumPy / compiled, {solver}: {ratio(datasets[3], solver)}", flush=True)
     growth()

@@ -6,6 +6,7 @@ from stereocal.errors import StereocalError
 from stereocal.ui.frame import need_frame
 from stereocal.ui.intake import escape_markdown, load_sample
 from stereocal.ui.project import forget_project
+from stereocal.ui.projects import show_projects
 from stereocal.ui.texts import BRING, PICTURE, PURPOSE
 
 need_frame()
@@ -27,6 +28,8 @@ with text:
         st.switch_page("pages/data.py")
 with picture:
     st.image(str(PICTURE), width="stretch")
+
+show_projects()
 
 st.header("What to bring", divider="gray")
 st.markdown(BRING)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+import cv2
 import numpy as np
 
 from stereocal.camera import Camera
@@ -34,7 +35,32 @@ SPIN_RAD = 0.3
 """Standard deviation of the turn in the board's plane."""
 EDGE_PX = 4.0
 """What the outer squares keep from the edge of the image."""
+CHARUCO_MARKER = 0.75
+"""Side of a marker of a ChArUco board, in squares."""
 MOST_TRIES = 20_000
+
+
+def charuco_board(
+    squares: tuple[int, int],
+    square_m: float,
+    black: float = 35.0,
+    white: float = 205.0,
+    dictionary: int = cv2.aruco.DICT_4X4_250,
+) -> Board:
+    """A ChArUco board of (columns, rows) squares, as OpenCV draws it, with a white border.
+
+    Its markers have 3/4 of the side of a square (`CHARUCO_MARKER`), so that the bits of a marker of
+    4x4 bits are cells of 1/8 of a square. Its inner corners: `chessboard_corners`.
+
+    Args:
+        dictionary: one of OpenCV's dictionaries of 4x4 bits.
+    """
+    columns, rows = squares
+    drawn = cv2.aruco.CharucoBoard(
+        squares, 1.0, CHARUCO_MARKER, cv2.aruco.getPredefinedDictionary(dictionary)
+    ).generateImage((8 * columns, 8 * rows), marginSize=0)
+    cells = np.pad(np.where(np.asarray(drawn) > 127, white, black), 8, constant_values=white)
+    return Board(cells, ((columns + 2) * square_m, (rows + 2) * square_m))
 
 
 def draw_board_poses(

@@ -14,8 +14,10 @@ import cv2
 import numpy as np
 
 from stereocal.compiled import FloatArray, compiled
-from stereocal.corner_fit import GreyImage, arm_quality, follow, plausible
-from stereocal.corner_model import ALL, CORE, minimise, window
+from stereocal.corner_arms import GreyImage, arm_quality, follow
+from stereocal.corner_fit import plausible, window
+from stereocal.corner_model import ALL, CORE
+from stereocal.corner_solver import minimise
 
 LEVELS = 5
 """Each half the size of the one before: the last one sees edges with a blur of 20 px."""
@@ -60,15 +62,9 @@ def _saddle(image: GreyImage, y: int, strength: GreyImage) -> None:
 
 
 @compiled
-def _ring(image: GreyImage, x: int, y: int, ring: FloatArray, p: FloatArray) -> bool:
-    """Whether a ring looks like that of an X-corner; then p is the start of its fit."""
-    n = ring.size
-    for i in range(n):
-        ring[i] = image[y + RING[i, 1], x + RING[i, 0]]
-    middle = 0.5 * (ring.min() + ring.max())
-    if 2.0 * (ring.max() - middle) < SMALLEST_CONTRAST:
-        return False
-    edges, count = np.empty(4), 0
+def _crossings(ring: FloatArray, middle: float, edges: FloatArray) -> bool:
+    """Whether a ring changes sign four times; then the angles (4,), in order."""
+    n, count = ring.size, 0
     for i in range(n):
         here, ahead = ring[i] - middle, ring[(i + 1) % n] - middle
         if (here > 0) != (ahead > 0):
@@ -77,7 +73,20 @@ def _ring(image: GreyImage, x: int, y: int, ring: FloatArray, p: FloatArray) -> 
             turn = math.pi / 8.0 if i == n - 1 else RING_ANGLES[i + 1] - RING_ANGLES[i]
             edges[count] = RING_ANGLES[i] + turn * here / (here - ahead)
             count += 1
-    if count != 4:
+    return count == 4
+
+
+@compiled
+def _ring(image: GreyImage, x: int, y: int, ring: FloatArray, p: FloatArray) -> bool:
+    """Whether a ring looks like that of an X-corner; then p is the start of its fit."""
+    n = ring.size
+    for i in range(n):
+        ring[i] = image[y + RING[i, 1], x + RING[i, 0]]
+    middle = 0.5 * (ring.min() + ring.max())
+    if 2.0 * (ring.max() - middle) < SMALLEST_CONTRAST:
+        return False
+    edges = np.empty(4)
+    if not _crossings(ring, middle, edges):
         return False
     variance, difference = 0.0, 0.0
     for i in range(n):
@@ -172,10 +181,10 @@ def _screen(level: GreyImage, starts: FloatArray, scores: FloatArray) -> None:
         explained = 1.0 - cost / max(np.var(pixels[:, 2]) * pixels.shape[0], 1e-9)
         if explained < EXPLAINED:
             continue
-        arms, flips, _ = follow(level, p, half, LOOK)
+        arms, flips, cut = follow(level, p, half, LOOK)
         for a in range(4):
             arms[a] = min(arms[a], LOOK * HALF_WINDOW)
-        scores[i, 0], scores[i, 1] = explained * arm_quality(arms, math.exp(p[4])), flips
+        scores[i, 0], scores[i, 1] = explained * arm_quality(arms, cut, math.exp(p[4])), flips
 
 
 def candidates(image: GreyImage) -> FloatArray:
@@ -192,14 +201,16 @@ def candidates(image: GreyImage) -> FloatArray:
     for depth in range(LEVELS):
         if min(level.shape) < SMALLEST_SIDE:
             break
-        starts = _starts(cv2.GaussianBlur(level, (5, 5), SMOOTHING), WEAKEST**2)
+        smooth: GreyImage = np.asarray(cv2.GaussianBlur(level, (5, 5), SMOOTHING), np.float32)
+        starts = _starts(smooth, WEAKEST**2)
         likest = np.argsort(-starts[:, ALL], kind="stable")[:MOST]
         p = np.ascontiguousarray(starts[likest, :ALL])
         scores = np.zeros((len(p), 2))
         _screen(level, p, scores)
         good = scores[:, 0] > 0.0
         found.append(_at_full_size(p[good], scores[good], depth))
-        level = cv2.resize(level, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+        half = cv2.resize(level, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+        level = np.asarray(half, dtype=np.float32)
     together = np.concatenate(found) if found else np.empty((0, COLUMNS))
     return together[np.argsort(-together[:, SCORE], kind="stable")]
 

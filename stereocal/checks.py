@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from stereocal.compiled import BoolArray
 from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
 from stereocal.essential import MINIMUM_PAIRS
@@ -26,26 +27,28 @@ FEW_BARS = 5
 """Five angles cannot be found from fewer lengths."""
 
 
-def check_points(dataset: Dataset) -> None:
-    """Refuse too few points, and points all in one place.
+def check_points(dataset: Dataset, rows: BoolArray | None = None) -> None:
+    """Refuse too few points, and points all in one place; of all rows, or of some (n,).
 
     Raises:
         StereocalError: as said.
     """
-    rows = dataset.correspondences
-    if len(rows) < MINIMUM_PAIRS:
+    table = dataset.correspondences
+    count = len(table) if rows is None else int(np.count_nonzero(rows))
+    if count < MINIMUM_PAIRS:
         raise StereocalError(
-            f"There {'is 1 pair' if len(rows) == 1 else f'are {len(rows)} pairs'} of points; at "
+            f"There {'is 1 pair' if count == 1 else f'are {count} pairs'} of points; at "
             f"least {MINIMUM_PAIRS} are needed, and 40 or more are wise (20 frames of the bar)."
         )
     for which, points, camera in (
-        ("primary", rows.primary, dataset.primary),
-        ("secondary", rows.secondary, dataset.secondary),
+        ("primary", table.primary, dataset.primary),
+        ("secondary", table.secondary, dataset.secondary),
     ):
-        extent = float(np.hypot(*np.ptp(points, axis=0)))
+        chosen = points if rows is None else points[rows]
+        extent = float(np.hypot(*np.ptp(chosen, axis=0)))
         if extent < SMALLEST_SPREAD * float(np.hypot(*camera.image_size)):
             raise StereocalError(
-                f"All {len(rows)} points of the {which} camera lie in one place, within "
+                f"All {count} points of the {which} camera lie in one place, within "
                 f"{extent:.1f} px: move the bar through the whole view and through the depth."
             )
 

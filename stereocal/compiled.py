@@ -11,6 +11,8 @@ import numpy.typing as npt
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
+CountArray = npt.NDArray[np.int32]
+BoolArray = npt.NDArray[np.bool_]
 
 P = ParamSpec("P")
 T = TypeVar("T")

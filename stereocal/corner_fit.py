@@ -11,20 +11,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from stereocal.compiled import FloatArray, compiled
-from stereocal.corner_model import (
-    ALL,
-    CORE,
-    CURVATURE_SIGMA,
-    GRADIENT_SIGMA,
-    minimise,
-    spread,
-    window,
-)
-
-GreyImage = npt.NDArray[np.float32]
+from stereocal.corner_arms import GreyImage, arm_quality, follow
+from stereocal.corner_model import ALL, CORE, CURVATURE_SIGMA, GRADIENT_SIGMA
+from stereocal.corner_solver import minimise, spread
 
 INSIDE = 0.85
 """The window reaches so far along each arm, less one blur: boards in perspective are no
@@ -34,12 +25,11 @@ GROWTH = 3.0
 PIXELS_WHILE_GROWING = 1500
 SMALLEST_SINE = 0.35
 """Edges closer than 20 degrees: a board tilted by more than 70."""
+FARTHEST = 30.0
 WORST_ARMS = 0.4
 ROUNDS = 30
 MISFIT = 0.06
 """Boards have 0.00 to 0.03, pickets and leaves 0.05 to 0.15."""
-LONG = 6.0
-"""Arms so many blurs long tell nothing more."""
 SHARP = 1.3
 """Below this blur, in px, the model is averaged over each pixel."""
 
@@ -59,7 +49,7 @@ class Corner:
     flips: int
     """Along so many arms a next square follows in the opposite order: a larger chessboard."""
     cut: int
-    """So many arms end at the border of the image."""
+    """Bit i is set where arm i ends at the border of the image."""
     blur: float
     contrast: float
     """White less black."""
@@ -81,7 +71,9 @@ class Corner:
 
         Saddles of leaves, fences and clouds are curved and soft: most have less than 0.6.
         """
-        return arm_quality(self.arms, self.blur) * math.exp(-0.5 * (self.misfit / MISFIT) ** 2)
+        return arm_quality(self.arms, self.cut, self.blur) * math.exp(
+            -0.5 * (self.misfit / MISFIT) ** 2
+        )
 
     @property
     def lengths(self) -> FloatArray:
@@ -92,137 +84,6 @@ class Corner:
     def board_px(self) -> float:
         """Size of the board: the mean of its two lengths."""
         return float(self.lengths.mean())
-
-
-@compiled
-def arm_quality(arms: FloatArray, blur: float) -> float:
-    """0 to 1: how much four arms look like those of one sharp board."""
-    first, second = min(arms[0], arms[1]), min(arms[2], arms[3])
-    alike = first / max(arms[0], arms[1]) * second / max(arms[2], arms[3])
-    return math.sqrt(alike) * min(1.0, min(first, second) / (LONG * blur))
-
-
-@compiled
-def _sample(image: GreyImage, x: float, y: float) -> float:
-    """Grey level between the pixels; NaN outside the image."""
-    height, width = image.shape
-    if not (0.0 <= x <= width - 1.0 and 0.0 <= y <= height - 1.0):
-        return math.nan
-    column, row = min(int(x), width - 2), min(int(y), height - 2)
-    fx, fy = x - column, y - row
-    above = image[row, column] * (1.0 - fx) + image[row, column + 1] * fx
-    below = image[row + 1, column] * (1.0 - fx) + image[row + 1, column + 1] * fx
-    return above * (1.0 - fy) + below * fy
-
-
-@compiled
-def _arm(
-    image: GreyImage, start: FloatArray, along: FloatArray, side: FloatArray, length: float
-) -> tuple[float, bool, bool]:
-    """Follow one half edge.
-
-    Args:
-        start: (5,): u, v, the difference of the grey levels on both sides far from the crossing,
-            the first distance, and the blur along the edge, px.
-        along: (2,), the direction to go.
-        side: (2,), the step from the edge into a square.
-        length: how far to look.
-
-    Returns where the difference falls below half of what a crossing has there (infinite where it
-    does not), whether the same difference, the other way round, follows from 1.2 to 1.8 times as
-    far, and whether the image ends there.
-    """
-    step = max(0.5, length / 120.0)
-    smooth = max(1, int(2.0 / step), int(0.08 * start[3] / step))
-    count = int(1.9 * length / step) + smooth
-    profile, expected = np.empty(count), np.empty(count)
-    last = count
-    aside = math.hypot(side[0], side[1])
-    for i in range(count):
-        t = start[3] + (i - smooth // 2) * step
-        x, y = start[0] + t * along[0], start[1] + t * along[1]
-        total, hoped = 0.0, 0.0
-        for j in range(3):
-            w = 0.75 + 0.25 * j
-            total += _sample(image, x + w * side[0], y + w * side[1])
-            total -= _sample(image, x - w * side[0], y - w * side[1])
-            hoped += math.erf(w * aside / start[4])
-        profile[i] = total / (3.0 * start[2])
-        expected[i] = hoped / 3.0 * math.erf(max(t, 0.0) / start[4])
-        if math.isnan(total):
-            last = i
-            break
-    end, total, hoped = -1, 0.0, 0.0
-    for i in range(last):
-        total += profile[i]
-        hoped += expected[i]
-        if i >= smooth:
-            total -= profile[i - smooth]
-            hoped -= expected[i - smooth]
-        t = start[3] + (i - smooth + 1) * step
-        if t > length:
-            return math.inf, False, False
-        if i >= smooth - 1 and total < 0.5 * hoped:
-            end = i - smooth + 1
-            break
-    if end < 0:
-        if last < count:
-            return start[3] + last * step, False, True
-        return math.inf, False, False
-    distance = start[3] + end * step
-    beyond, square, n = 0.0, 0.0, 0
-    for i in range(end, last):
-        t = start[3] + i * step
-        if 1.2 * distance < t < 1.8 * distance:
-            beyond += profile[i]
-            square += profile[i] ** 2
-            n += 1
-    if n == 0:
-        return distance, False, False
-    mean = beyond / n
-    return distance, abs(mean + 1.0) < 0.35 and square / n - mean * mean < 0.35**2, False
-
-
-@compiled
-def follow(
-    image: GreyImage, p: FloatArray, half: FloatArray, reach: float
-) -> tuple[FloatArray, int, int]:
-    """Where the board of an X-corner ends.
-
-    Args:
-        image: (h, w).
-        p: (13,), the parameters of `corner_model`.
-        half: (2,): the fitted window reaches so far along the two edges, px.
-        reach: look so many windows far.
-
-    Returns the lengths of the four arms (infinite beyond the reach; forward and back along the
-    first edge, then the second), along how many a next square follows, and how many the image cuts.
-    """
-    arms, flips, cut = np.empty(4), 0, 0
-    along, normal = np.empty((2, 2)), np.empty((2, 2))
-    for e in range(2):
-        normal[e, 0], normal[e, 1] = math.cos(p[2 + e]), math.sin(p[2 + e])
-        along[e, 0], along[e, 1] = -normal[e, 1], normal[e, 0]
-    blur = math.exp(p[4])
-    sine = abs(math.sin(p[2] - p[3]))
-    start = np.empty(5)
-    start[0], start[1] = p[0], p[1]
-    start[4] = max(blur, 0.3) * math.sqrt(2.0) / sine
-    for i in range(4):
-        e, o = i // 2, 1 - i // 2
-        forward = 1.0 - 2.0 * (i % 2)
-        offset = max(1.0, min(max(2.0, 2.2 * blur) / sine, 0.8 * half[o]))
-        # F is positive where both distances have one sign: which side is bright follows.
-        aside = along[o, 0] * normal[e, 0] + along[o, 1] * normal[e, 1]
-        ahead = along[e, 0] * normal[o, 0] + along[e, 1] * normal[o, 1]
-        start[2] = math.copysign(2.0 * p[6], aside * ahead * forward * p[6])
-        start[3] = max(1.0, min(2.0 * blur / sine, 0.8 * half[e]))
-        arms[i], turned, ended = _arm(
-            image, start, forward * along[e], offset * along[o], reach * half[e]
-        )
-        flips += int(turned)
-        cut += int(ended)
-    return arms, flips, cut
 
 
 def _directions(p: FloatArray) -> FloatArray:
@@ -250,6 +111,44 @@ def _fit(
         return pixels, fitted, penalty, False
     _, converged = minimise(pixels, fitted, size, radius, samples, penalty, ROUNDS)
     return pixels, fitted, penalty, converged
+
+
+@compiled
+def window(
+    image: GreyImage,
+    u: float,
+    v: float,
+    along: FloatArray,
+    half: FloatArray,
+    stride: int,
+) -> FloatArray:
+    """(n, 3): the pixels u, v, grey level of a parallelogram around (u, v).
+
+    Args:
+        image: (h, w).
+        along: (2, 2), unit vectors along the two edges.
+        half: (2,), how far it reaches along each of them, px.
+        stride: take every so many rows and columns.
+    """
+    height, width = image.shape
+    reach_u = abs(along[0, 0]) * half[0] + abs(along[1, 0]) * half[1]
+    reach_v = abs(along[0, 1]) * half[0] + abs(along[1, 1]) * half[1]
+    left, right = max(0, math.ceil(u - reach_u)), min(width - 1, math.floor(u + reach_u))
+    top, bottom = max(0, math.ceil(v - reach_v)), min(height - 1, math.floor(v + reach_v))
+    across = along[0, 0] * along[1, 1] - along[0, 1] * along[1, 0]
+    rows = max(0, (bottom - top) // stride + 1)
+    columns = max(0, (right - left) // stride + 1)
+    found = np.empty((rows * columns, 3))
+    n = 0
+    for y in range(top, bottom + 1, stride):
+        for x in range(left, right + 1, stride):
+            dx, dy = x - u, y - v
+            first = (dx * along[1, 1] - dy * along[1, 0]) / across
+            second = (dy * along[0, 0] - dx * along[0, 1]) / across
+            if abs(first) <= half[0] and abs(second) <= half[1]:
+                found[n, 0], found[n, 1], found[n, 2] = x, y, image[y, x]
+                n += 1
+    return found[:n]
 
 
 @compiled
@@ -302,7 +201,10 @@ def fit_corner(
         p = fitted
         if done:
             break
-    if not np.isfinite(arms).all() or arm_quality(arms, math.exp(p[4])) < WORST_ARMS:
+    if cut:
+        # A board at the border has a small window, from which its other arms reach far.
+        arms, flips, cut = follow(image, p, reach, FARTHEST)
+    if not np.isfinite(arms).all() or arm_quality(arms, cut, math.exp(p[4])) < WORST_ARMS:
         return None
     return _final(image, p, reach, noise, (quantum, gain), (arms, flips, cut))
 
@@ -346,5 +248,5 @@ def _final(
         black=float(p[5] - contrast / 2) / gain,
         white=float(p[5] + contrast / 2) / gain,
         residual=math.sqrt(found[3]) / gain,
-        misfit=math.sqrt(max(0.0, pattern)) / contrast,
+        misfit=math.sqrt(max(0.0, pattern)) / float(contrast),
     )

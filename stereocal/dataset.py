@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stereocal.camera import Camera
-from stereocal.compiled import FloatArray, IntArray
+from stereocal.compiled import BoolArray, FloatArray, IntArray
 from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
 from stereocal.geometry import Pose, stack_rays, triangulate_rays
 
@@ -229,6 +229,10 @@ class Dataset:
         own = self.correspondences.distance_m[self.correspondences.bars]
         of_frame = np.where(np.isnan(own[:, 0]), own[:, 1], own[:, 0])
         return np.where(np.isnan(of_frame), self.target_distance_m, of_frame)
+
+    def bars_among(self, rows: BoolArray) -> BoolArray:
+        """(m,): which bars of `correspondences.bars` have their frame among these rows (n,)."""
+        return rows[self.correspondences.bars[:, 0]]
 
     def reconstructed_lengths_m(self, pose: Pose) -> FloatArray:
         """(m,): the lengths of the bars as `pose` gives them; NaN behind a camera."""

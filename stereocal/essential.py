@@ -16,15 +16,18 @@ from typing import Literal
 
 import cv2
 import numpy as np
-from scipy.optimize import least_squares
 
-from stereocal.compiled import FloatArray
+from stereocal.compiled import FloatArray, compiled
+from stereocal.decompositions import singular_vectors, solve_positive, triangle
 from stereocal.errors import StereocalError
-from stereocal.geometry import Angles, Pose, fill_essential, fill_pose, triangulate_rays
+from stereocal.geometry import Angles, Pose, fill_essential, fill_pose, midpoint
 
 Solver = Literal["constrained", "linear"]
 MINIMUM_PAIRS = 5
 LINEAR_PAIRS = 8
+MOST_ROUNDS = 200
+SMALLEST_STEP = 1e-7
+"""rad. A smaller step that does not lower the cost is one that rounding hides."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,8 +91,8 @@ def calibrate_essential(
     cost, pose = _best(found, tie_breaker)
     evaluations = len(candidates)
     if solver == "constrained":
-        angles, more, converged = constrain(pose.angles, rays)
-        pose = Pose.from_angles(angles, baseline)
+        angles, more, converged = constrain(np.array(pose.angles), rays)
+        pose = Pose.from_angles(Angles(*angles.tolist()), baseline)
         cost = _sum_of_squares(pose, rays)
         evaluations += more
         stop_reason = "converged" if converged else "the largest number of rounds was reached"
@@ -113,7 +116,7 @@ def _best(
 
 
 def _sum_of_squares(pose: Pose, rays: FloatArray) -> float:
-    return float(np.sum((_coefficients(rays) @ pose.essential.ravel()) ** 2))
+    return float(np.sum((pose.essential.ravel() @ _coefficients(rays)) ** 2))
 
 
 def _five_point(rays: FloatArray) -> list[FloatArray]:
@@ -134,52 +137,72 @@ def _five_point(rays: FloatArray) -> list[FloatArray]:
     return candidates
 
 
+@compiled
 def linear_essential(rays: FloatArray) -> FloatArray:
     """The 8-point estimate with Hartley's normalisation, projected to an essential matrix (3, 3).
 
-    NaN where the points do not determine it. Plain NumPy: compiled, its decompositions take 13 s to
-    compile and save 0.1 ms a call.
+    NaN where the points do not determine it.
     """
-    p, normalise_p = _normalised(rays[:2])
-    q, normalise_q = _normalised(rays[2:])
-    A = np.einsum("in,jn->nij", q, p).reshape(-1, 9)
-    if not np.isfinite(A).all():
-        return np.full((3, 3), np.nan)
-    _, singular, vt = np.linalg.svd(A, full_matrices=len(A) < 9)
-    if singular[7] < 1e-12 * singular[0]:
-        return np.full((3, 3), np.nan)
-    u, _, vt = np.linalg.svd(normalise_q.T @ vt[8].reshape(3, 3) @ normalise_p)
-    E: FloatArray = u @ np.diag([1.0, 1.0, 0.0]) @ vt
+    normalised, u, v, a = np.empty_like(rays), np.empty(2), np.empty(2), np.empty(2)
+    for camera in range(2):
+        own = rays[2 * camera : 2 * camera + 2]
+        u[camera], v[camera] = own[0].mean(), own[1].mean()
+        squares = (own[0] - u[camera]) ** 2 + (own[1] - v[camera]) ** 2
+        a[camera] = 1.0 / np.sqrt(0.5 * squares.mean())  # mean square 1 along each axis
+        normalised[2 * camera] = a[camera] * (own[0] - u[camera])
+        normalised[2 * camera + 1] = a[camera] * (own[1] - v[camera])
+    _, singular, vt = singular_vectors(triangle(_coefficients(normalised)))
+    E = np.full((3, 3), np.nan)
+    if not singular[7] >= 1e-12 * singular[0]:
+        return E
+    F = vt[8].copy().reshape(3, 3)
+    # Back to the rays as they were: first the columns (primary), then the rows (secondary).
+    F[:, 2] -= a[0] * (u[0] * F[:, 0] + v[0] * F[:, 1])
+    F[:, :2] *= a[0]
+    F[2] -= a[1] * (u[1] * F[0] + v[1] * F[1])
+    F[:2] *= a[1]
+    U, singular, vt = singular_vectors(F)
+    for i in range(3):
+        for j in range(3):
+            E[i, j] = U[0, i] / singular[0] * vt[0, j] + U[1, i] / singular[1] * vt[1, j]
     return E
 
 
-def _normalised(points: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Homogeneous points (3, n) about 0 with a mean square of 1 along each axis, and the map."""
-    mean = points.mean(axis=1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        scale = 1.0 / np.sqrt(((points - mean[:, None]) ** 2).mean())
-        T = np.array([[scale, 0.0, -scale * mean[0]], [0.0, scale, -scale * mean[1]], [0, 0, 1]])
-        return T @ np.vstack([points, np.ones(points.shape[1])]), T
-
-
+@compiled
 def choose_pose(E: FloatArray, rays: FloatArray) -> tuple[FloatArray, FloatArray, int]:
     """The one of E's four poses with the most points in front of both cameras.
 
     Returns R, the unit vector t, and how many points are in front.
     """
-    u, _, vt = np.linalg.svd(E)
-    u, vt = u * np.sign(np.linalg.det(u)), vt * np.sign(np.linalg.det(vt))
-    turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    found = []
-    for R in (u @ turn @ vt, u @ turn.T @ vt):
-        for t in (u[:, 2].copy(), -u[:, 2]):
-            points = triangulate_rays(R, t, rays)
-            found.append((R, t, int(np.isfinite(points[:, 0]).sum())))
-    return max(found, key=lambda pose: pose[2])
+    U, singular, vt = singular_vectors(E)
+    u, v = U[:2] / singular[:2].reshape(2, 1), vt[:2]
+    normal_u, normal_v = _cross(u[0], u[1]), _cross(v[0], v[1])
+    best_R, best_t, most = np.eye(3), normal_u, -1
+    for turn in (1.0, -1.0):
+        R = np.empty((3, 3))
+        for i in range(3):
+            for j in range(3):
+                R[i, j] = turn * (u[1, i] * v[0, j] - u[0, i] * v[1, j]) + normal_u[i] * normal_v[j]
+        for sign in (1.0, -1.0):
+            t = sign * normal_u
+            in_front = 0
+            for k in range(rays.shape[1]):
+                z = midpoint(R, t, rays[0, k], rays[1, k], rays[2, k], rays[3, k])[2]
+                in_front += 0 if np.isnan(z) else 1
+            if in_front > most:
+                best_R, best_t, most = R, t, in_front
+    return best_R, best_t, most
 
 
-def constrain(start: Angles, rays: FloatArray) -> tuple[Angles, int, bool]:
-    """Minimise the sum of squared residuals over the five angles.
+@compiled
+def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    x, y, z = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+    return np.array([x, y, z])
+
+
+@compiled
+def constrain(start: FloatArray, rays: FloatArray) -> tuple[FloatArray, int, bool]:
+    """Minimise the sum of squared residuals over the five angles (Levenberg-Marquardt).
 
     A residual is linear in E, so n residuals have the sum of squares of the 9 numbers `r @ vec(E)`,
     where `r` is the triangle of the QR decomposition of their (n, 9) coefficients: a round costs
@@ -187,36 +210,74 @@ def constrain(start: Angles, rays: FloatArray) -> tuple[Angles, int, bool]:
 
     Returns the angles, the evaluations, and whether it converged.
     """
-    r = np.linalg.qr(_coefficients(rays), mode="r")
+    r = triangle(_coefficients(rays))
+    angles = start.copy()
+    residual = _times(r, _essential(angles))
+    cost, damping, evaluations = (residual**2).sum(), 1e-4, 1
+    J = _jacobian(r, angles)
+    while evaluations < MOST_ROUNDS and damping < 1e12:
+        solved, step = _damped_step(J, residual, damping)
+        candidate = _times(r, _essential(angles + step))
+        evaluations += 1
+        small = np.abs(step).max() < SMALLEST_STEP
+        if solved and (candidate**2).sum() < cost:
+            angles, residual = angles + step, candidate
+            cost = (residual**2).sum()
+            J = _jacobian(r, angles)
+            damping *= 0.1
+        elif solved and small:
+            return angles, evaluations, True
+        else:
+            damping *= 10.0
+    return angles, evaluations, False
 
-    def residual(angles: FloatArray) -> FloatArray:
-        value: FloatArray = r @ _essential(angles).ravel()
-        return value
 
-    def jacobian(angles: FloatArray) -> FloatArray:
-        value: FloatArray = r @ _essential_derivatives(angles).reshape(5, 9).T
-        return value
-
-    solution = least_squares(
-        residual,
-        np.array(start),
-        jac=jacobian,
-        method="lm",
-        xtol=1e-15,
-        ftol=1e-15,
-        gtol=1e-15,
-    )
-    return Angles(*solution.x.tolist()), int(solution.nfev), solution.status > 0
+@compiled
+def _jacobian(r: FloatArray, angles: FloatArray) -> FloatArray:
+    """Derivatives of `r @ vec(E)` by the angles, (5, 9)."""
+    J = np.empty((5, 9))
+    derivatives = _essential_derivatives(angles)
+    for i in range(5):
+        J[i] = _times(r, derivatives[i])
+    return J
 
 
+@compiled
+def _damped_step(J: FloatArray, residual: FloatArray, damping: float) -> tuple[bool, FloatArray]:
+    """Marquardt's step, (5,), and whether there is one."""
+    A, step = np.empty((5, 5)), np.empty(5)
+    for i in range(5):
+        step[i] = -(J[i] * residual).sum()
+        for j in range(5):
+            A[i, j] = (J[i] * J[j]).sum()
+        A[i, i] *= 1.0 + damping
+    return solve_positive(A, step), step
+
+
+@compiled
+def _times(r: FloatArray, E: FloatArray) -> FloatArray:
+    """`r @ E.ravel()` for an upper triangle (9, 9)."""
+    value = np.zeros(9)
+    for i in range(9):
+        for j in range(i, 9):
+            value[i] += r[i, j] * E[j // 3, j % 3]
+    return value
+
+
+@compiled
 def _coefficients(rays: FloatArray) -> FloatArray:
-    """(n, 9): the residuals are `_coefficients(rays) @ E.ravel()`."""
-    p = np.vstack([rays[:2], np.ones(rays.shape[1])])
-    q = np.vstack([rays[2:], np.ones(rays.shape[1])])
-    coefficients: FloatArray = np.einsum("in,jn->nij", q, p).reshape(-1, 9)
+    """(9, n): the residuals are `E.ravel() @ _coefficients(rays)`."""
+    coefficients = np.ones((9, rays.shape[1]))
+    for i in range(3):
+        for j in range(3):
+            if i < 2:
+                coefficients[3 * i + j] *= rays[2 + i]
+            if j < 2:
+                coefficients[3 * i + j] *= rays[j]
     return coefficients
 
 
+@compiled
 def _essential(angles: FloatArray) -> FloatArray:
     """E of five angles, (3, 3)."""
     R, T, E = np.empty((3, 3)), np.empty(3), np.empty((3, 3))
@@ -225,6 +286,7 @@ def _essential(angles: FloatArray) -> FloatArray:
     return E
 
 
+@compiled
 def _essential_derivatives(angles: FloatArray) -> FloatArray:
     """The derivatives of E by the five angles, (5, 3, 3).
 
@@ -232,5 +294,10 @@ def _essential_derivatives(angles: FloatArray) -> FloatArray:
     the difference between a quarter turn ahead and a quarter turn back is the derivative of all of
     them.
     """
-    quarter = np.diag(np.full(5, np.pi / 2))
-    return np.array([(_essential(angles + q) - _essential(angles - q)) / 2 for q in quarter])
+    derivatives = np.empty((5, 3, 3))
+    for i in range(5):
+        ahead, back = angles.copy(), angles.copy()
+        ahead[i] += 0.5 * np.pi
+        back[i] -= 0.5 * np.pi
+        derivatives[i] = 0.5 * (_essential(ahead) - _essential(back))
+    return derivatives

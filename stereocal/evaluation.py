@@ -12,38 +12,29 @@ of 0 counts as below all bins, and a pair that cannot be reconstructed in front 
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, Future, as_completed
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from stereocal.calibrate import (
+    METHODS,
     CalibrationSettings,
     reconstruction_problem,
     reprojection_problem,
 )
 from stereocal.checks import check_points
-from stereocal.compiled import FloatArray, IntArray, compiled
+from stereocal.compiled import BoolArray, CountArray, FloatArray, IntArray
 from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
 from stereocal.essential import calibrate_essential
-from stereocal.geometry import Pose, reprojection_shift
 from stereocal.montecarlo import minimise
+from stereocal.protocol import BINS, calibrate_rays, validate_rays
 
-LOWEST, HIGHEST, FINE = -12.0, 6.0, 0.02
-"""Range of the fine bins in log10, and their width."""
-BINS = round((HIGHEST - LOWEST) / FINE)
-BELOW, ABOVE = BINS, BINS + 1
-"""Two further counters: too small or zero, and too large or not to be reconstructed."""
 MOST_PARTNERS = 99
 MINIMUM_VALIDATION_FRAMES = 2
-RESIDUAL, REPROJECTION = 0, 1
-WRONG, CORRECT = 0, 1
-CountArray = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -88,7 +79,7 @@ class Run:
 
     counts: CountArray
     """(3, 2, 2, BINS + 2): method; residual, reprojection; wrong, correct; bin."""
-    nans: CountArray
+    nans: IntArray
     """(3, 2): pairs not reconstructed in front of both cameras; wrong, correct."""
     lengths: FloatArray
     """(3, m): D^R / D of the validation bars; NaN where there is none."""
@@ -105,54 +96,57 @@ def evaluate_run(dataset: Dataset, settings: EvaluationSettings, number: int, ru
     Raises:
         StereocalError: too few frames, or points that allow no calibration.
     """
-    search = settings.calibration.search
-    seeds = np.random.SeedSequence([search.seed, number, run]).spawn(4)
-    fit, test = split(dataset, settings.calibration_frames, seeds[0])
-    reconstruction = reconstruction_problem(fit, settings.calibration.known_points)
+    own = settings.calibration
+    seeds = np.random.SeedSequence([own.search.seed, number, run]).spawn(4)
+    fit = split(dataset, settings.calibration_frames, seeds[0])
+    check_points(dataset, fit)
+    angles = _fit(dataset, fit, own, seeds[1], seeds[2])
+    return _test(dataset, ~fit, angles, np.random.Generator(np.random.PCG64(seeds[3])))
+
+
+def _fit(
+    dataset: Dataset,
+    rows: BoolArray,
+    settings: CalibrationSettings,
+    of_2d: np.random.SeedSequence,
+    of_3d: np.random.SeedSequence,
+) -> FloatArray:
+    """The angles of the three methods, (3, 5), calibrated with some rows (n,)."""
+    matching = reprojection_problem(dataset, rows)
+    measuring = reconstruction_problem(dataset, settings.known_points, rows)
+    search = settings.search
+    angles = np.empty((len(METHODS), 5))
+    if calibrate_rays(
+        angles, dataset.baseline_m, dataset.pixel_scale, settings.essential == "constrained",
+        matching.rays, measuring.kind, measuring.rays, measuring.reference,
+        np.random.Generator(np.random.PCG64(of_2d)), np.random.Generator(np.random.PCG64(of_3d)),
+        (search.delta, search.delta_min, search.acceptance, search.shrink),
+        (search.minimum_moves, search.maximum_moves),
+    ):  # fmt: skip
+        return angles
+    # Fewer than 8 pairs, or points that allow no calibration: the way that also says why.
     start = calibrate_essential(
-        fit.rays, fit.baseline_m, settings.calibration.essential, reconstruction.cost
-    )
-    poses = [
-        start.pose,
-        minimise(reprojection_problem(fit), start.pose, search, seeds[1]).pose,
-        minimise(reconstruction, start.pose, search, seeds[2]).pose,
-    ]
-    return _test(test, poses, np.random.Generator(np.random.PCG64(seeds[3])))
+        matching.rays, dataset.baseline_m, settings.essential, measuring.cost
+    ).pose
+    angles[0] = start.angles
+    angles[1] = minimise(matching, start, search, of_2d).pose.angles
+    angles[2] = minimise(measuring, start, search, of_3d).pose.angles
+    return angles
 
 
-def split(
-    dataset: Dataset, calibration_frames: int, seed: np.random.SeedSequence
-) -> tuple[Dataset, Dataset]:
-    """The data set to fit and the one to test, drawn at random.
+def split(dataset: Dataset, calibration_frames: int, seed: np.random.SeedSequence) -> BoolArray:
+    """Which rows to fit, (n,); the frames are drawn at random, and the other rows are the test.
 
     Raises:
         StereocalError: fewer than 2 frames are left to test with.
     """
-    frames = dataset.correspondences.frames
     check_split(dataset, calibration_frames)
-    order = np.random.Generator(np.random.PCG64(seed)).permutation(frames)
-    fit = _part(dataset, order[:calibration_frames])
-    check_points(fit)
-    return fit, _part(dataset, order[calibration_frames:])
-
-
-def _part(dataset: Dataset, frames: IntArray) -> Dataset:
-    """The data set with these frames only; rows and rays are taken from those of the whole.
-
-    `Dataset.of_frames` would check every row again and take the lens out of it again, which was
-    more than half the time of a run.
-    """
     rows = dataset.correspondences
-    keep = np.isin(rows.frame, frames)
-    own, part = copy.copy(rows), copy.copy(dataset)
-    # What was computed once for the whole is other for the part.
-    for holder, names in ((own, ("frames", "bars")), (part, ("bar_distances_m", "sha256"))):
-        for name in names:
-            vars(holder).pop(name, None)
-    vars(own).update({column.name: getattr(rows, column.name)[keep] for column in fields(rows)})
-    rays = np.ascontiguousarray(dataset.rays[:, keep])
-    vars(part).update(correspondences=own, rays=rays)
-    return part
+    frames = len(rows.frames)
+    chosen = np.zeros(frames, dtype=np.bool_)
+    order = np.random.Generator(np.random.PCG64(seed)).permutation(frames)
+    chosen[order[:calibration_frames]] = True
+    return chosen[np.searchsorted(rows.frames, rows.frame)]
 
 
 def check_split(dataset: Dataset, calibration_frames: int) -> None:
@@ -170,18 +164,20 @@ def check_split(dataset: Dataset, calibration_frames: int) -> None:
         )
 
 
-def _test(test: Dataset, poses: Sequence[Pose], rng: np.random.Generator) -> Run:
-    counts = np.zeros((len(poses), 2, 2, BINS + 2), dtype=np.int64)
-    nans = np.zeros((len(poses), 2), dtype=np.int64)
-    lengths = np.empty((len(poses), len(test.correspondences.bars)))
-    partners = _partners(len(test.correspondences), rng)
-    for at, pose in enumerate(poses):
-        count_pairs(
-            pose.R, pose.T, pose.essential, test.rays, test.pixel_scale, partners,
-            counts[at], nans[at],
-        )  # fmt: skip
-        lengths[at] = test.reconstructed_lengths_m(pose) / test.bar_distances_m
-    return Run(counts, nans, lengths, np.array([pose.angles for pose in poses]))
+def _test(dataset: Dataset, rows: BoolArray, angles: FloatArray, rng: np.random.Generator) -> Run:
+    """Count all pairs of some rows (n,) with the angles of each method, (3, 5)."""
+    counts = np.zeros((len(angles), 2, 2, BINS + 2), dtype=np.int32)
+    nans = np.zeros((len(angles), 2), dtype=np.int64)
+    bars = dataset.bars_among(rows)
+    lengths = np.empty((len(angles), np.count_nonzero(bars)))
+    ends = dataset.correspondences.bars[bars].T.ravel()
+    validate_rays(
+        angles, dataset.baseline_m, dataset.pixel_scale,
+        np.ascontiguousarray(dataset.rays[:, rows]), _partners(int(np.count_nonzero(rows)), rng),
+        np.ascontiguousarray(dataset.rays[:, ends]), dataset.bar_distances_m[bars],
+        counts, nans, lengths,
+    )  # fmt: skip
+    return Run(counts, nans, lengths, angles)
 
 
 def _partners(points: int, rng: np.random.Generator) -> IntArray:
@@ -191,46 +187,6 @@ def _partners(points: int, rng: np.random.Generator) -> IntArray:
         steps = rng.choice(steps, MOST_PARTNERS, replace=False)
     own = np.arange(points)[:, None]
     return np.asarray((own + np.concatenate([[0], steps])) % points, dtype=np.int64)
-
-
-@compiled
-def count_pairs(
-    R: FloatArray,
-    T: FloatArray,
-    E: FloatArray,
-    rays: FloatArray,
-    pixel_scale: FloatArray,
-    partners: IntArray,
-    counts: CountArray,
-    nans: CountArray,
-) -> None:
-    """Add |residual| and reprojection error of all pairs to `counts`, and the NaN to `nans`."""
-    xp, yp, xs, ys = rays[0], rays[1], rays[2], rays[3]
-    for i in range(partners.shape[0]):
-        a = E[0, 0] * xp[i] + E[0, 1] * yp[i] + E[0, 2]
-        b = E[1, 0] * xp[i] + E[1, 1] * yp[i] + E[1, 2]
-        c = E[2, 0] * xp[i] + E[2, 1] * yp[i] + E[2, 2]
-        for k in range(partners.shape[1]):
-            j = partners[i, k]
-            label = CORRECT if i == j else WRONG
-            counts[RESIDUAL, label, _bin_of(abs(xs[j] * a + ys[j] * b + c))] += 1
-            first, second = reprojection_shift(R, T, xp[i], yp[i], xs[j], ys[j], pixel_scale)
-            error = 0.5 * (first + second)
-            if np.isnan(error):
-                nans[label] += 1
-            counts[REPROJECTION, label, _bin_of(error)] += 1
-
-
-@compiled
-def _bin_of(value: float) -> int:
-    if np.isnan(value):
-        return ABOVE
-    if value <= 0.0:
-        return BELOW
-    place = np.floor((np.log10(value) - LOWEST) / FINE)
-    if place < 0.0:
-        return BELOW
-    return ABOVE if place >= BINS else int(place)
 
 
 def evaluate(

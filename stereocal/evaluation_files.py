@@ -109,7 +109,7 @@ def pack_evaluation(evaluation: Evaluation) -> bytes:
     }
     arrays: dict[str, Any] = {"about": np.frombuffer(json.dumps(about).encode(), dtype=np.uint8)}
     for at, of_one in enumerate(runs):
-        arrays[f"counts{at}"] = np.array([run.counts for run in of_one], dtype=np.uint32)
+        arrays[f"counts{at}"] = np.array([run.counts for run in of_one], dtype=np.int32)
         arrays[f"nans{at}"] = np.array([run.nans for run in of_one])
         arrays[f"angles{at}"] = np.array([run.angles for run in of_one])
         # Runs may test with different numbers of bars: frames with one target have none.
@@ -131,7 +131,7 @@ def unpack_evaluation(content: bytes) -> Evaluation:
         with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
             about = json.loads(arrays["about"].tobytes())
             for at in range(len(about["names"])):
-                counts = arrays[f"counts{at}"].astype(np.int64)
+                counts = arrays[f"counts{at}"].astype(np.int32)
                 ends = np.cumsum(arrays[f"bars{at}"])[:-1]
                 lengths = np.split(arrays[f"lengths{at}"], ends, axis=1)
                 nans, angles = arrays[f"nans{at}"], arrays[f"angles{at}"]

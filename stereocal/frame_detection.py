@@ -4,17 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
+from functools import partial
 from pathlib import Path
+
+import cv2
+import numpy as np
 
 from stereocal.camera import Camera
 from stereocal.corner_fit import Corner
 from stereocal.dataset import TARGETS
 from stereocal.detection import Detection, detect_targets, refusal
-from stereocal.errors import StereocalError
-from stereocal.formats.photograph import read_photograph
+from stereocal.detection_series import detect_series
+from stereocal.formats.photograph import GreyImage, read_photograph
 from stereocal.formats.photograph_files import Photographs
 from stereocal.frames import Centre, CentrePair, Frame, State
-from stereocal.inspection import Progress, collect, look_through, wrong_sizes
+from stereocal.inspection import Progress, look_through, wrong_sizes
 from stereocal.labelling import FrameLabels, LabelledPair, label_targets
 from stereocal.pairing import CAMERAS, Pair
 
@@ -53,34 +57,52 @@ def detect_frames(
     problems |= {name: f"{name}: there is no such photograph." for name in wanted.keys() - there}
     problems |= wrong_sizes(pairs, sizes, [camera.image_size for camera in cameras])
     begin(STAGES[1])
-    work = {
-        executor.submit(_detect, path, name): name
-        for name, path in there.items()
-        if name not in problems
-    }
-    seen = collect(work, progress, cancelled)
-    if seen is None:
+    sound = [name for name in there if name not in problems]
+    read = partial(_read, {there[name]: name for name in sound})
+    found = detect_series([there[name] for name in sound], read, executor, progress, cancelled)
+    if found is None:
         return None
+    seen = dict(zip(sound, found, strict=True))
     seen |= {name: refusal(UNREADABLE, "unreadable", said) for name, said in problems.items()}
     return _agree(pairs, seen, cameras)
 
 
 def keep_corrections(found: Sequence[Frame], before: Sequence[Frame]) -> list[Frame]:
-    """The new frames, but those that a person has worked on as they were."""
-    touched = {
-        (frame.frame, frame.files): frame
-        for frame in before
-        if frame.reviewed
-        or any(centre and centre.source != "detected" for pair in frame.centres for centre in pair)
-    }
-    return [touched.get((frame.frame, frame.files), frame) for frame in found]
+    """The new frames, with what a person has decided about the old ones.
+
+    A frame that a person has reviewed, or in which a person has placed a target, stays as it was.
+    Of the others the choice to use or to leave out stays, where it is not what the state alone
+    would have said.
+    """
+    old = {(frame.frame, frame.files): frame for frame in before}
+    kept = []
+    for frame in found:
+        last = old.get((frame.frame, frame.files))
+        if last is None:
+            kept.append(frame)
+        elif last.reviewed or any(
+            c and c.source != "detected" for pair in last.centres for c in pair
+        ):
+            kept.append(last)
+        elif last.state == frame.state:
+            kept.append(frame.used(last.use))
+        else:
+            kept.append(frame)
+    return kept
 
 
-def _detect(path: Path, name: str) -> Detection:
-    try:
-        return detect_targets(read_photograph(path, name))
-    except StereocalError as error:
-        return refusal(UNREADABLE, "unreadable", str(error))
+def compile_detection() -> None:
+    """Compile what the search needs (12 s the very first time), by a drawn pair of boards."""
+    photograph = np.full((240, 320), 120, np.uint8)
+    board = np.kron([[40, 200], [200, 40]], np.ones((35, 35))).astype(np.uint8)
+    for left in (60, 190):
+        photograph[85:155, left : left + 70] = board
+    detect_targets(cv2.GaussianBlur(photograph, (0, 0), 1.0))
+
+
+def _read(names: Mapping[Path, str], path: Path) -> GreyImage:
+    """The photograph at `path`, which messages call by the person's name for it."""
+    return read_photograph(path, names[path])
 
 
 def _agree(

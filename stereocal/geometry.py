@@ -88,9 +88,7 @@ class Pose:
             StereocalError: the angles are not defined: a pitch of +-90 degrees, or one camera
                 straight ahead of the other.
         """
-        cos_pitch = float(np.hypot(self.R[1, 0], self.R[1, 1]))
-        in_plane = float(np.hypot(self.T[0], self.T[1]))
-        if cos_pitch < 1e-9 or in_plane < 1e-9 * max(self.baseline, 1e-300):
+        if is_degenerate(self.R, self.T):
             raise StereocalError(
                 "The rig cannot be described by the five angles: one camera stands straight ahead "
                 "of the other, or is pitched by 90 degrees. Move one camera aside."
@@ -131,6 +129,13 @@ def fill_pose(angles: FloatArray, baseline: float, R: FloatArray, T: FloatArray)
     T[0] = baseline * cos_delta * np.cos(angles[4])
     T[1] = baseline * cos_delta * np.sin(angles[4])
     T[2] = baseline * np.sin(angles[3])
+
+
+@compiled
+def is_degenerate(R: FloatArray, T: FloatArray) -> bool:
+    """Whether the five angles are not defined: a pitch of +-90 degrees, or T along z."""
+    cos_pitch, in_plane = np.hypot(R[1, 0], R[1, 1]), np.hypot(T[0], T[1])
+    return bool(cos_pitch < 1e-9 or in_plane <= 1e-9 * np.hypot(in_plane, T[2]))
 
 
 @compiled

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor, Future, as_completed
+from concurrent.futures import Executor, as_completed
 from pathlib import Path
-from typing import TypeVar
 
 from stereocal.errors import StereocalError
 from stereocal.formats.photograph import photograph_header
@@ -15,7 +14,6 @@ from stereocal.pairing import CAMERAS, Pair
 
 Size = tuple[int, int]
 Progress = Callable[[int, int], None]
-Result = TypeVar("Result")
 
 
 def look_through(
@@ -30,12 +28,22 @@ def look_through(
         Both by name, the second a sentence; None if it was cancelled.
     """
     work = {executor.submit(_look, path, name): name for name, path in photographs.items()}
-    done = collect(work, progress, cancelled)
-    if done is None:
-        return None
-    sizes = {name: found for name, found in done.items() if not isinstance(found, str)}
-    problems = {name: found for name, found in done.items() if isinstance(found, str)}
-    return sizes, problems
+    sizes: dict[str, Size] = {}
+    problems: dict[str, str] = {}
+    try:
+        for done, future in enumerate(as_completed(work)):
+            if cancelled():
+                return None
+            seen = future.result()
+            if isinstance(seen, str):
+                problems[work[future]] = seen
+            else:
+                sizes[work[future]] = seen
+            progress(done + 1, len(work))
+        return sizes, problems
+    finally:
+        for future in work:
+            future.cancel()
 
 
 def wrong_sizes(
@@ -66,23 +74,6 @@ def wrong_sizes(
                 width, height = sizes[name]
                 problems[name] = f"{name}: it has {width}x{height} px, and {reason}."
     return problems
-
-
-def collect(
-    work: Mapping[Future[Result], str], progress: Progress, cancelled: Callable[[], bool]
-) -> dict[str, Result] | None:
-    """Wait for pieces of work, which have names; None if it was cancelled."""
-    done: dict[str, Result] = {}
-    try:
-        for future in as_completed(work):
-            if cancelled():
-                return None
-            done[work[future]] = future.result()
-            progress(len(done), len(work))
-        return done
-    finally:
-        for future in work:
-            future.cancel()
 
 
 def _look(path: Path, name: str) -> Size | str:

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+import numpy.typing as npt
 
 from stereocal.camera import Camera
 from stereocal.compiled import FloatArray
@@ -24,6 +25,7 @@ from stereocal.detection import Detection
 from stereocal.epipolar_labels import FEWEST_FRAMES, EpipolarLabels, compare_labels
 from stereocal.outliers import outlying
 
+Truth = npt.NDArray[np.bool_]
 FrameState = Literal["agreed", "swapped", "doubtful", "outlying", "unchecked", "refused"]
 
 SMALLEST_EXCESS_PX = 0.15
@@ -120,12 +122,11 @@ def _rays(camera: Camera, targets: list[tuple[Corner, Corner]]) -> FloatArray:
 def _decide(frames: list[int], labels: EpipolarLabels | None) -> list[tuple[bool, FrameLabels]]:
     """For each frame whether the secondary's targets are to be exchanged, and the report."""
     if labels is None:
-        why = (
-            f"A and B are in the order along the bar; {FEWEST_FRAMES} frames or more are needed to "
-            "check them."
-            if len(frames) < FEWEST_FRAMES
-            else "A and B are in the order along the bar; the frames determine no epipolar geometry."
-        )
+        why = "A and B are in the order along the bar; "
+        if len(frames) < FEWEST_FRAMES:
+            why += f"{FEWEST_FRAMES} frames or more are needed to check them."
+        else:
+            why += "the points do not determine how the cameras stand, to check them."
         return [(False, FrameLabels(f, "unchecked", np.nan, np.nan, why)) for f in frames]
     least = labels.residual_px.min(axis=1)
     # A frame fits up to where the next would stand out.
@@ -161,7 +162,7 @@ def _state(
     return "agreed", ""
 
 
-def _usual_length(labels: EpipolarLabels, better: FloatArray, use: FloatArray) -> float:
+def _usual_length(labels: EpipolarLabels, better: Truth, use: Truth) -> float:
     """Median length of the bar over the frames whose labels are clear; NaN without any."""
     length = np.where(better, labels.length[:, 1], labels.length[:, 0])[use]
     length = length[np.isfinite(length)]

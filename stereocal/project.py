@@ -41,8 +41,7 @@ from stereocal.errors import RefusedRowsError, StereocalError
 from stereocal.evaluation_files import Evaluation, pack_evaluation, unpack_evaluation
 from stereocal.formats.camera_file import read_camera
 from stereocal.formats.correspondences_csv import read_table
-from stereocal.formats.dataset_files import parse_dataset
-from stereocal.formats.zip_files import unzip
+from stereocal.formats.dataset_files import parse_zip
 from stereocal.geometry import Pose
 from stereocal.montecarlo import Trace
 from stereocal.writing import write_atomically
@@ -109,17 +108,22 @@ class Project:
         """32 hexadecimal digits."""
         return self.folder.name
 
+    @staticmethod
+    def is_id(name: str) -> bool:
+        """Whether this can be a project's id."""
+        return ID_PATTERN.fullmatch(name) is not None
+
     @classmethod
     def create(cls, home: Path) -> Project:
         """A new, empty project below `home`."""
-        project = cls(home / "projects" / secrets.token_hex(16))
+        project = cls(private_folder(home / "projects") / secrets.token_hex(16))
         project._write_state({"format": PROJECT_FORMAT, "inputs": {}, "settings": {}})
         return project
 
     @classmethod
     def open(cls, home: Path, project_id: str) -> Project:
         """The project of this id."""
-        if not ID_PATTERN.fullmatch(project_id):
+        if not cls.is_id(project_id):
             raise StereocalError("The address does not name a project.")
         project = cls(home / "projects" / project_id)
         if not (project.folder / "project.json").is_file():
@@ -176,6 +180,10 @@ class Project:
                 self._dataset(inputs)
             state["inputs"] = new
             self._write_state(state)
+
+    def rename(self, name: str) -> None:
+        """Call the project, and what is calibrated from now on, by this name."""
+        self._change(lambda state: state["inputs"].update(name=name))
 
     @property
     def dataset(self) -> Dataset | None:
@@ -269,7 +277,7 @@ class Project:
         Raises:
             StereocalError: it cannot be used; the project is as it was.
         """
-        parse_dataset(unzip(content, label), label)
+        parse_zip(content, label)
         stored = f"{hashlib.sha256(content).hexdigest()[:20]}-dataset.zip"
         write_atomically(self.folder / "inputs" / stored, content)
         self._change(lambda state: state.setdefault("more", []).append([label, stored]))
@@ -282,7 +290,7 @@ class Project:
     def more_datasets(self) -> list[Dataset]:
         """The further data sets."""
         return [
-            parse_dataset(unzip((self.folder / "inputs" / stored).read_bytes(), label), label)
+            parse_zip((self.folder / "inputs" / stored).read_bytes(), label)
             for label, stored in self._read_state().get("more", [])
         ]
 
@@ -334,6 +342,20 @@ class Project:
             state = self._read_state()
             edit(state)
             self._write_state(state)
+
+
+def private_folder(path: Path) -> Path:
+    """A folder that only the server's own user may look into; made if it is not there.
+
+    Raises:
+        StereocalError: it cannot be made.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        path.chmod(0o700)
+    except OSError as error:
+        raise StereocalError(f"{path} cannot be made: {error.strerror or error}.") from error
+    return path
 
 
 def _to_json(found: MethodResult) -> dict[str, Any]:

@@ -39,8 +39,6 @@ STRIP_ROWS = 64
 PARTS_TIMES_BLUR = 2.8
 """Parts per pixel times blur in pixels: an edge blurred by 0.8 px is right to 0.3 %."""
 MOST_PARTS = 8
-CHARUCO_MARKER = 0.75
-"""Side of a marker of a ChArUco board, in squares."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,7 +208,7 @@ def paint(picture: Picture, camera: Camera, placed: Placed, blur_px: float) -> N
         cells = np.full_like(cells, cells.mean())
     per_metre = np.array(cells.shape[::-1]) / placed.board.size_m
     middle = 0.5 * np.array(cells.shape[::-1])
-    offsets = sample_offsets(parts)
+    offsets = sample_offsets()
     for start in range(top, bottom, STRIP_ROWS):
         stop = min(start + STRIP_ROWS, bottom)
         rows = np.arange(start - pad, stop + pad + 1) - 0.5

@@ -21,13 +21,8 @@ import stereocal
 from stereocal.calibrate import METHOD_NAMES, METHODS, Method
 from stereocal.dataset import Dataset
 from stereocal.evaluation import EvaluationSettings
-from stereocal.figures.validation import (
-    COLUMNS,
-    describe_comparison,
-    describe_validation,
-    plot_comparison,
-    plot_validation,
-)
+from stereocal.figures.comparison import describe_comparison, plot_comparison
+from stereocal.figures.validation import COLUMNS, describe_validation, plot_validation
 from stereocal.geometry import Angles
 from stereocal.summary import BOOTSTRAPS, MethodSummary
 from stereocal.tables import (
@@ -182,7 +177,7 @@ def _validation(summaries: Mapping[Method, MethodSummary]) -> str:
     wide = _plot(plot_validation(summaries), words, "plot wide")
     # A finger that moves over a figure scrolls the page.
     narrow = [
-        _plot(plot_validation(summaries, [column]).update_layout(dragmode=False), words,
+        _plot(plot_validation(summaries, [column]), words,
               "plot narrow")
         for column in COLUMNS
     ]  # fmt: skip

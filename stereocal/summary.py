@@ -17,9 +17,10 @@ import numpy as np
 from scipy.special import stdtrit
 
 from stereocal.calibrate import METHODS, Method
-from stereocal.compiled import FloatArray
+from stereocal.compiled import FloatArray, IntArray
 from stereocal.errors import StereocalError
-from stereocal.evaluation import (
+from stereocal.evaluation import Run
+from stereocal.protocol import (
     ABOVE,
     BELOW,
     BINS,
@@ -29,8 +30,6 @@ from stereocal.evaluation import (
     REPROJECTION,
     RESIDUAL,
     WRONG,
-    CountArray,
-    Run,
 )
 
 BOOTSTRAPS = 1000
@@ -159,7 +158,9 @@ def summarise(
     # Runs of one data set are resampled; with several data sets, the data sets.
     units = [[run] for run in runs[0]] if len(runs) == 1 else [list(of_one) for of_one in runs]
     weights = rng.multinomial(len(units), np.full(len(units), 1 / len(units)), BOOTSTRAPS)
-    counts = np.array([np.sum([run.counts for run in unit], axis=0) for unit in units])
+    counts = np.array(
+        [np.sum([run.counts for run in unit], axis=0, dtype=np.int64) for unit in units]
+    )
     nans = np.sum([run.nans for unit in units for run in unit], axis=0)
     found: dict[Method, MethodSummary] = {}
     for at, method in enumerate(METHODS):
@@ -212,7 +213,7 @@ def _angles(runs: Sequence[Run], at: int) -> FloatArray:
 
 
 def _discrimination(
-    counts: CountArray, nans: CountArray, merge: int, weights: CountArray
+    counts: IntArray, nans: IntArray, merge: int, weights: IntArray
 ) -> Discrimination:
     """`counts`: (units, 2, BINS + 2)."""
     pooled = counts.sum(axis=0)
@@ -230,7 +231,7 @@ def _discrimination(
     )
 
 
-def _fcp(counts: CountArray, weights: CountArray) -> Estimate:
+def _fcp(counts: IntArray, weights: IntArray) -> Estimate:
     """The overlap of counts (units, 2, bins), with its 95 % interval.
 
     The least of two noisy bins lies below the least of the true ones, and each bootstrap adds the
@@ -243,8 +244,10 @@ def _fcp(counts: CountArray, weights: CountArray) -> Estimate:
     of 0.76, 0.32, 0.088, 0.011, 0.0022: 94, 93, 92, 95, 97 %. The percentiles of the bootstrap
     cover 92, 93, 92, 89, 60 %.
     """
-    value = _overlap(counts.sum(axis=0))
-    bootstrap = np.array([_overlap(of_one) for of_one in np.einsum("bu,ulk->blk", weights, counts)])
+    value = float(_overlap(counts.sum(axis=0)))
+    filled = counts[..., counts.any(axis=(0, 1))].astype(np.float64)
+    drawn = weights.astype(np.float64) @ filled.reshape(len(counts), -1)
+    bootstrap = _overlap(drawn.reshape(len(weights), *filled.shape[1:]))
     pairs = max(int(counts.sum(axis=(0, 2)).min()), 1)
     factor = float(stdtrit(max(len(counts) - 1, 1), 0.975)) ** 2
     share = min(max(2 * value - float(bootstrap.mean()), 0.0), 1.0)
@@ -256,7 +259,7 @@ def _fcp(counts: CountArray, weights: CountArray) -> Estimate:
     return Estimate(value, max(min(low, value), 0.0), min(max(high, value), 1.0))
 
 
-def _merged(counts: CountArray, merge: int) -> CountArray:
+def _merged(counts: IntArray, merge: int) -> IntArray:
     """Fine bins (..., BINS + 2) added up to wide ones; the two outer counters stay apart."""
     spare = -BINS % merge
     inner = np.concatenate(
@@ -266,13 +269,13 @@ def _merged(counts: CountArray, merge: int) -> CountArray:
     return np.concatenate([wide, counts[..., BINS:]], axis=-1)
 
 
-def _overlap(counts: CountArray) -> float:
-    """The common area of two PDFs given by counts (2, bins)."""
-    total = counts.sum(axis=1, keepdims=True)
-    return float((counts / np.maximum(total, 1)).min(axis=0).sum())
+def _overlap(counts: IntArray | FloatArray) -> FloatArray:
+    """The common areas of pairs of PDFs given by counts (..., 2, bins)."""
+    total = counts.sum(axis=-1, keepdims=True)
+    return np.asarray((counts / np.maximum(total, 1)).min(axis=-2).sum(axis=-1))
 
 
-def _crossing(pooled: CountArray) -> int:
+def _crossing(pooled: IntArray) -> int:
     """The fine bin at whose lower edge the PDFs cross.
 
     There, the share of correct pairs below less that of wrong pairs below is largest. Where the
@@ -285,7 +288,7 @@ def _crossing(pooled: CountArray) -> int:
     return int((best[0] + best[-1]) // 2)
 
 
-def _pdf(counts: CountArray, nans: int, merge: int) -> Pdf:
+def _pdf(counts: IntArray, nans: int, merge: int) -> Pdf:
     wide = _merged(counts, merge)[:-2]
     width = merge * FINE
     total = int(counts.sum())
@@ -298,16 +301,15 @@ def _pdf(counts: CountArray, nans: int, merge: int) -> Pdf:
     )
 
 
-def _reconstruction(
-    ratios: Sequence[FloatArray], merge: int, weights: CountArray
-) -> Reconstruction:
+def _reconstruction(ratios: Sequence[FloatArray], merge: int, weights: IntArray) -> Reconstruction:
     """`ratios`: D^R / D of the bars of each unit that is resampled."""
     pooled = np.concatenate(ratios)
     known = pooled[np.isfinite(pooled)]
     errors = np.abs(known - 1)
     nan = float("nan")
     if not len(known):
-        empty = _pdf(np.zeros(BINS + 2, dtype=np.int64), len(pooled), merge)
+        all_above = np.bincount([ABOVE] * len(pooled), minlength=BINS + 2)
+        empty = _pdf(all_above, len(pooled), merge)
         return Reconstruction(empty, Estimate(nan, nan, nan), nan, nan, nan, nan, nan)
     with np.errstate(divide="ignore"):
         places = np.floor((np.log10(errors) - LOWEST) / FINE)
@@ -326,21 +328,19 @@ def _reconstruction(
     )
 
 
-def _bootstrap_medians(ratios: Sequence[FloatArray], weights: CountArray) -> FloatArray:
+def _bootstrap_medians(ratios: Sequence[FloatArray], weights: IntArray) -> FloatArray:
     """Weighted medians of the errors, a row of `weights` (bootstraps, units) each."""
     errors = np.concatenate([np.abs(unit - 1) for unit in ratios])
     unit_of = np.repeat(np.arange(len(ratios)), [len(unit) for unit in ratios])
     keep = np.isfinite(errors)
     order = np.argsort(errors[keep])
     values, units = errors[keep][order], unit_of[keep][order]
-    medians = np.empty(len(weights))
-    for b, of_unit in enumerate(weights):
+    medians = []
+    for of_unit in weights:
         running = np.cumsum(of_unit[units])
-        if running[-1] == 0:
-            medians[b] = np.nan
-            continue
-        medians[b] = values[np.searchsorted(running, 0.5 * running[-1])]
-    return medians[np.isfinite(medians)]
+        if running[-1]:
+            medians.append(values[np.searchsorted(running, 0.5 * running[-1])])
+    return np.array(medians)
 
 
 def _plain(value: Any) -> Any:

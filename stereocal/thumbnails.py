@@ -15,7 +15,6 @@ WIDTH, HEIGHT = 240, 180
 """Of one photograph's part, px."""
 COLOURS = ((115, 158, 0), (167, 121, 204))
 """Of targets A and B as in all figures (Okabe-Ito green and pink), in OpenCV's order."""
-HALO = (30, 30, 30)
 Tile = npt.NDArray[np.uint8]
 
 
@@ -39,16 +38,21 @@ def tile(image: GreyImage | None, centres: CentrePair) -> Tile:
                 round((centre.u - left + 0.5) * scale - 0.5),
                 round((centre.v - top + 0.5) * scale - 0.5),
             )
-            for shade, more in ((HALO, 3), (colour, 0)):
-                cv2.drawMarker(drawn, at, shade, cv2.MARKER_CROSS, 15, 2 + more)
-                cv2.putText(
-                    drawn, letter, (at[0] + 9, at[1] - 7), cv2.FONT_HERSHEY_SIMPLEX, 0.55, shade,
-                    2 + more, cv2.LINE_AA,
-                )  # fmt: skip
+            _mark(drawn, at, letter, colour)
     whole = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
     y, x = (HEIGHT - drawn.shape[0]) // 2, (WIDTH - drawn.shape[1]) // 2
     whole[y : y + drawn.shape[0], x : x + drawn.shape[1]] = drawn
     return whole
+
+
+def _mark(
+    drawn: npt.NDArray[Any], at: tuple[int, int], letter: str, colour: tuple[int, int, int]
+) -> None:
+    """A cross and a letter, rimmed in black to stand out on white too."""
+    beside = at[0] + 9, at[1] - 7
+    for ink, width in (((0, 0, 0), 4), (colour, 2)):
+        cv2.drawMarker(drawn, at, ink, cv2.MARKER_CROSS, 15, width)
+        cv2.putText(drawn, letter, beside, cv2.FONT_HERSHEY_SIMPLEX, 0.55, ink, width, cv2.LINE_AA)
 
 
 def side_by_side(primary: Tile, secondary: Tile) -> bytes:

@@ -47,7 +47,8 @@ def plane_to_image(board: Board) -> FloatArray:
     H = np.column_stack([R[:, 0], R[:, 1], [0.0, 0.0, board.distance]])
     scale = board.side * board.distance
     to_px = np.array([[scale, 0, board.centre[0]], [0, scale, board.centre[1]], [0, 0, 1]])
-    return to_px @ H
+    homography: FloatArray = to_px @ H
+    return homography
 
 
 def paint(light: FloatArray, board: Board, origin: tuple[float, float], fine: int) -> None:
@@ -83,4 +84,5 @@ def picture(
     image = image + noise * np.random.default_rng(seed).normal(size=image.shape)
     scale = (2**bits - 1) / 255.0
     kind = np.uint8 if bits == 8 else np.uint16
-    return np.clip(np.rint(image * scale), 0, 2**bits - 1).astype(kind)
+    levels = np.clip(np.rint(image * scale), 0, 2**bits - 1)
+    return np.asarray(levels, dtype=kind)

@@ -122,7 +122,7 @@ class TestConstrained:
     def test_derivatives_are_those_of_finite_differences(self, angles: Angles, seed: int) -> None:
         rays = np.random.default_rng(seed).uniform(-0.5, 0.5, (4, 9))
         at = np.array(angles)
-        J = _coefficients(rays) @ _essential_derivatives(at).reshape(5, 9).T
+        J = (_essential_derivatives(at).reshape(5, 9) @ _coefficients(rays)).T
         # Central differences of numbers of order 1: rounding 1e-16 / 1e-6, and 1e-12 of curvature;
         # measured: 3e-10.
         np.testing.assert_allclose(J, differences(at, rays), rtol=0, atol=1e-9)
@@ -137,11 +137,11 @@ class TestConstrained:
         np.testing.assert_allclose(gradient, slope, rtol=0, atol=2e-6)
 
     def test_coefficients_times_E_are_the_residuals(self) -> None:
-        ours = _coefficients(NOISY) @ RIG.essential.ravel()
+        ours = RIG.essential.ravel() @ _coefficients(NOISY)
         np.testing.assert_allclose(ours, residuals_at(np.array(ANGLES), NOISY), rtol=0, atol=1e-15)
 
     def test_finds_the_rig_from_a_degree_off(self) -> None:
-        start = Angles(*(np.array(ANGLES) + 0.02))
+        start = np.array(ANGLES) + 0.02
         angles, evaluations, converged = constrain(start, rays_of(RIG, bar_ends(10)))
         assert converged
         assert evaluations < 50

@@ -13,10 +13,16 @@ import numpy as np
 import pytest
 
 from stereocal.cli import main
+from stereocal.detection import Detection, detect_targets
 from stereocal.errors import StereocalError
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.correspondences_csv import read_table
-from stereocal.frame_detection import STAGES, detect_frames, keep_corrections
+from stereocal.frame_detection import (
+    STAGES,
+    compile_detection,
+    detect_frames,
+    keep_corrections,
+)
 from stereocal.frames import Centre, Frame
 from stereocal.inspection import look_through, wrong_sizes
 from stereocal.pairing import Pair, pair_names
@@ -147,13 +153,26 @@ def test_sizes_without_a_camera_file(tmp_path: Path, pool: ThreadPoolExecutor) -
 
 
 def test_a_persons_work_is_kept() -> None:
-    def one(number: int, source: str, name: str = "l") -> Frame:
+    def one(number: int, source: str, name: str = "l", use: bool = True) -> Frame:
         centre = Centre(1.0, 2.0, None, source)
-        return Frame(number, (name, "r"), ((centre, None), (None, None)), "found")
+        return Frame(number, (name, "r"), ((centre, None), (None, None)), "found", "", use)
 
     before = [one(1, "manual"), one(2, "detected"), one(3, "corrected", "other")]
-    found = [one(1, "detected"), one(2, "detected"), one(3, "detected")]
-    assert keep_corrections(found, before) == [before[0], found[1], found[2]]
+    before.append(one(4, "detected", use=False))
+    found = [one(number, "detected") for number in (1, 2, 3, 4, 5)]
+    kept = keep_corrections(found, before)
+    assert kept == [before[0], found[1], found[2], before[3], found[4]]
+
+
+def test_a_compiled_search_finds_the_drawn_boards() -> None:
+    seen: list[Detection] = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(
+            "stereocal.frame_detection.detect_targets", lambda i: seen.append(detect_targets(i))
+        )
+        compile_detection()
+    # Only a photograph with targets runs all that is to be compiled.
+    assert seen[0].targets is not None
 
 
 def test_memory_stays_flat(tmp_path: Path, pool: ThreadPoolExecutor) -> None:

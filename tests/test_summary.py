@@ -11,7 +11,8 @@ from scipy.stats import norm
 from stereocal.calibrate import METHODS, Method
 from stereocal.compiled import FloatArray
 from stereocal.errors import StereocalError
-from stereocal.evaluation import ABOVE, BELOW, BINS, CORRECT, FINE, LOWEST, REPROJECTION, WRONG, Run
+from stereocal.evaluation import Run
+from stereocal.protocol import ABOVE, BELOW, BINS, CORRECT, FINE, LOWEST, REPROJECTION, WRONG
 from stereocal.summary import (
     BOOTSTRAPS,
     MethodSummary,
@@ -26,7 +27,7 @@ STUDIES = 400
 
 def run_of(correct: FloatArray, wrong: FloatArray, lengths: FloatArray | None = None) -> Run:
     """A run with these values of both quantities (not their logarithms), alike for all methods."""
-    counts = np.zeros((3, 2, 2, BINS + 2), dtype=np.int64)
+    counts = np.zeros((3, 2, 2, BINS + 2), dtype=np.int32)
     for label, values in ((CORRECT, correct), (WRONG, wrong)):
         edges = 10 ** (LOWEST + FINE * np.arange(BINS + 1))
         counts[:, :, label, :BINS] = np.histogram(values, edges)[0]

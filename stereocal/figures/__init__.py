@@ -3,6 +3,7 @@
 Backgrounds are transparent and no text has a colour of its own: the page decides, light or dark.
 """
 
+from stereocal.figures.comparison import describe_comparison, plot_comparison
 from stereocal.figures.coverage import describe_coverage, plot_coverage
 from stereocal.figures.frame_errors import describe_frame_errors, plot_frame_errors
 from stereocal.figures.rig import describe_rig, plot_rig
@@ -14,12 +15,7 @@ from stereocal.figures.style import (
     TARGET_SYMBOLS,
 )
 from stereocal.figures.traces import describe_traces, plot_traces
-from stereocal.figures.validation import (
-    describe_comparison,
-    describe_validation,
-    plot_comparison,
-    plot_validation,
-)
+from stereocal.figures.validation import describe_validation, plot_validation
 
 __all__ = [
     "METHOD_COLOURS",

@@ -22,6 +22,14 @@ METHOD_SYMBOLS: Mapping[Method, str] = {
     "2d": "circle",
     "3d": "triangle-up",
 }
+CORRECT_COLOUR, WRONG_COLOUR = "#009E73", "#E69F00"
+FILLS: Mapping[str, str] = {
+    "correct": "rgba(0,158,115,0.45)",
+    "essential": "rgba(127,127,127,0.45)",
+    "2d": "rgba(31,131,196,0.45)",
+    "3d": "rgba(213,94,0,0.45)",
+}
+"""What fills the area below a curve; that of wrong pairs is hatched."""
 TARGET_COLOURS: Mapping[str, str] = {"A": "#009E73", "B": "#CC79A7"}
 TARGET_SYMBOLS: Mapping[str, str] = {"A": "circle", "B": "diamond"}
 NEUTRAL = "#7F7F7F"

@@ -119,6 +119,18 @@ def parse_dataset(files: Mapping[str, bytes], source: str, photographs: bool = F
         raise StereocalError(text if text.startswith(source) else f"{source}: {text}") from error
 
 
+def parse_zip(content: bytes, source: str) -> Dataset:
+    """The data set of a zip's content; photographs in it are not unpacked.
+
+    Raises:
+        StereocalError: as `read_dataset`.
+    """
+    with open_zip(content, source) as opened:
+        photographs = any(map(is_photograph, opened.names))
+    files = unzip(content, source, lambda name: not is_photograph(name))
+    return parse_dataset(files, source, photographs)
+
+
 def parse_survey(files: Mapping[str, bytes], source: str) -> Survey:
     """What the files tell but for the points.
 

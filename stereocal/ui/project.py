@@ -11,8 +11,12 @@ import streamlit as st
 
 from stereocal.calibrate import calibrate
 from stereocal.errors import StereocalError
+from stereocal.evaluation import EvaluationSettings, evaluate_runs
 from stereocal.formats.dataset_files import read_dataset
+from stereocal.frame_detection import compile_detection
 from stereocal.project import Project, default_home
+from stereocal.projects import sweep
+from stereocal.server import ServerSettings
 
 SAMPLE = Path(__file__).parents[2] / "sample_data" / "field"
 _ID = "project_id"
@@ -50,11 +54,16 @@ def project_to_write() -> Project:
 def new_project() -> Project:
     """Begin a project and make it the current one."""
     project = Project.create(default_home())
+    open_project(project.id)
+    return project
+
+
+def open_project(project_id: str) -> None:
+    """Make a project the current one; what the screen knew of another is forgotten."""
     if _ID in st.session_state:
         forget_project()
-    st.session_state[_ID] = project.id
-    st.query_params["project"] = project.id
-    return project
+    st.session_state[_ID] = project_id
+    st.query_params["project"] = project_id
 
 
 def forget_project() -> None:
@@ -85,11 +94,22 @@ def keeper(project: Project, key: str) -> Callable[[], None]:
 
 @st.cache_resource(show_spinner=False)
 def warm_up() -> threading.Thread:
-    """Compile the searches in the background when the server starts (10 s the very first time)."""
-    thread = threading.Thread(target=_calibrate_sample, daemon=True, name="warm-up")
+    """What is done in the background when the server starts."""
+    thread = threading.Thread(target=_begin, daemon=True, name="warm-up")
     thread.start()
     return thread
 
 
-def _calibrate_sample() -> None:
-    calibrate(read_dataset(SAMPLE), trace=True)
+def _begin() -> None:
+    """Delete what is too old; compile (25 s the very first time)."""
+    settings = ServerSettings.from_environment()
+    sweep(default_home(), settings.undo_days, settings.keep_days)
+    compile_all()
+
+
+def compile_all() -> None:
+    """Use all compiled code once, so that nobody waits for it later."""
+    dataset = read_dataset(SAMPLE)
+    calibrate(dataset, trace=True)
+    evaluate_runs(dataset, EvaluationSettings(), 0, [0])
+    compile_detection()

@@ -18,6 +18,7 @@ PURPOSE = """
 BRING = """
 1. **A table of points** (CSV): for each frame, where targets A and B are in both images, in pixels.
    About 25 frames, with the bar moved through the whole view and at different distances.
+   Or **the photographs**: stereocal finds the targets, two-by-two checkerboards, in them.
 2. **One camera file for each camera**: the lens, as OpenCV or stereocal saved it
    (focal length, image centre, distortion, image size).
 3. **The baseline**: the distance between the two cameras, measured with a laser range finder.

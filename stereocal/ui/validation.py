@@ -33,8 +33,13 @@ from stereocal.ui.results import show_figure
 NINETEEN = Path(__file__).parents[2] / "sample_data" / "nineteen"
 MINE, ALL, PAPER = "My data set", "All my data sets", "Nineteen synthetic rigs"
 STAGES = ("runs",)
-INSTANT = 150
+INSTANT = 300
 """Runs of 25 frames that take less than a second: those are computed as the controls move."""
+SCROLLS = """<style>
+.st-key-scrolls { overflow-x: auto; }
+.st-key-scrolls > div { min-width: 54rem; }
+</style>"""
+"""Three panels side by side need their width; on a narrow screen the figure scrolls sideways."""
 COLUMNS = {
     "residual": "Residual",
     "reprojection": "Reprojection error",
@@ -158,7 +163,11 @@ def show_evaluation(
         "Show", ["All three", *COLUMNS.values()], default="All three", key="columns", required=True
     )
     columns = [key for key, title in COLUMNS.items() if wide in ("All three", title)]
-    show_figure(plot_validation(pooled, columns), describe_validation(pooled), "validation")
+    if len(columns) > 1:
+        st.html(SCROLLS)
+    with st.container(key="scrolls" if len(columns) > 1 else "fits"):
+        st.plotly_chart(plot_validation(pooled, columns), key="validation")
+    st.caption(escape_markdown(describe_validation(pooled)))
     st.select_slider(
         "Width of the bins (decades)", [0.02, 0.04, 0.1, 0.2, 0.5], key="bin_width",
         on_change=keeper(project, "bin_width"), help="The overlap depends on it a little.",

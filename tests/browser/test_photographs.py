@@ -69,6 +69,8 @@ def test_photographs_to_points(
     )
     expect(page.get_by_text("right3.png: the PNG is cut off")).to_be_visible()
     settled(page)
+    page.wait_for_timeout(1500)
+    settled(page)
     # Nothing asks the server on its own any more: the page is not redrawn while nobody acts.
     runs = page.evaluate(
         """() => new Promise(done => {

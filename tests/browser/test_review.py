@@ -96,8 +96,10 @@ def store(
 
 
 def download(page: Page, folder: Path) -> list[dict[str, str]]:
+    button = page.locator(".st-key-download_correspondences button")
+    expect(button).to_have_count(1)  # stale and new stand together for a moment
     with page.expect_download() as event:
-        page.locator(".st-key-download_correspondences button").click()
+        button.click()
     assert event.value.suggested_filename == "correspondences.csv"
     event.value.save_as(folder / "correspondences.csv")
     return list(csv.DictReader((folder / "correspondences.csv").read_text().splitlines()))

@@ -268,12 +268,14 @@ def test_validation_follows_the_controls_and_a_long_run_can_be_cancelled(
 
     page.locator(".st-key-validate_runs").get_by_role("slider").focus()
     page.keyboard.press("End")
-    page.get_by_role("button", name=re.compile("^Validate")).click()
+    page.locator(".st-key-validate_on").get_by_text("Nineteen synthetic rigs").click()
+    page.get_by_role("button", name="Validate (9500 runs)").click()
     page.locator(".st-key-cancel_evaluation button").click()
     expect(page.get_by_text("Cancelled. What is shown is the last finished")).to_be_visible()
     expect(page.get_by_text(re.compile("^Made with: .* 100 runs, 19 calibration"))).to_be_visible()
     assert state() == seen[-1]
 
+    page.locator(".st-key-validate_on").get_by_text("My data set").click()
     with page.expect_download() as event:
         page.locator(".st-key-download_summary button").click()
     event.value.save_as(tmp_path / "summary.json")

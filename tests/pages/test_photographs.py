@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import time
 import zipfile
 from collections.abc import Iterator, Mapping
@@ -53,12 +54,16 @@ def upload(app: AppTest, files: Mapping[str, bytes]) -> None:
     app.run()
 
 
-def upload_zip(app: AppTest, files: Mapping[str, bytes]) -> None:
+def zipped(files: Mapping[str, bytes]) -> bytes:
     packed = io.BytesIO()
     with zipfile.ZipFile(packed, "w") as archive:
         for name, content in files.items():
             archive.writestr(name, content)
-    upload(app, {"bars.zip": packed.getvalue()})
+    return packed.getvalue()
+
+
+def upload_zip(app: AppTest, files: Mapping[str, bytes]) -> None:
+    upload(app, {"bars.zip": zipped(files)})
 
 
 def find(app: AppTest, home: Path) -> None:
@@ -172,9 +177,95 @@ def test_a_bomb_is_said_and_nothing_is_lost(app: AppTest, tmp_path: Path) -> Non
     assert len(store_of(app, tmp_path).photographs) == 14
 
 
+def dataset_files() -> dict[str, bytes]:
+    files = {f"rig/{name}": content for name, content in FILES.items()}
+    for slot in ("primary", "secondary"):
+        files[f"rig/{slot}.json"] = write_camera(getattr(BARS.rig, slot))
+    files["rig/dataset.json"] = json.dumps(
+        {
+            "format": "stereocal-dataset/1", "name": "field day", "baseline_m": 2.0,
+            "target_distance_m": 0.9,
+            "cameras": {"primary": "primary.json", "secondary": "secondary.json"},
+        }
+    ).encode()  # fmt: skip
+    return files
+
+
+@pytest.mark.parametrize("packed", [False, True])
+def test_a_data_set_of_photographs(packed: bool, app: AppTest, tmp_path: Path) -> None:
+    upload_zip(app, {"left77.png": b"x", "right77.png": b"x"})
+    app.segmented_control(key="data_how").set_value("A zip" if packed else "A folder").run()
+    files = dataset_files()
+    if packed:
+        app.file_uploader(key="upload_zip").upload("field.zip", zipped(files)).run()
+    else:
+        widget = app.file_uploader(key="upload_folder")
+        for name, content in files.items():
+            widget.upload(name, content)
+        app.run()
+    assert app.segmented_control(key="data_how").value == "Photographs"
+    assert "14 photographs. 7 pairs by name" in messages(app)
+    assert "Still missing: the table of points." in messages(app)
+    project = store_of(app, tmp_path).project
+    assert project.inputs.name == "field day" and project.inputs.baseline_m == 2.0
+
+
+def test_a_data_set_of_points_replaces_photographs(app: AppTest, tmp_path: Path) -> None:
+    upload_zip(app, FILES)
+    app.segmented_control(key="data_how").set_value("A zip").run()
+    field = {path.name: path.read_bytes() for path in (ROOT / "sample_data/field").iterdir()}
+    app.file_uploader(key="upload_zip").upload("field.zip", zipped(field)).run()
+    assert "50 pairs of points in 25 frames" in messages(app)
+    assert not store_of(app, tmp_path).photographs
+    assert not app.exception
+
+
 def test_the_table_of_pairs_there_and_back() -> None:
     rows = [PairRow(Pair(3, "l3", "r3")), PairRow(Pair(7, "l7", "r7"), use=False)]
     assert rows_of(table_of(rows)) == rows
     half = pd.concat([table_of(rows), pd.DataFrame([{"Use": True, "Frame": 9}])])
     assert rows_of(half) == rows
     assert rows_of(table_of([])) == []
+
+
+def test_cancel_leaves_what_was_found_before(
+    app: AppTest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    upload_zip(app, FILES)
+    give_cameras_and_lengths(app)
+    find(app, tmp_path)
+    before = store_of(app, tmp_path).frames
+
+    def wait_for_the_cancel(*_: object) -> None:
+        cancelled = _[-1]
+        assert callable(cancelled)
+        end = time.monotonic() + SLOW
+        while not cancelled() and time.monotonic() < end:
+            time.sleep(0.02)
+
+    monkeypatch.setattr("stereocal.ui.photographs.detect_frames", wait_for_the_cancel)
+    app.button(key="find_targets").click().run()
+    assert app.button(key="find_targets").disabled
+    assert app.checkbox(key="use_frame_1").disabled
+    app.button(key="cancel_photographs").click().run()
+    time.sleep(0.3)
+    app.run()
+    assert "Cancelled. What was found before is unchanged" in messages(app)
+    assert store_of(app, tmp_path).frames == before
+    assert not app.button(key="find_targets").disabled
+
+
+def test_a_search_that_fails_is_said(
+    app: AppTest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> None:
+        raise RuntimeError("<b>no</b>")
+
+    upload_zip(app, FILES)
+    give_cameras_and_lengths(app)
+    monkeypatch.setattr("stereocal.ui.photographs.detect_frames", fail)
+    app.button(key="find_targets").click().run()
+    time.sleep(0.3)
+    app.run()
+    assert "Something unforeseen happened" in messages(app)
+    assert store_of(app, tmp_path).frames is None

@@ -1,0 +1,167 @@
+"""One run of the paper's protocol (Section 6), compiled: calibrate on some rays, count on others.
+
+The runs of a validation share the cores only as far as they are compiled, since the interpreter's
+lock is given back here.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stereocal import costs
+from stereocal.compiled import CountArray, FloatArray, IntArray, compiled
+from stereocal.essential import LINEAR_PAIRS, choose_pose, constrain, linear_essential
+from stereocal.geometry import (
+    angles_of,
+    fill_essential,
+    fill_pose,
+    is_degenerate,
+    midpoint,
+    reprojection_shift,
+)
+from stereocal.montecarlo import search
+
+LOWEST, HIGHEST, FINE = -12.0, 6.0, 0.02
+"""Range of the fine bins in log10, and their width."""
+BINS = round((HIGHEST - LOWEST) / FINE)
+BELOW, ABOVE = BINS, BINS + 1
+"""Two further counters: too small or zero, and too large or not to be reconstructed."""
+RESIDUAL, REPROJECTION = 0, 1
+WRONG, CORRECT = 0, 1
+
+
+@compiled
+def calibrate_rays(
+    angles: FloatArray,
+    baseline: float,
+    pixel_scale: FloatArray,
+    constrained: bool,
+    rays: FloatArray,
+    kind: int,
+    measured_rays: FloatArray,
+    reference: FloatArray,
+    of_2d: np.random.Generator,
+    of_3d: np.random.Generator,
+    steps: tuple[float, float, float, float],
+    moves: tuple[int, int],
+) -> bool:
+    """The angles of essential, 2D and 3D, written into `angles` (3, 5).
+
+    Args:
+        rays: (4, n), for essential and 2D.
+        kind: the 3D cost of `costs`, with its `measured_rays` and `reference`.
+        steps: delta, delta_min, acceptance, shrink of the search.
+        moves: minimum_moves, maximum_moves of the search.
+
+    Returns:
+        False where it cannot be done this way: fewer than 8 pairs, or points without a calibration.
+    """
+    if rays.shape[1] < LINEAR_PAIRS:
+        return False
+    E = linear_essential(rays)
+    if np.isnan(E).any():
+        return False
+    R, t, in_front = choose_pose(E, rays)
+    if in_front == 0 or is_degenerate(R, t):
+        return False
+    start = np.array(angles_of(R, t))
+    if constrained:
+        start = constrain(start, rays)[0]
+    T = np.empty(3)
+    fill_pose(start, baseline, R, T)
+    if is_degenerate(R, T):
+        return False
+    for own_kind, own_rays in ((costs.REPROJECTION, rays), (kind, measured_rays)):
+        if not np.isfinite(costs.cost(own_kind, R, T, own_rays, reference, pixel_scale)):
+            return False
+    # The angles as the pose has them: pitch and delta within a quarter turn.
+    angles[:] = np.array(angles_of(R, T))
+    no_trace = np.empty((3, 0))
+    search(
+        costs.REPROJECTION, angles[1], baseline, rays, reference, pixel_scale, of_2d,
+        steps[0], steps[1], steps[2], steps[3], moves[0], moves[1], no_trace,
+    )  # fmt: skip
+    search(
+        kind, angles[2], baseline, measured_rays, reference, pixel_scale, of_3d,
+        steps[0], steps[1], steps[2], steps[3], moves[0], moves[1], no_trace,
+    )  # fmt: skip
+    return True
+
+
+@compiled
+def validate_rays(
+    angles: FloatArray,
+    baseline: float,
+    pixel_scale: FloatArray,
+    rays: FloatArray,
+    partners: IntArray,
+    bar_rays: FloatArray,
+    distances: FloatArray,
+    counts: CountArray,
+    nans: IntArray,
+    lengths: FloatArray,
+) -> None:
+    """Count the errors of all pairs with the angles of each method, and measure the bars.
+
+    Args:
+        rays: (4, n).
+        partners: (n, p): the secondary points that each primary point meets.
+        bar_rays: (4, 2 m): the ends A of the bars, then the ends B.
+        distances: (m,), in metres.
+        counts: (methods, 2, 2, BINS + 2), added to: residual, reprojection; wrong, correct; bin.
+        nans: (methods, 2), added to: wrong, correct.
+        lengths: (methods, m), written: D^R / D.
+    """
+    R, T, E = np.empty((3, 3)), np.empty(3), np.empty((3, 3))
+    bars = len(distances)
+    xp, yp, xs, ys = bar_rays[0], bar_rays[1], bar_rays[2], bar_rays[3]
+    for method in range(len(angles)):
+        fill_pose(angles[method], baseline, R, T)
+        fill_essential(R, T, E)
+        count_pairs(R, T, E, rays, pixel_scale, partners, counts[method], nans[method])
+        for k in range(bars):
+            a = midpoint(R, T, xp[k], yp[k], xs[k], ys[k])
+            j = k + bars
+            b = midpoint(R, T, xp[j], yp[j], xs[j], ys[j])
+            length = np.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
+            lengths[method, k] = length / distances[k]
+
+
+@compiled
+def count_pairs(
+    R: FloatArray,
+    T: FloatArray,
+    E: FloatArray,
+    rays: FloatArray,
+    pixel_scale: FloatArray,
+    partners: IntArray,
+    counts: CountArray,
+    nans: IntArray,
+) -> None:
+    """Add |residual| and reprojection error of all pairs to `counts`, and the NaN to `nans`."""
+    xp, yp, xs, ys = rays[0], rays[1], rays[2], rays[3]
+    for i in range(partners.shape[0]):
+        a = E[0, 0] * xp[i] + E[0, 1] * yp[i] + E[0, 2]
+        b = E[1, 0] * xp[i] + E[1, 1] * yp[i] + E[1, 2]
+        c = E[2, 0] * xp[i] + E[2, 1] * yp[i] + E[2, 2]
+        for k in range(partners.shape[1]):
+            j = partners[i, k]
+            label = CORRECT if i == j else WRONG
+            counts[RESIDUAL, label, bin_of(abs(xs[j] * a + ys[j] * b + c))] += 1
+            first, second = reprojection_shift(R, T, xp[i], yp[i], xs[j], ys[j], pixel_scale)
+            error = 0.5 * (first + second)
+            if np.isnan(error):
+                nans[label] += 1
+            counts[REPROJECTION, label, bin_of(error)] += 1
+
+
+@compiled
+def bin_of(value: float) -> int:
+    if np.isnan(value):
+        return ABOVE
+    if value <= 0.0:
+        return BELOW
+    place = np.floor((np.log10(value) - LOWEST) / FINE)
+    if place < 0.0:
+        return BELOW
+    return ABOVE if place >= BINS else int(place)

@@ -1,0 +1,52 @@
+"""Settings of the one who runs the server, from the environment; docs/deploy.md lists them."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from stereocal.errors import StereocalError
+
+
+@dataclass(frozen=True)
+class ServerSettings:
+    """What differs between a person's own computer and a server that many people use."""
+
+    shared: bool = False
+    """STEREOCAL_SHARED=1: nobody sees a list of projects; a project is found by its address."""
+    keep_days: float = math.inf
+    """STEREOCAL_KEEP_DAYS: projects that nobody has changed for longer are removed."""
+    undo_days: float = 30.0
+    """STEREOCAL_UNDO_DAYS: so long a removed project can be brought back."""
+    project_mb: float = math.inf
+    """STEREOCAL_PROJECT_MB: what one project may hold, in megabytes of 1,000,000 bytes."""
+
+    @classmethod
+    def from_environment(cls, environment: Mapping[str, str] | None = None) -> ServerSettings:
+        """The settings of this server; what is not given keeps its default.
+
+        Raises:
+            StereocalError: a value that is no number, or below 0.
+        """
+        given = os.environ if environment is None else environment
+        return cls(
+            shared=_number(given, "STEREOCAL_SHARED", 0.0) > 0,
+            keep_days=_number(given, "STEREOCAL_KEEP_DAYS", cls.keep_days),
+            undo_days=_number(given, "STEREOCAL_UNDO_DAYS", cls.undo_days),
+            project_mb=_number(given, "STEREOCAL_PROJECT_MB", cls.project_mb),
+        )
+
+
+def _number(given: Mapping[str, str], name: str, default: float) -> float:
+    text = given.get(name, "").strip()
+    if not text:
+        return default
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not value >= 0:
+        raise StereocalError(f'{name} is "{text}": it must be a number, 0 or above.')
+    return value

@@ -1,0 +1,124 @@
+"""The list of recent projects on the Start page, and what is kept of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from datetime import datetime
+
+import streamlit as st
+
+from stereocal.errors import StereocalError
+from stereocal.project import Project, default_home
+from stereocal.projects import Listed, bring_back, duplicate, recent_projects, remove
+from stereocal.server import ServerSettings
+from stereocal.ui.intake import escape_markdown
+from stereocal.ui.project import open_project
+
+_REMOVED = "removed_project"
+_FAILED = "failed_project"
+
+
+def show_projects() -> None:
+    """Recent projects, each to open, rename, duplicate or remove; not on a shared server."""
+    settings = ServerSettings.from_environment()
+    if not settings.shared:
+        _offer_undo()
+        if failure := st.session_state.pop(_FAILED, None):
+            st.error(escape_markdown(failure))
+        listed = recent_projects(default_home())
+        if listed:
+            st.header("Recent projects", divider="gray")
+            for one in listed:
+                _show(one)
+    with st.expander("What is kept, where and for how long"):
+        st.markdown(what_is_kept(settings))
+
+
+def what_is_kept(settings: ServerSettings) -> str:
+    """Where the projects are, and when they go."""
+    where = "on the server" if settings.shared else f"on this computer, in `{default_home()}`"
+    life = (
+        "until you remove it"
+        if math.isinf(settings.keep_days)
+        else f"until nobody has changed it for {settings.keep_days:g} days"
+    )
+    size = (
+        ""
+        if math.isinf(settings.project_mb)
+        else f" A project can hold {settings.project_mb:g} MB."
+    )
+    who = (
+        "Only who has the address of a project (it is in the browser's address bar) can open it: "
+        "keep it as a bookmark. Nobody sees a list."
+        if settings.shared
+        else "A project is found in this list, and by its address in the browser."
+    )
+    return (
+        f"Every file, correction, setting and result is written to disk {where}, as soon as it is "
+        f"there, and kept {life}.{size} A removed project can be brought back for "
+        f"{settings.undo_days:g} days. {who} Nothing is sent elsewhere."
+    )
+
+
+def _show(one: Listed) -> None:
+    changed = datetime.fromtimestamp(one.changed).astimezone().strftime("%Y-%m-%d %H:%M")
+    state = {
+        (): "no result yet",
+        ("calibration",): "calibrated",
+        ("evaluation",): "validated",
+    }.get(one.finished, "calibrated, validated")
+    key = f"name_{one.id}"
+    with st.container(horizontal=True, vertical_alignment="bottom"):
+        st.text_input(
+            f"{changed}, {state}", one.name, key=key, placeholder="Give it a name", width=420,
+            on_change=_rename, args=(one.id, key),
+        )  # fmt: skip
+        for label, act in (("Open", _open), ("Duplicate", _duplicate), ("Remove", _remove)):
+            st.button(label, key=f"{label.lower()}_{one.id}", on_click=act, args=(one.id,))
+    if st.session_state.pop("go_to_data", None) == one.id:
+        st.switch_page("pages/data.py")
+
+
+def _offer_undo() -> None:
+    removed = st.session_state.get(_REMOVED)
+    if removed is None:
+        return
+    project_id, name = removed
+    text, button = st.columns([6, 2], vertical_alignment="center")
+    text.info(f"{escape_markdown(name or 'The project')} was removed.")
+    button.button("Undo", key="undo_remove", on_click=_undo, args=(project_id,))
+
+
+def _rename(project_id: str, key: str) -> None:
+    _try(lambda: Project.open(default_home(), project_id).rename(st.session_state[key].strip()))
+
+
+def _open(project_id: str) -> None:
+    open_project(project_id)
+    st.session_state["go_to_data"] = project_id
+
+
+def _duplicate(project_id: str) -> None:
+    _try(lambda: duplicate(default_home(), project_id))
+
+
+def _remove(project_id: str) -> None:
+    def act() -> None:
+        name = Project.open(default_home(), project_id).inputs.name
+        remove(default_home(), project_id)
+        st.session_state[_REMOVED] = (project_id, name)
+
+    _try(act)
+
+
+def _undo(project_id: str) -> None:
+    st.session_state.pop(_REMOVED, None)
+    _try(lambda: bring_back(default_home(), project_id))
+
+
+def _try(act: Callable[[], object]) -> None:
+    try:
+        act()
+    except StereocalError as error:
+        st.session_state[_FAILED] = str(error)
