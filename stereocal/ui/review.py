@@ -72,8 +72,8 @@ def _show_one(store: ProjectPhotographs, running: bool) -> None:
         help="The centre goes exactly where you click, also with the shift key held. Otherwise it "
         "goes to the fitted corner near the click.",
     )  # fmt: skip
-    # Containers, with or without something in them, keep the photographs in their places: at another
-    # one the browser would build them anew.
+    # Containers, with or without something in them, keep the photographs in their places: elsewhere
+    # the browser would build them anew.
     with st.container():
         _show_said(frame)
     for camera, column in enumerate(st.columns(2)):
