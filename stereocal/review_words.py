@@ -32,7 +32,9 @@ def describe_use(frame: Frame) -> str:
         said = "It is left out."
     else:
         said = "It is left out: no target is placed in both photographs."
-    if is_open(frame):
+    if frame.reviewed:
+        said += " You have reviewed it."
+    elif is_open(frame):
         said += " Please decide: correct it, use it or leave it out."
     return said
 

@@ -267,7 +267,7 @@ class TestEpipolar:
 
 def test_words_and_table() -> None:
     review = place(place(START, 3, 0, 0, SHIFT), 1, 1, 1, Centre(7.126, 8.0, 0.0216, "corrected"))
-    assert describe_use(review.frame(3)) == "It is used."
+    assert describe_use(review.frame(3)) == "It is used. You have reviewed it."
     assert describe_use(START.frame(3)) == (
         "It is left out. Please decide: correct it, use it or leave it out."
     )

@@ -61,8 +61,9 @@ def _show_frame(
     st.image(store.thumbnail(frame), width="stretch")
     icon, colour = BADGES[frame.state]
     sigmas = [c.sigma_px for pair in frame.centres for c in pair if c and c.sigma_px is not None]
+    reviewed = " · reviewed" if frame.reviewed else ""
     sigma = f" · sigma ≤ {max(sigmas):.3f} px" if sigmas else ""
-    st.markdown(f":{colour}-badge[{icon} {frame.state}] **Frame {frame.frame}**{sigma}")
+    st.markdown(f":{colour}-badge[{icon} {frame.state}] **Frame {frame.frame}**{sigma}{reviewed}")
     if frame.reason:
         st.caption(escape_markdown(frame.reason))
     key = f"use_frame_{frame.frame}"

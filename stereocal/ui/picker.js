@@ -146,8 +146,14 @@ class Picker {
     const inside = u >= -0.5 && v >= -0.5 && u <= this.data.width - 0.5 && v <= this.data.height - 0.5
     if (!this.image || !inside || this.data.locked) return
     this.pending = [u, v]
+    setTimeout(() => this.answered(), 2000) // a click that changes nothing has no other answer
     this.draw()
     this.send("picked", { id: this.data.id, u, v, raw })
+  }
+
+  answered() {
+    this.pending = null
+    this.draw()
   }
 
   tell(point) {

@@ -59,6 +59,8 @@ def _show_one(store: ProjectPhotographs, running: bool) -> None:
     frame = _choose_frame(store, review)
     icon, colour = BADGES[frame.state]
     st.markdown(f":{colour}-badge[{icon} {frame.state}] {describe_use(frame)}")
+    # A container, with or without something in it, keeps what follows in its place: elsewhere the
+    # browser would build the photographs anew.
     with st.container():
         if frame.reason:
             st.markdown(escape_markdown(frame.reason))
@@ -72,17 +74,13 @@ def _show_one(store: ProjectPhotographs, running: bool) -> None:
         help="The centre goes exactly where you click, also with the shift key held. Otherwise it "
         "goes to the fitted corner near the click.",
     )  # fmt: skip
-    # Containers, with or without something in them, keep the photographs in their places: elsewhere
-    # the browser would build them anew.
-    with st.container():
-        _show_said(frame)
+    _show_said(frame)
     for camera, column in enumerate(st.columns(2)):
         with column:
             _show_photograph(store, frame, camera, running)
     st.caption(
-        "Click near the middle of a target to move it. Wheel, pinch, + and - zoom; drag and the "
-        "arrow keys move; Enter picks at the cross-hair. Zoomed far in, the white circle is one "
-        "sigma, the standard error."
+        "Wheel, pinch, + and - zoom; drag and the arrow keys move; Enter picks at the cross-hair. "
+        "Zoomed far in, the white circle is one sigma, the standard error."
     )
     st.table(centres_table(frame))
     st.markdown(describe_residuals(review.frames, frame, store.project.cameras))
@@ -249,10 +247,13 @@ def _say(number: int, sentence: str, refused: bool = False) -> None:
 
 
 def _show_said(frame: Frame) -> None:
-    """How the last edit of this frame went."""
+    """How the last edit of this frame went; before the first what to do, so that nothing shifts."""
     said: tuple[int, str, bool] | None = st.session_state.get(_SAID)
     if said and said[0] == frame.frame and said[1]:
         (st.warning if said[2] else st.success)(escape_markdown(said[1]))
+    else:
+        where = "to where you click" if st.session_state.get(RAW) else "to the fitted corner there"
+        st.info(f"Click near the middle of a target: it moves {where}.")
 
 
 def _download(frames: Sequence[Frame]) -> None:
