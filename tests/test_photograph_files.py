@@ -17,6 +17,7 @@ from stereocal.formats.photograph import read_photograph
 from stereocal.formats.photograph_files import (
     is_photograph,
     keep_photograph,
+    of_the_bar,
     photographs_in,
     unpack_photographs,
 )
@@ -54,6 +55,14 @@ def test_folder(tmp_path: Path) -> None:
     assert sorted(found) == FOUND
     assert found[FOUND[0]] == tmp_path / FOUND[0]
     assert not (tmp_path / "unused").exists()
+
+
+def test_boards_beside_the_bar_are_no_photographs_of_it() -> None:
+    names = ["rig/primary/1.png", "rig/secondary/1.png", "rig/boards_primary/1.png"]
+    there = {name: Path(name) for name in names}
+    assert list(of_the_bar(there)) == names[:2]
+    without = {name: path for name, path in there.items() if "secondary" not in name}
+    assert of_the_bar(without) == without
 
 
 def test_zip(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from stereocal.engines import engine
 from stereocal.errors import StereocalError
 from stereocal.formats.correspondences_csv import write_table
 from stereocal.formats.dataset_files import read_survey
-from stereocal.formats.photograph_files import photographs_in
+from stereocal.formats.photograph_files import of_the_bar, photographs_in
 from stereocal.frame_detection import detect_frames
 from stereocal.frames import correspondences_of, describe_frames, report_line
 from stereocal.pairing import Pairing, pair_names
@@ -38,7 +38,7 @@ def run(parsed: argparse.Namespace) -> None:
     survey = read_survey(parsed.dataset)
     with tempfile.TemporaryDirectory(prefix="stereocal-") as store:
         bar = ProgressBar("photographs unpacked").show
-        photographs = photographs_in(parsed.dataset, Path(store), bar)
+        photographs = of_the_bar(photographs_in(parsed.dataset, Path(store), bar))
         pairing = pair_names(photographs)
         _say(f"{len(photographs)} photographs. {pairing.sentence}")
         _refuse_unclear(pairing, str(parsed.dataset))

@@ -28,6 +28,20 @@ def is_photograph(name: str) -> bool:
     return path.suffix.lower() in SUFFIXES and not hidden
 
 
+def of_the_bar(photographs: Photographs) -> Photographs:
+    """Those in folders `primary` and `secondary`, where a data set has them; else all.
+
+    Photographs of a board, for the lenses, may lie beside them in folders of their own.
+    """
+    own: dict[str, dict[str, Path]] = {"primary": {}, "secondary": {}}
+    for name, path in photographs.items():
+        folder = PurePosixPath(name).parent.name.lower()
+        if folder in own:
+            own[folder][name] = path
+    both = own["primary"] | own["secondary"]
+    return both if all(own.values()) else photographs
+
+
 def photographs_in(source: Path, store: Path, progress: Progress | None = None) -> Photographs:
     """The photographs of a folder, where they lie, or of a zip, unpacked into `store`.
 

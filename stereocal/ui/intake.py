@@ -25,6 +25,7 @@ from stereocal.formats.dataset_files import (
 from stereocal.formats.photograph_files import (
     is_photograph,
     keep_photograph,
+    of_the_bar,
     unpack_photographs,
 )
 from stereocal.formats.zip_files import unzip
@@ -207,7 +208,7 @@ def _give_dataset(
 ) -> None:
     """Put a whole data set into a project, in place of what it held, or refuse it."""
     store = ProjectPhotographs(project)
-    photographs = unpack(store.files)
+    photographs = of_the_bar(unpack(store.files))
     folder, description = find_description(files, source)
     slots: dict[Slot, str] = {"primary": "", "secondary": ""}
     survey: Survey | Dataset
