@@ -17,6 +17,58 @@ DISTORTION_LENGTHS = (0, 4, 5, 8, 12, 14)
 
 
 @dataclass(frozen=True, eq=False)
+class LensUncertainty:
+    """Standard errors of a lens: 0 for a number that was held fixed.
+
+    Args:
+        fx, fy, cx, cy: in pixels.
+        distortion: one for each coefficient of the camera.
+
+    Raises:
+        StereocalError: a number that is below 0 or not finite.
+    """
+
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    distortion: FloatArray
+
+    def __post_init__(self) -> None:
+        distortion = np.array(self.distortion, dtype=np.float64).ravel()
+        every = np.array([self.fx, self.fy, self.cx, self.cy, *distortion])
+        if not (np.isfinite(every).all() and (every >= 0).all()):
+            raise StereocalError("An uncertainty of the lens is below 0 or not a finite number.")
+        distortion.setflags(write=False)
+        object.__setattr__(self, "distortion", distortion)
+
+    def to_json(self) -> dict[str, Any]:
+        """The standard errors by name, as plain numbers."""
+        return {
+            **{name: float(getattr(self, name)) for name in ("fx", "fy", "cx", "cy")},
+            "distortion": self.distortion.tolist(),
+        }
+
+    @classmethod
+    def from_json(cls, data: Any, source: str) -> LensUncertainty:
+        """The uncertainty that `to_json` describes; further keys are let pass.
+
+        Raises:
+            StereocalError: a key is missing or its value cannot be read.
+        """
+        try:
+            fx, fy, cx, cy = (float(data[name]) for name in ("fx", "fy", "cx", "cy"))
+            return cls(fx, fy, cx, cy, np.array(data["distortion"], dtype=np.float64))
+        except StereocalError as error:
+            raise StereocalError(f"{source}: {error}") from error
+        except (TypeError, ValueError, KeyError, OverflowError) as error:
+            raise StereocalError(
+                f"{source}: the uncertainty must have the numbers fx, fy, cx, cy and a list "
+                "distortion."
+            ) from error
+
+
+@dataclass(frozen=True, eq=False)
 class Camera:
     """A pinhole camera with OpenCV's lens model.
 
@@ -24,6 +76,7 @@ class Camera:
         K: (3, 3), `[[fx, skew, cx], [0, fy, cy], [0, 0, 1]]`, in pixels.
         distortion: OpenCV's coefficients k1 k2 p1 p2 [k3 [k4 k5 k6 [s1..s4 [tx ty]]]].
         image_size: (width, height) in pixels.
+        uncertainty: standard errors of fx, fy, cx, cy and the coefficients, where known.
 
     Raises:
         StereocalError: a matrix that is no camera matrix, NaN, or a wrong number of coefficients.
@@ -32,6 +85,7 @@ class Camera:
     K: FloatArray
     distortion: FloatArray
     image_size: tuple[int, int]
+    uncertainty: LensUncertainty | None = None
 
     def __post_init__(self) -> None:
         K = np.array(self.K, dtype=np.float64)
@@ -58,6 +112,11 @@ class Camera:
         width, height = (int(side) for side in self.image_size)
         if width < 1 or height < 1:
             raise StereocalError(f"The image size {width}x{height} px is not possible.")
+        if self.uncertainty is not None and self.uncertainty.distortion.size != distortion.size:
+            raise StereocalError(
+                f"The lens has {distortion.size} distortion coefficients, but "
+                f"{self.uncertainty.distortion.size} uncertainties of them."
+            )
         K.setflags(write=False)
         distortion.setflags(write=False)
         object.__setattr__(self, "K", K)
@@ -123,7 +182,7 @@ class Camera:
         return self._to_pixels(self.undistort(pixels))
 
     def to_json(self) -> dict[str, Any]:
-        """K, distortion and image size as plain lists."""
+        """K, distortion and image size as plain lists; not the uncertainty."""
         return {
             "K": self.K.tolist(),
             "distortion": self.distortion.tolist(),
@@ -132,7 +191,7 @@ class Camera:
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any], source: str) -> Camera:
-        """The camera that `to_json` describes.
+        """The camera that `to_json` describes, with its `uncertainty` if there is one.
 
         Raises:
             StereocalError: a key is missing or its value cannot be read.
@@ -149,8 +208,10 @@ class Camera:
             raise StereocalError(
                 f"{source}: K, distortion and image_size must be lists of numbers."
             ) from error
+        given = data.get("uncertainty")
+        uncertainty = None if given is None else LensUncertainty.from_json(given, source)
         try:
-            return cls(K, distortion, size)
+            return cls(K, distortion, size, uncertainty)
         except StereocalError as error:
             raise StereocalError(f"{source}: {error}") from error
 

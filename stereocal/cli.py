@@ -7,10 +7,10 @@ import sys
 from collections.abc import Sequence
 
 from stereocal import __version__
-from stereocal.commands import calibrate, detect, evaluate, simulate
+from stereocal.commands import calibrate, detect, evaluate, intrinsics, simulate
 from stereocal.errors import StereocalError
 
-COMMANDS = (calibrate, evaluate, detect, simulate)
+COMMANDS = (calibrate, evaluate, detect, intrinsics, simulate)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

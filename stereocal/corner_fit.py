@@ -17,7 +17,7 @@ from stereocal.corner_arms import GreyImage, arm_quality, follow
 from stereocal.corner_model import ALL, CORE, CURVATURE_SIGMA, GRADIENT_SIGMA
 from stereocal.corner_solver import minimise, spread
 
-INSIDE = 0.85
+INSIDE = 0.96
 """The window reaches so far along each arm, less one blur: boards in perspective are no
 parallelograms, and their border is blurred too."""
 SMALLEST_HALF_WINDOW = 2.5

@@ -30,10 +30,11 @@ from stereocal.compiled import FloatArray, compiled, inlined
 CORE, ALL = 7, 13
 FRAME = 17
 ROOT_HALF, ROOT_TWO_BY_PI = math.sqrt(0.5), math.sqrt(2.0 / math.pi)
-CURVATURE_SIGMA = 1e-4
-"""1/px. A line at distance d from the axis of a lens bends by 2 k1 d / f^2: 1.5e-4 at the edge of
-1600 px for k1 = -0.2, f = 1500 px."""
-GRADIENT_SIGMA = 0.2
+CURVATURE_SIGMA = 3e-5
+"""1/px. A line at distance d from the axis of a lens bends by 2 k1 d / f^2: 5e-6 for k1 = -0.12 and
+f = 7100 px at d = 1000 px; 1.5e-4 for k1 = -0.2 and f = 1500 px at 800 px, which boards large
+enough to suffer from it show clearly."""
+GRADIENT_SIGMA = 0.05
 """Change of offset and contrast from the centre to the end of the window, per half contrast."""
 FAR = 5.0
 """Beyond so many blurs an edge has no more effect: F differs from 1 by 6e-7."""

@@ -246,7 +246,7 @@ class Dataset:
         """Digest of all numbers that a calibration depends on, however they were stored."""
         rows = self.correspondences
         content: dict[str, Any] = {
-            "cameras": [self.primary.to_json(), self.secondary.to_json()],
+            "cameras": [_numbers_of(camera) for camera in (self.primary, self.secondary)],
             "baseline_m": self.baseline_m,
             "target_distance_m": self.target_distance_m,
             "rows": [
@@ -260,6 +260,11 @@ class Dataset:
             sigmas = (rows.sigma_primary_px, rows.sigma_secondary_px)
             content["sigmas_px"] = [sigma.tolist() for sigma in sigmas]
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def _numbers_of(camera: Camera) -> dict[str, Any]:
+    known = camera.uncertainty
+    return {**camera.to_json(), **({"uncertainty": known.to_json()} if known else {})}
 
 
 def source_code(word: str) -> int:

@@ -7,7 +7,7 @@ A project is a folder `<home>/projects/<32 hex digits>`:
 - `inputs/<digest>-<name>`: the files as given, never changed once written.
 - `calibration.json`: the last finished result with its settings and the inputs it was made from.
 - `evaluation.npz`: what the last finished validation counted, with its settings.
-- `photographs/`: see `project_photographs`.
+- `photographs/`: see `project_photographs`; `lens/`: see `project_lens`.
 
 The id is unguessable and is the only key to the folder.
 """

@@ -61,6 +61,7 @@ def why_none(light: Light, corners: list[Corner], chess: int) -> tuple[Reason, s
 def _softness(image: GreyImage) -> float:
     """The steepest steps over 4 px, per range of the brightness: 0.1 for a blur of 15 px."""
     small = cv2.resize(image, None, fx=0.25, fy=0.25, interpolation=cv2.INTER_AREA)
+    small = cv2.GaussianBlur(small, (0, 0), 1.5)
     low, high = np.percentile(small, [0.5, 99.5])
     step = float(np.percentile(np.abs(np.diff(small, axis=1)), 99.5))
     return step / max(float(high - low), 1e-9)

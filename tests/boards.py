@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from stereocal.compiled import FloatArray
+from stereocal.rendering import Photograph
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ def picture(
     background: float = 120.0,
     fine: int = 8,
     bits: int = 8,
-) -> npt.NDArray[np.uint8 | np.uint16]:
+) -> Photograph:
     """A photograph (h, w) of one board on a plain background; `size` is (width, height)."""
     light = np.full((size[1] * fine, size[0] * fine), background)
     paint(light, board, (0.0, 0.0), fine)
@@ -83,6 +83,5 @@ def picture(
     image = light.reshape(size[1], fine, size[0], fine).mean(axis=(1, 3))
     image = image + noise * np.random.default_rng(seed).normal(size=image.shape)
     scale = (2**bits - 1) / 255.0
-    kind = np.uint8 if bits == 8 else np.uint16
-    levels = np.clip(np.rint(image * scale), 0, 2**bits - 1)
-    return np.asarray(levels, dtype=kind)
+    levels: FloatArray = np.clip(np.rint(image * scale), 0, 2**bits - 1)
+    return levels.astype(np.uint8) if bits == 8 else levels.astype(np.uint16)

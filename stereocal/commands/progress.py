@@ -7,11 +7,22 @@ import time
 
 
 class ProgressBar:
-    """A line on stderr that fills, with the time that is left."""
+    """A line on stderr that fills, with the time that is left.
+
+    As a context it ends a line that an error has left open, so that the error has its own.
+    """
 
     def __init__(self, what: str) -> None:
         self.what = what
         self.started = time.monotonic()
+        self.is_open = False
+
+    def __enter__(self) -> ProgressBar:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self.is_open:
+            print(file=sys.stderr)
 
     def show(self, done: int, total: int) -> None:
         """Draw the line; the last call ends it."""
@@ -20,4 +31,5 @@ class ProgressBar:
         line = (
             f"[{'#' * filled}{' ' * (30 - filled)}] {done}/{total} {self.what}, {left:.0f} s left"
         )
-        print(f"\r{line:<70}", end="\n" if done == total else "", file=sys.stderr, flush=True)
+        self.is_open = done < total
+        print(f"\r{line:<70}", end="" if self.is_open else "\n", file=sys.stderr, flush=True)

@@ -6,6 +6,14 @@ Backgrounds are transparent and no text has a colour of its own: the page decide
 from stereocal.figures.comparison import describe_comparison, plot_comparison
 from stereocal.figures.coverage import describe_coverage, plot_coverage
 from stereocal.figures.frame_errors import describe_frame_errors, plot_frame_errors
+from stereocal.figures.lens import (
+    describe_draws,
+    describe_residual_field,
+    describe_view_errors,
+    plot_draws,
+    plot_residual_field,
+    plot_view_errors,
+)
 from stereocal.figures.rig import describe_rig, plot_rig
 from stereocal.figures.style import (
     METHOD_COLOURS,
@@ -25,14 +33,20 @@ __all__ = [
     "TARGET_SYMBOLS",
     "describe_comparison",
     "describe_coverage",
+    "describe_draws",
     "describe_frame_errors",
+    "describe_residual_field",
     "describe_rig",
     "describe_traces",
     "describe_validation",
+    "describe_view_errors",
     "plot_comparison",
     "plot_coverage",
+    "plot_draws",
     "plot_frame_errors",
+    "plot_residual_field",
     "plot_rig",
     "plot_traces",
     "plot_validation",
+    "plot_view_errors",
 ]

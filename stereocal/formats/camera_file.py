@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Mapping
 from typing import Any
 
 import cv2
@@ -59,9 +60,34 @@ def read_camera(content: bytes, source: str) -> Camera:
     return _read_file_storage(start, source)
 
 
-def write_camera(camera: Camera) -> bytes:
-    """Our JSON file of a camera."""
-    return (json.dumps({"format": CAMERA_FORMAT, **camera.to_json()}, indent=2) + "\n").encode()
+def write_camera(camera: Camera, about: Mapping[str, Any] | None = None) -> bytes:
+    """Our JSON file of a camera, with its uncertainty if it has one.
+
+    Args:
+        about: how the camera was found; further keys of the file, which readers let pass.
+    """
+    content: dict[str, Any] = {"format": CAMERA_FORMAT, **camera.to_json()}
+    if camera.uncertainty is not None:
+        content["uncertainty"] = camera.uncertainty.to_json()
+    if about:
+        content["about"] = dict(about)
+    return (json.dumps(content, indent=2, allow_nan=False) + "\n").encode()
+
+
+def write_opencv_camera(camera: Camera) -> bytes:
+    """OpenCV's YAML file of a camera, as its calibration program names things.
+
+    Its format has no place for skew, which stays in the matrix, and none for uncertainties.
+    """
+    # OpenCV 5 writes YAML 1.2 unless asked; version 4 knows only the old header and cannot ask.
+    yaml = getattr(cv2, "FILE_STORAGE_FORMAT_YAML_1_0", cv2.FILE_STORAGE_FORMAT_YAML)
+    storage = cv2.FileStorage(".yml", cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY | yaml)
+    width, height = camera.image_size
+    storage.write("image_width", width)
+    storage.write("image_height", height)
+    storage.write("camera_matrix", camera.K.copy())
+    storage.write("distortion_coefficients", camera.distortion.reshape(1, -1).copy())
+    return str(storage.releaseAndGetString()).encode()
 
 
 def _json_object(text: str, source: str) -> dict[str, Any]:

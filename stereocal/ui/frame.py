@@ -5,7 +5,13 @@ from __future__ import annotations
 import streamlit as st
 from streamlit.navigation.page import StreamlitPage
 
-TITLES = {"start": "Start", "data": "Data", "calibrate": "Calibrate", "validate": "Validate"}
+TITLES = {
+    "start": "Start",
+    "cameras": "Cameras",
+    "data": "Data",
+    "calibrate": "Calibrate",
+    "validate": "Validate",
+}
 """The pages in the order of the work: the file below `pages/`, and the last part of the address."""
 
 _DRAWN = "frame_drawn"

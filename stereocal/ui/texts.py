@@ -21,6 +21,7 @@ BRING = """
    Or **the photographs**: stereocal finds the targets, two-by-two checkerboards, in them.
 2. **One camera file for each camera**: the lens, as OpenCV or stereocal saved it
    (focal length, image centre, distortion, image size).
+   Or **about 50 photographs of a chessboard** by each camera, for the Cameras page.
 3. **The baseline**: the distance between the two cameras, measured with a laser range finder.
 4. **The distance between the two targets** on the bar, centre to centre.
 
@@ -38,3 +39,13 @@ TWO_FILES = {
     "2d": "For **matching**: finding which point of one image belongs to which of the other.",
     "3d": "For **measuring**: turning matched points into positions and distances in metres.",
 }
+
+BOARDS = """
+- Print a chessboard, glue it to something flat and stiff, and count its **inner corners**: where
+  four squares meet. Leave a white border.
+- Take **about 50 photographs**, at the distance and focus of your recordings. The whole board must
+  be in view.
+- Cover the **whole image**, edges and corners too, and tilt the board by 20 to 50 degrees in
+  different directions.
+- Zoom and focus must not change between these photographs and your recordings.
+"""

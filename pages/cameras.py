@@ -1,0 +1,36 @@
+"""Cameras: the lens of each camera, from photographs of a board or from a camera file."""
+
+import streamlit as st
+
+from stereocal.ui.frame import need_frame
+from stereocal.ui.intake import show_refusal
+from stereocal.ui.lens import (
+    choose_camera,
+    from_file,
+    from_photographs,
+    show_cameras_in_use,
+)
+from stereocal.ui.lens_results import show_lens
+from stereocal.ui.project import current_project
+from stereocal.ui.texts import BOARDS
+
+need_frame()
+st.title("Cameras")
+st.subheader("How does each camera's lens see, and how well is that known?")
+
+project = current_project()
+show_cameras_in_use(project)
+which, how = choose_camera(project)
+if how == "A camera file":
+    from_file(project, which)
+    show_refusal()
+    st.stop()
+
+with st.expander("How to take the photographs"):
+    st.markdown(BOARDS)
+store = from_photographs(project, which)
+show_refusal()
+if store is None:
+    st.info("Nothing to calibrate yet: upload photographs of the board.")
+    st.stop()
+show_lens(store)

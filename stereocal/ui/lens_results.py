@@ -1,0 +1,122 @@
+"""A calibrated lens on the screen: answer, table, figures, downloads, and its use."""
+
+from __future__ import annotations
+
+import streamlit as st
+
+from stereocal.errors import StereocalError
+from stereocal.figures import (
+    describe_draws,
+    describe_residual_field,
+    describe_view_errors,
+    plot_draws,
+    plot_residual_field,
+    plot_view_errors,
+)
+from stereocal.formats.camera_file import write_camera, write_opencv_camera
+from stereocal.intrinsics import LensCalibration
+from stereocal.lens_files import about
+from stereocal.lens_preview import preview
+from stereocal.lens_quality import advice, hint, largest_shift_px
+from stereocal.lens_tables import lens_answer, lens_table
+from stereocal.project_lens import ProjectLens
+from stereocal.ui.intake import escape_markdown, refuse, settled
+from stereocal.ui.results import show_figure
+
+
+def show_lens(store: ProjectLens) -> None:
+    """The last finished lens of a camera, from top to bottom."""
+    try:
+        lens, search = store.calibration, store.search
+    except StereocalError as error:
+        st.error(escape_markdown(str(error)))
+        return
+    if search is not None and search.refused:
+        with st.expander(f"{len(search.refused)} photographs without a usable board"):
+            for item in search.refused:
+                st.markdown(f"- {escape_markdown(item.name)}: {escape_markdown(item.reason)}.")
+    if lens is None:
+        return
+    st.header(f"The {store.which} camera's lens", divider="gray")
+    for sentence in advice(lens):
+        st.warning(escape_markdown(sentence))
+    st.success(escape_markdown(lens_answer(lens)))
+    if said := hint(lens):
+        st.caption(said)
+    _use_and_downloads(store, lens)
+    views = {
+        f"The {lens.settings.repeats} results": _show_draws,
+        "Photograph by photograph": _show_views,
+        "What the lens leaves": _show_field,
+        "Without distortion": _show_preview,
+    }
+    view = st.segmented_control(
+        "Look at", list(views), default=next(iter(views)), key="lens_view", required=True
+    )
+    views[view](store, lens)
+    st.table(lens_table(lens))
+    st.caption(
+        "The median of the draws is the result. Its standard error comes from how much the results "
+        "differ (delete-d jackknife); it knows nothing of what all photographs share, such as a "
+        "bent board. The last column is one calibration with all photographs."
+    )
+
+
+def _use_and_downloads(store: ProjectLens, lens: LensCalibration) -> None:
+    use, ours, opencv = st.columns(3)
+    used = store.is_used
+    use.button(
+        "In use for this project" if used else "Use for this project", type="primary",
+        disabled=used, on_click=_use, args=(store,), key=f"use_lens_{store.which}",
+        icon=":material/check:" if used else None,
+    )  # fmt: skip
+    ours.download_button(
+        "Download camera.json", write_camera(lens.camera, about(lens)), f"{store.which}.json",
+        "application/json", on_click="ignore", icon=":material/download:",
+        key=f"lens_json_{store.which}", help="With the standard errors.",
+    )  # fmt: skip
+    opencv.download_button(
+        "Download OpenCV YAML", write_opencv_camera(lens.camera), f"{store.which}.yml",
+        "application/yaml", on_click="ignore", icon=":material/download:",
+        key=f"lens_yaml_{store.which}", help="Without the standard errors.",
+    )  # fmt: skip
+
+
+def _use(store: ProjectLens) -> None:
+    try:
+        store.use()
+        settled()
+    except StereocalError as error:
+        refuse(error)
+
+
+def _show_draws(_store: ProjectLens, lens: LensCalibration) -> None:
+    show_figure(plot_draws(lens), describe_draws(lens), "draws")
+
+
+def _show_views(_store: ProjectLens, lens: LensCalibration) -> None:
+    show_figure(plot_view_errors(lens), describe_view_errors(lens), "view_errors")
+
+
+def _show_field(_store: ProjectLens, lens: LensCalibration) -> None:
+    show_figure(plot_residual_field(lens), describe_residual_field(lens), "residual_field")
+
+
+def _show_preview(store: ProjectLens, lens: LensCalibration) -> None:
+    photographs = store.photographs
+    names = [view.name for view in lens.search.views if view.name in photographs]
+    if not names:
+        st.info("The photographs of this lens have been removed.")
+        return
+    name = st.selectbox("Photograph", names, key=f"preview_{store.which}")
+    view = next(view for view in lens.search.views if view.name == name)
+    try:
+        marked, straight = preview(photographs[name], lens.camera, view)
+    except StereocalError as error:
+        st.error(escape_markdown(str(error)))
+        return
+    left, right = st.columns(2)
+    left.image(marked, caption="As photographed, with the corners that were found", width="stretch")
+    shift = largest_shift_px(lens.camera)
+    said = f"Without the lens's distortion, which moves points by up to {shift:.1f} px"
+    right.image(straight, caption=said, width="stretch")

@@ -1,0 +1,183 @@
+"""The Cameras page, without a browser."""
+
+from __future__ import annotations
+
+import io
+import time
+import zipfile
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import numpy as np
+import pytest
+from streamlit.testing.v1 import AppTest
+
+from stereocal.project import Project
+from stereocal.project_lens import WHICH, ProjectLens, Which
+from tests.lens import SMALL, write_boards
+
+ROOT = Path(__file__).parents[2]
+FIELD = ROOT / "sample_data" / "field"
+SLOW = 120
+
+
+@pytest.fixture(scope="module")
+def boards(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+    folder = tmp_path_factory.mktemp("boards")
+    write_boards(folder, 7, seed=5)
+    return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
+
+
+@pytest.fixture
+def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("STEREOCAL_HOME", str(tmp_path))
+    return tmp_path
+
+
+@pytest.fixture
+def app(home: Path) -> Iterator[AppTest]:
+    assert home.is_dir()
+    started = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW).run()
+    started.switch_page("pages/cameras.py").run()
+    assert not started.exception
+    yield started
+    assert not started.exception
+
+
+def messages(app: AppTest) -> str:
+    return " ".join(str(item.value) for kind in (app.error, app.info, app.warning, app.success)
+                    for item in kind).replace("\\", "")  # fmt: skip
+
+
+def store_of(app: AppTest, home: Path, which: Which = "primary") -> ProjectLens:
+    return ProjectLens(Project.open(home, app.session_state["project_id"]), which)
+
+
+def upload(app: AppTest, files: Mapping[str, bytes], which: str = "primary") -> AppTest:
+    key = f"upload_boards_{which}_{app.session_state['boards_round']}"
+    widget = app.file_uploader(key=key)
+    for name, content in files.items():
+        widget.upload(name, content)
+    return app.run()
+
+
+def small_board(app: AppTest) -> AppTest:
+    app.number_input(key="board_columns").set_value(8).run()
+    app.number_input(key="board_rows").set_value(6).run()
+    app.number_input(key="lens_subset").set_value(5).run()
+    return app.number_input(key="lens_repeats").set_value(6).run()
+
+
+def calibrate(app: AppTest, which: str = "primary") -> AppTest:
+    app.button(key=f"calibrate_{which}").click().run()
+    for _ in range(SLOW * 5):
+        app.run()
+        if not any(button.key == f"cancel_lens_{which}" for button in app.button):
+            return app.run()
+        time.sleep(0.2)
+    raise AssertionError("the lens was not done in time")
+
+
+def test_nothing_yet(app: AppTest) -> None:
+    assert "Nothing to calibrate yet" in messages(app)
+
+
+def test_photographs_to_the_projects_camera(
+    app: AppTest, home: Path, boards: dict[str, bytes]
+) -> None:
+    upload(app, boards)
+    assert any("7 photographs of the primary camera" in item.value for item in app.markdown)
+    calibrate(small_board(app))
+    assert not app.error
+    assert "The focal length fx is" in messages(app)
+    assert "6 draws of 5 out of 7 photographs" in messages(app)
+    app.button(key="use_lens_primary").click().run()
+    camera = Project.open(home, app.session_state["project_id"]).cameras[0]
+    assert camera is not None and camera.uncertainty is not None
+    # Seven small photographs. Measured: 0.3 px.
+    assert abs(camera.K[0, 0] - SMALL.K[0, 0]) < 3
+    assert app.button(key="use_lens_primary").disabled
+
+    app.switch_page("pages/data.py").run()
+    assert any("lens from 7 board photographs" in item.value for item in app.caption)
+
+    again = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW)
+    again.query_params["project"] = app.session_state["project_id"]
+    again.run().switch_page("pages/cameras.py").run()
+    assert "6 draws of 5 out of 7 photographs" in messages(again)
+    assert again.number_input(key="board_columns").value == 8
+
+
+def test_photograph_left_out_and_views(app: AppTest, boards: dict[str, bytes]) -> None:
+    calibrate(small_board(upload(app, boards)))
+    app.multiselect(key="leave_out_primary").set_value(["02.png"]).run()
+    assert "have changed since the lens was calibrated" in messages(app)
+    calibrate(app)
+    assert "out of 6 photographs" in messages(app)
+    for view in ("Photograph by photograph", "What the lens leaves", "Without distortion"):
+        app.segmented_control(key="lens_view").set_value(view).run()
+        assert not app.exception and not app.error
+
+
+def test_bad_photographs_are_said_and_nothing_is_lost(
+    app: AppTest, home: Path, boards: dict[str, bytes]
+) -> None:
+    calibrate(small_board(upload(app, boards)))
+    before = store_of(app, home).calibration
+    upload(app, {"text.png": b"no photograph"})
+    calibrate(app)
+    assert "7 photographs" in messages(app) and not app.error
+    assert any("text" in item.value and "no photograph" in item.value for item in app.markdown)
+    app.number_input(key="lens_subset").set_value(20).run()
+    calibrate(app)
+    assert "at least 21 are needed" in messages(app)
+    after = store_of(app, home).calibration
+    assert before is not None and after is not None
+    np.testing.assert_array_equal(after.draws, before.draws)
+    app.number_input(key="board_columns").set_value(9).run()
+    calibrate(app)
+    assert "shows one with 8x6" in messages(app)
+    assert store_of(app, home).calibration is not None
+
+
+def test_zip_of_photographs_and_removing_them(
+    app: AppTest, home: Path, boards: dict[str, bytes]
+) -> None:
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w") as archive:
+        for name, content in boards.items():
+            archive.writestr(f"series/{name}", content)
+    app.segmented_control(key="lens_camera").set_value("secondary").run()
+    upload(app, {"boards.zip": packed.getvalue()}, "secondary")
+    store = store_of(app, home, "secondary")
+    assert len(store.photographs) == 7 and not store_of(app, home).photographs
+    app.button(key="no_boards_secondary").click().run()
+    assert not store.photographs
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "sentence"),
+    [
+        ("bad.zip", b"no zip", "not a sound zip"),
+        ("empty.zip", b"PK\x05\x06" + 18 * b"\0", "zip is empty|no photograph"),
+    ],
+)
+def test_bad_zip_is_said(app: AppTest, name: str, content: bytes, sentence: str) -> None:
+    upload(app, {name: content})
+    assert any(part in messages(app) for part in sentence.split("|"))
+
+
+def test_camera_file(app: AppTest, home: Path) -> None:
+    app.segmented_control(key="lens_how").set_value("A camera file").run()
+    content = (FIELD / "primary.json").read_bytes()
+    app.file_uploader(key="upload_lens_primary").upload("p.json", content).run()
+    assert Project.open(home, app.session_state["project_id"]).cameras[0] is not None
+    assert any("p.json" in item.value for item in app.caption)
+    app.file_uploader(key="upload_lens_primary").upload("q.json", b"{").run()
+    assert "not valid JSON" in messages(app)
+
+
+def test_sample_photographs(app: AppTest, home: Path) -> None:
+    app.button(key="sample_boards").click().run()
+    for which in WHICH:
+        assert len(store_of(app, home, which).photographs) == 30
