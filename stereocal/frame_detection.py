@@ -70,8 +70,9 @@ def detect_frames(
 def keep_corrections(found: Sequence[Frame], before: Sequence[Frame]) -> list[Frame]:
     """The new frames, with what a person has decided about the old ones.
 
-    A frame in which a person has placed a target stays as it was. Of the others the choice to use
-    or to leave out stays, where it is not what the state alone would have said.
+    A frame that a person has reviewed, or in which a person has placed a target, stays as it was.
+    Of the others the choice to use or to leave out stays, where it is not what the state alone
+    would have said.
     """
     old = {(frame.frame, frame.files): frame for frame in before}
     kept = []
@@ -79,7 +80,9 @@ def keep_corrections(found: Sequence[Frame], before: Sequence[Frame]) -> list[Fr
         last = old.get((frame.frame, frame.files))
         if last is None:
             kept.append(frame)
-        elif any(c and c.source != "detected" for pair in last.centres for c in pair):
+        elif last.reviewed or any(
+            c and c.source != "detected" for pair in last.centres for c in pair
+        ):
             kept.append(last)
         elif last.state == frame.state:
             kept.append(frame.used(last.use))

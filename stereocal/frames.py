@@ -52,6 +52,8 @@ class Frame:
     """Why it is doubtful or refused, in words; may also say what was done, as a swap."""
     use: bool = True
     """Whether its targets go into the table of points."""
+    reviewed: bool = False
+    """Whether a person has decided on it (`review`)."""
 
     @property
     def targets_in_both(self) -> list[int]:
@@ -119,7 +121,7 @@ def unpack_frames(content: bytes) -> list[Frame]:
         data = json.loads(content)
         if data["format"] != FRAMES_FORMAT:
             raise StereocalError("The found targets were written by another version of stereocal.")
-        return [_frame(item) for item in data["frames"]]
+        return [frame_from_json(item) for item in data["frames"]]
     except (ValueError, KeyError, TypeError) as error:
         if isinstance(error, StereocalError):
             raise
@@ -160,7 +162,7 @@ def _or_nan(sigma: float | None) -> float:
     return math.nan if sigma is None else sigma
 
 
-def _frame(item: dict[str, Any]) -> Frame:
+def frame_from_json(item: dict[str, Any]) -> Frame:
     (a, b), (c, d) = ([_centre(one) for one in pair] for pair in item["centres"])
     if item["state"] not in STATES:
         raise ValueError(item["state"])
@@ -172,6 +174,7 @@ def _frame(item: dict[str, Any]) -> Frame:
         state=item["state"],
         reason=str(item["reason"]),
         use=bool(item["use"]),
+        reviewed=bool(item.get("reviewed", False)),
     )
 
 

@@ -13,8 +13,8 @@ from stereocal.frames import CentrePair
 
 WIDTH, HEIGHT = 240, 180
 """Of one photograph's part, px."""
-COLOURS = ((0, 158, 230), (230, 159, 86))
-"""Of targets A and B (Okabe-Ito orange and sky blue), in OpenCV's order."""
+COLOURS = ((115, 158, 0), (167, 121, 204))
+"""Of targets A and B as in all figures (Okabe-Ito green and pink), in OpenCV's order."""
 Tile = npt.NDArray[np.uint8]
 
 
@@ -30,7 +30,7 @@ def tile(image: GreyImage | None, centres: CentrePair) -> Tile:
     scale = min(WIDTH / part.shape[1], HEIGHT / part.shape[0])
     size = max(1, round(part.shape[1] * scale)), max(1, round(part.shape[0] * scale))
     how = cv2.INTER_AREA if scale < 1 else cv2.INTER_NEAREST
-    drawn = cv2.cvtColor(_shown(cv2.resize(part, size, interpolation=how)), cv2.COLOR_GRAY2BGR)
+    drawn = cv2.cvtColor(eight_bits(cv2.resize(part, size, interpolation=how)), cv2.COLOR_GRAY2BGR)
     for letter, colour, centre in zip("AB", COLOURS, centres, strict=True):
         if centre:
             # Pixel centres are at integers: the middle of a shrunk pixel is not its corner.
@@ -83,11 +83,14 @@ def box_around(centres: CentrePair, shape: tuple[int, ...]) -> tuple[int, int, i
     return int(left), int(top), int(right), int(bottom)
 
 
-def _shown(part: npt.NDArray[Any]) -> npt.NDArray[np.uint8]:
-    """Eight bits; more are stretched from the darkest to the brightest part, as 12 in 16 are."""
+def eight_bits(part: npt.NDArray[Any]) -> npt.NDArray[np.uint8]:
+    """An image as a screen shows it.
+
+    More than eight bits are stretched from the darkest to the brightest part, as 12 in 16 are.
+    """
     if part.dtype == np.uint8:
         return part
-    low, high = np.percentile(part, (0.5, 99.5))
-    stretched = (part.astype(np.float64) - low) * (255.0 / max(high - low, 1.0))
+    low, high = np.percentile(part[:: max(1, part.shape[0] // 512)], (0.5, 99.5))
+    stretched = (part.astype(np.float32) - np.float32(low)) * np.float32(255 / max(high - low, 1.0))
     shown: npt.NDArray[np.uint8] = np.clip(stretched, 0, 255).astype(np.uint8)
     return shown

@@ -115,7 +115,7 @@ class TestThumbnails:
         left, top, right, _ = box_around((Centre(200, 200), Centre(260, 220)), (400, 600))
         scale = WIDTH / (right - left)
         at = round((200 - top + 0.5) * scale - 0.5), round((200 - left + 0.5) * scale - 0.5)
-        assert drawn[at].tolist() == [0, 158, 230]
+        assert drawn[at].tolist() == [115, 158, 0]
 
     def test_without_targets_the_whole_photograph(self) -> None:
         assert box_around((None, None), (400, 600)) == (0, 0, 600, 400)

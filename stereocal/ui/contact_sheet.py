@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import streamlit as st
 
 from stereocal.errors import StereocalError
 from stereocal.frames import STATES, Frame, describe_frames
 from stereocal.project_photographs import ProjectPhotographs
+from stereocal.project_review import change_review
+from stereocal.review import choose
 from stereocal.ui.intake import escape_markdown, refuse, settled
 
 ON_A_SHEET = 12
@@ -20,8 +22,13 @@ BADGES = {
 }
 
 
-def show_contact_sheet(store: ProjectPhotographs, frames: Sequence[Frame], running: bool) -> None:
-    """The frames, twelve on a sheet, with the choice to use each."""
+def show_contact_sheet(
+    store: ProjectPhotographs,
+    frames: Sequence[Frame],
+    running: bool,
+    look_closely: Callable[[int], None],
+) -> None:
+    """The frames, twelve on a sheet, with the choice to use each, or to look at it closely."""
     st.info(describe_frames(frames))
     counts = {state: sum(frame.state == state for frame in frames) for state in STATES}
     kinds = {
@@ -41,19 +48,22 @@ def show_contact_sheet(store: ProjectPhotographs, frames: Sequence[Frame], runni
     for start in range(0, len(on_it), COLUMNS):
         for frame, column in zip(on_it[start:], st.columns(COLUMNS), strict=False):
             with column:
-                _show_frame(store, frame, running)
+                _show_frame(store, frame, running, look_closely)
     st.caption(
-        "Each picture: the primary camera on the left, the secondary on the right; A orange, B "
-        "blue. Sigma is the standard error of a centre."
+        "Each picture: the primary camera on the left, the secondary on the right; A green, B "
+        "pink. Sigma is the standard error of a centre."
     )
 
 
-def _show_frame(store: ProjectPhotographs, frame: Frame, running: bool) -> None:
+def _show_frame(
+    store: ProjectPhotographs, frame: Frame, running: bool, look_closely: Callable[[int], None]
+) -> None:
     st.image(store.thumbnail(frame), width="stretch")
     icon, colour = BADGES[frame.state]
     sigmas = [c.sigma_px for pair in frame.centres for c in pair if c and c.sigma_px is not None]
+    reviewed = " · reviewed" if frame.reviewed else ""
     sigma = f" · sigma ≤ {max(sigmas):.3f} px" if sigmas else ""
-    st.markdown(f":{colour}-badge[{icon} {frame.state}] **Frame {frame.frame}**{sigma}")
+    st.markdown(f":{colour}-badge[{icon} {frame.state}] **Frame {frame.frame}**{sigma}{reviewed}")
     if frame.reason:
         st.caption(escape_markdown(frame.reason))
     key = f"use_frame_{frame.frame}"
@@ -62,13 +72,16 @@ def _show_frame(store: ProjectPhotographs, frame: Frame, running: bool) -> None:
         "Use this frame", key=key, disabled=running or not frame.targets_in_both,
         on_change=_choose, args=(store, frame.frame, key),
     )  # fmt: skip
+    st.button(
+        "Look closely", key=f"look_{frame.frame}", type="tertiary", icon=":material/zoom_in:",
+        on_click=look_closely, args=(frame.frame,),
+    )  # fmt: skip
 
 
 def _choose(store: ProjectPhotographs, number: int, key: str) -> None:
-    frames = store.frames or []
     try:
         use = bool(st.session_state[key])
-        store.keep_frames([f.used(use) if f.frame == number else f for f in frames])
+        change_review(store, lambda review: choose(review, number, use))
         settled()
     except StereocalError as error:
         refuse(error)

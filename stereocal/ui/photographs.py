@@ -17,7 +17,6 @@ from stereocal.pairing import CAMERAS, Pair
 from stereocal.project import Project, Slot
 from stereocal.project_photographs import PairRow, ProjectPhotographs
 from stereocal.ui import jobs
-from stereocal.ui.contact_sheet import show_contact_sheet
 from stereocal.ui.intake import (
     KIND_NEXT,
     PHOTOGRAPHS,
@@ -31,6 +30,7 @@ from stereocal.ui.intake import (
     take_file,
 )
 from stereocal.ui.project import project_to_write
+from stereocal.ui.review import show_frames
 
 TOGETHER, FOLDER, APART = "Both cameras together", "A folder", "One camera after the other"
 KINDS = [*sorted(suffix.removeprefix(".") for suffix in SUFFIXES), "zip"]
@@ -229,7 +229,7 @@ def _find_targets(store: ProjectPhotographs) -> None:
         (row.pair.frame, (row.pair.primary, row.pair.secondary)) for row in rows
     }:
         st.warning("The pairs have changed since the targets were found. Find them again.")
-    show_contact_sheet(store, frames, running)
+    show_frames(store, frames, running)
 
 
 def _start(store: ProjectPhotographs, pairs: Sequence[Pair]) -> None:

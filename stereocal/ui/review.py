@@ -1,0 +1,270 @@
+"""The frames of photographs: all at a glance, or one to look at closely and to correct."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import streamlit as st
+
+from stereocal.dataset import TARGETS
+from stereocal.errors import StereocalError
+from stereocal.figures.style import TARGET_COLOURS, TARGET_SYMBOLS
+from stereocal.formats.correspondences_csv import write_table
+from stereocal.formats.photograph import read_photograph
+from stereocal.frames import Frame, correspondences_of, name_in
+from stereocal.pairing import CAMERAS
+from stereocal.project_photographs import ProjectPhotographs
+from stereocal.project_review import change_review, read_review
+from stereocal.review import (
+    Review,
+    beside,
+    centre_at,
+    choose,
+    is_open,
+    next_doubtful,
+    place,
+    swap,
+    target_meant,
+    undo,
+)
+from stereocal.review_words import centres_table, describe_residuals, describe_use
+from stereocal.thumbnails import eight_bits
+from stereocal.ui.contact_sheet import BADGES, show_contact_sheet
+from stereocal.ui.intake import escape_markdown
+from stereocal.ui.picker import Mark, Pick, Shown, encode, pick
+from stereocal.ui.project import keeper, remembered
+
+ALL, ONE = "All frames", "One frame"
+NEAREST = "Nearest"
+FRAME, VIEW, TARGET, RAW = "review_frame", "frames_view", "review_target", "review_raw"
+_SAID = "review_said"
+
+
+def show_frames(store: ProjectPhotographs, frames: Sequence[Frame], running: bool) -> None:
+    """All frames or one, as the person chooses; the choice outlives the page."""
+    remembered(store.project, {VIEW: ALL})
+    view = st.segmented_control(
+        "Look at", [ALL, ONE], key=VIEW, required=True, on_change=keeper(store.project, VIEW)
+    )
+    if view == ONE and frames:
+        _show_one(store, running)
+    else:
+        show_contact_sheet(store, frames, running, lambda number: look_closely(store, number))
+    _download(frames)
+
+
+def _show_one(store: ProjectPhotographs, running: bool) -> None:
+    review = read_review(store)
+    frame = _choose_frame(store, review)
+    icon, colour = BADGES[frame.state]
+    st.markdown(f":{colour}-badge[{icon} {frame.state}] {describe_use(frame)}")
+    # A container, with or without something in it, keeps what follows in its place: elsewhere the
+    # browser would build the photographs anew.
+    with st.container():
+        if frame.reason:
+            st.markdown(escape_markdown(frame.reason))
+    _decide(store, review, frame, running)
+    left, right = st.columns(2, vertical_alignment="bottom")
+    left.segmented_control(
+        "A click moves target", [NEAREST, *TARGETS], key=TARGET, required=True, default=NEAREST
+    )
+    right.toggle(
+        "Keep the raw click", key=RAW,
+        help="The centre goes exactly where you click, also with the shift key held. Otherwise it "
+        "goes to the fitted corner near the click.",
+    )  # fmt: skip
+    _show_said(frame)
+    for camera, column in enumerate(st.columns(2)):
+        with column:
+            _show_photograph(store, frame, camera, running)
+    st.caption(
+        "Wheel, pinch, + and - zoom; drag and the arrow keys move; Enter picks at the cross-hair. "
+        "Zoomed far in, the white circle is one sigma, the standard error."
+    )
+    st.table(centres_table(frame))
+    st.markdown(describe_residuals(review.frames, frame, store.project.cameras))
+
+
+def _choose_frame(store: ProjectPhotographs, review: Review) -> Frame:
+    """The frame to look at, with the ways to go on."""
+    numbers = sorted(frame.frame for frame in review.frames)
+    remembered(store.project, {FRAME: numbers[0]})
+    if st.session_state[FRAME] not in numbers:
+        st.session_state[FRAME] = numbers[0]
+    number: int = st.session_state[FRAME]
+    doubtful = next_doubtful(review.frames, number)
+    left = sum(is_open(frame) for frame in review.frames)
+    chosen, buttons = st.columns([1, 3], vertical_alignment="bottom")
+    chosen.selectbox("Frame", numbers, key=FRAME, on_change=keeper(store.project, FRAME))
+    with buttons, st.container(horizontal=True):
+        for label, key, step in (("Previous", "p", -1), ("Next", "n", 1)):
+            to = beside(review.frames, number, step)
+            st.button(
+                label, key=f"review_{label.lower()}", shortcut=key, disabled=to == number,
+                on_click=_go_to, args=(store, to),
+            )  # fmt: skip
+        st.button(
+            f"Next doubtful ({left} left)", key="review_doubtful", shortcut="d",
+            disabled=doubtful is None, on_click=_go_to, args=(store, doubtful),
+        )  # fmt: skip
+    return review.frame(number)
+
+
+def _decide(store: ProjectPhotographs, review: Review, frame: Frame, running: bool) -> None:
+    """Use it, leave it out, undo."""
+    number = frame.frame
+    with st.container(horizontal=True):
+        st.button(
+            "Use this frame", key="review_use", shortcut="t", icon=":material/check:",
+            disabled=running or not frame.targets_in_both or (frame.use and not is_open(frame)),
+            on_click=edit,
+            args=(store, number, lambda now: choose(now, number, True), "It is used."),
+        )  # fmt: skip
+        st.button(
+            "Leave it out", key="review_leave", shortcut="x", icon=":material/close:",
+            disabled=running or (not frame.use and not is_open(frame)),
+            on_click=edit,
+            args=(store, number, lambda now: choose(now, number, False), "It is left out."),
+        )  # fmt: skip
+        st.button(
+            f"Undo ({len(review.edits)})", key="review_undo", shortcut="u", icon=":material/undo:",
+            disabled=running or not review.edits, on_click=take_back, args=(store,),
+        )  # fmt: skip
+
+
+def _show_photograph(store: ProjectPhotographs, frame: Frame, camera: int, running: bool) -> None:
+    name = CAMERAS[camera]
+    st.markdown(f"**{name.capitalize()}** · {escape_markdown(frame.files[camera])}")
+    try:
+        path = _path_of(store, frame, camera)
+        shown = _shown(path.stem, path, frame.files[camera])
+    except StereocalError as error:
+        st.warning(escape_markdown(str(error)))
+        return
+    marks = [
+        Mark(letter, at.u, at.v, at.sigma_px, TARGET_COLOURS[letter], TARGET_SYMBOLS[letter])
+        for letter, at in zip(TARGETS, frame.centres[camera], strict=True)
+        if at
+    ]
+    pick(
+        shown, marks,
+        f"Photograph of the {name} camera, frame {frame.frame}. Arrow keys move, plus and minus "
+        "zoom, Enter places a target at the cross-hair in the middle.", f"pick_{name}",
+        running, lambda click: take_pick(store, frame.frame, camera, click),
+    )  # fmt: skip
+    st.button(
+        "Swap A and B", key=f"swap_{name}", icon=":material/swap_horiz:",
+        disabled=running or not any(frame.centres[camera]), on_click=edit,
+        args=(store, frame.frame, lambda now: swap(now, frame.frame, camera),
+              f"A and B are exchanged in the {name} photograph."),
+    )  # fmt: skip
+
+
+@st.cache_data(show_spinner=False, max_entries=16)
+def _shown(digest: str, _path: Path, _name: str) -> Shown:
+    """Files are named by their digest, so that a photograph is decoded once."""
+    return encode(eight_bits(read_photograph(_path, _name)), digest)
+
+
+def _path_of(store: ProjectPhotographs, frame: Frame, camera: int) -> Path:
+    path = store.photographs.get(frame.files[camera])
+    if path is None:
+        raise StereocalError(f"{name_in(camera, frame)}: there is no such photograph.")
+    return path
+
+
+def take_pick(store: ProjectPhotographs, number: int, camera: int, click: Pick) -> None:
+    """A click in a photograph moves or sets a target (a callback).
+
+    A click in a photograph that is no longer shown is not one.
+    """
+    wanted = st.session_state.get(TARGET, NEAREST)
+    raw = click.raw or bool(st.session_state.get(RAW))
+    placed = ""
+
+    def change(now: Review) -> Review:
+        nonlocal placed
+        frame = now.frame(number)
+        path = _path_of(store, frame, camera)
+        if path.stem != click.id:
+            return now
+        centre = centre_at(read_photograph(path, frame.files[camera]), (click.u, click.v), raw)
+        target = TARGETS.index(wanted) if wanted in TARGETS else target_meant(frame, camera, centre)
+        what = "where you clicked" if raw else "at the fitted corner"
+        sigma = "" if centre.sigma_px is None else f", sigma {centre.sigma_px:.3f} px"
+        placed = (
+            f"{TARGETS[target]} in the {CAMERAS[camera]} photograph is now {what}, "
+            f"({centre.u:.2f}, {centre.v:.2f}){sigma}."
+        )
+        return place(now, number, camera, target, centre)
+
+    edit(store, number, change, lambda: placed)
+
+
+def edit(
+    store: ProjectPhotographs,
+    number: int,
+    change: Callable[[Review], Review],
+    done: str | Callable[[], str],
+) -> None:
+    """Make an edit and say how it went (a callback)."""
+    try:
+        change_review(store, change)
+        _say(number, done if isinstance(done, str) else done())
+    except StereocalError as error:
+        _say(number, str(error), refused=True)
+
+
+def take_back(store: ProjectPhotographs) -> None:
+    """Undo the latest edit, and show its frame (a callback)."""
+    try:
+        edits = read_review(store).edits
+        change_review(store, undo)
+    except StereocalError as error:
+        _say(st.session_state.get(FRAME, 0), str(error), refused=True)
+        return
+    if edits:
+        _go_to(store, edits[-1].after.frame)
+        _say(edits[-1].after.frame, "The last change is undone.")
+
+
+def look_closely(store: ProjectPhotographs, number: int) -> None:
+    """Show one frame (a callback)."""
+    st.session_state[VIEW] = ONE
+    store.project.keep_settings({VIEW: ONE})
+    _go_to(store, number)
+
+
+def _go_to(store: ProjectPhotographs, number: int) -> None:
+    st.session_state[FRAME] = number
+    store.project.keep_settings({FRAME: number})
+    st.session_state.pop(_SAID, None)
+
+
+def _say(number: int, sentence: str, refused: bool = False) -> None:
+    st.session_state[_SAID] = (number, sentence, refused)
+
+
+def _show_said(frame: Frame) -> None:
+    """How the last edit of this frame went; before the first what to do, so that nothing shifts."""
+    said: tuple[int, str, bool] | None = st.session_state.get(_SAID)
+    if said and said[0] == frame.frame and said[1]:
+        (st.warning if said[2] else st.success)(escape_markdown(said[1]))
+    else:
+        where = "to where you click" if st.session_state.get(RAW) else "to the fitted corner there"
+        st.info(f"Click near the middle of a target: it moves {where}.")
+
+
+def _download(frames: Sequence[Frame]) -> None:
+    try:
+        table = write_table(correspondences_of(frames))
+    except StereocalError as error:
+        st.warning(escape_markdown(str(error)))
+        return
+    st.download_button(
+        "Download correspondences.csv", table, "correspondences.csv", "text/csv",
+        key="download_correspondences", on_click="ignore", icon=":material/download:",
+        help="The column source says of each row: detected, corrected (moved by a person to a "
+        "fitted corner) or manual (a raw click).",
+    )  # fmt: skip

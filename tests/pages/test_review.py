@@ -1,0 +1,259 @@
+"""The review of one frame on the Data page, without a browser: all but the photographs."""
+
+from __future__ import annotations
+
+from base64 import b64decode
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import streamlit as st
+from streamlit.testing.v1 import AppTest
+
+from stereocal.formats.camera_file import write_camera
+from stereocal.formats.photograph_files import keep_photograph
+from stereocal.frame_detection import detect_frames
+from stereocal.frames import Centre, Frame
+from stereocal.project import Project
+from stereocal.project_photographs import ProjectPhotographs
+from stereocal.project_review import read_review
+from stereocal.ui import picker
+from stereocal.ui.picker import Pick, encode, pick_of
+from stereocal.ui.review import NEAREST, take_back, take_pick
+from tests.bar_photographs import bar_set
+
+ROOT = Path(__file__).parents[2]
+SLOW = 120
+BARS = bar_set(7)
+
+
+@cache
+def found_frames(folder: Path) -> tuple[Frame, ...]:
+    """The frames as detection finds them; frame 3 and 5 are made to need a person."""
+    store = ProjectPhotographs(Project(folder))
+    with ThreadPoolExecutor(1) as executor:
+        frames = detect_frames(
+            [row.pair for row in store.rows], store.photographs,
+            (BARS.rig.primary, BARS.rig.secondary), executor,
+            lambda _: None, lambda *_: None,
+        )  # fmt: skip
+    assert frames is not None and all(frame.state == "found" for frame in frames)
+    frames[2] = replace(frames[2], state="doubtful", reason="Look at it.", use=False)
+    hidden = replace(frames[4], state="refused", reason="Secondary: one target.", use=False)
+    frames[4] = hidden.moved(1, 0, None)
+    return tuple(frames)
+
+
+@pytest.fixture(scope="module")
+def first(tmp_path_factory: pytest.TempPathFactory) -> ProjectPhotographs:
+    return new_store(tmp_path_factory.mktemp("first"))
+
+
+def new_store(home: Path) -> ProjectPhotographs:
+    project = Project.create(home)
+    store = ProjectPhotographs(project)
+    store.add(
+        {
+            name: keep_photograph([content], name, store.files)
+            for name, content in BARS.files().items()
+        }
+    )
+    cameras = {"primary": BARS.rig.primary, "secondary": BARS.rig.secondary}
+    project.give(
+        {name: (f"{name}.json", write_camera(camera)) for name, camera in cameras.items()},  # type: ignore[misc]
+        baseline_m=2.0,
+        target_distance_m=0.9,
+    )
+    return store
+
+
+@pytest.fixture
+def store(
+    first: ProjectPhotographs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> ProjectPhotographs:
+    monkeypatch.setenv("STEREOCAL_HOME", str(tmp_path))
+    made = new_store(tmp_path)
+    made.keep_frames(found_frames(first.project.folder))
+    return made
+
+
+@pytest.fixture
+def app(store: ProjectPhotographs) -> Iterator[AppTest]:
+    started = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW)
+    started.query_params["project"] = store.project.id
+    started.run().switch_page("pages/data.py").run()
+    started.segmented_control(key="frames_view").set_value("One frame").run()
+    yield started
+    assert not started.exception
+
+
+def said(app: AppTest) -> str:
+    kinds = (app.success, app.warning, app.error, app.markdown, app.caption)
+    return " ".join(str(item.value) for kind in kinds for item in kind).replace("\\", "")
+
+
+def press(app: AppTest, key: str) -> None:
+    app.button(key=key).click().run()
+    assert not app.exception
+
+
+def test_walk_through_the_doubtful_frames(app: AppTest, store: ProjectPhotographs) -> None:
+    assert app.selectbox(key="review_frame").value == 1
+    assert app.button(key="review_previous").disabled
+    assert app.button(key="review_doubtful").label == "Next doubtful (2 left)"
+    press(app, "review_doubtful")
+    assert app.selectbox(key="review_frame").value == 3
+    assert "doubtful] It is left out. Please decide" in said(app) and "Look at it." in said(app)
+    press(app, "review_use")
+    assert read_review(store).frame(3).use
+    assert app.button(key="review_doubtful").label == "Next doubtful (1 left)"
+    press(app, "review_doubtful")
+    assert app.selectbox(key="review_frame").value == 5
+    press(app, "review_leave")
+    assert app.button(key="review_doubtful").disabled
+    press(app, "review_next")
+    assert app.selectbox(key="review_frame").value == 6
+    press(app, "review_undo")
+    assert app.selectbox(key="review_frame").value == 5
+    assert "The last change is undone." in said(app)
+    assert not read_review(store).frame(5).reviewed
+
+
+def test_the_choice_outlives_the_page_and_a_refresh(
+    app: AppTest, store: ProjectPhotographs
+) -> None:
+    app.selectbox(key="review_frame").set_value(4).run()
+    app.switch_page("pages/start.py").run().switch_page("pages/data.py").run()
+    assert app.selectbox(key="review_frame").value == 4
+    again = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW)
+    again.query_params["project"] = store.project.id
+    again.run().switch_page("pages/data.py").run()
+    assert again.selectbox(key="review_frame").value == 4
+
+
+def test_swap_and_the_table(app: AppTest, store: ProjectPhotographs) -> None:
+    before = read_review(store).frame(1).centres[1]
+    assert "epipolar lines that the other frames give: A 0.0" in said(app)
+    press(app, "swap_secondary")
+    assert read_review(store).frame(1).centres[1] == before[::-1]
+    a, b = before
+    assert a and b
+    assert app.table[0].value.loc["A secondary", "u, px"] == f"{b.u:.2f}"
+    assert "A and B are exchanged in the secondary photograph." in said(app)
+    # The bars are not level: exchanged targets are far from their lines.
+    assert "epipolar lines that the other frames give: A 0.0" not in said(app)
+    press(app, "review_undo")
+    assert "epipolar lines that the other frames give: A 0.0" in said(app)
+
+
+def test_leave_out_reaches_the_data_set(app: AppTest) -> None:
+    assert "10 pairs of points in 5 frames" in said(app)
+    press(app, "review_leave")
+    assert "8 pairs of points in 4 frames" in said(app)
+
+
+def test_from_the_sheet_to_one_frame_and_an_edit_of_the_sheet_is_undone(
+    app: AppTest, store: ProjectPhotographs
+) -> None:
+    app.segmented_control(key="frames_view").set_value("All frames").run()
+    app.checkbox(key="use_frame_2").set_value(False).run()
+    assert not read_review(store).frame(2).use
+    press(app, "look_2")
+    assert app.selectbox(key="review_frame").value == 2
+    press(app, "review_undo")
+    assert read_review(store).frame(2).use
+
+
+def test_a_photograph_that_has_gone_is_said(app: AppTest, store: ProjectPhotographs) -> None:
+    st.cache_data.clear()
+    store.photographs["primary/left2.png"].unlink()
+    app.selectbox(key="review_frame").set_value(2).run()
+    assert "primary/left2.png cannot be read: No such file" in said(app)
+
+
+class TestClick:
+    """The callback of a click, which AppTest cannot send."""
+
+    state: dict[str, object]
+
+    @pytest.fixture(autouse=True)
+    def session(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.state = {}
+        monkeypatch.setattr("stereocal.ui.review.st.session_state", self.state)
+
+    def click(self, store: ProjectPhotographs, number: int, u: float, v: float, raw: bool) -> str:
+        frame = read_review(store).frame(number)
+        digest = store.photographs[frame.files[0]].stem
+        take_pick(store, number, 0, Pick(digest, u, v, raw))
+        outcome = self.state["review_said"]
+        assert isinstance(outcome, tuple) and outcome[0] == number
+        return str(outcome[1])
+
+    def centre(self, store: ProjectPhotographs, target: int) -> Centre:
+        found = read_review(store).frame(1).centres[0][target]
+        assert found
+        return found
+
+    def test_nearest_goes_to_the_corner(self, store: ProjectPhotographs) -> None:
+        u, v = BARS.pairs[0].centres_primary[0]
+        before = [self.centre(store, target) for target in (0, 1)]
+        target = int(abs(before[1].u - u) < abs(before[0].u - u))
+        self.state["review_target"] = NEAREST
+        sentence = self.click(store, 1, u + 3.0, v - 3.0, False)
+        assert f"{'AB'[target]} in the primary photograph is now at the fitted corner" in sentence
+        after = self.centre(store, target)
+        assert after.source == "corrected"
+        assert abs(after.u - u) < 0.02 and abs(after.v - v) < 0.02
+        assert self.centre(store, 1 - target) == before[1 - target]
+        take_back(store)
+        assert self.centre(store, target) == before[target]
+
+    @pytest.mark.parametrize(("switch", "shift"), [(True, False), (False, True)])
+    def test_raw_click_of_a_chosen_target(
+        self, store: ProjectPhotographs, switch: bool, shift: bool
+    ) -> None:
+        self.state |= {"review_target": "B", "review_raw": switch}
+        sentence = self.click(store, 1, 10.25, 20.5, shift)
+        assert sentence == "B in the primary photograph is now where you clicked, (10.25, 20.50)."
+        assert self.centre(store, 1) == Centre(10.25, 20.5, None, "manual")
+
+    def test_no_corner_there(self, store: ProjectPhotographs) -> None:
+        before = read_review(store)
+        assert "no corner of four squares near" in self.click(store, 1, 10.0, 10.0, False)
+        assert read_review(store) == before
+
+    def test_a_click_in_a_photograph_that_is_no_longer_shown(
+        self, store: ProjectPhotographs
+    ) -> None:
+        before = read_review(store)
+        take_pick(store, 1, 0, Pick("another", 10.0, 10.0, True))
+        assert read_review(store) == before
+
+
+class TestPicker:
+    @pytest.mark.parametrize(
+        "sent",
+        [None, 3, "x", {}, {"id": "a", "u": "x", "v": 1, "raw": False},
+         {"id": "a", "u": float("nan"), "v": 1, "raw": False}, {"id": "a", "u": 1, "v": 2}],
+    )  # fmt: skip
+    def test_what_is_no_click(self, sent: object) -> None:
+        assert pick_of(sent) is None
+
+    def test_a_click(self) -> None:
+        assert pick_of({"id": "a", "u": 1, "v": 2.5, "raw": True}) == Pick("a", 1.0, 2.5, True)
+
+    def test_large_photographs_are_reduced(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(picker, "MOST_PIXELS", 20_000)
+        image = np.tile(np.linspace(0, 255, 400), (300, 1)).astype(np.uint8)
+        shown = encode(image, "name")
+        assert (shown.width, shown.height) == (400, 300)
+        content = np.frombuffer(b64decode(shown.source.split(",")[1]), np.uint8)
+        read = cv2.imdecode(content, cv2.IMREAD_UNCHANGED)
+        assert read is not None and read.size <= 20_000
+        # The same ramp, its middle in the middle.
+        np.testing.assert_allclose(read[:, [0, -1]].mean(axis=0), [1, 254], atol=3)
