@@ -15,16 +15,16 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from stereocal.backgrounds import outdoors
 from stereocal.camera import Camera
 from stereocal.compiled import FloatArray
-from stereocal.corner_fit import window
-from stereocal.corner_model import ALL, CORE, FRAME, fill_frame, model
+from stereocal.corners.fit import window
+from stereocal.corners.model import ALL, CORE, FRAME, fill_frame, model
 from stereocal.detection import Detection, corner_near, detect_targets
-from stereocal.labelling import label_targets
-from stereocal.photographs import BarSettings, photograph_bars, place_visible_bars
-from stereocal.rendering import Photograph, PhotographSettings
+from stereocal.frames.labelling import label_targets
 from stereocal.simulate import field_rig
+from stereocal.synthetic.backgrounds import outdoors
+from stereocal.synthetic.photographs import BarSettings, photograph_bars, place_visible_bars
+from stereocal.synthetic.rendering import Photograph, PhotographSettings
 from tests.boards import Board, picture, plane_to_image
 
 RENDERS = 200

@@ -27,8 +27,8 @@ from stereocal.dataset import Dataset
 from stereocal.essential import Solver
 from stereocal.evaluation import EvaluationSettings, evaluate, evaluate_runs, split
 from stereocal.geometry import Pose
-from stereocal.nineteen import simulate_nineteen
 from stereocal.summary import summarise
+from stereocal.synthetic.nineteen import simulate_nineteen
 
 TURNS = 7
 PLAIN_RUNS = 2

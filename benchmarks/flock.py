@@ -10,9 +10,9 @@ import numpy as np
 from stereocal.calibrate import CalibrationSettings, calibrate
 from stereocal.compiled import FloatArray, IntArray
 from stereocal.essential import Solver
-from stereocal.nineteen import simulate_nineteen
 from stereocal.parameters import RigParameters
 from stereocal.simulate import FIELD_DEPTHS_M, Rig, place_bars
+from stereocal.synthetic.nineteen import simulate_nineteen
 
 NOISE_PX = 0.3
 MISSING = 0.10

@@ -13,13 +13,13 @@ from concurrent.futures import ThreadPoolExecutor
 import cv2
 import numpy as np
 
-from stereocal.board_pattern import BoardPattern
-from stereocal.board_series import draw_board_poses, true_corners
-from stereocal.boards import BoardSearch, BoardView
 from stereocal.camera import Camera
 from stereocal.compiled import FloatArray
 from stereocal.intrinsics import PARAMETERS, LensSettings, calibrate_lens
+from stereocal.lens.board_pattern import BoardPattern
+from stereocal.lens.boards import BoardSearch, BoardView
 from stereocal.simulate import field_rig
+from stereocal.synthetic.board_series import draw_board_poses, true_corners
 
 PATTERN = BoardPattern(18, 12, 0.03)
 CASES = ((50, 20), (30, 20), (25, 20))

@@ -25,11 +25,11 @@ from stereocal.essential import Solver
 from stereocal.evaluation import EvaluationSettings, evaluate
 from stereocal.formats.point_table import PointTable
 from stereocal.matching import ANY_DEPTH, match_points
-from stereocal.matching_files import match_tables
-from stereocal.nineteen import simulate_nineteen
 from stereocal.parameters import RigParameters
+from stereocal.points.matching_files import match_tables
+from stereocal.points.threshold import choose_threshold
 from stereocal.summary import summarise_all
-from stereocal.threshold import choose_threshold
+from stereocal.synthetic.nineteen import simulate_nineteen
 
 COUNTS = (10, 100, 300, 1000)
 THRESHOLDS = (0.3, 1.0, 3.0, 10.0, 40.0)

@@ -8,8 +8,8 @@ import numpy as np
 
 from stereocal.dataset import Dataset
 from stereocal.geometry import Angles, Pose
+from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.simulate import Given, Rig, Scene, lens_off_by, observe, place_bars
-from stereocal.unknowns import LensPrior, RefineSettings
 from tests import rig
 
 BAR_M = 0.87

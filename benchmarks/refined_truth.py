@@ -27,12 +27,12 @@ from benchmarks.refined_rigs import (
 )
 from stereocal.calibrate import calibrate, errors_of
 from stereocal.compiled import FloatArray
-from stereocal.disagreement import what_disagrees
 from stereocal.geometry import Pose
 from stereocal.refine import RefinedResult, refine
+from stereocal.refined.disagreement import what_disagrees
+from stereocal.refined.uncertainty import distance_sigmas, length_slopes
+from stereocal.refined.unknowns import RefineSettings
 from stereocal.simulate import Given, Scene, field_rig, lens_off_by, observe, place_bars
-from stereocal.uncertainty import distance_sigmas, length_slopes
-from stereocal.unknowns import RefineSettings
 
 NAMES = ("yaw", "pitch", "roll", "delta", "epsilon", "baseline", "held-out distance")
 

@@ -22,9 +22,9 @@ if TYPE_CHECKING:
     from stereocal.formats.dataset_files import read_dataset
     from stereocal.formats.exchange import export, import_parameters
     from stereocal.geometry import Pose
-    from stereocal.pairs import match
     from stereocal.parameters import RigParameters
-    from stereocal.reconstruction_files import reconstruct
+    from stereocal.points.pairs import match
+    from stereocal.points.reconstruction_files import reconstruct
 
 _MODULES = {
     "CalibrationSettings": "calibrate",
@@ -37,10 +37,10 @@ _MODULES = {
     "calibrate": "calibrate",
     "export": "formats.exchange",
     "import_parameters": "formats.exchange",
-    "match": "pairs",
+    "match": "points.pairs",
     "read_camera": "formats.camera_file",
     "read_dataset": "formats.dataset_files",
-    "reconstruct": "reconstruction_files",
+    "reconstruct": "points.reconstruction_files",
 }
 __all__ = [
     "CalibrationSettings",

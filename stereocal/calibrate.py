@@ -18,7 +18,7 @@ from stereocal.geometry import Pose, reprojection_errors_of_rays
 from stereocal.montecarlo import Problem, SearchSettings, Trace, minimise
 from stereocal.parameters import RigParameters, inputs_of
 from stereocal.refine import RefinedResult, refine
-from stereocal.unknowns import RefineSettings
+from stereocal.refined.unknowns import RefineSettings
 
 Method = Literal["essential", "2d", "3d"]
 METHODS: tuple[Method, ...] = ("essential", "2d", "3d")

@@ -100,29 +100,49 @@ def _turn(a: FloatArray, b: FloatArray, cosine: float, sine: float) -> None:
 
 @compiled
 def solve_positive(A: FloatArray, b: FloatArray) -> bool:
-    """Solve `A x = b` in place on `b` by Cholesky's decomposition, in place on `A` (n, n).
+    """Solve `A x = b` in place on `b`, with Cholesky's factor in place on `A` (n, n).
 
     Returns:
         False where A is not positive definite; A and b then hold nothing of use.
     """
     n = len(b)
-    for i in range(n):
-        for j in range(i + 1):
-            total = A[i, j]
+    if not factor(A, n):
+        return False
+    forward(A, b, n)
+    backward(A, b, n)
+    return True
+
+
+@compiled
+def factor(A: FloatArray, n: int) -> bool:
+    """Cholesky's lower factor of the first n rows, in place; false if A is not positive."""
+    for j in range(n):
+        for k in range(j):
+            A[j, j] -= A[j, k] * A[j, k]
+        if not A[j, j] > 0.0:
+            return False
+        A[j, j] = np.sqrt(A[j, j])
+        scale = 1.0 / A[j, j]
+        for i in range(j + 1, n):
             for k in range(j):
-                total -= A[i, k] * A[j, k]
-            if i == j:
-                if not total > 0.0:
-                    return False
-                A[i, i] = np.sqrt(total)
-            else:
-                A[i, j] = total / A[j, j]
+                A[i, j] -= A[i, k] * A[j, k]
+            A[i, j] *= scale
+    return True
+
+
+@compiled
+def forward(L: FloatArray, b: FloatArray, n: int) -> None:
+    """Solve L y = b in place."""
     for i in range(n):
         for k in range(i):
-            b[i] -= A[i, k] * b[k]
-        b[i] /= A[i, i]
+            b[i] -= L[i, k] * b[k]
+        b[i] /= L[i, i]
+
+
+@compiled
+def backward(L: FloatArray, b: FloatArray, n: int) -> None:
+    """Solve L^T y = b in place."""
     for i in range(n - 1, -1, -1):
         for k in range(i + 1, n):
-            b[i] -= A[k, i] * b[k]
-        b[i] /= A[i, i]
-    return True
+            b[i] -= L[k, i] * b[k]
+        b[i] /= L[i, i]

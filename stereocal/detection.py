@@ -15,12 +15,12 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from stereocal.candidates import FLIPS, LEVEL, SCORE, candidates
 from stereocal.compiled import FloatArray
-from stereocal.corner_fit import Corner, fit_corner
-from stereocal.corner_model import ALL
-from stereocal.light import Light, prepare
-from stereocal.refusals import Reason, doubts_of, why_none, why_refused
+from stereocal.corners.candidates import FLIPS, LEVEL, SCORE, candidates
+from stereocal.corners.fit import Corner, fit_corner
+from stereocal.corners.light import Light, prepare
+from stereocal.corners.model import ALL
+from stereocal.corners.refusals import Reason, doubts_of, why_none, why_refused
 
 State = Literal["found", "doubtful", "refused"]
 

@@ -22,8 +22,8 @@ from scipy.sparse.csgraph import connected_components, min_weight_full_bipartite
 
 from stereocal.compiled import FloatArray, IntArray
 from stereocal.errors import StereocalError
-from stereocal.pair_candidates import pairs_within
 from stereocal.parameters import RigParameters
+from stereocal.points.pair_candidates import pairs_within
 
 ANY_DEPTH = (0.0, float("inf"))
 

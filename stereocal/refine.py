@@ -18,15 +18,15 @@ from functools import cached_property
 import cv2
 import numpy as np
 
-from stereocal.bar_fit import BAR, BASELINE, EPSILON, PRIMARY, SECONDARY
 from stereocal.camera import Camera
 from stereocal.compiled import BoolArray, FloatArray, IntArray
 from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
 from stereocal.essential import calibrate_essential, choose_pose
 from stereocal.geometry import Angles, Pose, residuals
-from stereocal.solve import Noise, Solve, lenses_of
-from stereocal.unknowns import RefineSettings, Unknowns, camera_of
+from stereocal.refined.bar_fit import BAR, BASELINE, EPSILON, PRIMARY, SECONDARY
+from stereocal.refined.solve import Noise, Solve, lenses_of
+from stereocal.refined.unknowns import RefineSettings, Unknowns, camera_of
 
 OUT_OF_STEPS = "the largest number of steps was reached"
 UNBELIEVABLE_PX = 30.0

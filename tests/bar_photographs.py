@@ -11,9 +11,14 @@ import cv2
 import numpy as np
 
 from stereocal.camera import Camera
-from stereocal.photographs import BarSettings, PhotographPair, photograph_bars, place_visible_bars
-from stereocal.rendering import PhotographSettings
 from stereocal.simulate import Rig, field_rig
+from stereocal.synthetic.photographs import (
+    BarSettings,
+    PhotographPair,
+    photograph_bars,
+    place_visible_bars,
+)
+from stereocal.synthetic.rendering import PhotographSettings
 
 SHRINK = 4
 BOARD_M, BAR_M, DEPTHS_M = 0.3, 0.9, (6.0, 9.0)

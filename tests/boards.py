@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from stereocal.compiled import FloatArray
-from stereocal.rendering import Photograph
+from stereocal.synthetic.rendering import Photograph
 
 
 @dataclass(frozen=True)

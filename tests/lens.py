@@ -10,13 +10,13 @@ from typing import Any
 import cv2
 import numpy as np
 
-from stereocal.board_pattern import BoardPattern
-from stereocal.board_series import draw_board_poses
-from stereocal.boards import BoardSearch, BoardView
 from stereocal.camera import Camera
 from stereocal.compiled import FloatArray
 from stereocal.geometry import Pose
-from stereocal.rendering import (
+from stereocal.lens.board_pattern import BoardPattern
+from stereocal.lens.boards import BoardSearch, BoardView
+from stereocal.synthetic.board_series import draw_board_poses
+from stereocal.synthetic.rendering import (
     Board,
     Photograph,
     PhotographSettings,

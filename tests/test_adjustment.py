@@ -8,8 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
-from stereocal.adjustment import loss, sums
-from stereocal.bar_fit import (
+from stereocal.camera import Camera
+from stereocal.compiled import FloatArray
+from stereocal.decompositions import backward, factor, forward
+from stereocal.geometry import fill_pose
+from stereocal.refined.adjustment import loss, sums
+from stereocal.refined.bar_fit import (
     ALL,
     BAR,
     BASELINE,
@@ -21,13 +25,9 @@ from stereocal.bar_fit import (
     fill_motions,
     residuals_of,
 )
-from stereocal.camera import Camera
-from stereocal.cholesky import backward, factor, forward
-from stereocal.compiled import FloatArray
-from stereocal.distortion import bend, lens_terms
-from stereocal.geometry import fill_pose
-from stereocal.solve import Solve, lenses_of
-from stereocal.unknowns import LensPrior, RefineSettings, unknowns_of
+from stereocal.refined.distortion import bend, lens_terms
+from stereocal.refined.solve import Solve, lenses_of
+from stereocal.refined.unknowns import LensPrior, RefineSettings, unknowns_of
 from tests import rig
 
 LENSES = {

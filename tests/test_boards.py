@@ -13,13 +13,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stereocal.board_corners import eight_bits, in_order
-from stereocal.board_pattern import BoardPattern
-from stereocal.boards import BoardView, Refused, find_board, find_boards
 from stereocal.compiled import FloatArray
 from stereocal.errors import StereocalError
 from stereocal.geometry import Pose
-from stereocal.rendering import Board, Photograph
+from stereocal.lens.board_corners import eight_bits, in_order
+from stereocal.lens.board_pattern import BoardPattern
+from stereocal.lens.boards import BoardView, Refused, find_board, find_boards
+from stereocal.synthetic.rendering import Board, Photograph
 from tests.lens import PATTERN, AtOnce, corners_of, facing, names, photographed, png, write_boards
 
 TELLABLE = BoardPattern(8, 5, 0.03)

@@ -10,8 +10,8 @@ import pytest
 from scipy.stats import multivariate_normal, norm
 
 from stereocal.compiled import FloatArray
-from stereocal.corner_fit import Corner
-from stereocal.corner_model import ALL, FRAME, fill_frame, model
+from stereocal.corners.fit import Corner
+from stereocal.corners.model import ALL, FRAME, fill_frame, model
 from stereocal.detection import corner_near
 from tests.boards import Board, picture
 

@@ -12,13 +12,13 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from stereocal.backgrounds import outdoors
 from stereocal.detection import Detection, detect_targets
-from stereocal.detection_series import detect_series
 from stereocal.errors import StereocalError
-from stereocal.photographs import BarSettings, photograph_bars, place_visible_bars
-from stereocal.rendering import Photograph, PhotographSettings
+from stereocal.frames.series import detect_series
 from stereocal.simulate import field_rig
+from stereocal.synthetic.backgrounds import outdoors
+from stereocal.synthetic.photographs import BarSettings, photograph_bars, place_visible_bars
+from stereocal.synthetic.rendering import Photograph, PhotographSettings
 from tests.boards import Board, paint
 
 SIZE = (700, 400)

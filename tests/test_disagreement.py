@@ -8,9 +8,9 @@ import pytest
 from benchmarks.refined_rigs import Misjudged, random_scene, stated
 from benchmarks.refined_truth import accusations
 from stereocal.dataset import Dataset
-from stereocal.disagreement import ACCUSED, _as_normal, what_disagrees
 from stereocal.refine import refine
-from stereocal.unknowns import FIXED_LENS, RefineSettings
+from stereocal.refined.disagreement import ACCUSED, _as_normal, what_disagrees
+from stereocal.refined.unknowns import FIXED_LENS, RefineSettings
 from tests import rig
 
 KEYS = {

@@ -17,13 +17,13 @@ import pytest
 from stereocal.calibrate import Calibration, CalibrationSettings, Method, calibrate, errors_of
 from stereocal.compiled import FloatArray
 from stereocal.dataset import Dataset
-from stereocal.disagreement import what_disagrees
 from stereocal.formats.camera_file import read_camera
 from stereocal.formats.correspondences_csv import read_table
 from stereocal.geometry import Pose, epipolar_distances, triangulate, triangulate_rays
 from stereocal.montecarlo import SearchSettings
 from stereocal.refine import RefinedResult, refine
-from stereocal.unknowns import RefineSettings
+from stereocal.refined.disagreement import what_disagrees
+from stereocal.refined.unknowns import RefineSettings
 
 FOLDER = os.environ.get("STEREOCAL_REAL_DATA")
 pytestmark = [

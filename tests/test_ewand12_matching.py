@@ -15,9 +15,9 @@ import pytest
 
 from stereocal.calibrate import Calibration, CalibrationSettings, calibrate
 from stereocal.montecarlo import SearchSettings
-from stereocal.pairs import Threshold, match
 from stereocal.parameters import RigParameters
-from stereocal.reconstruction_files import reconstruct
+from stereocal.points.pairs import Threshold, match
+from stereocal.points.reconstruction_files import reconstruct
 from tests.test_ewand12 import FOLDER, SEEDS, pytestmark, recordings
 
 __all__ = ["pytestmark", "recordings"]

@@ -17,17 +17,17 @@ from stereocal.detection import Detection, detect_targets
 from stereocal.errors import StereocalError
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.correspondences_csv import read_table
-from stereocal.frame_detection import (
+from stereocal.frames.frame import Centre, Frame
+from stereocal.frames.inspection import look_through, wrong_sizes
+from stereocal.frames.pairing import Pair, pair_names
+from stereocal.frames.search import (
     STAGES,
     compile_detection,
     detect_frames,
     keep_corrections,
 )
-from stereocal.frames import Centre, Frame
-from stereocal.inspection import look_through, wrong_sizes
-from stereocal.pairing import Pair, pair_names
 from stereocal.project import Project
-from stereocal.project_photographs import PairRow, ProjectPhotographs
+from stereocal.store.photographs import PairRow, ProjectPhotographs
 from tests.bar_photographs import bar_set, write
 
 BARS = bar_set(7)
@@ -168,7 +168,7 @@ def test_a_compiled_search_finds_the_drawn_boards() -> None:
     seen: list[Detection] = []
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(
-            "stereocal.frame_detection.detect_targets", lambda i: seen.append(detect_targets(i))
+            "stereocal.frames.search.detect_targets", lambda i: seen.append(detect_targets(i))
         )
         compile_detection()
     # Only a photograph with targets runs all that is to be compiled.

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from stereocal.errors import StereocalError
 from stereocal.formats.correspondences_csv import read_table, write_table
-from stereocal.frames import (
+from stereocal.frames.frame import (
     Centre,
     CentrePair,
     Frame,
@@ -24,7 +24,7 @@ from stereocal.frames import (
     report_line,
     unpack_frames,
 )
-from stereocal.thumbnails import HEIGHT, WIDTH, box_around, side_by_side, tile
+from stereocal.frames.thumbnails import HEIGHT, WIDTH, box_around, side_by_side, tile
 
 PRIMARY: CentrePair = (Centre(10.0, 20.0, 0.1), Centre(30.0, 40.0, 0.2, "corrected"))
 SECONDARY: CentrePair = (Centre(11.0, 21.0, None, "manual"), Centre(31.0, 41.0, 0.3))

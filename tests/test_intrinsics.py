@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from stereocal.boards import BoardSearch, Refused
 from stereocal.camera import Camera
 from stereocal.compiled import FloatArray
 from stereocal.errors import StereocalError
@@ -24,10 +23,11 @@ from stereocal.intrinsics import (
     calibrate_lens,
     solve,
 )
-from stereocal.lens_files import about, pack_lens, pack_search, unpack_lens, unpack_search
-from stereocal.lens_quality import FIELD_CELLS, advice, coverage, hint, residual_field
-from stereocal.lens_tables import lens_answer, lens_rows, with_error
-from stereocal.rendering import chessboard_corners, turned
+from stereocal.lens.boards import BoardSearch, Refused
+from stereocal.lens.files import about, pack_lens, pack_search, unpack_lens, unpack_search
+from stereocal.lens.quality import FIELD_CELLS, advice, coverage, hint, residual_field
+from stereocal.lens.tables import lens_answer, lens_rows, with_error
+from stereocal.synthetic.rendering import chessboard_corners, turned
 from tests.lens import PATTERN, SMALL, SQUARES, TRUE, AtOnce, search, views
 
 FEW = LensSettings(subset=12, repeats=20)

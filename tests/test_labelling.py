@@ -8,9 +8,9 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from stereocal.corner_fit import Corner
+from stereocal.corners.fit import Corner
 from stereocal.detection import Detection, refusal
-from stereocal.labelling import Labelling, label_targets
+from stereocal.frames.labelling import Labelling, label_targets
 from tests import rig
 
 FRAMES = 20

@@ -19,8 +19,8 @@ from stereocal.figures import (
 )
 from stereocal.figures.lens import arrow_scale
 from stereocal.intrinsics import LensCalibration
-from stereocal.lens_preview import preview
-from stereocal.lens_quality import largest_shift_px, residual_field
+from stereocal.lens.preview import preview
+from stereocal.lens.quality import largest_shift_px, residual_field
 from tests.lens import SMALL, facing, photographed, png, search
 from tests.test_intrinsics import FEW, calibrated, moved, usual
 

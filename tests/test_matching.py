@@ -15,9 +15,9 @@ from stereocal.compiled import FloatArray
 from stereocal.errors import StereocalError
 from stereocal.geometry import Angles, Pose
 from stereocal.matching import assign, match_points, purpose_warning, refuse_different_rigs
-from stereocal.pair_candidates import pairs_within
 from stereocal.parameters import RigParameters
-from stereocal.threshold import choose_threshold, sample_of
+from stereocal.points.pair_candidates import pairs_within
+from stereocal.points.threshold import choose_threshold, sample_of
 from tests.rig import ANGLES, BASELINE_M, PRIMARY, RIG, SECONDARY, SEEDS, images
 
 RIG_2D = RigParameters("2d", PRIMARY, SECONDARY, RIG, 1.0, {}, {}, matching_threshold_px=0.8)

@@ -15,10 +15,10 @@ from stereocal.cli import main
 from stereocal.errors import StereocalError
 from stereocal.formats import point_table
 from stereocal.formats.point_table import PointTable
-from stereocal.matching_files import match_tables
-from stereocal.pairs import PAIR_COLUMNS, match
 from stereocal.parameters import RigParameters
-from stereocal.reconstruction_files import reconstruct
+from stereocal.points.matching_files import match_tables
+from stereocal.points.pairs import PAIR_COLUMNS, match
+from stereocal.points.reconstruction_files import reconstruct
 from tests.rig import PRIMARY, RIG, SECONDARY, images
 
 RIG_2D = RigParameters("2d", PRIMARY, SECONDARY, RIG, 1.0, {}, {}, matching_threshold_px=0.8)

@@ -10,7 +10,7 @@ import pytest
 
 from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import read_dataset
-from stereocal.nineteen import (
+from stereocal.synthetic.nineteen import (
     BAR_SIGMA_M,
     BARS_M,
     BASELINE_SIGMA_M,

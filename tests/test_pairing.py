@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stereocal.pairing import Pair, Pairing, natural, number_pairs, pair_names
+from stereocal.frames.pairing import Pair, Pairing, natural, number_pairs, pair_names
 
 STYLES = {
     "left01": ("left{n:02}.png", "right{n:02}.png"),

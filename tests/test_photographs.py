@@ -12,12 +12,13 @@ import numpy as np
 import pytest
 
 from stereocal import cli
-from stereocal.backgrounds import WALL_M, outdoors
 from stereocal.commands import simulate as simulate_command
 from stereocal.compiled import FloatArray
 from stereocal.errors import StereocalError
 from stereocal.formats.camera_file import read_camera
-from stereocal.photographs import (
+from stereocal.simulate import FIELD_BAR_M, Rig, Scene, field_rig
+from stereocal.synthetic.backgrounds import WALL_M, outdoors
+from stereocal.synthetic.photographs import (
     APART,
     BarSettings,
     facing,
@@ -25,15 +26,14 @@ from stereocal.photographs import (
     place_boards,
     place_visible_bars,
 )
-from stereocal.rendering import Photograph, PhotographSettings
-from stereocal.sample_photographs import (
+from stereocal.synthetic.rendering import Photograph, PhotographSettings
+from stereocal.synthetic.sample_photographs import (
     JPEG_QUALITY,
     describing_files,
     jpeg,
     prepare_photographs,
     write_photographs,
 )
-from stereocal.simulate import FIELD_BAR_M, Rig, Scene, field_rig
 from tests.test_simulate import assert_same_numbers
 
 SHIPPED = Path(__file__).parents[1] / "sample_data" / "photographs"

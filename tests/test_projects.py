@@ -12,7 +12,14 @@ import pytest
 from stereocal.calibrate import calibrate
 from stereocal.errors import StereocalError
 from stereocal.project import Project
-from stereocal.projects import bring_back, duplicate, recent_projects, remove, size_on_disk, sweep
+from stereocal.store.projects import (
+    bring_back,
+    duplicate,
+    recent_projects,
+    remove,
+    size_on_disk,
+    sweep,
+)
 from tests.test_project import filled
 
 

@@ -12,9 +12,9 @@ from benchmarks.refined_truth import against_the_paper, turned, with_gross_error
 from stereocal.errors import StereocalError
 from stereocal.geometry import Angles, Pose
 from stereocal.refine import refine
+from stereocal.refined.solve import ASSUMED, ESTIMATED, GIVEN, scatter_of
+from stereocal.refined.unknowns import FIXED_LENS, LensPrior, RefineSettings
 from stereocal.simulate import Given, lens_off_by, observe
-from stereocal.solve import ASSUMED, ESTIMATED, GIVEN, scatter_of
-from stereocal.unknowns import FIXED_LENS, LensPrior, RefineSettings
 from tests import rig
 
 KNOWN = Misjudged()

@@ -11,7 +11,12 @@ from numpy.polynomial.legendre import leggauss
 from scipy.ndimage import gaussian_filter
 from scipy.special import erf
 
-from stereocal.board_series import (
+from stereocal.camera import Camera
+from stereocal.compiled import FloatArray
+from stereocal.errors import StereocalError
+from stereocal.geometry import Pose
+from stereocal.simulate import field_rig
+from stereocal.synthetic.board_series import (
     CHARUCO_MARKER,
     LENS_SQUARE_M,
     LENS_SQUARES,
@@ -20,11 +25,7 @@ from stereocal.board_series import (
     photograph_boards,
     true_corners,
 )
-from stereocal.camera import Camera
-from stereocal.compiled import FloatArray
-from stereocal.errors import StereocalError
-from stereocal.geometry import Pose
-from stereocal.rendering import (
+from stereocal.synthetic.rendering import (
     Board,
     PhotographSettings,
     Picture,
@@ -37,7 +38,6 @@ from stereocal.rendering import (
     turned,
     x_corner_board,
 )
-from stereocal.simulate import field_rig
 from tests.rig import PRIMARY
 
 NO_NOISE = PhotographSettings(vignetting=0.0, full_well_e=np.inf, read_noise=0.0, bits=16)

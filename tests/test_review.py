@@ -10,16 +10,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stereocal.epipolar_residuals import epipolar_residuals_px
 from stereocal.errors import StereocalError
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.correspondences_csv import read_table
-from stereocal.frame_detection import keep_corrections
-from stereocal.frames import Centre, Frame, State, correspondences_of, pack_frames, unpack_frames
-from stereocal.project import Project
-from stereocal.project_photographs import ProjectPhotographs
-from stereocal.project_review import change_review, read_review
-from stereocal.review import (
+from stereocal.frames.epipolar_residuals import epipolar_residuals_px
+from stereocal.frames.frame import (
+    Centre,
+    Frame,
+    State,
+    correspondences_of,
+    pack_frames,
+    unpack_frames,
+)
+from stereocal.frames.review import (
     Review,
     beside,
     centre_at,
@@ -33,7 +36,11 @@ from stereocal.review import (
     undo,
     unpack_edits,
 )
-from stereocal.review_words import centres_table, describe_residuals, describe_use
+from stereocal.frames.review_words import centres_table, describe_residuals, describe_use
+from stereocal.frames.search import keep_corrections
+from stereocal.project import Project
+from stereocal.store.photographs import ProjectPhotographs
+from stereocal.store.review import change_review, read_review
 from tests.bar_photographs import bar_set
 
 BARS = bar_set(7)

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from stereocal.errors import StereocalError
-from stereocal.server import ServerSettings
+from stereocal.store.server import ServerSettings
 
 
 def test_defaults_are_those_of_a_persons_own_computer() -> None:

@@ -11,12 +11,12 @@ from benchmarks.refined_rigs import Misjudged, random_scene, stated
 from stereocal.calibrate import calibrate
 from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
-from stereocal.paper_costs import fill_errors, slopes_of_errors, straighten
 from stereocal.parameters import RigParameters
 from stereocal.refine import refine
-from stereocal.solve import lenses_of
-from stereocal.tradeoff import TradeOff, costs_of, trade_off
-from stereocal.unknowns import RefineSettings, unknowns_of
+from stereocal.refined.paper_costs import fill_errors, slopes_of_errors, straighten
+from stereocal.refined.solve import lenses_of
+from stereocal.refined.tradeoff import TradeOff, costs_of, trade_off
+from stereocal.refined.unknowns import RefineSettings, unknowns_of
 from tests import rig
 
 

@@ -11,7 +11,7 @@ from stereocal.compiled import FloatArray
 from stereocal.errors import StereocalError
 from stereocal.geometry import Angles, Pose, triangulate
 from stereocal.refine import RefinedResult, refine
-from stereocal.uncertainty import (
+from stereocal.refined.uncertainty import (
     accuracy_map,
     distance_sigmas,
     in_view,
@@ -19,7 +19,7 @@ from stereocal.uncertainty import (
     point_covariances,
     standard_errors,
 )
-from stereocal.unknowns import RefineSettings
+from stereocal.refined.unknowns import RefineSettings
 from tests import rig
 
 KNOWN = Misjudged()

@@ -10,8 +10,8 @@ from stereocal.calibrate import CalibrationSettings, errors_of
 from stereocal.errors import StereocalError
 from stereocal.geometry import Pose
 from stereocal.refine import refine
-from stereocal.unknowns import RefineSettings
-from stereocal.verdict import HeldOut, held_out, run_splits, verdict
+from stereocal.refined.unknowns import RefineSettings
+from stereocal.refined.verdict import HeldOut, held_out, run_splits, verdict
 from tests import rig
 
 

@@ -10,15 +10,15 @@ from typing import Literal
 from stereocal.calibrate import METHODS, Calibration, CalibrationSettings, calibrate
 from stereocal.commands.options import add_search_options, settings_from
 from stereocal.dataset import Dataset
-from stereocal.disagreement import Input, what_disagrees
 from stereocal.errors import StereocalError
 from stereocal.evaluation_files import validation_in_summary
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.refine import RefinedResult
-from stereocal.refined_file import refined_parameters
-from stereocal.uncertainty import standard_errors
-from stereocal.unknowns import RefineSettings
-from stereocal.verdict import run_splits, verdict
+from stereocal.refined.disagreement import Input, what_disagrees
+from stereocal.refined.file import refined_parameters
+from stereocal.refined.uncertainty import standard_errors
+from stereocal.refined.unknowns import RefineSettings
+from stereocal.refined.verdict import run_splits, verdict
 from stereocal.writing import write_all
 
 FILES: dict[Literal["2d", "3d"], str] = {"2d": "parameters_2d.json", "3d": "parameters_3d.json"}

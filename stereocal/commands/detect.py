@@ -13,9 +13,9 @@ from stereocal.errors import StereocalError
 from stereocal.formats.correspondences_csv import write_table
 from stereocal.formats.dataset_files import read_survey
 from stereocal.formats.photograph_files import of_the_bar, photographs_in
-from stereocal.frame_detection import detect_frames
-from stereocal.frames import correspondences_of, describe_frames, report_line
-from stereocal.pairing import Pairing, pair_names
+from stereocal.frames.frame import correspondences_of, describe_frames, report_line
+from stereocal.frames.pairing import Pairing, pair_names
+from stereocal.frames.search import detect_frames
 from stereocal.writing import write_atomically
 
 

@@ -6,16 +6,16 @@ import argparse
 import tempfile
 from pathlib import Path
 
-from stereocal.board_pattern import BoardPattern
-from stereocal.boards import BoardSearch, find_boards
 from stereocal.commands.progress import ProgressBar
 from stereocal.engines import engine
 from stereocal.formats.camera_file import write_camera, write_opencv_camera
 from stereocal.formats.photograph_files import Photographs, photographs_in
 from stereocal.intrinsics import LensCalibration, LensSettings, calibrate_lens
-from stereocal.lens_files import about
-from stereocal.lens_quality import advice, hint
-from stereocal.lens_tables import LENS_COLUMNS, lens_answer, lens_rows
+from stereocal.lens.board_pattern import BoardPattern
+from stereocal.lens.boards import BoardSearch, find_boards
+from stereocal.lens.files import about
+from stereocal.lens.quality import advice, hint
+from stereocal.lens.tables import LENS_COLUMNS, lens_answer, lens_rows
 from stereocal.writing import write_atomically
 
 OPENCV_SUFFIXES = (".yml", ".yaml")

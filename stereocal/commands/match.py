@@ -8,9 +8,9 @@ from pathlib import Path
 from stereocal.commands.progress import ProgressBar
 from stereocal.errors import StereocalError
 from stereocal.formats.point_table import PointTable
-from stereocal.matching_files import match_tables
-from stereocal.pairs import POINT, Threshold
 from stereocal.parameters import RigParameters
+from stereocal.points.matching_files import match_tables
+from stereocal.points.pairs import POINT, Threshold
 
 
 def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:

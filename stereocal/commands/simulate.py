@@ -7,9 +7,9 @@ from pathlib import Path
 
 from stereocal.commands.progress import ProgressBar
 from stereocal.errors import StereocalError
-from stereocal.nineteen import write_nineteen
-from stereocal.sample_photographs import write_photographs
 from stereocal.simulate import write_field
+from stereocal.synthetic.nineteen import write_nineteen
+from stereocal.synthetic.sample_photographs import write_photographs
 
 
 def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:

@@ -7,10 +7,10 @@ from collections.abc import Callable, Sequence
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.frames import STATES, Frame, describe_frames
-from stereocal.project_photographs import ProjectPhotographs
-from stereocal.project_review import change_review
-from stereocal.review import choose
+from stereocal.frames.frame import STATES, Frame, describe_frames
+from stereocal.frames.review import choose
+from stereocal.store.photographs import ProjectPhotographs
+from stereocal.store.review import change_review
 from stereocal.ui.intake import escape_markdown, refuse, settled
 
 ON_A_SHEET = 12

@@ -30,7 +30,7 @@ from stereocal.formats.photograph_files import (
 )
 from stereocal.formats.zip_files import unzip
 from stereocal.project import Project, Slot
-from stereocal.project_photographs import ProjectPhotographs
+from stereocal.store.photographs import ProjectPhotographs
 from stereocal.ui.project import SAMPLE, new_project, project_to_write
 
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001}

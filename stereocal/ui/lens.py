@@ -8,15 +8,15 @@ from pathlib import Path
 
 import streamlit as st
 
-from stereocal.board_pattern import DICTIONARIES, BoardPattern
-from stereocal.boards import BoardSearch, find_boards
 from stereocal.errors import StereocalError
 from stereocal.formats.photograph import SUFFIXES
 from stereocal.formats.photograph_files import keep_photograph, unpack_photographs
 from stereocal.formats.photograph_files import photographs_in as photographs_of
 from stereocal.intrinsics import LensSettings, calibrate_lens
+from stereocal.lens.board_pattern import DICTIONARIES, BoardPattern
+from stereocal.lens.boards import BoardSearch, find_boards
 from stereocal.project import Project
-from stereocal.project_lens import WHICH, ProjectLens, Which
+from stereocal.store.lens import WHICH, ProjectLens, Which
 from stereocal.ui import jobs
 from stereocal.ui.intake import (
     Upload,

@@ -15,11 +15,11 @@ from stereocal.figures import (
 )
 from stereocal.formats.camera_file import write_camera, write_opencv_camera
 from stereocal.intrinsics import LensCalibration
-from stereocal.lens_files import about
-from stereocal.lens_preview import preview
-from stereocal.lens_quality import advice, hint, largest_shift_px
-from stereocal.lens_tables import lens_answer, lens_table
-from stereocal.project_lens import ProjectLens
+from stereocal.lens.files import about
+from stereocal.lens.preview import preview
+from stereocal.lens.quality import advice, hint, largest_shift_px
+from stereocal.lens.tables import lens_answer, lens_table
+from stereocal.store.lens import ProjectLens
 from stereocal.ui.intake import escape_markdown, refuse, settled
 from stereocal.ui.results import show_figure
 

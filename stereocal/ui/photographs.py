@@ -12,10 +12,10 @@ import streamlit as st
 from stereocal.errors import StereocalError
 from stereocal.formats.photograph import SUFFIXES
 from stereocal.formats.photograph_files import unpack_photographs
-from stereocal.frame_detection import STAGES, detect_frames, keep_corrections
-from stereocal.pairing import CAMERAS, Pair
+from stereocal.frames.pairing import CAMERAS, Pair
+from stereocal.frames.search import STAGES, detect_frames, keep_corrections
 from stereocal.project import Project, Slot
-from stereocal.project_photographs import PairRow, ProjectPhotographs
+from stereocal.store.photographs import PairRow, ProjectPhotographs
 from stereocal.ui import jobs
 from stereocal.ui.intake import (
     KIND_NEXT,

@@ -13,10 +13,10 @@ from stereocal.calibrate import calibrate
 from stereocal.errors import StereocalError
 from stereocal.evaluation import EvaluationSettings, evaluate_runs
 from stereocal.formats.dataset_files import read_dataset
-from stereocal.frame_detection import compile_detection
+from stereocal.frames.search import compile_detection
 from stereocal.project import Project, default_home
-from stereocal.projects import sweep
-from stereocal.server import ServerSettings
+from stereocal.store.projects import sweep
+from stereocal.store.server import ServerSettings
 
 SAMPLE = Path(__file__).parents[2] / "sample_data" / "field"
 _ID = "project_id"

@@ -10,8 +10,8 @@ import streamlit as st
 
 from stereocal.errors import StereocalError
 from stereocal.project import Project, default_home
-from stereocal.projects import Listed, bring_back, duplicate, recent_projects, remove
-from stereocal.server import ServerSettings
+from stereocal.store.projects import Listed, bring_back, duplicate, recent_projects, remove
+from stereocal.store.server import ServerSettings
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.project import open_project
 

@@ -12,11 +12,9 @@ from stereocal.errors import StereocalError
 from stereocal.figures.style import TARGET_COLOURS, TARGET_SYMBOLS
 from stereocal.formats.correspondences_csv import write_table
 from stereocal.formats.photograph import read_photograph
-from stereocal.frames import Frame, correspondences_of, name_in
-from stereocal.pairing import CAMERAS
-from stereocal.project_photographs import ProjectPhotographs
-from stereocal.project_review import change_review, read_review
-from stereocal.review import (
+from stereocal.frames.frame import Frame, correspondences_of, name_in
+from stereocal.frames.pairing import CAMERAS
+from stereocal.frames.review import (
     Review,
     beside,
     centre_at,
@@ -28,8 +26,10 @@ from stereocal.review import (
     target_meant,
     undo,
 )
-from stereocal.review_words import centres_table, describe_residuals, describe_use
-from stereocal.thumbnails import eight_bits
+from stereocal.frames.review_words import centres_table, describe_residuals, describe_use
+from stereocal.frames.thumbnails import eight_bits
+from stereocal.store.photographs import ProjectPhotographs
+from stereocal.store.review import change_review, read_review
 from stereocal.ui.contact_sheet import BADGES, show_contact_sheet
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.picker import Mark, Pick, Shown, encode, pick

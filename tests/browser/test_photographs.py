@@ -10,7 +10,7 @@ from playwright.sync_api import Page, expect
 
 from stereocal.formats.camera_file import write_camera
 from stereocal.project import Project
-from stereocal.project_photographs import ProjectPhotographs
+from stereocal.store.photographs import ProjectPhotographs
 from tests.bar_photographs import bar_set, write
 from tests.browser.conftest import LONGEST_MS
 

@@ -13,9 +13,9 @@ import pytest
 from playwright.sync_api import Browser, Locator, Page, expect
 
 from stereocal.formats.camera_file import write_camera
-from stereocal.frames import Centre
+from stereocal.frames.frame import Centre
 from stereocal.project import Project
-from stereocal.project_photographs import ProjectPhotographs
+from stereocal.store.photographs import ProjectPhotographs
 from tests.bar_photographs import bar_set, write
 from tests.browser.conftest import LONGEST_MS
 

@@ -13,7 +13,7 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereocal.project import Project
-from stereocal.project_lens import WHICH, ProjectLens, Which
+from stereocal.store.lens import WHICH, ProjectLens, Which
 from tests.lens import SMALL, write_boards
 
 ROOT = Path(__file__).parents[2]

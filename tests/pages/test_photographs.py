@@ -15,9 +15,9 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereocal.formats.camera_file import write_camera
-from stereocal.pairing import Pair
+from stereocal.frames.pairing import Pair
 from stereocal.project import Project
-from stereocal.project_photographs import PairRow, ProjectPhotographs
+from stereocal.store.photographs import PairRow, ProjectPhotographs
 from stereocal.ui.photographs import rows_of, table_of
 from tests.bar_photographs import bar_set
 

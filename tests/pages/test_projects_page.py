@@ -8,7 +8,7 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereocal.project import Project
-from stereocal.projects import recent_projects
+from stereocal.store.projects import recent_projects
 from tests.pages.test_pages import app as app
 from tests.pages.test_pages import home as home
 from tests.pages.test_pages import messages, open_sample, project_of

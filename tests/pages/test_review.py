@@ -17,11 +17,11 @@ from streamlit.testing.v1 import AppTest
 
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.photograph_files import keep_photograph
-from stereocal.frame_detection import detect_frames
-from stereocal.frames import Centre, Frame
+from stereocal.frames.frame import Centre, Frame
+from stereocal.frames.search import detect_frames
 from stereocal.project import Project
-from stereocal.project_photographs import ProjectPhotographs
-from stereocal.project_review import read_review
+from stereocal.store.photographs import ProjectPhotographs
+from stereocal.store.review import read_review
 from stereocal.ui import picker
 from stereocal.ui.picker import Pick, encode, pick_of
 from stereocal.ui.review import NEAREST, take_back, take_pick

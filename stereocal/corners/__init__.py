@@ -1,0 +1,1 @@
+"""Finding X-corners in one photograph, to a hundredth of a pixel."""

@@ -1,0 +1,191 @@
+"""Levenberg-Marquardt for the image of an X-corner (`corner_model`), and what its residuals say.
+
+Small dense systems are solved by Cholesky's method here: numpy.linalg inside compiled code takes
+seconds to compile.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from stereocal.compiled import FloatArray, compiled
+from stereocal.corners.model import ALL, FRAME, fill_frame, model
+
+
+@compiled
+def _normal_equations(
+    pixels: FloatArray,
+    p: FloatArray,
+    radius: float,
+    samples: int,
+    penalty: FloatArray,
+    H: FloatArray,
+    g: FloatArray,
+) -> float:
+    """Fills H = J^T J + diag(penalty) and g = J^T e + penalty p; returns their cost."""
+    size = g.size
+    slope, frame = np.empty(ALL), np.empty(FRAME)
+    fill_frame(p, radius, samples, frame)
+    H[:] = 0.0
+    g[:] = 0.0
+    cost = 0.0
+    for i in range(pixels.shape[0]):
+        x, y = pixels[i, 0], pixels[i, 1]
+        error = model(p, frame, x, y, slope) - pixels[i, 2]
+        cost += error * error
+        for a in range(size):
+            s = slope[a]
+            if s != 0.0:
+                g[a] += s * error
+                for b in range(a + 1):
+                    H[a, b] += s * slope[b]
+    for a in range(size):
+        H[a, a] += penalty[a]
+        g[a] += penalty[a] * p[a]
+        cost += penalty[a] * p[a] * p[a]
+        for b in range(a):
+            H[b, a] = H[a, b]
+    return cost
+
+
+@compiled
+def _factor(A: FloatArray, L: FloatArray) -> bool:
+    """Cholesky factor of A; false where A is not positive definite."""
+    size = A.shape[0]
+    for i in range(size):
+        for j in range(i + 1):
+            total = A[i, j]
+            for m in range(j):
+                total -= L[i, m] * L[j, m]
+            if i == j:
+                if not total > 1e-14 * A[i, i]:
+                    return False
+                L[i, i] = math.sqrt(total)
+            else:
+                L[i, j] = total / L[j, j]
+    return True
+
+
+@compiled
+def _solve(L: FloatArray, b: FloatArray, x: FloatArray) -> None:
+    """x with L L^T x = b."""
+    size = b.size
+    for i in range(size):
+        total = b[i]
+        for m in range(i):
+            total -= L[i, m] * x[m]
+        x[i] = total / L[i, i]
+    for i in range(size - 1, -1, -1):
+        total = x[i]
+        for m in range(i + 1, size):
+            total -= L[m, i] * x[m]
+        x[i] = total / L[i, i]
+
+
+@compiled
+def minimise(
+    pixels: FloatArray,
+    p: FloatArray,
+    size: int,
+    radius: float,
+    samples: int,
+    penalty: FloatArray,
+    rounds: int,
+) -> tuple[float, bool]:
+    """Levenberg-Marquardt on the first `size` parameters of p, in place.
+
+    Args:
+        pixels: (n, 3): u, v, grey level.
+        p: (13,), the start, then the result.
+        size: 7 (one straight crossing, even light) or 13.
+        radius: of the window in px: the unit of the gradients.
+        samples: 4 averages the model over each pixel, for blurs that are not large against one;
+            1 takes its middle; 0 also takes the edges to be at right angles, which is quick.
+        penalty: (13,), what the cost gains for each parameter squared.
+        rounds: at most so many.
+
+    Returns the cost and whether it converged: a last step of the centre below 1e-5 px.
+    """
+    H, L, trial = np.empty((size, size)), np.zeros((size, size)), p.copy()
+    g, step = np.empty(size), np.empty(size)
+    damped = np.empty((size, size))
+    H_new, g_new = np.empty((size, size)), np.empty(size)
+    cost = _normal_equations(pixels, p, radius, samples, penalty[:size], H, g)
+    damping = 1e-3
+    for _ in range(rounds):
+        damped[:] = H
+        for a in range(size):
+            damped[a, a] += damping * H[a, a] + 1e-30
+        if not _factor(damped, L):
+            damping = max(damping * 10.0, 1e-6)
+            if damping > 1e8:
+                return cost, False
+            continue
+        _solve(L, g, step)
+        for a in range(size):
+            trial[a] = p[a] - step[a]
+        new = _normal_equations(pixels, trial, radius, samples, penalty[:size], H_new, g_new)
+        if new <= cost:
+            small = abs(step[0]) + abs(step[1]) < 1e-5 and cost - new < 1e-6 * cost
+            p[:size] = trial[:size]
+            H, H_new, g, g_new, cost = H_new, H, g_new, g, new
+            damping *= 0.1
+            if small:
+                return cost, True
+        else:
+            if abs(step[0]) + abs(step[1]) < 1e-7:
+                return cost, True
+            damping *= 10.0
+            if damping > 1e8:
+                return cost, False
+    return cost, False
+
+
+@compiled
+def spread(
+    pixels: FloatArray, p: FloatArray, radius: float, samples: int, penalty: FloatArray
+) -> FloatArray:
+    """(6,): covariance uu, uv, vv for noise of variance 1, three measures of the noise.
+
+    First its variance. Then that of its edges: the mean squared residual weighted by how much each
+    pixel moves the centre, as near the edges the noise differs from that of the flat squares, and
+    so does what the model misses. Last the mean product of residuals side by side: noise has none,
+    things that are no board do.
+    All NaN where the pixels do not determine the parameters.
+    """
+    found = np.full(6, np.nan)
+    H, L = np.empty((ALL, ALL)), np.zeros((ALL, ALL))
+    g, unit = np.empty(ALL), np.zeros(ALL)
+    columns = np.zeros((2, ALL))
+    _normal_equations(pixels, p, radius, samples, penalty, H, g)
+    if not _factor(H, L):
+        return found
+    for a in range(2):
+        unit[:] = 0.0
+        unit[a] = 1.0
+        _solve(L, unit, columns[a])
+    slope, frame = np.empty(ALL), np.empty(FRAME)
+    fill_frame(p, radius, samples, frame)
+    total, weighted, weights = 0.0, 0.0, 0.0
+    beside, neighbours, before = 0.0, 0, 0.0
+    for i in range(pixels.shape[0]):
+        error = model(p, frame, pixels[i, 0], pixels[i, 1], slope) - pixels[i, 2]
+        du, dv = 0.0, 0.0
+        for a in range(ALL):
+            du += columns[0, a] * slope[a]
+            dv += columns[1, a] * slope[a]
+        weight = du * du + dv * dv
+        total += error * error
+        weighted += weight * error * error
+        weights += weight
+        if i > 0 and pixels[i, 0] == pixels[i - 1, 0] + 1.0:
+            beside += error * before
+            neighbours += 1
+        before = error
+    found[0], found[1], found[2] = columns[0, 0], columns[0, 1], columns[1, 1]
+    found[3] = total / max(pixels.shape[0] - ALL, 1)
+    found[4] = weighted / weights
+    found[5] = beside / max(neighbours, 1)
+    return found

@@ -1,0 +1,49 @@
+"""How far the targets of one frame are from the epipolar lines that the other frames give."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from stereocal.camera import Camera
+from stereocal.errors import StereocalError
+from stereocal.essential import MINIMUM_PAIRS, calibrate_essential
+from stereocal.frames.frame import Frame, correspondences_of
+from stereocal.geometry import epipolar_distances, stack_rays
+
+
+def epipolar_residuals_px(
+    frames: Sequence[Frame], number: int, cameras: tuple[Camera, Camera]
+) -> dict[int, float]:
+    """Of each target (0 A, 1 B) that both photographs of a frame show: its distance from the
+    epipolar line of its twin, px of the undistorted image, the larger of both photographs.
+
+    The geometry is the essential matrix of the other frames that are used: the frame itself has no
+    part in what judges it.
+
+    Raises:
+        StereocalError: the other frames are too few, or determine no geometry.
+    """
+    others = [frame for frame in frames if frame.use and frame.frame != number]
+    shared = sum(len(frame.targets_in_both) for frame in others)
+    if shared < MINIMUM_PAIRS:
+        raise StereocalError(
+            f"The other frames that are used have {shared} pairs of points; {MINIMUM_PAIRS} or "
+            "more tell the epipolar geometry."
+        )
+    (own,) = (frame for frame in frames if frame.frame == number)
+    if not own.targets_in_both:
+        return {}
+    rows = correspondences_of(others)
+    rays = stack_rays(cameras[0].undistort(rows.primary), cameras[1].undistort(rows.secondary))
+    rays = rays[:, np.isfinite(rays).all(axis=0)]
+    E = calibrate_essential(rays, 1.0).pose.essential
+    F = np.linalg.inv(cameras[1].K).T @ E @ np.linalg.inv(cameras[0].K)
+    points = correspondences_of([own.used(True)])
+    pixels = [
+        camera.undistort_to_pixels(raw)
+        for camera, raw in zip(cameras, (points.primary, points.secondary), strict=True)
+    ]
+    worst = epipolar_distances(F, pixels[0], pixels[1]).max(axis=1)
+    return {int(t): float(away) for t, away in zip(points.target, worst, strict=True)}

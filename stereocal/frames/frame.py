@@ -1,0 +1,187 @@
+"""What is known of the photographed frames: where the targets are, how surely, and who said so.
+
+This is what detection writes, what a person corrects, and what the table of points is made from.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from stereocal.dataset import SOURCES, TARGETS, Correspondences
+from stereocal.errors import StereocalError
+from stereocal.frames.pairing import CAMERAS
+
+FRAMES_FORMAT = "stereocal-frames/1"
+State = Literal["found", "doubtful", "refused"]
+STATES: tuple[State, ...] = ("found", "doubtful", "refused")
+
+
+@dataclass(frozen=True)
+class Centre:
+    """The centre of one target in one photograph, in raw pixels."""
+
+    u: float
+    v: float
+    sigma_px: float | None = None
+    """Standard error of one coordinate; None where it is not known."""
+    source: str = "detected"
+    """One of `dataset.SOURCES`."""
+
+
+CentrePair = tuple[Centre | None, Centre | None]
+"""Targets A and B of one photograph."""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One frame: its two photographs and the targets in them."""
+
+    frame: int
+    files: tuple[str, str]
+    """Names of the photographs, primary and secondary."""
+    centres: tuple[CentrePair, CentrePair]
+    """By camera, then by target."""
+    state: State
+    reason: str = ""
+    """Why it is doubtful or refused, in words; may also say what was done, as a swap."""
+    use: bool = True
+    """Whether its targets go into the table of points."""
+    reviewed: bool = False
+    """Whether a person has decided on it (`review`)."""
+
+    @property
+    def targets_in_both(self) -> list[int]:
+        """The targets (0 A, 1 B) that both photographs show."""
+        return [t for t in (0, 1) if all(self.centres[camera][t] for camera in (0, 1))]
+
+    def used(self, use: bool) -> Frame:
+        """The same frame, used or left out."""
+        return replace(self, use=use)
+
+    def moved(self, camera: int, target: int, centre: Centre | None) -> Frame:
+        """The same frame with one centre placed anew, or taken away."""
+        rows = [list(self.centres[0]), list(self.centres[1])]
+        rows[camera][target] = centre
+        (a, b), (c, d) = rows
+        return replace(self, centres=((a, b), (c, d)))
+
+    def swapped(self, camera: int) -> Frame:
+        """The same frame with targets A and B exchanged in one camera."""
+        a, b = self.centres[camera]
+        return self.moved(camera, 0, b).moved(camera, 1, a)
+
+
+def correspondences_of(frames: Iterable[Frame]) -> Correspondences:
+    """The table of points: the targets that both photographs of the used frames show.
+
+    Raises:
+        StereocalError: there is no such target.
+    """
+    frames = sorted(frames, key=lambda frame: frame.frame)
+    seen = [
+        (frame.frame, target, first, second, _source_of(first, second))
+        for frame in frames
+        if frame.use
+        for target in (0, 1)
+        if (first := frame.centres[0][target]) and (second := frame.centres[1][target])
+    ]
+    if not seen:
+        why = next((f" The first: {report_line(frame)}" for frame in frames if frame.reason), "")
+        raise StereocalError(f"No target is seen by both cameras in any frame that is used.{why}")
+    return Correspondences.from_arrays(
+        frame=[number for number, *_ in seen],
+        target=[TARGETS[target] for _, target, *_ in seen],
+        primary=[(first.u, first.v) for _, _, first, _, _ in seen],
+        secondary=[(second.u, second.v) for _, _, _, second, _ in seen],
+        sigma_primary_px=[_or_nan(first.sigma_px) for _, _, first, _, _ in seen],
+        sigma_secondary_px=[_or_nan(second.sigma_px) for _, _, _, second, _ in seen],
+        source=[source for *_, source in seen],
+    )
+
+
+def pack_frames(frames: Sequence[Frame]) -> bytes:
+    """The frames as JSON, which `unpack_frames` reads back to the same numbers."""
+    content = {"format": FRAMES_FORMAT, "frames": [asdict(frame) for frame in frames]}
+    return json.dumps(content, indent=1, allow_nan=False).encode()
+
+
+def unpack_frames(content: bytes) -> list[Frame]:
+    """The frames of `pack_frames`.
+
+    Raises:
+        StereocalError: the content is damaged, or of another version.
+    """
+    try:
+        data = json.loads(content)
+        if data["format"] != FRAMES_FORMAT:
+            raise StereocalError("The found targets were written by another version of stereocal.")
+        return [frame_from_json(item) for item in data["frames"]]
+    except (ValueError, KeyError, TypeError) as error:
+        if isinstance(error, StereocalError):
+            raise
+        raise StereocalError("The found targets cannot be read; find them again.") from error
+
+
+def describe_frames(frames: Sequence[Frame]) -> str:
+    """How many frames are found, doubtful, refused and used, in a sentence."""
+    counts = ", ".join(
+        f"{sum(frame.state == state for frame in frames)} {state}" for state in STATES
+    )
+    used = [frame for frame in frames if frame.use]
+    bars = sum(len(frame.targets_in_both) == 2 for frame in used)
+    return (
+        f"{len(frames)} frames: {counts}. {len(used)} are used, {bars} of them with both targets."
+    )
+
+
+def report_line(frame: Frame) -> str:
+    """One frame in a line: number, state, largest standard error, reason."""
+    sigmas = [c.sigma_px for pair in frame.centres for c in pair if c and c.sigma_px is not None]
+    shown = f", sigma at most {max(sigmas):.3f} px" if sigmas else ""
+    reason = f": {frame.reason}" if frame.reason else ""
+    return f"frame {frame.frame}: {frame.state}{shown}{reason}"
+
+
+def name_in(camera: int, frame: Frame) -> str:
+    """How messages name one of the photographs of a frame."""
+    return f"{frame.files[camera]} ({CAMERAS[camera]})"
+
+
+def _source_of(first: Centre, second: Centre) -> str:
+    """A row is as little automatic as the less automatic one of its two points."""
+    return max(first.source, second.source, key=SOURCES.index)
+
+
+def _or_nan(sigma: float | None) -> float:
+    return math.nan if sigma is None else sigma
+
+
+def frame_from_json(item: dict[str, Any]) -> Frame:
+    (a, b), (c, d) = ([_centre(one) for one in pair] for pair in item["centres"])
+    if item["state"] not in STATES:
+        raise ValueError(item["state"])
+    primary, secondary = item["files"]
+    return Frame(
+        frame=int(item["frame"]),
+        files=(str(primary), str(secondary)),
+        centres=((a, b), (c, d)),
+        state=item["state"],
+        reason=str(item["reason"]),
+        use=bool(item["use"]),
+        reviewed=bool(item.get("reviewed", False)),
+    )
+
+
+def _centre(item: dict[str, Any] | None) -> Centre | None:
+    if item is None:
+        return None
+    centre = Centre(**item)
+    if centre.source not in SOURCES or not np.isfinite([centre.u, centre.v]).all():
+        raise ValueError(item)
+    return centre

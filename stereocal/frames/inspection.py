@@ -1,0 +1,83 @@
+"""All photographs are looked through before one is decoded: are they sound, and of one size?"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor, as_completed
+from pathlib import Path
+
+from stereocal.errors import StereocalError
+from stereocal.formats.photograph import photograph_header
+from stereocal.formats.photograph_files import Photographs
+from stereocal.frames.pairing import CAMERAS, Pair
+
+Size = tuple[int, int]
+Progress = Callable[[int, int], None]
+
+
+def look_through(
+    photographs: Photographs,
+    executor: Executor,
+    progress: Progress,
+    cancelled: Callable[[], bool],
+) -> tuple[dict[str, Size], dict[str, str]] | None:
+    """Size of each sound photograph, and what is wrong with each of the others.
+
+    Returns:
+        Both by name, the second a sentence; None if it was cancelled.
+    """
+    work = {executor.submit(_look, path, name): name for name, path in photographs.items()}
+    sizes: dict[str, Size] = {}
+    problems: dict[str, str] = {}
+    try:
+        for done, future in enumerate(as_completed(work)):
+            if cancelled():
+                return None
+            seen = future.result()
+            if isinstance(seen, str):
+                problems[work[future]] = seen
+            else:
+                sizes[work[future]] = seen
+            progress(done + 1, len(work))
+        return sizes, problems
+    finally:
+        for future in work:
+            future.cancel()
+
+
+def wrong_sizes(
+    pairs: Sequence[Pair], sizes: Mapping[str, Size], expected: Sequence[Size | None]
+) -> dict[str, str]:
+    """A sentence for each photograph that is not as large as its camera's others.
+
+    Args:
+        expected: the size that each camera's file tells, (width, height); None where there is none:
+            then the size that most of its photographs have.
+    """
+    problems = {}
+    for camera, given in enumerate(expected):
+        names = [(pair.primary, pair.secondary)[camera] for pair in pairs]
+        counted = Counter(sizes[name] for name in names if name in sizes)
+        if not counted:
+            continue
+        usual, often = counted.most_common(1)[0]
+        wanted = given or usual
+        reason = (
+            f"the {CAMERAS[camera]} camera's file says {wanted[0]}x{wanted[1]}"
+            if given
+            else f"{often} of the {len(names)} of the {CAMERAS[camera]} camera have "
+            f"{wanted[0]}x{wanted[1]}"
+        )
+        for name in names:
+            if name in sizes and sizes[name] != wanted:
+                width, height = sizes[name]
+                problems[name] = f"{name}: it has {width}x{height} px, and {reason}."
+    return problems
+
+
+def _look(path: Path, name: str) -> Size | str:
+    try:
+        return photograph_header(path, name).size
+    except StereocalError as error:
+        return str(error)

@@ -1,0 +1,217 @@
+"""A person's word on the found frames: one edit after the other, each of which can be undone.
+
+A review is a value: every edit gives a new one. An edit that changes nothing is none.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, fields, replace
+from typing import Any
+
+import numpy.typing as npt
+
+from stereocal.dataset import TARGETS
+from stereocal.detection import corner_near
+from stereocal.errors import StereocalError
+from stereocal.frames.frame import Centre, Frame, frame_from_json, name_in
+
+REVIEW_FORMAT = "stereocal-review/1"
+SAME_PLACE_PX = 1.0
+"""Two targets of a photograph are farther apart: the smallest board is 20 px across."""
+SAME_TARGET_PX = 30.0
+"""A centre so near to a target moves it, though the other target is still to be placed."""
+
+
+@dataclass(frozen=True)
+class Edit:
+    """What one edit did to one frame."""
+
+    before: Frame
+    after: Frame
+
+
+@dataclass(frozen=True)
+class Review:
+    """The frames as they stand, and the edits that led there, the latest last."""
+
+    frames: tuple[Frame, ...]
+    edits: tuple[Edit, ...] = ()
+
+    def frame(self, number: int) -> Frame:
+        """The frame of this number.
+
+        Raises:
+            StereocalError: there is none.
+        """
+        for frame in self.frames:
+            if frame.frame == number:
+                return frame
+        raise StereocalError(f"There is no frame {number} any more; choose another.")
+
+
+def centre_at(image: npt.NDArray[Any], point: tuple[float, float], raw: bool) -> Centre:
+    """The centre that a click means: the fitted corner near it, or the click itself.
+
+    Args:
+        image: (h, w), grey.
+        point: the click (u, v), px.
+        raw: keep the click; its standard error is not known.
+
+    Raises:
+        StereocalError: the click is outside the image, or no corner is near it.
+    """
+    height, width = image.shape
+    u, v = point
+    # Written so that NaN is outside too.
+    if not (-0.5 <= u <= width - 0.5 and -0.5 <= v <= height - 0.5):
+        raise StereocalError("The click is outside the photograph.")
+    if raw:
+        return Centre(u, v, None, "manual")
+    corner = corner_near(image, point)
+    if corner is None:
+        raise StereocalError(
+            f"There is no corner of four squares near ({u:.1f}, {v:.1f}). Click nearer to one, or "
+            "keep the raw click."
+        )
+    return Centre(float(corner.centre[0]), float(corner.centre[1]), corner.sigma_px, "corrected")
+
+
+def target_meant(frame: Frame, camera: int, centre: Centre) -> int:
+    """The target (0 A, 1 B) that a new centre belongs to: the nearest one.
+
+    Where one target is missing it is that one, unless the centre is close to the other.
+    """
+    distances = [_distance(found, centre) for found in frame.centres[camera]]
+    nearest = 0 if distances[0] <= distances[1] else 1
+    missing = [target for target in (0, 1) if frame.centres[camera][target] is None]
+    if missing and distances[nearest] > SAME_TARGET_PX:
+        return missing[0]
+    return nearest
+
+
+def place(review: Review, number: int, camera: int, target: int, centre: Centre) -> Review:
+    """Move or set a target in one camera; a frame whose photographs then share one is used.
+
+    Raises:
+        StereocalError: no such frame, or the other target is there already.
+    """
+    frame = review.frame(number)
+    if _distance(frame.centres[camera][1 - target], centre) < SAME_PLACE_PX:
+        raise StereocalError(
+            f"Target {TARGETS[1 - target]} is there already in {name_in(camera, frame)}; swap A "
+            "and B if that is wrong."
+        )
+    moved = frame.moved(camera, target, centre)
+    return _edited(review, frame, replace(moved, use=bool(moved.targets_in_both)))
+
+
+def swap(review: Review, number: int, camera: int) -> Review:
+    """Exchange A and B in one camera; a frame whose photographs then share a target is used.
+
+    Raises:
+        StereocalError: no such frame.
+    """
+    frame = review.frame(number)
+    swapped = frame.swapped(camera)
+    if swapped == frame:
+        return review
+    return _edited(review, frame, replace(swapped, use=bool(swapped.targets_in_both)))
+
+
+def choose(review: Review, number: int, use: bool) -> Review:
+    """Use a frame, or leave it out.
+
+    Raises:
+        StereocalError: no such frame, or one to be used whose photographs share no target.
+    """
+    frame = review.frame(number)
+    if use and not frame.targets_in_both:
+        raise StereocalError(
+            f"Frame {number} cannot be used: no target is placed in both photographs."
+        )
+    return _edited(review, frame, replace(frame, use=use))
+
+
+def undo(review: Review) -> Review:
+    """Take the latest edit back; without one nothing happens.
+
+    Only what the edit changed goes back, so that other changes of the frame since stay.
+    """
+    if not review.edits:
+        return review
+    *earlier, last = review.edits
+    changed = {
+        field.name: getattr(last.before, field.name)
+        for field in fields(Frame)
+        if getattr(last.before, field.name) != getattr(last.after, field.name)
+    }
+    frames = [
+        replace(frame, **changed) if frame.frame == last.after.frame else frame
+        for frame in review.frames
+    ]
+    return Review(tuple(frames), tuple(earlier))
+
+
+def is_open(frame: Frame) -> bool:
+    """Whether a person should still decide on it: doubtful or refused, and not reviewed."""
+    return frame.state != "found" and not frame.reviewed
+
+
+def next_doubtful(frames: Sequence[Frame], number: int) -> int | None:
+    """The next open frame after `number`, from the start again after the last; None without one."""
+    doubtful = [frame.frame for frame in frames if is_open(frame) and frame.frame != number]
+    return min(doubtful, key=lambda other: (other < number, other), default=None)
+
+
+def beside(frames: Sequence[Frame], number: int, step: int) -> int:
+    """The frame `step` places further on, or the last (first) there is."""
+    numbers = sorted(frame.frame for frame in frames)
+    return numbers[min(max(numbers.index(number) + step, 0), len(numbers) - 1)]
+
+
+def pack_edits(edits: Sequence[Edit]) -> bytes:
+    """The edits as JSON, which `unpack_edits` reads back."""
+    content = {"format": REVIEW_FORMAT, "edits": [asdict(edit) for edit in edits]}
+    return json.dumps(content, allow_nan=False).encode()
+
+
+def unpack_edits(content: bytes, frames: Sequence[Frame]) -> tuple[Edit, ...]:
+    """The edits of `pack_edits` that can still be undone.
+
+    The edits of a frame that is gone, or has been searched anew, are left out.
+
+    Raises:
+        StereocalError: the content is damaged, or of another version.
+    """
+    try:
+        data = json.loads(content)
+        if data["format"] != REVIEW_FORMAT:
+            raise StereocalError("The corrections were written by another version of stereocal.")
+        edits = [
+            Edit(frame_from_json(item["before"]), frame_from_json(item["after"]))
+            for item in data["edits"]
+        ]
+    except (ValueError, KeyError, TypeError) as error:
+        if isinstance(error, StereocalError):
+            raise
+        raise StereocalError(
+            "The list of corrections cannot be read; they cannot be undone."
+        ) from error
+    there = {(frame.frame, frame.files) for frame in frames if frame.reviewed}
+    return tuple(edit for edit in edits if (edit.after.frame, edit.after.files) in there)
+
+
+def _edited(review: Review, before: Frame, after: Frame) -> Review:
+    after = replace(after, reviewed=True)
+    if after == before:
+        return review
+    frames = tuple(after if frame.frame == before.frame else frame for frame in review.frames)
+    return Review(frames, (*review.edits, Edit(before, after)))
+
+
+def _distance(found: Centre | None, centre: Centre) -> float:
+    """Infinite to a target that is not placed."""
+    return math.inf if found is None else math.dist((found.u, found.v), (centre.u, centre.v))

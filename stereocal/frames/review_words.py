@@ -1,0 +1,74 @@
+"""One frame under review in words and as a table."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import pandas as pd
+
+from stereocal.camera import Camera
+from stereocal.dataset import TARGETS
+from stereocal.errors import StereocalError
+from stereocal.frames.epipolar_residuals import epipolar_residuals_px
+from stereocal.frames.frame import Centre, Frame
+from stereocal.frames.pairing import CAMERAS
+from stereocal.frames.review import is_open
+
+PLACED_BY = {
+    "detected": "found",
+    "corrected": "you, at the fitted corner",
+    "manual": "you, by hand",
+}
+
+
+def describe_use(frame: Frame) -> str:
+    """Whether a frame is used, and what is left to do, in a sentence or two."""
+    shared = [TARGETS[target] for target in frame.targets_in_both]
+    if frame.use and len(shared) == 1:
+        said = f"It is used, with target {shared[0]} only."
+    elif frame.use and shared:
+        said = "It is used."
+    elif shared:
+        said = "It is left out."
+    else:
+        said = "It is left out: no target is placed in both photographs."
+    if frame.reviewed:
+        said += " You have reviewed it."
+    elif is_open(frame):
+        said += " Please decide: correct it, use it or leave it out."
+    return said
+
+
+def describe_residuals(
+    frames: Sequence[Frame], frame: Frame, cameras: tuple[Camera | None, Camera | None]
+) -> str:
+    """How far the targets of a frame are from their epipolar lines, or why that is not known."""
+    primary, secondary = cameras
+    if primary is None or secondary is None:
+        return "Both camera files are needed to compare this frame with the others."
+    try:
+        found = epipolar_residuals_px(frames, frame.frame, (primary, secondary))
+    except StereocalError as error:
+        return str(error)
+    if not found:
+        return "Place a target in both photographs to compare this frame with the others."
+    each = ", ".join(f"{TARGETS[target]} {away:.2f} px" for target, away in found.items())
+    return f"Distance from the epipolar lines that the other frames give: {each}."
+
+
+def centres_table(frame: Frame) -> pd.DataFrame:
+    """The centres of a frame: a row a target and camera."""
+    lines = {
+        f"{TARGETS[target]} {CAMERAS[camera]}": _cells(frame.centres[camera][target])
+        for target in (0, 1)
+        for camera in (0, 1)
+    }
+    columns = ["u, px", "v, px", "Sigma, px", "Placed by"]
+    return pd.DataFrame.from_dict(lines, orient="index", columns=columns).rename_axis("Target")
+
+
+def _cells(centre: Centre | None) -> list[str]:
+    if centre is None:
+        return ["–", "–", "–", "not placed"]
+    sigma = "unknown" if centre.sigma_px is None else f"{centre.sigma_px:.3f}"
+    return [f"{centre.u:.2f}", f"{centre.v:.2f}", sigma, PLACED_BY[centre.source]]

@@ -1,0 +1,168 @@
+"""The targets of all frames: each photograph by itself, then A and B agreed between the cameras."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from functools import partial
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from stereocal.camera import Camera
+from stereocal.corners.fit import Corner
+from stereocal.dataset import TARGETS
+from stereocal.detection import Detection, detect_targets, refusal
+from stereocal.formats.photograph import GreyImage, read_photograph
+from stereocal.formats.photograph_files import Photographs
+from stereocal.frames.frame import Centre, CentrePair, Frame, State
+from stereocal.frames.inspection import Progress, look_through, wrong_sizes
+from stereocal.frames.labelling import FrameLabels, LabelledPair, label_targets
+from stereocal.frames.pairing import CAMERAS, Pair
+from stereocal.frames.series import detect_series
+
+STAGES = ("photographs looked through", "photographs searched for targets")
+NOTHING: CentrePair = (None, None)
+UNREADABLE = (0, 0)
+
+
+def detect_frames(
+    pairs: Sequence[Pair],
+    photographs: Photographs,
+    cameras: tuple[Camera, Camera],
+    executor: Executor,
+    begin: Callable[[str], None],
+    progress: Progress,
+    cancelled: Callable[[], bool] = lambda: False,
+) -> list[Frame] | None:
+    """All of it: look the photographs through, find the targets, agree on A and B.
+
+    Args:
+        photographs: files on disk by name; each is read when its turn comes.
+        cameras: the primary and the secondary; their photographs must have their size.
+        begin: is told when a stage of `STAGES` begins, whose progress follows.
+
+    Returns:
+        A frame for each pair, in their order; None if it was cancelled. A photograph that cannot be
+        used refuses its own frame only. Doubtful frames are not used until a person says so.
+    """
+    begin(STAGES[0])
+    wanted = dict.fromkeys(name for pair in pairs for name in (pair.primary, pair.secondary))
+    there = {name: photographs[name] for name in wanted if name in photographs}
+    looked = look_through(there, executor, progress, cancelled)
+    if looked is None:
+        return None
+    sizes, problems = looked
+    problems |= {name: f"{name}: there is no such photograph." for name in wanted.keys() - there}
+    problems |= wrong_sizes(pairs, sizes, [camera.image_size for camera in cameras])
+    begin(STAGES[1])
+    sound = [name for name in there if name not in problems]
+    read = partial(_read, {there[name]: name for name in sound})
+    found = detect_series([there[name] for name in sound], read, executor, progress, cancelled)
+    if found is None:
+        return None
+    seen = dict(zip(sound, found, strict=True))
+    seen |= {name: refusal(UNREADABLE, "unreadable", said) for name, said in problems.items()}
+    return _agree(pairs, seen, cameras)
+
+
+def keep_corrections(found: Sequence[Frame], before: Sequence[Frame]) -> list[Frame]:
+    """The new frames, with what a person has decided about the old ones.
+
+    A frame that a person has reviewed, or in which a person has placed a target, stays as it was.
+    Of the others the choice to use or to leave out stays, where it is not what the state alone
+    would have said.
+    """
+    old = {(frame.frame, frame.files): frame for frame in before}
+    kept = []
+    for frame in found:
+        last = old.get((frame.frame, frame.files))
+        if last is None:
+            kept.append(frame)
+        elif last.reviewed or any(
+            c and c.source != "detected" for pair in last.centres for c in pair
+        ):
+            kept.append(last)
+        elif last.state == frame.state:
+            kept.append(frame.used(last.use))
+        else:
+            kept.append(frame)
+    return kept
+
+
+def compile_detection() -> None:
+    """Compile what the search needs (12 s the very first time), by a drawn pair of boards."""
+    photograph = np.full((240, 320), 120, np.uint8)
+    board = np.kron([[40, 200], [200, 40]], np.ones((35, 35))).astype(np.uint8)
+    for left in (60, 190):
+        photograph[85:155, left : left + 70] = board
+    detect_targets(cv2.GaussianBlur(photograph, (0, 0), 1.0))
+
+
+def _read(names: Mapping[Path, str], path: Path) -> GreyImage:
+    """The photograph at `path`, which messages call by the person's name for it."""
+    return read_photograph(path, names[path])
+
+
+def _agree(
+    pairs: Sequence[Pair], seen: Mapping[str, Detection], cameras: tuple[Camera, Camera]
+) -> list[Frame]:
+    labelling = label_targets(
+        {pair.frame: seen[pair.primary] for pair in pairs},
+        {pair.frame: seen[pair.secondary] for pair in pairs},
+        cameras,
+    )
+    labels = {report.frame: report for report in labelling.frames}
+    labelled = {(found.frame, found.target): found for found in labelling.pairs}
+    return [_frame(pair, seen, labels[pair.frame], labelled) for pair in pairs]
+
+
+def _frame(
+    pair: Pair,
+    seen: Mapping[str, Detection],
+    report: FrameLabels,
+    labelled: Mapping[tuple[int, str], LabelledPair],
+) -> Frame:
+    both = seen[pair.primary], seen[pair.secondary]
+    found = [labelled.get((pair.frame, target)) for target in TARGETS]
+    if all(found):
+        first, second = (
+            tuple(_centre(getattr(one, camera)) for one in found) for camera in CAMERAS
+        )
+        state: State = "found" if report.state in ("agreed", "swapped") else "doubtful"
+        centres: tuple[CentrePair, CentrePair] = ((first[0], first[1]), (second[0], second[1]))
+        reason = report.sentence
+    else:
+        # What one photograph shows is kept: a person may add what the other one hides.
+        state = "refused"
+        centres = _as_seen(both[0]), _as_seen(both[1])
+        reason = " ".join(
+            _said(one, name, i)
+            for i, (one, name) in enumerate(zip(both, (pair.primary, pair.secondary), strict=True))
+            if one.sentence
+        )
+    return Frame(
+        frame=pair.frame,
+        files=(pair.primary, pair.secondary),
+        centres=centres,
+        state=state,
+        reason=reason,
+        use=state == "found",
+    )
+
+
+def _said(found: Detection, name: str, camera: int) -> str:
+    """What is wrong with one photograph, with its camera, or its name if it stands there."""
+    sentence = found.sentence
+    return sentence if sentence.startswith(name) else f"{CAMERAS[camera].capitalize()}: {sentence}"
+
+
+def _as_seen(found: Detection) -> CentrePair:
+    if found.targets is None:
+        return NOTHING
+    return _centre(found.targets[0]), _centre(found.targets[1])
+
+
+def _centre(corner: Corner) -> Centre:
+    return Centre(float(corner.centre[0]), float(corner.centre[1]), corner.sigma_px)

@@ -1,0 +1,96 @@
+"""Small pictures of a frame: the surroundings of the targets in both photographs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from stereocal.formats.photograph import GreyImage
+from stereocal.frames.frame import CentrePair
+
+WIDTH, HEIGHT = 240, 180
+"""Of one photograph's part, px."""
+COLOURS = ((115, 158, 0), (167, 121, 204))
+"""Of targets A and B as in all figures (Okabe-Ito green and pink), in OpenCV's order."""
+Tile = npt.NDArray[np.uint8]
+
+
+def tile(image: GreyImage | None, centres: CentrePair) -> Tile:
+    """(180, 240, 3): the photograph around its targets, with a cross and a letter on each.
+
+    Without targets it shows the whole photograph, without a photograph nothing.
+    """
+    if image is None:
+        return np.full((HEIGHT, WIDTH, 3), 128, np.uint8)
+    left, top, right, bottom = box_around(centres, image.shape)
+    part = image[top:bottom, left:right]
+    scale = min(WIDTH / part.shape[1], HEIGHT / part.shape[0])
+    size = max(1, round(part.shape[1] * scale)), max(1, round(part.shape[0] * scale))
+    how = cv2.INTER_AREA if scale < 1 else cv2.INTER_NEAREST
+    drawn = cv2.cvtColor(eight_bits(cv2.resize(part, size, interpolation=how)), cv2.COLOR_GRAY2BGR)
+    for letter, colour, centre in zip("AB", COLOURS, centres, strict=True):
+        if centre:
+            # Pixel centres are at integers: the middle of a shrunk pixel is not its corner.
+            at = (
+                round((centre.u - left + 0.5) * scale - 0.5),
+                round((centre.v - top + 0.5) * scale - 0.5),
+            )
+            _mark(drawn, at, letter, colour)
+    whole = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
+    y, x = (HEIGHT - drawn.shape[0]) // 2, (WIDTH - drawn.shape[1]) // 2
+    whole[y : y + drawn.shape[0], x : x + drawn.shape[1]] = drawn
+    return whole
+
+
+def _mark(
+    drawn: npt.NDArray[Any], at: tuple[int, int], letter: str, colour: tuple[int, int, int]
+) -> None:
+    """A cross and a letter, rimmed in black to stand out on white too."""
+    beside = at[0] + 9, at[1] - 7
+    for ink, width in (((0, 0, 0), 4), (colour, 2)):
+        cv2.drawMarker(drawn, at, ink, cv2.MARKER_CROSS, 15, width)
+        cv2.putText(drawn, letter, beside, cv2.FONT_HERSHEY_SIMPLEX, 0.55, ink, width, cv2.LINE_AA)
+
+
+def side_by_side(primary: Tile, secondary: Tile) -> bytes:
+    """Both tiles as one JPEG, the primary on the left."""
+    gap = np.full((HEIGHT, 4, 3), 128, np.uint8)
+    done, content = cv2.imencode(".jpg", np.hstack([primary, gap, secondary]))
+    assert done  # an 8-bit array of a fixed size
+    return bytes(content)
+
+
+def box_around(centres: CentrePair, shape: tuple[int, ...]) -> tuple[int, int, int, int]:
+    """Left, top, right and bottom of the part of an image of `shape` to show, in whole pixels.
+
+    It has the shape of a tile where the image allows, and half the bar's length around the targets.
+    """
+    height, width = shape[:2]
+    points = np.array([(c.u, c.v) for c in centres if c and np.isfinite([c.u, c.v]).all()])
+    if not len(points):
+        return 0, 0, width, height
+    low, high = points.min(axis=0), points.max(axis=0)
+    margin = max(0.5 * float(np.linalg.norm(high - low)), 60.0)
+    reach = (high - low) / 2 + margin
+    reach = np.maximum(reach, reach[::-1] * np.array([WIDTH / HEIGHT, HEIGHT / WIDTH]))
+    # A box that would leave the image is moved into it, as far as the image is large enough.
+    middle = np.clip((low + high) / 2, reach, np.maximum((width, height) - reach, reach))
+    left, top = np.clip(middle - reach, 0, (width - 1, height - 1)).astype(int)
+    right, bottom = np.clip(middle + reach + 1, (left + 1, top + 1), (width, height)).astype(int)
+    return int(left), int(top), int(right), int(bottom)
+
+
+def eight_bits(part: npt.NDArray[Any]) -> npt.NDArray[np.uint8]:
+    """An image as a screen shows it.
+
+    More than eight bits are stretched from the darkest to the brightest part, as 12 in 16 are.
+    """
+    if part.dtype == np.uint8:
+        return part
+    low, high = np.percentile(part[:: max(1, part.shape[0] // 512)], (0.5, 99.5))
+    stretched = (part.astype(np.float32) - np.float32(low)) * np.float32(255 / max(high - low, 1.0))
+    shown: npt.NDArray[np.uint8] = np.clip(stretched, 0, 255).astype(np.uint8)
+    return shown

@@ -1,0 +1,1 @@
+"""Boards in photographs, and what is said and kept of a lens."""

@@ -1,0 +1,135 @@
+"""What a lens calibration leaves on disk: the whole result, and what goes with the camera file."""
+
+from __future__ import annotations
+
+import dataclasses
+import io
+import json
+import zipfile
+from typing import Any
+
+import numpy as np
+
+from stereocal.errors import StereocalError
+from stereocal.intrinsics import PARAMETERS, LensCalibration, LensSettings
+from stereocal.lens.board_pattern import BoardPattern
+from stereocal.lens.boards import BoardSearch, BoardView, Refused
+
+RESULT_FORMAT = "stereocal-lens/1"
+
+
+def about(calibration: LensCalibration) -> dict[str, Any]:
+    """How the camera was found, for its file."""
+    search, settings = calibration.search, calibration.settings
+    return {
+        "method": (
+            f"median of {settings.repeats} calibrations, each with {settings.subset} of "
+            f"{len(search.views)} photographs"
+        ),
+        "uncertainty": "standard errors (delete-d jackknife)",
+        "board": _pattern_json(search.pattern),
+        "settings": dataclasses.asdict(settings),
+        "reprojection_error_px": calibration.error_px,
+        "spread": dict(zip(PARAMETERS, calibration.spread.tolist(), strict=True)),
+        "all_photographs": dict(zip(PARAMETERS, calibration.of_all.tolist(), strict=True)),
+    }
+
+
+def pack_search(search: BoardSearch) -> bytes:
+    """The boards that were found, as one file."""
+    return _pack(_search_json(search), _search_arrays(search))
+
+
+def unpack_search(content: bytes) -> BoardSearch:
+    """What `pack_search` wrote.
+
+    Raises:
+        StereocalError: another content.
+    """
+    head, arrays = _unpack(content)
+    return _search(head, arrays)
+
+
+def pack_lens(calibration: LensCalibration) -> bytes:
+    """A calibration as one file."""
+    head = {
+        **_search_json(calibration.search),
+        "settings": dataclasses.asdict(calibration.settings),
+    }
+    arrays = {name: getattr(calibration, name) for name in ("drawn", "draws", "of_all")}
+    return _pack(head, {**_search_arrays(calibration.search), **arrays})
+
+
+def unpack_lens(content: bytes) -> LensCalibration:
+    """What `pack_lens` wrote.
+
+    Raises:
+        StereocalError: another content.
+    """
+    head, arrays = _unpack(content)
+    try:
+        settings = LensSettings(**head["settings"])
+        numbers = (arrays[name] for name in ("drawn", "draws", "of_all"))
+        return LensCalibration(_search(head, arrays), settings, *numbers)
+    except (KeyError, TypeError) as error:
+        raise StereocalError(_DAMAGED) from error
+
+
+_DAMAGED = "The last lens result of this project cannot be read; calibrate the lens again."
+
+
+def _pattern_json(pattern: BoardPattern) -> dict[str, Any]:
+    return dataclasses.asdict(pattern)
+
+
+def _search_json(search: BoardSearch) -> dict[str, Any]:
+    return {
+        "format": RESULT_FORMAT,
+        "pattern": _pattern_json(search.pattern),
+        "views": [[view.name, view.image_size, view.turned] for view in search.views],
+        "refused": [[item.name, item.reason, item.image_size] for item in search.refused],
+    }
+
+
+def _search_arrays(search: BoardSearch) -> dict[str, Any]:
+    return {
+        "ids": np.concatenate([view.ids for view in search.views]),
+        "corners": np.concatenate([view.corners for view in search.views]),
+        "counts": np.array([len(view.ids) for view in search.views]),
+    }
+
+
+def _search(head: dict[str, Any], arrays: dict[str, Any]) -> BoardSearch:
+    try:
+        ends = np.cumsum(arrays["counts"])[:-1]
+        parts = zip(np.split(arrays["ids"], ends), np.split(arrays["corners"], ends), strict=True)
+        views = tuple(
+            BoardView(name, (size[0], size[1]), ids, corners, turned)
+            for (name, size, turned), (ids, corners) in zip(head["views"], parts, strict=True)
+        )
+        refused = tuple(
+            Refused(name, reason, (size[0], size[1]) if size else None)
+            for name, reason, size in head["refused"]
+        )
+        return BoardSearch(BoardPattern(**head["pattern"]), views, refused)
+    except (KeyError, TypeError, ValueError, IndexError) as error:
+        raise StereocalError(_DAMAGED) from error
+
+
+def _pack(head: dict[str, Any], arrays: dict[str, Any]) -> bytes:
+    packed = io.BytesIO()
+    text = np.frombuffer(json.dumps(head, allow_nan=False).encode(), np.uint8)
+    np.savez_compressed(packed, head=text, **arrays)
+    return packed.getvalue()
+
+
+def _unpack(content: bytes) -> tuple[dict[str, Any], dict[str, Any]]:
+    try:
+        with np.load(io.BytesIO(content), allow_pickle=False) as archive:
+            arrays = {name: archive[name] for name in archive.files}
+        head = json.loads(arrays.pop("head").tobytes())
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+        raise StereocalError(_DAMAGED) from error
+    if not isinstance(head, dict) or head.get("format") != RESULT_FORMAT:
+        raise StereocalError(_DAMAGED)
+    return head, arrays

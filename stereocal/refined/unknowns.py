@@ -1,0 +1,201 @@
+"""What the refined method may move, from where, and how far: its unknowns and their priors."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+
+from stereocal.camera import Camera
+from stereocal.compiled import FloatArray
+from stereocal.dataset import Dataset
+from stereocal.errors import StereocalError
+from stereocal.geometry import Pose
+from stereocal.refined.bar_fit import BAR, BASELINE, EPSILON, PRIMARY, SECONDARY, SHARED
+
+DEFAULT_FOCAL = 0.01
+DEFAULT_CENTRE_PX = 10.0
+DEFAULT_BASELINE = 0.01
+"""As a fraction of the baseline; it is measured between housings, the model's lies within."""
+DEFAULT_DISTANCE = 0.001
+"""As a fraction of the bar: half a millimetre on half a metre."""
+
+ANGLES = ("yaw", "pitch", "roll", "delta", "epsilon")
+
+
+@dataclass(frozen=True)
+class LensPrior:
+    """How well a lens is known; 0 holds it fixed, infinity knows nothing.
+
+    Raises:
+        StereocalError: a negative number or NaN.
+    """
+
+    focal: float = DEFAULT_FOCAL
+    """Standard deviation of the focal length, as a fraction of it."""
+    centre_px: float = DEFAULT_CENTRE_PX
+    """Standard deviation of each coordinate of the principal point, in pixels."""
+    apart: bool = False
+    """fx and fy each by itself; else both by one factor."""
+
+    def __post_init__(self) -> None:
+        if not (self.focal >= 0 and self.centre_px >= 0):
+            raise StereocalError("The uncertainty of a lens must be 0 (fixed) or more.")
+
+
+FIXED_LENS = LensPrior(0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class RefineSettings:
+    """Settings of the refined method. An uncertainty of 0 holds the number fixed.
+
+    Raises:
+        StereocalError: a negative number, NaN, or an unknown loss.
+    """
+
+    primary: LensPrior = field(default_factory=LensPrior)
+    secondary: LensPrior = field(default_factory=LensPrior)
+    baseline_sigma_m: float | None = None
+    """None: what the data set says, else 1 % of the baseline."""
+    distance_sigma_m: float | None = None
+    """Error of the measured bar that all frames share. None: the data set's, else 0.1 %."""
+    sigma_px: float | None = None
+    """Noise of an image coordinate. None: estimated from the residuals."""
+    scatter_m: float | None = None
+    """Error of the bar's length that differs from frame to frame. None: from the residuals."""
+    loss: Literal["robust", "squares"] = "robust"
+    """`squares` trusts every frame."""
+    maximum_steps: int = 60
+    """Of each of the few solves."""
+
+    def __post_init__(self) -> None:
+        for name in ("baseline_sigma_m", "distance_sigma_m", "scatter_m", "sigma_px"):
+            value = getattr(self, name)
+            if value is not None and not value >= 0:
+                raise StereocalError(f"{name} is {value}: it must be 0 or more.")
+        if self.sigma_px == 0:
+            raise StereocalError("sigma_px is 0: no image point is known exactly.")
+        if self.loss not in ("robust", "squares"):
+            raise StereocalError(f'The loss "{self.loss}" is not known: robust or squares.')
+        if self.maximum_steps < 1:
+            raise StereocalError("maximum_steps must be at least 1.")
+
+    def to_json(self) -> dict[str, Any]:
+        """All settings; infinity as the text "inf", which JSON does not know."""
+        settings: dict[str, Any] = _without_infinity(asdict(self))
+        return settings
+
+
+@dataclass(frozen=True, eq=False)
+class Unknowns:
+    """The free numbers p of a solve and the 15 shared ones, q = origin + M p."""
+
+    names: tuple[str, ...]
+    origin: FloatArray
+    """(15,), with the stated values; angles and start of the others at p = 0."""
+    M: FloatArray
+    """(15, k)."""
+    sigma: FloatArray
+    """(k,), standard deviation of the prior of each p, infinite where there is none."""
+
+    @property
+    def precision(self) -> FloatArray:
+        """(k,): 1 / sigma^2."""
+        return 1.0 / np.square(self.sigma)
+
+
+def unknowns_of(
+    dataset: Dataset, start: Pose, settings: RefineSettings, bars: bool = True
+) -> Unknowns:
+    """The unknowns of a data set.
+
+    Args:
+        bars: whether there are bars; without, nothing is to be known of their length.
+
+    Raises:
+        StereocalError: nothing fixes the scale.
+    """
+    origin = np.empty(SHARED)
+    origin[: EPSILON + 1] = start.angles
+    origin[BASELINE], origin[BAR] = dataset.baseline_m, 1.0
+    for at, camera in ((PRIMARY, dataset.primary), (SECONDARY, dataset.secondary)):
+        origin[at : at + 4] = _lens(camera)
+    baseline = baseline_sigma_m(dataset, settings)
+    bar = distance_sigma_m(dataset, settings) / dataset.target_distance_m if bars else 0.0
+    if np.isinf(baseline) and (np.isinf(bar) or not bars):
+        raise StereocalError(
+            "Nothing fixes the scale: give the baseline or the bar an uncertainty."
+        )
+    columns: list[tuple[str, float, FloatArray]] = [
+        (name, np.inf, _unit(i)) for i, name in enumerate(ANGLES)
+    ]
+    columns += [("baseline", baseline, _unit(BASELINE)), ("bar", bar, _unit(BAR))]
+    for name, at, prior in (
+        ("primary", PRIMARY, settings.primary),
+        ("secondary", SECONDARY, settings.secondary),
+    ):
+        along_x, along_y = origin[at] * _unit(at), origin[at + 1] * _unit(at + 1)
+        if prior.apart:
+            columns += [
+                (f"{name} fx", prior.focal, along_x),
+                (f"{name} fy", prior.focal, along_y),
+            ]
+        else:
+            columns.append((f"{name} focal", prior.focal, along_x + along_y))
+        columns += [
+            (f"{name} cx", prior.centre_px, _unit(at + 2)),
+            (f"{name} cy", prior.centre_px, _unit(at + 3)),
+        ]
+    free = [column for column in columns if column[1] > 0]
+    return Unknowns(
+        names=tuple(name for name, _, _ in free),
+        origin=origin,
+        M=np.ascontiguousarray(np.column_stack([along for _, _, along in free])),
+        sigma=np.array([sigma for _, sigma, _ in free]),
+    )
+
+
+def baseline_sigma_m(dataset: Dataset, settings: RefineSettings) -> float:
+    """Standard deviation of the measured baseline, as `RefineSettings` says."""
+    return _first(
+        settings.baseline_sigma_m, dataset.baseline_sigma_m, DEFAULT_BASELINE * dataset.baseline_m
+    )
+
+
+def distance_sigma_m(dataset: Dataset, settings: RefineSettings) -> float:
+    """Standard deviation of the measured bar, as `RefineSettings` says."""
+    return _first(
+        settings.distance_sigma_m,
+        dataset.target_distance_sigma_m,
+        DEFAULT_DISTANCE * dataset.target_distance_m,
+    )
+
+
+def camera_of(stated: Camera, lens: FloatArray) -> Camera:
+    """The stated camera with other fx, fy, cx, cy."""
+    K = stated.K.copy()
+    K[0, 0], K[1, 1], K[0, 2], K[1, 2] = lens
+    return Camera(K, stated.distortion, stated.image_size)
+
+
+def _lens(camera: Camera) -> FloatArray:
+    K = camera.K
+    return np.array([K[0, 0], K[1, 1], K[0, 2], K[1, 2]])
+
+
+def _unit(at: int) -> FloatArray:
+    unit = np.zeros(SHARED)
+    unit[at] = 1.0
+    return unit
+
+
+def _first(*values: float | None) -> float:
+    return next(value for value in values if value is not None)
+
+
+def _without_infinity(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _without_infinity(inner) for key, inner in value.items()}
+    return "inf" if isinstance(value, float) and np.isinf(value) else value
