@@ -20,14 +20,17 @@ from stereocal.parameters import RigParameters, inputs_of
 from stereocal.refine import RefinedResult, refine
 from stereocal.refined.unknowns import RefineSettings
 
-Method = Literal["essential", "2d", "3d"]
+Method = Literal["essential", "2d", "3d", "refined"]
 METHODS: tuple[Method, ...] = ("essential", "2d", "3d")
+"""The paper's."""
+ALL_METHODS: tuple[Method, ...] = (*METHODS, "refined")
 METHOD_NAMES: Mapping[Method, str] = {
     "essential": "Essential matrix",
     "2d": "2D set",
     "3d": "3D set",
+    "refined": "Refined set",
 }
-COST_UNITS: Mapping[Method, str] = {"essential": "", "2d": "px", "3d": "m"}
+COST_UNITS: Mapping[Method, str] = {"essential": "", "2d": "px", "3d": "m", "refined": ""}
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, Future, as_completed
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -30,8 +30,11 @@ from stereocal.compiled import BoolArray, CountArray, FloatArray, IntArray
 from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
 from stereocal.essential import calibrate_essential
+from stereocal.geometry import Angles, Pose
 from stereocal.montecarlo import minimise
 from stereocal.protocol import BINS, calibrate_rays, validate_rays
+from stereocal.refine import refine
+from stereocal.refined.unknowns import RefineSettings
 
 MOST_PARTNERS = 99
 MINIMUM_VALIDATION_FRAMES = 2
@@ -48,6 +51,8 @@ class EvaluationSettings:
     calibration: CalibrationSettings = field(default_factory=CalibrationSettings)
     runs: int = 100
     calibration_frames: int = 20
+    refined: RefineSettings | None = None
+    """Settings of the refined method; None leaves it out."""
 
     def __post_init__(self) -> None:
         if self.runs < 1 or self.calibration_frames < 1:
@@ -59,6 +64,7 @@ class EvaluationSettings:
             **self.calibration.to_json(),
             "runs": self.runs,
             "calibration_frames": self.calibration_frames,
+            "refined": self.refined.to_json() if self.refined else None,
         }
 
     @classmethod
@@ -70,21 +76,25 @@ class EvaluationSettings:
         """
         rest = dict(data)
         own = {name: rest.pop(name) for name in ("runs", "calibration_frames") if name in rest}
-        return cls(CalibrationSettings.from_json(rest), **own)
+        given = rest.pop("refined", None)
+        refined = RefineSettings.from_json(given) if given else None
+        return cls(CalibrationSettings.from_json(rest), refined=refined, **own)
 
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """What one run counted. First axis: the methods, in the order of `METHODS`."""
+    """What one run counted. First axis: the methods, in the order of `ALL_METHODS`; 3 or 4."""
 
     counts: CountArray
-    """(3, 2, 2, BINS + 2): method; residual, reprojection; wrong, correct; bin."""
+    """(methods, 2, 2, BINS + 2): method; residual, reprojection; wrong, correct; bin."""
     nans: IntArray
-    """(3, 2): pairs not reconstructed in front of both cameras; wrong, correct."""
+    """(methods, 2): pairs not reconstructed in front of both cameras; wrong, correct."""
     lengths: FloatArray
-    """(3, m): D^R / D of the validation bars; NaN where there is none."""
+    """(methods, m): D^R / D of the validation bars; NaN where there is none."""
     angles: FloatArray
-    """(3, 5), in radians."""
+    """(methods, 5), in radians; NaN where the refined method found nothing."""
+    correct_px: FloatArray
+    """(methods,): mean reprojection error of the correct pairs; NaN where none has a value."""
 
 
 def evaluate_run(dataset: Dataset, settings: EvaluationSettings, number: int, run: int) -> Run:
@@ -101,7 +111,12 @@ def evaluate_run(dataset: Dataset, settings: EvaluationSettings, number: int, ru
     fit = split(dataset, settings.calibration_frames, seeds[0])
     check_points(dataset, fit)
     angles = _fit(dataset, fit, own, seeds[1], seeds[2])
-    return _test(dataset, ~fit, angles, np.random.Generator(np.random.PCG64(seeds[3])))
+    rng = np.random.Generator(np.random.PCG64(seeds[3]))
+    partners = _partners(int(np.count_nonzero(~fit)), rng)
+    found = _test(dataset, ~fit, angles, partners)
+    if settings.refined is None:
+        return found
+    return _stacked(found, _refined(dataset, fit, angles[0], settings.refined, partners))
 
 
 def _fit(
@@ -164,20 +179,52 @@ def check_split(dataset: Dataset, calibration_frames: int) -> None:
         )
 
 
-def _test(dataset: Dataset, rows: BoolArray, angles: FloatArray, rng: np.random.Generator) -> Run:
-    """Count all pairs of some rows (n,) with the angles of each method, (3, 5)."""
+def _refined(
+    dataset: Dataset,
+    fit: BoolArray,
+    start: FloatArray,
+    settings: RefineSettings,
+    partners: IntArray,
+) -> Run:
+    """The refined method, fitted to some rows (n,) and tested on the others with its own lenses.
+
+    Where it finds nothing, no pair and no bar has a value.
+    """
+    pose = Pose.from_angles(Angles(*start.tolist()), dataset.baseline_m)
+    try:
+        found = refine(dataset, settings, pose, fit)
+        own = replace(
+            dataset,
+            primary=found.primary,
+            secondary=found.secondary,
+            baseline_m=found.pose.baseline,
+        )
+    except StereocalError:
+        return _test(dataset, ~fit, np.full((1, 5), np.nan), partners)
+    return _test(own, ~fit, np.array([found.pose.angles]), partners)
+
+
+def _stacked(first: Run, second: Run) -> Run:
+    """One run with the methods of both."""
+    pairs = ((getattr(first, one.name), getattr(second, one.name)) for one in fields(Run))
+    return Run(*(np.concatenate(pair) for pair in pairs))
+
+
+def _test(dataset: Dataset, rows: BoolArray, angles: FloatArray, partners: IntArray) -> Run:
+    """Count all pairs of some rows (n,) with the angles of each method, (methods, 5)."""
     counts = np.zeros((len(angles), 2, 2, BINS + 2), dtype=np.int32)
     nans = np.zeros((len(angles), 2), dtype=np.int64)
+    correct_px = np.empty(len(angles))
     bars = dataset.bars_among(rows)
     lengths = np.empty((len(angles), np.count_nonzero(bars)))
     ends = dataset.correspondences.bars[bars].T.ravel()
     validate_rays(
         angles, dataset.baseline_m, dataset.pixel_scale,
-        np.ascontiguousarray(dataset.rays[:, rows]), _partners(int(np.count_nonzero(rows)), rng),
+        np.ascontiguousarray(dataset.rays[:, rows]), partners,
         np.ascontiguousarray(dataset.rays[:, ends]), dataset.bar_distances_m[bars],
-        counts, nans, lengths,
+        counts, nans, lengths, correct_px,
     )  # fmt: skip
-    return Run(counts, nans, lengths, angles)
+    return Run(counts, nans, lengths, angles, correct_px)
 
 
 def _partners(points: int, rng: np.random.Generator) -> IntArray:

@@ -112,6 +112,7 @@ def pack_evaluation(evaluation: Evaluation) -> bytes:
         arrays[f"counts{at}"] = np.array([run.counts for run in of_one], dtype=np.int32)
         arrays[f"nans{at}"] = np.array([run.nans for run in of_one])
         arrays[f"angles{at}"] = np.array([run.angles for run in of_one])
+        arrays[f"correct_px{at}"] = np.array([run.correct_px for run in of_one])
         # Runs may test with different numbers of bars: frames with one target have none.
         arrays[f"bars{at}"] = np.array([run.lengths.shape[1] for run in of_one])
         arrays[f"lengths{at}"] = np.concatenate([run.lengths for run in of_one], axis=1)
@@ -135,9 +136,11 @@ def unpack_evaluation(content: bytes) -> Evaluation:
                 ends = np.cumsum(arrays[f"bars{at}"])[:-1]
                 lengths = np.split(arrays[f"lengths{at}"], ends, axis=1)
                 nans, angles = arrays[f"nans{at}"], arrays[f"angles{at}"]
-                runs.append(
-                    [Run(*parts) for parts in zip(counts, nans, lengths, angles, strict=True)]
-                )
+                # Validations of before the refined method do not have it.
+                name = f"correct_px{at}"
+                px = arrays[name] if name in arrays else np.full(angles.shape[:2], np.nan)
+                parts = zip(counts, nans, lengths, angles, px, strict=True)
+                runs.append([Run(*own) for own in parts])
             return Evaluation(
                 runs,
                 EvaluationSettings.from_json(about["settings"]),

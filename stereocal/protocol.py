@@ -100,6 +100,7 @@ def validate_rays(
     counts: CountArray,
     nans: IntArray,
     lengths: FloatArray,
+    correct_px: FloatArray,
 ) -> None:
     """Count the errors of all pairs with the angles of each method, and measure the bars.
 
@@ -111,6 +112,7 @@ def validate_rays(
         counts: (methods, 2, 2, BINS + 2), added to: residual, reprojection; wrong, correct; bin.
         nans: (methods, 2), added to: wrong, correct.
         lengths: (methods, m), written: D^R / D.
+        correct_px: (methods,), written: mean reprojection error of the correct pairs that have one.
     """
     R, T, E = np.empty((3, 3)), np.empty(3), np.empty((3, 3))
     bars = len(distances)
@@ -118,7 +120,9 @@ def validate_rays(
     for method in range(len(angles)):
         fill_pose(angles[method], baseline, R, T)
         fill_essential(R, T, E)
-        count_pairs(R, T, E, rays, pixel_scale, partners, counts[method], nans[method])
+        correct_px[method] = count_pairs(
+            R, T, E, rays, pixel_scale, partners, counts[method], nans[method]
+        )
         for k in range(bars):
             a = midpoint(R, T, xp[k], yp[k], xs[k], ys[k])
             j = k + bars
@@ -137,8 +141,12 @@ def count_pairs(
     partners: IntArray,
     counts: CountArray,
     nans: IntArray,
-) -> None:
-    """Add |residual| and reprojection error of all pairs to `counts`, and the NaN to `nans`."""
+) -> float:
+    """Add |residual| and reprojection error of all pairs to `counts`, and the NaN to `nans`.
+
+    Returns the mean reprojection error of the correct pairs that have one; NaN if none has.
+    """
+    total, known = 0.0, 0
     xp, yp, xs, ys = rays[0], rays[1], rays[2], rays[3]
     for i in range(partners.shape[0]):
         a = E[0, 0] * xp[i] + E[0, 1] * yp[i] + E[0, 2]
@@ -152,7 +160,11 @@ def count_pairs(
             error = 0.5 * (first + second)
             if np.isnan(error):
                 nans[label] += 1
+            elif label == CORRECT:
+                total += error
+                known += 1
             counts[REPROJECTION, label, bin_of(error)] += 1
+    return total / known
 
 
 @compiled

@@ -18,7 +18,7 @@ import scipy
 from plotly.offline import get_plotlyjs
 
 import stereocal
-from stereocal.calibrate import METHOD_NAMES, METHODS, Method
+from stereocal.calibrate import ALL_METHODS, METHOD_NAMES, Method
 from stereocal.dataset import Dataset
 from stereocal.evaluation import EvaluationSettings
 from stereocal.figures.comparison import describe_comparison, plot_comparison
@@ -44,6 +44,7 @@ SETTING_NAMES = {
     "calibration_frames": "Frames to calibrate with, in each run",
     "known_points": "3D cost from known points instead of lengths",
     "runs": "Runs for each data set",
+    "refined": "Settings of the refined method",
 }
 STYLE = """
 :root { color-scheme: light dark; --ink: #1b2631; --page: #ffffff; --rule: #c9d0d6;
@@ -218,7 +219,7 @@ def _table(table: pd.DataFrame) -> str:
 
 def _angles(summaries: Mapping[Method, MethodSummary], datasets: Sequence[Dataset]) -> str:
     columns: dict[str, list[str]] = {}
-    for method in (method for method in METHODS if method in summaries):
+    for method in (method for method in ALL_METHODS if method in summaries):
         means, spreads = summaries[method].angle_means, summaries[method].angle_spreads
         columns[METHOD_NAMES[method]] = [
             f"{math.degrees(mean):.4f} ± {math.degrees(spread):.4f}"
@@ -237,14 +238,19 @@ def _settings(
     settings: EvaluationSettings, summaries: Mapping[Method, MethodSummary]
 ) -> pd.DataFrame:
     lines = {
-        SETTING_NAMES.get(name, name): {True: "yes", False: "no"}.get(value, str(value))
-        if isinstance(value, bool)
-        else f"{value}"
-        for name, value in settings.to_json().items()
+        SETTING_NAMES.get(name, name): _setting(value) for name, value in settings.to_json().items()
     }
     edges = next(iter(summaries.values())).residual.correct.edges
     lines["Width of the bins (decades)"] = f"{edges[1] - edges[0]:.3g}"
     return pd.DataFrame({"Value": lines}).rename_axis("Setting")
+
+
+def _setting(value: object) -> str:
+    if isinstance(value, dict):
+        return ", ".join(f"{key} {_setting(inner)}" for key, inner in value.items())
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return "none" if value is None else str(value)
 
 
 def _software() -> str:

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from scipy.special import stdtrit
 
-from stereocal.calibrate import METHODS, Method
+from stereocal.calibrate import ALL_METHODS, Method
 from stereocal.compiled import FloatArray, IntArray
 from stereocal.errors import StereocalError
 from stereocal.evaluation import Run
@@ -163,7 +163,7 @@ def summarise(
     )
     nans = np.sum([run.nans for unit in units for run in unit], axis=0)
     found: dict[Method, MethodSummary] = {}
-    for at, method in enumerate(METHODS):
+    for at, method in enumerate(ALL_METHODS[: counts.shape[1]]):
         found[method] = MethodSummary(
             residual=_discrimination(
                 counts[:, at, RESIDUAL], np.zeros(2, dtype=np.int64), merge, weights
@@ -208,8 +208,10 @@ def best_methods(summaries: Mapping[Method, MethodSummary]) -> dict[str, Method]
 
 
 def _angles(runs: Sequence[Run], at: int) -> FloatArray:
-    """(runs, 5), unwrapped: an angle near +-180 degrees does not jump."""
-    return np.asarray(np.unwrap([run.angles[at] for run in runs], axis=0))
+    """(runs, 5), unwrapped: an angle near +-180 degrees does not jump; runs without are left out."""
+    found = np.array([run.angles[at] for run in runs])
+    known = found[np.isfinite(found).all(axis=1)]
+    return np.asarray(np.unwrap(known, axis=0)) if len(known) else np.full((1, 5), np.nan)
 
 
 def _discrimination(
@@ -347,6 +349,8 @@ def _plain(value: Any) -> Any:
     """NaN as None, also within a dict: JSON has no NaN."""
     if isinstance(value, dict):
         return {key: _plain(inner) for key, inner in value.items()}
+    if isinstance(value, list):
+        return [_plain(inner) for inner in value]
     if isinstance(value, float) and not np.isfinite(value):
         return None
     return value

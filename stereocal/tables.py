@@ -8,7 +8,15 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 
-from stereocal.calibrate import COST_UNITS, METHOD_NAMES, METHODS, Calibration, Method, errors_of
+from stereocal.calibrate import (
+    ALL_METHODS,
+    COST_UNITS,
+    METHOD_NAMES,
+    METHODS,
+    Calibration,
+    Method,
+    errors_of,
+)
 from stereocal.dataset import Dataset
 from stereocal.summary import Estimate, MethodSummary, best_methods
 
@@ -112,7 +120,7 @@ def validation_table(summaries: Mapping[Method, MethodSummary]) -> pd.DataFrame:
                 **_measuring_column(summaries[method]),
                 **_counts_column(summaries[method]),
             }
-            for method in METHODS
+            for method in ALL_METHODS
             if method in summaries
         }
     ).rename_axis("Held-out frames; in brackets 95 % intervals")
@@ -163,8 +171,22 @@ def validation_answer(summaries: Mapping[Method, MethodSummary]) -> str:
     """Which set to match with, at which limit, and which to measure with, and how well.
 
     The 2D set is named for matching and the 3D set for measuring where they are best, or where
-    their interval overlaps that of the best; then it is said which methods are level with them.
+    their interval overlaps that of the best; then it is said which methods are level with them. The
+    refined set, where there is one, has a sentence of its own.
     """
+    paper = {method: summaries[method] for method in METHODS if method in summaries}
+    answer = _answer_of(paper)
+    if "refined" in summaries:
+        refined = summaries["refined"]
+        answer += (
+            f" The one refined set does both: at {digits(refined.reprojection.threshold, 2)} px "
+            f"{percent(refined.reprojection.wrong_let_in)} % of wrong pairs pass, and 95 % of bars "
+            f"are within {percent(refined.reconstruction.p95)} %."
+        )
+    return answer
+
+
+def _answer_of(summaries: Mapping[Method, MethodSummary]) -> str:
     best = best_methods(summaries)
     fcps = {method: summary.reprojection.fcp for method, summary in summaries.items()}
     medians = {method: summary.reconstruction.median for method, summary in summaries.items()}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import multiprocessing
 import os
@@ -47,6 +48,7 @@ from stereocal.protocol import (
     WRONG,
     count_pairs,
 )
+from stereocal.refined.unknowns import RefineSettings
 from stereocal.summary import summarise
 from tests import reference, rig
 
@@ -403,3 +405,41 @@ def test_a_frame_with_one_target_gives_no_length(field: Dataset) -> None:
     assert all(methods == 3 for methods, _ in lengths)
     # 13 of 25 frames have a bar; 5 of 25 are drawn.
     assert 1 < sum(bars for _, bars in lengths) < 5 * FEW.runs
+
+
+def test_the_refined_method_is_a_fourth_row_and_leaves_the_others(field: Dataset) -> None:
+    paper = evaluate_run(field, FEW, 0, 3)
+    run = evaluate_run(field, replace(FEW, refined=RefineSettings()), 0, 3)
+    assert run.counts.shape == (4, *paper.counts.shape[1:])
+    assert np.array_equal(run.counts[:3], paper.counts)
+    assert np.array_equal(run.lengths[:3], paper.lengths)
+    assert run.counts[3].sum(axis=-1).tolist() == [[90, 10], [90, 10]]
+    # With exact lenses one set is about as good as each of the two at its own job.
+    assert run.correct_px[3] < 1.5 * run.correct_px[1]
+    assert np.isfinite(run.lengths[3]).all()
+    assert summarise([[run]]).keys() == {"essential", "2d", "3d", "refined"}
+
+
+def test_a_refined_method_that_finds_nothing_has_no_values(
+    field: Dataset, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> None:
+        raise StereocalError("nothing fits")
+
+    monkeypatch.setattr("stereocal.evaluation.refine", refuse)
+    run = evaluate_run(field, replace(FEW, refined=RefineSettings()), 0, 3)
+    assert run.nans[3].tolist() == [90, 10]
+    assert np.isnan(run.lengths[3]).all()
+    assert np.isnan(run.correct_px[3])
+    assert np.isfinite(run.correct_px[:3]).all()
+    found = summarise([[run]])["refined"]
+    assert found.reconstruction.pdf.nans == 5
+    assert json.dumps(found.to_json(), allow_nan=False).count("null") > 10
+
+
+def test_refined_runs_are_the_same_on_every_engine(field: Dataset) -> None:
+    settings = replace(FEW, runs=4, refined=RefineSettings())
+    alone = [[evaluate_run(field, settings, 0, run) for run in range(4)]]
+    with ThreadPoolExecutor(3) as threads:
+        assert same(evaluate([field], settings, threads, chunk=1), alone)
+    assert EvaluationSettings.from_json(settings.to_json()) == settings

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -37,7 +38,7 @@ def runs() -> list[list[Run]]:
 
 
 def test_evaluation_comes_back_as_it_was(runs: list[list[Run]]) -> None:
-    odd = Run(runs[0][0].counts, runs[0][0].nans, runs[0][0].lengths[:, :2], runs[0][0].angles)
+    odd = replace(runs[0][0], lengths=runs[0][0].lengths[:, :2])
     kept = [runs[0], [odd, *runs[0][1:3]]]
     evaluation = Evaluation(kept, SETTINGS, ["one", "two"], ["a", "b"])
     back = unpack_evaluation(pack_evaluation(evaluation))
@@ -46,7 +47,7 @@ def test_evaluation_comes_back_as_it_was(runs: list[list[Run]]) -> None:
     assert [len(of_one) for of_one in back.runs] == [6, 3]
     for before, after in zip(kept, back.runs, strict=True):
         for one, other in zip(before, after, strict=True):
-            for name in ("counts", "nans", "lengths", "angles"):
+            for name in ("counts", "nans", "lengths", "angles", "correct_px"):
                 np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
 
 

@@ -34,7 +34,8 @@ def run_of(correct: FloatArray, wrong: FloatArray, lengths: FloatArray | None = 
         counts[:, :, label, BELOW] = (values < edges[0]).sum()
         counts[:, :, label, ABOVE] = (values >= edges[-1]).sum()
     ratios = np.array([1.01, 0.98]) if lengths is None else lengths
-    return Run(counts, np.zeros((3, 2), dtype=np.int64), np.tile(ratios, (3, 1)), np.zeros((3, 5)))
+    nans = np.zeros((3, 2), dtype=np.int64)
+    return Run(counts, nans, np.tile(ratios, (3, 1)), np.zeros((3, 5)), np.ones(3))
 
 
 def log_normal_runs(

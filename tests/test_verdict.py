@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from benchmarks.refined_rigs import Misjudged, random_scene, stated
 from stereocal.calibrate import CalibrationSettings, errors_of
 from stereocal.errors import StereocalError
-from stereocal.geometry import Pose
+from stereocal.evaluation import EvaluationSettings, evaluate_run, split
+from stereocal.geometry import Angles, Pose
 from stereocal.refine import refine
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.refined.verdict import HeldOut, held_out, run_splits, verdict
@@ -92,18 +95,26 @@ def test_the_interval_holds_the_truth() -> None:
 
 
 def test_figures_of_a_run() -> None:
+    """Of an evaluation's run, against the errors of the same sets on the same frames."""
     data = rig.dataset(20, 0.2)
-    tested = data.correspondences.frame > 15
-    test = data.of_frames(range(16, 21))
-    other = Pose(rig.RIG.R, 1.01 * rig.RIG.T)
-    found = refine(data, rows=~tested)
-    figures = held_out(data, tested, rig.RIG, other, found)
+    protocol = EvaluationSettings(runs=1, calibration_frames=15, refined=RefineSettings())
+    run = evaluate_run(data, protocol, 0, 0)
+    figures = held_out(run, data, 15)
     assert (figures.fitted_frames, figures.tested_frames) == (15, 5)
-    assert figures.matching_px[0] == pytest.approx(errors_of(test, rig.RIG).mean_reprojection_px)
-    assert figures.length[1] == pytest.approx(errors_of(test, other).mean_length)
+    fit = split(data, 15, np.random.SeedSequence([0, 0, 0]).spawn(4)[0])
+    test = data.of_frames(np.unique(data.correspondences.frame[~fit]))
+    for at, row in ((0, 1), (1, 2)):
+        pose = Pose.from_angles(Angles(*run.angles[row].tolist()), data.baseline_m)
+        errors = errors_of(test, pose)
+        assert figures.matching_px[at] == pytest.approx(errors.mean_reprojection_px)
+        assert figures.length[at] == pytest.approx(errors.mean_length)
+    start = Pose.from_angles(Angles(*run.angles[0].tolist()), data.baseline_m)
+    found = refine(data, RefineSettings(), start, fit)
     own = errors_of(found.apply(test), found.pose)
     assert figures.matching_px[2] == pytest.approx(own.mean_reprojection_px)
     assert figures.length[2] == pytest.approx(own.mean_length)
+    with pytest.raises(StereocalError, match="refined"):
+        held_out(evaluate_run(data, replace(protocol, refined=None), 0, 0), data, 15)
 
 
 def test_from_data_to_verdict() -> None:

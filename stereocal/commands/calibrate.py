@@ -83,7 +83,7 @@ def run(parsed: argparse.Namespace) -> None:
     if calibration.refined is not None:
         inputs = what_disagrees(calibration.refined)
         files[parsed.out / REFINED] = (
-            refined_parameters(calibration.refined, inputs).dumps().encode()
+            refined_parameters(calibration.refined, inputs, figures.get("refined")).dumps().encode()
         )
     write_all(files)
     rows = dataset.correspondences

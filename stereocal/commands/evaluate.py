@@ -11,6 +11,7 @@ from stereocal.engines import engine
 from stereocal.evaluation import EvaluationSettings, evaluate
 from stereocal.evaluation_files import summary_json, unique_names
 from stereocal.formats.dataset_files import read_dataset
+from stereocal.refined.unknowns import RefineSettings
 from stereocal.report import report_html
 from stereocal.summary import summarise_all
 from stereocal.tables import validation_answer
@@ -29,6 +30,12 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
         "--calibration-frames", type=int, default=20, metavar="K", help="of each run (default: 20)"
     )
     command.add_argument("--known-points", action="store_true", help="as for calibrate")
+    command.add_argument(
+        "--no-refined",
+        dest="refined",
+        action="store_false",
+        help="the paper's three methods only",
+    )
     command.add_argument("--workers", type=int, metavar="N", help="N processes (default: threads)")
     command.add_argument("--scheduler", metavar="ADDRESS", help="a Dask cluster: tcp://host:8786")
 
@@ -37,7 +44,10 @@ def run(parsed: argparse.Namespace) -> None:
     """Evaluate, write summary.json and report.html, print the answer."""
     datasets = [read_dataset(path) for path in parsed.datasets]
     settings = EvaluationSettings(
-        settings_from(parsed, calibration_frames=None), parsed.runs, parsed.calibration_frames
+        settings_from(parsed, calibration_frames=None),
+        parsed.runs,
+        parsed.calibration_frames,
+        RefineSettings() if parsed.refined else None,
     )
     with engine(parsed.workers, parsed.scheduler) as executor:
         runs = evaluate(datasets, settings, executor, ProgressBar("runs").show)

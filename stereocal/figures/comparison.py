@@ -9,7 +9,7 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from stereocal.calibrate import METHODS, Method
+from stereocal.calibrate import ALL_METHODS, Method
 from stereocal.compiled import FloatArray
 from stereocal.figures.style import METHOD_COLOURS, METHOD_NAMES, METHOD_SYMBOLS, count, finish
 from stereocal.summary import Estimate, MethodSummary, best_methods
@@ -27,7 +27,7 @@ def plot_comparison(by_dataset: Mapping[str, Mapping[Method, MethodSummary]]) ->
     for row, title in ((1, "FCP, reprojection<br>error (%)"), (2, "Median 3D error (%)")):
         estimates = {
             method: [_estimate(by_dataset[name][method], row) for name in names]
-            for method in METHODS
+            for method in ALL_METHODS
             if all(method in by_dataset[name] for name in names)
         }
         floor = _floor([e for of_method in estimates.values() for e in of_method])
@@ -52,7 +52,7 @@ def describe_comparison(by_dataset: Mapping[str, Mapping[Method, MethodSummary]]
     parts = []
     for row, what in ((1, "FCP of the reprojection error"), (2, "median 3D error")):
         of_methods = []
-        for method in METHODS:
+        for method in ALL_METHODS:
             values = [_estimate(s[method], row).value for s in by_dataset.values() if method in s]
             known = [value for value in values if np.isfinite(value)]
             span = f"{percent(min(known))} to {percent(max(known))} %" if known else "none"
@@ -96,7 +96,7 @@ def _add_comparison(
     ]
     figure.add_trace(
         go.Scatter(
-            x=np.arange(len(names)) + 0.22 * (METHODS.index(method) - 1), y=drawn[:, 0],
+            x=np.arange(len(names)) + 0.2 * (ALL_METHODS.index(method) - 1), y=drawn[:, 0],
             error_y={"type": "data", "array": drawn[:, 2] - drawn[:, 0],
                      "arrayminus": drawn[:, 0] - drawn[:, 1], "thickness": 1.5, "width": 3},
             mode="markers", name=METHOD_NAMES[method], legendgroup=method, showlegend=row == 1,

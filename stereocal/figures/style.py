@@ -16,11 +16,13 @@ METHOD_COLOURS: Mapping[Method, str] = {
     "essential": "#7F7F7F",
     "2d": "#1F83C4",
     "3d": "#D55E00",
+    "refined": "#9467BD",
 }
 METHOD_SYMBOLS: Mapping[Method, str] = {
     "essential": "square",
     "2d": "circle",
     "3d": "triangle-up",
+    "refined": "diamond",
 }
 CORRECT_COLOUR, WRONG_COLOUR = "#009E73", "#E69F00"
 FILLS: Mapping[str, str] = {
@@ -28,6 +30,7 @@ FILLS: Mapping[str, str] = {
     "essential": "rgba(127,127,127,0.45)",
     "2d": "rgba(31,131,196,0.45)",
     "3d": "rgba(213,94,0,0.45)",
+    "refined": "rgba(148,103,189,0.45)",
 }
 """What fills the area below a curve; that of wrong pairs is hatched."""
 TARGET_COLOURS: Mapping[str, str] = {"A": "#009E73", "B": "#CC79A7"}

@@ -9,7 +9,7 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from stereocal.calibrate import METHODS, Method
+from stereocal.calibrate import ALL_METHODS, Method
 from stereocal.errors import StereocalError
 from stereocal.figures.style import (
     CORRECT_COLOUR,
@@ -30,7 +30,7 @@ from stereocal.summary import (
 )
 from stereocal.tables import digits, interval, percent
 
-HEIGHT = 900
+ROW_HEIGHT = 300
 COLUMNS = ("residual", "reprojection", "reconstruction")
 HEADINGS = {
     "residual": "|Residual|",
@@ -91,17 +91,18 @@ def plot_validation(
         StereocalError: a column that is none.
     """
     panels = _panels(summaries, columns)
-    methods = [method for method in METHODS if method in summaries]
+    methods = [method for method in ALL_METHODS if method in summaries]
     titles = {(panel.row, panel.column): _title(panel) for panel in panels}
+    height = ROW_HEIGHT * len(methods)
     lines = max(len(title) for title in titles.values())
     # On a narrow screen, each entry of the legend has a line of its own.
     top = LEGEND_LINE * (4 if len(columns) == 1 else 2) + LINE_HEIGHT * lines + 8
     figure = make_subplots(
         rows=len(methods), cols=len(columns), shared_xaxes="columns",
         horizontal_spacing=0.065 if len(columns) > 1 else 0.0,
-        vertical_spacing=(LINE_HEIGHT * lines + 24) / (HEIGHT - top - FOOT_HEIGHT),
+        vertical_spacing=(LINE_HEIGHT * lines + 24) / (height - top - FOOT_HEIGHT),
     )  # fmt: skip
-    finish(figure, HEIGHT)
+    finish(figure, height)
     for column, quantity in enumerate(columns, start=1):
         own = {(panel.row, column): panel for panel in panels if panel.column == column}
         _add_column(figure, quantity, [(panel, titles[at]) for at, panel in own.items()])
@@ -138,7 +139,7 @@ def _panels(summaries: Mapping[Method, MethodSummary], columns: Sequence[str]) -
             raise StereocalError(f'The column "{quantity}" is not known: {", ".join(COLUMNS)}.')
     best = best_methods(summaries)
     found = []
-    for row, method in enumerate((m for m in METHODS if m in summaries), start=1):
+    for row, method in enumerate((m for m in ALL_METHODS if m in summaries), start=1):
         summary = summaries[method]
         for column, quantity in enumerate(columns, start=1):
             number = (row - 1) * len(columns) + column

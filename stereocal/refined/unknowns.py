@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
@@ -86,6 +87,23 @@ class RefineSettings:
         """All settings; infinity as the text "inf", which JSON does not know."""
         settings: dict[str, Any] = _without_infinity(asdict(self))
         return settings
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> RefineSettings:
+        """The settings that `to_json` describes; what is missing keeps its default.
+
+        Raises:
+            StereocalError: a name that is no setting, or a value of the wrong kind or range.
+        """
+        given = {name: _number(value) for name, value in data.items()}
+        for lens in ("primary", "secondary"):
+            if isinstance(own := given.get(lens), Mapping):
+                numbers = {name: _number(value) for name, value in own.items()}
+                given[lens] = LensPrior(**numbers)
+        try:
+            return cls(**given)
+        except TypeError as error:
+            raise StereocalError(f"The settings cannot be read: {error}.") from error
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,6 +211,10 @@ def _unit(at: int) -> FloatArray:
 
 def _first(*values: float | None) -> float:
     return next(value for value in values if value is not None)
+
+
+def _number(value: Any) -> Any:
+    return np.inf if value == "inf" else value
 
 
 def _without_infinity(value: Any) -> Any:

@@ -16,26 +16,11 @@ from typing import Literal
 import numpy as np
 from scipy.special import stdtrit
 
-from stereocal.calibrate import (
-    CalibrationSettings,
-    reconstruction_problem,
-    reprojection_problem,
-)
-from stereocal.camera import Camera
-from stereocal.checks import check_points
-from stereocal.compiled import BoolArray, FloatArray
+from stereocal.calibrate import ALL_METHODS, CalibrationSettings, Method
+from stereocal.compiled import FloatArray
 from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
-from stereocal.essential import calibrate_essential
-from stereocal.evaluation import split
-from stereocal.geometry import (
-    Pose,
-    reprojection_errors_of_rays,
-    stack_rays,
-    triangulate_rays,
-)
-from stereocal.montecarlo import minimise
-from stereocal.refine import RefinedResult, refine
+from stereocal.evaluation import EvaluationSettings, Run, evaluate_run
 from stereocal.refined.unknowns import RefineSettings
 
 TOLERANCE = 0.10
@@ -45,7 +30,7 @@ MINIMUM_RUNS = 10
 MOST_TO_ADD = 10
 """More than ten times the frames are not worth a number."""
 
-SETS = ("2d", "3d", "refined")
+SETS: tuple[Method, ...] = ("2d", "3d", "refined")
 Kind = Literal["one", "two", "few"]
 
 
@@ -87,48 +72,25 @@ class Verdict:
     """For `few`: about so many more frames would tell; None for more than can be said."""
 
 
-def held_out(
-    dataset: Dataset, tested: BoolArray, pose_2d: Pose, pose_3d: Pose, refined: RefinedResult
-) -> HeldOut:
-    """The figures of one run on some rows (n,); the refined set brings its own lenses."""
-    stated = (dataset.primary, dataset.secondary)
-    found = [
-        _errors(dataset, tested, pose_2d, *stated),
-        _errors(dataset, tested, pose_3d, *stated),
-        _errors(dataset, tested, refined.pose, refined.primary, refined.secondary),
-    ]
+def held_out(run: Run, dataset: Dataset, fitted_frames: int) -> HeldOut:
+    """The figures of one run of an evaluation that includes the refined method.
+
+    Raises:
+        StereocalError: it does not.
+    """
+    if len(run.angles) < len(ALL_METHODS):
+        raise StereocalError("A verdict needs runs with the refined method.")
+    rows = [ALL_METHODS.index(name) for name in SETS]
+    errors = np.abs(run.lengths[rows] - 1.0)
+    known = np.isfinite(errors)
+    with np.errstate(invalid="ignore"):
+        length = np.where(known, errors, 0.0).sum(axis=1) / known.sum(axis=1)
     return HeldOut(
-        fitted_frames=len(refined.frames),
-        tested_frames=len(np.unique(dataset.correspondences.frame[tested])),
-        matching_px=np.array([px for px, _ in found]),
-        length=np.array([length for _, length in found]),
+        fitted_frames=fitted_frames,
+        tested_frames=len(dataset.correspondences.frames) - fitted_frames,
+        matching_px=run.correct_px[rows],
+        length=length,
     )
-
-
-def _errors(
-    dataset: Dataset, tested: BoolArray, pose: Pose, primary: Camera, secondary: Camera
-) -> tuple[float, float]:
-    """Mean reprojection error in pixels and mean relative length error; NaN without a value."""
-    table = dataset.correspondences
-    if primary is dataset.primary and secondary is dataset.secondary:
-        rays = np.ascontiguousarray(dataset.rays[:, tested])
-    else:
-        rays = stack_rays(
-            primary.undistort(table.primary[tested]), secondary.undistort(table.secondary[tested])
-        )
-    scale = np.array([primary.pixel_scale, secondary.pixel_scale])
-    px = reprojection_errors_of_rays(pose.R, pose.T, rays, scale)
-    chosen = tested[table.bars].all(axis=1)
-    ends = (np.cumsum(tested) - 1)[table.bars[chosen]]  # rows of the table to rows tested
-    points = triangulate_rays(pose.R, pose.T, rays)
-    lengths = np.linalg.norm(points[ends[:, 0]] - points[ends[:, 1]], axis=1)
-    errors = np.abs(lengths / dataset.bar_distances_m[chosen] - 1)
-    return _mean(px), _mean(errors)
-
-
-def _mean(values: FloatArray) -> float:
-    known = values[np.isfinite(values)]
-    return float(known.mean()) if len(known) else float("nan")
 
 
 def run_splits(
@@ -151,20 +113,10 @@ def run_splits(
         StereocalError: too few frames, or points that allow no calibration.
     """
     frames = calibration_frames or (4 * len(dataset.correspondences.frames)) // 5
+    protocol = EvaluationSettings(settings, runs, frames, refine_settings)
     found = []
     for run in range(runs):
-        seeds = np.random.SeedSequence([settings.search.seed, 0, run]).spawn(4)
-        fit = split(dataset, frames, seeds[0])
-        check_points(dataset, fit)
-        matching = reprojection_problem(dataset, fit)
-        measuring = reconstruction_problem(dataset, settings.known_points, fit)
-        start = calibrate_essential(
-            matching.rays, dataset.baseline_m, settings.essential, measuring.cost
-        ).pose
-        pose_2d = minimise(matching, start, settings.search, seeds[1]).pose
-        pose_3d = minimise(measuring, start, settings.search, seeds[2]).pose
-        refined = refine(dataset, refine_settings, start, fit)
-        found.append(held_out(dataset, ~fit, pose_2d, pose_3d, refined))
+        found.append(held_out(evaluate_run(dataset, protocol, 0, run), dataset, frames))
         if progress:
             progress(run + 1, runs)
         if cancelled and cancelled():

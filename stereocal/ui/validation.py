@@ -21,6 +21,7 @@ from stereocal.figures import (
 )
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.project import Project
+from stereocal.refined.unknowns import RefineSettings
 from stereocal.report import report_html
 from stereocal.summary import summarise_all
 from stereocal.tables import validation_answer, validation_table
@@ -33,7 +34,7 @@ from stereocal.ui.results import show_figure
 NINETEEN = Path(__file__).parents[2] / "sample_data" / "nineteen"
 MINE, ALL, PAPER = "My data set", "All my data sets", "Nineteen synthetic rigs"
 STAGES = ("runs",)
-INSTANT = 300
+INSTANT = 120
 """Runs of 25 frames that take less than a second: those are computed as the controls move."""
 SCROLLS = """<style>
 .st-key-scrolls { overflow-x: auto; }
@@ -86,7 +87,10 @@ def choose_protocol(project: Project, datasets: Sequence[Dataset]) -> Evaluation
     )  # fmt: skip
     values = search_form(project)
     return EvaluationSettings(
-        settings_of(values), st.session_state["validate_runs"], st.session_state["validate_frames"]
+        settings_of(values),
+        st.session_state["validate_runs"],
+        st.session_state["validate_frames"],
+        RefineSettings(),
     )
 
 
@@ -158,6 +162,13 @@ def show_evaluation(
     remembered(project, {"bin_width": 0.1})
     names = evaluation.names
     pooled, by_dataset = summarise_all(names, evaluation.runs, st.session_state["bin_width"])
+    if not st.toggle(
+        "With the refined method", True, key="with_refined",
+        help="One set, fitted to images and lengths at once. The paper has the other three.",
+    ):  # fmt: skip
+        pooled.pop("refined", None)
+        for own in by_dataset.values():
+            own.pop("refined", None)
     st.success(validation_answer(pooled))
     wide = st.segmented_control(
         "Show", ["All three", *COLUMNS.values()], default="All three", key="columns", required=True
