@@ -53,14 +53,14 @@ def test_exact_data_give_the_truth(peer: Peer) -> None:
 
 @pytest.mark.parametrize("module", [opencv, scipy_joint])
 def test_outliers_are_borne(module: object) -> None:
-    """10 % outliers, exact lenses: not led astray, as the essential method is."""
+    """3 of 25 frames wrong, exact lenses: not led astray, as the essential method is."""
     (peer,) = module.PEERS  # type: ignore[attr-defined]
     task = SCENARIOS[1].task(np.random.default_rng(3))
     found = measure(peer, task)
     assert not isinstance(found, str), found
     led_astray = errors_of(own.essential(task.fit), task)
-    # Measured, seeds 0 to 4, mrad: OpenCV 0.5 to 11, SciPy 0.5 to 1.8; essential 76 to 360.
-    assert found.rotation_rad < 0.015
+    # Measured, seeds 0 to 4, mrad: OpenCV 0.3 to 3.6, SciPy 0.6 to 2.3; essential 37 to 350.
+    assert found.rotation_rad < 0.01
     assert led_astray.rotation_rad > 2 * found.rotation_rad
     assert found.cpu_s > 0
 

@@ -109,7 +109,11 @@ def _spread(values: np.ndarray[tuple[int], np.dtype[np.float64]]) -> str:
     if not len(values):
         return ""
     low, middle, high = np.percentile(values, (10, 50, 90), method="nearest")
-    return f"{middle:.3g} ({low:.3g} to {high:.3g})"
+    return f"{_digits(middle)} ({_digits(low)} to {_digits(high)})"
+
+
+def _digits(value: float) -> str:
+    return f"{value:.0f}" if 1000 <= value < np.inf else f"{value:.3g}"
 
 
 def _failures(found: Sequence[Measured | str]) -> str:
