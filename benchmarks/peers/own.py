@@ -1,0 +1,62 @@
+"""stereocal's four methods, each from the points on, with the settings it has by default."""
+
+from __future__ import annotations
+
+from benchmarks.peers.solution import Peer, Solution
+from stereocal.calibrate import reconstruction_problem, reprojection_problem
+from stereocal.dataset import Dataset
+from stereocal.essential import calibrate_essential
+from stereocal.montecarlo import Problem, SearchSettings, minimise
+from stereocal.refine import refine
+from stereocal.unknowns import FIXED_LENS, RefineSettings
+
+HELD = RefineSettings(primary=FIXED_LENS, secondary=FIXED_LENS)
+
+
+def essential(dataset: Dataset) -> Solution:
+    """Method 1."""
+    found = calibrate_essential(dataset.rays, dataset.baseline_m)
+    return Solution.as_given(found.pose, dataset)
+
+
+def matching(dataset: Dataset) -> Solution:
+    """Method 2, the essential method before it included."""
+    return _searched(dataset, reprojection_problem(dataset))
+
+
+def measuring(dataset: Dataset) -> Solution:
+    """Method 3, likewise."""
+    return _searched(dataset, reconstruction_problem(dataset))
+
+
+def refined(dataset: Dataset, settings: RefineSettings | None = None) -> Solution:
+    """Method 4; the priors are the defaults: focal 1 %, centre 10 px, baseline 1 %, bar 0.1 %."""
+    found = refine(dataset, settings)
+    return Solution(found.pose.R, found.pose.T, (found.primary, found.secondary))
+
+
+def refined_held(dataset: Dataset) -> Solution:
+    """Method 4 with both lenses held as stated."""
+    return refined(dataset, HELD)
+
+
+def _searched(dataset: Dataset, problem: Problem) -> Solution:
+    start = calibrate_essential(dataset.rays, dataset.baseline_m).pose
+    return Solution.as_given(minimise(problem, start, SearchSettings()).pose, dataset)
+
+
+BOTH = "bar 0.1 % and baseline 1 %"
+
+PEERS = (
+    Peer("stereocal essential", essential, "measured baseline", "held", "trusts all"),
+    Peer("stereocal 2D", matching, "measured baseline", "held", "trusts all"),
+    Peer(
+        "stereocal 3D",
+        measuring,
+        "measured baseline, angles by bar",
+        "held",
+        "trusts all, sum of absolute errors",
+    ),
+    Peer("stereocal refined", refined, BOTH, "f, c freed, priors", "bad frames left out"),
+    Peer("stereocal refined, lenses held", refined_held, BOTH, "held", "bad frames left out"),
+)
