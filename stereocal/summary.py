@@ -208,7 +208,7 @@ def best_methods(summaries: Mapping[Method, MethodSummary]) -> dict[str, Method]
 
 
 def _angles(runs: Sequence[Run], at: int) -> FloatArray:
-    """(runs, 5), unwrapped: an angle near +-180 degrees does not jump; runs without are left out."""
+    """(runs with a value, 5), unwrapped: an angle near +-180 degrees does not jump."""
     found = np.array([run.angles[at] for run in runs])
     known = found[np.isfinite(found).all(axis=1)]
     return np.asarray(np.unwrap(known, axis=0)) if len(known) else np.full((1, 5), np.nan)

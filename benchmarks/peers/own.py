@@ -8,7 +8,7 @@ from stereocal.dataset import Dataset
 from stereocal.essential import calibrate_essential
 from stereocal.montecarlo import Problem, SearchSettings, minimise
 from stereocal.refine import refine
-from stereocal.unknowns import FIXED_LENS, RefineSettings
+from stereocal.refined.unknowns import FIXED_LENS, RefineSettings
 
 HELD = RefineSettings(primary=FIXED_LENS, secondary=FIXED_LENS)
 
