@@ -116,7 +116,7 @@ class Project:
     @classmethod
     def create(cls, home: Path) -> Project:
         """A new, empty project below `home`."""
-        project = cls(private_folder(home / "projects") / secrets.token_hex(16))
+        project = cls(private_folder(home / "projects") / new_id())
         project._write_state({"format": PROJECT_FORMAT, "inputs": {}, "settings": {}})
         return project
 
@@ -136,7 +136,10 @@ class Project:
     @property
     def inputs(self) -> Inputs:
         """What has been given so far."""
-        return Inputs(**self._read_state()["inputs"])
+        try:
+            return Inputs(**self._read_state()["inputs"])
+        except (KeyError, TypeError) as error:
+            raise StereocalError(f"The project's file is damaged ({error!r}).") from error
 
     def give(
         self, files: Mapping[Slot, tuple[str, bytes]], drop: Sequence[Slot] = (), **values: Any
@@ -290,15 +293,15 @@ class Project:
     def more_datasets(self) -> list[Dataset]:
         """The further data sets."""
         return [
-            parse_zip((self.folder / "inputs" / stored).read_bytes(), label)
-            for label, stored in self._read_state().get("more", [])
+            parse_zip(own_file(self.folder / "inputs", file).read_bytes(), label)
+            for label, file in self._read_state().get("more", [])
         ]
 
     # On disk
 
     def _content(self, inputs: Inputs, slot: Slot) -> bytes:
         try:
-            return (self.folder / "inputs" / inputs.files[slot]).read_bytes()
+            return own_file(self.folder / "inputs", inputs.files[slot]).read_bytes()
         except OSError as error:
             raise StereocalError(
                 f"{inputs.labels[slot]} has gone from the project's folder; give it again."
@@ -342,6 +345,22 @@ class Project:
             state = self._read_state()
             edit(state)
             self._write_state(state)
+
+
+def new_id() -> str:
+    """An id that nobody can guess: 128 random bits."""
+    return secrets.token_hex(16)
+
+
+def own_file(folder: Path, name: str) -> Path:
+    """The file `name` of a folder of a project.
+
+    Raises:
+        StereocalError: a name that leads out of the folder; a project can come from a stranger.
+    """
+    if not isinstance(name, str) or Path(name).name != name or name in ("", ".", ".."):
+        raise StereocalError(f"The project names {name!r}, which is no file of its own.")
+    return folder / name
 
 
 def private_folder(path: Path) -> Path:

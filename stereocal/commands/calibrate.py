@@ -12,13 +12,13 @@ from stereocal.commands.options import add_search_options, settings_from
 from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
 from stereocal.evaluation_files import validation_in_summary
-from stereocal.formats.dataset_files import read_dataset
 from stereocal.refine import RefinedResult
 from stereocal.refined.disagreement import Input, what_disagrees
 from stereocal.refined.file import refined_parameters
 from stereocal.refined.uncertainty import standard_errors
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.refined.verdict import run_splits, verdict
+from stereocal.store.carry import read_input
 from stereocal.writing import write_all
 
 FILES: dict[Literal["2d", "3d"], str] = {"2d": "parameters_2d.json", "3d": "parameters_3d.json"}
@@ -68,7 +68,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
 
 def run(parsed: argparse.Namespace) -> None:
     """Calibrate, write the files, print the table, what disagrees and the verdict."""
-    dataset = read_dataset(parsed.dataset)
+    dataset = read_input(parsed.dataset)
     settings = settings_from(parsed, parsed.calibration_frames)
     refined = RefineSettings() if parsed.refined else None
     calibration = calibrate(dataset, settings, refined=refined)

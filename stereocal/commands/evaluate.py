@@ -10,9 +10,9 @@ from stereocal.commands.progress import ProgressBar
 from stereocal.engines import engine
 from stereocal.evaluation import EvaluationSettings, evaluate
 from stereocal.evaluation_files import summary_json, unique_names
-from stereocal.formats.dataset_files import read_dataset
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.report import report_html
+from stereocal.store.carry import read_input
 from stereocal.summary import summarise_all
 from stereocal.tables import validation_answer
 from stereocal.writing import write_all
@@ -42,7 +42,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
 
 def run(parsed: argparse.Namespace) -> None:
     """Evaluate, write summary.json and report.html, print the answer."""
-    datasets = [read_dataset(path) for path in parsed.datasets]
+    datasets = [read_input(path) for path in parsed.datasets]
     settings = EvaluationSettings(
         settings_from(parsed, calibration_frames=None),
         parsed.runs,

@@ -20,7 +20,7 @@ from stereocal.formats.camera_file import write_camera
 from stereocal.intrinsics import LensCalibration
 from stereocal.lens.boards import BoardSearch
 from stereocal.lens.files import about, pack_lens, pack_search, unpack_lens, unpack_search
-from stereocal.project import Project
+from stereocal.project import Project, own_file
 from stereocal.writing import write_atomically
 
 STORE_FORMAT = "stereocal-boards/1"
@@ -43,7 +43,7 @@ class ProjectLens:
     def photographs(self) -> dict[str, Path]:
         """Files on disk by the person's names."""
         stored: Mapping[str, str] = self._read()["files"]
-        return {name: self.files / file for name, file in stored.items()}
+        return {name: own_file(self.files, file) for name, file in stored.items()}
 
     def add(self, found: Mapping[str, Path]) -> None:
         """Take over photographs that are stored below `files`; a name given again is replaced."""

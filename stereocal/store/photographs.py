@@ -24,7 +24,7 @@ from stereocal.formats.photograph import GreyImage, read_photograph
 from stereocal.frames.frame import Frame, correspondences_of, pack_frames, unpack_frames
 from stereocal.frames.pairing import Pair, Pairing, pair_names
 from stereocal.frames.thumbnails import side_by_side, tile
-from stereocal.project import Project
+from stereocal.project import Project, own_file
 from stereocal.writing import write_atomically
 
 STORE_FORMAT = "stereocal-photographs/1"
@@ -53,7 +53,7 @@ class ProjectPhotographs:
     def photographs(self) -> dict[str, Path]:
         """Files on disk by the person's names."""
         stored: Mapping[str, str] = self._read()["files"]
-        return {name: self.files / file for name, file in stored.items()}
+        return {name: own_file(self.files, file) for name, file in stored.items()}
 
     def add(self, found: Mapping[str, Path]) -> None:
         """Take over photographs that are stored below `files`; a name given again is replaced.

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 import os
-import secrets
 import shutil
 import tempfile
 import time
@@ -16,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from stereocal.errors import StereocalError
-from stereocal.project import Project, private_folder
+from stereocal.project import Project, new_id, private_folder
 
 DAY_S = 86_400.0
 UNCHANGING = ("inputs", "files")
@@ -64,7 +63,7 @@ def duplicate(home: Path, project_id: str) -> Project:
         shutil.copytree(source.folder, waiting, copy_function=_link, dirs_exist_ok=True)
         copy = Project(waiting)
         copy.rename(f"{copy.inputs.name or 'Project'} (copy)")
-        target = parent / secrets.token_hex(16)
+        target = parent / new_id()
         _rename(waiting, target)
     except (OSError, shutil.Error) as error:
         raise StereocalError(f"The project cannot be copied: {error}.") from error

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from datetime import datetime
 
@@ -10,13 +11,16 @@ import streamlit as st
 
 from stereocal.errors import StereocalError
 from stereocal.project import Project, default_home
+from stereocal.store.carry import pack_project, unpack_project
 from stereocal.store.projects import Listed, bring_back, duplicate, recent_projects, remove
 from stereocal.store.server import ServerSettings
-from stereocal.ui.intake import escape_markdown
-from stereocal.ui.project import open_project
+from stereocal.ui.intake import escape_markdown, is_new
+from stereocal.ui.project import current_project, open_project
 
 _REMOVED = "removed_project"
 _FAILED = "failed_project"
+PACKED = ".packed.zip"
+"""Not a part of the project: its name begins with a dot."""
 
 
 def show_projects() -> None:
@@ -31,6 +35,8 @@ def show_projects() -> None:
             st.header("Recent projects", divider="gray")
             for one in listed:
                 _show(one)
+    with st.expander("Take a project elsewhere, or open one from a zip"):
+        _carry()
     with st.expander("What is kept, where and for how long"):
         st.markdown(what_is_kept(settings))
 
@@ -78,6 +84,38 @@ def _show(one: Listed) -> None:
             st.button(label, key=f"{label.lower()}_{one.id}", on_click=act, args=(one.id,))
     if st.session_state.pop("go_to_data", None) == one.id:
         st.switch_page("pages/data.py")
+
+
+def _carry() -> None:
+    """One zip out, and one zip in."""
+    project = current_project()
+    if project is not None:
+        name = project.inputs.name or "project"
+        if st.button(f"Pack the open project ({escape_markdown(name)})", key="pack"):
+            target = project.folder / PACKED
+            try:
+                with st.spinner("Packing."):
+                    pack_project(project, target)
+            except StereocalError as error:
+                st.error(escape_markdown(str(error)))
+            else:
+                st.download_button(
+                    f"Download it ({target.stat().st_size / 1e6:.1f} MB)", target.read_bytes(),
+                    f"{re.sub('[^A-Za-z0-9-]+', '-', name).strip('-') or 'project'}.zip",
+                    "application/zip", on_click="ignore", icon=":material/download:",
+                    key="download_project",
+                )  # fmt: skip
+                target.unlink(missing_ok=True)
+    upload = st.file_uploader("A project's zip", type=["zip"], key="upload_project")
+    if upload is None or not is_new(upload):
+        return
+    try:
+        opened = unpack_project(upload.getvalue(), upload.name, default_home())
+    except StereocalError as error:
+        st.error(escape_markdown(str(error)))
+        return
+    open_project(opened.id)
+    st.switch_page("pages/data.py")
 
 
 def _offer_undo() -> None:

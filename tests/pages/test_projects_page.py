@@ -8,6 +8,7 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereocal.project import Project
+from stereocal.store.carry import pack_project
 from stereocal.store.projects import recent_projects
 from tests.pages.test_pages import app as app
 from tests.pages.test_pages import home as home
@@ -75,3 +76,26 @@ def test_a_shared_server_lists_nothing(
     assert "90 days" in text
     assert str(home) not in text
     assert Project.open(home, project.id).dataset is not None
+
+
+def test_a_project_goes_out_as_a_zip_and_comes_in_again(
+    app: AppTest, home: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    project = project_of(open_sample(app), home)
+    project.give({}, baseline_m=6.5)
+    zipped = tmp_path_factory.mktemp("elsewhere") / "field.zip"
+    pack_project(project, zipped)
+    start(app).button(key="pack").click().run()
+    assert not list(project.folder.glob(".packed*"))
+    app.file_uploader(key="upload_project").upload(
+        "field.zip", zipped.read_bytes(), "application/zip"
+    ).run()
+    opened = project_of(app, home)
+    assert opened.id != project.id
+    assert opened.inputs.baseline_m == 6.5
+
+
+def test_a_zip_without_a_project_is_said(app: AppTest, home: Path) -> None:
+    app.file_uploader(key="upload_project").upload("odd.zip", b"PK", "application/zip").run()
+    assert "odd.zip" in messages(app)
+    assert not (home / "projects").exists() or not list((home / "projects").iterdir())

@@ -1,0 +1,126 @@
+"""A project as one zip, which opens on another computer and on the command line."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import tempfile
+import zipfile
+from pathlib import Path
+
+from stereocal.dataset import Dataset
+from stereocal.errors import StereocalError
+from stereocal.formats.dataset_files import read_dataset
+from stereocal.formats.zip_files import OpenZip, open_zip
+from stereocal.project import Project, new_id, private_folder
+
+STATE = "project.json"
+MADE_AGAIN = ("thumbnails",)
+"""Folders whose files are made again when they are needed."""
+PLAIN = re.compile(r"[A-Za-z0-9_][A-Za-z0-9._-]{0,99}")
+"""What the parts of a path in a project are made of: nothing that leads out of it."""
+DEEPEST = 4
+
+
+def pack_project(project: Project, target: Path) -> None:
+    """Write a project with all its inputs and results as a zip.
+
+    Photographs are packed already and are stored as they are. The file appears whole or not at all.
+
+    Raises:
+        StereocalError: the file cannot be written, or the project's folder not be read.
+    """
+    waiting = target.with_name(f".{target.name}.part")
+    try:
+        with zipfile.ZipFile(waiting, "w", zipfile.ZIP_DEFLATED) as archive:
+            for path in sorted(project.folder.rglob("*")):
+                place = path.relative_to(project.folder)
+                if path.is_file() and _belongs(place):
+                    packed = "files" in place.parts or path.suffix in (".npz", ".zip")
+                    how = zipfile.ZIP_STORED if packed else zipfile.ZIP_DEFLATED
+                    archive.write(path, place.as_posix(), how)
+        waiting.replace(target)
+    except OSError as error:
+        raise StereocalError(f"The project cannot be packed: {error.strerror or error}.") from error
+    finally:
+        waiting.unlink(missing_ok=True)
+
+
+def unpack_project(source: Path | bytes, name: str, home: Path) -> Project:
+    """The project of such a zip, under a new id below `home`.
+
+    Raises:
+        StereocalError: not a zip, no project in it, or one that cannot be opened; nothing is left.
+    """
+    parent = private_folder(home / "projects")
+    waiting = Path(tempfile.mkdtemp(dir=parent, prefix=".new."))
+    try:
+        with open_zip(source, name) as opened:
+            _unpack(opened, name, waiting)
+        project = Project(waiting)
+        inputs = project.inputs
+        project.dataset_of(inputs)
+        target = parent / new_id()
+        waiting.rename(target)
+    except OSError as error:
+        raise StereocalError(
+            f"{name}: the project cannot be stored: {error.strerror or error}."
+        ) from error
+    finally:
+        shutil.rmtree(waiting, ignore_errors=True)
+    return Project.open(home, target.name)
+
+
+def read_input(path: Path) -> Dataset:
+    """The data set of a folder or zip: one with `dataset.json`, or a project.
+
+    Raises:
+        StereocalError: neither, or one that cannot be used; says what to do.
+    """
+    if path.is_dir() and (path / STATE).is_file():
+        return _complete(Project(path), path.name)
+    if path.is_file() and zipfile.is_zipfile(path):
+        with open_zip(path, path.name) as opened:
+            holds_project = STATE in opened.names
+        if holds_project:
+            with tempfile.TemporaryDirectory() as home:
+                return _complete(unpack_project(path, path.name, Path(home)), path.name)
+    return read_dataset(path)
+
+
+def _complete(project: Project, name: str) -> Dataset:
+    inputs = project.inputs
+    dataset = project.dataset_of(inputs)
+    if dataset is None:
+        raise StereocalError(
+            f"{name}: the project has not everything yet; missing: {', '.join(inputs.missing)}."
+        )
+    return dataset
+
+
+def _unpack(opened: OpenZip, name: str, folder: Path) -> None:
+    """Write the files of a zip below a folder, each under a name that cannot lead out of it."""
+    if STATE not in opened.names:
+        raise StereocalError(f"{name}: there is no stereocal project in this zip.")
+    for member in opened.names:
+        place = Path(member)
+        if not _belongs(place) or "\\" in member:
+            raise StereocalError(f"{name}: {member!r} is no file of a project.")
+        target = folder / place
+        target.parent.mkdir(parents=True, exist_ok=True)
+        with target.open("wb") as file:
+            for piece in opened.pieces(member):
+                file.write(piece)
+            file.flush()
+            os.fsync(file.fileno())
+
+
+def _belongs(place: Path) -> bool:
+    """Whether a path within a project is one that a project has, and that is worth carrying."""
+    return (
+        not place.is_absolute()
+        and len(place.parts) <= DEEPEST
+        and all(PLAIN.fullmatch(part) for part in place.parts)
+        and not set(place.parts) & set(MADE_AGAIN)
+    )
