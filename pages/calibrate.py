@@ -8,6 +8,7 @@ from stereocal.ui.forms import settings_form, settings_of
 from stereocal.ui.frame import need_frame
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.project import current_project
+from stereocal.ui.refined import refined_for
 from stereocal.ui.results import show_result
 from stereocal.ui.status import describe_settings, staleness
 
@@ -47,5 +48,6 @@ if result is None:
 st.header("Result", divider="gray")
 if stale := staleness(result, dataset, values):
     st.warning(stale)
-show_result(result, evaluation)
+refined, instead = refined_for(project, result)
+show_result(result, evaluation, refined, instead)
 st.caption(describe_settings(result))

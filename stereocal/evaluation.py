@@ -204,6 +204,19 @@ def _refined(
     return _test(own, ~fit, np.array([found.pose.angles]), partners)
 
 
+def count_set(dataset: Dataset, pose: Pose, seed: int = 0) -> Run:
+    """All pairs and bars of a data set, counted with one set: frames are not held out.
+
+    Args:
+        dataset: with the cameras of the set.
+        seed: of the wrong partners that are drawn where there are very many points.
+    """
+    rows = np.ones(len(dataset.correspondences), dtype=np.bool_)
+    partners = _partners(len(rows), np.random.default_rng(seed))
+    own = replace(dataset, baseline_m=pose.baseline)
+    return _test(own, rows, np.array([pose.angles]), partners)
+
+
 def _stacked(first: Run, second: Run) -> Run:
     """One run with the methods of both."""
     pairs = ((getattr(first, one.name), getattr(second, one.name)) for one in fields(Run))

@@ -195,6 +195,17 @@ def summarise_all(
     return pooled, each
 
 
+def figures_of_set(run: Run, bin_width: float = 0.1) -> tuple[float, float]:
+    """FCP by reprojection error, and median 3D error, of the one set that `count_set` counted.
+
+    NaN where nothing has a value. Without intervals, for nothing was drawn again.
+    """
+    merged = _merged(run.counts[0, REPROJECTION].astype(np.int64), round(bin_width / FINE))
+    errors = np.abs(run.lengths[0] - 1)
+    known = errors[np.isfinite(errors)]
+    return float(_overlap(merged)), float(np.median(known)) if len(known) else float("nan")
+
+
 def best_methods(summaries: Mapping[Method, MethodSummary]) -> dict[str, Method]:
     """The best method of each column of the figure: residual, reprojection, reconstruction."""
     return {

@@ -18,8 +18,17 @@ from stereocal.calibrate import (
     errors_of,
 )
 from stereocal.dataset import Dataset
+from stereocal.refine import RefinedResult
+from stereocal.refined.bar_fit import BAR
+from stereocal.refined.uncertainty import standard_errors
 from stereocal.summary import Estimate, MethodSummary, best_methods
 
+LENS_TITLES = {
+    "fx": "Focal length fx",
+    "fy": "Focal length fy",
+    "cx": "Image centre cx",
+    "cy": "Image centre cy",
+}
 ANGLE_TITLES = {
     "yaw": "Yaw α (degrees)",
     "pitch": "Pitch β (degrees)",
@@ -57,6 +66,28 @@ def _column(calibration: Calibration, name: Method) -> dict[str, str]:
         "Time (ms)": digits(1000 * found.seconds, 2),
         "Stopped because": found.stop_reason,
     }
+
+
+def refined_table(result: RefinedResult) -> pd.DataFrame:
+    """The refined set with its standard errors: angles in degrees, lengths in m, lenses in px."""
+    lines = {}
+    for name, value in standard_errors(result).items():
+        if name in ANGLE_TITLES:
+            title, scale = ANGLE_TITLES[name], 180 / math.pi
+        elif name == "baseline_m":
+            title, scale = "Baseline (m)", 1.0
+        else:
+            camera, key = name.split("_")
+            title, scale = f"{LENS_TITLES[key]}, {camera} camera (px)", 1.0
+        error = "held" if value.sigma == 0 else f"± {digits(scale * value.sigma, 2)}"
+        decimals = 4 if scale != 1.0 or name == "baseline_m" else 2
+        lines[title] = {"Value": f"{scale * value.value:.{decimals}f}", "Standard error": error}
+    bar = result.dataset.target_distance_m
+    lines["Distance A–B (m)"] = {
+        "Value": f"{bar * result.bar_factor:.5f}",
+        "Standard error": f"± {digits(bar * math.sqrt(result.covariance[BAR, BAR]), 2)}",
+    }
+    return pd.DataFrame(lines).T.rename_axis("Refined set")
 
 
 def answer(calibration: Calibration) -> str:

@@ -23,11 +23,12 @@ from stereocal.calibrate import (
 from stereocal.compiled import FloatArray
 from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
-from stereocal.essential import Solver
+from stereocal.essential import Solver, calibrate_essential
 from stereocal.evaluation import (
     MOST_PARTNERS,
     EvaluationSettings,
     Run,
+    count_set,
     evaluate,
     evaluate_run,
     split,
@@ -49,7 +50,7 @@ from stereocal.protocol import (
     count_pairs,
 )
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.summary import summarise
+from stereocal.summary import figures_of_set, summarise
 from tests import reference, rig
 
 NINETEEN = Path(__file__).parents[1] / "sample_data" / "nineteen"
@@ -435,6 +436,17 @@ def test_a_refined_method_that_finds_nothing_has_no_values(
     found = summarise([[run]])["refined"]
     assert found.reconstruction.pdf.nans == 5
     assert json.dumps(found.to_json(), allow_nan=False).count("null") > 10
+
+
+def test_a_set_by_itself_is_counted_on_all_frames(field: Dataset) -> None:
+    pose = calibrate_essential(field.rays, field.baseline_m).pose
+    run = count_set(field, pose)
+    assert run.counts.sum(axis=-1).tolist() == [[[50 * 49, 50], [50 * 49, 50]]]
+    lengths = field.reconstructed_lengths_m(pose) / field.bar_distances_m
+    np.testing.assert_allclose(run.lengths[0], lengths, rtol=1e-12)
+    fcp, median = figures_of_set(run)
+    assert 0 <= fcp < 0.05
+    assert median == pytest.approx(np.median(np.abs(lengths - 1)))
 
 
 def test_refined_runs_are_the_same_on_every_engine(field: Dataset) -> None:

@@ -3,8 +3,10 @@
 Backgrounds are transparent and no text has a colour of its own: the page decides, light or dark.
 """
 
+from stereocal.figures.accuracy import describe_accuracy, plot_accuracy
 from stereocal.figures.comparison import describe_comparison, plot_comparison
 from stereocal.figures.coverage import describe_coverage, plot_coverage
+from stereocal.figures.disagreement import describe_disagreement, plot_disagreement
 from stereocal.figures.frame_errors import describe_frame_errors, plot_frame_errors
 from stereocal.figures.lens import (
     describe_draws,
@@ -23,6 +25,7 @@ from stereocal.figures.style import (
     TARGET_SYMBOLS,
 )
 from stereocal.figures.traces import describe_traces, plot_traces
+from stereocal.figures.tradeoff import describe_trade_off, plot_trade_off
 from stereocal.figures.validation import describe_validation, plot_validation
 
 __all__ = [
@@ -31,22 +34,28 @@ __all__ = [
     "METHOD_SYMBOLS",
     "TARGET_COLOURS",
     "TARGET_SYMBOLS",
+    "describe_accuracy",
     "describe_comparison",
     "describe_coverage",
+    "describe_disagreement",
     "describe_draws",
     "describe_frame_errors",
     "describe_residual_field",
     "describe_rig",
     "describe_traces",
+    "describe_trade_off",
     "describe_validation",
     "describe_view_errors",
+    "plot_accuracy",
     "plot_comparison",
     "plot_coverage",
+    "plot_disagreement",
     "plot_draws",
     "plot_frame_errors",
     "plot_residual_field",
     "plot_rig",
     "plot_traces",
+    "plot_trade_off",
     "plot_validation",
     "plot_view_errors",
 ]

@@ -82,10 +82,14 @@ def settings_form(project: Project, dataset: Dataset) -> dict[str, Any]:
     return values | {"calibration_frames": None if chosen == frames else chosen}
 
 
+def search_defaults() -> dict[str, Any]:
+    """The settings of the search that the form begins with."""
+    return {number.key: number.default for number in NUMBERS} | {"essential": "constrained"}
+
+
 def search_form(project: Project) -> dict[str, Any]:
     """The settings of the search and of the essential method, in an expander."""
-    defaults: dict[str, Any] = {number.key: number.default for number in NUMBERS}
-    defaults["essential"] = "constrained"
+    defaults = search_defaults()
     remembered(project, defaults)
     with st.expander("Settings of the search"):
         columns = st.columns(3)

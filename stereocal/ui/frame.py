@@ -11,6 +11,7 @@ TITLES = {
     "data": "Data",
     "calibrate": "Calibrate",
     "validate": "Validate",
+    "one_set": "One set or two",
 }
 """The pages in the order of the work: the file below `pages/`, and the last part of the address."""
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import io
 import zipfile
+from collections.abc import Collection
 from typing import Any, Literal
 
 import plotly.graph_objects as go
 import streamlit as st
 
 from stereocal.calibrate import METHOD_NAMES, METHODS, Calibration
-from stereocal.commands.calibrate import FILES
+from stereocal.commands.calibrate import FILES, REFINED
 from stereocal.dataset import Dataset
 from stereocal.evaluation_files import Evaluation, validation_figures
 from stereocal.figures import (
@@ -22,14 +23,26 @@ from stereocal.figures import (
     plot_traces,
 )
 from stereocal.formats.dataset_files import pack_dataset
+from stereocal.refine import RefinedResult
+from stereocal.refined.file import refined_parameters
 from stereocal.summary import summarise
 from stereocal.tables import answer, results_table
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.texts import TWO_FILES
 
 
-def show_result(calibration: Calibration, evaluation: Evaluation | None = None) -> None:
-    """Answer, downloads, table and figures, from top to bottom."""
+def show_result(
+    calibration: Calibration,
+    evaluation: Evaluation | None = None,
+    refined: RefinedResult | None = None,
+    instead: Collection[str] = (),
+) -> None:
+    """Answer, downloads, table and figures, from top to bottom.
+
+    Args:
+        refined: the refined set of the same data, for a third file.
+        instead: of "2d" and "3d", the purposes that the refined set is to serve.
+    """
     for warning in calibration.warnings:
         st.warning(warning)
     st.success(answer(calibration))
@@ -41,9 +54,14 @@ def show_result(calibration: Calibration, evaluation: Evaluation | None = None) 
     for method, column in zip(methods, st.columns(2), strict=True):
         with column:
             st.markdown(TWO_FILES[method])
+            if refined is not None and method in instead:
+                st.caption("Holds the refined set, as chosen on the page One set or two.")
+                content = refined_parameters(refined, (), figures.get("refined")).dumps()
+            else:
+                content = calibration.parameters(method, figures.get(method)).dumps()
             st.download_button(
                 f"Download {FILES[method]}",
-                calibration.parameters(method, figures.get(method)).dumps(),
+                content,
                 FILES[method],
                 "application/json",
                 on_click="ignore",
@@ -51,6 +69,16 @@ def show_result(calibration: Calibration, evaluation: Evaluation | None = None) 
                 icon=":material/download:",
                 key=f"download_{method}",
             )
+    if refined is not None:
+        st.download_button(
+            f"Download {REFINED}: one set for both, its lenses included",
+            refined_parameters(refined, (), figures.get("refined")).dumps(),
+            REFINED,
+            "application/json",
+            on_click="ignore",
+            icon=":material/download:",
+            key="download_refined",
+        )
     st.table(results_table(calibration))
     views = {
         "Errors by frame": _show_frames,

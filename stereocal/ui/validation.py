@@ -26,9 +26,10 @@ from stereocal.report import report_html
 from stereocal.summary import summarise_all
 from stereocal.tables import validation_answer, validation_table
 from stereocal.ui import jobs
-from stereocal.ui.forms import search_form, settings_of
+from stereocal.ui.forms import search_defaults, search_form, settings_of
 from stereocal.ui.intake import escape_markdown, is_new
 from stereocal.ui.project import keeper, remembered
+from stereocal.ui.refined import refine_settings
 from stereocal.ui.results import show_figure
 
 NINETEEN = Path(__file__).parents[2] / "sample_data" / "nineteen"
@@ -90,7 +91,23 @@ def choose_protocol(project: Project, datasets: Sequence[Dataset]) -> Evaluation
         settings_of(values),
         st.session_state["validate_runs"],
         st.session_state["validate_frames"],
-        RefineSettings(),
+        refine_settings(project, datasets[0]) if len(datasets) == 1 else RefineSettings(),
+    )
+
+
+def kept_protocol(project: Project, dataset: Dataset) -> EvaluationSettings:
+    """The protocol as it stands in the form of this page, for pages that do not show it.
+
+    Raises:
+        StereocalError: settings that contradict each other.
+    """
+    kept = project.settings
+    most = max(len(dataset.correspondences.frames) - 2, 2)
+    return EvaluationSettings(
+        settings_of({key: kept.get(key, value) for key, value in search_defaults().items()}),
+        kept.get("validate_runs", 100),
+        min(kept.get("validate_frames", 20), most),
+        refine_settings(project, dataset),
     )
 
 

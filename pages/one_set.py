@@ -1,0 +1,56 @@
+"""One set or two: does this rig need two sets, and which input disagrees?"""
+
+import streamlit as st
+
+from stereocal.errors import StereocalError
+from stereocal.ui.frame import need_frame
+from stereocal.ui.intake import escape_markdown
+from stereocal.ui.one_set import (
+    refined_inputs,
+    show_accuracy,
+    show_disagreement,
+    show_parameters,
+    show_trade_off,
+    show_verdict,
+)
+from stereocal.ui.project import current_project
+from stereocal.ui.refined import refine_form, refined_of
+from stereocal.ui.texts import ONE_SET
+from stereocal.ui.validation import bring_up_to_date, kept_protocol, show_job
+
+need_frame()
+st.title("One set or two")
+st.subheader("Does this rig need two sets, or does one set do both jobs?")
+
+project = current_project()
+try:
+    dataset = project.dataset if project else None
+except StereocalError as error:
+    st.error(escape_markdown(str(error)))
+    st.stop()
+if project is None or dataset is None:
+    missing = ", ".join(project.inputs.missing) if project else "points, cameras and two lengths"
+    st.info(f"Before this page can answer, it needs {missing}.")
+    st.page_link("pages/data.py", label="Give them on the Data page")
+    st.stop()
+
+st.markdown(ONE_SET)
+try:
+    settings = refine_form(project, dataset)
+    result = refined_of(dataset, settings)
+    bring_up_to_date(project, [dataset], kept_protocol(project, dataset))
+    show_job(project)
+    evaluation, calibration = project.evaluation, project.calibration
+    inputs = refined_inputs(dataset, settings)
+    st.header("Verdict", divider="gray")
+    show_verdict(dataset, evaluation)
+    st.header("What disagrees", divider="gray")
+    show_disagreement(inputs)
+    st.header("Matching against measuring", divider="gray")
+    show_trade_off(project, dataset, result, settings, calibration)
+    st.header("How accurate, where", divider="gray")
+    show_accuracy(result, dataset, settings)
+    st.header("The refined set", divider="gray")
+    show_parameters(project, result, inputs, evaluation)
+except StereocalError as error:
+    st.error(escape_markdown(str(error)))

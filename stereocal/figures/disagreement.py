@@ -1,0 +1,73 @@
+"""How far the images want to move each stated input."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import plotly.graph_objects as go
+
+from stereocal.compiled import FloatArray
+from stereocal.figures.style import FAINT, METHOD_COLOURS, NEUTRAL, finish
+from stereocal.refined.disagreement import ACCUSED, Input
+
+ROW, FRAME = 44, 110
+NAMES = {
+    "baseline": "Baseline",
+    "distance": "Distance A–B",
+    "primary focal": "Focal length, primary",
+    "primary centre": "Image centre, primary",
+    "secondary focal": "Focal length, secondary",
+    "secondary centre": "Image centre, secondary",
+}
+
+
+def plot_disagreement(inputs: Sequence[Input]) -> go.Figure:
+    """A bar for each input, in standard errors; beyond the line it disagrees with the others."""
+    shown = list(reversed(inputs))
+    figure = finish(go.Figure(), FRAME + ROW * max(len(shown), 1))
+    values = np.array([item.standard_errors for item in shown])
+    figure.add_trace(
+        go.Bar(
+            y=[name_of(item) for item in shown], x=values, orientation="h", showlegend=False,
+            marker={
+                "color": [METHOD_COLOURS["3d"] if item.accused else FAINT for item in shown],
+                "line": {"color": NEUTRAL, "width": 1},
+            },
+            text=["none" if np.isnan(v) else f"{v:.1f}" for v in values], textposition="outside",
+            customdata=[_words(item) for item in shown], cliponaxis=False,
+            hovertemplate="%{customdata}<extra></extra>",
+        )
+    )  # fmt: skip
+    figure.add_vline(
+        x=ACCUSED, line={"color": NEUTRAL, "dash": "dash", "width": 2},
+        annotation_text=f"disagrees beyond {ACCUSED:g}", annotation_position="top",
+    )  # fmt: skip
+    most = float(np.nanmax(np.append(values, ACCUSED)))
+    figure.update_layout(margin_t=32)
+    figure.update_xaxes(title_text="Pulled by (standard errors)", range=[0, 1.2 * most])
+    return figure
+
+
+def describe_disagreement(inputs: Sequence[Input]) -> str:
+    """The figure in words."""
+    parts = [_words(item) for item in inputs]
+    return f"How far images and lengths pull each input: {'; '.join(parts)}."
+
+
+def name_of(item: Input) -> str:
+    """The input as people call it; also for fx and fy apart."""
+    return NAMES.get(item.key, item.key.capitalize())
+
+
+def _words(item: Input) -> str:
+    if np.isnan(item.standard_errors):
+        return f"{name_of(item)}: the images say nothing of it"
+    return (
+        f"{name_of(item)}: stated {_numbers(item.stated)} {item.unit}, estimated "
+        f"{_numbers(item.estimate)} {item.unit}, {item.standard_errors:.1f} standard errors"
+    )
+
+
+def _numbers(values: FloatArray) -> str:
+    return " and ".join(f"{value:.6g}" for value in np.atleast_1d(values))

@@ -1,0 +1,98 @@
+"""The trade-off between matching and measuring, with all methods on it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import plotly.graph_objects as go
+
+from stereocal.calibrate import ALL_METHODS, Method
+from stereocal.figures.style import (
+    METHOD_COLOURS,
+    METHOD_NAMES,
+    METHOD_SYMBOLS,
+    NEUTRAL,
+    finish,
+)
+from stereocal.refined.tradeoff import TradeOff, TradeOffPoint
+
+HEIGHT = 520
+NAMES = {"fixed": "Lenses as given", "freed": "Lenses freed"}
+DASHES = {"fixed": "dot", "freed": "solid"}
+
+
+def plot_trade_off(
+    curves: TradeOff,
+    costs: Mapping[Method, tuple[float, float]],
+    chosen: TradeOffPoint | None = None,
+) -> go.Figure:
+    """Both curves, 2D cost to the right and 3D cost upwards; nearer to the corner is better.
+
+    Args:
+        costs: 2D cost in pixels and 3D cost in metres of each method's set.
+        chosen: the point to mark.
+    """
+    figure = finish(go.Figure(), HEIGHT)
+    for name, points in (("fixed", curves.fixed), ("freed", curves.freed)):
+        figure.add_trace(
+            go.Scatter(
+                x=[point.cost_2d_px for point in points],
+                y=[1000 * point.cost_3d_m for point in points],
+                mode="lines", name=NAMES[name],
+                line={"color": NEUTRAL, "dash": DASHES[name], "width": 2},
+                hovertemplate=f"{NAMES[name]}<br>2D cost %{{x:.4g}} px<br>3D cost %{{y:.4g}} mm"
+                "<extra></extra>",
+            )
+        )  # fmt: skip
+    for method in (method for method in ALL_METHODS if method in costs):
+        px, metres = costs[method]
+        figure.add_trace(
+            go.Scatter(
+                x=[px], y=[1000 * metres], mode="markers", name=METHOD_NAMES[method],
+                marker={"color": METHOD_COLOURS[method], "symbol": METHOD_SYMBOLS[method],
+                        "size": 13},
+                hovertemplate=f"{METHOD_NAMES[method]}<br>2D cost %{{x:.4g}} px<br>"
+                "3D cost %{y:.4g} mm<extra></extra>",
+            )
+        )  # fmt: skip
+    if chosen is not None:
+        figure.add_trace(
+            go.Scatter(
+                x=[chosen.cost_2d_px], y=[1000 * chosen.cost_3d_m], mode="markers",
+                name="The slider's point",
+                marker={"symbol": "circle-open", "size": 20, "color": METHOD_COLOURS["refined"],
+                        "line": {"width": 3}},
+                hoverinfo="skip",
+            )
+        )  # fmt: skip
+    axis = {"type": "log", "exponentformat": "none", "dtick": _ticks(curves, costs)}
+    figure.update_xaxes(title_text="2D cost: sum of the reprojection errors (px)", **axis)
+    figure.update_yaxes(title_text="3D cost: sum of the length errors (mm)", **axis)
+    return figure
+
+
+def describe_trade_off(curves: TradeOff, costs: Mapping[Method, tuple[float, float]]) -> str:
+    """The figure in words."""
+    parts = []
+    for name, points in (("fixed", curves.fixed), ("freed", curves.freed)):
+        first, last = points[0], points[-1]
+        parts.append(
+            f"{NAMES[name].lower()}, from matching alone to measuring alone, the 2D cost goes from "
+            f"{first.cost_2d_px:.3g} to {last.cost_2d_px:.3g} px and the 3D cost from "
+            f"{1000 * first.cost_3d_m:.3g} to {1000 * last.cost_3d_m:.3g} mm"
+        )
+    sets = [
+        f"{METHOD_NAMES[method]} {costs[method][0]:.3g} px and {1000 * costs[method][1]:.3g} mm"
+        for method in ALL_METHODS
+        if method in costs
+    ]
+    return f"Trade-off: {'; '.join(parts)}. The sets: {'; '.join(sets)}."
+
+
+def _ticks(curves: TradeOff, costs: Mapping[Method, tuple[float, float]]) -> str:
+    """Labels at 1, 2, 5 of each decade, and at all digits where the range is short."""
+    points = [*curves.fixed, *curves.freed]
+    values = np.array([[p.cost_2d_px, p.cost_3d_m] for p in points] + list(costs.values()))
+    spans = np.log10(values.max(axis=0) / values.min(axis=0))
+    return "D1" if float(spans.min()) < 0.5 else "D2"

@@ -1,0 +1,179 @@
+"""The page One set or two: verdict, what disagrees, trade-off, accuracy, parameters."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import streamlit as st
+
+from stereocal.calibrate import Calibration, Method
+from stereocal.camera import Camera
+from stereocal.dataset import Dataset
+from stereocal.errors import StereocalError
+from stereocal.evaluation import count_set
+from stereocal.evaluation_files import Evaluation, validation_figures
+from stereocal.figures import (
+    describe_accuracy,
+    describe_disagreement,
+    describe_trade_off,
+    plot_accuracy,
+    plot_disagreement,
+    plot_trade_off,
+)
+from stereocal.figures.accuracy import Quantity
+from stereocal.geometry import Pose
+from stereocal.project import Project
+from stereocal.refine import RefinedResult
+from stereocal.refined.disagreement import Input
+from stereocal.refined.file import refined_parameters
+from stereocal.refined.tradeoff import TradeOff, costs_of
+from stereocal.refined.unknowns import RefineSettings
+from stereocal.refined.verdict import held_out, verdict
+from stereocal.summary import figures_of_set, summarise
+from stereocal.tables import digits, percent, refined_table
+from stereocal.ui.intake import escape_markdown
+from stereocal.ui.project import keeper, remembered
+from stereocal.ui.refined import curves_of, inputs_of, map_of
+from stereocal.ui.results import show_figure
+
+FIXED, FREED = "As given", "Freed"
+
+
+def show_verdict(dataset: Dataset, evaluation: Evaluation | None) -> None:
+    """The answer, from the runs of the last validation of these data."""
+    if (
+        evaluation is None
+        or list(evaluation.sha256) != [dataset.sha256]
+        or evaluation.settings.refined is None
+    ):
+        st.info("The verdict comes from a validation with the refined method: start it above.")
+        return
+    frames = evaluation.settings.calibration_frames
+    try:
+        answer = verdict([held_out(run, dataset, frames) for run in evaluation.runs[0]])
+    except StereocalError as error:
+        st.info(escape_markdown(str(error)))
+        return
+    {"one": st.success, "two": st.success, "few": st.info}[answer.kind](answer.text)
+    st.caption(
+        f"From {len(evaluation.runs[0])} random splits, {frames} frames fitted and the others "
+        "tested, the same as on the page Validate. Times: error of the refined set over that of "
+        "the set made for the job, with its 95 % interval; up to 1.1 counts as level."
+    )
+
+
+def show_disagreement(inputs: list[Input]) -> None:
+    """Which stated numbers the images contradict."""
+    accused = [item for item in inputs if item.accused]
+    for item in accused:
+        st.warning(escape_markdown(item.advice))
+    if not accused:
+        st.success("Nothing that was typed or measured disagrees with the images.")
+    show_figure(plot_disagreement(inputs), describe_disagreement(inputs), "disagreement")
+
+
+def show_trade_off(
+    project: Project,
+    dataset: Dataset,
+    result: RefinedResult,
+    settings: RefineSettings,
+    calibration: Calibration | None,
+) -> None:
+    """The curve with all methods, and a point on it to look at and to take along."""
+    curves = curves_of(dataset, settings)
+    sets: dict[Method, tuple[Pose, Camera, Camera]] = {
+        "refined": (result.pose, result.primary, result.secondary)
+    }
+    if calibration is not None and calibration.dataset.sha256 == dataset.sha256:
+        for method, found in calibration.methods.items():
+            sets[method] = (found.pose, dataset.primary, dataset.secondary)
+    costs = costs_of(dataset, sets)
+    remembered(project, {"curve": FREED, "along": 50})
+    left, right = st.columns(2)
+    which = left.segmented_control(
+        "Lenses", [FREED, FIXED], key="curve", required=True, on_change=keeper(project, "curve")
+    )
+    share = right.slider(
+        "From matching (0) to measuring (100)", 0, 100, key="along",
+        on_change=keeper(project, "along"),
+    )  # fmt: skip
+    points = _points(curves, which)
+    chosen = points[round(share / 100 * (len(points) - 1))]
+    show_figure(
+        plot_trade_off(curves, costs, chosen), describe_trade_off(curves, costs), "trade_off"
+    )
+    own = chosen.parameters(dataset)
+    fcp, median = figures_of_set(count_set(own_view(dataset, own.primary, own.secondary), own.pose))
+    st.markdown(
+        f"At the slider's point: wrong pairs that look right (FCP) **{percent(fcp)} %**, 3D error "
+        f"(median) **{percent(median)} %**, on the frames it was fitted to; baseline "
+        f"{own.pose.baseline:.4f} m."
+    )
+    st.download_button(
+        "Download the slider's point", own.dumps(), "parameters_refined_point.json",
+        "application/json", on_click="ignore", icon=":material/download:", key="download_point",
+    )  # fmt: skip
+
+
+def _points(curves: TradeOff, which: str | None) -> Any:
+    return curves.fixed if which == FIXED else curves.freed
+
+
+def own_view(dataset: Dataset, primary: Camera, secondary: Camera) -> Dataset:
+    """The data set seen through other lenses."""
+    return replace(dataset, primary=primary, secondary=secondary)
+
+
+def show_accuracy(result: RefinedResult, dataset: Dataset, settings: RefineSettings) -> None:
+    """How accurate the rig is, where."""
+    shown = st.segmented_control(
+        "Predicted error of", ["a distance", "a point"], default="a distance", key="accuracy_of",
+        required=True,
+    )  # fmt: skip
+    quantity: Quantity = "point" if shown == "a point" else "distance"
+    found = map_of(dataset, settings)
+    show_figure(
+        plot_accuracy(found, result, quantity), describe_accuracy(found, quantity), "accuracy"
+    )
+
+
+def show_parameters(
+    project: Project, result: RefinedResult, inputs: list[Input], evaluation: Evaluation | None
+) -> None:
+    """Table, frames left out, downloads, and which purposes the set serves."""
+    st.table(refined_table(result))
+    st.caption(
+        f"Noise of an image point {digits(result.sigma_px.value)} px "
+        f"({result.sigma_px.source}); scatter of the bar's length "
+        f"{digits(1000 * result.scatter_m.value)} mm ({result.scatter_m.source})."
+    )
+    if left_out := result.outlying_frames:
+        named = ", ".join(f"{frame} ({100 * part:.0f} %)" for frame, part in left_out.items())
+        st.warning(
+            f"Left out, for they do not fit (share of the whole misfit): frames {named}. Look at "
+            "them on the Data page."
+        )
+    figures: dict[str, dict[str, Any]] = {}
+    if evaluation is not None and list(evaluation.sha256) == [result.dataset.sha256]:
+        figures = validation_figures(summarise(evaluation.runs), evaluation.settings)
+    content = refined_parameters(result, inputs, figures.get("refined")).dumps()
+    st.download_button(
+        "Download parameters_refined.json", content, "parameters_refined.json",
+        "application/json", on_click="ignore", type="primary", icon=":material/download:",
+        key="download_refined",
+    )  # fmt: skip
+    remembered(project, {"refined_2d": False, "refined_3d": False})
+    for key, job in (("refined_2d", "match"), ("refined_3d", "measure")):
+        st.toggle(
+            f"Also {job} with the refined set", key=key, on_change=keeper(project, key),
+            help="The download on the Calibrate page is then the refined set.",
+        )  # fmt: skip
+
+
+def refined_inputs(dataset: Dataset, settings: RefineSettings) -> list[Input]:
+    """What disagrees; nothing is said where it cannot be told."""
+    try:
+        return inputs_of(dataset, settings)
+    except StereocalError:
+        return []
