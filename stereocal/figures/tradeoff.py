@@ -16,6 +16,7 @@ from stereocal.figures.style import (
     finish,
 )
 from stereocal.refined.tradeoff import TradeOff, TradeOffPoint
+from stereocal.tables import digits
 
 HEIGHT = 520
 NAMES = {"fixed": "Lenses as given", "freed": "Lenses freed"}
@@ -66,9 +67,9 @@ def plot_trade_off(
                 hoverinfo="skip",
             )
         )  # fmt: skip
-    axis = {"type": "log", "exponentformat": "none", "dtick": _ticks(curves, costs)}
-    figure.update_xaxes(title_text="2D cost: sum of the reprojection errors (px)", **axis)
-    figure.update_yaxes(title_text="3D cost: sum of the length errors (mm)", **axis)
+    along_x, along_y = _axes(curves, costs)
+    figure.update_xaxes(title_text="2D cost: sum of the reprojection errors (px)", **along_x)
+    figure.update_yaxes(title_text="3D cost: sum of the length errors (mm)", **along_y)
     return figure
 
 
@@ -79,20 +80,25 @@ def describe_trade_off(curves: TradeOff, costs: Mapping[Method, tuple[float, flo
         first, last = points[0], points[-1]
         parts.append(
             f"{NAMES[name].lower()}, from matching alone to measuring alone, the 2D cost goes from "
-            f"{first.cost_2d_px:.3g} to {last.cost_2d_px:.3g} px and the 3D cost from "
-            f"{1000 * first.cost_3d_m:.3g} to {1000 * last.cost_3d_m:.3g} mm"
+            f"{digits(first.cost_2d_px)} to {digits(last.cost_2d_px)} px and the 3D cost from "
+            f"{digits(1000 * first.cost_3d_m)} to {digits(1000 * last.cost_3d_m)} mm"
         )
     sets = [
-        f"{METHOD_NAMES[method]} {costs[method][0]:.3g} px and {1000 * costs[method][1]:.3g} mm"
+        f"{METHOD_NAMES[method]} {digits(costs[method][0])} px and {digits(1000 * costs[method][1])} mm"
         for method in ALL_METHODS
         if method in costs
     ]
     return f"Trade-off: {'; '.join(parts)}. The sets: {'; '.join(sets)}."
 
 
-def _ticks(curves: TradeOff, costs: Mapping[Method, tuple[float, float]]) -> str:
-    """Labels at 1, 2, 5 of each decade, and at all digits where the range is short."""
+def _axes(
+    curves: TradeOff, costs: Mapping[Method, tuple[float, float]]
+) -> tuple[dict[str, str], dict[str, str]]:
+    """Logarithmic where more than a decade is to be seen."""
     points = [*curves.fixed, *curves.freed]
     values = np.array([[p.cost_2d_px, p.cost_3d_m] for p in points] + list(costs.values()))
-    spans = np.log10(values.max(axis=0) / values.min(axis=0))
-    return "D1" if float(spans.min()) < 0.5 else "D2"
+    x, y = (
+        {"type": "log", "exponentformat": "none", "dtick": "D2"} if wide else {"type": "linear"}
+        for wide in (values.max(axis=0) > 10 * values.min(axis=0)).tolist()
+    )
+    return x, y

@@ -34,8 +34,9 @@ from stereocal.summary import figures_of_set, summarise
 from stereocal.tables import digits, percent, refined_table
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.project import keeper, remembered
-from stereocal.ui.refined import curves_of, inputs_of, map_of
+from stereocal.ui.refined import calibrated, curves_of, inputs_of, map_of
 from stereocal.ui.results import show_figure
+from stereocal.ui.validation import kept_protocol
 
 FIXED, FREED = "As given", "Freed"
 
@@ -85,9 +86,10 @@ def show_trade_off(
     sets: dict[Method, tuple[Pose, Camera, Camera]] = {
         "refined": (result.pose, result.primary, result.secondary)
     }
-    if calibration is not None and calibration.dataset.sha256 == dataset.sha256:
-        for method, found in calibration.methods.items():
-            sets[method] = (found.pose, dataset.primary, dataset.secondary)
+    if calibration is None or calibration.dataset.sha256 != dataset.sha256:
+        calibration = calibrated(dataset, kept_protocol(project, dataset).calibration)
+    for method, found in calibration.methods.items():
+        sets[method] = (found.pose, dataset.primary, dataset.secondary)
     costs = costs_of(dataset, sets)
     remembered(project, {"curve": FREED, "along": 50})
     left, right = st.columns(2)

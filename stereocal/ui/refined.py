@@ -8,7 +8,7 @@ from typing import Any
 
 import streamlit as st
 
-from stereocal.calibrate import Calibration
+from stereocal.calibrate import Calibration, CalibrationSettings, calibrate
 from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
 from stereocal.project import Project
@@ -114,6 +114,12 @@ def refined_for(
     return refined, [purpose for purpose in ("2d", "3d") if kept.get(f"refined_{purpose}")]
 
 
+def calibrated(dataset: Dataset, settings: CalibrationSettings) -> Calibration:
+    """The paper's sets, where nobody has calibrated these data yet. Raises as `calibrate`."""
+    key = f"{dataset.sha256} {json.dumps(settings.to_json(), sort_keys=True)}"
+    return _calibrated(key, dataset, settings)
+
+
 def inputs_of(dataset: Dataset, settings: RefineSettings) -> list[Input]:
     """What disagrees. Raises as `refine`."""
     return _inputs(_key(dataset, settings), dataset, settings)
@@ -140,6 +146,12 @@ def _key(dataset: Dataset, settings: RefineSettings) -> str:
 def _refined(key: str, _dataset: Dataset, _settings: RefineSettings) -> RefinedResult:
     assert key
     return refine(_dataset, _settings)
+
+
+@st.cache_resource(show_spinner="Calibrating.", max_entries=16)
+def _calibrated(key: str, _dataset: Dataset, _settings: CalibrationSettings) -> Calibration:
+    assert key
+    return calibrate(_dataset, _settings)
 
 
 @st.cache_resource(show_spinner="Looking for inputs that disagree.", max_entries=16)
