@@ -84,9 +84,8 @@ def describe_trade_off(curves: TradeOff, costs: Mapping[Method, tuple[float, flo
             f"{digits(1000 * first.cost_3d_m)} to {digits(1000 * last.cost_3d_m)} mm"
         )
     sets = [
-        f"{METHOD_NAMES[method]} {digits(costs[method][0])} px and {digits(1000 * costs[method][1])} mm"
-        for method in ALL_METHODS
-        if method in costs
+        f"{METHOD_NAMES[method]} {digits(px)} px and {digits(1000 * metres)} mm"
+        for method, (px, metres) in costs.items()
     ]
     return f"Trade-off: {'; '.join(parts)}. The sets: {'; '.join(sets)}."
 
