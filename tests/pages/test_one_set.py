@@ -1,0 +1,86 @@
+"""The page One set or two, without a browser."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from streamlit.testing.v1 import AppTest
+
+from stereocal.calibrate import calibrate
+from stereocal.formats.dataset_files import pack_dataset, read_dataset
+from stereocal.project import Project
+from tests.pages.test_pages import FIELD, messages, open_sample, project_of, zipped
+from tests.pages.test_pages import app as app
+from tests.pages.test_pages import home as home
+
+
+def one_set(app: AppTest) -> AppTest:
+    return app.switch_page("pages/one_set.py").run()
+
+
+def text(app: AppTest) -> str:
+    return " ".join(str(item.value) for kind in (app.markdown, app.caption) for item in kind)
+
+
+def test_says_what_it_lacks(app: AppTest) -> None:
+    assert "it needs points" in messages(one_set(app))
+
+
+def test_answers_and_follows_the_form(app: AppTest, home: Path) -> None:
+    project = project_of(open_sample(app), home)
+    one_set(app)
+    assert "One refined set does both jobs" in messages(app)
+    assert "Nothing that was typed or measured disagrees" in messages(app)
+    assert "From 100 random splits, 20 frames fitted" in text(app)
+    evaluation = project.evaluation
+    assert evaluation is not None and evaluation.settings.refined is not None
+    table = app.table[0].value
+    assert table.loc["Baseline (m)", "Standard error"] == "± 0.0052"
+    app.segmented_control(key="refine_lenses").set_value("Held as given").run()
+    assert app.table[0].value.loc["Focal length fx, primary camera (px)", "Standard error"] == (
+        "held"
+    )
+    held = project.evaluation
+    assert held is not None and held.settings.refined != evaluation.settings.refined
+
+
+def test_the_slider_moves_along_the_curve_and_is_kept(app: AppTest, home: Path) -> None:
+    project = project_of(open_sample(app), home)
+    one_set(app)
+    seen = {text(app)}
+    for along in (0, 100):
+        app.slider(key="along").set_value(along).run()
+        seen.add(text(app))
+    app.segmented_control(key="curve").set_value("As given").run()
+    assert len({*seen, text(app)}) == 4
+    assert project.settings["along"] == 100
+
+
+def test_a_baseline_typed_wrong_is_named(app: AppTest, home: Path) -> None:
+    dataset = replace(read_dataset(FIELD), baseline_m=4.7)
+    packed = zipped({name: bytes(content) for name, content in pack_dataset(dataset).items()})
+    app.switch_page("pages/data.py").run()
+    app.segmented_control(key="data_how").set_value("A zip").run()
+    app.file_uploader(key="upload_zip").upload("field.zip", packed, "application/zip").run()
+    assert project_of(app, home).inputs.baseline_m == 4.7
+    one_set(app).number_input(key="refine_baseline_mm").set_value(5.0).run()
+    assert "The measured baseline is 4.7" in messages(app)
+
+
+def test_the_refined_set_can_serve_a_purpose(app: AppTest, home: Path) -> None:
+    project = project_of(open_sample(app), home)
+    dataset = project.dataset
+    assert dataset is not None
+    project.keep_calibration(calibrate(dataset), project.inputs)
+    one_set(app).toggle(key="refined_3d").set_value(True).run()
+    assert Project.open(home, project.id).settings["refined_3d"] is True
+    app.switch_page("pages/calibrate.py").run()
+    assert text(app).count("Holds the refined set") == 1
+
+
+@pytest.mark.parametrize("key", ["refined_2d", "refined_3d"])
+def test_toggles_begin_off(app: AppTest, key: str) -> None:
+    open_sample(app)
+    assert one_set(app).toggle(key=key).value is False
