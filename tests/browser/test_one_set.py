@@ -1,0 +1,62 @@
+"""From the sample to the verdict, along the trade-off, and to the refined set's file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from stereocal.parameters import RigParameters
+from tests.browser.conftest import LONGEST_MS
+
+pytestmark = pytest.mark.browser
+Settled = Callable[[Page], None]
+
+
+def download(page: Page, key: str, target: Path) -> Path:
+    with page.expect_download() as event:
+        page.locator(f".st-key-{key} button").click()
+    event.value.save_as(target)
+    return target
+
+
+def test_verdict_slider_and_files(
+    page: Page, app_url: str, settled: Settled, tmp_path: Path
+) -> None:
+    page.goto(app_url)
+    settled(page)
+    page.locator(".st-key-demo button").click()
+    expect(page.get_by_text("50 pairs of points in 25 frames")).to_be_visible()
+    page.get_by_test_id("stSidebar").get_by_role("link", name="One set or two").click()
+    expect(page.get_by_text("One refined set does both jobs")).to_be_visible(timeout=LONGEST_MS)
+    settled(page)
+    for key in ("disagreement", "trade_off", "accuracy"):
+        expect(page.locator(f".st-key-{key} .js-plotly-plot")).to_be_visible()
+
+    def at_the_point() -> str:
+        settled(page)
+        return page.get_by_text("At the slider's point").inner_text()
+
+    before = at_the_point()
+    point = RigParameters.load(download(page, "download_point", tmp_path / "point.json"))
+    page.locator(".st-key-along").get_by_role("slider").focus()
+    page.keyboard.press("End")
+    expect(page.get_by_text(before)).to_have_count(0)
+    other = RigParameters.load(download(page, "download_point", tmp_path / "other.json"))
+    assert at_the_point() != before
+    assert other.pose.angles != point.pose.angles
+
+    refined = RigParameters.load(download(page, "download_refined", tmp_path / "refined.json"))
+    assert (refined.method, refined.purpose) == ("refined", "both")
+    assert refined.matching_threshold_px is not None
+    page.locator(".st-key-refined_2d label").click()
+    settled(page)
+    page.get_by_test_id("stSidebar").get_by_role("link", name="Calibrate").click()
+    page.locator(".st-key-run button").click()
+    expect(page.get_by_text("Holds the refined set")).to_be_visible(timeout=LONGEST_MS)
+    settled(page)
+    instead = RigParameters.load(download(page, "download_2d", tmp_path / "2d.json"))
+    assert instead.method == "refined"
+    assert RigParameters.load(download(page, "download_3d", tmp_path / "3d.json")).method == "3d"
