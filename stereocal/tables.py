@@ -18,6 +18,7 @@ from stereocal.calibrate import (
     errors_of,
 )
 from stereocal.dataset import Dataset
+from stereocal.parameters import RigParameters
 from stereocal.refine import RefinedResult
 from stereocal.refined.bar_fit import BAR
 from stereocal.refined.uncertainty import standard_errors
@@ -88,6 +89,20 @@ def refined_table(result: RefinedResult) -> pd.DataFrame:
         "Standard error": f"± {digits(bar * math.sqrt(result.covariance[BAR, BAR]), 2)}",
     }
     return pd.DataFrame(lines).T.rename_axis("Refined set")
+
+
+def parameters_table(rig: RigParameters) -> pd.DataFrame:
+    """One set of parameters: angles in degrees, baseline in m, lenses in px."""
+    lines = {
+        ANGLE_TITLES[name]: f"{math.degrees(value):.4f}"
+        for name, value in rig.pose.angles._asdict().items()
+    }
+    lines["Baseline (m)"] = f"{rig.pose.baseline:.4f}"
+    for which, camera in (("primary", rig.primary), ("secondary", rig.secondary)):
+        K = camera.K
+        for key, value in zip(LENS_TITLES, (K[0, 0], K[1, 1], K[0, 2], K[1, 2]), strict=True):
+            lines[f"{LENS_TITLES[key]}, {which} camera (px)"] = f"{value:.2f}"
+    return pd.DataFrame({"Value": lines}).rename_axis("Parameter")
 
 
 def answer(calibration: Calibration) -> str:

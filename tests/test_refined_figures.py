@@ -24,7 +24,7 @@ from stereocal.refined.disagreement import ACCUSED, what_disagrees
 from stereocal.refined.tradeoff import TradeOff, trade_off
 from stereocal.refined.uncertainty import AccuracyMap, accuracy_map
 from stereocal.refined.unknowns import FIXED_LENS, RefineSettings
-from stereocal.tables import refined_table
+from stereocal.tables import parameters_table, refined_table
 
 FIELD = read_dataset(Path(__file__).parents[1] / "sample_data" / "field")
 
@@ -93,6 +93,18 @@ def test_an_accused_input_stands_out() -> None:
     assert bars.marker.color[-1] != bars.marker.color[0]
     assert figure.layout.shapes[0].x0 == ACCUSED
     assert "Baseline: stated 4.7 m" in describe_disagreement(inputs)
+
+
+def test_a_points_table_is_that_of_its_file(curves: TradeOff) -> None:
+    rig = curves.freed[1].parameters(FIELD)
+    table = parameters_table(rig)["Value"]
+    assert float(str(table["Baseline (m)"])) == pytest.approx(rig.pose.baseline, abs=1e-4)
+    assert float(str(table["Yaw α (degrees)"])) == pytest.approx(
+        np.degrees(rig.pose.angles.yaw), abs=1e-4
+    )
+    assert float(str(table["Image centre cy, secondary camera (px)"])) == pytest.approx(
+        rig.secondary.K[1, 2], abs=0.01
+    )
 
 
 def test_table_has_a_standard_error_for_each_number(result: RefinedResult) -> None:

@@ -31,7 +31,7 @@ from stereocal.refined.tradeoff import TradeOff, costs_of
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.refined.verdict import held_out, verdict
 from stereocal.summary import figures_of_set, summarise
-from stereocal.tables import digits, percent, refined_table
+from stereocal.tables import digits, parameters_table, percent, refined_table
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.project import keeper, remembered
 from stereocal.ui.refined import calibrated, curves_of, inputs_of, map_of
@@ -109,9 +109,10 @@ def show_trade_off(
     fcp, median = figures_of_set(count_set(own_view(dataset, own.primary, own.secondary), own.pose))
     st.markdown(
         f"At the slider's point: wrong pairs that look right (FCP) **{percent(fcp)} %**, 3D error "
-        f"(median) **{percent(median)} %**, on the frames it was fitted to; baseline "
-        f"{own.pose.baseline:.4f} m."
+        f"(median) **{percent(median)} %**, on the frames it was fitted to."
     )
+    with st.expander("Its parameters"):
+        st.table(parameters_table(own))
     st.download_button(
         "Download the slider's point", own.dumps(), "parameters_refined_point.json",
         "application/json", on_click="ignore", icon=":material/download:", key="download_point",
