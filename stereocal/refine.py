@@ -26,7 +26,7 @@ from stereocal.essential import calibrate_essential, choose_pose
 from stereocal.geometry import Angles, Pose, residuals
 from stereocal.refined.bar_fit import BAR, BASELINE, EPSILON, PRIMARY, SECONDARY
 from stereocal.refined.solve import Noise, Solve, lenses_of
-from stereocal.refined.unknowns import RefineSettings, Unknowns, camera_of
+from stereocal.refined.unknowns import RefineSettings, Unknowns, camera_of, with_lens_priors
 
 OUT_OF_STEPS = "the largest number of steps was reached"
 UNBELIEVABLE_PX = 30.0
@@ -130,7 +130,7 @@ def refine(
     Raises:
         StereocalError: too few points, no scale, or nothing that fits.
     """
-    settings = settings or RefineSettings()
+    settings = with_lens_priors(settings or RefineSettings(), dataset)
     began = time.perf_counter()
     found: Solve | None = None
     rays = dataset.rays if rows is None else np.ascontiguousarray(dataset.rays[:, rows])

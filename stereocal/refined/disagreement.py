@@ -27,7 +27,13 @@ from stereocal.compiled import FloatArray
 from stereocal.errors import StereocalError
 from stereocal.refine import RefinedResult, refine
 from stereocal.refined.bar_fit import BAR, BASELINE, PRIMARY, SECONDARY, SHARED
-from stereocal.refined.unknowns import LensPrior, RefineSettings, baseline_sigma_m, distance_sigma_m
+from stereocal.refined.unknowns import (
+    LensPrior,
+    RefineSettings,
+    baseline_sigma_m,
+    distance_sigma_m,
+    lens_prior,
+)
 
 ACCUSED = 3.2
 """In standard errors. With six inputs, a sound rig is accused in 1 % of all cases."""
@@ -85,7 +91,7 @@ def what_disagrees(result: RefinedResult) -> list[Input]:
         alike = [k for k, (value, _) in suspects.items() if value >= AS_WELL * largest]
         key, *rivals = sorted(alike, key=lambda k: suspects[k][1] / EASILY_WRONG.get(k, 1.0))
         named.append(key)
-        freed = refine(result.dataset, _freed(current.settings, key), current.pose, result.rows)
+        freed = refine(result.dataset, _freed(current, key), current.pose, result.rows)
         found[key] = _accused(found[key], freed, tuple(rivals))
         current = freed
     rest = sorted(
@@ -100,8 +106,8 @@ def _with_its_noise(result: RefinedResult) -> RefinedResult:
     settings, dataset = result.settings, result.dataset
     wide = replace(
         settings,
-        primary=_widened(settings.primary),
-        secondary=_widened(settings.secondary),
+        primary=_widened(lens_prior(dataset.primary, settings.primary)),
+        secondary=_widened(lens_prior(dataset.secondary, settings.secondary)),
         baseline_sigma_m=WIDER * baseline_sigma_m(dataset, settings),
         distance_sigma_m=WIDER * distance_sigma_m(dataset, settings),
     )
@@ -191,14 +197,15 @@ def _input(result: RefinedResult, key: str, standard_errors: float) -> Input:
     )
 
 
-def _freed(settings: RefineSettings, key: str) -> RefineSettings:
-    """The same settings without the prior of one input."""
+def _freed(result: RefinedResult, key: str) -> RefineSettings:
+    """The settings of a result without the prior of one input."""
+    settings = result.settings
     if key == "baseline":
         return replace(settings, baseline_sigma_m=np.inf)
     if key == "distance":
         return replace(settings, distance_sigma_m=np.inf)
     camera, part = key.split()
-    lens: LensPrior = getattr(settings, camera)
+    lens = lens_prior(getattr(result.dataset, camera), getattr(settings, camera))
     lens = replace(lens, focal=np.inf) if part == "focal" else replace(lens, centre_px=np.inf)
     return (
         replace(settings, primary=lens)

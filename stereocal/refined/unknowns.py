@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -56,8 +56,9 @@ class RefineSettings:
         StereocalError: a negative number, NaN, or an unknown loss.
     """
 
-    primary: LensPrior = field(default_factory=LensPrior)
-    secondary: LensPrior = field(default_factory=LensPrior)
+    primary: LensPrior | None = None
+    """None: what the camera says of its own uncertainty, else 1 % and 10 px."""
+    secondary: LensPrior | None = None
     baseline_sigma_m: float | None = None
     """None: what the data set says, else 1 % of the baseline."""
     distance_sigma_m: float | None = None
@@ -151,8 +152,8 @@ def unknowns_of(
     ]
     columns += [("baseline", baseline, _unit(BASELINE)), ("bar", bar, _unit(BAR))]
     for name, at, prior in (
-        ("primary", PRIMARY, settings.primary),
-        ("secondary", SECONDARY, settings.secondary),
+        ("primary", PRIMARY, lens_prior(dataset.primary, settings.primary)),
+        ("secondary", SECONDARY, lens_prior(dataset.secondary, settings.secondary)),
     ):
         along_x, along_y = origin[at] * _unit(at), origin[at + 1] * _unit(at + 1)
         if prior.apart:
@@ -172,6 +173,31 @@ def unknowns_of(
         origin=origin,
         M=np.ascontiguousarray(np.column_stack([along for _, _, along in free])),
         sigma=np.array([sigma for _, sigma, _ in free]),
+    )
+
+
+def lens_prior(camera: Camera, given: LensPrior | None) -> LensPrior:
+    """How well a lens is known: as given, else as its calibration says, else the default.
+
+    The calibration's standard errors are of fx, fy, cx and cy each; the prior has one number for
+    the focal length, their root mean square, and one for both coordinates of the principal point,
+    the larger.
+    """
+    if given is not None:
+        return given
+    known = camera.uncertainty
+    if known is None:
+        return LensPrior()
+    relative = np.array([known.fx / camera.K[0, 0], known.fy / camera.K[1, 1]])
+    return LensPrior(float(np.sqrt(np.mean(relative**2))), max(known.cx, known.cy))
+
+
+def with_lens_priors(settings: RefineSettings, dataset: Dataset) -> RefineSettings:
+    """The same settings with the priors of both lenses written out."""
+    return replace(
+        settings,
+        primary=lens_prior(dataset.primary, settings.primary),
+        secondary=lens_prior(dataset.secondary, settings.secondary),
     )
 
 
