@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from stereocal.compiled import FloatArray
 from stereocal.errors import StereocalError
 from stereocal.geometry import Pose
-from stereocal.lens.board_corners import eight_bits, in_order
+from stereocal.lens.board_corners import eight_bits, in_order, squares_all_around
 from stereocal.lens.board_pattern import BoardPattern
 from stereocal.lens.boards import BoardView, Refused, find_board, find_boards
 from stereocal.synthetic.rendering import Board, Photograph
@@ -88,6 +88,21 @@ class TestCorners:
         grey = eight_bits(image)
         assert grey.dtype == np.uint8 and grey.min() < 10 and grey.max() > 245
         assert len(found(image).corners) == 48
+
+    @pytest.mark.parametrize("axis", [0, 1])
+    @pytest.mark.parametrize("extra", ["before", "behind"])
+    def test_edge_of_the_outermost_squares_is_no_row_of_corners(
+        self, axis: int, extra: str
+    ) -> None:
+        """OpenCV takes it for one, asked for 11x9, in 1 of 30 photographs of 11x8 with a border."""
+        pose = facing(spin=0.4)
+        image = photographed(pose)
+        grid = corners_of(pose).reshape(6, 8, 2)
+        assert squares_all_around(grid, image)
+        grid = np.moveaxis(grid, axis, 0)
+        edge = 2 * grid[:1] - grid[1:2] if extra == "before" else 2 * grid[-1:] - grid[-2:-1]
+        more = [edge, grid] if extra == "before" else [grid, edge]
+        assert not squares_all_around(np.moveaxis(np.concatenate(more), 0, axis), image)
 
     @pytest.mark.parametrize("tilt", [1.45, 1.52, np.pi / 2 - 0.01])
     def test_board_seen_edge_on_is_refused(self, tilt: float) -> None:

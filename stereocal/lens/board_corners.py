@@ -6,12 +6,14 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereocal.compiled import FloatArray, IntArray
+from stereocal.compiled import BoolArray, FloatArray, IntArray
 from stereocal.formats.photograph import GreyImage
 
 LARGE_PX = 1400
 """Photographs with a longer side are first searched at half their size."""
 WINDOW_PX = (2, 15)
+LEAST_CONTRAST = 0.3
+"""Of the outermost squares, as a part of that of the others."""
 
 
 def eight_bits(image: GreyImage) -> npt.NDArray[np.uint8]:
@@ -47,8 +49,49 @@ def find_chessboard(
         if found and len(corners) == rows * columns:
             raw = np.asarray(corners, dtype=np.float64).reshape(rows, columns, 2)
             # Pixel centres are integers: the middle of pixels 0 and 1 is 0.5.
-            return in_order(scale * raw + 0.5 * (scale - 1.0), grey)
+            grid = scale * raw + 0.5 * (scale - 1.0)
+            if squares_all_around(grid, grey):
+                return in_order(grid, grey)
     return None
+
+
+def squares_all_around(grid: FloatArray, grey: GreyImage) -> bool:
+    """Whether black and white squares alternate beyond the outermost corners of a grid too.
+
+    Asked for one row more than a board has, the finder takes the edge of the outermost squares for
+    it: they end at the white border as corners of a sort.
+    """
+    whole = _one_more_all_around(_one_more_all_around(grid).swapaxes(0, 1)).swapaxes(0, 1)
+    level = _levels(whole, grey)
+    like_first = np.add.outer(*(np.arange(n) for n in level.shape)) % 2 == 0
+    inner = np.s_[1:-1, 1:-1]
+    usual = _contrast(level[inner], like_first[inner])
+    sides = (np.s_[0], np.s_[-1], np.s_[:, 0], np.s_[:, -1])
+    found = [_contrast(level[side], like_first[side]) * np.sign(usual) for side in sides]
+    return not any(contrast < LEAST_CONTRAST * abs(usual) for contrast in found)
+
+
+def _contrast(level: FloatArray, like_first: BoolArray) -> float:
+    """The squares of one colour against those of the other; NaN where either is not in view."""
+    one, other = level[like_first], level[~like_first]
+    if np.isnan(one).all() or np.isnan(other).all():
+        return float("nan")
+    return float(np.nanmedian(one) - np.nanmedian(other))
+
+
+def _one_more_all_around(grid: FloatArray) -> FloatArray:
+    """The grid with one row more before its first and behind its last."""
+    return np.concatenate([2 * grid[:1] - grid[1:2], grid, 2 * grid[-1:] - grid[-2:-1]])
+
+
+def _levels(grid: FloatArray, grey: GreyImage) -> FloatArray:
+    """(rows - 1, columns - 1): brightness in the middle of each square; NaN out of the image."""
+    middles = 0.25 * (grid[:-1, :-1] + grid[:-1, 1:] + grid[1:, :-1] + grid[1:, 1:])
+    height, width = grey.shape
+    u, v = np.moveaxis(np.rint(middles).astype(np.int64), -1, 0)
+    inside = (u >= 0) & (u < width) & (v >= 0) & (v < height)
+    level = grey[np.clip(v, 0, height - 1), np.clip(u, 0, width - 1)].astype(np.float64)
+    return np.where(inside, level, np.nan)
 
 
 def in_order(grid: FloatArray, grey: npt.NDArray[np.uint8]) -> tuple[FloatArray, bool]:
