@@ -17,10 +17,8 @@ from stereocal.formats.dataset_files import (
     TABLE,
     Survey,
     find_description,
-    pack_dataset,
     parse_dataset,
     parse_survey,
-    read_dataset,
 )
 from stereocal.formats.photograph_files import (
     is_photograph,
@@ -31,7 +29,7 @@ from stereocal.formats.photograph_files import (
 from stereocal.formats.zip_files import unzip
 from stereocal.project import Project, Slot
 from stereocal.store.photographs import ProjectPhotographs
-from stereocal.ui.project import SAMPLE, new_project, project_to_write
+from stereocal.ui.project import project_to_write
 
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 TITLES: Mapping[Slot, str] = {
@@ -55,11 +53,6 @@ class Upload(Protocol):
 
     def getvalue(self) -> bytes:
         """The content."""
-
-
-def load_sample() -> None:
-    """Begin a project with the sample data set."""
-    _give_dataset(new_project(), pack_dataset(read_dataset(SAMPLE)), "sample data")
 
 
 def in_use(project: Project | None, slot: Slot) -> None:
@@ -172,7 +165,7 @@ def _rows_but(content: bytes, problems: Sequence[RowProblem]) -> tuple[bytes, in
 def _try_dataset(files: Mapping[str, bytes], source: str, unpack: Unpack) -> None:
     """Take over a data set; if rows of it are refused, offer to go on without them."""
     try:
-        _give_dataset(project_to_write(), files, source, unpack)
+        give_dataset(project_to_write(), files, source, unpack)
         settled()
     except RefusedRowsError as error:
         folder, _ = find_description(files, source)
@@ -200,13 +193,17 @@ def _try_files(files: dict[Slot, tuple[str, bytes]]) -> None:
         refuse(error)
 
 
-def _give_dataset(
+def give_dataset(
     project: Project,
     files: Mapping[str, bytes],
     source: str,
     unpack: Unpack = lambda _store: {},
 ) -> None:
-    """Put a whole data set into a project, in place of what it held, or refuse it."""
+    """Put a whole data set into a project, in place of what it held.
+
+    Raises:
+        StereocalError: what is wrong with it; the project holds what it held.
+    """
     store = ProjectPhotographs(project)
     photographs = of_the_bar(unpack(store.files))
     folder, description = find_description(files, source)

@@ -10,8 +10,7 @@ import streamlit as st
 
 from stereocal.errors import StereocalError
 from stereocal.formats.photograph import SUFFIXES
-from stereocal.formats.photograph_files import keep_photograph, unpack_photographs
-from stereocal.formats.photograph_files import photographs_in as photographs_of
+from stereocal.formats.photograph_files import unpack_photographs
 from stereocal.intrinsics import LensSettings, calibrate_lens
 from stereocal.lens.board_pattern import DICTIONARIES, BoardPattern
 from stereocal.lens.boards import BoardSearch, find_boards
@@ -28,8 +27,8 @@ from stereocal.ui.intake import (
     take_file,
 )
 from stereocal.ui.project import current_project, keeper, project_to_write, remembered
+from stereocal.ui.samples import has_sample_photographs, load_sample_boards
 
-SAMPLE_BOARDS = Path(__file__).parents[2] / "sample_data" / "photographs"
 BOARD, FILE = "Photographs of a board", "A camera file"
 CHESSBOARD, CHARUCO = "Chessboard", "ChArUco"
 STAGES = ("photographs searched", "draws calibrated")
@@ -73,7 +72,7 @@ def choose_camera(project: Project | None) -> tuple[Which, str]:
     how = right.segmented_control(
         "I have", [BOARD, FILE], default=BOARD, key="lens_how", required=True
     )
-    if how == BOARD and SAMPLE_BOARDS.is_dir() and not (project and _has_boards(project)):
+    if how == BOARD and has_sample_photographs() and not (project and _has_boards(project)):
         st.button("Try with sample photographs", key="sample_boards", on_click=load_sample_boards)
     return which, how
 
@@ -137,22 +136,6 @@ def take_boards(uploads: Sequence[Upload], which: Which) -> None:
     # A new key empties the uploader, which else holds every file in memory while the page is open.
     st.session_state[_ROUND] += 1
     st.rerun()
-
-
-def load_sample_boards() -> None:
-    """The sample's board photographs, into the open project or a new one (a callback)."""
-    try:
-        project = project_to_write()
-        for which in WHICH:
-            store = ProjectLens(project, which)
-            source = photographs_of(SAMPLE_BOARDS / f"boards_{which}", store.files)
-            store.add({
-                name: keep_photograph([path.read_bytes()], name, store.files)
-                for name, path in source.items()
-            })  # fmt: skip
-        settled()
-    except StereocalError as error:
-        refuse(error)
 
 
 def board_form(project: Project) -> BoardPattern:

@@ -1,0 +1,73 @@
+"""The sample data, to try everything with: a table of points, or photographs of bar and boards."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from stereocal.errors import StereocalError
+from stereocal.formats.dataset_files import pack_dataset, read_dataset
+from stereocal.formats.photograph_files import Photographs, keep_photograph, photographs_in
+from stereocal.project import Project
+from stereocal.store.lens import WHICH, ProjectLens
+from stereocal.ui.intake import give_dataset, refuse, settled
+from stereocal.ui.project import SAMPLE, new_project, project_to_write
+
+PHOTOGRAPHS = SAMPLE.parent / "photographs"
+DESCRIPTION = ("dataset.json", "primary.json", "secondary.json")
+
+
+def has_sample_photographs() -> bool:
+    """Whether they were installed; they are 22 MB, and a copy may do without."""
+    return PHOTOGRAPHS.is_dir()
+
+
+def load_sample() -> None:
+    """Begin a project with the sample data set of points.
+
+    Raises:
+        StereocalError: the sample cannot be read, or the disk is full.
+    """
+    give_dataset(new_project(), pack_dataset(read_dataset(SAMPLE)), "sample data")
+
+
+def load_sample_photographs() -> None:
+    """Begin a project with photographs of the bar and of the boards, the lenses and the lengths.
+
+    Raises:
+        StereocalError: the sample cannot be read, or the disk is full.
+    """
+    project = new_project()
+    files = {name: (PHOTOGRAPHS / name).read_bytes() for name in DESCRIPTION}
+    give_dataset(project, files, "sample photographs", _keep_bars)
+    _give_boards(project)
+
+
+def load_sample_boards() -> None:
+    """The sample's board photographs, into the open project or a new one (a callback)."""
+    try:
+        _give_boards(project_to_write())
+        settled()
+    except StereocalError as error:
+        refuse(error)
+
+
+def _give_boards(project: Project) -> None:
+    for which in WHICH:
+        store = ProjectLens(project, which)
+        source = photographs_in(PHOTOGRAPHS / f"boards_{which}", store.files)
+        store.add(_kept(source, store.files))
+
+
+def _keep_bars(store: Path) -> Mapping[str, Path]:
+    found: dict[str, Path] = {}
+    for which in WHICH:
+        source = photographs_in(PHOTOGRAPHS / which, store)
+        found |= _kept({f"{which}/{name}": path for name, path in source.items()}, store)
+    return found
+
+
+def _kept(source: Photographs, store: Path) -> dict[str, Path]:
+    return {
+        name: keep_photograph([path.read_bytes()], name, store) for name, path in source.items()
+    }
