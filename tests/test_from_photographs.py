@@ -22,7 +22,9 @@ from tests.bar_photographs import write
 from tests.photographed_rig import BAR_M, BASELINE_M, RIG, photographed_rig, true_values
 
 WITHIN = 3.5
-"""Standard errors. Measured over 10 seeds: see `test_the_stated_errors_hold`."""
+"""Standard errors. Measured over 10 seeds, 14 numbers each: 0.88 in the root mean square, 2.9 at
+most. In good light, where centres are found to 0.004 px, it is 1.3, and 2.8 for the yaw: the
+refined method takes the distortion coefficients as exact, and their error then is the largest."""
 BOARD = ["--board", "11x8", "--square", "0.03", "--subset", "10", "--repeats", "20"]
 LENS = ("fx", "fy", "cx", "cy")
 
@@ -82,8 +84,8 @@ def test_the_stated_errors_hold(folder: Path) -> None:
 
 @pytest.mark.parametrize(
     ("method", "length", "reprojection_px"),
-    # Measured: lengths 7e-4, 8e-5, 3e-5 off at most; true pairs fit to 0.003, 1.1, 0.003 px.
-    [("2d", 2e-3, 0.02), ("3d", 3e-4, 5.0), ("refined", 2e-4, 0.02)],
+    # Measured: lengths 0.56, 0.094 and 0.022 % off at most; true pairs fit to 0.016, 4.2, 0.012 px.
+    [("2d", 0.015, 0.05), ("3d", 0.003, 12.0), ("refined", 0.0008, 0.05)],
 )
 def test_each_set_measures_and_matches(
     folder: Path, method: str, length: float, reprojection_px: float
