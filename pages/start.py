@@ -20,14 +20,19 @@ with text:
     samples = {"demo": ("Try it with sample data", load_sample)}
     if has_sample_photographs():
         samples["demo_photographs"] = ("Try it with sample photographs", load_sample_photographs)
-    for key, (label, load) in samples.items():
-        if st.button(label, type="primary" if key == "demo" else "secondary", key=key):
-            try:
-                load()
-            except StereocalError as error:
-                st.error(escape_markdown(str(error)))
-            else:
-                st.switch_page("pages/data.py")
+    with st.container(horizontal=True):
+        chosen = [
+            load
+            for key, (label, load) in samples.items()
+            if st.button(label, type="primary" if key == "demo" else "secondary", key=key)
+        ]
+    for load in chosen:
+        try:
+            load()
+        except StereocalError as error:
+            st.error(escape_markdown(str(error)))
+        else:
+            st.switch_page("pages/data.py")
     if st.button("Begin with my own data", key="begin"):
         forget_project()
         st.switch_page("pages/data.py")

@@ -114,7 +114,7 @@ def _set_axes(figure: go.Figure, column: int, side: str, camera: Camera) -> None
     margin = 0.01 * max(width, height)
     figure.update_xaxes(
         row=1, col=column, side="top", range=[-0.5 - margin, width - 0.5 + margin],
-        title_text=f"<b>{side}</b><br>{_size(camera)}<br>u (px)", constrain="domain", nticks=5,
+        title_text=f"<b>{side}</b><br>{_size(camera)}<br>u (px)", constrain="domain", nticks=3,
         constraintoward="right" if column == 1 else "left",
         tickangle=0, showgrid=False,
     )  # fmt: skip

@@ -68,14 +68,15 @@ def _show_frame(
         st.caption(escape_markdown(frame.reason))
     key = f"use_frame_{frame.frame}"
     st.session_state[key] = frame.use
-    st.checkbox(
-        "Use this frame", key=key, disabled=running or not frame.targets_in_both,
-        on_change=_choose, args=(store, frame.frame, key),
-    )  # fmt: skip
-    st.button(
-        "Look closely", key=f"look_{frame.frame}", type="tertiary", icon=":material/zoom_in:",
-        on_click=look_closely, args=(frame.frame,),
-    )  # fmt: skip
+    with st.container(horizontal=True, vertical_alignment="center"):
+        st.checkbox(
+            "Use this frame", key=key, disabled=running or not frame.targets_in_both,
+            on_change=_choose, args=(store, frame.frame, key),
+        )  # fmt: skip
+        st.button(
+            "Look closely", key=f"look_{frame.frame}", type="tertiary",
+            icon=":material/zoom_in:", on_click=look_closely, args=(frame.frame,),
+        )  # fmt: skip
 
 
 def _choose(store: ProjectPhotographs, number: int, key: str) -> None:

@@ -86,11 +86,7 @@ def photographs_in(project: Project | None) -> None:
         take_photographs(uploads)
     if project is None:
         return
-    for slot, column in zip(LENSES, st.columns(2), strict=True):
-        with column:
-            in_use(project, slot)
-            kinds = ["json", "yaml", "yml", "xml"]
-            take_file(slot, st.file_uploader(TITLES[slot], type=kinds, key=f"upload_{slot}"))
+    _camera_files(project)
     store = ProjectPhotographs(project)
     try:
         if store.photographs:
@@ -98,6 +94,19 @@ def photographs_in(project: Project | None) -> None:
             _find_targets(store)
     except StereocalError as error:
         st.error(escape_markdown(str(error)))
+
+
+def _camera_files(project: Project) -> None:
+    """Which lenses are in use, and the uploaders, out of the way once both are there."""
+    for slot, column in zip(LENSES, st.columns(2), strict=True):
+        with column:
+            in_use(project, slot)
+    with st.expander("Camera files", expanded=not all(project.cameras)):
+        for slot, column in zip(LENSES, st.columns(2), strict=True):
+            kinds = ["json", "yaml", "yml", "xml"]
+            with column:
+                take_file(slot, st.file_uploader(TITLES[slot], type=kinds, key=f"upload_{slot}"))
+        st.page_link("pages/cameras.py", label="Or make them from photographs of a board")
 
 
 def take_photographs(uploads: Sequence[Upload], prefix: str = "") -> None:
