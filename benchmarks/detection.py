@@ -19,7 +19,7 @@ from stereocal.backgrounds import outdoors
 from stereocal.camera import Camera
 from stereocal.compiled import FloatArray
 from stereocal.corner_fit import window
-from stereocal.corner_model import ALL, CORE, FRAME, fill_frame, model
+from stereocal.corner_model import ALL, CORE, FRAME, fill_frame, fill_rows
 from stereocal.detection import Detection, corner_near, detect_targets
 from stereocal.labelling import label_targets
 from stereocal.photographs import BarSettings, photograph_bars, place_visible_bars
@@ -91,11 +91,10 @@ def bound(case: Case) -> FloatArray:
     p[4], p[6] = 0.5 * np.log(board.blur**2 + 1 / 12), (board.white - board.black) / 2
     grey = np.zeros((case.size, case.size), np.float32)
     pixels = window(grey, p[0], p[1], along / lengths[:, None], lengths / 2, 1)
-    frame, slopes = np.empty(FRAME), np.empty((len(pixels), ALL))
+    frame, rows = np.empty(FRAME), np.empty((ALL + 1, len(pixels)))
     fill_frame(p, 1.0, 1, frame)
-    for pixel, slope in zip(pixels, slopes, strict=True):
-        model(p, frame, pixel[0], pixel[1], slope)
-    J = slopes[:, :CORE]
+    fill_rows(p, frame, pixels, rows)
+    J = rows[:CORE].T
     inverse: FloatArray = np.asarray(np.linalg.inv(J.T @ J), dtype=np.float64)[:2, :2]
     return inverse * (case.noise**2 + 1 / 12)
 

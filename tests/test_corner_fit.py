@@ -11,7 +11,7 @@ from scipy.stats import multivariate_normal, norm
 
 from stereocal.compiled import FloatArray
 from stereocal.corner_fit import Corner
-from stereocal.corner_model import ALL, FRAME, fill_frame, model
+from stereocal.corner_model import ALL, FRAME, fill_frame, fill_rows
 from stereocal.detection import corner_near
 from tests.boards import Board, picture
 
@@ -21,9 +21,10 @@ PARAMETERS = np.array(
 
 
 def grey_level(p: FloatArray, x: float, y: float, samples: int) -> tuple[float, FloatArray]:
-    frame, slope = np.empty(FRAME), np.empty(ALL)
+    frame, rows = np.empty(FRAME), np.empty((ALL + 1, 1))
     fill_frame(p, 15.0, samples, frame)
-    return float(model(p, frame, x, y, slope)), slope
+    fill_rows(p, frame, np.array([[x, y, 0.0]]), rows)
+    return float(rows[ALL, 0]), rows[:ALL, 0]
 
 
 @pytest.mark.parametrize("samples", [1, 4])
