@@ -28,6 +28,8 @@ SMALLEST_SINE = 0.35
 FARTHEST = 30.0
 WORST_ARMS = 0.4
 ROUNDS = 30
+WHILE_GROWING_PX, AT_LAST_PX = 1e-2, 1e-5
+"""Tolerances of the fits."""
 MISFIT = 0.06
 """Boards have 0.00 to 0.03, pickets and leaves 0.05 to 0.15."""
 SHARP = 1.3
@@ -99,6 +101,7 @@ def _fit(
     size: int,
     stride: int,
     samples: int,
+    tolerance: float = WHILE_GROWING_PX,
 ) -> tuple[FloatArray, FloatArray, FloatArray, bool]:
     """Fit in one window: pixels, parameters, penalty, and whether it converged."""
     pixels = window(image, p[0], p[1], _directions(p), half, stride)
@@ -109,7 +112,7 @@ def _fit(
     fitted = p.copy()
     if len(pixels) <= size + 4:
         return pixels, fitted, penalty, False
-    _, converged = minimise(pixels, fitted, size, radius, samples, penalty, ROUNDS)
+    _, converged = minimise(pixels, fitted, size, radius, samples, penalty, ROUNDS, tolerance)
     return pixels, fitted, penalty, converged
 
 
@@ -223,7 +226,7 @@ def _final(
     radius = float(half.max())
     for _ in range(2):
         samples = 4 if math.exp(p[4]) < SHARP else 1
-        pixels, fitted, penalty, converged = _fit(image, p, half, noise, ALL, 1, samples)
+        pixels, fitted, penalty, converged = _fit(image, p, half, noise, ALL, 1, samples, AT_LAST_PX)
         if not converged or not plausible(fitted, p, float(min(half))):
             return None
         p = fitted

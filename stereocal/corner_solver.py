@@ -99,6 +99,7 @@ def minimise(
     samples: int,
     penalty: FloatArray,
     rounds: int,
+    tolerance: float,
 ) -> tuple[float, bool]:
     """Levenberg-Marquardt on the first `size` parameters of p, in place.
 
@@ -111,8 +112,10 @@ def minimise(
             1 takes its middle; 0 also takes the edges to be at right angles, which is quick.
         penalty: (13,), what the cost gains for each parameter squared.
         rounds: at most so many.
+        tolerance: px; it ends with a step of the centre below this that lowers the cost by less
+            than a tenth of it, relatively.
 
-    Returns the cost and whether it converged: a last step of the centre below 1e-5 px.
+    Returns the cost and whether it converged.
     """
     H, L, trial = np.empty((size, size)), np.zeros((size, size)), p.copy()
     g, step = np.empty(size), np.empty(size)
@@ -134,14 +137,15 @@ def minimise(
             trial[a] = p[a] - step[a]
         new = _normal_equations(pixels, trial, radius, samples, penalty[:size], H_new, g_new)
         if new <= cost:
-            small = abs(step[0]) + abs(step[1]) < 1e-5 and cost - new < 1e-6 * cost
+            moved = abs(step[0]) + abs(step[1])
+            small = moved < tolerance and cost - new < 0.1 * tolerance * cost
             p[:size] = trial[:size]
             H, H_new, g, g_new, cost = H_new, H, g_new, g, new
             damping *= 0.1
             if small:
                 return cost, True
         else:
-            if abs(step[0]) + abs(step[1]) < 1e-7:
+            if abs(step[0]) + abs(step[1]) < 0.01 * tolerance:
                 return cost, True
             damping *= 10.0
             if damping > 1e8:
