@@ -116,6 +116,11 @@ def _fit(
     return pixels, fitted, penalty, converged
 
 
+def _stride(half: FloatArray) -> int:
+    """Every so many rows and columns hold about `PIXELS_WHILE_GROWING` pixels of a window."""
+    return max(1, round(math.sqrt(4.0 * half[0] * half[1] / PIXELS_WHILE_GROWING)))
+
+
 @compiled
 def window(
     image: GreyImage,
@@ -196,7 +201,7 @@ def fit_corner(
         grown = np.minimum(wanted, GROWTH * reach)
         done = bool(np.isfinite(ends).all() and (np.abs(grown / reach - 1.0) < 0.1).all())
         reach = grown
-        stride = max(1, round(math.sqrt(4.0 * reach[0] * reach[1] / PIXELS_WHILE_GROWING)))
+        stride = _stride(reach)
         size = CORE if max(reach) < 8 else ALL
         _, fitted, _, _ = _fit(image, p, reach, noise, size, stride, 0)
         if not plausible(fitted, p, float(min(reach))):
@@ -224,9 +229,12 @@ def _final(
     quantum, gain = scale
     smallest = max(quantum**2 / 12.0, (1e-5 * p[6]) ** 2)
     radius = float(half.max())
-    for _ in range(2):
+    # The first fit is for the noise, which the priors are weighed with.
+    for stride, tolerance in ((_stride(half), WHILE_GROWING_PX), (1, AT_LAST_PX)):
         samples = 4 if math.exp(p[4]) < SHARP else 1
-        pixels, fitted, penalty, converged = _fit(image, p, half, noise, ALL, 1, samples, AT_LAST_PX)
+        pixels, fitted, penalty, converged = _fit(
+            image, p, half, noise, ALL, stride, samples, tolerance
+        )
         if not converged or not plausible(fitted, p, float(min(half))):
             return None
         p = fitted
