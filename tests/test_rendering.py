@@ -297,5 +297,5 @@ def test_charuco_board_is_opencvs() -> None:
     assert len(ids) == 24
     truth = camera.project(pose.apply(corners))[np.ravel(ids)]
     # Refined, as OpenCV 4.9 counts these corners from the edge of the first pixel.
-    error = refine(image, np.asarray(found).reshape(-1, 2), 5.0) - truth
+    error = refine(image, np.asarray(found, dtype=np.float64).reshape(-1, 2), 5.0) - truth
     assert np.sqrt((error**2).mean()) < 0.04  # measured 0.024 px
