@@ -1,6 +1,6 @@
-"""Targets in photographs: accuracy against OpenCV and the Cramer-Rao bound, clutter, seconds.
+"""Targets in photographs: accuracy against OpenCV and the Cramer-Rao bound.
 
-python -m benchmarks.detection [pairs]
+python -m benchmarks.detection [first seed]
 """
 
 from __future__ import annotations
@@ -8,30 +8,21 @@ from __future__ import annotations
 import os
 import sys
 import time
-from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
-from stereocal.camera import Camera
 from stereocal.compiled import FloatArray
 from stereocal.corners.fit import window
-from stereocal.corners.model import ALL, CORE, FRAME, fill_frame, model
-from stereocal.detection import Detection, corner_near, detect_targets
-from stereocal.frames.labelling import label_targets
-from stereocal.simulate import field_rig
-from stereocal.synthetic.backgrounds import outdoors
-from stereocal.synthetic.photographs import BarSettings, photograph_bars, place_visible_bars
-from stereocal.synthetic.rendering import Photograph, PhotographSettings
+from stereocal.corners.model import ALL, CORE, FRAME, fill_frame, fill_rows
+from stereocal.detection import corner_near
+from stereocal.synthetic.rendering import Photograph
 from tests.boards import Board, picture, plane_to_image
 
 RENDERS = 200
 WINDOWS = (2, 3, 4, 5, 6, 7, 8, 10, 12, 15, 20, 30)
-PER_SCENE = 10
-"""Pairs of one background: the geometry of all of them tells A and B apart."""
-WRONG_PX = 1.0
 
 
 @dataclass(frozen=True)
@@ -50,10 +41,13 @@ class Case:
         return picture(self.board, (self.size, self.size), self.noise, self.seed, grey, fine)
 
 
-def cases(count: int) -> Iterator[Case]:
+def cases(count: int, first: int = 0) -> Iterator[Case]:
     """Noise 0 to 8 grey levels, blur 0.5 to 3 px, tilt to 60 degrees, contrast from 40, boards of
-    20 to 400 px."""
-    for seed in range(count):
+    20 to 400 px.
+
+    The settings of the fit were chosen on the seeds 0 to 199.
+    """
+    for seed in range(first, first + count):
         rng = np.random.default_rng([1, seed])
         side = float(np.exp(rng.uniform(np.log(20), np.log(400))))
         size = int(1.3 * side + 20)
@@ -91,11 +85,10 @@ def bound(case: Case) -> FloatArray:
     p[4], p[6] = 0.5 * np.log(board.blur**2 + 1 / 12), (board.white - board.black) / 2
     grey = np.zeros((case.size, case.size), np.float32)
     pixels = window(grey, p[0], p[1], along / lengths[:, None], lengths / 2, 1)
-    frame, slopes = np.empty(FRAME), np.empty((len(pixels), ALL))
+    frame, rows = np.empty(FRAME), np.empty((ALL + 1, len(pixels)))
     fill_frame(p, 1.0, 1, frame)
-    for pixel, slope in zip(pixels, slopes, strict=True):
-        model(p, frame, pixel[0], pixel[1], slope)
-    J = slopes[:, :CORE]
+    fill_rows(p, frame, pixels, rows)
+    J = rows[:CORE].T
     inverse: FloatArray = np.asarray(np.linalg.inv(J.T @ J), dtype=np.float64)[:2, :2]
     return inverse * (case.noise**2 + 1 / 12)
 
@@ -109,12 +102,12 @@ def subpix(image: Photograph, start: FloatArray, half: int) -> FloatArray:
     ).ravel()
 
 
-def accuracy(count: int = RENDERS) -> None:
+def accuracy(count: int, first: int) -> None:
     """Ours against OpenCV and the bound, on the same renders from the same starts."""
     ours, normal, least, seconds, sizes = [], [], [], [], []
     peers: dict[int, list[float]] = {half: [] for half in WINDOWS}
     dominated = []
-    for case in cases(count):
+    for case in cases(count, first):
         image, truth = case.picture(), np.array(case.board.centre)
         start = truth + np.random.default_rng([3, case.seed]).uniform(-0.7, 0.7, 2)
         began = time.thread_time()
@@ -173,78 +166,11 @@ def accuracy(count: int = RENDERS) -> None:
         )
 
 
-def right(detection: Detection, centres: FloatArray) -> bool:
-    """Both targets are where they are, in either order."""
-    if detection.targets is None:
-        return False
-    found = np.array([corner.centre for corner in detection.targets])
-    off = min(np.abs(found - centres).max(), np.abs(found - centres[::-1]).max())
-    return bool(off < WRONG_PX)
-
-
-def clutter(pairs: int) -> None:
-    """Full-size pairs with houses, leaves, fences and a chessboard; labels and seconds."""
-    states: Counter[str] = Counter()
-    frames: Counter[str] = Counter()
-    seconds, errors = [], []
-    good = wrong_sure = labelled = mislabelled_sure = 0
-    rig = field_rig()
-    cameras: tuple[Camera, Camera] = (rig.primary, rig.secondary)
-    for scene_number in range(pairs // PER_SCENE):
-        rng = np.random.default_rng([4, scene_number])
-        scene = place_visible_bars(rig, rng, PER_SCENE, 0.9)
-        backgrounds = outdoors(rig, rng, softness_px=float(rng.uniform(0, 2)))
-        black, white = rng.uniform(20, 60), rng.uniform(110, 220)
-        bar = BarSettings(black=black, white=white, tilt_rad=(0.0, float(np.deg2rad(60))))
-        settings = PhotographSettings(
-            blur_px=float(rng.uniform(0.5, 2)), read_noise=float(rng.uniform(0.5, 6))
-        )
-        found: tuple[dict[int, Detection], dict[int, Detection]] = ({}, {})
-        truth = {}
-        for pair in photograph_bars(scene, backgrounds, bar, settings, rng):
-            truth[pair.frame] = (pair.centres_primary, pair.centres_secondary)
-            for which, image in enumerate((pair.primary, pair.secondary)):
-                began = time.thread_time()
-                detection = detect_targets(image)
-                seconds.append(time.thread_time() - began)
-                found[which][pair.frame] = detection
-                states[detection.state] += 1
-                ok = right(detection, truth[pair.frame][which])
-                wrong_sure += detection.state == "found" and not ok
-                if not ok:
-                    print(f"  scene {scene_number}, {pair.frame}, {which}: {detection.sentence}")
-        labelling = label_targets(found[0], found[1], cameras)
-        frames.update(report.state for report in labelling.frames)
-        for frame, centres in truth.items():
-            both = all(right(found[i][frame], centres[i]) for i in range(2))
-            good += both
-            rows = [pair for pair in labelling.pairs if pair.frame == frame]
-            if not both:
-                mislabelled_sure += any(row.sure for row in rows)
-                continue
-            places = np.array([[row.primary.centre, row.secondary.centre] for row in rows])
-            off = places - np.stack(centres, axis=1)
-            off = off if np.abs(off).max() < WRONG_PX else places - np.stack(centres, axis=1)[::-1]
-            agree = bool(np.abs(off).max() < WRONG_PX)
-            labelled += agree
-            mislabelled_sure += not agree and rows[0].sure
-            errors.append(off)
-    total = sum(states.values()) // 2
-    print(f"{total} pairs: both targets in both {good}, rightly labelled {labelled}")
-    print(f"photographs {dict(states)}, wrong and sure {wrong_sure}")
-    print(f"frames {dict(frames)}, wrong and sure {mislabelled_sure}")
-    error = np.concatenate(errors).ravel()
-    print(f"error of a coordinate: RMS {np.sqrt(np.mean(error**2)):.4f} px")
-    middle, high = np.percentile(seconds[2:], [50, 95])
-    print(f"CPU seconds a photograph: median {middle:.3f}, 95 % below {high:.3f}")
-
-
 def main() -> None:
     """Measure and print."""
     cv2.setNumThreads(1)
     print(f"{os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}")
-    accuracy()
-    clutter(int(sys.argv[1]) if len(sys.argv) > 1 else 200)
+    accuracy(RENDERS, int(sys.argv[1]) if len(sys.argv) > 1 else 0)
 
 
 if __name__ == "__main__":

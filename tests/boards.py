@@ -53,16 +53,32 @@ def plane_to_image(board: Board) -> FloatArray:
 
 def paint(light: FloatArray, board: Board, origin: tuple[float, float], fine: int) -> None:
     """Draw a board into `light`, (h fine, w fine), in place; pixel (0, 0) has its centre at
-    `origin`."""
+    `origin`.
+
+    A fine pixel that an edge crosses takes its share of both sides. Without this, edges along the
+    rows or columns were off by up to half a fine pixel: 0.06 to 0.12 px.
+    """
     height, width = light.shape
     u = origin[0] + (np.arange(width) + 0.5) / fine - 0.5
     v = origin[1] + (np.arange(height) + 0.5) / fine - 0.5
-    inverse = np.linalg.inv(plane_to_image(board))
-    x, y, w = (row[0] * u + row[1] * v[:, None] + row[2] for row in inverse)
-    x, y = x / w, y / w
-    far = np.maximum(np.abs(x), np.abs(y))
-    light[far < 0.5 + board.margin] = board.white
-    light[(far < 0.5) & (x * y < 0)] = board.black
+    across, down, depth = np.linalg.inv(plane_to_image(board))
+
+    def side(line: FloatArray) -> FloatArray:
+        """-1 to 1: on which side of a line each fine pixel is."""
+        away = line[0] * u + line[1] * v[:, None] + line[2]
+        return np.asarray(np.clip(2.0 * fine * away / math.hypot(line[0], line[1]), -1.0, 1.0))
+
+    def covered(half: float) -> FloatArray:
+        """0 to 1: the share of each fine pixel inside a square."""
+        lines = (half * depth + across, half * depth - across, half * depth + down,
+                 half * depth - down)  # fmt: skip
+        share: FloatArray = np.prod([0.5 + 0.5 * side(line) for line in lines], axis=0)
+        return share
+
+    depth = depth * math.copysign(1.0, depth @ [*board.centre, 1.0])
+    light += covered(0.5 + board.margin) * (board.white - light)
+    middle, contrast = 0.5 * (board.white + board.black), board.white - board.black
+    light += covered(0.5) * (middle + 0.5 * contrast * side(across) * side(down) - light)
     light *= 1.0 + board.shade[0] * (u - board.centre[0]) / 100.0
     light *= 1.0 + board.shade[1] * (v - board.centre[1])[:, None] / 100.0
 

@@ -187,7 +187,9 @@ def charuco_board(squares: tuple[int, int], legacy: bool = False) -> Board:
     printed = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
     drawn = cv2.aruco.CharucoBoard(squares, 0.03, 0.0225, printed)
     drawn.setLegacyPattern(legacy)
-    pixels = drawn.generateImage((8 * squares[0], 8 * squares[1]), marginSize=0)
+    # Drawn large, one pixel of each cell taken: OpenCV 4.9 rounds small markers to wrong places.
+    large = drawn.generateImage((80 * squares[0], 80 * squares[1]), marginSize=0)
+    pixels = large[5::10, 5::10]
     cells = np.pad(np.asarray(pixels, dtype=np.float64) * 0.7 + 30, 8, constant_values=210.0)
     return Board(cells, ((squares[0] + 2) * 0.03, (squares[1] + 2) * 0.03))
 

@@ -9,10 +9,13 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal, norm
 
+from stereocal.camera import Camera
 from stereocal.compiled import FloatArray
 from stereocal.corners.fit import Corner
-from stereocal.corners.model import ALL, FRAME, fill_frame, model
+from stereocal.corners.model import ALL, FRAME, fill_frame, fill_rows
 from stereocal.detection import corner_near
+from stereocal.synthetic.photographs import facing
+from stereocal.synthetic.rendering import PhotographSettings, Placed, photograph, x_corner_board
 from tests.boards import Board, picture
 
 PARAMETERS = np.array(
@@ -21,9 +24,10 @@ PARAMETERS = np.array(
 
 
 def grey_level(p: FloatArray, x: float, y: float, samples: int) -> tuple[float, FloatArray]:
-    frame, slope = np.empty(FRAME), np.empty(ALL)
+    frame, rows = np.empty(FRAME), np.empty((ALL + 1, 1))
     fill_frame(p, 15.0, samples, frame)
-    return float(model(p, frame, x, y, slope)), slope
+    fill_rows(p, frame, np.array([[x, y, 0.0]]), rows)
+    return float(rows[ALL, 0]), rows[:ALL, 0]
 
 
 @pytest.mark.parametrize("samples", [1, 4])
@@ -139,3 +143,28 @@ def test_no_corner_where_there_is_none() -> None:
     assert corner_near(image, (200.0, 60.0)) is None
     assert corner_near(image, (-3.0, 60.0)) is None
     assert corner_near(np.zeros((40, 40), np.uint8), (20.0, 20.0)) is None
+
+
+@pytest.mark.parametrize("place", [(770.0, 530.0), (200.0, 190.0)])
+def test_a_wide_lens_bends_the_edges_and_not_the_centre(place: tuple[float, float]) -> None:
+    K = np.array([[900.0, 0.0, 479.5], [0.0, 900.0, 359.5], [0.0, 0.0, 1.0]])
+    camera = Camera(K, np.array([-0.3, 0.0, 0.0, 0.0, 0.0]), (960, 720))
+    ray = np.append(camera.undistort(np.array(place))[0], 1.0)
+    side_m = 0.3
+    centre = 900.0 * side_m / 300.0 * ray / np.linalg.norm(ray)  # the board is 260 px large
+    normal = []
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        pose = facing(centre, np.zeros(3), float(rng.uniform(0.0, 0.3)), *rng.uniform(-3, 3, 2))
+        board = Placed(x_corner_board(side_m, 40.0, 200.0), pose)
+        image = photograph(camera, 120.0, [board], PhotographSettings(read_noise=3.0), rng)
+        truth = camera.project(centre[None])[0]
+        corner = corner_near(image, (float(truth[0]) + 0.5, float(truth[1]) - 0.5))
+        assert corner is not None
+        assert corner.board_px > 230.0
+        error = corner.centre - truth
+        normal.append(np.linalg.solve(np.linalg.cholesky(corner.covariance), error))
+        # Stated sigma 0.004 to 0.005 px; with straight edges in the model it is 0.5 px off.
+        assert np.abs(error).max() < 0.025
+    # 24 normal numbers have a spread known to 15 %; measured 1.06 and 1.15.
+    assert np.sqrt(np.mean(np.square(normal))) < 1.5

@@ -28,6 +28,8 @@ SMALLEST_SINE = 0.35
 FARTHEST = 30.0
 WORST_ARMS = 0.4
 ROUNDS = 30
+WHILE_GROWING_PX, AT_LAST_PX = 1e-2, 1e-5
+"""Tolerances of the fits."""
 MISFIT = 0.06
 """Boards have 0.00 to 0.03, pickets and leaves 0.05 to 0.15."""
 SHARP = 1.3
@@ -99,6 +101,7 @@ def _fit(
     size: int,
     stride: int,
     samples: int,
+    tolerance: float = WHILE_GROWING_PX,
 ) -> tuple[FloatArray, FloatArray, FloatArray, bool]:
     """Fit in one window: pixels, parameters, penalty, and whether it converged."""
     pixels = window(image, p[0], p[1], _directions(p), half, stride)
@@ -109,8 +112,13 @@ def _fit(
     fitted = p.copy()
     if len(pixels) <= size + 4:
         return pixels, fitted, penalty, False
-    _, converged = minimise(pixels, fitted, size, radius, samples, penalty, ROUNDS)
+    _, converged = minimise(pixels, fitted, size, radius, samples, penalty, ROUNDS, tolerance)
     return pixels, fitted, penalty, converged
+
+
+def _stride(half: FloatArray) -> int:
+    """Every so many rows and columns hold about `PIXELS_WHILE_GROWING` pixels of a window."""
+    return max(1, round(math.sqrt(4.0 * half[0] * half[1] / PIXELS_WHILE_GROWING)))
 
 
 @compiled
@@ -193,7 +201,7 @@ def fit_corner(
         grown = np.minimum(wanted, GROWTH * reach)
         done = bool(np.isfinite(ends).all() and (np.abs(grown / reach - 1.0) < 0.1).all())
         reach = grown
-        stride = max(1, round(math.sqrt(4.0 * reach[0] * reach[1] / PIXELS_WHILE_GROWING)))
+        stride = _stride(reach)
         size = CORE if max(reach) < 8 else ALL
         _, fitted, _, _ = _fit(image, p, reach, noise, size, stride, 0)
         if not plausible(fitted, p, float(min(reach))):
@@ -221,9 +229,12 @@ def _final(
     quantum, gain = scale
     smallest = max(quantum**2 / 12.0, (1e-5 * p[6]) ** 2)
     radius = float(half.max())
-    for _ in range(2):
+    # The first fit is for the noise, which the priors are weighed with.
+    for stride, tolerance in ((_stride(half), WHILE_GROWING_PX), (1, AT_LAST_PX)):
         samples = 4 if math.exp(p[4]) < SHARP else 1
-        pixels, fitted, penalty, converged = _fit(image, p, half, noise, ALL, 1, samples)
+        pixels, fitted, penalty, converged = _fit(
+            image, p, half, noise, ALL, stride, samples, tolerance
+        )
         if not converged or not plausible(fitted, p, float(min(half))):
             return None
         p = fitted

@@ -59,30 +59,44 @@ def fill_frame(p: FloatArray, radius: float, samples: int, frame: FloatArray) ->
 
 
 @inlined
+def _quick_erf(h: float, bell: float) -> float:
+    """erf(h / sqrt 2) to 1.5e-7, where exp(-h^2 / 2) is known.
+
+    Abramowitz and Stegun (1964), 7.1.26.
+    """
+    t = 1.0 / (1.0 + 0.3275911 * ROOT_HALF * abs(h))
+    tail = t * (-1.453152027 + t * 1.061405429)
+    tail = t * (0.254829592 + t * (-0.284496736 + t * (1.421413741 + tail)))
+    return math.copysign(1.0 - tail * bell, h)
+
+
+@inlined
 def _crossing(h: float, k: float, frame: FloatArray) -> tuple[float, float, float, float]:
     """F and its derivatives by h, k and rho."""
     rho, root = frame[4], frame[5]
     near_h, near_k = abs(h) < FAR, abs(k) < FAR
+    bell_h = math.exp(-0.5 * h * h) if near_h else 0.0
+    bell_k = math.exp(-0.5 * k * k) if near_k else 0.0
+    if frame[FRAME - 1] == 0.0:
+        quick_h, quick_k = _quick_erf(h, bell_h), _quick_erf(k, bell_k)
+        by_h, by_k = ROOT_TWO_BY_PI * bell_h * quick_k, ROOT_TWO_BY_PI * bell_k * quick_h
+        return quick_h * quick_k, by_h, by_k, 0.0
     erf_h = math.erf(h * ROOT_HALF) if near_h else math.copysign(1.0, h)
     erf_k = math.erf(k * ROOT_HALF) if near_k else math.copysign(1.0, k)
     value, by_h, by_k, by_rho = erf_h * erf_k, 0.0, 0.0, 0.0
-    if frame[FRAME - 1] == 0.0:
-        by_h = ROOT_TWO_BY_PI * math.exp(-0.5 * h * h) * erf_k if near_h else 0.0
-        by_k = ROOT_TWO_BY_PI * math.exp(-0.5 * k * k) * erf_h if near_k else 0.0
-        return value, by_h, by_k, by_rho
     square, product = h * h + k * k, h * k
     if square >= 40.0:
         # Far from the crossing only one edge is near, and F is that edge's.
         if near_h:
-            by_h = math.copysign(ROOT_TWO_BY_PI, k) * math.exp(-0.5 * h * h)
+            by_h = math.copysign(ROOT_TWO_BY_PI, k) * bell_h
         if near_k:
-            by_k = math.copysign(ROOT_TWO_BY_PI, h) * math.exp(-0.5 * k * k)
+            by_k = math.copysign(ROOT_TWO_BY_PI, h) * bell_k
         return value, by_h, by_k, by_rho
     if near_h:
-        by_h = math.exp(-0.5 * h * h) * math.erf((k - rho * h) / root * ROOT_HALF)
+        by_h = bell_h * math.erf((k - rho * h) / root * ROOT_HALF)
         by_h *= ROOT_TWO_BY_PI
     if near_k:
-        by_k = math.exp(-0.5 * k * k) * math.erf((h - rho * k) / root * ROOT_HALF)
+        by_k = bell_k * math.erf((h - rho * k) / root * ROOT_HALF)
         by_k *= ROOT_TWO_BY_PI
     total = 0.0
     for i in range(NODES.size):
@@ -95,43 +109,57 @@ def _crossing(h: float, k: float, frame: FloatArray) -> tuple[float, float, floa
 
 
 @compiled
-def model(p: FloatArray, frame: FloatArray, x: float, y: float, slope: FloatArray) -> float:
-    """Grey level of the pixel at (x, y); fills `slope`, its derivatives by the 13 parameters."""
+def fill_rows(p: FloatArray, frame: FloatArray, pixels: FloatArray, rows: FloatArray) -> None:
+    """The model at many pixels: its derivatives and its errors.
+
+    Args:
+        p: (13,).
+        frame: from `fill_frame`.
+        pixels: (n, 3): u, v, grey level.
+        rows: (14, n) or more columns; filled with the derivatives of the grey level by the 13
+            parameters, and last with the model's grey level less that of the pixel.
+    """
     cos1, sin1, cos2, sin2 = frame[0], frame[1], frame[2], frame[3]
     sharp, by_angle = frame[7], frame[8]
-    per_radius, count = frame[FRAME - 2], max(1, int(frame[FRAME - 1]))
-    slope[:] = 0.0
-    gx, gy = (x - p[0]) * per_radius, (y - p[1]) * per_radius
-    half = p[6] + p[11] * gx + p[12] * gy
-    f = 0.0
-    for i in range(count):
-        dx, dy = x - p[0], y - p[1]
-        if count > 1:
-            dx += PIXEL_NODE * (2 * (i & 1) - 1)
-            dy += PIXEL_NODE * ((i & 2) - 1)
-        n1, t1 = cos1 * dx + sin1 * dy, cos1 * dy - sin1 * dx
-        n2, t2 = cos2 * dx + sin2 * dy, cos2 * dy - sin2 * dx
-        h = (n1 + 0.5 * p[7] * t1 * t1) * sharp
-        k = (n2 + 0.5 * p[8] * t2 * t2) * sharp
-        if i == 0 and min(abs(h), abs(k)) > FAR + 1.5 * sharp:
-            f = count * math.copysign(1.0, h * k)
-            break
-        value, by_h, by_k, by_rho = _crossing(h, k, frame)
-        f += value
-        along1, along2 = by_h * sharp, by_k * sharp
-        slope[0] -= along1 * (cos1 - p[7] * t1 * sin1) + along2 * (cos2 - p[8] * t2 * sin2)
-        slope[1] -= along1 * (sin1 + p[7] * t1 * cos1) + along2 * (sin2 + p[8] * t2 * cos2)
-        slope[2] += along1 * t1 * (1.0 - p[7] * n1) + by_rho * by_angle
-        slope[3] += along2 * t2 * (1.0 - p[8] * n2) - by_rho * by_angle
-        slope[4] -= by_h * h + by_k * k
-        slope[7] += along1 * 0.5 * t1 * t1
-        slope[8] += along2 * 0.5 * t2 * t2
-    f /= count
-    for j in (0, 1, 2, 3, 4, 7, 8):
-        slope[j] *= half / count
-    slope[0] -= (p[9] + p[11] * f) * per_radius
-    slope[1] -= (p[10] + p[12] * f) * per_radius
-    slope[5], slope[6] = 1.0, f
-    slope[9], slope[10], slope[11], slope[12] = gx, gy, gx * f, gy * f
-    grey: float = p[5] + p[9] * gx + p[10] * gy + half * f
-    return grey
+    per_radius, over_area = frame[FRAME - 2], frame[FRAME - 1] > 1.0
+    u, v, contrast, bent1, bent2 = p[0], p[1], p[6], p[7], p[8]
+    for n in range(pixels.shape[0]):
+        x, y = pixels[n, 0] - u, pixels[n, 1] - v
+        gx, gy = x * per_radius, y * per_radius
+        f, by_u, by_v, by_1, by_2 = 0.0, 0.0, 0.0, 0.0, 0.0
+        by_blur, bend1, bend2, share = 0.0, 0.0, 0.0, 1.0
+        for i in range(4):
+            dx, dy = x, y
+            if over_area:
+                dx += PIXEL_NODE * (2 * (i & 1) - 1)
+                dy += PIXEL_NODE * ((i & 2) - 1)
+            n1, t1 = cos1 * dx + sin1 * dy, cos1 * dy - sin1 * dx
+            n2, t2 = cos2 * dx + sin2 * dy, cos2 * dy - sin2 * dx
+            h = (n1 + 0.5 * bent1 * t1 * t1) * sharp
+            k = (n2 + 0.5 * bent2 * t2 * t2) * sharp
+            if i == 0 and min(abs(h), abs(k)) > FAR + 1.5 * sharp:
+                f = 1.0 if (h > 0.0) == (k > 0.0) else -1.0
+                break
+            value, by_h, by_k, by_rho = _crossing(h, k, frame)
+            f += value
+            along1, along2 = by_h * sharp, by_k * sharp
+            by_u -= along1 * (cos1 - bent1 * t1 * sin1) + along2 * (cos2 - bent2 * t2 * sin2)
+            by_v -= along1 * (sin1 + bent1 * t1 * cos1) + along2 * (sin2 + bent2 * t2 * cos2)
+            by_1 += along1 * t1 * (1.0 - bent1 * n1) + by_rho * by_angle
+            by_2 += along2 * t2 * (1.0 - bent2 * n2) - by_rho * by_angle
+            by_blur -= by_h * h + by_k * k
+            bend1 += along1 * 0.5 * t1 * t1
+            bend2 += along2 * 0.5 * t2 * t2
+            if not over_area:
+                break
+            if i == 3:
+                share = 0.25
+        f *= share
+        half = contrast + p[11] * gx + p[12] * gy
+        share *= half
+        rows[0, n] = share * by_u - (p[9] + p[11] * f) * per_radius
+        rows[1, n] = share * by_v - (p[10] + p[12] * f) * per_radius
+        rows[2, n], rows[3, n], rows[4, n] = share * by_1, share * by_2, share * by_blur
+        rows[5, n], rows[6, n], rows[7, n], rows[8, n] = 1.0, f, share * bend1, share * bend2
+        rows[9, n], rows[10, n], rows[11, n], rows[12, n] = gx, gy, gx * f, gy * f
+        rows[13, n] = p[5] + p[9] * gx + p[10] * gy + half * f - pixels[n, 2]

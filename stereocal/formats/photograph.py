@@ -29,7 +29,11 @@ AS_STORED = cv2.IMREAD_UNCHANGED | cv2.IMREAD_IGNORE_ORIENTATION
 """No turn by EXIF, which would move the pixels away from the lens; 16 bits not cut to 8."""
 
 # What OpenCV would write to the terminal is said in the errors below, with the file's name.
-cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+# 4.9 has the function at another place and does not name the level.
+if hasattr(cv2.utils, "logging"):
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+elif hasattr(cv2, "setLogLevel"):
+    cv2.setLogLevel(0)
 
 
 def read_photograph(path: Path, name: str | None = None) -> GreyImage:

@@ -58,8 +58,10 @@ def charuco_board(
     columns, rows = squares
     drawn = cv2.aruco.CharucoBoard(
         squares, 1.0, CHARUCO_MARKER, cv2.aruco.getPredefinedDictionary(dictionary)
-    ).generateImage((8 * columns, 8 * rows), marginSize=0)
-    cells = np.pad(np.where(np.asarray(drawn) > 127, white, black), 8, constant_values=white)
+    ).generateImage((80 * columns, 80 * rows), marginSize=0)
+    # Drawn large, one pixel of each cell taken: OpenCV 4.9 rounds small markers to wrong places.
+    drawn = np.asarray(drawn)[5::10, 5::10]
+    cells = np.pad(np.where(drawn > 127, white, black), 8, constant_values=white)
     return Board(cells, ((columns + 2) * square_m, (rows + 2) * square_m))
 
 
