@@ -18,12 +18,11 @@ from stereocal.refined.tradeoff import TradeOff, trade_off
 from stereocal.refined.uncertainty import AccuracyMap, accuracy_map
 from stereocal.refined.unknowns import (
     DEFAULT_BASELINE,
-    DEFAULT_CENTRE_PX,
     DEFAULT_DISTANCE,
-    DEFAULT_FOCAL,
     FIXED_LENS,
     LensPrior,
     RefineSettings,
+    lens_prior,
 )
 from stereocal.ui.project import keeper, remembered
 
@@ -32,12 +31,13 @@ FREE, HELD = "Free, within their uncertainty", "Held as given"
 
 def defaults(dataset: Dataset) -> dict[str, Any]:
     """What the form says until somebody changes it."""
+    lenses = [lens_prior(camera, None) for camera in (dataset.primary, dataset.secondary)]
     baseline = dataset.baseline_sigma_m or DEFAULT_BASELINE * dataset.baseline_m
     distance = dataset.target_distance_sigma_m or DEFAULT_DISTANCE * dataset.target_distance_m
     return {
         "refine_lenses": FREE,
-        "refine_focal_percent": 100 * DEFAULT_FOCAL,
-        "refine_centre_px": DEFAULT_CENTRE_PX,
+        "refine_focal_percent": round(max(100 * lens.focal for lens in lenses), 4),
+        "refine_centre_px": round(max(lens.centre_px for lens in lenses), 3),
         "refine_baseline_mm": round(1000 * baseline, 3),
         "refine_distance_mm": round(1000 * distance, 4),
         "refine_sigma_px": 0.0,
@@ -65,22 +65,28 @@ def refine_form(project: Project, dataset: Dataset) -> RefineSettings:
             columns[at % 2].number_input(
                 title, 0.0, 1e5, key=key, help=text, format="%.4g", on_change=keeper(project, key)
             )
-    return settings_of({key: st.session_state[key] for key in defaults(dataset)})
+    return settings_of({key: st.session_state[key] for key in defaults(dataset)}, dataset)
 
 
 def refine_settings(project: Project, dataset: Dataset) -> RefineSettings:
     """The settings of the form, also on pages that do not show it."""
     kept = project.settings
-    return settings_of({key: kept.get(key, value) for key, value in defaults(dataset).items()})
+    values = {key: kept.get(key, value) for key, value in defaults(dataset).items()}
+    return settings_of(values, dataset)
 
 
-def settings_of(values: Mapping[str, Any]) -> RefineSettings:
+def settings_of(values: Mapping[str, Any], dataset: Dataset) -> RefineSettings:
     """The settings that the form's values stand for.
+
+    A lens keeps what its own calibration says of it until somebody types something else.
 
     Raises:
         StereocalError: a negative number.
     """
-    lens = LensPrior(values["refine_focal_percent"] / 100, values["refine_centre_px"])
+    typed = LensPrior(values["refine_focal_percent"] / 100, values["refine_centre_px"])
+    keys = ("refine_focal_percent", "refine_centre_px")
+    untouched = all(values[key] == defaults(dataset)[key] for key in keys)
+    lens = None if untouched else typed
     lens = lens if values["refine_lenses"] == FREE else FIXED_LENS
     return RefineSettings(
         primary=lens,
