@@ -53,7 +53,7 @@ def plot_points(points: pd.DataFrame, colour: Colour, secondary_m: FloatArray) -
                 },
             },
             customdata=np.column_stack(
-                [points["frame"].to_numpy()[shown], points["error_px"].to_numpy()[shown], xyz[shown, 1]]
+                [points[["frame", "error_px"]].to_numpy(dtype=np.float64)[shown], xyz[shown, 1]]
             ),
             hovertemplate=(
                 "frame %{customdata[0]:d}, error %{customdata[1]:.3f} px<br>x %{x:.3f} m (right), "
@@ -85,9 +85,9 @@ def describe_points(points: pd.DataFrame) -> str:
         return "No pair meets in front of both cameras."
     x, y, z = (xyz[shown, k] for k in range(3))
     text = (
-        f"{count(int(shown.sum()), 'point')} of {count(points['frame'].nunique(), 'frame')}: x from "
-        f"{x.min():.2f} to {x.max():.2f} m, y from {y.min():.2f} to {y.max():.2f} m, depth z from "
-        f"{z.min():.2f} to {z.max():.2f} m"
+        f"{count(int(shown.sum()), 'point')} of {count(points['frame'].nunique(), 'frame')}: x "
+        f"from {x.min():.2f} to {x.max():.2f} m, y from {y.min():.2f} to {y.max():.2f} m, depth z "
+        f"from {z.min():.2f} to {z.max():.2f} m"
     )
     if shown.sum() > MOST_DRAWN:
         text += f"; about {MOST_DRAWN} of them, evenly spread, are drawn"
@@ -100,13 +100,14 @@ def describe_points(points: pd.DataFrame) -> str:
 
 def in_view(xyz: FloatArray) -> BoolArray:
     """(n,): which points (n, 3) exist and are not far out."""
-    finite: BoolArray = np.isfinite(xyz).all(axis=1)
+    finite: BoolArray = np.asarray(np.isfinite(xyz).all(axis=1))
     if not finite.any():
         return finite
     low, high = np.percentile(xyz[finite], [1, 99], axis=0)
     room = FAR_OUT * max(float((high - low).max()), 1e-9)
     with np.errstate(invalid="ignore"):
-        return finite & ((xyz >= low - room) & (xyz <= high + room)).all(axis=1)
+        near: BoolArray = ((xyz >= low - room) & (xyz <= high + room)).all(axis=1)
+    return finite & near
 
 
 def _top(values: FloatArray, colour: Colour) -> float:

@@ -59,8 +59,8 @@ def describe_pair_errors(nearest: NearestErrors, threshold_px: float) -> str:
     best, second = nearest.within(threshold_px)
     return (
         f"Of {count(len(nearest), 'point')} of the primary camera in "
-        f"{count(nearest.frames, 'frame')}, {best} have a partner within {threshold_px:.3g} px, and "
-        f"{second} have a second one: a good threshold lies between the two heaps."
+        f"{count(nearest.frames, 'frame')}, {best} have a partner within {threshold_px:.3g} px, "
+        f"and {second} have a second one: a good threshold lies between the two heaps."
     )
 
 
@@ -83,7 +83,7 @@ def _add_threshold(figure: go.Figure, threshold_px: float) -> None:
     figure.add_vline(
         x=threshold_px, line={"color": NEUTRAL, "width": 2, "dash": "dash"},
         annotation={
-            "text": f"<b>{threshold_px:.3g} px</b>", "font": {"size": 14}, "x": np.log10(threshold_px),
-            "yanchor": "top",
+            "text": f"<b>{threshold_px:.3g} px</b>", "font": {"size": 14},
+            "x": np.log10(threshold_px), "yanchor": "top",
         },
     )  # fmt: skip

@@ -11,9 +11,10 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
+from stereocal.dataset import Correspondences
 from stereocal.errors import StereocalError
 from stereocal.formats.pixel_origin import CORNERS, FLIPS, Corner, Flip, PixelOrigin
-from stereocal.formats.point_files import PointColumns, PointLayout
+from stereocal.formats.point_files import PointColumns, PointLayout, read_bars
 from stereocal.formats.point_layouts import first_rows, is_number, propose_layout
 
 OURS = "stereocal"
@@ -149,3 +150,46 @@ def _with_columns(
     return replace(
         layout, columns=(PointColumns("cam1", "point", u, v),), frame=frame, further=further
     )
+
+
+@dataclass(frozen=True)
+class BarAnswers:
+    """How a file with both ends of a bar in several cameras is to be read."""
+
+    cameras: tuple[str, str]
+    """Which are the primary and the secondary."""
+    ends: tuple[str, str]
+    """Which points are A and B."""
+    corner: Corner = "upper-left"
+    flip: Flip = "h"
+    first_pixel: float = 0.0
+    image_heights: tuple[int | None, int | None] = (None, None)
+
+    def to_json(self) -> dict[str, Any]:
+        """For the project's file."""
+        return asdict(self)
+
+
+def holds_bars(content: bytes, source: str) -> bool:
+    """Whether a file looks like one with two points or more in two cameras or more."""
+    try:
+        layout = propose_layout(content, source)
+    except StereocalError:
+        return False
+    return len(layout.cameras) > 1 and len(layout.points) > 1
+
+
+def bars_of(content: bytes, answers: BarAnswers, source: str) -> Correspondences:
+    """The bars of a file as the answers say.
+
+    Raises:
+        StereocalError: it cannot be read that way.
+    """
+    for what, two in (("cameras", answers.cameras), ("points", answers.ends)):
+        if two[0] == two[1]:
+            raise StereocalError(f"{source}: the two {what} are the same ({two[0]}): choose two.")
+    layout = replace(
+        propose_layout(content, source),
+        origin=PixelOrigin(answers.corner, answers.first_pixel, answers.flip),
+    )
+    return read_bars(content, layout, answers.cameras, answers.ends, answers.image_heights, source)

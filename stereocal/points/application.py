@@ -82,6 +82,8 @@ class Outcome:
     digest: str
     """Of the `Application`."""
     threshold_px: float
+    depths_m: list[float | None]
+    """Nearest and farthest; None is any."""
     pairs: int
     behind: int
     """Pairs that do not meet in front of both cameras."""
@@ -89,6 +91,12 @@ class Outcome:
     notes: list[str]
     """What is odd but allowed, a sentence each."""
     made_with: str
+    tables: list[str]
+    """Names of the primary's and the secondary's table below the project's files."""
+    image_sizes: list[list[int]]
+    """Width and height of both images."""
+    secondary_m: list[float]
+    """(3,) where the secondary camera stands, in the primary's frame."""
 
     def to_json(self) -> dict[str, Any]:
         """For the project's file."""
@@ -133,17 +141,26 @@ def apply_sets(
     return Outcome(
         digest=work.digest,
         threshold_px=work.threshold_px,
+        depths_m=[depth if np.isfinite(depth) else None for depth in work.depths_m],
         pairs=matched.pairs,
         behind=measured.behind,
         sentences=[matched.sentence(), measured.sentence()],
         notes=[*matched.notes, *measured.notes],
         made_with=_made_with(work),
+        tables=[work.primary.path.name, work.secondary.path.name],
+        image_sizes=[
+            list(each.image_size) for each in (work.matching.primary, work.matching.secondary)
+        ],
+        secondary_m=work.measuring.pose.inverse().T.tolist(),
     )
 
 
 def sample_frames(primary: pd.DataFrame, secondary: pd.DataFrame) -> list[FramePixels]:
     """Pixels of a sample of the frames that both tables have, to choose a threshold from."""
-    both = [dict(list(table.groupby("frame"))) for table in (primary, secondary)]
+    both = [
+        {int(str(frame)): rows for frame, rows in table.groupby("frame")}
+        for table in (primary, secondary)
+    ]
     common = sorted(both[0].keys() & both[1].keys())
     if not common:
         return []
@@ -162,6 +179,21 @@ def unlabelled(rows: Correspondences) -> tuple[pd.DataFrame, pd.DataFrame]:
         for side in (rows.primary, rows.secondary)
     )
     return first, second
+
+
+def agreement(pairs: pd.DataFrame) -> str | None:
+    """How many pairs carry the same word in a column that both tables had; None without one."""
+    for name in pairs.columns:
+        first = str(name).removesuffix("_primary")
+        other = f"{first}_secondary"
+        if first == name or first in POINT or other not in pairs:
+            continue
+        same = int((pairs[name].astype(str) == pairs[other].astype(str)).sum())
+        return (
+            f"{same} of {len(pairs)} pairs have the same {first} in both cameras, which the "
+            "matching did not look at."
+        )
+    return None
 
 
 def digest_of(rig: RigParameters) -> str:

@@ -35,6 +35,7 @@ from stereocal.writing import write_atomically
 STORE_FORMAT = "stereocal-apply/1"
 Side = Literal["primary", "secondary"]
 SIDES: tuple[Side, Side] = ("primary", "secondary")
+Asked = Literal["primary", "secondary", "bars"]
 Use = Literal["matching", "measuring"]
 USES: tuple[Use, Use] = ("matching", "measuring")
 _WRITING = threading.Lock()
@@ -75,7 +76,7 @@ class ProjectApplication:
             return None
         return Points(self.files / file.table, file.label, file.rows, file.frames)
 
-    def asking(self, side: Side) -> tuple[str, bytes] | None:
+    def asking(self, side: Asked) -> tuple[str, bytes] | None:
         """Name and content of a file that cannot be used before a person has answered."""
         found = self._read()["asking"].get(side)
         return None if found is None else (found[0], (self.files / found[1]).read_bytes())
@@ -91,6 +92,10 @@ class ProjectApplication:
             stored = self._store(content, ".parquet" if parquet else ".csv")
             self._keep_points(side, label, stored, stored, None)
             return
+        self.ask(side, label, content)
+
+    def ask(self, side: Asked, label: str, content: bytes) -> None:
+        """Keep a file until a person has said how it is to be read."""
         stored = self._store(content, ".txt")
         self._change(lambda state: state["asking"].update({side: [label, stored]}))
 
@@ -130,11 +135,11 @@ class ProjectApplication:
             again = [file.label, file.stored]
             self._change(lambda state: state["asking"].update({side: again}))
 
-    def forget_question(self, side: Side) -> None:
+    def forget_question(self, side: Asked) -> None:
         """Put aside the file that is asked about."""
         self._change(lambda state: state["asking"].pop(side, None))
 
-    def own_points(self, side: Side, table: pd.DataFrame, label: str) -> Points:
+    def own_points(self, table: pd.DataFrame, label: str) -> Points:
         """Points of the project itself as a table on disk, so that they are applied like others."""
         stored = self._store(table.to_csv(index=False, lineterminator="\n").encode(), ".csv")
         return Points(self.files / stored, label, len(table), int(table["frame"].nunique()))
