@@ -64,13 +64,22 @@ def layout_of(content: bytes, source: str) -> PointLayout:
     Raises:
         StereocalError: empty, no text, or with too few columns to hold points.
     """
-    rows, delimiter = first_rows(content, source)
+    rows, _ = first_rows(content, source)
     try:
         return propose_layout(content, source)
     except StereocalError:
-        width = len(rows[1])
-        if width < 2:
+        if len(rows[1]) < 2:
             raise
+    return layout_by_hand(content, source)
+
+
+def layout_by_hand(content: bytes, source: str) -> PointLayout:
+    """A table with a row for each point, whose columns are to be chosen.
+
+    Raises:
+        StereocalError: empty, or no text.
+    """
+    rows, delimiter = first_rows(content, source)
     header = sum(not all(is_number(cell) for cell in row) for row in rows[:4])
     layout = PointLayout(
         program=UNKNOWN,
@@ -79,7 +88,7 @@ def layout_of(content: bytes, source: str) -> PointLayout:
         delimiter=delimiter,
         questions=("Which columns hold the number of the frame, u and v?",),
     )
-    return _with_columns(layout, rows, (0, 1, 2) if width > 2 else (None, 0, 1))
+    return _with_columns(layout, rows, (0, 1, 2) if len(rows[1]) > 2 else (None, 0, 1))
 
 
 def can_choose_columns(layout: PointLayout) -> bool:
@@ -134,6 +143,9 @@ def answered(layout: PointLayout, answers: Answers, content: bytes, source: str)
         return layout
     if len(set(answers.columns)) < 3:
         raise StereocalError(f"{source}: choose three different columns for the frame, u and v.")
+    if not can_choose_columns(layout):
+        by_hand = layout_by_hand(content, source)
+        layout = replace(by_hand, origin=layout.origin, px_per_unit=layout.px_per_unit)
     return _with_columns(layout, first_rows(content, source)[0], answers.columns)
 
 

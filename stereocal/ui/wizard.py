@@ -19,6 +19,7 @@ from stereocal.formats.point_answers import (
     can_choose_columns,
     column_names,
     first_answers,
+    layout_by_hand,
     layout_of,
 )
 from stereocal.formats.point_files import PointLayout
@@ -42,7 +43,13 @@ def ask_about_points(store: ProjectApplication, side: Side, image_height: int | 
         try:
             layout = layout_of(content, label)
             _say_layout(label, layout, f"{side} camera")
-            form = _Form(store.project, f"wizard_{side}", layout)
+            form = proposed = _Form(store.project, f"wizard_{side}", layout)
+            if not can_choose_columns(layout) and st.toggle(
+                "It is another table: I choose its columns", key=form.begin("by_hand", False)
+            ):
+                by_hand = layout_by_hand(content, label)
+                form = _Form(store.project, f"wizard_{side}_hand", by_hand)
+                proposed.keep({"by_hand": True})
             answers = _point_form(form, side, content, label, image_height)
             form.keep(answers.to_json())
             preview = store.preview(side, answers, PREVIEW_ROWS)
@@ -92,7 +99,7 @@ class _Form:
     def __init__(self, project: Project, key: str, layout: PointLayout) -> None:
         self.project, self.key, self.layout = project, key, layout
         self.kept: dict[str, Any] = project.settings.get(key, {})
-        if self.kept.get("program") != layout.program:
+        if self.kept.get("program") != self.layout.program:
             self.kept = {}
 
     def begin(self, name: str, default: Any, allowed: Any = None) -> str:

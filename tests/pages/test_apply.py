@@ -342,11 +342,13 @@ def test_wizard_of_a_table_with_unknown_columns(app: AppTest, home: Path) -> Non
     }
     give_points(app, csv(odd["primary"]), csv(odd["secondary"]))
     for side in ("primary", "secondary"):
-        app.selectbox(key=f"wizard_{side}_u").set_value(3).run()
-        app.selectbox(key=f"wizard_{side}_v").set_value(3).run()
+        # Four columns of numbers look like a wand file.
+        app.toggle(key=f"wizard_{side}_by_hand").set_value(True).run()
+        app.selectbox(key=f"wizard_{side}_hand_u").set_value(3).run()
+        app.selectbox(key=f"wizard_{side}_hand_v").set_value(3).run()
         assert "choose three different columns" in said(app, "error")
-        app.selectbox(key=f"wizard_{side}_v").set_value(2).run()
-        app.number_input(key=f"wizard_{side}_first_pixel").set_value(1.0).run()
+        app.selectbox(key=f"wizard_{side}_hand_v").set_value(2).run()
+        app.number_input(key=f"wizard_{side}_hand_first_pixel").set_value(1.0).run()
         app.button(key=f"use_{side}").click().run()
     pairs, _ = written(app, home)
     assert len(pairs) == 90 and "weight_primary" in pairs
