@@ -130,7 +130,7 @@ def _set_axes(figure: go.Figure, column: int, side: str, size: ImageSize) -> Non
     figure.update_xaxes(
         row=1, col=column, side="top", range=[-0.5 - margin, width - 0.5 + margin],
         title_text=f"<b>{side.capitalize()}</b><br>{width} × {height} px<br>u (px)",
-        constrain="domain", nticks=5, constraintoward="right" if column == 1 else "left",
+        constrain="domain", nticks=4, constraintoward="right" if column == 1 else "left",
         tickangle=0, showgrid=False,
     )  # fmt: skip
     figure.update_yaxes(

@@ -138,6 +138,6 @@ def describe_lengths(check: LengthCheck) -> str:
     errors = 100 * check.errors
     return (
         f"Error of a known length of {check.known_m:.4g} m in {count(len(errors), 'frame')}: from "
-        f"{errors.min():.2f} to {errors.max():.2f} %, median {np.median(errors):.2f} %; the dashed "
-        "line is no error."
+        f"{errors.min():z.2f} to {errors.max():z.2f} %, median {np.median(errors):z.2f} %; the "
+        "dashed line is no error."
     )

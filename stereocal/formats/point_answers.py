@@ -80,7 +80,9 @@ def layout_by_hand(content: bytes, source: str) -> PointLayout:
         StereocalError: empty, or no text.
     """
     rows, delimiter = first_rows(content, source)
-    header = sum(not all(is_number(cell) for cell in row) for row in rows[:4])
+    header = 0
+    while header < len(rows) - 1 and not any(_is_value(cell) for cell in rows[header]):
+        header += 1
     layout = PointLayout(
         program=UNKNOWN,
         columns=(PointColumns("cam1", "point", 0, 1),),
@@ -147,6 +149,10 @@ def answered(layout: PointLayout, answers: Answers, content: bytes, source: str)
         by_hand = layout_by_hand(content, source)
         layout = replace(by_hand, origin=layout.origin, px_per_unit=layout.px_per_unit)
     return _with_columns(layout, first_rows(content, source)[0], answers.columns)
+
+
+def _is_value(cell: str) -> bool:
+    return cell.strip() != "" and is_number(cell.replace(",", "."))
 
 
 def _with_columns(

@@ -34,7 +34,7 @@ PURPOSES: Mapping[Use, tuple[str, str]] = {
     "matching": ("Match with", "2d"),
     "measuring": ("Measure with", "3d"),
 }
-INSTANT_S = 1.0
+INSTANT_S = 2.0
 """What is expected to take less is computed as the controls move."""
 THRESHOLD, CHOSEN = "apply_threshold", "apply_chosen"
 

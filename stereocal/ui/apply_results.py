@@ -31,6 +31,11 @@ from stereocal.ui.results import show_figure
 
 TWO = "the two points of a frame"
 FIRST_ROWS = 10
+SCROLLS = """<style>
+.st-key-matches_scroll { overflow-x: auto; }
+.st-key-matches_scroll > div { min-width: 46rem; }
+</style>"""
+"""Two images side by side need their width; on a narrow screen the figure scrolls sideways."""
 
 
 def show_application(project: Project, store: ProjectApplication, work: Application | None) -> None:
@@ -87,10 +92,11 @@ def _show_matches(store: ProjectApplication, outcome: Outcome, pairs: pd.DataFra
     of_frame = pairs[pairs["frame"] == frame]
     first, second = (pixels_of(table[table["frame"] == frame]) for table in tables)
     (width, height), (width_2, height_2) = outcome.image_sizes
-    show_figure(
-        plot_matches(of_frame, first, second, ((width, height), (width_2, height_2))),
-        describe_matches(of_frame, first, second, frame), "matches",
-    )  # fmt: skip
+    figure = plot_matches(of_frame, first, second, ((width, height), (width_2, height_2)))
+    st.html(SCROLLS)
+    with st.container(key="matches_scroll"):
+        st.plotly_chart(figure, key="matches")
+    st.caption(escape_markdown(describe_matches(of_frame, first, second, frame)))
 
 
 def _show_points(outcome: Outcome, points: pd.DataFrame) -> None:
@@ -122,6 +128,7 @@ def _show_lengths(project: Project, points: pd.DataFrame) -> None:
     ends = ("", "")
     if way != TWO:
         names = sorted(points[way].dropna().astype(str).unique(), key=_by_number)
+        left, right = st.columns(2)
         ends = (
             left.selectbox("From", names, key=f"apply_from_{way}"),
             right.selectbox("To", names, index=1, key=f"apply_to_{way}"),
