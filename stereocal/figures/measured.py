@@ -13,7 +13,7 @@ from stereocal.figures.space import set_scene, upright
 from stereocal.figures.style import METHOD_COLOURS, NEUTRAL, count, finish, sentence_only
 from stereocal.points.lengths import LengthCheck
 
-HEIGHT = 520
+HEIGHT = 580
 MOST_DRAWN = 20_000
 """More points make a scene slow to turn; evenly spread ones are drawn then."""
 Colour = Literal["frame", "error"]
@@ -47,8 +47,9 @@ def plot_points(points: pd.DataFrame, colour: Colour, secondary_m: FloatArray) -
                 "colorscale": [list(stop) for stop in COLOURS],
                 "cmin": float(values.min()), "cmax": _top(values, colour),
                 "colorbar": {
-                    "title": {"text": TITLES[colour], "side": "right"}, "thickness": 14,
-                    "len": 0.7, "tickfont": {"size": 13}, "nticks": 6,
+                    "title": {"text": TITLES[colour], "side": "top"}, "thickness": 14,
+                    "len": 0.8, "tickfont": {"size": 13}, "nticks": 6, "orientation": "h",
+                    "x": 0.5, "xanchor": "center", "y": 0.0, "yanchor": "top",
                     **({"tickformat": "d"} if colour == "frame" else {}),
                 },
             },

@@ -65,9 +65,11 @@ def choose_points(project: Project, store: ProjectApplication) -> tuple[Points, 
     for side, column in zip(SIDES, st.columns(2), strict=True):
         with column:
             _take_points(store, side)
-    heights = [None if camera is None else camera.image_size[1] for camera in project.cameras]
-    for side, height in zip(SIDES, heights, strict=True):
-        ask_about_points(store, side, height)
+    given = store.set_of("matching")
+    for side, camera in zip(SIDES, project.cameras, strict=True):
+        if camera is None and given is not None:
+            camera = given[1].primary if side == "primary" else given[1].secondary
+        ask_about_points(store, side, None if camera is None else camera.image_size[1])
     first, second = (store.points(side) for side in SIDES)
     return None if first is None or second is None else (first, second)
 

@@ -42,7 +42,8 @@ def show_application(project: Project, store: ProjectApplication, work: Applicat
     """The last finished result, whatever the form says by now."""
     result = store.result
     if result is None:
-        st.info("No result yet.")
+        if work is not None:
+            st.info("No result yet.")
         return
     outcome, folder = result
     st.header("Result", divider="gray")

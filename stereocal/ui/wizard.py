@@ -52,12 +52,15 @@ def ask_about_points(store: ProjectApplication, side: Side, image_height: int | 
                 proposed.keep({"by_hand": True})
             answers = _point_form(form, side, content, label, image_height)
             form.keep(answers.to_json())
+            if answers.corner == "lower-left" and answers.image_height is None:
+                st.info("Give the image height: the points are counted from the lower left.")
+                _aside(store, side)
+                return
             preview = store.preview(side, answers, PREVIEW_ROWS)
             _show_preview(preview.head(PREVIEW_ROWS))
         except StereocalError as error:
             st.error(escape_markdown(str(error)))
-            st.button("Put the file aside", key=f"aside_{side}", on_click=store.forget_question,
-                      args=(side,))  # fmt: skip
+            _aside(store, side)
             return
         _buttons(store, side, lambda: store.answer(side, answers))
 
@@ -75,11 +78,14 @@ def ask_about_bars(store: ProjectApplication) -> None:
             form = _Form(store.project, "wizard_bars", layout)
             answers = _bar_form(form)
             form.keep(answers.to_json())
+            if answers.corner == "lower-left" and None in answers.image_heights:
+                st.info("Give the image heights: the points are counted from the lower left.")
+                _aside(store, "bars")
+                return
             rows = bars_of(content, answers, label)
         except StereocalError as error:
             st.error(escape_markdown(str(error)))
-            st.button("Put the file aside", key="aside_bars", on_click=store.forget_question,
-                      args=("bars",))  # fmt: skip
+            _aside(store, "bars")
             return
         table = write_table(rows)
         preview = [line.split(",") for line in table.decode().splitlines()[: PREVIEW_ROWS + 1]]
@@ -251,6 +257,11 @@ def _buttons(store: ProjectApplication, asked: Asked, use: Callable[[], None]) -
 
     left, right = st.columns(2)
     left.button("Use these points", type="primary", key=f"use_{asked}", on_click=take)
-    right.button(
+    with right:
+        _aside(store, asked)
+
+
+def _aside(store: ProjectApplication, asked: Asked) -> None:
+    st.button(
         "Put the file aside", key=f"aside_{asked}", on_click=store.forget_question, args=(asked,)
     )

@@ -14,6 +14,7 @@ from playwright.sync_api import Browser, Page, expect
 
 from stereocal.cli import main
 from stereocal.parameters import RigParameters
+from stereocal.ui.frame import TITLES
 from tests.browser.conftest import LONGEST_MS, ROOT, serve
 
 pytestmark = pytest.mark.browser
@@ -139,7 +140,7 @@ def test_sample_to_downloads_with_a_refresh_and_a_restart(
     with serve(home) as url:  # a bookmark is the first address that the new server gets
         page.goto(re.sub(r"http://[^/]+", url, address))
         expect(page.get_by_test_id("stSidebar").get_by_role("link")).to_have_text(
-            ["Start", "Data", "Calibrate", "Validate"]
+            list(TITLES.values())
         )
         settled(page)
         expect(page.get_by_text("Page not found")).to_have_count(0)
