@@ -29,7 +29,7 @@ from stereocal.formats.point_table import PARQUET, PointTable
 from stereocal.parameters import RigParameters
 from stereocal.points.application import Application, Outcome, Points, apply_sets
 from stereocal.points.pairs import POINT
-from stereocal.project import Project
+from stereocal.project import Project, own_file
 from stereocal.writing import write_atomically
 
 STORE_FORMAT = "stereocal-apply/1"
@@ -67,19 +67,22 @@ class ProjectApplication:
     def point_file(self, side: Side) -> PointFile | None:
         """The file in use."""
         found = self._read()["points"].get(side)
-        return None if found is None else PointFile(**found)
+        try:
+            return None if found is None else PointFile(**found)
+        except TypeError as error:
+            raise StereocalError(f"The list of point files is damaged ({error}).") from error
 
     def points(self, side: Side) -> Points | None:
         """The points in use, with what messages call them."""
         file = self.point_file(side)
         if file is None:
             return None
-        return Points(self.files / file.table, file.label, file.rows, file.frames)
+        return Points(own_file(self.files, file.table), file.label, file.rows, file.frames)
 
     def asking(self, side: Asked) -> tuple[str, bytes] | None:
         """Name and content of a file that cannot be used before a person has answered."""
         found = self._read()["asking"].get(side)
-        return None if found is None else (found[0], (self.files / found[1]).read_bytes())
+        return None if found is None else (found[0], own_file(self.files, found[1]).read_bytes())
 
     def offer_points(self, side: Side, label: str, content: bytes) -> None:
         """Take over a `frame,u,v` table; ask about any other point file.
@@ -165,7 +168,7 @@ class ProjectApplication:
         if found is None:
             return None
         label, stored = found
-        text = (self.files / stored).read_text(encoding="utf-8-sig")
+        text = own_file(self.files, stored).read_text(encoding="utf-8-sig")
         return label, RigParameters.loads(text, label)
 
     # Results
@@ -178,7 +181,8 @@ class ProjectApplication:
             return None
         try:
             content = json.loads(path.read_bytes())
-            return Outcome(**content["outcome"]), self.folder / "results" / content["folder"]
+            folder = own_file(self.folder / "results", content["folder"])
+            return Outcome(**content["outcome"]), folder
         except (OSError, ValueError, KeyError, TypeError) as error:
             raise StereocalError("The last result of this page cannot be read.") from error
 

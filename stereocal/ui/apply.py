@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 import streamlit as st
 
+from stereocal.calibrate import Calibration
 from stereocal.errors import StereocalError
 from stereocal.figures import describe_pair_errors, plot_pair_errors
 from stereocal.formats.point_table import PointTable
@@ -24,6 +25,7 @@ from stereocal.ui import jobs
 from stereocal.ui.intake import escape_markdown, is_new, refuse, settled
 from stereocal.ui.parameter_files import sets_of
 from stereocal.ui.project import keeper, remembered
+from stereocal.ui.refined import refined_for
 from stereocal.ui.results import show_figure
 from stereocal.ui.wizard import ask_about_points
 
@@ -119,10 +121,10 @@ def choose_sets(
     )
     found: list[RigParameters | None] = []
     own = calibration is not None and st.session_state["apply_sets"] == RESULTS
-    sets = sets_of(calibration, project.evaluation) if own and calibration else {}
+    sets, instead = _own_sets(project, calibration) if own and calibration else ({}, [])
     for use, column in zip(USES, st.columns(2), strict=True):
         with column:
-            found.append(_own_set(project, use, sets) if own else _given_set(store, use))
+            found.append(_own_set(project, use, sets, instead) if own else _given_set(store, use))
             if found[-1] is not None:
                 purpose = "matching" if use == "matching" else "reconstruction"
                 if warning := purpose_warning(found[-1], purpose):
@@ -131,8 +133,19 @@ def choose_sets(
     return None if matching is None or measuring is None else (matching, measuring)
 
 
-def _own_set(project: Project, use: Use, sets: Mapping[str, RigParameters]) -> RigParameters:
+def _own_sets(
+    project: Project, calibration: Calibration
+) -> tuple[dict[str, RigParameters], list[str]]:
+    """The sets by method, and of "2d" and "3d" those whose work the refined one is to do."""
+    refined, instead = refined_for(project, calibration)
+    return sets_of(calibration, project.evaluation, refined), instead
+
+
+def _own_set(
+    project: Project, use: Use, sets: Mapping[str, RigParameters], instead: Sequence[str]
+) -> RigParameters:
     title, default = PURPOSES[use]
+    default = "refined" if default in instead else default
     key = f"apply_{use}"
     _remember_choice(project, key, list(sets), default)
     st.selectbox(

@@ -22,7 +22,7 @@ from stereocal.figures.measured import Colour
 from stereocal.points.application import PAIRS, POINTS, Application, Outcome, agreement
 from stereocal.points.lengths import check_lengths, has_two_a_frame, label_columns
 from stereocal.points.pairs import pixels_of
-from stereocal.project import Project
+from stereocal.project import Project, own_file
 from stereocal.store.application import ProjectApplication
 from stereocal.ui.apply import whole_table
 from stereocal.ui.intake import escape_markdown
@@ -83,7 +83,7 @@ def _download(place: Any, path: Path, name: str | None = None) -> None:
 
 
 def _show_matches(store: ProjectApplication, outcome: Outcome, pairs: pd.DataFrame) -> None:
-    tables = [whole_table(str(store.files / name), name) for name in outcome.tables]
+    tables = [whole_table(str(own_file(store.files, name)), name) for name in outcome.tables]
     frames = sorted(set(tables[0]["frame"]) | set(tables[1]["frame"]))
     if st.session_state.get("apply_frame") not in frames:
         st.session_state["apply_frame"] = frames[0]
@@ -169,7 +169,7 @@ def _show_commands(store: ProjectApplication, outcome: Outcome) -> None:
             language="shell", wrap_lines=True,
         )  # fmt: skip
         for table, name, column in zip(outcome.tables, names, st.columns(2), strict=True):
-            _download(column, store.files / table, name)
+            _download(column, own_file(store.files, table), name)
 
 
 @st.cache_resource(show_spinner=False, max_entries=4)

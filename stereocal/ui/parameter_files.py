@@ -47,9 +47,7 @@ def sets_of(
     return found
 
 
-def parameter_download(
-    rig: RigParameters, key: str, file_name: str, main: bool = True
-) -> None:
+def parameter_download(rig: RigParameters, key: str, file_name: str, main: bool = True) -> None:
     """A menu of formats, what the other program will not know, and the download.
 
     Args:

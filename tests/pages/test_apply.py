@@ -20,6 +20,7 @@ from stereocal.parameters import RigParameters
 from stereocal.points.application import PAIRS, POINTS
 from stereocal.project import Project
 from stereocal.store.application import ProjectApplication, Side
+from stereocal.store.carry import pack_project, unpack_project
 from stereocal.ui import apply as apply_page
 from tests.rig import PRIMARY, RIG, SECONDARY, bar_ends, images
 
@@ -366,11 +367,12 @@ def test_wand_file_on_the_data_page(app: AppTest, home: Path) -> None:
     content = "\n".join(",".join(map(repr, row)) for row in table.tolist()).encode()
     app.file_uploader(key="upload_correspondences").upload("wand.csv", content).run()
     assert any("looks like a wand file" in item.value for item in app.markdown)
+    assert "Give the image heights" in said(app, "info")
+    app.number_input(key="wizard_bars_height_0").set_value(1200).run()
+    app.number_input(key="wizard_bars_height_1").set_value(1024).run()
     app.selectbox(key="wizard_bars_camera_0").set_value("cam2").run()
     assert "the two cameras are the same" in said(app, "error")
     app.selectbox(key="wizard_bars_camera_1").set_value("cam1").run()
-    app.number_input(key="wizard_bars_height_0").set_value(1200).run()
-    app.number_input(key="wizard_bars_height_1").set_value(1024).run()
     assert "12 pairs of points in 6 frames" in said(app, "caption")
     app.button(key="use_bars").click().run()
     project = Project.open(home, app.session_state["project_id"])
@@ -400,6 +402,38 @@ def test_menu_of_formats(app: AppTest) -> None:
     assert "undistort the points" in said(app, "caption")
     app.selectbox(key="dlt_corner_3d").set_value("lower-left").run()
     assert not app.exception and not app.error
+
+
+def test_a_carried_project_has_the_result(app: AppTest, home: Path, tmp_path: Path) -> None:
+    with_files(app)
+    store = store_of(app, home)
+    pack_project(store.project, tmp_path / "project.zip")
+    there = unpack_project(tmp_path / "project.zip", "project.zip", tmp_path / "there")
+    carried = ProjectApplication(there)
+    before, after = store.result, carried.result
+    assert before is not None and after is not None and after[0] == before[0]
+    assert (after[1] / PAIRS).read_bytes() == (before[1] / PAIRS).read_bytes()
+    assert carried.points("primary") is not None and carried.set_of("matching") is not None
+
+
+def test_names_that_lead_out_of_the_project_are_refused(app: AppTest, home: Path) -> None:
+    with_files(app)
+    store = store_of(app, home)
+    state = json.loads((store.folder / "apply.json").read_text())
+    state["points"]["primary"]["table"] = "../../project.json"
+    (store.folder / "apply.json").write_text(json.dumps(state))
+    app.run()
+    assert "which is no file of its own" in said(app, "error")
+
+
+def test_refined_set_serves_both(app: AppTest) -> None:
+    calibrated(app)
+    for use in ("matching", "measuring"):
+        app.selectbox(key=f"apply_{use}").set_value("refined").run()
+    assert "50 of 50 pairs have the same target" in said(app, "success")
+    assert not app.warning
+    app.selectbox(key="apply_matching").set_value("3d").run()
+    assert "made to measure: wrong pairs pass more often" in said(app, "warning")
 
 
 def test_state_that_another_version_wrote_is_said(app: AppTest, home: Path) -> None:
