@@ -4,21 +4,14 @@ import streamlit as st
 
 from stereocal.errors import StereocalError
 from stereocal.figures import describe_coverage, plot_coverage
-from stereocal.formats.correspondences_csv import TEMPLATE
 from stereocal.tables import contents_table
 from stereocal.ui.forms import length_field
 from stereocal.ui.frame import need_frame
-from stereocal.ui.intake import (
-    TITLES,
-    escape_markdown,
-    in_use,
-    show_refusal,
-    take_dataset,
-    take_file,
-)
+from stereocal.ui.intake import escape_markdown, show_refusal, take_dataset
 from stereocal.ui.photographs import choose_kind, has_photographs, photographs_in
 from stereocal.ui.project import current_project, forget_project
 from stereocal.ui.results import dataset_download, show_figure
+from stereocal.ui.single_files import single_files
 
 need_frame()
 st.title("Data")
@@ -37,15 +30,7 @@ elif how == "A folder":
     )
     take_dataset(folder or [])
 else:
-    for slot, column in zip(TITLES, st.columns(3), strict=True):
-        with column:
-            kinds = ["csv", "txt"] if slot == "correspondences" else ["json", "yaml", "yml", "xml"]
-            in_use(project, slot)
-            take_file(slot, st.file_uploader(TITLES[slot], type=kinds, key=f"upload_{slot}"))
-    st.download_button(
-        "Template for the table", TEMPLATE, "correspondences.csv", "text/csv", on_click="ignore",
-        icon=":material/download:",
-    )  # fmt: skip
+    single_files(project)
 
 left, right = st.columns(2)
 with left:

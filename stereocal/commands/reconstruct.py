@@ -56,6 +56,7 @@ def run(parsed: argparse.Namespace) -> None:
         parsed.sigma_px,
         ProgressBar("pairs").show,
     )
+    assert report is not None  # nobody cancels here
     print(report.sentence())
     for note in report.notes:
         print(f"Note: {note}")

@@ -16,6 +16,14 @@ from stereocal.figures.lens import (
     plot_residual_field,
     plot_view_errors,
 )
+from stereocal.figures.matches import describe_matches, plot_matches
+from stereocal.figures.measured import (
+    describe_lengths,
+    describe_points,
+    plot_lengths,
+    plot_points,
+)
+from stereocal.figures.pair_errors import describe_pair_errors, plot_pair_errors
 from stereocal.figures.rig import describe_rig, plot_rig
 from stereocal.figures.style import (
     METHOD_COLOURS,
@@ -40,6 +48,10 @@ __all__ = [
     "describe_disagreement",
     "describe_draws",
     "describe_frame_errors",
+    "describe_lengths",
+    "describe_matches",
+    "describe_pair_errors",
+    "describe_points",
     "describe_residual_field",
     "describe_rig",
     "describe_traces",
@@ -52,6 +64,10 @@ __all__ = [
     "plot_disagreement",
     "plot_draws",
     "plot_frame_errors",
+    "plot_lengths",
+    "plot_matches",
+    "plot_pair_errors",
+    "plot_points",
     "plot_residual_field",
     "plot_rig",
     "plot_traces",

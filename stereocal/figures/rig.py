@@ -17,14 +17,13 @@ from stereocal.camera import Camera
 from stereocal.compiled import FloatArray
 from stereocal.dataset import TARGETS, Dataset
 from stereocal.errors import StereocalError
+from stereocal.figures.space import set_scene, upright
 from stereocal.figures.style import (
-    GRID_3D,
     METHOD_COLOURS,
     METHOD_NAMES,
     NEUTRAL,
     TARGET_COLOURS,
     TARGET_SYMBOLS,
-    TRANSPARENT,
     count,
     finish,
 )
@@ -33,9 +32,6 @@ from stereocal.geometry import Pose, triangulate_rays
 HEIGHT = 520
 FRUSTUM_OF_DEPTH = 0.15
 """A camera is drawn as deep as this part of the scene: its true size would be a dot."""
-EYE_OF_DIAGONAL = 1.4
-"""Distance of the eye, as a part of the scene's diagonal: it fits narrow screens too."""
-AXIS_TITLES = {"xaxis": "x (m)", "yaxis": "z (m), depth", "zaxis": "−y (m), up"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,21 +93,7 @@ def plot_rig(calibration: Calibration, method: str) -> go.Figure:
     _add_targets(figure, scene)
     _add_cameras(figure, scene)
     _add_baseline(figure, scene)
-    axis = {
-        "showbackground": False, "gridcolor": GRID_3D, "linecolor": GRID_3D, "zeroline": False,
-        "nticks": 6, "tickfont": {"size": 12}, "showspikes": False,
-    }  # fmt: skip
-    figure.update_layout(
-        scene={
-            "aspectmode": "data",
-            "camera": _view(figure),
-            "bgcolor": TRANSPARENT,
-            **{
-                name: {**axis, "title": {"text": title, "font": {"size": 14}}}
-                for name, title in AXIS_TITLES.items()
-            },
-        }
-    )
+    set_scene(figure)
     return figure
 
 
@@ -150,32 +132,6 @@ def _scene(calibration: Calibration, method: Method) -> _Scene:
     return _Scene(calibration.dataset, calibration.methods[method].pose, calibration.errors[method])
 
 
-def _upright(points: FloatArray) -> dict[str, FloatArray]:
-    """Points (..., 3) of the primary's frame as the figure's axes: x, depth, up."""
-    return {
-        "x": points[..., 0].ravel(), "y": points[..., 2].ravel(), "z": -points[..., 1].ravel()
-    }  # fmt: skip
-
-
-def _view(figure: go.Figure) -> dict[str, dict[str, float]]:
-    """A view from behind the primary camera, from the right and above, that holds the scene.
-
-    Plotly scales a scene to a volume of 1 and counts the eye's distance in that unit.
-    """
-    spans = [
-        np.ptp(values[np.isfinite(values)])
-        for values in (np.concatenate([trace[axis] for trace in figure.data]) for axis in "xyz")
-    ]
-    size = np.maximum(spans, 1e-3 * max(spans))
-    distance = EYE_OF_DIAGONAL * np.linalg.norm(size / np.cbrt(np.prod(size)))
-    x, y, z = (distance * np.array([0.42, -0.8, 0.43])).tolist()
-    return {
-        "eye": {"x": x, "y": y, "z": z},
-        "up": {"x": 0.0, "y": 0.0, "z": 1.0},
-        "center": {"x": 0.0, "y": 0.0, "z": -0.1},
-    }
-
-
 def _add_bars(figure: go.Figure, scene: _Scene, method: Method) -> None:
     """One trace for all bars: A, middle, B, gap; the middle is there to be pointed at."""
     bars = scene.bars[scene.drawn]
@@ -185,7 +141,7 @@ def _add_bars(figure: go.Figure, scene: _Scene, method: Method) -> None:
     missing = int((~scene.drawn).sum())
     figure.add_trace(
         go.Scatter3d(
-            **_upright(path), mode="lines", line={"color": METHOD_COLOURS[method], "width": 4},
+            **upright(path), mode="lines", line={"color": METHOD_COLOURS[method], "width": 4},
             text=np.repeat(texts, 4), hovertemplate="%{text}<extra></extra>",
             name=f"Bars, {METHOD_NAMES[method]} (n = {len(bars)}"
             + (f", {missing} behind a camera)" if missing else ")"),
@@ -203,7 +159,7 @@ def _add_targets(figure: go.Figure, scene: _Scene) -> None:
         points = scene.points[of_target]
         figure.add_trace(
             go.Scatter3d(
-                **_upright(points), mode="markers",
+                **upright(points), mode="markers",
                 marker={
                     "color": TARGET_COLOURS[target], "symbol": TARGET_SYMBOLS[target],
                     "size": 2.5 if len(rows.frames) <= 100 else 1.5,
@@ -237,14 +193,14 @@ def _add_cameras(figure: go.Figure, scene: _Scene) -> None:
         path = np.array([centre, a, b, centre, gap, centre, c, d, centre, gap, b, c, gap, d, a])
         figure.add_trace(
             go.Scatter3d(
-                **_upright(path), mode="lines", line={"color": NEUTRAL, "width": 4},
+                **upright(path), mode="lines", line={"color": NEUTRAL, "width": 4},
                 hoverinfo="skip", showlegend=False, name=f"{name} camera",
             )
         )  # fmt: skip
         width, height = camera.image_size
         figure.add_trace(
             go.Scatter3d(
-                **_upright(centre), mode="markers+text", text=[name], textposition="bottom center",
+                **upright(centre), mode="markers+text", text=[name], textposition="bottom center",
                 marker={"color": NEUTRAL, "size": 5}, textfont={"size": 14}, showlegend=False,
                 hovertemplate=f"{name} camera, {width} × {height} px<br>x {centre[0]:.3f} m (right)"
                 f", y {centre[1]:.3f} m (down), z {centre[2]:.3f} m (depth)<extra></extra>",
@@ -267,7 +223,7 @@ def _add_baseline(figure: go.Figure, scene: _Scene) -> None:
     length = f"{scene.pose.baseline:.3f} m"
     figure.add_trace(
         go.Scatter3d(
-            **_upright(ends), mode="lines", line={"color": NEUTRAL, "width": 3, "dash": "dash"},
+            **upright(ends), mode="lines", line={"color": NEUTRAL, "width": 3, "dash": "dash"},
             hovertemplate=f"baseline {length}<extra></extra>", name=f"Baseline {length}",
         )
     )  # fmt: skip

@@ -31,7 +31,7 @@ def propose_layout(content: bytes, source: str) -> PointLayout:
     Raises:
         StereocalError: empty, no text, or like no layout that is known.
     """
-    rows, delimiter = _first_rows(content, source)
+    rows, delimiter = first_rows(content, source)
     for guess in (_trackmate, _deeplabcut, _dltdv, _long_table, _wand):
         layout = guess(rows, delimiter)
         if layout is not None:
@@ -43,7 +43,12 @@ def propose_layout(content: bytes, source: str) -> PointLayout:
     )
 
 
-def _first_rows(content: bytes, source: str) -> tuple[list[list[str]], str]:
+def first_rows(content: bytes, source: str) -> tuple[list[list[str]], str]:
+    """The first eight rows as text, and what stands between their columns.
+
+    Raises:
+        StereocalError: empty, no text, or one row only.
+    """
     head = content[:HEAD_BYTES]
     text = head.decode("utf-8-sig", errors="replace")
     if not text.strip():
@@ -173,8 +178,8 @@ def _long_table(rows: list[list[str]], delimiter: str) -> PointLayout | None:
 def _wand(rows: list[list[str]], delimiter: str) -> PointLayout | None:
     """4 columns a camera: x, y of end A in all cameras, then of end B; with a header or without."""
     count = len(rows[1])
-    headed = not all(_is_number(cell) for cell in rows[0])
-    if count % 4 or not count or not all(_is_number(cell) for cell in rows[1]):
+    headed = not all(is_number(cell) for cell in rows[0])
+    if count % 4 or not count or not all(is_number(cell) for cell in rows[1]):
         return None
     cameras = count // 4
     columns = tuple(
@@ -202,7 +207,8 @@ def _asking(layout: PointLayout, ask_origin: str) -> PointLayout:
     return replace(layout, questions=tuple(questions))
 
 
-def _is_number(text: str) -> bool:
+def is_number(text: str) -> bool:
+    """Whether a cell is empty or a number."""
     try:
         float(text.strip() or "nan")
     except ValueError:

@@ -54,21 +54,23 @@ class PointTable:
     Args:
         path: `.parquet` and `.pq` are Parquet, all others CSV (comma, semicolon or tab).
         numbers: names of the columns that must hold finite numbers.
+        label: what messages call the table; None is its path.
 
     Raises:
         StereocalError: no such file, or a column is missing.
     """
 
-    def __init__(self, path: Path, numbers: Sequence[str]) -> None:
+    def __init__(self, path: Path, numbers: Sequence[str], label: str | None = None) -> None:
         self.path = path
+        self.label = label or str(path)
         self.numbers = tuple(numbers)
         self.is_parquet = path.suffix.lower() in PARQUET
         self.delimiter = ","
         try:
-            names = _parquet_names(path) if self.is_parquet else self._csv_names()
+            names = _parquet_names(path, self.label) if self.is_parquet else self._csv_names()
         except (OSError, UnicodeDecodeError, csv.Error) as error:
             reason = getattr(error, "strerror", None) or error
-            raise StereocalError(f"{path}: the file cannot be read ({reason}).") from error
+            raise StereocalError(f"{self.label}: the file cannot be read ({reason}).") from error
         self.names = tuple(name.strip() for name in names)
         self._refuse_columns()
         self.further = tuple(n for n in self.names if n != "frame" and n not in self.numbers)
@@ -97,12 +99,12 @@ class PointTable:
         largest = np.full(len(self.numbers), -np.inf)
         for block in self._blocks():
             if refuse is not None and (problems := refuse(block)):
-                raise RefusedRowsError(f"{self.path}: ", problems, "cannot be used")
+                raise RefusedRowsError(f"{self.label}: ", problems, "cannot be used")
             rows += len(block)
             frames.append(np.unique(block["frame"].to_numpy()))
             largest = np.maximum(largest, block[list(self.numbers)].to_numpy().max(axis=0))
         if not rows:
-            raise StereocalError(f"{self.path}: the table has no rows with points.")
+            raise StereocalError(f"{self.label}: the table has no rows with points.")
         return Contents(
             rows, np.unique(np.concatenate(frames)), self.further, self._left_out, tuple(largest)
         )
@@ -152,7 +154,9 @@ class PointTable:
         self._in_order = True
 
     def _chunks(self) -> Iterator[pd.DataFrame]:
-        for raw in _parquet_chunks(self.path) if self.is_parquet else self._csv_chunks():
+        for raw in (
+            _parquet_chunks(self.path, self.label) if self.is_parquet else self._csv_chunks()
+        ):
             yield self._converted(raw)
 
     def _csv_names(self) -> list[str]:
@@ -160,7 +164,7 @@ class PointTable:
             first = file.readline()
             if not first.strip():
                 raise StereocalError(
-                    f"{self.path}: the file is empty, or its first line is; it must name the "
+                    f"{self.label}: the file is empty, or its first line is; it must name the "
                     f"columns frame, {', '.join(self.numbers)}."
                 )
             self.delimiter = max(",;\t", key=first.count)
@@ -170,7 +174,7 @@ class PointTable:
         missing = [name for name in ("frame", *self.numbers) if name not in self.names]
         if missing:
             raise StereocalError(
-                f"{self.path}: the column{'s' if len(missing) > 1 else ''} {', '.join(missing)} "
+                f"{self.label}: the column{'s' if len(missing) > 1 else ''} {', '.join(missing)} "
                 f"{'are' if len(missing) > 1 else 'is'} missing; the first line must name the "
                 f"columns frame, {', '.join(self.numbers)}, and names "
                 f"{', '.join(self.names)[:200]}."
@@ -178,7 +182,7 @@ class PointTable:
         twice = [name for name in self.names if self.names.count(name) > 1]
         if twice:
             raise StereocalError(
-                f"{self.path}: the column {twice[0]} stands in the first line twice."
+                f"{self.label}: the column {twice[0]} stands in the first line twice."
             )
 
     def _csv_chunks(self) -> Iterator[pd.DataFrame]:
@@ -202,9 +206,9 @@ class PointTable:
         except pd.errors.ParserError as error:
             found = re.search(r"Expected (\d+) fields in line (\d+), saw (\d+)", str(error))
             where = f"line {found[2]}: {found[3]} cells instead of {found[1]}" if found else error
-            raise StereocalError(f"{self.path}: 1 row cannot be used: {where}.") from error
+            raise StereocalError(f"{self.label}: 1 row cannot be used: {where}.") from error
         except (OSError, UnicodeDecodeError) as error:
-            raise StereocalError(f"{self.path}: the file cannot be read ({error}).") from error
+            raise StereocalError(f"{self.label}: the file cannot be read ({error}).") from error
 
     def _converted(self, raw: pd.DataFrame) -> pd.DataFrame:
         """Numbers as numbers; rows without points left out.
@@ -223,7 +227,7 @@ class PointTable:
         bad = np.flatnonzero(~good & ~unseen)
         if len(bad):
             raise RefusedRowsError(
-                f"{self.path}: ", [self._problem(raw, int(row)) for row in bad], "cannot be used"
+                f"{self.label}: ", [self._problem(raw, int(row)) for row in bad], "cannot be used"
             )
         kept = good & ~unseen
         # A blank line is no row.
@@ -255,25 +259,25 @@ class _OutOfOrderError(Exception):
     """The rows are not in the order of the frames."""
 
 
-def _parquet_names(path: Path) -> list[str]:
-    return [str(name) for name in _parquet_file(path).schema_arrow.names]
+def _parquet_names(path: Path, label: str) -> list[str]:
+    return [str(name) for name in _parquet_file(path, label).schema_arrow.names]
 
 
-def _parquet_chunks(path: Path) -> Iterator[pd.DataFrame]:
+def _parquet_chunks(path: Path, label: str) -> Iterator[pd.DataFrame]:
     start = 1
-    for batch in _parquet_file(path).iter_batches(batch_size=BLOCK_ROWS):
+    for batch in _parquet_file(path, label).iter_batches(batch_size=BLOCK_ROWS):
         chunk = batch.to_pandas().reset_index(drop=True)
         chunk.index += start
         start += len(chunk)
         yield chunk
 
 
-def _parquet_file(path: Path) -> Any:
+def _parquet_file(path: Path, label: str) -> Any:
     parquet = parquet_library()
     try:
         return parquet.ParquetFile(path)
     except (OSError, ValueError) as error:  # pyarrow's own errors are ValueErrors
-        raise StereocalError(f"{path}: this is not a Parquet file ({error}).") from error
+        raise StereocalError(f"{label}: this is not a Parquet file ({error}).") from error
 
 
 def parquet_library() -> Any:

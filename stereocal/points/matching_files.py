@@ -13,7 +13,7 @@ import pandas as pd
 from stereocal.camera import Camera
 from stereocal.errors import RowProblem, StereocalError
 from stereocal.formats.point_table import Contents, PointTable
-from stereocal.formats.table_writer import open_table
+from stereocal.formats.table_writer import CancelledError, open_table
 from stereocal.matching import (
     ANY_DEPTH,
     check_depths,
@@ -64,10 +64,6 @@ class MatchReport:
         )
 
 
-class _CancelledError(Exception):
-    """Somebody stopped the work."""
-
-
 def match_tables(
     rig: RigParameters,
     primary: PointTable,
@@ -111,7 +107,7 @@ def match_tables(
                 lost = stack.enter_context(open_table(unmatched, [*LOST_COLUMNS, *further]))
             for done, (frame, first, second) in enumerate(_side_by_side(primary, secondary), 1):
                 if cancelled is not None and cancelled():
-                    raise _CancelledError
+                    raise CancelledError
                 found, lonely = match_frame(rig, frame, first, second, gate, depths_m, names)
                 pairs.add(found)
                 if lost is not None:
@@ -122,7 +118,7 @@ def match_tables(
                 left_secondary += len(second) - len(found)
                 if progress is not None:
                     progress(done, total)
-    except _CancelledError:
+    except CancelledError:
         return None
     if count < FEW_MATCHED * min(each.rows for each in contents):
         notes.append(
@@ -150,7 +146,7 @@ def check_points(table: PointTable, camera: Camera, which: str) -> Contents:
         if len(off) > OTHER_IMAGES * len(block):
             u, v = pixels.max(axis=0)
             raise StereocalError(
-                f"{table.path}: the points of the {which} camera reach ({u:.0f}, {v:.0f}) px, but "
+                f"{table.label}: the points of the {which} camera reach ({u:.0f}, {v:.0f}) px, but "
                 f"the parameters are of images of {size[0]}x{size[1]} px: they are of another "
                 "camera, or the images were scaled or cropped."
             )
@@ -215,8 +211,8 @@ def _settle(
     if not len(common):
         a, b = (f"{each.frames[0]} to {each.frames[-1]}" for each in contents)
         raise StereocalError(
-            f"The two tables have no frame in common: {tables[0].path} has frames {a}, "
-            f"{tables[1].path} has frames {b}. Number the frames alike."
+            f"The two tables have no frame in common: {tables[0].label} has frames {a}, "
+            f"{tables[1].label} has frames {b}. Number the frames alike."
         )
     automatic = threshold_px == "auto" or (
         threshold_px is None and rig.matching_threshold_px is None
@@ -254,15 +250,15 @@ def _notes(
         if len(alone):
             shown = ", ".join(str(frame) for frame in alone[:3])
             notes.append(
-                f"{len(alone)} frames are in {table.path} only ({shown}"
+                f"{len(alone)} frames are in {table.label} only ({shown}"
                 f"{', ...' if len(alone) > 3 else ''}): their points have no partner."
             )
         if own.left_out:
-            notes.append(f"{table.path}: {own.left_out} rows have no point and were left out.")
+            notes.append(f"{table.label}: {own.left_out} rows have no point and were left out.")
         width, height = camera.image_size
         if own.rows >= MANY_POINTS and own.largest[0] < width / 2 and own.largest[1] < height / 2:
             notes.append(
-                f"All points of {table.path} lie in the upper left quarter of the {which} "
+                f"All points of {table.label} lie in the upper left quarter of the {which} "
                 f"camera's {width}x{height} px: were the images scaled down?"
             )
     return notes

@@ -11,7 +11,7 @@ import pandas as pd
 
 from stereocal.errors import RowProblem, StereocalError
 from stereocal.formats.point_table import PointTable
-from stereocal.formats.table_writer import open_table
+from stereocal.formats.table_writer import CancelledError, open_table
 from stereocal.geometry import Pose
 from stereocal.matching import purpose_warning
 from stereocal.parameters import RigParameters
@@ -94,8 +94,12 @@ def reconstruct_table(
     world: Pose | None = None,
     sigma_px: float | None = None,
     progress: Progress | None = None,
-) -> ReconstructionReport:
+    cancelled: Callable[[], bool] | None = None,
+) -> ReconstructionReport | None:
     """Reconstruct a table of pairs on disk, a block at a time, and write the points.
+
+    Returns:
+        What was done; None if it was cancelled, and no file is written then.
 
     Raises:
         StereocalError: bad input; no file is written then.
@@ -106,14 +110,19 @@ def reconstruct_table(
     columns += list(_carried(pairs.names).values())
     errors = []
     done = 0
-    with open_table(out, columns) as writer:
-        for block in pairs.blocks():
-            table = reconstruct(rig, block, world, sigma_px)
-            writer.add(table)
-            errors.append(table["error_px"].to_numpy(dtype=np.float32))
-            done += len(block)
-            if progress is not None:
-                progress(done, contents.rows)
+    try:
+        with open_table(out, columns) as writer:
+            for block in pairs.blocks():
+                if cancelled is not None and cancelled():
+                    raise CancelledError
+                table = reconstruct(rig, block, world, sigma_px)
+                writer.add(table)
+                errors.append(table["error_px"].to_numpy(dtype=np.float32))
+                done += len(block)
+                if progress is not None:
+                    progress(done, contents.rows)
+    except CancelledError:
+        return None
     pooled = np.concatenate(errors)
     behind = int(np.isnan(pooled).sum())
     median = float(np.nanmedian(pooled)) if behind < len(pooled) else float("nan")

@@ -12,6 +12,7 @@ TITLES = {
     "calibrate": "Calibrate",
     "validate": "Validate",
     "one_set": "One set or two",
+    "apply": "Apply",
 }
 """The pages in the order of the work: the file below `pages/`, and the last part of the address."""
 

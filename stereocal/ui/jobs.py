@@ -16,7 +16,7 @@ from stereocal.errors import StereocalError
 from stereocal.project import Project
 from stereocal.ui.intake import escape_markdown
 
-Kind = Literal["evaluation", "photographs", "lens_primary", "lens_secondary"]
+Kind = Literal["evaluation", "photographs", "lens_primary", "lens_secondary", "apply"]
 
 
 @dataclass

@@ -14,6 +14,7 @@ from stereocal.errors import StereocalError
 from stereocal.evaluation import EvaluationSettings, evaluate_runs
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.frames.search import compile_detection
+from stereocal.matching import match_points
 from stereocal.project import Project, default_home
 from stereocal.store.projects import sweep
 from stereocal.store.server import ServerSettings
@@ -56,6 +57,11 @@ def new_project() -> Project:
     project = Project.create(default_home())
     open_project(project.id)
     return project
+
+
+def begin_project() -> None:
+    """Begin a project (a callback)."""
+    new_project()
 
 
 def open_project(project_id: str) -> None:
@@ -110,6 +116,8 @@ def _begin() -> None:
 def compile_all() -> None:
     """Use all compiled code once, so that nobody waits for it later."""
     dataset = read_dataset(SAMPLE)
-    calibrate(dataset, trace=True)
+    calibration = calibrate(dataset, trace=True)
+    rows = dataset.correspondences
+    match_points(calibration.parameters("2d"), rows.primary, rows.secondary, 1.0)
     evaluate_runs(dataset, EvaluationSettings(), 0, [0])
     compile_detection()

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import io
-import zipfile
 from collections.abc import Collection
-from typing import Any, Literal
 
 import plotly.graph_objects as go
 import streamlit as st
@@ -13,7 +10,7 @@ import streamlit as st
 from stereocal.calibrate import METHOD_NAMES, METHODS, Calibration
 from stereocal.commands.calibrate import FILES, REFINED
 from stereocal.dataset import Dataset
-from stereocal.evaluation_files import Evaluation, validation_figures
+from stereocal.evaluation_files import Evaluation
 from stereocal.figures import (
     describe_frame_errors,
     describe_rig,
@@ -23,11 +20,11 @@ from stereocal.figures import (
     plot_traces,
 )
 from stereocal.formats.dataset_files import pack_dataset
+from stereocal.formats.zip_files import pack_zip
 from stereocal.refine import RefinedResult
-from stereocal.refined.file import refined_parameters
-from stereocal.summary import summarise
 from stereocal.tables import answer, results_table
 from stereocal.ui.intake import escape_markdown
+from stereocal.ui.parameter_files import parameter_download, sets_of
 from stereocal.ui.texts import TWO_FILES
 
 
@@ -46,39 +43,19 @@ def show_result(
     for warning in calibration.warnings:
         st.warning(warning)
     st.success(answer(calibration))
-    figures: dict[str, dict[str, Any]] = {}
-    if evaluation is not None and list(evaluation.sha256) == [calibration.dataset.sha256]:
-        figures = validation_figures(summarise(evaluation.runs), evaluation.settings)
+    sets = sets_of(calibration, evaluation, refined)
+    if sets["2d"].validation is not None:
         st.caption("The two files carry the figures of the last validation of these data.")
-    methods: tuple[Literal["2d", "3d"], ...] = ("2d", "3d")
-    for method, column in zip(methods, st.columns(2), strict=True):
+    for method, column in zip(FILES, st.columns(2), strict=True):
         with column:
             st.markdown(TWO_FILES[method])
-            if refined is not None and method in instead:
+            chosen = "refined" if "refined" in sets and method in instead else method
+            if chosen == "refined":
                 st.caption("Holds the refined set, as chosen on the page One set or two.")
-                content = refined_parameters(refined, (), figures.get("refined")).dumps()
-            else:
-                content = calibration.parameters(method, figures.get(method)).dumps()
-            st.download_button(
-                f"Download {FILES[method]}",
-                content,
-                FILES[method],
-                "application/json",
-                on_click="ignore",
-                type="primary",
-                icon=":material/download:",
-                key=f"download_{method}",
-            )
-    if refined is not None:
-        st.download_button(
-            f"Download {REFINED}: one set for both, its lenses included",
-            refined_parameters(refined, (), figures.get("refined")).dumps(),
-            REFINED,
-            "application/json",
-            on_click="ignore",
-            icon=":material/download:",
-            key="download_refined",
-        )
+            parameter_download(sets[chosen], method, FILES[method])
+    if "refined" in sets:
+        st.markdown("One **refined** set for both, its lenses included:")
+        parameter_download(sets["refined"], "refined", REFINED, main=False)
     st.table(results_table(calibration))
     views = {
         "Errors by frame": _show_frames,
@@ -99,13 +76,9 @@ def show_figure(figure: go.Figure, sentence: str, key: str) -> None:
 
 def dataset_download(dataset: Dataset) -> None:
     """The whole data set as one zip, which can be uploaded again."""
-    packed = io.BytesIO()
-    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, content in pack_dataset(dataset).items():
-            archive.writestr(zipfile.ZipInfo(name), content, zipfile.ZIP_DEFLATED)
     st.download_button(
         "Download this data set",
-        packed.getvalue(),
+        pack_zip(pack_dataset(dataset)),
         "dataset.zip",
         "application/zip",
         on_click="ignore",

@@ -1,0 +1,45 @@
+"""Apply: which points belong together, and where they are."""
+
+import streamlit as st
+
+from stereocal.errors import StereocalError
+from stereocal.points.application import Application
+from stereocal.store.application import ProjectApplication
+from stereocal.ui.apply import bring_up_to_date, choose_gates, choose_points, choose_sets
+from stereocal.ui.apply_results import show_application
+from stereocal.ui.frame import need_frame
+from stereocal.ui.intake import escape_markdown, show_refusal
+from stereocal.ui.project import begin_project, current_project
+
+need_frame()
+st.title("Apply")
+st.subheader("Which points of the two cameras belong together, and where are they in space?")
+
+project = current_project()
+if project is None:
+    st.info("Before this page can answer, it needs points of both cameras and parameter files.")
+    st.page_link("pages/data.py", label="Calibrate first: give points on the Data page")
+    st.button("I have both as files", on_click=begin_project, key="apply_begin")
+    st.stop()
+
+store = ProjectApplication(project)
+work = None
+try:
+    points = choose_points(project, store)
+    sets = choose_sets(project, store)
+    show_refusal()
+    if points is None:
+        st.info("Still missing: the points of both cameras.")
+    if sets is None:
+        st.info("Still missing: a parameter file to match with, and one to measure with.")
+        st.page_link("pages/calibrate.py", label="Or calibrate on the Calibrate page")
+    gates = choose_gates(project, points, sets[0]) if points and sets else None
+    if points and sets and gates:
+        work = Application(*points, *sets, *gates)
+        bring_up_to_date(project, store, work)
+except StereocalError as error:
+    st.error(escape_markdown(str(error)))
+try:
+    show_application(project, store, work)
+except StereocalError as error:
+    st.error(escape_markdown(str(error)))

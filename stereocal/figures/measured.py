@@ -1,0 +1,144 @@
+"""Measured points in space, and measured lengths against a known one."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+import pandas as pd
+import plotly.graph_objects as go
+
+from stereocal.compiled import BoolArray, FloatArray
+from stereocal.figures.space import set_scene, upright
+from stereocal.figures.style import METHOD_COLOURS, NEUTRAL, count, finish, sentence_only
+from stereocal.points.lengths import LengthCheck
+
+HEIGHT = 580
+MOST_DRAWN = 20_000
+"""More points make a scene slow to turn; evenly spread ones are drawn then."""
+Colour = Literal["frame", "error"]
+TITLES: dict[Colour, str] = {"frame": "Frame", "error": "Error (px)"}
+COLOURS = ((0.0, "#1F83C4"), (0.5, "#009E73"), (1.0, "#D55E00"))
+FAR_OUT = 1.5
+"""Points farther than so many times the middle 98 % of all are left out of view: one wrong pair at
+a distance of kilometres would make a dot of the rest."""
+
+
+def plot_points(points: pd.DataFrame, colour: Colour, secondary_m: FloatArray) -> go.Figure:
+    """The points in the primary camera's frame, with both cameras; equal axes, metres.
+
+    Args:
+        points: rows of `points.csv`.
+        colour: what the colour means.
+        secondary_m: (3,) where the secondary camera stands.
+    """
+    xyz = points[["x", "y", "z"]].to_numpy(dtype=np.float64)
+    shown = np.flatnonzero(in_view(xyz))
+    if not len(shown):
+        return sentence_only("No pair meets in front of both cameras: there is nothing to draw.")
+    shown = shown[:: int(np.ceil(len(shown) / MOST_DRAWN))]
+    values = points["frame" if colour == "frame" else "error_px"].to_numpy(dtype=np.float64)[shown]
+    figure = finish(go.Figure(), HEIGHT)
+    figure.add_trace(
+        go.Scatter3d(
+            **upright(xyz[shown]), mode="markers",
+            marker={
+                "size": 4 if len(shown) <= 500 else 2, "color": values,
+                "colorscale": [list(stop) for stop in COLOURS],
+                "cmin": float(values.min()), "cmax": _top(values, colour),
+                "colorbar": {
+                    "title": {"text": TITLES[colour], "side": "top"}, "thickness": 14,
+                    "len": 0.8, "tickfont": {"size": 13}, "nticks": 6, "orientation": "h",
+                    "x": 0.5, "xanchor": "center", "y": 0.0, "yanchor": "top",
+                    **({"tickformat": "d"} if colour == "frame" else {}),
+                },
+            },
+            customdata=np.column_stack(
+                [points[["frame", "error_px"]].to_numpy(dtype=np.float64)[shown], xyz[shown, 1]]
+            ),
+            hovertemplate=(
+                "frame %{customdata[0]:d}, error %{customdata[1]:.3f} px<br>x %{x:.3f} m (right), "
+                "y %{customdata[2]:.3f} m (down), z %{y:.3f} m (depth)<extra></extra>"
+            ),
+            name=f"Points (n = {len(shown)})",
+        )
+    )  # fmt: skip
+    cameras = np.vstack([np.zeros(3), secondary_m])
+    figure.add_trace(
+        go.Scatter3d(
+            **upright(cameras), mode="lines+markers+text", text=["primary", "secondary"],
+            textposition="bottom center", textfont={"size": 14},
+            marker={"color": NEUTRAL, "size": 5},
+            line={"color": NEUTRAL, "width": 3, "dash": "dash"}, hoverinfo="skip",
+            name=f"Cameras, {np.linalg.norm(secondary_m):.3f} m apart",
+        )
+    )  # fmt: skip
+    set_scene(figure)
+    return figure
+
+
+def describe_points(points: pd.DataFrame) -> str:
+    """Where the points are, in one sentence."""
+    xyz = points[["x", "y", "z"]].to_numpy(dtype=np.float64)
+    finite = np.isfinite(xyz).all(axis=1)
+    shown = in_view(xyz)
+    if not shown.any():
+        return "No pair meets in front of both cameras."
+    x, y, z = (xyz[shown, k] for k in range(3))
+    text = (
+        f"{count(int(shown.sum()), 'point')} of {count(points['frame'].nunique(), 'frame')}: x "
+        f"from {x.min():.2f} to {x.max():.2f} m, y from {y.min():.2f} to {y.max():.2f} m, depth z "
+        f"from {z.min():.2f} to {z.max():.2f} m"
+    )
+    if shown.sum() > MOST_DRAWN:
+        text += f"; about {MOST_DRAWN} of them, evenly spread, are drawn"
+    if far := int((finite & ~shown).sum()):
+        text += f"; {count(far, 'point')} far away from all others not drawn"
+    if behind := int((~finite).sum()):
+        text += f"; {count(behind, 'pair')} without a point (behind a camera)"
+    return text + "."
+
+
+def in_view(xyz: FloatArray) -> BoolArray:
+    """(n,): which points (n, 3) exist and are not far out."""
+    finite: BoolArray = np.asarray(np.isfinite(xyz).all(axis=1))
+    if not finite.any():
+        return finite
+    low, high = np.percentile(xyz[finite], [1, 99], axis=0)
+    room = FAR_OUT * max(float((high - low).max()), 1e-9)
+    with np.errstate(invalid="ignore"):
+        near: BoolArray = ((xyz >= low - room) & (xyz <= high + room)).all(axis=1)
+    return finite & near
+
+
+def _top(values: FloatArray, colour: Colour) -> float:
+    """The end of the colour scale: for errors, what 98 % stay below."""
+    top = float(np.percentile(values, 98)) if colour == "error" else float(values.max())
+    return top if top > values.min() else float(values.min()) + 1.0
+
+
+def plot_lengths(check: LengthCheck) -> go.Figure:
+    """The error of a known length, frame by frame."""
+    figure = finish(go.Figure(), 320)
+    figure.add_trace(
+        go.Scatter(
+            x=check.frames, y=100 * check.errors, mode="markers",
+            marker={"color": METHOD_COLOURS["3d"], "symbol": "triangle-up", "size": 9},
+            customdata=check.lengths_m, name=f"Measured (n = {len(check.frames)})", showlegend=True,
+            hovertemplate="frame %{x}<br>%{customdata:.4f} m, error %{y:.2f} %<extra></extra>",
+        )
+    )  # fmt: skip
+    figure.add_hline(y=0, line={"color": NEUTRAL, "width": 2, "dash": "dash"})
+    figure.update_xaxes(title_text="Frame")
+    figure.update_yaxes(title_text="Length error (%)")
+    return figure
+
+
+def describe_lengths(check: LengthCheck) -> str:
+    """The figure in one sentence."""
+    errors = 100 * check.errors
+    return (
+        f"Error of a known length of {check.known_m:.4g} m in {count(len(errors), 'frame')}: from "
+        f"{errors.min():z.2f} to {errors.max():z.2f} %, median {np.median(errors):z.2f} %; the "
+        "dashed line is no error."
+    )

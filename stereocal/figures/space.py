@@ -1,0 +1,58 @@
+"""What all figures in space share: upright axes of equal scale, and a view that holds the scene."""
+
+from __future__ import annotations
+
+import numpy as np
+import plotly.graph_objects as go
+
+from stereocal.compiled import FloatArray
+from stereocal.figures.style import GRID_3D, TRANSPARENT
+
+EYE_OF_DIAGONAL = 1.4
+"""Distance of the eye, as a part of the scene's diagonal: it fits narrow screens too."""
+AXIS_TITLES = {"xaxis": "x (m)", "yaxis": "z (m), depth", "zaxis": "−y (m), up"}
+
+
+def upright(points: FloatArray) -> dict[str, FloatArray]:
+    """Points (..., 3) of the primary's frame as the figure's axes: x, depth, up."""
+    return {
+        "x": points[..., 0].ravel(), "y": points[..., 2].ravel(), "z": -points[..., 1].ravel()
+    }  # fmt: skip
+
+
+def set_scene(figure: go.Figure) -> None:
+    """Equal axes in metres, and a view that holds all that is drawn."""
+    axis = {
+        "showbackground": False, "gridcolor": GRID_3D, "linecolor": GRID_3D, "zeroline": False,
+        "nticks": 6, "tickfont": {"size": 12}, "showspikes": False,
+    }  # fmt: skip
+    figure.update_layout(
+        scene={
+            "aspectmode": "data",
+            "camera": _view(figure),
+            "bgcolor": TRANSPARENT,
+            **{
+                name: {**axis, "title": {"text": title, "font": {"size": 14}}}
+                for name, title in AXIS_TITLES.items()
+            },
+        }
+    )
+
+
+def _view(figure: go.Figure) -> dict[str, dict[str, float]]:
+    """A view from behind the primary camera, from the right and above, that holds the scene.
+
+    Plotly scales a scene to a volume of 1 and counts the eye's distance in that unit.
+    """
+    spans = [
+        np.ptp(values[np.isfinite(values)])
+        for values in (np.concatenate([trace[axis] for trace in figure.data]) for axis in "xyz")
+    ]
+    size = np.maximum(spans, 1e-3 * max(spans))
+    distance = EYE_OF_DIAGONAL * np.linalg.norm(size / np.cbrt(np.prod(size)))
+    x, y, z = (distance * np.array([0.42, -0.8, 0.43])).tolist()
+    return {
+        "eye": {"x": x, "y": y, "z": z},
+        "up": {"x": 0.0, "y": 0.0, "z": 1.0},
+        "center": {"x": 0.0, "y": 0.0, "z": -0.1},
+    }

@@ -1,0 +1,213 @@
+"""What a person says about a point file of another program: answers, kept as JSON.
+
+layout = layout_of(content, "xypts.csv")              # as proposed, or to be chosen by hand
+answers = first_answers(layout, 0, image_height=1024)   # to be looked at, and changed
+table = read_points(content, answered(layout, answers), answers.camera, answers.image_height)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+from stereocal.dataset import Correspondences
+from stereocal.errors import StereocalError
+from stereocal.formats.pixel_origin import CORNERS, FLIPS, Corner, Flip, PixelOrigin
+from stereocal.formats.point_files import PointColumns, PointLayout, read_bars
+from stereocal.formats.point_layouts import first_rows, is_number, propose_layout
+
+OURS = "stereocal"
+UNKNOWN = "a program that is not known"
+LIKELY = 0.6
+"""DeepLabCut's own limit: points less likely are often wrong."""
+
+
+@dataclass(frozen=True)
+class Answers:
+    """How one point file, or one camera of it, is to be read."""
+
+    camera: str
+    corner: Corner = "upper-left"
+    flip: Flip = "h"
+    first_pixel: float = 0.0
+    image_height: int | None = None
+    px_per_unit: float = 1.0
+    least_likelihood: float = 0.0
+    columns: tuple[int | None, int, int] | None = None
+    """Columns of the frame (None: the rows are counted), of u and of v, where chosen by hand."""
+
+    def to_json(self) -> dict[str, Any]:
+        """For the project's file."""
+        return asdict(self)
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> Answers:
+        """What `to_json` wrote.
+
+        Raises:
+            StereocalError: it is none.
+        """
+        try:
+            columns = data["columns"]
+            found = cls(**{**data, "columns": None if columns is None else tuple(columns)})
+        except (TypeError, KeyError) as error:
+            raise StereocalError(f"The answers of a point file cannot be read: {error}.") from error
+        if found.corner not in CORNERS or found.flip not in FLIPS:
+            raise StereocalError("The answers of the point file are of another version.")
+        return found
+
+
+def layout_of(content: bytes, source: str) -> PointLayout:
+    """The layout that a file looks like; where it looks like none, one to be chosen by hand.
+
+    Raises:
+        StereocalError: empty, no text, or with too few columns to hold points.
+    """
+    rows, _ = first_rows(content, source)
+    try:
+        return propose_layout(content, source)
+    except StereocalError:
+        if len(rows[1]) < 2:
+            raise
+    return layout_by_hand(content, source)
+
+
+def layout_by_hand(content: bytes, source: str) -> PointLayout:
+    """A table with a row for each point, whose columns are to be chosen.
+
+    Raises:
+        StereocalError: empty, or no text.
+    """
+    rows, delimiter = first_rows(content, source)
+    header = 0
+    while header < len(rows) - 1 and not any(_is_value(cell) for cell in rows[header]):
+        header += 1
+    layout = PointLayout(
+        program=UNKNOWN,
+        columns=(PointColumns("cam1", "point", 0, 1),),
+        header_rows=header,
+        delimiter=delimiter,
+        questions=("Which columns hold the number of the frame, u and v?",),
+    )
+    return _with_columns(layout, rows, (0, 1, 2) if len(rows[1]) > 2 else (None, 0, 1))
+
+
+def can_choose_columns(layout: PointLayout) -> bool:
+    """Whether the columns of the frame, u and v are a person's to choose."""
+    return layout.program == UNKNOWN or layout.program.startswith("a table")
+
+
+def column_names(content: bytes, layout: PointLayout, source: str) -> list[str]:
+    """What to call the columns: by the header, or by their number."""
+    rows, _ = first_rows(content, source)
+    width = len(rows[min(layout.header_rows, len(rows) - 1)])
+    head = rows[layout.header_rows - 1] if layout.header_rows else []
+    names = [head[k].strip() if k < len(head) else "" for k in range(width)]
+    return [f"{k + 1}: {name[:40]}" if name else f"column {k + 1}" for k, name in enumerate(names)]
+
+
+def first_answers(layout: PointLayout, which: int, image_height: int | None = None) -> Answers:
+    """Answers to begin with: what the layout proposes.
+
+    Args:
+        which: 0 for the primary camera, 1 for the secondary.
+        image_height: rows of the image, where they are known.
+    """
+    cameras = layout.cameras
+    columns = layout.columns[0]
+    has_likelihood = any(each.likelihood is not None for each in layout.columns)
+    return Answers(
+        camera=cameras[min(which, len(cameras) - 1)],
+        corner=layout.origin.corner,
+        flip=layout.origin.flip,
+        first_pixel=layout.origin.first_pixel,
+        image_height=image_height,
+        px_per_unit=layout.px_per_unit,
+        least_likelihood=LIKELY if has_likelihood else 0.0,
+        columns=(layout.frame, columns.u, columns.v) if can_choose_columns(layout) else None,
+    )
+
+
+def answered(layout: PointLayout, answers: Answers, content: bytes, source: str) -> PointLayout:
+    """The layout with the answers in it.
+
+    Raises:
+        StereocalError: one column chosen for two things.
+    """
+    layout = replace(
+        layout,
+        origin=PixelOrigin(answers.corner, answers.first_pixel, answers.flip),
+        px_per_unit=answers.px_per_unit,
+        least_likelihood=answers.least_likelihood,
+    )
+    if answers.columns is None:
+        return layout
+    if len(set(answers.columns)) < 3:
+        raise StereocalError(f"{source}: choose three different columns for the frame, u and v.")
+    if not can_choose_columns(layout):
+        by_hand = layout_by_hand(content, source)
+        layout = replace(by_hand, origin=layout.origin, px_per_unit=layout.px_per_unit)
+    return _with_columns(layout, first_rows(content, source)[0], answers.columns)
+
+
+def _is_value(cell: str) -> bool:
+    return cell.strip() != "" and is_number(cell.replace(",", "."))
+
+
+def _with_columns(
+    layout: PointLayout, rows: list[list[str]], columns: tuple[int | None, int, int]
+) -> PointLayout:
+    frame, u, v = columns
+    head = rows[layout.header_rows - 1] if layout.header_rows else []
+    further = tuple(
+        (name.strip(), k)
+        for k, name in enumerate(head)
+        if k not in columns and name.strip() and name.strip().lower() not in ("frame", "u", "v")
+    )
+    return replace(
+        layout, columns=(PointColumns("cam1", "point", u, v),), frame=frame, further=further
+    )
+
+
+@dataclass(frozen=True)
+class BarAnswers:
+    """How a file with both ends of a bar in several cameras is to be read."""
+
+    cameras: tuple[str, str]
+    """Which are the primary and the secondary."""
+    ends: tuple[str, str]
+    """Which points are A and B."""
+    corner: Corner = "upper-left"
+    flip: Flip = "h"
+    first_pixel: float = 0.0
+    image_heights: tuple[int | None, int | None] = (None, None)
+
+    def to_json(self) -> dict[str, Any]:
+        """For the project's file."""
+        return asdict(self)
+
+
+def holds_bars(content: bytes, source: str) -> bool:
+    """Whether a file looks like one with two points or more in two cameras or more."""
+    try:
+        layout = propose_layout(content, source)
+    except StereocalError:
+        return False
+    return len(layout.cameras) > 1 and len(layout.points) > 1
+
+
+def bars_of(content: bytes, answers: BarAnswers, source: str) -> Correspondences:
+    """The bars of a file as the answers say.
+
+    Raises:
+        StereocalError: it cannot be read that way.
+    """
+    for what, two in (("cameras", answers.cameras), ("points", answers.ends)):
+        if two[0] == two[1]:
+            raise StereocalError(f"{source}: the two {what} are the same ({two[0]}): choose two.")
+    layout = replace(
+        propose_layout(content, source),
+        origin=PixelOrigin(answers.corner, answers.first_pixel, answers.flip),
+    )
+    return read_bars(content, layout, answers.cameras, answers.ends, answers.image_heights, source)

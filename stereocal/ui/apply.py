@@ -1,0 +1,302 @@
+"""The Apply page: which points, which parameter sets, which gates, and the work itself."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import streamlit as st
+
+from stereocal.calibrate import Calibration
+from stereocal.errors import StereocalError
+from stereocal.figures import describe_pair_errors, plot_pair_errors
+from stereocal.formats.point_table import PointTable
+from stereocal.matching import ANY_DEPTH, check_depths, purpose_warning
+from stereocal.parameters import RigParameters
+from stereocal.points.application import STAGES, Application, Points, sample_frames, unlabelled
+from stereocal.points.nearest import nearest_errors
+from stereocal.points.pairs import POINT
+from stereocal.points.threshold import FramePixels, choose_threshold
+from stereocal.project import Project
+from stereocal.store.application import SIDES, USES, ProjectApplication, Side, Use
+from stereocal.ui import jobs
+from stereocal.ui.intake import escape_markdown, is_new, refuse, settled
+from stereocal.ui.parameter_files import sets_of
+from stereocal.ui.project import keeper, remembered
+from stereocal.ui.refined import refined_for
+from stereocal.ui.results import show_figure
+from stereocal.ui.wizard import ask_about_points
+
+OWN, FILES = "The bar's own points", "Two point files"
+RESULTS, GIVEN = "This project's results", "Parameter files"
+SET_TITLES = {"2d": "2D set", "3d": "3D set", "refined": "Refined set"}
+PURPOSES: Mapping[Use, tuple[str, str]] = {
+    "matching": ("Match with", "2d"),
+    "measuring": ("Measure with", "3d"),
+}
+INSTANT_S = 2.0
+"""What is expected to take less is computed as the controls move."""
+THRESHOLD, CHOSEN = "apply_threshold", "apply_chosen"
+
+
+def choose_points(project: Project, store: ProjectApplication) -> tuple[Points, Points] | None:
+    """The points of both cameras; None while one is missing.
+
+    Raises:
+        StereocalError: the project's own points cannot be used.
+    """
+    dataset = project.dataset
+    kinds = [*([OWN] if dataset else []), FILES]
+    _remember_choice(project, "apply_points", kinds)
+    st.segmented_control(
+        "Points",
+        kinds,
+        key="apply_points",
+        required=True,
+        on_change=keeper(project, "apply_points"),
+    )
+    if dataset is not None and st.session_state["apply_points"] == OWN:
+        st.caption("Targets A and B are left aside: the matching has to tell them apart.")
+        primary, secondary = (
+            store.own_points(table, f"{which} points of {dataset.name}")
+            for which, table in zip(SIDES, unlabelled(dataset.correspondences), strict=True)
+        )
+        return primary, secondary
+    for side, column in zip(SIDES, st.columns(2), strict=True):
+        with column:
+            _take_points(store, side)
+    given = store.set_of("matching")
+    for side, camera in zip(SIDES, project.cameras, strict=True):
+        if camera is None and given is not None:
+            camera = given[1].primary if side == "primary" else given[1].secondary
+        ask_about_points(store, side, None if camera is None else camera.image_size[1])
+    first, second = (store.points(side) for side in SIDES)
+    return None if first is None or second is None else (first, second)
+
+
+def _take_points(store: ProjectApplication, side: Side) -> None:
+    file = store.point_file(side)
+    if file is not None:
+        st.caption(
+            f"In use: {escape_markdown(file.label)}, {file.rows} points in {file.frames} frames"
+        )
+        if file.answers is not None:
+            st.button("Read it differently", key=f"again_{side}", on_click=store.ask_again,
+                      args=(side,))  # fmt: skip
+    upload = st.file_uploader(
+        f"Points of the {side} camera", type=["csv", "txt", "tsv", "parquet"],
+        key=f"upload_points_{side}",
+        help="A table frame,u,v with further columns, or a file of Argus, easyWand, DLTdv, "
+        "DeepLabCut, TrackMate or another program.",
+    )  # fmt: skip
+    if upload is not None and is_new(upload):
+        try:
+            with st.spinner("Reading."):
+                store.offer_points(side, upload.name, upload.getvalue())
+            settled()
+        except StereocalError as error:
+            refuse(error)
+        st.rerun()
+
+
+def choose_sets(
+    project: Project, store: ProjectApplication
+) -> tuple[RigParameters, RigParameters] | None:
+    """The set to match with and the set to measure with; None while one is missing.
+
+    Raises:
+        StereocalError: the project's results cannot be read.
+    """
+    calibration = project.calibration
+    kinds = [*([RESULTS] if calibration else []), GIVEN]
+    _remember_choice(project, "apply_sets", kinds)
+    st.segmented_control(
+        "Parameters",
+        kinds,
+        key="apply_sets",
+        required=True,
+        on_change=keeper(project, "apply_sets"),
+    )
+    found: list[RigParameters | None] = []
+    own = calibration is not None and st.session_state["apply_sets"] == RESULTS
+    sets, instead = _own_sets(project, calibration) if own and calibration else ({}, [])
+    for use, column in zip(USES, st.columns(2), strict=True):
+        with column:
+            found.append(_own_set(project, use, sets, instead) if own else _given_set(store, use))
+            if found[-1] is not None:
+                purpose = "matching" if use == "matching" else "reconstruction"
+                if warning := purpose_warning(found[-1], purpose):
+                    st.warning(escape_markdown(warning))
+    matching, measuring = found
+    return None if matching is None or measuring is None else (matching, measuring)
+
+
+def _own_sets(
+    project: Project, calibration: Calibration
+) -> tuple[dict[str, RigParameters], list[str]]:
+    """The sets by method, and of "2d" and "3d" those whose work the refined one is to do."""
+    refined, instead = refined_for(project, calibration)
+    return sets_of(calibration, project.evaluation, refined), instead
+
+
+def _own_set(
+    project: Project, use: Use, sets: Mapping[str, RigParameters], instead: Sequence[str]
+) -> RigParameters:
+    title, default = PURPOSES[use]
+    default = "refined" if default in instead else default
+    key = f"apply_{use}"
+    _remember_choice(project, key, list(sets), default)
+    st.selectbox(
+        title, list(sets), format_func=SET_TITLES.__getitem__, key=key,
+        on_change=keeper(project, key),
+    )  # fmt: skip
+    return sets[st.session_state[key]]
+
+
+def _given_set(store: ProjectApplication, use: Use) -> RigParameters | None:
+    title, default = PURPOSES[use]
+    kept = store.set_of(use)
+    if kept is not None:
+        st.caption(f"In use: {escape_markdown(kept[0])}")
+    upload = st.file_uploader(
+        f"{title}: parameters_{default}.json", type=["json"], key=f"upload_set_{use}",
+        help="Or parameters_refined.json, which serves both.",
+    )  # fmt: skip
+    if upload is not None and is_new(upload):
+        try:
+            store.keep_set(use, upload.name, upload.getvalue())
+            settled()
+        except StereocalError as error:
+            refuse(error)
+        st.rerun()
+    return None if kept is None else kept[1]
+
+
+def choose_gates(
+    project: Project, points: tuple[Points, Points], rig: RigParameters
+) -> tuple[float, tuple[float, float]] | None:
+    """Threshold and depth range, beside the errors that they part; None without a threshold.
+
+    Raises:
+        StereocalError: the points cannot be read, or a depth range that cannot be.
+    """
+    form, figure = st.columns([2, 3], gap="large")
+    with form:
+        depths = _depths(project)
+        sample = _sample(*((str(each.path), each.label) for each in points))
+        if THRESHOLD not in st.session_state:
+            _begin_threshold(project, rig, sample, depths)
+        st.number_input(
+            "Threshold (px)", min_value=0.0, value=None, step=0.1, format="%.4g", key=THRESHOLD,
+            on_change=keeper(project, THRESHOLD), placeholder="largest error of a pair",
+            help="Largest reprojection error of a pair, mean over both cameras.",
+        )  # fmt: skip
+        st.button(
+            "Choose it from the points", key="apply_auto", on_click=_choose,
+            args=(project, rig, sample, depths),
+        )  # fmt: skip
+        if chosen := st.session_state.get(CHOSEN):
+            found, sentence = chosen
+            (st.caption if found else st.warning)(escape_markdown(sentence))
+        if rig.matching_threshold_px is not None:
+            st.caption(f"The parameter set's own: {rig.matching_threshold_px:.3g} px.")
+    threshold: float | None = st.session_state[THRESHOLD]
+    if threshold is None:
+        st.info("Give a threshold in pixels.")
+        return None
+    with figure:
+        nearest = nearest_errors(rig, sample, depths)
+        show_figure(
+            plot_pair_errors(nearest, threshold), describe_pair_errors(nearest, threshold),
+            "pair_errors",
+        )  # fmt: skip
+    return threshold, depths
+
+
+def _depths(project: Project) -> tuple[float, float]:
+    remembered(project, {"apply_only_depths": False, "apply_near": None, "apply_far": None})
+    st.toggle(
+        "Only points at some depths", key="apply_only_depths",
+        on_change=keeper(project, "apply_only_depths"),
+        help="Where it is known how far away the points are, fewer wrong pairs fit.",
+    )  # fmt: skip
+    if not st.session_state["apply_only_depths"]:
+        return ANY_DEPTH
+    given: list[float | None] = []
+    for key, title, column in zip(
+        ("apply_near", "apply_far"), ("Nearest (m)", "Farthest (m)"), st.columns(2), strict=True
+    ):
+        given.append(
+            column.number_input(
+                title, min_value=0.0, value=None, key=key, format="%.6g",
+                on_change=keeper(project, key),
+            )
+        )  # fmt: skip
+    near, far = given
+    return check_depths((near or 0.0, ANY_DEPTH[1] if far is None else far))
+
+
+def _begin_threshold(
+    project: Project, rig: RigParameters, sample: list[FramePixels], depths: tuple[float, float]
+) -> None:
+    """As kept, or the set's own, or else chosen from the points: as the command does."""
+    value = project.settings.get(THRESHOLD, rig.matching_threshold_px)
+    st.session_state[THRESHOLD] = value
+    if value is None:
+        _choose(project, rig, sample, depths)
+
+
+def _choose(
+    project: Project, rig: RigParameters, sample: list[FramePixels], depths: tuple[float, float]
+) -> None:
+    try:
+        choice = choose_threshold(rig, sample, depths)
+        st.session_state[THRESHOLD] = choice.threshold_px
+        project.keep_settings({THRESHOLD: choice.threshold_px})
+        st.session_state[CHOSEN] = (True, choice.sentence())
+    except StereocalError as error:
+        st.session_state[CHOSEN] = (False, str(error))
+
+
+def bring_up_to_date(project: Project, store: ProjectApplication, work: Application) -> None:
+    """Compute at once what is short; offer a button for what is long."""
+    result = store.result
+    if result is None or result[0].digest != work.digest:
+        if work.expected_seconds <= INSTANT_S:
+            try:
+                with st.spinner("Matching and measuring."):
+                    store.run(work)
+            except StereocalError as error:
+                st.error(escape_markdown(str(error)))
+        elif not jobs.is_running(project, "apply"):
+            st.button(
+                f"Match and measure ({work.primary.rows} and {work.secondary.rows} points)",
+                type="primary", key="apply_run", on_click=jobs.start,
+                args=(project, "apply", STAGES, lambda job: _run(store, work, job)),
+            )  # fmt: skip
+    jobs.show_job(project, "apply", "Cancelled. What is shown is the last finished result.")
+
+
+def _run(store: ProjectApplication, work: Application, job: jobs.Job) -> bool:
+    return store.run(work, job.begin, job.progress, lambda: job.cancelled)
+
+
+@st.cache_resource(show_spinner=False, max_entries=8)
+def whole_table(path: str, label: str) -> pd.DataFrame:
+    """All points of a table; its name holds the digest of its content."""
+    table = PointTable(Path(path), POINT, label)
+    return pd.concat(list(table.blocks()))[["frame", *POINT]]
+
+
+@st.cache_resource(show_spinner=False, max_entries=8)
+def _sample(primary: tuple[str, str], secondary: tuple[str, str]) -> list[FramePixels]:
+    return sample_frames(whole_table(*primary), whole_table(*secondary))
+
+
+def _remember_choice(project: Project, key: str, options: list[Any], default: Any = None) -> None:
+    """As `remembered`, where what can be chosen may have changed since."""
+    remembered(project, {key: options[0] if default is None else default})
+    if st.session_state[key] not in options:
+        st.session_state[key] = options[0]

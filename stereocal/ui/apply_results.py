@@ -1,0 +1,185 @@
+"""What came out on the Apply page: answer, downloads, matches, points, a known length."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import streamlit as st
+
+from stereocal.errors import StereocalError
+from stereocal.figures import (
+    describe_lengths,
+    describe_matches,
+    describe_points,
+    plot_lengths,
+    plot_matches,
+    plot_points,
+)
+from stereocal.figures.measured import Colour
+from stereocal.points.application import PAIRS, POINTS, Application, Outcome, agreement
+from stereocal.points.lengths import check_lengths, has_two_a_frame, label_columns
+from stereocal.points.pairs import pixels_of
+from stereocal.project import Project, own_file
+from stereocal.store.application import ProjectApplication
+from stereocal.ui.apply import whole_table
+from stereocal.ui.intake import escape_markdown
+from stereocal.ui.project import keeper, remembered
+from stereocal.ui.results import show_figure
+
+TWO = "the two points of a frame"
+FIRST_ROWS = 10
+SCROLLS = """<style>
+.st-key-matches_scroll { overflow-x: auto; }
+.st-key-matches_scroll > div { min-width: 46rem; }
+</style>"""
+"""Two images side by side need their width; on a narrow screen the figure scrolls sideways."""
+
+
+def show_application(project: Project, store: ProjectApplication, work: Application | None) -> None:
+    """The last finished result, whatever the form says by now."""
+    result = store.result
+    if result is None:
+        if work is not None:
+            st.info("No result yet.")
+        return
+    outcome, folder = result
+    st.header("Result", divider="gray")
+    if work is None or outcome.digest != work.digest:
+        st.warning(
+            "The points, the parameters or the gates have changed since this result. It shows what "
+            f"it was made with: {escape_markdown(outcome.made_with)}"
+        )
+    pairs, points = _read(str(folder / PAIRS)), _read(str(folder / POINTS))
+    said = [*outcome.sentences, *([same] if (same := agreement(pairs)) else [])]
+    st.success(escape_markdown(" ".join(said)))
+    for note in outcome.notes:
+        st.warning(escape_markdown(note))
+    for name, column in zip((PAIRS, POINTS), st.columns(2), strict=True):
+        _download(column, folder / name)
+    views = {
+        "Matches in the images": lambda: _show_matches(store, outcome, pairs),
+        "Points in 3D": lambda: _show_points(outcome, points),
+        "A known length": lambda: _show_lengths(project, points),
+        "Tables": lambda: _show_tables(pairs, points),
+    }
+    view = st.segmented_control(
+        "Look at", list(views), default=next(iter(views)), key="apply_view", required=True
+    )
+    views[view]()
+    st.caption(f"Made with: {escape_markdown(outcome.made_with)}")
+    _show_commands(store, outcome)
+
+
+def _download(place: Any, path: Path, name: str | None = None) -> None:
+    name = name or path.name
+    place.download_button(
+        f"Download {name}", lambda path=path: path.read_bytes(), name, "text/csv",
+        on_click="ignore", icon=":material/download:", key=f"download_{name}",
+        type="primary" if name in (PAIRS, POINTS) else "secondary",
+    )  # fmt: skip
+
+
+def _show_matches(store: ProjectApplication, outcome: Outcome, pairs: pd.DataFrame) -> None:
+    tables = [whole_table(str(own_file(store.files, name)), name) for name in outcome.tables]
+    frames = sorted(set(tables[0]["frame"]) | set(tables[1]["frame"]))
+    if st.session_state.get("apply_frame") not in frames:
+        st.session_state["apply_frame"] = frames[0]
+    frame = frames[0]
+    if len(frames) > 1:
+        frame = st.select_slider("Frame", frames, key="apply_frame")
+    of_frame = pairs[pairs["frame"] == frame]
+    first, second = (pixels_of(table[table["frame"] == frame]) for table in tables)
+    (width, height), (width_2, height_2) = outcome.image_sizes
+    figure = plot_matches(of_frame, first, second, ((width, height), (width_2, height_2)))
+    st.html(SCROLLS)
+    with st.container(key="matches_scroll"):
+        st.plotly_chart(figure, key="matches")
+    st.caption(escape_markdown(describe_matches(of_frame, first, second, frame)))
+
+
+def _show_points(outcome: Outcome, points: pd.DataFrame) -> None:
+    colours: list[Colour] = ["frame", "error"]
+    colour = st.segmented_control(
+        "Colour", colours, default="frame", key="apply_colour", required=True,
+        format_func={"frame": "By frame", "error": "By error"}.__getitem__,
+    )  # fmt: skip
+    figure = plot_points(points, colour, np.array(outcome.secondary_m))
+    show_figure(figure, describe_points(points), "points")
+
+
+def _show_lengths(project: Project, points: pd.DataFrame) -> None:
+    columns: list[str] = label_columns(points)
+    ways = [*columns, *([TWO] if has_two_a_frame(points) else [])]
+    if not ways:
+        st.info(
+            "To check a length, the point files need a column that names the points (such as a "
+            "track's number), or frames with two points."
+        )
+        return
+    left, right = st.columns(2)
+    remembered(project, {"apply_known": project.inputs.target_distance_m})
+    way = left.selectbox("Points are told apart by", ways, key="apply_way")
+    known = right.number_input(
+        "Known length (m)", min_value=0.0, value=None, key="apply_known", format="%.6g",
+        on_change=keeper(project, "apply_known"), placeholder="measured length",
+    )  # fmt: skip
+    ends = ("", "")
+    if way != TWO:
+        names = sorted(points[way].dropna().astype(str).unique(), key=_by_number)
+        left, right = st.columns(2)
+        ends = (
+            left.selectbox("From", names, key=f"apply_from_{way}"),
+            right.selectbox("To", names, index=1, key=f"apply_to_{way}"),
+        )
+    if known is None:
+        st.info("Give the known length.")
+        return
+    try:
+        check = check_lengths(points, known, None if way == TWO else way, ends)
+    except StereocalError as error:
+        st.error(escape_markdown(str(error)))
+        return
+    st.success(escape_markdown(check.sentence()))
+    show_figure(plot_lengths(check), describe_lengths(check), "lengths")
+
+
+def _show_tables(pairs: pd.DataFrame, points: pd.DataFrame) -> None:
+    for name, table in ((PAIRS, pairs), (POINTS, points)):
+        st.caption(f"{name}: the first {min(FIRST_ROWS, len(table))} of {len(table)} rows")
+        st.dataframe(table.head(FIRST_ROWS), hide_index=True)
+
+
+def _show_commands(store: ProjectApplication, outcome: Outcome) -> None:
+    """The same files by the command line, from the tables as they were read."""
+    with st.expander("The same on the command line"):
+        near, far = outcome.depths_m
+        depths = "" if far is None and not near else f" --depth {near:g} {far or 'inf'}"
+        suffixes = [Path(name).suffix for name in outcome.tables]
+        names = [
+            f"{which}{end}" for which, end in zip(("primary", "secondary"), suffixes, strict=True)
+        ]
+        st.code(
+            f"python -m stereocal match {names[0]} {names[1]} --parameters parameters_2d.json "
+            f"--threshold {outcome.threshold_px!r}{depths} --out {PAIRS}\n"
+            f"python -m stereocal reconstruct {PAIRS} --parameters parameters_3d.json "
+            f"--out {POINTS}",
+            language="shell", wrap_lines=True,
+        )  # fmt: skip
+        for table, name, column in zip(outcome.tables, names, st.columns(2), strict=True):
+            _download(column, own_file(store.files, table), name)
+
+
+@st.cache_resource(show_spinner=False, max_entries=4)
+def _read(path: str) -> pd.DataFrame:
+    """A table of a result, whose folder is new for every result."""
+    return pd.read_csv(path)
+
+
+def _by_number(name: str) -> tuple[float, str]:
+    try:
+        return float(name), name
+    except ValueError:
+        return float("inf"), name

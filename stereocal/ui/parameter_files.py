@@ -1,0 +1,104 @@
+"""The parameter sets of a project's results, and their downloads for all programs."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import streamlit as st
+
+from stereocal.calibrate import Calibration
+from stereocal.errors import StereocalError
+from stereocal.evaluation_files import Evaluation, validation_figures
+from stereocal.formats.exchange import FORMATS, export_files, export_notes
+from stereocal.formats.pixel_origin import CORNERS, PixelOrigin
+from stereocal.formats.stereo import ExchangeOptions
+from stereocal.formats.zip_files import pack_zip
+from stereocal.parameters import RigParameters
+from stereocal.refine import RefinedResult
+from stereocal.refined.file import refined_parameters
+from stereocal.summary import summarise
+from stereocal.ui.intake import escape_markdown
+
+OURS = "stereocal"
+TITLES = {OURS: "stereocal (JSON)", **{name: each.title for name, each in FORMATS.items()}}
+CORNER_TITLES = {"upper-left": "upper left", "lower-left": "lower left"}
+
+
+def figures_for(calibration: Calibration, evaluation: Evaluation | None) -> dict[str, Any]:
+    """Figures of the last validation by method, if it is one of these data."""
+    if evaluation is None or list(evaluation.sha256) != [calibration.dataset.sha256]:
+        return {}
+    return dict(validation_figures(summarise(evaluation.runs), evaluation.settings))
+
+
+def sets_of(
+    calibration: Calibration,
+    evaluation: Evaluation | None,
+    refined: RefinedResult | None = None,
+) -> dict[str, RigParameters]:
+    """The parameter sets of a result by method: 2d, 3d and, where there is one, refined."""
+    figures = figures_for(calibration, evaluation)
+    methods: tuple[Literal["2d", "3d"], ...] = ("2d", "3d")
+    found: dict[str, RigParameters] = {
+        method: calibration.parameters(method, figures.get(method)) for method in methods
+    }
+    if refined is not None:
+        found["refined"] = refined_parameters(refined, (), figures.get("refined"))
+    return found
+
+
+def parameter_download(rig: RigParameters, key: str, file_name: str, main: bool = True) -> None:
+    """A menu of formats, what the other program will not know, and the download.
+
+    Args:
+        key: tells the widgets of several sets apart.
+        file_name: of our own file.
+        main: whether the button is one of the page's main ones.
+    """
+    chosen = st.selectbox(
+        "Format", list(TITLES), format_func=TITLES.__getitem__, key=f"format_{key}"
+    )
+    try:
+        name, content = file_name, rig.dumps().encode()
+        if chosen != OURS:
+            options = _dlt_options(key) if chosen == "dlt" else ExchangeOptions()
+            name, content = packed(export_files(rig, chosen, options), file_name, chosen)
+            for note in export_notes(rig, chosen):
+                st.caption(escape_markdown(note))
+    except StereocalError as error:
+        st.error(escape_markdown(str(error)))
+        return
+    st.download_button(
+        f"Download {name}", content, name, _mime(name), on_click="ignore",
+        type="primary" if main else "secondary", icon=":material/download:",
+        key=f"download_{key}",
+    )  # fmt: skip
+
+
+def packed(files: dict[str, bytes], file_name: str, chosen: str) -> tuple[str, bytes]:
+    """Name and content of a download: a single file as it is, several as a zip."""
+    stem = file_name.rsplit(".", 1)[0]
+    if len(files) == 1:
+        ((name, content),) = files.items()
+        return f"{stem}_{name}", content
+    return f"{stem}_{chosen}.zip", pack_zip(files)
+
+
+def _dlt_options(which: str) -> ExchangeOptions:
+    left, right = st.columns(2)
+    corner = left.selectbox(
+        "Points are counted from the", CORNERS, format_func=CORNER_TITLES.__getitem__,
+        key=f"dlt_corner_{which}",
+        help="Lower left: DLTdv5 to 7, Argus, easyWand. Upper left: DLTdv8.",
+    )  # fmt: skip
+    first = right.number_input(
+        "First pixel", 0.0, 1.0, 0.0, 0.5, key=f"dlt_first_{which}",
+        help="Coordinate of the centre of the first pixel: 1 for DLTdv8.",
+    )  # fmt: skip
+    return ExchangeOptions(origin=PixelOrigin(corner, first))
+
+
+def _mime(name: str) -> str:
+    return {"json": "application/json", "zip": "application/zip"}.get(
+        name.rsplit(".", 1)[-1], "text/plain"
+    )

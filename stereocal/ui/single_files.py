@@ -1,0 +1,47 @@
+"""The Data page's three uploaders, for a table and two camera files."""
+
+from __future__ import annotations
+
+import streamlit as st
+
+from stereocal.formats.correspondences_csv import TEMPLATE
+from stereocal.formats.point_answers import holds_bars
+from stereocal.project import Project
+from stereocal.store.application import ProjectApplication
+from stereocal.ui.intake import TITLES, Upload, in_use, is_new, settled, take_file
+from stereocal.ui.project import project_to_write
+from stereocal.ui.wizard import ask_about_bars
+
+
+def single_files(project: Project | None) -> None:
+    """The uploaders; for a table of another program, questions."""
+    for slot, column in zip(TITLES, st.columns(3), strict=True):
+        with column:
+            in_use(project, slot)
+            if slot == "correspondences":
+                help_text = "Ours, or a wand file of Argus or easyWand, or of DLTdv."
+                upload = st.file_uploader(
+                    TITLES[slot], type=["csv", "txt"], key=f"upload_{slot}", help=help_text
+                )
+                _take_table(upload)
+            else:
+                kinds = ["json", "yaml", "yml", "xml"]
+                take_file(slot, st.file_uploader(TITLES[slot], type=kinds, key=f"upload_{slot}"))
+    st.download_button(
+        "Template for the table", TEMPLATE, "correspondences.csv", "text/csv", on_click="ignore",
+        icon=":material/download:",
+    )  # fmt: skip
+    if project is not None:
+        ask_about_bars(ProjectApplication(project))
+
+
+def _take_table(upload: Upload | None) -> None:
+    """Our table at once; a file of another program waits for answers."""
+    if upload is None:
+        return
+    if not holds_bars(upload.getvalue(), upload.name):
+        take_file("correspondences", upload)
+    elif is_new(upload):
+        ProjectApplication(project_to_write()).ask("bars", upload.name, upload.getvalue())
+        settled()
+        st.rerun()

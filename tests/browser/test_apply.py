@@ -1,0 +1,139 @@
+"""The Apply page in a real browser: the job from the demo to the files, and a long one stopped."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from playwright.sync_api import Page, expect
+
+from stereocal.cli import main
+from stereocal.parameters import RigParameters
+from tests.browser.conftest import LONGEST_MS
+from tests.rig import PRIMARY, RIG, SECONDARY, images
+
+pytestmark = pytest.mark.browser
+Settled = Callable[[Page], None]
+SET_2D = RigParameters("2d", PRIMARY, SECONDARY, RIG, 1.0, {}, {}, matching_threshold_px=0.8)
+
+
+def fetch(page: Page, key: str, folder: Path) -> Path:
+    """Press a download button; the file under the name that the browser was told."""
+    with page.expect_download() as event:
+        page.locator(f"[class*='st-key-download_{key}'] button").click()
+    path = folder / event.value.suggested_filename
+    event.value.save_as(path)
+    return path
+
+
+def histogram(page: Page) -> str:
+    """All that the histogram draws: curves and the line of the threshold."""
+    page.wait_for_timeout(1000)  # Plotly draws after the page is settled
+    return str(
+        page.locator("[class*=st-key-pair_errors] path").evaluate_all(
+            "paths => paths.map(path => path.getAttribute('d')).join()"
+        )
+    )
+
+
+def test_demo_to_files_of_the_command_line(
+    page: Page, app_url: str, settled: Settled, tmp_path: Path
+) -> None:
+    page.goto(app_url)
+    settled(page)
+    page.locator(".st-key-demo button").click()
+    expect(page.get_by_text("50 pairs of points in 25 frames")).to_be_visible()
+    sidebar = page.get_by_test_id("stSidebar")
+    sidebar.get_by_role("link", name="Calibrate").click()
+    settled(page)
+    page.get_by_role("button", name="Calibrate", exact=True).click()
+    expect(page.get_by_text("To find which points belong together")).to_be_visible(
+        timeout=LONGEST_MS
+    )
+    settled(page)
+    sets = [fetch(page, method, tmp_path) for method in ("2d", "3d")]
+    page.locator(".st-key-format_3d").click()
+    page.get_by_role("option", name="OpenCV").click()
+    expect(page.get_by_text("parameters_3d_opencv.zip")).to_be_visible()
+    settled(page)
+    assert fetch(page, "3d", tmp_path).read_bytes()[:2] == b"PK"
+
+    sidebar.get_by_role("link", name="Apply").click()
+    expect(page.get_by_text("50 of 50 pairs have the same target")).to_be_visible(
+        timeout=LONGEST_MS
+    )
+    settled(page)
+    before = histogram(page)
+    box = page.locator(".st-key-apply_threshold input")
+    box.fill("25")
+    box.press("Enter")
+    expect(
+        page.get_by_text(re.compile("pairs in 25 frames at a threshold of 25 px"))
+    ).to_be_visible()
+    settled(page)
+    assert histogram(page) != before
+    page.get_by_text("The same on the command line").click()
+    tables = [fetch(page, which, tmp_path) for which in ("primary", "secondary")]
+    page.reload()
+    expect(page.get_by_text(re.compile("at a threshold of 25 px"))).to_be_visible()
+    settled(page)
+    mine = [fetch(page, name, tmp_path / "page") for name in ("pairs", "points")]
+
+    assert main(
+        ["match", *map(str, tables), "--parameters", str(sets[0]), "--threshold", "25",
+         "--out", str(tmp_path / "pairs.csv")]
+    ) == 0  # fmt: skip
+    assert main(
+        ["reconstruct", str(tmp_path / "pairs.csv"), "--parameters", str(sets[1]),
+         "--out", str(tmp_path / "points.csv")]
+    ) == 0  # fmt: skip
+    for path in mine:
+        assert path.read_bytes() == (tmp_path / path.name).read_bytes()
+
+    for view, shown in (
+        ("Points in 3D", "depth z from"),
+        ("A known length", "where 0.9 m is known"),
+    ):
+        page.get_by_text(view, exact=True).click()
+        expect(page.get_by_text(shown)).to_be_visible()
+
+
+def test_a_long_matching_shows_progress_and_can_be_stopped(
+    page: Page, app_url: str, settled: Settled, tmp_path: Path
+) -> None:
+    rng = np.random.default_rng(1)
+    seen = images(rng.uniform([-1.3, -1.1, 6.0], [1.3, 1.0, 10.5], (200_000, 3)))
+    frames = np.repeat(np.arange(200), 1000)
+    files = {}
+    for which, side in zip(("primary", "secondary"), seen, strict=True):
+        files[which] = tmp_path / f"{which}.csv"
+        table = pd.DataFrame({"frame": frames, "u": side[:, 0], "v": side[:, 1]})
+        table.to_csv(files[which], index=False, float_format="%.4f")
+    SET_2D.save(tmp_path / "2d.json")
+    replace(SET_2D, method="3d").save(tmp_path / "3d.json")
+
+    page.goto(f"{app_url}/apply")
+    settled(page)
+    page.locator(".st-key-apply_begin button").click()
+    for which, path in files.items():
+        uploader = page.locator(f".st-key-upload_points_{which} input[type=file]")
+        uploader.set_input_files(path)
+        expect(
+            page.get_by_text(f"In use: {which}.csv, 200000 points in 200 frames")
+        ).to_be_visible()
+    for use, name in (("matching", "2d"), ("measuring", "3d")):
+        uploader = page.locator(f".st-key-upload_set_{use} input[type=file]")
+        uploader.set_input_files(tmp_path / f"{name}.json")
+        expect(page.get_by_text(f"In use: {name}.json")).to_be_visible()
+    page.get_by_role("button", name="Match and measure").click(timeout=LONGEST_MS)
+    expect(page.get_by_text(re.compile("of 200 frames matched, about"))).to_be_visible(
+        timeout=LONGEST_MS
+    )
+    page.locator(".st-key-cancel_apply button").click()
+    expect(page.get_by_text("Cancelled. What is shown is the last finished")).to_be_visible()
+    expect(page.get_by_text("No result yet.")).to_be_visible()
