@@ -81,28 +81,32 @@ def calibrate_essential(
     for E in candidates:
         R, t, in_front = choose_pose(E, rays)
         if in_front:
-            pose = Pose(R, baseline * t)
+            pose = Pose(R, t)
             found.append((in_front, _sum_of_squares(pose, rays), pose))
     if not found:
         raise StereocalError(
             "No position of the cameras has the points in front of both. Check that the points of "
             "the two cameras, and the two camera files, are not exchanged."
         )
-    cost, pose = _best(found, tie_breaker)
+    # Solved with a baseline of 1, so that the direction does not depend on what was measured.
+    cost, pose = _best(found, baseline, tie_breaker)
     evaluations = len(candidates)
     if solver == "constrained":
         angles, more, converged = constrain(np.array(pose.angles), rays)
-        pose = Pose.from_angles(Angles(*angles.tolist()), baseline)
+        pose = Pose.from_angles(Angles(*angles.tolist()), 1.0)
         cost = _sum_of_squares(pose, rays)
         evaluations += more
         stop_reason = "converged" if converged else "the largest number of rounds was reached"
+    pose = Pose(pose.R, baseline * pose.T)
     return EssentialResult(
         pose, cost, evaluations, stop_reason, time.perf_counter() - started, solver
     )
 
 
 def _best(
-    found: list[tuple[int, float, Pose]], tie_breaker: Callable[[Pose], float] | None
+    found: list[tuple[int, float, Pose]],
+    baseline: float,
+    tie_breaker: Callable[[Pose], float] | None,
 ) -> tuple[float, Pose]:
     """Most points in front, then least residual; exact fits are told apart by `tie_breaker`."""
     most = max(in_front for in_front, _, _ in found)
@@ -111,7 +115,12 @@ def _best(
     # Residuals of an exact fit are rounding: 1e-15 each on rays of order 1.
     ties = [(cost, pose) for cost, pose in left if cost <= max(least, 1e-24)]
     if len(ties) > 1 and tie_breaker is not None:
-        return min(ties, key=lambda tie: np.nan_to_num(tie_breaker(tie[1]), nan=np.inf))
+        return min(
+            ties,
+            key=lambda tie: np.nan_to_num(
+                tie_breaker(Pose(tie[1].R, baseline * tie[1].T)), nan=np.inf
+            ),
+        )
     return min(ties, key=lambda tie: tie[0])
 
 
