@@ -142,15 +142,16 @@ def _fitted(light: Light, row: FloatArray) -> Corner | None:
     return fit_corner(light.image, start, half, light.quantum, light.gain)
 
 
-def _without_chance_flip(corner: Corner, saddles: FloatArray) -> Corner:
-    """A single flip with no saddle where that chessboard would have its next corner is chance:
+def _without_chance_flips(corner: Corner, saddles: FloatArray) -> Corner:
+    """The next square of a chessboard has a corner too: what turns without one is chance, such as
     a fence or leaves behind the board."""
-    if corner.flips != 1:
+    if not corner.flips:
         return corner
     forward = np.repeat(corner.directions, 2, axis=0) * np.array([[1.0], [-1.0], [1.0], [-1.0]])
     ends = corner.centre + corner.arms[:, None] * forward
     away = np.linalg.norm(saddles[:, None] - ends, axis=2)
-    return corner if (away < 0.3 * corner.arms).any() else replace(corner, flips=0)
+    beside = int((away < 0.3 * corner.arms).any(axis=0).sum())
+    return replace(corner, flips=min(corner.flips, beside))
 
 
 def _corners(light: Light) -> tuple[list[Corner], int]:
@@ -176,7 +177,7 @@ def _corners(light: Light) -> tuple[list[Corner], int]:
         corner = _fitted(light, row)
         if corner is None or corner.quality < SMALLEST_QUALITY:
             continue
-        corner = _without_chance_flip(corner, rows[:, :2])
+        corner = _without_chance_flips(corner, rows[:, :2])
         neighbours = np.hypot(*(in_rows - corner.centre).T) < NEAR * corner.board_px
         if corner.flips >= 2 or (corner.flips and neighbours.sum() >= 2):
             in_rows = np.vstack([in_rows, corner.centre])

@@ -13,12 +13,15 @@ GreyImage = npt.NDArray[np.float32]
 
 LONG = 6.0
 """Arms so many blurs long tell nothing more."""
+ONE_LONG = 0.68
+"""Quality where one arm seems longer than its opposite: the bar or something behind the board goes
+on along that edge. Less than what is sure (`refusals.SURE_QUALITY`)."""
 
 
 @compiled
 def arm_quality(arms: FloatArray, cut: int, blur: float) -> float:
     """0 to 1: how much four arms look like those of one sharp board; cut ones as if whole."""
-    quality, shortest = 1.0, math.inf
+    best, worst, shortest = 0.0, 1.0, math.inf
     for pair in (0, 2):
         first, second = arms[pair], arms[pair + 1]
         if cut >> pair & 1:
@@ -26,9 +29,10 @@ def arm_quality(arms: FloatArray, cut: int, blur: float) -> float:
         if cut >> pair & 2:
             second = max(first, second)
         shorter = min(first, second)
-        quality *= math.sqrt(shorter / max(first, second))
+        even = math.sqrt(shorter / max(first, second))
+        best, worst = max(best, even), min(worst, even)
         shortest = min(shortest, shorter)
-    return quality * min(1.0, shortest / (LONG * blur))
+    return best * max(worst, ONE_LONG) * min(1.0, shortest / (LONG * blur))
 
 
 @compiled

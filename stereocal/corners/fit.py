@@ -8,7 +8,7 @@ up to most of the board, and never takes in its outer border.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -32,6 +32,9 @@ WHILE_GROWING_PX, AT_LAST_PX = 1e-2, 1e-5
 """Tolerances of the fits."""
 MISFIT = 0.06
 """Boards have 0.00 to 0.03, pickets and leaves 0.05 to 0.15."""
+PATTERN, SMALLER, SUSPECT = 0.035, 0.7, 0.055
+"""Where the fit leaves a pattern, a smaller window may still be good: what is behind the board made
+an arm seem longer. Such a corner is never sure: it counts as if its misfit were the last number."""
 SHARP = 1.3
 """Below this blur, in px, the model is averaged over each pixel."""
 
@@ -212,9 +215,20 @@ def fit_corner(
     if cut:
         # A board at the border has a small window, from which its other arms reach far.
         arms, flips, cut = follow(image, p, reach, FARTHEST)
-    if not np.isfinite(arms).all() or arm_quality(arms, cut, math.exp(p[4])) < WORST_ARMS:
+    # One arm may seem endless: the bar goes on along its edge. It was followed so far at least.
+    ends = np.array([min(arms[:2]), min(arms[2:])])
+    if not np.isfinite(ends).all():
         return None
-    return _final(image, p, reach, noise, (quantum, gain), (arms, flips, cut))
+    arms = np.minimum(arms, GROWTH * np.repeat(reach, 2))
+    if arm_quality(arms, cut, math.exp(p[4])) < WORST_ARMS:
+        return None
+    scale, found = (quantum, gain), (arms, flips, cut)
+    corner = _final(image, p, reach, noise, scale, found)
+    if corner is None or corner.misfit > PATTERN:
+        smaller = _final(image, p, SMALLER * reach, noise, scale, found)
+        if smaller is not None and smaller.misfit < PATTERN:
+            return replace(smaller, misfit=SUSPECT)
+    return corner
 
 
 def _final(
