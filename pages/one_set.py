@@ -9,6 +9,7 @@ from stereocal.ui.one_set import (
     refined_inputs,
     show_accuracy,
     show_disagreement,
+    show_frames_left_out,
     show_parameters,
     show_trade_off,
     show_verdict,
@@ -42,10 +43,15 @@ try:
     show_job(project)
     evaluation, calibration = project.evaluation, project.calibration
     inputs = refined_inputs(dataset, settings)
+except StereocalError as error:
+    st.error(escape_markdown(str(error)))
+    st.stop()
+try:
     st.header("Verdict", divider="gray")
     show_verdict(dataset, evaluation)
     st.header("What disagrees", divider="gray")
     show_disagreement(inputs)
+    show_frames_left_out(result)
     st.header("Matching against measuring", divider="gray")
     show_trade_off(project, dataset, result, settings, calibration)
     st.header("How accurate, where", divider="gray")

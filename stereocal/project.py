@@ -74,6 +74,9 @@ class Inputs:
     name: str = ""
     baseline_m: float | None = None
     target_distance_m: float | None = None
+    baseline_sigma_m: float | None = None
+    """As a data set states it; None where it states none."""
+    target_distance_sigma_m: float | None = None
     files: Mapping[str, str] = dataclasses.field(default_factory=dict)
     """Slot to the file's name below `inputs/`."""
     labels: Mapping[str, str] = dataclasses.field(default_factory=dict)
@@ -325,6 +328,8 @@ class Project:
             correspondences=table.strict(label),
             baseline_m=float(inputs.baseline_m or 0.0),
             target_distance_m=float(inputs.target_distance_m or 0.0),
+            baseline_sigma_m=inputs.baseline_sigma_m,
+            target_distance_sigma_m=inputs.target_distance_sigma_m,
         )
 
     def _read_state(self) -> dict[str, Any]:

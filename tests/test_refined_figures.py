@@ -53,10 +53,25 @@ def test_trade_off_has_both_curves_all_sets_and_the_point(curves: TradeOff) -> N
     )
     assert by_name["The slider's point"].x[0] == curves.freed[2].cost_2d_px
     assert by_name["3D set"].marker.symbol == "triangle-up"
-    assert figure.layout.xaxis.type == "log"  # 9 to 1200 px
+    assert figure.layout.xaxis.type == "linear"  # the 3D set stands at the edge
     assert figure.layout.yaxis.type == "linear"  # 23 to 59 mm
     words = describe_trade_off(curves, costs)
     assert "3D set 1200 px and 26.0 mm" in words
+
+
+def test_a_set_far_beyond_the_curves_stands_at_the_edge_with_its_value(curves: TradeOff) -> None:
+    costs: dict[Method, tuple[float, float]] = {"2d": (9.0, 0.03), "3d": (1200.0, 0.026)}
+    by_name = {trace.name: trace for trace in plot_trade_off(curves, costs).data}
+    far, near = by_name["3D set"], by_name["2D set"]
+    most = max(point.cost_2d_px for point in (*curves.fixed, *curves.freed))
+    assert most < far.x[0] < 1.5 * most and far.y[0] == pytest.approx(26.0)
+    assert far.text[0] == "1200 px →" and list(far.customdata[0]) == pytest.approx([1200, 26])
+    assert near.x[0] == 9.0 and near.mode == "markers"
+    within: dict[Method, tuple[float, float]] = {"3d": (2.5 * most, 0.026)}
+    by_name = {trace.name: trace for trace in plot_trade_off(curves, within).data}
+    assert by_name["3D set"].x[0] == 2.5 * most and by_name["3D set"].mode == "markers"
+    wide: dict[Method, tuple[float, float]] = {"2d": (0.5, 0.03)}  # more than a decade to be seen
+    assert plot_trade_off(curves, wide).layout.xaxis.type == "log"
 
 
 @pytest.mark.parametrize(("quantity", "unit"), [("distance", " %"), ("point", " mm")])
@@ -91,6 +106,7 @@ def test_an_accused_input_stands_out() -> None:
     assert list(bars.y)[-1] == "Baseline"
     assert bars.x[-1] > ACCUSED
     assert bars.marker.color[-1] != bars.marker.color[0]
+    assert bars.marker.pattern.shape[-1] == "/" and bars.marker.pattern.shape[0] == ""
     assert figure.layout.shapes[0].x0 == ACCUSED
     assert "Baseline: stated 4.7 m" in describe_disagreement(inputs)
 

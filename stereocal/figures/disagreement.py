@@ -8,10 +8,11 @@ import numpy as np
 import plotly.graph_objects as go
 
 from stereocal.compiled import FloatArray
-from stereocal.figures.style import FAINT, METHOD_COLOURS, NEUTRAL, finish
+from stereocal.figures.style import FAINT, NEUTRAL, WRONG_COLOUR, finish
 from stereocal.refined.disagreement import ACCUSED, Input
+from stereocal.tables import digits
 
-ROW, FRAME = 44, 110
+ROW, FRAME = 44, 100
 NAMES = {
     "baseline": "Baseline",
     "distance": "Distance A–B",
@@ -31,21 +32,22 @@ def plot_disagreement(inputs: Sequence[Input]) -> go.Figure:
         go.Bar(
             y=[name_of(item) for item in shown], x=values, orientation="h", showlegend=False,
             marker={
-                "color": [METHOD_COLOURS["3d"] if item.accused else FAINT for item in shown],
+                "color": [WRONG_COLOUR if item.accused else FAINT for item in shown],
                 "line": {"color": NEUTRAL, "width": 1},
+                # Never by colour alone.
+                "pattern": {"shape": ["/" if item.accused else "" for item in shown]},
             },
-            text=["none" if np.isnan(v) else f"{v:.1f}" for v in values], textposition="outside",
+            text=["none" if np.isnan(v) else digits(v, 2) for v in values], textposition="outside",
             customdata=[_words(item) for item in shown], cliponaxis=False,
             hovertemplate="%{customdata}<extra></extra>",
         )
     )  # fmt: skip
-    figure.add_vline(
-        x=ACCUSED, line={"color": NEUTRAL, "dash": "dash", "width": 2},
-        annotation_text=f"disagrees beyond {ACCUSED:g}", annotation_position="top",
-    )  # fmt: skip
+    figure.add_vline(x=ACCUSED, line={"color": NEUTRAL, "dash": "dash", "width": 2})
     most = float(np.nanmax(np.append(values, ACCUSED)))
-    figure.update_layout(margin_t=32)
-    figure.update_xaxes(title_text="Pulled by (standard errors)", range=[0, 1.2 * most])
+    figure.update_xaxes(
+        title_text=f"Pulled by (standard errors)<br>Dashed: disagrees beyond {ACCUSED:g}",
+        range=[0, 1.2 * most],
+    )
     return figure
 
 
@@ -65,7 +67,7 @@ def _words(item: Input) -> str:
         return f"{name_of(item)}: the images say nothing of it"
     return (
         f"{name_of(item)}: stated {_numbers(item.stated)} {item.unit}, estimated "
-        f"{_numbers(item.estimate)} {item.unit}, {item.standard_errors:.1f} standard errors"
+        f"{_numbers(item.estimate)} {item.unit}, {digits(item.standard_errors, 2)} standard errors"
     )
 
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import plotly.graph_objects as go
 
 from stereocal.calibrate import ALL_METHODS, Method
+from stereocal.compiled import FloatArray
 from stereocal.figures.style import (
     METHOD_COLOURS,
     METHOD_NAMES,
@@ -21,6 +22,9 @@ from stereocal.tables import digits
 HEIGHT = 520
 NAMES = {"fixed": "Lenses as given", "freed": "Lenses freed"}
 DASHES = {"fixed": "dot", "freed": "solid"}
+FARTHEST = 3.0
+"""A set beyond so many times the largest cost of the curves is drawn at the edge: the 3D set may
+lie a hundred times farther in the 2D cost, and the curves would shrink to a dot."""
 
 
 def plot_trade_off(
@@ -46,17 +50,9 @@ def plot_trade_off(
                 "<extra></extra>",
             )
         )  # fmt: skip
+    ends = _ends(curves, costs)
     for method in (method for method in ALL_METHODS if method in costs):
-        px, metres = costs[method]
-        figure.add_trace(
-            go.Scatter(
-                x=[px], y=[1000 * metres], mode="markers", name=METHOD_NAMES[method],
-                marker={"color": METHOD_COLOURS[method], "symbol": METHOD_SYMBOLS[method],
-                        "size": 13},
-                hovertemplate=f"{METHOD_NAMES[method]}<br>2D cost %{{x:.4g}} px<br>"
-                "3D cost %{y:.4g} mm<extra></extra>",
-            )
-        )  # fmt: skip
+        _add_set(figure, method, costs[method], ends)
     if chosen is not None:
         figure.add_trace(
             go.Scatter(
@@ -67,7 +63,7 @@ def plot_trade_off(
                 hoverinfo="skip",
             )
         )  # fmt: skip
-    along_x, along_y = _axes(curves, costs)
+    along_x, along_y = _axes(curves, costs, ends)
     figure.update_xaxes(title_text="2D cost: sum of the reprojection errors (px)", **along_x)
     figure.update_yaxes(title_text="3D cost: sum of the length errors (mm)", **along_y)
     return figure
@@ -90,12 +86,55 @@ def describe_trade_off(curves: TradeOff, costs: Mapping[Method, tuple[float, flo
     return f"Trade-off: {'; '.join(parts)}. The sets: {'; '.join(sets)}."
 
 
+def _add_set(
+    figure: go.Figure, method: Method, cost: tuple[float, float], ends: FloatArray
+) -> None:
+    """A set as a point; one far beyond the curves stands at the edge, with its value beside it."""
+    at = _drawn([cost])[0]
+    shown, beyond = np.minimum(at, ends), at > ends
+    texts = [f"{digits(at[0])} px →"] * bool(beyond[0])
+    texts += [f"{digits(at[1])} mm ↑"] * bool(beyond[1])
+    figure.add_trace(
+        go.Scatter(
+            x=shown[:1], y=shown[1:], mode="markers+text" if texts else "markers",
+            name=METHOD_NAMES[method], customdata=[at.tolist()],
+            text=[", ".join(texts)], textposition="top left", textfont={"size": 13},
+            marker={"color": METHOD_COLOURS[method], "symbol": METHOD_SYMBOLS[method], "size": 13},
+            hovertemplate=f"{METHOD_NAMES[method]}<br>2D cost %{{customdata[0]:.4g}} px<br>"
+            "3D cost %{customdata[1]:.4g} mm<extra></extra>",
+        )
+    )  # fmt: skip
+
+
+def _drawn(costs: Sequence[tuple[float, float]]) -> FloatArray:
+    """(n, 2): pixels, millimetres."""
+    return np.array(costs, dtype=np.float64).reshape(-1, 2) * [1.0, 1000.0]
+
+
+def _of_curves(curves: TradeOff) -> FloatArray:
+    """(n, 2): all points of both curves, as drawn."""
+    return _drawn([(p.cost_2d_px, p.cost_3d_m) for p in (*curves.fixed, *curves.freed)])
+
+
+def _ends(curves: TradeOff, costs: Mapping[Method, tuple[float, float]]) -> FloatArray:
+    """(2,): where sets far beyond the curves are drawn; infinite where there is none."""
+    points = _of_curves(curves)
+    every = np.concatenate([points, _drawn(list(costs.values()))])
+    inside = every <= FARTHEST * points.max(axis=0)
+    ends = np.full(2, np.inf)
+    for axis in range(2):
+        if not inside[:, axis].all():
+            near = every[inside[:, axis], axis]
+            ends[axis] = near.max() + 0.15 * np.ptp(near)
+    return ends
+
+
 def _axes(
-    curves: TradeOff, costs: Mapping[Method, tuple[float, float]]
+    curves: TradeOff, costs: Mapping[Method, tuple[float, float]], ends: FloatArray
 ) -> tuple[dict[str, str], dict[str, str]]:
     """Logarithmic where more than a decade is to be seen."""
-    points = [*curves.fixed, *curves.freed]
-    values = np.array([[p.cost_2d_px, p.cost_3d_m] for p in points] + list(costs.values()))
+    values = np.concatenate([_of_curves(curves), _drawn(list(costs.values()))])
+    values = np.minimum(values, ends)
     x, y = (
         {"type": "log", "exponentformat": "none", "dtick": "D2"} if wide else {"type": "linear"}
         for wide in (values.max(axis=0) > 10 * values.min(axis=0)).tolist()

@@ -14,7 +14,8 @@ TITLES = {
     "one_set": "One set or two",
     "apply": "Apply",
 }
-"""The pages in the order of the work: the file below `pages/`, and the last part of the address."""
+"""The pages in the order of the work: the file below `pages/`, and, with hyphens, the last part of
+the address."""
 
 _DRAWN = "frame_drawn"
 
@@ -22,7 +23,12 @@ _DRAWN = "frame_drawn"
 def pages() -> list[StreamlitPage]:
     """All pages of the dashboard."""
     return [
-        st.Page(f"pages/{name}.py", title=title, url_path=name, default=name == "start")
+        st.Page(
+            f"pages/{name}.py",
+            title=title,
+            url_path=name.replace("_", "-"),
+            default=name == "start",
+        )
         for name, title in TITLES.items()
     ]
 

@@ -221,6 +221,8 @@ def give_dataset(
         name=survey.name,
         baseline_m=survey.baseline_m,
         target_distance_m=survey.target_distance_m,
+        baseline_sigma_m=survey.baseline_sigma_m,
+        target_distance_sigma_m=survey.target_distance_sigma_m,
     )
     store.clear()
     if photographs:

@@ -22,6 +22,7 @@ from stereocal.figures import (
     plot_trade_off,
 )
 from stereocal.figures.accuracy import Quantity
+from stereocal.figures.style import count
 from stereocal.geometry import Pose
 from stereocal.project import Project
 from stereocal.refine import RefinedResult
@@ -39,6 +40,8 @@ from stereocal.ui.results import show_figure
 from stereocal.ui.validation import kept_protocol
 
 FIXED, FREED = "As given", "Freed"
+MOST_NAMED = 12
+"""Frames left out that are named on the page."""
 
 
 def show_verdict(dataset: Dataset, evaluation: Evaluation | None) -> None:
@@ -62,6 +65,13 @@ def show_verdict(dataset: Dataset, evaluation: Evaluation | None) -> None:
         "tested, the same as on the page Validate. Times: error of the refined set over that of "
         "the set made for the job, with its 95 % interval; up to 1.1 counts as level."
     )
+    usual = 4 * len(dataset.correspondences.frames) // 5
+    if answer.kind == "few" and frames < usual:
+        st.info(
+            f"Each split fitted only {frames} of {len(dataset.correspondences.frames)} frames. "
+            f"Before adding any, fit {usual}, 4 of 5 as in the paper: the answer becomes sharper."
+        )
+        st.page_link("pages/validate.py", label="Set it on the Validate page")
 
 
 def show_disagreement(inputs: list[Input]) -> None:
@@ -74,6 +84,22 @@ def show_disagreement(inputs: list[Input]) -> None:
     show_figure(plot_disagreement(inputs), describe_disagreement(inputs), "disagreement")
 
 
+def show_frames_left_out(result: RefinedResult) -> None:
+    """The frames with gross errors by name, the worst first, with their share."""
+    left_out = result.outlying_frames
+    if not left_out:
+        st.markdown(f"All {len(result.frames)} frames fit; none was left out.")
+        return
+    named = [f"{frame} ({digits(100 * part, 2)} %)" for frame, part in left_out.items()]
+    more = f" and {len(named) - MOST_NAMED} more, all named in the file" * (len(named) > MOST_NAMED)
+    st.warning(
+        f"Left out, for they do not fit: {count(len(named), 'frame')} of {len(result.frames)}, in "
+        f"brackets the share of the whole misfit: {', '.join(named[:MOST_NAMED])}{more}. Look at "
+        "them on the Data page."
+    )
+
+
+@st.fragment  # the slider draws this part anew, not the page
 def show_trade_off(
     project: Project,
     dataset: Dataset,
@@ -82,12 +108,25 @@ def show_trade_off(
     calibration: Calibration | None,
 ) -> None:
     """The curve with all methods, and a point on it to look at and to take along."""
+    try:
+        _show_trade_off(project, dataset, result, settings, calibration)
+    except StereocalError as error:  # such as one bad frame, which the refined set leaves out
+        st.info(f"There is no trade-off to show. {escape_markdown(str(error))}")
+
+
+def _show_trade_off(
+    project: Project,
+    dataset: Dataset,
+    result: RefinedResult,
+    settings: RefineSettings,
+    calibration: Calibration | None,
+) -> None:
     curves = curves_of(dataset, settings)
+    if calibration is None or calibration.dataset.sha256 != dataset.sha256:
+        calibration = calibrated(dataset, kept_protocol(project, dataset).calibration)
     sets: dict[Method, tuple[Pose, Camera, Camera]] = {
         "refined": (result.pose, result.primary, result.secondary)
     }
-    if calibration is None or calibration.dataset.sha256 != dataset.sha256:
-        calibration = calibrated(dataset, kept_protocol(project, dataset).calibration)
     for method, found in calibration.methods.items():
         sets[method] = (found.pose, dataset.primary, dataset.secondary)
     costs = costs_of(dataset, sets)
@@ -144,19 +183,13 @@ def show_accuracy(result: RefinedResult, dataset: Dataset, settings: RefineSetti
 def show_parameters(
     project: Project, result: RefinedResult, inputs: list[Input], evaluation: Evaluation | None
 ) -> None:
-    """Table, frames left out, downloads, and which purposes the set serves."""
+    """Table, downloads, and which purposes the set serves."""
     st.table(refined_table(result))
     st.caption(
         f"Noise of an image point {digits(result.sigma_px.value)} px "
         f"({result.sigma_px.source}); scatter of the bar's length "
         f"{digits(1000 * result.scatter_m.value)} mm ({result.scatter_m.source})."
     )
-    if left_out := result.outlying_frames:
-        named = ", ".join(f"{frame} ({100 * part:.0f} %)" for frame, part in left_out.items())
-        st.warning(
-            f"Left out, for they do not fit (share of the whole misfit): frames {named}. Look at "
-            "them on the Data page."
-        )
     figures: dict[str, dict[str, Any]] = {}
     if evaluation is not None and list(evaluation.sha256) == [result.dataset.sha256]:
         figures = validation_figures(summarise(evaluation.runs), evaluation.settings)

@@ -84,3 +84,39 @@ def test_the_refined_set_can_serve_a_purpose(app: AppTest, home: Path) -> None:
 def test_toggles_begin_off(app: AppTest, key: str) -> None:
     open_sample(app)
     assert one_set(app).toggle(key=key).value is False
+
+
+def test_what_a_data_set_states_of_its_lengths_is_taken(app: AppTest, home: Path) -> None:
+    dataset = replace(read_dataset(FIELD), baseline_sigma_m=0.007, target_distance_sigma_m=0.0003)
+    packed = zipped({name: bytes(content) for name, content in pack_dataset(dataset).items()})
+    app.switch_page("pages/data.py").run()
+    app.segmented_control(key="data_how").set_value("A zip").run()
+    app.file_uploader(key="upload_zip").upload("field.zip", packed, "application/zip").run()
+    read = project_of(app, home).dataset
+    assert read is not None
+    assert (read.baseline_sigma_m, read.target_distance_sigma_m) == (0.007, 0.0003)
+    one_set(app)
+    assert app.number_input(key="refine_baseline_mm").value == 7.0
+    assert app.number_input(key="refine_distance_mm").value == 0.3
+
+
+def test_a_bad_frame_is_named_though_the_papers_sets_fail_over_it(app: AppTest, home: Path) -> None:
+    project = project_of(open_sample(app), home)
+    assert "All 25 frames fit" in text(one_set(app))
+    rows = (FIELD / "correspondences.csv").read_text().splitlines()
+    at = next(i for i, row in enumerate(rows) if row.startswith("5,"))
+    cells = rows[at].split(",")
+    rows[at] = ",".join([*cells[:3], str(float(cells[3]) + 300), *cells[4:]])
+    project.give({"correspondences": ("c.csv", "\n".join(rows).encode())})
+    one_set(app)
+    assert "Left out, for they do not fit: 1 frame of 25" in messages(app)
+    assert " 5 (" in messages(app)
+    assert len(app.table) >= 1  # the parameters are there all the same
+
+
+def test_few_frames_fitted_are_not_taken_for_few_frames(app: AppTest, home: Path) -> None:
+    project = project_of(open_sample(app), home)
+    project.keep_settings({"validate_frames": 6})
+    one_set(app)
+    assert "Too few frames to tell" in messages(app)
+    assert "Each split fitted only 6 of 25 frames. Before adding any, fit 20" in messages(app)
