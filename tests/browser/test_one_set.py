@@ -32,6 +32,7 @@ def test_verdict_slider_and_files(
     page.get_by_test_id("stSidebar").get_by_role("link", name="One set or two").click()
     expect(page.get_by_text("One refined set does both jobs")).to_be_visible(timeout=LONGEST_MS)
     settled(page)
+    assert "/one-set?project=" in page.url
     for key in ("disagreement", "trade_off", "accuracy"):
         expect(page.locator(f".st-key-{key} .js-plotly-plot")).to_be_visible()
 
@@ -44,13 +45,17 @@ def test_verdict_slider_and_files(
     page.locator(".st-key-along").get_by_role("slider").focus()
     page.keyboard.press("End")
     expect(page.get_by_text(before)).to_have_count(0)
+    assert at_the_point() != before  # settled: the button comes after the text
     other = RigParameters.load(download(page, "download_point", tmp_path / "other.json"))
-    assert at_the_point() != before
     assert other.pose.angles != point.pose.angles
 
     refined = RigParameters.load(download(page, "download_refined", tmp_path / "refined.json"))
     assert (refined.method, refined.purpose) == ("refined", "both")
     assert refined.matching_threshold_px is not None
+    after = at_the_point()
+    page.reload()
+    expect(page.get_by_text("One refined set does both jobs")).to_be_visible()
+    assert at_the_point() == after  # a refresh loses nothing
     page.locator(".st-key-refined_2d label").click()
     settled(page)
     page.get_by_test_id("stSidebar").get_by_role("link", name="Calibrate").click()
