@@ -17,7 +17,6 @@ from stereocal.store.projects import (
     duplicate,
     recent_projects,
     remove,
-    size_on_disk,
     sweep,
 )
 from tests.test_project import filled
@@ -111,9 +110,3 @@ def test_nobody_else_on_the_computer_may_look_in(tmp_path: Path) -> None:
     remove(tmp_path, project.id)
     for name in ("projects", "removed"):
         assert stat.S_IMODE((tmp_path / name).stat().st_mode) == 0o700
-
-
-def test_size_counts_all_files(tmp_path: Path) -> None:
-    project = filled(tmp_path)
-    files = [path for path in project.folder.rglob("*") if path.is_file()]
-    assert size_on_disk(project.folder) == sum(len(path.read_bytes()) for path in files) > 1000

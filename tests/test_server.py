@@ -12,15 +12,14 @@ from stereocal.store.server import ServerSettings
 
 def test_defaults_are_those_of_a_persons_own_computer() -> None:
     settings = ServerSettings.from_environment({"STEREOCAL_SHARED": " "})
-    assert settings == ServerSettings(False, math.inf, 30.0, math.inf)
+    assert settings == ServerSettings(False, math.inf, 30.0)
 
 
 def test_what_is_given_holds() -> None:
     settings = ServerSettings.from_environment(
-        {"STEREOCAL_SHARED": "1", "STEREOCAL_KEEP_DAYS": "90", "STEREOCAL_UNDO_DAYS": "0",
-         "STEREOCAL_PROJECT_MB": "500"}
+        {"STEREOCAL_SHARED": "1", "STEREOCAL_KEEP_DAYS": "90", "STEREOCAL_UNDO_DAYS": "0"}
     )  # fmt: skip
-    assert settings == ServerSettings(True, 90.0, 0.0, 500.0)
+    assert settings == ServerSettings(True, 90.0, 0.0)
 
 
 @pytest.mark.parametrize("value", ["yes", "-1", "nan"])

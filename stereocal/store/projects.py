@@ -115,11 +115,6 @@ def sweep(home: Path, removed_days: float, unused_days: float = math.inf) -> int
     return count
 
 
-def size_on_disk(folder: Path) -> int:
-    """Bytes of all files below a folder."""
-    return sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
-
-
 def _changed(folder: Path) -> float:
     """When the newest file below a project's folder was written."""
     return max((path.stat().st_mtime for path in folder.rglob("*")), default=0.0)

@@ -20,8 +20,6 @@ class ServerSettings:
     """STEREOCAL_KEEP_DAYS: projects that nobody has changed for longer are removed."""
     undo_days: float = 30.0
     """STEREOCAL_UNDO_DAYS: so long a removed project can be brought back."""
-    project_mb: float = math.inf
-    """STEREOCAL_PROJECT_MB: what one project may hold, in megabytes of 1,000,000 bytes."""
 
     @classmethod
     def from_environment(cls, environment: Mapping[str, str] | None = None) -> ServerSettings:
@@ -35,7 +33,6 @@ class ServerSettings:
             shared=_number(given, "STEREOCAL_SHARED", 0.0) > 0,
             keep_days=_number(given, "STEREOCAL_KEEP_DAYS", cls.keep_days),
             undo_days=_number(given, "STEREOCAL_UNDO_DAYS", cls.undo_days),
-            project_mb=_number(given, "STEREOCAL_PROJECT_MB", cls.project_mb),
         )
 
 

@@ -49,11 +49,6 @@ def what_is_kept(settings: ServerSettings) -> str:
         if math.isinf(settings.keep_days)
         else f"until nobody has changed it for {settings.keep_days:g} days"
     )
-    size = (
-        ""
-        if math.isinf(settings.project_mb)
-        else f" A project can hold {settings.project_mb:g} MB."
-    )
     who = (
         "Only who has the address of a project (it is in the browser's address bar) can open it: "
         "keep it as a bookmark. Nobody sees a list."
@@ -62,7 +57,7 @@ def what_is_kept(settings: ServerSettings) -> str:
     )
     return (
         f"Every file, correction, setting and result is written to disk {where}, as soon as it is "
-        f"there, and kept {life}.{size} A removed project can be brought back for "
+        f"there, and kept {life}. A removed project can be brought back for "
         f"{settings.undo_days:g} days. {who} Nothing is sent elsewhere."
     )
 
