@@ -73,9 +73,9 @@ def choose_protocol(project: Project, datasets: Sequence[Dataset]) -> Evaluation
     Raises:
         StereocalError: settings that contradict each other.
     """
-    most = min(len(dataset.correspondences.frames) for dataset in datasets) - 2
-    most = max(most, 2)
-    remembered(project, {"validate_runs": 100, "validate_frames": 20})
+    fewest = min(len(dataset.correspondences.frames) for dataset in datasets)
+    most = max(fewest - 2, 2)
+    remembered(project, {"validate_runs": 100, "validate_frames": usual_frames(fewest)})
     st.session_state["validate_frames"] = min(st.session_state["validate_frames"], most)
     left, right = st.columns(2)
     left.slider(
@@ -95,6 +95,11 @@ def choose_protocol(project: Project, datasets: Sequence[Dataset]) -> Evaluation
     )
 
 
+def usual_frames(frames: int) -> int:
+    """4 of 5, as the paper's 20 of 25: with fewer, a long recording could not show what it can."""
+    return max(4 * frames // 5, 1)
+
+
 def kept_protocol(project: Project, dataset: Dataset) -> EvaluationSettings:
     """The protocol as it stands in the form of this page, for pages that do not show it.
 
@@ -102,11 +107,12 @@ def kept_protocol(project: Project, dataset: Dataset) -> EvaluationSettings:
         StereocalError: settings that contradict each other.
     """
     kept = project.settings
-    most = max(len(dataset.correspondences.frames) - 2, 2)
+    frames = len(dataset.correspondences.frames)
+    most = max(frames - 2, 2)
     return EvaluationSettings(
         settings_of({key: kept.get(key, value) for key, value in search_defaults().items()}),
         kept.get("validate_runs", 100),
-        min(kept.get("validate_frames", 20), most),
+        min(kept.get("validate_frames", usual_frames(frames)), most),
         refine_settings(project, dataset),
     )
 
