@@ -17,24 +17,14 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
-import os
-import re
-import secrets
-import sys
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-import numpy as np
-
-from stereocal.calibrate import (
-    Calibration,
-    CalibrationSettings,
-    Method,
-    MethodResult,
-)
+from stereocal.calibrate import Calibration
+from stereocal.calibration_files import pack_calibration, unpack_calibration
 from stereocal.camera import Camera
 from stereocal.dataset import Dataset, check_length, points_outside
 from stereocal.errors import RefusedRowsError, StereocalError
@@ -42,29 +32,14 @@ from stereocal.evaluation_files import Evaluation, pack_evaluation, unpack_evalu
 from stereocal.formats.camera_file import read_camera
 from stereocal.formats.correspondences_csv import read_table
 from stereocal.formats.dataset_files import parse_zip
-from stereocal.geometry import Pose
-from stereocal.montecarlo import Trace
+from stereocal.store.folders import is_id, new_id, own_file, private_folder
 from stereocal.writing import write_atomically
 
 PROJECT_FORMAT = "stereocal-project/1"
-ID_PATTERN = re.compile(r"[0-9a-f]{32}")
-LONGEST_TRACE = 50_000
-"""Moves of a search that are kept to be drawn; 2 million made a file of 183 MB."""
 Slot = Literal["primary", "secondary", "correspondences"]
 SLOTS: tuple[Slot, ...] = ("primary", "secondary", "correspondences")
 _WRITING = threading.Lock()
 """One change of a project at a time in this server; a change reads, edits and replaces."""
-
-
-def default_home() -> Path:
-    """STEREOCAL_HOME, or the user's data directory."""
-    if given := os.environ.get("STEREOCAL_HOME"):
-        return Path(given)
-    if sys.platform == "win32":
-        return Path(os.environ.get("LOCALAPPDATA", Path.home() / "AppData/Local")) / "stereocal"
-    if sys.platform == "darwin":
-        return Path.home() / "Library/Application Support/stereocal"
-    return Path(os.environ.get("XDG_DATA_HOME", Path.home() / ".local/share")) / "stereocal"
 
 
 @dataclass(frozen=True)
@@ -111,11 +86,6 @@ class Project:
         """32 hexadecimal digits."""
         return self.folder.name
 
-    @staticmethod
-    def is_id(name: str) -> bool:
-        """Whether this can be a project's id."""
-        return ID_PATTERN.fullmatch(name) is not None
-
     @classmethod
     def create(cls, home: Path) -> Project:
         """A new, empty project below `home`."""
@@ -126,7 +96,7 @@ class Project:
     @classmethod
     def open(cls, home: Path, project_id: str) -> Project:
         """The project of this id."""
-        if not cls.is_id(project_id):
+        if not is_id(project_id):
             raise StereocalError("The address does not name a project.")
         project = cls(home / "projects" / project_id)
         if not (project.folder / "project.json").is_file():
@@ -230,17 +200,8 @@ class Project:
 
         The inputs may have changed since, in another tab.
         """
-        content = {
-            "format": PROJECT_FORMAT,
-            "inputs": dataclasses.asdict(inputs),
-            "dataset_sha256": calibration.dataset.sha256,
-            "settings": calibration.settings.to_json(),
-            "frames": calibration.frames.tolist(),
-            "warnings": list(calibration.warnings),
-            "methods": {name: _to_json(found) for name, found in calibration.methods.items()},
-        }
-        text = json.dumps(content, allow_nan=False)
-        write_atomically(self.folder / "calibration.json", text.encode())
+        content = pack_calibration(calibration, dataclasses.asdict(inputs))
+        write_atomically(self.folder / "calibration.json", content)
 
     @property
     def calibration(self) -> Calibration | None:
@@ -248,22 +209,7 @@ class Project:
         path = self.folder / "calibration.json"
         if not path.is_file():
             return None
-        try:
-            content = json.loads(path.read_bytes())
-            dataset = self._dataset(Inputs(**content["inputs"]))
-            if dataset.sha256 != content["dataset_sha256"]:
-                raise StereocalError("The result and its data do not belong together.")
-            return Calibration(
-                dataset=dataset,
-                settings=CalibrationSettings.from_json(content["settings"]),
-                frames=np.array(content["frames"], dtype=np.int64),
-                methods={name: _from_json(data) for name, data in content["methods"].items()},
-                warnings=tuple(content["warnings"]),
-            )
-        except (OSError, ValueError, KeyError, TypeError) as error:
-            raise StereocalError(
-                "The last result of this project cannot be read; calibrate again."
-            ) from error
+        return unpack_calibration(path.read_bytes(), lambda given: self._dataset(Inputs(**given)))
 
     def keep_evaluation(self, evaluation: Evaluation) -> None:
         """Keep a finished evaluation in place of the last one."""
@@ -350,62 +296,3 @@ class Project:
             state = self._read_state()
             edit(state)
             self._write_state(state)
-
-
-def new_id() -> str:
-    """An id that nobody can guess: 128 random bits."""
-    return secrets.token_hex(16)
-
-
-def own_file(folder: Path, name: str) -> Path:
-    """The file `name` of a folder of a project.
-
-    Raises:
-        StereocalError: a name that leads out of the folder; a project can come from a stranger.
-    """
-    if not isinstance(name, str) or Path(name).name != name or name in ("", ".", ".."):
-        raise StereocalError(f"The project names {name!r}, which is no file of its own.")
-    return folder / name
-
-
-def private_folder(path: Path) -> Path:
-    """A folder that only the server's own user may look into; made if it is not there.
-
-    Raises:
-        StereocalError: it cannot be made.
-    """
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-        path.chmod(0o700)
-    except OSError as error:
-        raise StereocalError(f"{path} cannot be made: {error.strerror or error}.") from error
-    return path
-
-
-def _to_json(found: MethodResult) -> dict[str, Any]:
-    trace = found.trace
-    return {
-        **{
-            name: getattr(found, name)
-            for name in ("method", "cost", "evaluations", "stop_reason", "seconds")
-        },
-        "R": found.pose.R.tolist(),
-        "T": found.pose.T.tolist(),
-        "trace": None
-        if trace is None or len(trace.cost) > LONGEST_TRACE
-        else {name: getattr(trace, name).tolist() for name in ("cost", "delta", "ratio")},
-    }
-
-
-def _from_json(data: Mapping[str, Any]) -> MethodResult:
-    method: Method = data["method"]
-    trace = data["trace"]
-    return MethodResult(
-        method=method,
-        pose=Pose(np.array(data["R"]), np.array(data["T"])),
-        cost=float(data["cost"]),
-        evaluations=int(data["evaluations"]),
-        stop_reason=str(data["stop_reason"]),
-        seconds=float(data["seconds"]),
-        trace=None if trace is None else Trace(*(np.array(trace[k]) for k in trace)),
-    )

@@ -11,7 +11,8 @@ import pytest
 
 from stereocal.calibrate import CalibrationSettings, calibrate
 from stereocal.errors import StereocalError
-from stereocal.project import Project, default_home
+from stereocal.project import Project
+from stereocal.store.folders import default_home
 
 FIELD = Path(__file__).parents[1] / "sample_data" / "field"
 

@@ -29,7 +29,8 @@ from stereocal.formats.point_table import PARQUET, PointTable
 from stereocal.parameters import RigParameters
 from stereocal.points.application import Application, Outcome, Points, apply_sets
 from stereocal.points.pairs import POINT
-from stereocal.project import Project, own_file
+from stereocal.project import Project
+from stereocal.store.folders import own_file
 from stereocal.writing import write_atomically
 
 STORE_FORMAT = "stereocal-apply/1"

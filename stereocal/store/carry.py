@@ -13,7 +13,8 @@ from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.formats.zip_files import OpenZip, open_zip
-from stereocal.project import Project, new_id, private_folder
+from stereocal.project import Project
+from stereocal.store.folders import new_id, private_folder
 
 STATE = "project.json"
 MADE_AGAIN = ("thumbnails",)

@@ -20,7 +20,8 @@ from stereocal.formats.camera_file import write_camera
 from stereocal.intrinsics import LensCalibration
 from stereocal.lens.boards import BoardSearch
 from stereocal.lens.files import about, pack_lens, pack_search, unpack_lens, unpack_search
-from stereocal.project import Project, own_file
+from stereocal.project import Project
+from stereocal.store.folders import own_file
 from stereocal.writing import write_atomically
 
 STORE_FORMAT = "stereocal-boards/1"

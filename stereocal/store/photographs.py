@@ -24,7 +24,8 @@ from stereocal.formats.photograph import GreyImage, read_photograph
 from stereocal.frames.frame import Frame, correspondences_of, pack_frames, unpack_frames
 from stereocal.frames.pairing import Pair, Pairing, pair_names
 from stereocal.frames.thumbnails import side_by_side, tile
-from stereocal.project import Project, own_file
+from stereocal.project import Project
+from stereocal.store.folders import own_file
 from stereocal.writing import write_atomically
 
 STORE_FORMAT = "stereocal-photographs/1"

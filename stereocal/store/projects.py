@@ -15,7 +15,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from stereocal.errors import StereocalError
-from stereocal.project import Project, new_id, private_folder
+from stereocal.project import Project
+from stereocal.store.folders import is_id, new_id, private_folder
 
 DAY_S = 86_400.0
 UNCHANGING = ("inputs", "files")
@@ -123,7 +124,7 @@ def _changed(folder: Path) -> float:
 def _folders(parent: Path) -> list[Path]:
     if not parent.is_dir():
         return []
-    return [path for path in parent.iterdir() if Project.is_id(path.name) and path.is_dir()]
+    return [path for path in parent.iterdir() if is_id(path.name) and path.is_dir()]
 
 
 def _link(source: str, target: str) -> None:

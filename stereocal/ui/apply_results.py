@@ -22,8 +22,9 @@ from stereocal.figures.measured import Colour
 from stereocal.points.application import PAIRS, POINTS, Application, Outcome, agreement
 from stereocal.points.lengths import check_lengths, has_two_a_frame, label_columns
 from stereocal.points.pairs import pixels_of
-from stereocal.project import Project, own_file
+from stereocal.project import Project
 from stereocal.store.application import ProjectApplication
+from stereocal.store.folders import own_file
 from stereocal.ui.apply import whole_table
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.project import keeper, remembered

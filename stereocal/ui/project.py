@@ -15,7 +15,8 @@ from stereocal.evaluation import EvaluationSettings, evaluate_runs
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.frames.search import compile_detection
 from stereocal.matching import match_points
-from stereocal.project import Project, default_home
+from stereocal.project import Project
+from stereocal.store.folders import default_home
 from stereocal.store.projects import sweep
 from stereocal.store.server import ServerSettings
 

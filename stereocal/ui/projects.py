@@ -10,8 +10,9 @@ from datetime import datetime
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.project import Project, default_home
+from stereocal.project import Project
 from stereocal.store.carry import pack_project, unpack_project
+from stereocal.store.folders import default_home
 from stereocal.store.projects import Listed, bring_back, duplicate, recent_projects, remove
 from stereocal.store.server import ServerSettings
 from stereocal.ui.intake import escape_markdown, is_new
