@@ -4,7 +4,7 @@ from pathlib import Path
 
 import streamlit as st
 
-from stereocal.ui.frame import frame_drawn, pages
+from stereocal.ui.frame import check_settings, frame_drawn, pages
 from stereocal.ui.project import keep_address, warm_up
 
 
@@ -12,6 +12,7 @@ def main() -> None:
     """Draw the frame and run the chosen page."""
     icon = Path(__file__).parent / "assets" / "icon.png"
     st.set_page_config(page_title="stereocal", page_icon=str(icon), layout="wide")
+    check_settings()
     warm_up()
     page = st.navigation(pages())
     keep_address()

@@ -5,9 +5,23 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+LONGEST = 500
+"""Characters of a sentence; what it quotes of a file may be longer."""
+KEPT_END = 160
+
 
 class StereocalError(ValueError):
-    """Input that cannot be used. Its text is one sentence for the person who gave the input."""
+    """Input that cannot be used. Its text is one sentence for the person who gave the input.
+
+    What it quotes of a file is a stranger's: signs that cannot be shown become spaces, and of a
+    text that is too long the middle is left out, since the end says what to do.
+    """
+
+    def __init__(self, text: str = "") -> None:
+        text = "".join(sign if sign.isprintable() else " " for sign in text)
+        if len(text) > LONGEST:
+            text = f"{text[: LONGEST - KEPT_END - 5]} ... {text[-KEPT_END:]}"
+        super().__init__(text)
 
 
 @dataclass(frozen=True)

@@ -36,6 +36,7 @@ PARAMETERS_FORMAT = "stereocal-parameters/1"
 PURPOSES = {"2d": "matching", "3d": "reconstruction", "refined": "both", "imported": "both"}
 PIXEL_ORIGIN = "centre of the top-left pixel is (0, 0); u to the right, v down"
 CONVENTION = "x_secondary = R @ x_primary + T"
+LARGEST_TEXT = 16_000_000
 UNITS = {"T": "m", "baseline_m": "m", "angles": "rad", "K": "px", "matching_threshold_px": "px"}
 
 
@@ -169,6 +170,7 @@ class RigParameters:
         """
         path = Path(path)
         try:
+            _check_size(path.stat().st_size, str(path))
             text = path.read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError) as error:
             raise StereocalError(f"{path}: the file cannot be read ({error}).") from error
@@ -177,6 +179,7 @@ class RigParameters:
     @classmethod
     def loads(cls, text: str, source: str = "parameters") -> RigParameters:
         """As `load`, from text."""
+        _check_size(len(text), source)
         try:
             data = json.loads(text)
         except (ValueError, RecursionError) as error:
@@ -234,6 +237,11 @@ def inputs_of(dataset: Dataset, frames: IntArray) -> dict[str, Any]:
         "target_distance_m": dataset.target_distance_m,
         "frames": [int(frame) for frame in frames],
     }
+
+
+def _check_size(size: int, source: str) -> None:
+    if size > LARGEST_TEXT:
+        raise StereocalError(f"{source}: {size} bytes are too many for a parameter file.")
 
 
 def _uncertainties(data: Any, source: str) -> Mapping[str, Any] | None:

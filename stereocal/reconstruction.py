@@ -150,6 +150,9 @@ def _slopes_of_pose(pose: Pose, rays: FloatArray) -> FloatArray:
     return np.stack(slopes, axis=2)
 
 
+LARGEST_TABLE = 1_000_000
+
+
 def read_world(path: str | Path) -> Pose:
     """`world_from_primary` of a file with a 4x4 table: JSON (rows in brackets) or CSV.
 
@@ -160,6 +163,8 @@ def read_world(path: str | Path) -> Pose:
     """
     path = Path(path)
     try:
+        if path.stat().st_size > LARGEST_TABLE:
+            raise StereocalError(f"{path}: the file is too large for a 4x4 table of numbers.")
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise StereocalError(f"{path}: the file cannot be read ({error}).") from error

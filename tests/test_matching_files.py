@@ -13,7 +13,7 @@ import pytest
 
 from stereocal.cli import main
 from stereocal.errors import StereocalError
-from stereocal.formats import point_table
+from stereocal.formats import parquet
 from stereocal.formats.point_table import PointTable
 from stereocal.parameters import RigParameters
 from stereocal.points.matching_files import match_tables
@@ -115,7 +115,7 @@ class TestMatch:
     ) -> None:
         assert run_match(folder) == 0
         whole = (folder / "pairs.csv").read_text()
-        monkeypatch.setattr(point_table, "BLOCK_ROWS", rows)
+        monkeypatch.setattr(parquet, "BLOCK_ROWS", rows)
         for ending in ("csv", "parquet"):
             assert run_match(folder, ending=ending) == 0
         assert (folder / "pairs.csv").read_text() == whole
@@ -177,7 +177,7 @@ class TestMatch:
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         """Five times the frames, hardly more memory."""
-        monkeypatch.setattr(point_table, "BLOCK_ROWS", 200)
+        monkeypatch.setattr(parquet, "BLOCK_ROWS", 200)
         monkeypatch.setattr("stereocal.formats.table_writer.ROWS_AT_ONCE", 200)
         peaks = []
         for frames in (20, 25, 125):

@@ -12,6 +12,7 @@ import numpy as np
 
 from stereocal.dataset import SOURCES, TARGETS, UNKNOWN_SOURCE, Correspondences
 from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
+from stereocal.limits import Limits
 
 if TYPE_CHECKING:
     from _csv import Reader
@@ -53,8 +54,11 @@ def read_table(content: bytes, source: str) -> Table:
     """Read a table; comma, semicolon or tab between columns, further columns are ignored.
 
     Raises:
-        StereocalError: the file as a whole is no such table.
+        StereocalError: the file as a whole is no such table, or is too large.
     """
+    limits = Limits.from_environment()
+    limits.check_size(len(content), source)
+    limits.check_pairs(max(content.count(b"\n"), content.count(b"\r")) - 1, source)
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:

@@ -15,10 +15,12 @@ from stereocal.formats.camera_file import read_camera, write_camera
 from stereocal.formats.correspondences_csv import read_table, write_table
 from stereocal.formats.photograph_files import is_photograph
 from stereocal.formats.zip_files import open_zip, unzip
+from stereocal.limits import Limits
 
 DATASET_FORMAT = "stereocal-dataset/1"
 DESCRIPTION = "dataset.json"
 TABLE = "correspondences.csv"
+LARGEST_DESCRIPTION = 4_000_000
 TEXTS = frozenset((".json", ".csv", ".yaml", ".yml", ".xml"))
 
 
@@ -72,11 +74,12 @@ def read_texts(path: Path) -> tuple[dict[str, bytes], bool]:
     """
     try:
         if path.is_dir():
+            found = list(_files_in(path, lambda name: Path(name).suffix.lower() in TEXTS))
+            limits = Limits.from_environment()
+            limits.check_count(len(found), str(path))
+            limits.check_size(sum(file.stat().st_size for file in found), str(path))
             texts = {
-                str(PurePosixPath(file.relative_to(path))): file.read_bytes()
-                for file in _files_in(
-                    path, lambda name: PurePosixPath(name).suffix.lower() in TEXTS
-                )
+                str(PurePosixPath(file.relative_to(path))): file.read_bytes() for file in found
             }
             return texts, any(True for _ in _files_in(path, is_photograph))
         if path.is_file():
@@ -179,6 +182,10 @@ def find_description(files: Mapping[str, bytes], source: str) -> tuple[str, dict
         raise StereocalError(
             f"{source}: it holds {len(found)} data sets ({', '.join(sorted(found)[:3])}); "
             "give one at a time."
+        )
+    if len(files[found[0]]) > LARGEST_DESCRIPTION:
+        raise StereocalError(
+            f"{source}: {len(files[found[0]])} bytes are too many for a {DESCRIPTION}."
         )
     try:
         description = json.loads(files[found[0]].decode("utf-8-sig"))

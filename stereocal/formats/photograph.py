@@ -17,13 +17,12 @@ from stereocal.formats.photograph_headers import (
     parse_header,
     png_chunks,
 )
+from stereocal.limits import Limits
 
 GreyImage = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 
 SUFFIXES = frozenset((".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pgm", ".ppm", ".pnm"))
 """How the names of photographs end; what a file is, its content decides."""
-MOST_PIXELS = 200_000_000
-MOST_BYTES = 1_000_000_000
 SMALLEST_SIDE = 16
 AS_STORED = cv2.IMREAD_UNCHANGED | cv2.IMREAD_IGNORE_ORIENTATION
 """No turn by EXIF, which would move the pixels away from the lens; 16 bits not cut to 8."""
@@ -55,6 +54,7 @@ def read_photograph(path: Path, name: str | None = None) -> GreyImage:
 
 def decode_photograph(content: bytes, name: str) -> GreyImage:
     """As `read_photograph`, of a file's content; `name` is what messages call it."""
+    Limits.from_environment().check_size(len(content), name)
     header = read_header(content, name)
     if header.format == "PNG":
         content = _without_remarks(content)
@@ -92,11 +92,7 @@ def read_header(content: bytes, name: str) -> Header:
         header = parse_header(content)
     except UnsoundError as error:
         raise StereocalError(f"{name}: {error}.") from error
-    if header.width * header.height > MOST_PIXELS:
-        raise StereocalError(
-            f"{name}: it says that it is {header.width}x{header.height} px large; at most "
-            f"{MOST_PIXELS // 1_000_000} megapixels are read."
-        )
+    Limits.from_environment().check_pixels(header.width, header.height, name)
     if min(header.size) < SMALLEST_SIDE:
         raise StereocalError(
             f"{name}: {header.width}x{header.height} px are too few for a photograph."
@@ -106,11 +102,7 @@ def read_header(content: bytes, name: str) -> Header:
 
 def _content_of(path: Path, name: str) -> bytes:
     try:
-        if path.stat().st_size > MOST_BYTES:
-            raise StereocalError(
-                f"{name}: the file has {path.stat().st_size / 1e9:.1f} GB; at most "
-                f"{MOST_BYTES / 1e9:.0f} GB are read."
-            )
+        Limits.from_environment().check_size(path.stat().st_size, name)
         return path.read_bytes()
     except OSError as error:
         raise StereocalError(f"{name} cannot be read: {error.strerror or error}.") from error

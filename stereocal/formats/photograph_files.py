@@ -15,6 +15,7 @@ from pathlib import Path, PurePosixPath
 from stereocal.errors import StereocalError
 from stereocal.formats.photograph import SUFFIXES
 from stereocal.formats.zip_files import open_zip
+from stereocal.limits import Limits
 
 Photographs = Mapping[str, Path]
 """Names as the person has them, with folders and forward slashes, to files on disk."""
@@ -54,6 +55,7 @@ def photographs_in(source: Path, store: Path, progress: Progress | None = None) 
             name = path.relative_to(source).as_posix()
             if is_photograph(name) and path.is_file():
                 found[name] = path
+        Limits.from_environment().check_count(len(found), str(source))
     elif source.is_file():
         found = unpack_photographs(source, source.name, store, progress)
     else:

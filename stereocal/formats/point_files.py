@@ -20,6 +20,10 @@ from stereocal.dataset import Correspondences
 from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
 from stereocal.formats.pixel_origin import PixelOrigin
 from stereocal.formats.point_table import is_missing, numbers_of
+from stereocal.limits import Limits
+
+MOST_CELLS = 100_000_000
+"""The whole table is held in memory here."""
 
 
 @dataclass(frozen=True)
@@ -151,6 +155,12 @@ def _table(
     content: bytes, layout: PointLayout, source: str, first_rows: int | None
 ) -> pd.DataFrame:
     """The rows under the header, all as text; the index holds the lines of the file."""
+    limits = Limits.from_environment()
+    limits.check_size(len(content), source)
+    limits.check_rows(content.count(b"\n"), source)
+    cells = content.count(layout.delimiter.encode())
+    if cells > MOST_CELLS:
+        raise StereocalError(f"{source}: {cells} cells are too many for one table.")
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:

@@ -27,9 +27,11 @@ import pandas as pd
 
 from stereocal.compiled import FloatArray, IntArray
 from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
+from stereocal.formats.parquet import PARQUET, block_rows, parquet_chunks, parquet_names
+from stereocal.limits import Limits
 
-BLOCK_ROWS = 100_000
-PARQUET = (".parquet", ".pq")
+MOST_COLUMNS = 2_000
+LONGEST_HEADER = 1_000_000
 MISSING = ("", "nan", "na", "none", "null")
 
 
@@ -67,7 +69,8 @@ class PointTable:
         self.is_parquet = path.suffix.lower() in PARQUET
         self.delimiter = ","
         try:
-            names = _parquet_names(path, self.label) if self.is_parquet else self._csv_names()
+            Limits.from_environment().check_size(path.stat().st_size, self.label)
+            names = parquet_names(path, self.label) if self.is_parquet else self._csv_names()
         except (OSError, UnicodeDecodeError, csv.Error) as error:
             reason = getattr(error, "strerror", None) or error
             raise StereocalError(f"{self.label}: the file cannot be read ({reason}).") from error
@@ -93,6 +96,7 @@ class PointTable:
             return self._checked(refuse)
 
     def _checked(self, refuse: Callable[[pd.DataFrame], list[RowProblem]] | None) -> Contents:
+        limits = Limits.from_environment()
         frames: list[IntArray] = []
         rows = 0
         self._left_out = 0
@@ -101,6 +105,7 @@ class PointTable:
             if refuse is not None and (problems := refuse(block)):
                 raise RefusedRowsError(f"{self.label}: ", problems, "cannot be used")
             rows += len(block)
+            limits.check_rows(rows, self.label)
             frames.append(np.unique(block["frame"].to_numpy()))
             largest = np.maximum(largest, block[list(self.numbers)].to_numpy().max(axis=0))
         if not rows:
@@ -154,14 +159,12 @@ class PointTable:
         self._in_order = True
 
     def _chunks(self) -> Iterator[pd.DataFrame]:
-        for raw in (
-            _parquet_chunks(self.path, self.label) if self.is_parquet else self._csv_chunks()
-        ):
+        for raw in parquet_chunks(self.path, self.label) if self.is_parquet else self._csv_chunks():
             yield self._converted(raw)
 
     def _csv_names(self) -> list[str]:
         with self.path.open(encoding="utf-8-sig", newline="") as file:
-            first = file.readline()
+            first = file.readline(LONGEST_HEADER)
             if not first.strip():
                 raise StereocalError(
                     f"{self.label}: the file is empty, or its first line is; it must name the "
@@ -171,6 +174,11 @@ class PointTable:
             return next(csv.reader([first], delimiter=self.delimiter))
 
     def _refuse_columns(self) -> None:
+        if len(self.names) > MOST_COLUMNS:
+            raise StereocalError(
+                f"{self.label}: {len(self.names)} columns are too many; at most {MOST_COLUMNS} are "
+                "read."
+            )
         missing = [name for name in ("frame", *self.numbers) if name not in self.names]
         if missing:
             raise StereocalError(
@@ -197,7 +205,7 @@ class PointTable:
                 keep_default_na=False,
                 skip_blank_lines=False,
                 encoding="utf-8-sig",
-                chunksize=BLOCK_ROWS,
+                chunksize=block_rows(self.names),
                 on_bad_lines="error",
             ) as reader:
                 for chunk in reader:
@@ -257,42 +265,6 @@ class PointTable:
 
 class _OutOfOrderError(Exception):
     """The rows are not in the order of the frames."""
-
-
-def _parquet_names(path: Path, label: str) -> list[str]:
-    return [str(name) for name in _parquet_file(path, label).schema_arrow.names]
-
-
-def _parquet_chunks(path: Path, label: str) -> Iterator[pd.DataFrame]:
-    start = 1
-    for batch in _parquet_file(path, label).iter_batches(batch_size=BLOCK_ROWS):
-        chunk = batch.to_pandas().reset_index(drop=True)
-        chunk.index += start
-        start += len(chunk)
-        yield chunk
-
-
-def _parquet_file(path: Path, label: str) -> Any:
-    parquet = parquet_library()
-    try:
-        return parquet.ParquetFile(path)
-    except (OSError, ValueError) as error:  # pyarrow's own errors are ValueErrors
-        raise StereocalError(f"{label}: this is not a Parquet file ({error}).") from error
-
-
-def parquet_library() -> Any:
-    """`pyarrow.parquet`.
-
-    Raises:
-        StereocalError: it is not installed.
-    """
-    try:
-        import pyarrow.parquet
-    except ImportError as error:
-        raise StereocalError(
-            "Parquet files need the package pyarrow, which is not installed: use CSV."
-        ) from error
-    return pyarrow.parquet
 
 
 def numbers_of(column: pd.Series[Any], decimal_comma: bool) -> FloatArray:

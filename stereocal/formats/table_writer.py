@@ -9,7 +9,7 @@ from typing import Any
 
 import pandas as pd
 
-from stereocal.formats.point_table import PARQUET, parquet_library
+from stereocal.formats.parquet import PARQUET, parquet_library
 from stereocal.writing import write_in_parts
 
 ROWS_AT_ONCE = 50_000

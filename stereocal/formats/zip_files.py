@@ -13,17 +13,12 @@ from pathlib import Path
 from typing import IO
 
 from stereocal.errors import StereocalError
+from stereocal.limits import Limits
 
-MOST_FILES = 20_000
-MOST_BYTES = 2_000_000_000
-"""In memory, together."""
-MOST_UNPACKED = 20_000_000_000
-"""On disk, together: 2000 pairs of photographs of 5 MB."""
-MOST_SWELLING = 200
-"""A table of numbers packs to a fifth; a file that swells two hundredfold is a trap."""
-FREE_SWELLING = 10_000_000
-"""What may swell any much: a black photograph, a table of equal numbers."""
 PIECE = 1 << 20
+LISTED_BYTES = 3_300
+"""At most so many for a file in the list at the end of a zip, but for absurdly long names."""
+_LISTED = b"PK\x01\x02"
 
 DAMAGED_ZIP = (
     zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError, ValueError, OSError,
@@ -84,18 +79,11 @@ def open_zip(source: Path | bytes, name: str) -> Iterator[OpenZip]:
     if not packed:
         raise StereocalError(f"{name}: the file is empty (0 bytes).")
     with _sound(name):
+        Limits.from_environment().check_count(_listed(source, packed), name)
         archive = zipfile.ZipFile(io.BytesIO(source) if isinstance(source, bytes) else source)
     with archive:
         opened = OpenZip(archive, name)
-        count, total = len(opened.names), sum(map(opened.size, opened.names))
-        if count > MOST_FILES or total > MOST_UNPACKED:
-            raise StereocalError(f"{name}: {count} files of {total} bytes inside are too many.")
-        if total > MOST_SWELLING * packed + FREE_SWELLING:
-            raise StereocalError(
-                f"{name}: {packed} bytes would swell to {total}; it is not unpacked."
-            )
-        if not count:
-            raise StereocalError(f"{name}: the zip is empty.")
+        _check(opened, packed, name)
         yield opened
 
 
@@ -105,14 +93,40 @@ def unzip(
     """The wanted files of a zip by name, in memory.
 
     Raises:
-        StereocalError: as `open_zip`, or too much for the memory.
+        StereocalError: as `open_zip`; together they may be as large as a single file.
     """
     with open_zip(source, name) as opened:
         names = [member for member in opened.names if wanted(member)]
         total = sum(map(opened.size, names))
-        if total > MOST_BYTES:
-            raise StereocalError(f"{name}: {total} bytes of tables inside are too many.")
+        Limits.from_environment().check_size(total, f"{name}: the tables inside, together")
         return {member: opened.read(member) for member in names}
+
+
+def _listed(source: Path | bytes, packed: int) -> int:
+    """How many files a zip lists at its end, counted before `zipfile` holds them all in memory."""
+    start = int(max(packed - LISTED_BYTES * Limits.from_environment().files, 0))
+    if isinstance(source, bytes):
+        return source.count(_LISTED, start)
+    with source.open("rb") as file:
+        file.seek(start)
+        count, before = 0, b""
+        while piece := file.read(PIECE):
+            count += (before + piece).count(_LISTED)
+            before = piece[-len(_LISTED) + 1 :]
+        return count
+
+
+def _check(opened: OpenZip, packed: int, name: str) -> None:
+    """Refuse a zip by what its list of contents says, before anything is unpacked."""
+    limits = Limits.from_environment()
+    limits.check_count(len(opened.names), name)
+    total = sum(map(opened.size, opened.names))
+    limits.check_together(total, name)
+    limits.check_swelling(packed, total, name)
+    for member in opened.names:
+        limits.check_size(opened.size(member), f"{name}: {member}")
+    if not opened.names:
+        raise StereocalError(f"{name}: the zip is empty.")
 
 
 @contextmanager

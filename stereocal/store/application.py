@@ -23,9 +23,10 @@ from typing import Any, Literal
 import pandas as pd
 
 from stereocal.errors import StereocalError
+from stereocal.formats.parquet import PARQUET
 from stereocal.formats.point_answers import OURS, Answers, answered, layout_of
 from stereocal.formats.point_files import read_points
-from stereocal.formats.point_table import PARQUET, PointTable
+from stereocal.formats.point_table import PointTable
 from stereocal.parameters import RigParameters
 from stereocal.points.application import Application, Outcome, Points, apply_sets
 from stereocal.points.pairs import POINT

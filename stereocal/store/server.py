@@ -7,7 +7,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from stereocal.errors import StereocalError
+from stereocal.environment import number_given
 
 
 @dataclass(frozen=True)
@@ -30,20 +30,7 @@ class ServerSettings:
         """
         given = os.environ if environment is None else environment
         return cls(
-            shared=_number(given, "STEREOCAL_SHARED", 0.0) > 0,
-            keep_days=_number(given, "STEREOCAL_KEEP_DAYS", cls.keep_days),
-            undo_days=_number(given, "STEREOCAL_UNDO_DAYS", cls.undo_days),
+            shared=number_given(given, "STEREOCAL_SHARED", 0.0) > 0,
+            keep_days=number_given(given, "STEREOCAL_KEEP_DAYS", cls.keep_days),
+            undo_days=number_given(given, "STEREOCAL_UNDO_DAYS", cls.undo_days),
         )
-
-
-def _number(given: Mapping[str, str], name: str, default: float) -> float:
-    text = given.get(name, "").strip()
-    if not text:
-        return default
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not value >= 0:
-        raise StereocalError(f'{name} is "{text}": it must be a number, 0 or above.')
-    return value

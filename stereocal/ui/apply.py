@@ -22,7 +22,7 @@ from stereocal.points.threshold import FramePixels, choose_threshold
 from stereocal.project import Project
 from stereocal.store.application import SIDES, USES, ProjectApplication, Side, Use
 from stereocal.ui import jobs
-from stereocal.ui.intake import escape_markdown, is_new, refuse, settled
+from stereocal.ui.intake import check_uploads, escape_markdown, is_new, refuse, settled
 from stereocal.ui.parameter_files import sets_of
 from stereocal.ui.project import keeper, remembered
 from stereocal.ui.refined import refined_for
@@ -93,6 +93,7 @@ def _take_points(store: ProjectApplication, side: Side) -> None:
     )  # fmt: skip
     if upload is not None and is_new(upload):
         try:
+            check_uploads([upload])
             with st.spinner("Reading."):
                 store.offer_points(side, upload.name, upload.getvalue())
             settled()
@@ -166,6 +167,7 @@ def _given_set(store: ProjectApplication, use: Use) -> RigParameters | None:
     )  # fmt: skip
     if upload is not None and is_new(upload):
         try:
+            check_uploads([upload])
             store.keep_set(use, upload.name, upload.getvalue())
             settled()
         except StereocalError as error:

@@ -5,6 +5,10 @@ from __future__ import annotations
 import streamlit as st
 from streamlit.navigation.page import StreamlitPage
 
+from stereocal.errors import StereocalError
+from stereocal.limits import Limits
+from stereocal.store.server import ServerSettings
+
 TITLES = {
     "start": "Start",
     "cameras": "Cameras",
@@ -31,6 +35,16 @@ def pages() -> list[StreamlitPage]:
         )
         for name, title in TITLES.items()
     ]
+
+
+def check_settings() -> None:
+    """Say on every page that a setting of the server is none, and go no further."""
+    try:
+        ServerSettings.from_environment()
+        Limits.from_environment()
+    except StereocalError as error:
+        st.error(str(error))
+        st.stop()
 
 
 def frame_drawn() -> None:

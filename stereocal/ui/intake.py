@@ -27,6 +27,7 @@ from stereocal.formats.photograph_files import (
     unpack_photographs,
 )
 from stereocal.formats.zip_files import unzip
+from stereocal.limits import Limits
 from stereocal.project import Project, Slot
 from stereocal.store.photographs import ProjectPhotographs
 from stereocal.ui.project import project_to_write
@@ -50,6 +51,7 @@ class Upload(Protocol):
 
     name: str
     file_id: str
+    size: int
 
     def getvalue(self) -> bytes:
         """The content."""
@@ -62,12 +64,28 @@ def in_use(project: Project | None, slot: Slot) -> None:
         st.caption(f"In use: {escape_markdown(label)}")
 
 
+def check_uploads(uploads: Sequence[Upload]) -> None:
+    """Refuse more or larger files than are taken, before any of them is looked at.
+
+    Raises:
+        StereocalError: the limit, what was found, and the setting that changes it.
+    """
+    limits = Limits.from_environment()
+    limits.check_count(len(uploads), "The upload")
+    limits.check_together(sum(upload.size for upload in uploads), "The upload")
+    for upload in uploads:
+        # What a zip may hold is checked by its list of contents.
+        if not upload.name.lower().endswith(".zip"):
+            limits.check_size(upload.size, upload.name)
+
+
 def take_dataset(uploads: Sequence[Upload]) -> None:
     """A zip, or the files of a folder."""
     if not uploads or not is_new(*uploads):
         return
     name = uploads[0].name
     try:
+        check_uploads(uploads)
         if len(uploads) == 1 and name.lower().endswith(".zip"):
             content = uploads[0].getvalue()
             texts = unzip(content, name, lambda member: not is_photograph(member))
@@ -97,7 +115,11 @@ def take_file(slot: Slot, upload: Upload | None) -> None:
     """One of the single files."""
     if upload is None or not is_new(upload):
         return
-    _try_files({slot: (upload.name, upload.getvalue())})
+    try:
+        check_uploads([upload])
+        _try_files({slot: (upload.name, upload.getvalue())})
+    except StereocalError as error:
+        refuse(error)
     st.rerun()
 
 

@@ -19,6 +19,7 @@ from stereocal.store.lens import WHICH, ProjectLens, Which
 from stereocal.ui import jobs
 from stereocal.ui.intake import (
     Upload,
+    check_uploads,
     escape_markdown,
     in_use,
     keep_uploads,
@@ -121,6 +122,7 @@ def take_boards(uploads: Sequence[Upload], which: Which) -> None:
     store = ProjectLens(project_to_write(), which)
     found: dict[str, Path] = {}
     try:
+        check_uploads(uploads)
         for upload in uploads:
             if upload.name.lower().endswith(".zip"):
                 found |= unpack_photographs(upload.getvalue(), upload.name, store.files)

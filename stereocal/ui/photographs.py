@@ -22,6 +22,7 @@ from stereocal.ui.intake import (
     PHOTOGRAPHS,
     TITLES,
     Upload,
+    check_uploads,
     escape_markdown,
     in_use,
     keep_uploads,
@@ -120,6 +121,7 @@ def take_photographs(uploads: Sequence[Upload], prefix: str = "") -> None:
     store = ProjectPhotographs(project_to_write())
     found: dict[str, Path] = {}
     try:
+        check_uploads(uploads)
         for upload in uploads:
             if upload.name.lower().endswith(".zip"):
                 inside = unpack_photographs(upload.getvalue(), upload.name, store.files)

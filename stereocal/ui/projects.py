@@ -15,7 +15,7 @@ from stereocal.store.carry import pack_project, unpack_project
 from stereocal.store.folders import default_home
 from stereocal.store.projects import Listed, bring_back, duplicate, recent_projects, remove
 from stereocal.store.server import ServerSettings
-from stereocal.ui.intake import escape_markdown, is_new
+from stereocal.ui.intake import check_uploads, escape_markdown, is_new
 from stereocal.ui.project import current_project, open_project
 
 _REMOVED = "removed_project"
@@ -106,6 +106,7 @@ def _carry() -> None:
     if upload is None or not is_new(upload):
         return
     try:
+        check_uploads([upload])
         opened = unpack_project(upload.getvalue(), upload.name, default_home())
     except StereocalError as error:
         st.error(escape_markdown(str(error)))

@@ -4,11 +4,21 @@ from __future__ import annotations
 
 import streamlit as st
 
+from stereocal.errors import StereocalError
 from stereocal.formats.correspondences_csv import TEMPLATE
 from stereocal.formats.point_answers import holds_bars
 from stereocal.project import Project
 from stereocal.store.application import ProjectApplication
-from stereocal.ui.intake import TITLES, Upload, in_use, is_new, settled, take_file
+from stereocal.ui.intake import (
+    TITLES,
+    Upload,
+    check_uploads,
+    in_use,
+    is_new,
+    refuse,
+    settled,
+    take_file,
+)
 from stereocal.ui.project import project_to_write
 from stereocal.ui.wizard import ask_about_bars
 
@@ -42,6 +52,10 @@ def _take_table(upload: Upload | None) -> None:
     if not holds_bars(upload.getvalue(), upload.name):
         take_file("correspondences", upload)
     elif is_new(upload):
-        ProjectApplication(project_to_write()).ask("bars", upload.name, upload.getvalue())
-        settled()
+        try:
+            check_uploads([upload])
+            ProjectApplication(project_to_write()).ask("bars", upload.name, upload.getvalue())
+            settled()
+        except StereocalError as error:
+            refuse(error)
         st.rerun()

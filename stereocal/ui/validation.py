@@ -27,7 +27,7 @@ from stereocal.summary import summarise_all
 from stereocal.tables import validation_answer, validation_table
 from stereocal.ui import jobs
 from stereocal.ui.forms import search_defaults, search_form, settings_of
-from stereocal.ui.intake import escape_markdown, is_new
+from stereocal.ui.intake import check_uploads, escape_markdown, is_new
 from stereocal.ui.project import keeper, remembered
 from stereocal.ui.refined import refine_settings
 from stereocal.ui.results import show_figure
@@ -254,6 +254,7 @@ def _further(project: Project, more: Sequence[Dataset]) -> None:
         if not is_new(upload):
             continue
         try:
+            check_uploads([upload])
             project.add_dataset(upload.name, upload.getvalue())
         except StereocalError as error:
             st.error(escape_markdown(str(error)))
