@@ -7,6 +7,7 @@ import re
 import shutil
 import tempfile
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
 
 from stereocal.dataset import Dataset
@@ -48,8 +49,14 @@ def pack_project(project: Project, target: Path) -> None:
         waiting.unlink(missing_ok=True)
 
 
-def unpack_project(source: Path | bytes, name: str, home: Path) -> Project:
+def unpack_project(
+    source: Path | bytes, name: str, home: Path, look_through: Callable[[Path], None] | None = None
+) -> Project:
     """The project of such a zip, under a new id below `home`.
+
+    Args:
+        look_through: called with the unpacked folder before anything in it is read; what it raises
+            refuses the project.
 
     Raises:
         StereocalError: not a zip, no project in it, or one that cannot be opened; nothing is left.
@@ -59,6 +66,8 @@ def unpack_project(source: Path | bytes, name: str, home: Path) -> Project:
     try:
         with open_zip(source, name) as opened:
             _unpack(opened, name, waiting)
+        if look_through is not None:
+            look_through(waiting)
         project = Project(waiting)
         inputs = project.inputs
         project.dataset_of(inputs)

@@ -12,7 +12,9 @@ import streamlit as st
 from stereocal.calibrate import Calibration
 from stereocal.errors import StereocalError
 from stereocal.figures import describe_pair_errors, plot_pair_errors
+from stereocal.formats.parquet import PARQUET
 from stereocal.formats.point_table import PointTable
+from stereocal.guarded import server_guard
 from stereocal.matching import ANY_DEPTH, check_depths, purpose_warning
 from stereocal.parameters import RigParameters
 from stereocal.points.application import STAGES, Application, Points, sample_frames, unlabelled
@@ -95,7 +97,10 @@ def _take_points(store: ProjectApplication, side: Side) -> None:
         try:
             check_uploads([upload])
             with st.spinner("Reading."):
-                store.offer_points(side, upload.name, upload.getvalue())
+                content = upload.getvalue()
+                if upload.name.lower().endswith(PARQUET):
+                    server_guard().check_content("table", content, upload.name, PARQUET[0])
+                store.offer_points(side, upload.name, content)
             settled()
         except StereocalError as error:
             refuse(error)

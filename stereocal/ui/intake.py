@@ -27,6 +27,7 @@ from stereocal.formats.photograph_files import (
     unpack_photographs,
 )
 from stereocal.formats.zip_files import unzip
+from stereocal.guarded import server_guard
 from stereocal.limits import Limits
 from stereocal.project import Project, Slot
 from stereocal.store.photographs import ProjectPhotographs
@@ -117,7 +118,10 @@ def take_file(slot: Slot, upload: Upload | None) -> None:
         return
     try:
         check_uploads([upload])
-        _try_files({slot: (upload.name, upload.getvalue())})
+        content = upload.getvalue()
+        if slot != "correspondences":
+            server_guard().check_content("camera", content, upload.name)
+        _try_files({slot: (upload.name, content)})
     except StereocalError as error:
         refuse(error)
     st.rerun()
@@ -229,6 +233,7 @@ def give_dataset(
     store = ProjectPhotographs(project)
     photographs = of_the_bar(unpack(store.files))
     folder, description = find_description(files, source)
+    _try_decoding(files, folder, description, photographs, source)
     slots: dict[Slot, str] = {"primary": "", "secondary": ""}
     survey: Survey | Dataset
     if photographs and folder + TABLE not in files:
@@ -250,6 +255,29 @@ def give_dataset(
     if photographs:
         store.add(photographs)
         st.session_state[KIND_NEXT] = PHOTOGRAPHS
+
+
+def survived(found: Mapping[str, Path]) -> dict[str, Path]:
+    """The photographs that a decoder survives; the page says which it does not."""
+    with st.spinner("Looking the photographs through."):
+        refused = server_guard().refused("photograph", found)
+    if refused:
+        more = f" So do {len(refused) - 1} others." if len(refused) > 1 else ""
+        refuse(StereocalError(f"{next(iter(refused.values()))}{more}"))
+    return {name: path for name, path in found.items() if name not in refused}
+
+
+def _try_decoding(
+    files: Mapping[str, bytes], folder: str, description: Mapping[str, Any],
+    photographs: Mapping[str, Path], source: str,
+) -> None:  # fmt: skip
+    named = description.get("cameras")
+    for name in named.values() if isinstance(named, dict) else ():
+        if isinstance(name, str) and folder + name in files:
+            content = files[folder + name]
+            server_guard().check_content("camera", content, f"{source}: {name}")
+    for error in server_guard().refused("photograph", photographs).values():
+        raise error
 
 
 def is_new(*uploads: Upload) -> bool:

@@ -25,6 +25,7 @@ from stereocal.ui.intake import (
     keep_uploads,
     refuse,
     settled,
+    survived,
     take_file,
 )
 from stereocal.ui.project import current_project, keeper, project_to_write, remembered
@@ -133,7 +134,7 @@ def take_boards(uploads: Sequence[Upload], which: Which) -> None:
         settled()
     except StereocalError as error:
         refuse(error)
-    if found:
+    if found := survived(found):
         store.add(found)
     # A new key empties the uploader, which else holds every file in memory while the page is open.
     st.session_state[_ROUND] += 1

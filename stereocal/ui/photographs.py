@@ -28,6 +28,7 @@ from stereocal.ui.intake import (
     keep_uploads,
     refuse,
     settled,
+    survived,
     take_file,
 )
 from stereocal.ui.project import project_to_write
@@ -135,7 +136,7 @@ def take_photographs(uploads: Sequence[Upload], prefix: str = "") -> None:
         settled()
     except StereocalError as error:
         refuse(error)
-    if found:
+    if found := survived(found):
         store.add(found)
     st.session_state.pop(_BASE, None)
     # A new key empties the uploader, which else holds every file in memory while the page is open.

@@ -6,10 +6,13 @@ import math
 import re
 from collections.abc import Callable
 from datetime import datetime
+from pathlib import Path
 
 import streamlit as st
 
 from stereocal.errors import StereocalError
+from stereocal.guarded import server_guard
+from stereocal.guarded_readers import guarded_files
 from stereocal.project import Project
 from stereocal.store.carry import pack_project, unpack_project
 from stereocal.store.folders import default_home
@@ -107,12 +110,17 @@ def _carry() -> None:
         return
     try:
         check_uploads([upload])
-        opened = unpack_project(upload.getvalue(), upload.name, default_home())
+        opened = unpack_project(upload.getvalue(), upload.name, default_home(), _survive)
     except StereocalError as error:
         st.error(escape_markdown(str(error)))
         return
     open_project(opened.id)
     st.switch_page("pages/data.py")
+
+
+def _survive(folder: Path) -> None:
+    for kind, path in guarded_files(folder):
+        server_guard().check(kind, path, path.name)
 
 
 def _offer_undo() -> None:

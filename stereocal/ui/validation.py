@@ -20,6 +20,7 @@ from stereocal.figures import (
     plot_validation,
 )
 from stereocal.formats.dataset_files import read_dataset
+from stereocal.guarded import server_guard
 from stereocal.project import Project
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.report import report_html
@@ -255,7 +256,9 @@ def _further(project: Project, more: Sequence[Dataset]) -> None:
             continue
         try:
             check_uploads([upload])
-            project.add_dataset(upload.name, upload.getvalue())
+            content = upload.getvalue()
+            server_guard().check_content("dataset", content, upload.name)
+            project.add_dataset(upload.name, content)
         except StereocalError as error:
             st.error(escape_markdown(str(error)))
         else:

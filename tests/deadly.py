@@ -1,0 +1,52 @@
+"""Readers for a guard's child that do what malformed files make decoders do."""
+
+from __future__ import annotations
+
+import os
+import time
+from pathlib import Path
+
+from stereocal.errors import StereocalError
+from stereocal.guarded_child import GuardedReader
+
+
+def _eat(_: Path) -> None:
+    held = []
+    while True:
+        held.append(bytearray(10_000_000))
+
+
+def _spin(_: Path) -> None:
+    while True:
+        pass
+
+
+def _refuse(_: Path) -> None:
+    raise StereocalError("damaged")
+
+
+def _count(path: Path) -> None:
+    with path.with_suffix(".count").open("a") as file:
+        file.write("x")
+
+
+def _raise(_: Path) -> None:
+    raise ZeroDivisionError
+
+
+READERS = {
+    name: GuardedReader(read, lambda _: 200_000_000)
+    for name, read in {
+        "abort": lambda _: os.abort(),
+        "exit": lambda _: os._exit(0),
+        "hang": lambda _: time.sleep(1000),
+        "spin": _spin,
+        "eat": _eat,
+        "raise": _raise,
+        "refuse": _refuse,
+        "count": _count,
+        "print": lambda _: os.write(1, b"survived\nfailed\n"),
+        "slow": lambda _: time.sleep(1.5),
+        "fine": lambda _: None,
+    }.items()
+}
