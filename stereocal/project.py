@@ -7,7 +7,10 @@ A project is a folder `<home>/projects/<32 hex digits>`:
 - `inputs/<digest>-<name>`: the files as given, never changed once written.
 - `calibration.json`: the last finished result with its settings and the inputs it was made from.
 - `evaluation.npz`: what the last finished validation counted, with its settings.
-- `photographs/`: see `project_photographs`; `lens/`: see `project_lens`.
+- `photographs/`: see `store.photographs`; `lens/`: see `store.lens`; `apply/`: `store.application`.
+
+Each file is readable without the others. A change has the project for itself (`store.state`), also
+among threads and processes: what two tabs change is both there.
 
 The id is unguessable and is the only key to the folder.
 """
@@ -16,10 +19,8 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-import json
-import threading
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any, Literal
 
@@ -32,43 +33,16 @@ from stereocal.evaluation_files import Evaluation, pack_evaluation, unpack_evalu
 from stereocal.formats.camera_file import read_camera
 from stereocal.formats.correspondences_csv import read_table
 from stereocal.formats.dataset_files import parse_zip
-from stereocal.store.folders import is_id, new_id, own_file, private_folder
-from stereocal.writing import write_atomically
+from stereocal.inputs import Inputs, Slot, check_inputs
+from stereocal.store.folders import is_id, new_project_folder, own_file
+from stereocal.store.state import PROJECT_FILE, StateFile, changing, read_if_there
+from stereocal.store.unused import forget_files
+from stereocal.writing import write_all, write_atomically
 
 PROJECT_FORMAT = "stereocal-project/1"
-Slot = Literal["primary", "secondary", "correspondences"]
-SLOTS: tuple[Slot, ...] = ("primary", "secondary", "correspondences")
-_WRITING = threading.Lock()
-"""One change of a project at a time in this server; a change reads, edits and replaces."""
-
-
-@dataclass(frozen=True)
-class Inputs:
-    """What a person has given so far; None where nothing was."""
-
-    name: str = ""
-    baseline_m: float | None = None
-    target_distance_m: float | None = None
-    baseline_sigma_m: float | None = None
-    """As a data set states it; None where it states none."""
-    target_distance_sigma_m: float | None = None
-    files: Mapping[str, str] = dataclasses.field(default_factory=dict)
-    """Slot to the file's name below `inputs/`."""
-    labels: Mapping[str, str] = dataclasses.field(default_factory=dict)
-    """Slot to the name that the person's file had."""
-
-    @property
-    def missing(self) -> list[str]:
-        """What is still needed, in words."""
-        named = {
-            "correspondences": "the table of points",
-            "primary": "the primary camera's file",
-            "secondary": "the secondary camera's file",
-        }
-        lacking = [words for slot, words in named.items() if slot not in self.files]
-        lacking += ["the baseline"] * (self.baseline_m is None)
-        lacking += ["the distance between the targets"] * (self.target_distance_m is None)
-        return lacking
+PATIENCE = 3
+"""So often what is given is checked while others may change the project; then they wait."""
+_NO_FILES: Mapping[str, bytes] = {}
 
 
 class Project:
@@ -80,6 +54,11 @@ class Project:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
+        self._file = StateFile(
+            folder, folder / PROJECT_FILE, PROJECT_FORMAT, _check, None, "The project's file",
+            "what else it holds is still in its folder: put a copy of this file back, or give the "
+            "inputs again in a new project",
+        )  # fmt: skip
 
     @property
     def id(self) -> str:
@@ -89,9 +68,8 @@ class Project:
     @classmethod
     def create(cls, home: Path) -> Project:
         """A new, empty project below `home`."""
-        project = cls(private_folder(home / "projects") / new_id())
-        project._write_state({"format": PROJECT_FORMAT, "inputs": {}, "settings": {}})
-        return project
+        state = {"format": PROJECT_FORMAT, "inputs": {}, "settings": {}}
+        return cls(new_project_folder(home, lambda folder: cls(folder)._file.write(state)))
 
     @classmethod
     def open(cls, home: Path, project_id: str) -> Project:
@@ -99,9 +77,9 @@ class Project:
         if not is_id(project_id):
             raise StereocalError("The address does not name a project.")
         project = cls(home / "projects" / project_id)
-        if not (project.folder / "project.json").is_file():
+        if not (project.folder / PROJECT_FILE).is_file():
             raise StereocalError("There is no project at this address, or it was removed.")
-        project._read_state()
+        project._file.read()
         return project
 
     # Inputs
@@ -109,10 +87,7 @@ class Project:
     @property
     def inputs(self) -> Inputs:
         """What has been given so far."""
-        try:
-            return Inputs(**self._read_state()["inputs"])
-        except (KeyError, TypeError) as error:
-            raise StereocalError(f"The project's file is damaged ({error!r}).") from error
+        return Inputs(**self._file.read()["inputs"])
 
     def give(
         self, files: Mapping[Slot, tuple[str, bytes]], drop: Sequence[Slot] = (), **values: Any
@@ -127,39 +102,59 @@ class Project:
         Raises:
             StereocalError: what was given cannot be used; the project is as it was.
         """
-        with _WRITING:
-            state = self._read_state()
-            new = json.loads(json.dumps(state["inputs"]))
-            new.update(values)
-            for slot in drop:
-                for kept in ("files", "labels"):
-                    new.get(kept, {}).pop(slot, None)
-            for slot, (label, content) in files.items():
-                stored = f"{hashlib.sha256(content).hexdigest()[:20]}-{slot}"
-                write_atomically(self.folder / "inputs" / stored, content)
-                new.setdefault("files", {})[slot] = stored
-                new.setdefault("labels", {})[slot] = label
-            inputs = Inputs(**new)
-            for what, value in (
-                ("baseline", inputs.baseline_m),
-                ("distance between the targets", inputs.target_distance_m),
-            ):
-                if value is not None:
-                    check_length(what, value)
-            cameras = self._camera(inputs, "primary"), self._camera(inputs, "secondary")
-            if "correspondences" in inputs.files:
-                label = inputs.labels["correspondences"]
-                rows = read_table(self._content(inputs, "correspondences"), label).strict(label)
-                if outside := points_outside(rows, *cameras):
-                    raise RefusedRowsError(f"{label}: ", outside, "with a point outside its image")
-            if not inputs.missing:
-                self._dataset(inputs)
-            state["inputs"] = new
-            self._write_state(state)
+        named = {
+            slot: f"{hashlib.sha256(content).hexdigest()[:20]}-{slot}"
+            for slot, (_, content) in files.items()
+        }
+        fresh = {named[slot]: content for slot, (_, content) in files.items()}
+        for patience in range(PATIENCE + 1):
+            # Parsing takes long; so others may change the project meanwhile, and it is done again.
+            with changing(self.folder) if patience == PATIENCE else nullcontext():
+                before = self.inputs
+                given: dict[str, str] = dict(before.files)
+                labels = dict(before.labels)
+                for slot in drop:
+                    given.pop(slot, None)
+                    labels.pop(slot, None)
+                given.update({str(slot): name for slot, name in named.items()})
+                labels.update({slot: label for slot, (label, _) in files.items()})
+                new = dataclasses.replace(before, files=given, labels=labels, **values)
+                self._check_inputs(new, fresh)
+                if self._replace_inputs(before, new, fresh):
+                    return
+
+    def _check_inputs(self, inputs: Inputs, fresh: Mapping[str, bytes]) -> None:
+        """Refuse inputs that cannot be used, as far as they are complete."""
+        for what, value in (
+            ("baseline", inputs.baseline_m),
+            ("distance between the targets", inputs.target_distance_m),
+        ):
+            if value is not None:
+                check_length(what, value)
+        cameras = self._camera(inputs, "primary", fresh), self._camera(inputs, "secondary", fresh)
+        if "correspondences" in inputs.files:
+            label = inputs.labels["correspondences"]
+            rows = read_table(self._content(inputs, "correspondences", fresh), label).strict(label)
+            if outside := points_outside(rows, *cameras):
+                raise RefusedRowsError(f"{label}: ", outside, "with a point outside its image")
+        if not inputs.missing:
+            self._dataset(inputs, fresh)
+
+    def _replace_inputs(self, before: Inputs, new: Inputs, fresh: Mapping[str, bytes]) -> bool:
+        """Put inputs and the files that they name on the disk; False if they are not as before."""
+        with changing(self.folder):
+            state = self._file.read()
+            if Inputs(**state["inputs"]) != before:
+                return False
+            state["inputs"] = dataclasses.asdict(new)
+            stored = {self.folder / "inputs" / name: content for name, content in fresh.items()}
+            write_all({**stored, self._file.path: self._file.pack(state)})
+            return True
 
     def rename(self, name: str) -> None:
         """Call the project, and what is calibrated from now on, by this name."""
-        self._change(lambda state: state["inputs"].update(name=name))
+        with self._file.change() as state:
+            state["inputs"]["name"] = name
 
     @property
     def dataset(self) -> Dataset | None:
@@ -189,11 +184,12 @@ class Project:
     @property
     def settings(self) -> dict[str, Any]:
         """Values of the forms by name."""
-        return dict(self._read_state()["settings"])
+        return dict(self._file.read()["settings"])
 
     def keep_settings(self, values: Mapping[str, Any]) -> None:
         """Remember values of forms."""
-        self._change(lambda state: state["settings"].update(values))
+        with self._file.change() as state:
+            state["settings"].update(values)
 
     def keep_calibration(self, calibration: Calibration, inputs: Inputs) -> None:
         """Keep a finished result, made from `inputs`, in place of the last one.
@@ -201,25 +197,28 @@ class Project:
         The inputs may have changed since, in another tab.
         """
         content = pack_calibration(calibration, dataclasses.asdict(inputs))
-        write_atomically(self.folder / "calibration.json", content)
+        with changing(self.folder):
+            write_atomically(self.folder / "calibration.json", content)
 
     @property
     def calibration(self) -> Calibration | None:
         """The last finished result, with the data it was made from; None before the first."""
-        path = self.folder / "calibration.json"
-        if not path.is_file():
+        content = read_if_there(self.folder / "calibration.json", "calibrate again")
+        if content is None:
             return None
-        return unpack_calibration(path.read_bytes(), lambda given: self._dataset(Inputs(**given)))
+        return unpack_calibration(content, lambda given: self._dataset(Inputs(**given)))
 
     def keep_evaluation(self, evaluation: Evaluation) -> None:
         """Keep a finished evaluation in place of the last one."""
-        write_atomically(self.folder / "evaluation.npz", pack_evaluation(evaluation))
+        content = pack_evaluation(evaluation)
+        with changing(self.folder):
+            write_atomically(self.folder / "evaluation.npz", content)
 
     @property
     def evaluation(self) -> Evaluation | None:
         """The last finished evaluation; None before the first."""
-        path = self.folder / "evaluation.npz"
-        return unpack_evaluation(path.read_bytes()) if path.is_file() else None
+        content = read_if_there(self.folder / "evaluation.npz", "validate again")
+        return None if content is None else unpack_evaluation(content)
 
     # Further data sets, to validate on together
 
@@ -231,42 +230,57 @@ class Project:
         """
         parse_zip(content, label)
         stored = f"{hashlib.sha256(content).hexdigest()[:20]}-dataset.zip"
-        write_atomically(self.folder / "inputs" / stored, content)
-        self._change(lambda state: state.setdefault("more", []).append([label, stored]))
+        with changing(self.folder):
+            state = self._file.read()
+            state.setdefault("more", []).append([label, stored])
+            file = self.folder / "inputs" / stored
+            write_all({file: content, self._file.path: self._file.pack(state)})
 
     def drop_datasets(self) -> None:
-        """Forget the further data sets."""
-        self._change(lambda state: state.pop("more", None))
+        """Forget the further data sets, and free their room."""
+        with self._file.change() as state:
+            more = state.pop("more", [])
+        forget_files(self.folder, [self.folder / "inputs" / file for _, file in more])
 
     @property
     def more_datasets(self) -> list[Dataset]:
         """The further data sets."""
         return [
-            parse_zip(own_file(self.folder / "inputs", file).read_bytes(), label)
-            for label, file in self._read_state().get("more", [])
+            parse_zip(self._input(file, label), label)
+            for label, file in self._file.read().get("more", [])
         ]
 
     # On disk
 
-    def _content(self, inputs: Inputs, slot: Slot) -> bytes:
+    def _content(self, inputs: Inputs, slot: Slot, fresh: Mapping[str, bytes] = _NO_FILES) -> bytes:
+        stored = inputs.files[slot]
+        return fresh[stored] if stored in fresh else self._input(stored, inputs.labels[slot])
+
+    def _input(self, stored: str, label: str) -> bytes:
         try:
-            return own_file(self.folder / "inputs", inputs.files[slot]).read_bytes()
+            return own_file(self.folder / "inputs", stored).read_bytes()
         except OSError as error:
             raise StereocalError(
-                f"{inputs.labels[slot]} has gone from the project's folder; give it again."
+                f"{label} has gone from the project's folder; give it again."
             ) from error
 
-    def _camera(self, inputs: Inputs, slot: Literal["primary", "secondary"]) -> Camera | None:
+    def _camera(
+        self,
+        inputs: Inputs,
+        slot: Literal["primary", "secondary"],
+        fresh: Mapping[str, bytes] = _NO_FILES,
+    ) -> Camera | None:
         if slot not in inputs.files:
             return None
-        return read_camera(self._content(inputs, slot), inputs.labels[slot])
+        return read_camera(self._content(inputs, slot, fresh), inputs.labels[slot])
 
-    def _dataset(self, inputs: Inputs) -> Dataset:
-        primary, secondary = self._camera(inputs, "primary"), self._camera(inputs, "secondary")
+    def _dataset(self, inputs: Inputs, fresh: Mapping[str, bytes] = _NO_FILES) -> Dataset:
+        primary = self._camera(inputs, "primary", fresh)
+        secondary = self._camera(inputs, "secondary", fresh)
         if primary is None or secondary is None:
             raise StereocalError(f"Still missing: {', '.join(inputs.missing)}.")
         label = inputs.labels["correspondences"]
-        table = read_table(self._content(inputs, "correspondences"), label)
+        table = read_table(self._content(inputs, "correspondences", fresh), label)
         return Dataset(
             name=inputs.name or Path(label).stem,
             primary=primary,
@@ -278,21 +292,11 @@ class Project:
             target_distance_sigma_m=inputs.target_distance_sigma_m,
         )
 
-    def _read_state(self) -> dict[str, Any]:
-        try:
-            state = json.loads((self.folder / "project.json").read_bytes())
-        except (OSError, ValueError) as error:
-            raise StereocalError(f"The project's file cannot be read ({error}).") from error
-        if not isinstance(state, dict) or state.get("format") != PROJECT_FORMAT:
-            raise StereocalError("The project was written by another version of stereocal.")
-        return state
 
-    def _write_state(self, state: Mapping[str, Any]) -> None:
-        text = json.dumps(state, indent=1, allow_nan=False)
-        write_atomically(self.folder / "project.json", text.encode())
-
-    def _change(self, edit: Callable[[dict[str, Any]], None]) -> None:
-        with _WRITING:
-            state = self._read_state()
-            edit(state)
-            self._write_state(state)
+def _check(state: dict[str, Any]) -> None:
+    """Look at all that is read of `project.json`."""
+    check_inputs(Inputs(**state["inputs"]))
+    dict(state["settings"])
+    for label, file in state.get("more", []):
+        if not isinstance(label, str) or not isinstance(file, str):
+            raise TypeError(label)

@@ -1,14 +1,79 @@
-"""Files that appear whole or not at all."""
+"""Files that appear whole or not at all, and that are there after a power cut.
+
+A temporary file beside the target is written and flushed, renamed, and then its folder is flushed:
+without that the new name may be lost, though the content is not.
+"""
 
 from __future__ import annotations
 
+import errno
 import os
+import re
 import tempfile
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from stereocal.errors import StereocalError
+
+_PROJECT = re.compile(r"[0-9a-f]{32}")
+
+
+def make_folder(path: Path) -> None:
+    """Make a folder, and those above that are missing, so that they are there after a power cut.
+
+    The folder of a project is never made: it was removed, and half of it would be back.
+
+    Raises:
+        OSError: it cannot be made.
+    """
+    if path.is_dir():
+        return
+    if path.parent.name == "projects" and _PROJECT.fullmatch(path.name):
+        raise FileNotFoundError(errno.ENOENT, "the project was removed", str(path))
+    make_folder(path.parent)
+    with suppress(FileExistsError):  # by another thread; what is no folder fails when it is used
+        path.mkdir()
+    flush_folder(path.parent)
+
+
+def flush_folder(path: Path) -> None:
+    """Wait until the names in a folder are on the disk.
+
+    Raises:
+        OSError: they cannot be brought there.
+    """
+    if os.name == "nt":  # a folder cannot be opened there; the file system keeps a journal
+        return
+    handle = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def flush_tree(path: Path) -> None:
+    """Wait until all files and names below a folder are on the disk.
+
+    Raises:
+        OSError: they cannot be brought there.
+    """
+    for below in path.rglob("*"):
+        if below.is_dir():
+            flush_folder(below)
+        else:
+            flush_file(below)
+    flush_folder(path)
+
+
+def flush_file(path: Path) -> None:
+    """Wait until a file's content is on the disk.
+
+    Raises:
+        OSError: it cannot be brought there.
+    """
+    with path.open("rb") as file:
+        os.fsync(file.fileno())
 
 
 def write_atomically(path: Path, content: bytes) -> None:
@@ -21,15 +86,20 @@ def write_atomically(path: Path, content: bytes) -> None:
 
 
 def write_all(files: Mapping[Path, bytes]) -> None:
-    """Write several files: temporary files beside them, flushed to disk, then all renamed.
+    """Write several files, each whole; a later folder's files appear after an earlier one's.
+
+    Temporary files are written beside all of them before the first is renamed.
 
     Raises:
-        StereocalError: a folder cannot be written to, or the disk is full; nothing has changed.
+        StereocalError: a folder cannot be written to, or the disk is full. Nothing has changed but
+            where the disk fails between two renames, which need no room.
     """
     waiting: list[tuple[Path, Path]] = []
     try:
         for path, content in files.items():
-            path.parent.mkdir(parents=True, exist_ok=True)
+            make_folder(path.parent)
+            if path.is_dir():
+                raise IsADirectoryError(0, "it is a folder", str(path))
             handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
             waiting.append((Path(name), path))
             with os.fdopen(handle, "wb") as file:
@@ -37,17 +107,17 @@ def write_all(files: Mapping[Path, bytes]) -> None:
                 file.flush()
                 os.fsync(file.fileno())
             Path(name).chmod(0o644)
-        for path in files:
-            if path.is_dir():
-                raise IsADirectoryError(0, "it is a folder", str(path))
-        for temporary, path in waiting:
-            temporary.replace(path)
+        for folder in dict.fromkeys(path.parent for path in files):
+            for temporary, path in waiting:
+                if path.parent == folder:
+                    temporary.replace(path)
+            flush_folder(folder)
     except OSError as error:
         where = ", ".join(str(path) for path in files)
         raise StereocalError(f"{where} cannot be written: {error.strerror or error}.") from error
     finally:
         for temporary, _ in waiting:
-            temporary.unlink(missing_ok=True)
+            _remove(temporary)
 
 
 @contextmanager
@@ -60,19 +130,25 @@ def write_in_parts(path: Path) -> Iterator[Path]:
     """
     temporary: Path | None = None
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+        make_folder(path.parent)
         if path.is_dir():
             raise IsADirectoryError(0, "it is a folder", str(path))
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
         os.close(handle)
         temporary = Path(name)
         yield temporary
-        with temporary.open("rb") as file:
-            os.fsync(file.fileno())
+        flush_file(temporary)
         temporary.chmod(0o644)
         temporary.replace(path)
+        flush_folder(path.parent)
     except OSError as error:
         raise StereocalError(f"{path} cannot be written: {error.strerror or error}.") from error
     finally:
         if temporary is not None:
-            temporary.unlink(missing_ok=True)
+            _remove(temporary)
+
+
+def _remove(path: Path) -> None:
+    """Remove a temporary file; where even that fails, the sweep of the server will."""
+    with suppress(OSError):
+        path.unlink(missing_ok=True)

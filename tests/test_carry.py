@@ -87,7 +87,7 @@ def lead_out(files: dict[str, bytes], stored: str) -> None:
         (lambda files: files.update({"a/b/c/d/e": b"x"}), "no file of a project"),
         (lambda files: files.pop("project.json"), "no stereocal project"),
         (lambda files: files.update({"project.json": b"{}"}), "another version"),
-        (lambda files: files.update({"project.json": b"\xff"}), "cannot be read"),
+        (lambda files: files.update({"project.json": b"\xff"}), "is damaged"),
         (lambda files: lead_out(files, "../../secret"), "no file of its own"),
         (lambda files: lead_out(files, "/etc/passwd"), "no file of its own"),
         (lambda files: lead_out(files, ""), "no file of its own"),

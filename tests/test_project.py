@@ -165,7 +165,7 @@ def test_damaged_or_foreign_project_is_said(tmp_path: Path) -> None:
     with pytest.raises(StereocalError, match="calibrate again"):
         _ = project.calibration
     (project.folder / "project.json").write_text(json.dumps({"format": "stereocal-project/9"}))
-    with pytest.raises(StereocalError, match="another version"):
+    with pytest.raises(StereocalError, match=r"newer version of stereocal \(stereocal-project/9\)"):
         Project.open(tmp_path, project.id)
 
 

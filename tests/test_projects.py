@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import stat
 import time
@@ -17,8 +18,8 @@ from stereocal.store.projects import (
     duplicate,
     recent_projects,
     remove,
-    sweep,
 )
+from stereocal.store.sweep import sweep
 from tests.test_project import filled
 
 
@@ -27,6 +28,13 @@ def aged(folder: Path, days: float) -> None:
     when = time.time() - days * 86_400
     for path in (*folder.rglob("*"), folder):
         os.utime(path, (when, when))
+
+
+def swept(home: Path, removed_days: float, unused_days: float = math.inf) -> int:
+    """What goes in two sweeps, the second one a day later."""
+    first = sweep(home, removed_days, unused_days, lambda: time.time() - 86_400)
+    assert first == 0
+    return sweep(home, removed_days, unused_days)
 
 
 def calibrated(home: Path) -> Project:
@@ -70,7 +78,7 @@ def test_a_copy_has_everything_and_its_own_life(tmp_path: Path) -> None:
     copy.give({}, baseline_m=3.0)
     assert project.inputs.baseline_m == 4.5
     remove(tmp_path, project.id)
-    sweep(tmp_path, removed_days=-1)
+    assert swept(tmp_path, removed_days=-1) == 1
     assert copy.dataset is not None
     assert not list((tmp_path / "projects").glob(".new*"))
 
@@ -93,14 +101,14 @@ def test_removed_projects_come_back_whole(tmp_path: Path) -> None:
 
 def test_sweep_takes_what_is_old_and_nothing_else(tmp_path: Path) -> None:
     old, new, removed = filled(tmp_path), filled(tmp_path), filled(tmp_path)
-    aged(old.folder, 40)
+    aged(old.folder, 41)
     remove(tmp_path, removed.id)
     assert sweep(tmp_path, removed_days=30) == 0
-    assert sweep(tmp_path, removed_days=30, unused_days=39) == 1
+    assert swept(tmp_path, removed_days=30, unused_days=39) == 1
     assert [listed.id for listed in recent_projects(tmp_path)] == [new.id]
     assert bring_back(tmp_path, old.id).dataset is not None
-    aged(tmp_path / "removed" / removed.id, 31)
-    assert sweep(tmp_path, removed_days=30) == 1
+    aged(tmp_path / "removed" / removed.id, 32)
+    assert swept(tmp_path, removed_days=30) == 1
     with pytest.raises(StereocalError, match="for good"):
         bring_back(tmp_path, removed.id)
 

@@ -10,12 +10,15 @@ import hashlib
 import os
 import tempfile
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from pathlib import Path, PurePosixPath
 
 from stereocal.errors import StereocalError
 from stereocal.formats.photograph import SUFFIXES
 from stereocal.formats.zip_files import open_zip
 from stereocal.limits import Limits
+from stereocal.locking import FileLock
+from stereocal.writing import make_folder
 
 Photographs = Mapping[str, Path]
 """Names as the person has them, with folders and forward slashes, to files on disk."""
@@ -88,24 +91,34 @@ def unpack_photographs(
 def keep_photograph(pieces: Iterable[bytes], name: str, store: Path) -> Path:
     """Write a photograph's file into `store`, named by its content; the same one only once.
 
+    Its content is on the disk when this returns; its name is when `writing.flush_folder` was called
+    on `store`, once for all photographs.
+
     Raises:
         StereocalError: the folder cannot be written to, or the disk is full.
     """
     suffix = PurePosixPath(name).suffix.lower()
     digest = hashlib.sha256()
-    temporary = None
+    lock = None
     try:
-        store.mkdir(parents=True, exist_ok=True)
+        make_folder(store)
         handle, temporary = tempfile.mkstemp(dir=store, prefix=".new-")
-        with os.fdopen(handle, "wb") as file:
+        os.close(handle)
+        lock = FileLock(Path(temporary))  # so that nobody sweeps it
+        lock.acquire()
+        with lock.path.open("wb") as file:
             for piece in pieces:
                 digest.update(piece)
                 file.write(piece)
+            file.flush()
+            os.fsync(file.fileno())
         path = store / f"{digest.hexdigest()[:32]}{suffix if suffix in SUFFIXES else ''}"
-        Path(temporary).replace(path)
+        lock.path.replace(path)
     except OSError as error:
         raise StereocalError(f"{name} cannot be stored: {error.strerror or error}.") from error
     finally:
-        if temporary is not None:
-            Path(temporary).unlink(missing_ok=True)
+        if lock is not None:
+            with suppress(OSError):
+                lock.path.unlink(missing_ok=True)
+            lock.release()
     return path

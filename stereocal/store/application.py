@@ -5,7 +5,7 @@ Below the project's folder, in `apply/`:
 - `files/<digest>-<what>`: point and parameter files as given, and tables read from them.
 - `apply.json`: which of them are current, what was answered about them.
 - `results/<name>/`: `pairs.csv` and `points.csv`; `result.json` names the folder and says what was
-  done. It is replaced in one step, so that what it names is always complete.
+  done. It is replaced in one step when the folder is on the disk: what it names is complete.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ import hashlib
 import json
 import shutil
 import tempfile
-import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -27,12 +27,14 @@ from stereocal.formats.parquet import PARQUET
 from stereocal.formats.point_answers import OURS, Answers, answered, layout_of
 from stereocal.formats.point_files import read_points
 from stereocal.formats.point_table import PointTable
+from stereocal.locking import locked
 from stereocal.parameters import RigParameters
-from stereocal.points.application import Application, Outcome, Points, apply_sets
+from stereocal.points.application import PAIRS, POINTS, Application, Outcome, Points, apply_sets
 from stereocal.points.pairs import POINT
 from stereocal.project import Project
 from stereocal.store.folders import own_file
-from stereocal.writing import write_atomically
+from stereocal.store.state import DAMAGED, DamagedError, StateFile, changing, read_if_there
+from stereocal.writing import flush_folder, make_folder, write_atomically
 
 STORE_FORMAT = "stereocal-apply/1"
 Side = Literal["primary", "secondary"]
@@ -40,7 +42,7 @@ SIDES: tuple[Side, Side] = ("primary", "secondary")
 Asked = Literal["primary", "secondary", "bars"]
 Use = Literal["matching", "measuring"]
 USES: tuple[Use, Use] = ("matching", "measuring")
-_WRITING = threading.Lock()
+_AGAIN = "give the points and the parameter files of this page again"
 
 
 @dataclass(frozen=True)
@@ -63,16 +65,17 @@ class ProjectApplication:
         self.project = project
         self.folder = project.folder / "apply"
         self.files = self.folder / "files"
+        self._file = StateFile(
+            project.folder, self.folder / "apply.json", STORE_FORMAT, _check,
+            {"points": {}, "asking": {}, "sets": {}}, "The list of files of this page", _AGAIN,
+        )  # fmt: skip
 
     # Points
 
     def point_file(self, side: Side) -> PointFile | None:
         """The file in use."""
-        found = self._read()["points"].get(side)
-        try:
-            return None if found is None else PointFile(**found)
-        except TypeError as error:
-            raise StereocalError(f"The list of point files is damaged ({error}).") from error
+        found = self._file.read()["points"].get(side)
+        return None if found is None else PointFile(**found)
 
     def points(self, side: Side) -> Points | None:
         """The points in use, with what messages call them."""
@@ -83,8 +86,8 @@ class ProjectApplication:
 
     def asking(self, side: Asked) -> tuple[str, bytes] | None:
         """Name and content of a file that cannot be used before a person has answered."""
-        found = self._read()["asking"].get(side)
-        return None if found is None else (found[0], own_file(self.files, found[1]).read_bytes())
+        found = self._file.read()["asking"].get(side)
+        return None if found is None else (found[0], self._content(found[1], found[0]))
 
     def offer_points(self, side: Side, label: str, content: bytes) -> None:
         """Take over a `frame,u,v` table; ask about any other point file.
@@ -102,7 +105,8 @@ class ProjectApplication:
     def ask(self, side: Asked, label: str, content: bytes) -> None:
         """Keep a file until a person has said how it is to be read."""
         stored = self._store(content, ".txt")
-        self._change(lambda state: state["asking"].update({side: [label, stored]}))
+        with self._changed() as state:
+            state["asking"][side] = [label, stored]
 
     def answer(self, side: Side, answers: Answers) -> None:
         """Read the file that was asked about as the answers say, and use it.
@@ -110,7 +114,7 @@ class ProjectApplication:
         Raises:
             StereocalError: it cannot be read that way; nothing has changed.
         """
-        found = self._read()["asking"].get(side)
+        found = self._file.read()["asking"].get(side)
         if found is None:
             return
         label, stored = found
@@ -137,12 +141,13 @@ class ProjectApplication:
         """Ask about the file in use once more; it stays in use until then."""
         file = self.point_file(side)
         if file is not None and file.answers is not None:
-            again = [file.label, file.stored]
-            self._change(lambda state: state["asking"].update({side: again}))
+            with self._changed() as state:
+                state["asking"][side] = [file.label, file.stored]
 
     def forget_question(self, side: Asked) -> None:
         """Put aside the file that is asked about."""
-        self._change(lambda state: state["asking"].pop(side, None))
+        with self._changed() as state:
+            state["asking"].pop(side, None)
 
     def own_points(self, table: pd.DataFrame, label: str) -> Points:
         """Points of the project itself as a table on disk, so that they are applied like others."""
@@ -162,31 +167,40 @@ class ProjectApplication:
         except UnicodeDecodeError as error:
             raise StereocalError(f"{label}: this is not a text file (JSON in UTF-8).") from error
         stored = self._store(content, ".json")
-        self._change(lambda state: state["sets"].update({use: [label, stored]}))
+        with self._changed() as state:
+            state["sets"][use] = [label, stored]
 
     def set_of(self, use: Use) -> tuple[str, RigParameters] | None:
         """Name and content of a parameter file."""
-        found = self._read()["sets"].get(use)
+        found = self._file.read()["sets"].get(use)
         if found is None:
             return None
         label, stored = found
-        text = own_file(self.files, stored).read_text(encoding="utf-8-sig")
-        return label, RigParameters.loads(text, label)
+        content = self._content(stored, label)
+        try:
+            return label, RigParameters.loads(content.decode("utf-8-sig"), label)
+        except UnicodeDecodeError as error:
+            raise StereocalError(f"{label} is damaged; give it again.") from error
 
     # Results
 
     @property
     def result(self) -> tuple[Outcome, Path] | None:
         """The last finished result and the folder with its tables; None before the first."""
-        path = self.folder / "result.json"
-        if not path.is_file():
+        again = "match and measure again"
+        packed = read_if_there(self.folder / "result.json", again)
+        if packed is None:
             return None
         try:
-            content = json.loads(path.read_bytes())
+            content = json.loads(packed)
             folder = own_file(self.folder / "results", content["folder"])
-            return Outcome(**content["outcome"]), folder
-        except (OSError, ValueError, KeyError, TypeError) as error:
-            raise StereocalError("The last result of this page cannot be read.") from error
+            outcome = Outcome(**content["outcome"])
+        except DAMAGED as error:
+            raise StereocalError(f"The last result of this page is damaged; {again}.") from error
+        for name in (PAIRS, POINTS):
+            if not (folder / name).is_file():
+                raise StereocalError(f"{name} of the last result has gone; {again}.")
+        return outcome, folder
 
     def run(
         self,
@@ -200,24 +214,42 @@ class ProjectApplication:
         Raises:
             StereocalError: it cannot be done; the last result stays.
         """
-        results = self.folder / "results"
-        results.mkdir(parents=True, exist_ok=True)
-        folder = Path(tempfile.mkdtemp(dir=results))
+        folder = self._new_result()
         kept = False
         try:
-            outcome = apply_sets(work, folder, begin, progress, cancelled)
-            if outcome is not None:
-                before = self.result
-                content = {"outcome": outcome.to_json(), "folder": folder.name}
-                text = json.dumps(content, indent=1)
-                write_atomically(self.folder / "result.json", text.encode())
-                kept = True
-                if before is not None:
-                    shutil.rmtree(before[1], ignore_errors=True)
+            with locked(folder):  # so that nobody sweeps it
+                outcome = apply_sets(work, folder, begin, progress, cancelled)
+                if outcome is not None:
+                    self._keep_result(outcome, folder)
+                    kept = True
         finally:
             if not kept:
                 shutil.rmtree(folder, ignore_errors=True)
         return kept
+
+    def _new_result(self) -> Path:
+        results = self.folder / "results"
+        try:
+            make_folder(results)
+            folder = Path(tempfile.mkdtemp(dir=results))
+            flush_folder(results)
+        except OSError as error:
+            raise StereocalError(
+                f"The result cannot be stored: {error.strerror or error}."
+            ) from error
+        return folder
+
+    def _keep_result(self, outcome: Outcome, folder: Path) -> None:
+        content = {"outcome": outcome.to_json(), "folder": folder.name}
+        text = json.dumps(content, indent=1)
+        with changing(self.project.folder):
+            try:
+                before = self.result
+            except StereocalError:  # damaged: this one takes its place
+                before = None
+            write_atomically(self.folder / "result.json", text.encode())
+        if before is not None:
+            shutil.rmtree(before[1], ignore_errors=True)
 
     # On disk
 
@@ -230,33 +262,41 @@ class ProjectApplication:
             None if answers is None else answers.to_json(),
         )  # fmt: skip
 
-        def edit(state: dict[str, Any]) -> None:
+        with self._changed() as state:
             state["points"][side] = asdict(file)
             state["asking"].pop(side, None)
 
-        self._change(edit)
-
     def _store(self, content: bytes, suffix: str) -> str:
         name = f"{hashlib.sha256(content).hexdigest()[:20]}{suffix}"
-        if not (self.files / name).is_file():
-            write_atomically(self.files / name, content)
+        path = self.files / name
+        if not path.is_file() or path.read_bytes() != content:
+            write_atomically(path, content)
         return name
 
-    def _change(self, edit: Callable[[dict[str, Any]], object]) -> None:
-        with _WRITING:
-            state = self._read()
-            edit(state)
-            text = json.dumps(state, indent=1, allow_nan=False)
-            write_atomically(self.folder / "apply.json", text.encode())
-
-    def _read(self) -> dict[str, Any]:
-        path = self.folder / "apply.json"
-        if not path.is_file():
-            return {"format": STORE_FORMAT, "points": {}, "asking": {}, "sets": {}}
+    def _content(self, stored: str, label: str) -> bytes:
         try:
-            state: dict[str, Any] = json.loads(path.read_bytes())
-        except (OSError, ValueError) as error:
-            raise StereocalError(f"The files of this page cannot be read ({error}).") from error
-        if state.get("format") != STORE_FORMAT:
-            raise StereocalError("The files of this page were stored by another version.")
-        return state
+            return own_file(self.files, stored).read_bytes()
+        except OSError as error:
+            raise StereocalError(f"{label} has gone from the project; give it again.") from error
+
+    @contextmanager
+    def _changed(self) -> Iterator[dict[str, Any]]:
+        """The list of files, to be edited; one that is damaged is begun anew."""
+        with changing(self.project.folder):
+            try:
+                state = self._file.read()
+            except DamagedError:
+                state = self._file.blank()
+            yield state
+            self._file.write(state)
+
+
+def _check(state: dict[str, Any]) -> None:
+    for found in state["points"].values():
+        file = PointFile(**found)
+        if not isinstance(file.stored, str) or not isinstance(file.table, str):
+            raise TypeError(file)
+    for kind in ("asking", "sets"):
+        for label, stored in state[kind].values():
+            if not isinstance(label, str) or not isinstance(stored, str):
+                raise TypeError(label)

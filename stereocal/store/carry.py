@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import os
 import re
-import shutil
 import tempfile
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from stereocal.dataset import Dataset
@@ -15,9 +14,10 @@ from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.formats.zip_files import OpenZip, open_zip
 from stereocal.project import Project
-from stereocal.store.folders import new_id, private_folder
+from stereocal.store.folders import UNCHANGING, new_project_folder
+from stereocal.store.state import PROJECT_FILE, changing
+from stereocal.writing import write_in_parts
 
-STATE = "project.json"
 MADE_AGAIN = ("thumbnails",)
 """Folders whose files are made again when they are needed."""
 PLAIN = re.compile(r"[A-Za-z0-9_][A-Za-z0-9._-]{0,99}")
@@ -33,20 +33,33 @@ def pack_project(project: Project, target: Path) -> None:
     Raises:
         StereocalError: the file cannot be written, or the project's folder not be read.
     """
-    waiting = target.with_name(f".{target.name}.part")
-    try:
-        with zipfile.ZipFile(waiting, "w", zipfile.ZIP_DEFLATED) as archive:
+    with write_in_parts(target) as waiting, zipfile.ZipFile(waiting, "w") as archive:
+        later = []
+        with _still(project.folder):
             for path in sorted(project.folder.rglob("*")):
                 place = path.relative_to(project.folder)
                 if path.is_file() and _belongs(place):
-                    packed = "files" in place.parts or path.suffix in (".npz", ".zip")
-                    how = zipfile.ZIP_STORED if packed else zipfile.ZIP_DEFLATED
-                    archive.write(path, place.as_posix(), how)
-        waiting.replace(target)
-    except OSError as error:
-        raise StereocalError(f"The project cannot be packed: {error.strerror or error}.") from error
-    finally:
-        waiting.unlink(missing_ok=True)
+                    if path.parent.name in UNCHANGING:
+                        later.append((path, place))
+                    else:
+                        _pack(archive, path, place)
+        for path, place in later:
+            _pack(archive, path, place)
+
+
+def _pack(archive: zipfile.ZipFile, path: Path, place: Path) -> None:
+    packed = "files" in place.parts or path.suffix in (".npz", ".zip")
+    how = zipfile.ZIP_STORED if packed else zipfile.ZIP_DEFLATED
+    archive.write(path, place.as_posix(), how)
+
+
+@contextmanager
+def _still(folder: Path) -> Iterator[None]:
+    """Nobody changes the project inside; where nothing can be written, nobody does anyway."""
+    with ExitStack() as stack:
+        with suppress(StereocalError):
+            stack.enter_context(changing(folder))
+        yield
 
 
 def unpack_project(
@@ -61,25 +74,16 @@ def unpack_project(
     Raises:
         StereocalError: not a zip, no project in it, or one that cannot be opened; nothing is left.
     """
-    parent = private_folder(home / "projects")
-    waiting = Path(tempfile.mkdtemp(dir=parent, prefix=".new."))
-    try:
+
+    def fill(folder: Path) -> None:
         with open_zip(source, name) as opened:
-            _unpack(opened, name, waiting)
+            _unpack(opened, name, folder)
         if look_through is not None:
-            look_through(waiting)
-        project = Project(waiting)
-        inputs = project.inputs
-        project.dataset_of(inputs)
-        target = parent / new_id()
-        waiting.rename(target)
-    except OSError as error:
-        raise StereocalError(
-            f"{name}: the project cannot be stored: {error.strerror or error}."
-        ) from error
-    finally:
-        shutil.rmtree(waiting, ignore_errors=True)
-    return Project.open(home, target.name)
+            look_through(folder)
+        project = Project(folder)
+        project.dataset_of(project.inputs)
+
+    return Project(new_project_folder(home, fill))
 
 
 def read_input(path: Path) -> Dataset:
@@ -88,11 +92,11 @@ def read_input(path: Path) -> Dataset:
     Raises:
         StereocalError: neither, or one that cannot be used; says what to do.
     """
-    if path.is_dir() and (path / STATE).is_file():
+    if path.is_dir() and (path / PROJECT_FILE).is_file():
         return _complete(Project(path), path.name)
     if path.is_file() and zipfile.is_zipfile(path):
         with open_zip(path, path.name) as opened:
-            holds_project = STATE in opened.names
+            holds_project = PROJECT_FILE in opened.names
         if holds_project:
             with tempfile.TemporaryDirectory() as home:
                 return _complete(unpack_project(path, path.name, Path(home)), path.name)
@@ -111,7 +115,7 @@ def _complete(project: Project, name: str) -> Dataset:
 
 def _unpack(opened: OpenZip, name: str, folder: Path) -> None:
     """Write the files of a zip below a folder, each under a name that cannot lead out of it."""
-    if STATE not in opened.names:
+    if PROJECT_FILE not in opened.names:
         raise StereocalError(f"{name}: there is no stereocal project in this zip.")
     for member in opened.names:
         place = Path(member)
@@ -122,8 +126,6 @@ def _unpack(opened: OpenZip, name: str, folder: Path) -> None:
         with target.open("wb") as file:
             for piece in opened.pieces(member):
                 file.write(piece)
-            file.flush()
-            os.fsync(file.fileno())
 
 
 def _belongs(place: Path) -> bool:

@@ -5,11 +5,20 @@ from __future__ import annotations
 import os
 import re
 import secrets
+import shutil
 import sys
+import tempfile
+from collections.abc import Callable
 from pathlib import Path
 
 from stereocal.errors import StereocalError
+from stereocal.locking import locked
+from stereocal.writing import flush_folder, flush_tree, make_folder
 
+WAITING = ".new."
+"""How the name of a project's folder begins while it is not complete."""
+UNCHANGING = ("inputs", "files")
+"""Folders of a project whose files are named by their content and never change."""
 _ID = re.compile(r"[0-9a-f]{32}")
 
 
@@ -52,8 +61,36 @@ def private_folder(path: Path) -> Path:
         StereocalError: it cannot be made.
     """
     try:
-        path.mkdir(parents=True, exist_ok=True)
-        path.chmod(0o700)
+        make_folder(path)
+        if path.stat().st_mode & 0o777 != 0o700:
+            path.chmod(0o700)
     except OSError as error:
         raise StereocalError(f"{path} cannot be made: {error.strerror or error}.") from error
     return path
+
+
+def new_project_folder(home: Path, fill: Callable[[Path], object]) -> Path:
+    """A new project's folder, which appears when it is complete.
+
+    Args:
+        fill: puts the project's files into a folder.
+
+    Raises:
+        StereocalError: it cannot be made, or the disk is full; nothing is left.
+    """
+    parent = private_folder(home / "projects")
+    waiting = None
+    try:
+        waiting = Path(tempfile.mkdtemp(dir=parent, prefix=WAITING))
+        with locked(waiting):
+            fill(waiting)
+            flush_tree(waiting)
+        target = parent / new_id()
+        waiting.rename(target)
+        flush_folder(parent)
+    except OSError as error:
+        raise StereocalError(f"The project cannot be stored: {error.strerror or error}.") from error
+    finally:
+        if waiting is not None:
+            shutil.rmtree(waiting, ignore_errors=True)
+    return target

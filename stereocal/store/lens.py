@@ -9,9 +9,8 @@ Below the project's folder, in `lens/primary/` and `lens/secondary/`:
 
 from __future__ import annotations
 
-import json
-import threading
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Literal
 
@@ -22,12 +21,13 @@ from stereocal.lens.boards import BoardSearch
 from stereocal.lens.files import about, pack_lens, pack_search, unpack_lens, unpack_search
 from stereocal.project import Project
 from stereocal.store.folders import own_file
+from stereocal.store.state import StateFile, changing, flush_stored, forget, read_if_there
+from stereocal.store.unused import forget_files
 from stereocal.writing import write_atomically
 
 STORE_FORMAT = "stereocal-boards/1"
 Which = Literal["primary", "secondary"]
 WHICH: tuple[Which, Which] = ("primary", "secondary")
-_WRITING = threading.Lock()
 
 
 class ProjectLens:
@@ -39,51 +39,64 @@ class ProjectLens:
         self.folder = project.folder / "lens" / which
         self.files = self.folder / "files"
         """Where `photograph_files` stores what comes from a zip or an upload."""
+        self._file = StateFile(
+            project.folder, self.folder / "photographs.json", STORE_FORMAT, _check, {"files": {}},
+            "The list of board photographs", "remove them, and give them again",
+        )  # fmt: skip
 
     @property
     def photographs(self) -> dict[str, Path]:
         """Files on disk by the person's names."""
-        stored: Mapping[str, str] = self._read()["files"]
+        stored: Mapping[str, str] = self._file.read()["files"]
         return {name: own_file(self.files, file) for name, file in stored.items()}
 
     def add(self, found: Mapping[str, Path]) -> None:
         """Take over photographs that are stored below `files`; a name given again is replaced."""
-        with _WRITING:
-            state = self._read()
+        flush_stored(found, self.files)
+        with self._file.change() as state:
             state["files"].update({name: path.name for name, path in found.items()})
-            self._write(state)
-            (self.folder / "boards.npz").unlink(missing_ok=True)
+            forget(self.folder / "boards.npz")
 
     def clear(self) -> None:
-        """Forget the photographs and what was made of them; the files stay on disk."""
-        with _WRITING:
-            self._write(_empty())
+        """Forget the photographs and what was made of them, and free their room."""
+        with changing(self.project.folder):
+            if not self.folder.exists():
+                return
+            files: Collection[Path] = ()
+            with suppress(StereocalError):  # a list that is damaged is begun anew
+                files = self.photographs.values()
+            self._file.write(self._file.blank())
             for name in ("boards.npz", "lens.npz"):
-                (self.folder / name).unlink(missing_ok=True)
+                forget(self.folder / name)
+            forget_files(self.project.folder, files)
 
     @property
     def search(self) -> BoardSearch | None:
         """The boards that were found in the photographs that are there now; None if not yet."""
-        path = self.folder / "boards.npz"
-        if not path.is_file():
+        content = read_if_there(self.folder / "boards.npz", "find the boards again")
+        if content is None:
             return None
-        search = unpack_search(path.read_bytes())
+        search = unpack_search(content)
         names = [view.name for view in search.views] + [item.name for item in search.refused]
-        return search if set(names) == set(self._read()["files"]) else None
+        return search if set(names) == set(self._file.read()["files"]) else None
 
     def keep_search(self, search: BoardSearch) -> None:
         """Keep the boards that were found."""
-        write_atomically(self.folder / "boards.npz", pack_search(search))
+        content = pack_search(search)
+        with changing(self.project.folder):
+            write_atomically(self.folder / "boards.npz", content)
 
     @property
     def calibration(self) -> LensCalibration | None:
         """The last finished calibration; None before the first."""
-        path = self.folder / "lens.npz"
-        return unpack_lens(path.read_bytes()) if path.is_file() else None
+        content = read_if_there(self.folder / "lens.npz", "calibrate the lens again")
+        return None if content is None else unpack_lens(content)
 
     def keep_calibration(self, lens: LensCalibration) -> None:
         """Keep a finished calibration in place of the last one."""
-        write_atomically(self.folder / "lens.npz", pack_lens(lens))
+        content = pack_lens(lens)
+        with changing(self.project.folder):
+            write_atomically(self.folder / "lens.npz", content)
 
     def use(self) -> None:
         """Make the lens the project's camera.
@@ -105,28 +118,13 @@ class ProjectLens:
             lens is not None and camera is not None and (camera.to_json() == lens.camera.to_json())
         )
 
-    def _read(self) -> dict[str, Any]:
-        path = self.folder / "photographs.json"
-        if not path.is_file():
-            return _empty()
-        try:
-            state: dict[str, Any] = json.loads(path.read_bytes())
-        except (OSError, ValueError) as error:
-            raise StereocalError(
-                f"The list of board photographs cannot be read ({error})."
-            ) from error
-        if state.get("format") != STORE_FORMAT:
-            raise StereocalError("The board photographs were stored by another version.")
-        return state
-
-    def _write(self, state: Mapping[str, Any]) -> None:
-        write_atomically(self.folder / "photographs.json", json.dumps(state, indent=1).encode())
-
 
 def label_of(lens: LensCalibration) -> str:
     """What the project calls a camera made of photographs."""
     return f"lens from {len(lens.search.views)} board photographs"
 
 
-def _empty() -> dict[str, Any]:
-    return {"format": STORE_FORMAT, "files": {}}
+def _check(state: dict[str, Any]) -> None:
+    for name, file in dict(state["files"]).items():
+        if not isinstance(name, str) or not isinstance(file, str):
+            raise TypeError(name)

@@ -12,8 +12,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -23,14 +23,16 @@ from stereocal.formats.correspondences_csv import write_table
 from stereocal.formats.photograph import GreyImage, read_photograph
 from stereocal.frames.frame import Frame, correspondences_of, pack_frames, unpack_frames
 from stereocal.frames.pairing import Pair, Pairing, pair_names
+from stereocal.frames.search import keep_corrections
 from stereocal.frames.thumbnails import side_by_side, tile
 from stereocal.project import Project
 from stereocal.store.folders import own_file
+from stereocal.store.state import StateFile, changing, flush_stored, forget, read_if_there
+from stereocal.store.unused import forget_files
 from stereocal.writing import write_atomically
 
 STORE_FORMAT = "stereocal-photographs/1"
 TABLE_LABEL = "targets found in the photographs"
-_WRITING = threading.Lock()
 
 
 @dataclass(frozen=True)
@@ -49,41 +51,55 @@ class ProjectPhotographs:
         self.folder = project.folder / "photographs"
         self.files = self.folder / "files"
         """Where `photograph_files` stores what comes from a zip or an upload."""
+        self._file = StateFile(
+            project.folder, self.folder / "photographs.json", STORE_FORMAT, _check,
+            {"files": {}, "pairs": None}, "The list of photographs",
+            "remove all photographs, and give them again",
+        )  # fmt: skip
 
     @property
     def photographs(self) -> dict[str, Path]:
         """Files on disk by the person's names."""
-        stored: Mapping[str, str] = self._read()["files"]
+        stored: Mapping[str, str] = self._file.read()["files"]
         return {name: own_file(self.files, file) for name, file in stored.items()}
 
     def add(self, found: Mapping[str, Path]) -> None:
         """Take over photographs that are stored below `files`; a name given again is replaced.
 
         Pairs that were edited stay, and new ones are proposed for the others.
+
+        Raises:
+            StereocalError: a photograph has gone since it was stored; nothing has changed.
         """
-        with _WRITING:
-            state = self._read()
+        flush_stored(found, self.files)
+        with self._file.change() as state:
             state["files"].update({name: path.name for name, path in found.items()})
             if state["pairs"] is not None:
                 kept = [_row(item) for item in state["pairs"]]
                 state["pairs"] = [asdict(row) for row in _with_new(kept, list(state["files"]))]
-            self._write(state)
 
     def clear(self) -> None:
-        """Forget all photographs and what was found in them; the files stay on disk."""
-        with _WRITING:
-            self._write(_empty())
-            (self.folder / "frames.json").unlink(missing_ok=True)
+        """Forget all photographs and what was found in them, and free their room."""
+        with changing(self.project.folder):
+            if not self.folder.exists():
+                return
+            files: Collection[Path] = ()
+            with suppress(StereocalError):  # a list that is damaged is begun anew
+                files = self.photographs.values()
+            self._file.write(self._file.blank())
+            for name in ("frames.json", "edits.json"):
+                forget(self.folder / name)
+            forget_files(self.project.folder, files)
 
     @property
     def proposal(self) -> Pairing:
         """The pairs as the names tell them."""
-        return pair_names(self._read()["files"])
+        return pair_names(self._file.read()["files"])
 
     @property
     def rows(self) -> list[PairRow]:
         """The pairs as edited, or as proposed while nobody has."""
-        edited = self._read()["pairs"]
+        edited = self._file.read()["pairs"]
         if edited is None:
             return [PairRow(pair) for pair in self.proposal.pairs]
         return [_row(item) for item in edited]
@@ -94,18 +110,33 @@ class ProjectPhotographs:
         Raises:
             StereocalError: a frame or a photograph stands in two rows, or a name is none.
         """
-        with _WRITING:
-            state = self._read()
+        with self._file.change() as state:
             if rows is not None:
                 check_rows(rows, state["files"])
             state["pairs"] = None if rows is None else [asdict(row) for row in rows]
-            self._write(state)
 
     @property
     def frames(self) -> list[Frame] | None:
-        """What was found and corrected; None before the first search."""
-        path = self.folder / "frames.json"
-        return unpack_frames(path.read_bytes()) if path.is_file() else None
+        """What was found and corrected; None before the first search.
+
+        Raises:
+            StereocalError: the file is damaged, or of another version.
+        """
+        content = read_if_there(self.folder / "frames.json", "find the targets again")
+        return None if content is None else unpack_frames(content)
+
+    def keep_found(self, found: Sequence[Frame]) -> None:
+        """Keep what a search has found; what a person has decided meanwhile stays.
+
+        Raises:
+            StereocalError: as `keep_frames`.
+        """
+        with changing(self.project.folder):
+            try:
+                before = self.frames or []
+            except StereocalError:  # damaged: the search mends it
+                before = []
+            self.keep_frames(keep_corrections(found, before))
 
     def keep_frames(self, frames: Sequence[Frame]) -> None:
         """Keep what was found or corrected, and give the project the table of points of it.
@@ -114,7 +145,29 @@ class ProjectPhotographs:
             StereocalError: the points cannot be a table of the project's cameras; the frames are
                 kept all the same.
         """
-        write_atomically(self.folder / "frames.json", pack_frames(frames))
+        with changing(self.project.folder):
+            write_atomically(self.folder / "frames.json", pack_frames(frames))
+            self._give_table(frames)
+
+    def settle(self) -> None:
+        """Give the project the table of its frames, if the server died before that was done.
+
+        Raises:
+            StereocalError: as `keep_frames`.
+        """
+        if self._is_settled():
+            return
+        with changing(self.project.folder):
+            if (frames := self.frames) and not self._is_settled():
+                self._give_table(frames)
+
+    def _is_settled(self) -> bool:
+        frames, table = self.frames, self.project.table
+        if not frames or (table is not None and table[0] != TABLE_LABEL):
+            return True
+        return table is not None and table[1] == write_table(correspondences_of(frames))
+
+    def _give_table(self, frames: Sequence[Frame]) -> None:
         table = write_table(correspondences_of(frames))
         self.project.give({"correspondences": (TABLE_LABEL, table)})
 
@@ -133,21 +186,6 @@ class ProjectPhotographs:
         content = side_by_side(first, second)
         write_atomically(path, content)
         return content
-
-    def _read(self) -> dict[str, Any]:
-        path = self.folder / "photographs.json"
-        if not path.is_file():
-            return _empty()
-        try:
-            state: dict[str, Any] = json.loads(path.read_bytes())
-        except (OSError, ValueError) as error:
-            raise StereocalError(f"The list of photographs cannot be read ({error}).") from error
-        if state.get("format") != STORE_FORMAT:
-            raise StereocalError("The photographs were stored by another version of stereocal.")
-        return state
-
-    def _write(self, state: Mapping[str, Any]) -> None:
-        write_atomically(self.folder / "photographs.json", json.dumps(state, indent=1).encode())
 
 
 def check_rows(rows: Sequence[PairRow], names: Mapping[str, Any]) -> None:
@@ -194,9 +232,13 @@ def _image(path: Path | None) -> GreyImage | None:
         return None
 
 
-def _empty() -> dict[str, Any]:
-    return {"format": STORE_FORMAT, "files": {}, "pairs": None}
-
-
 def _row(item: Mapping[str, Any]) -> PairRow:
     return PairRow(Pair(**item["pair"]), bool(item["use"]))
+
+
+def _check(state: dict[str, Any]) -> None:
+    for name, file in dict(state["files"]).items():
+        if not isinstance(name, str) or not isinstance(file, str):
+            raise TypeError(name)
+    for item in state["pairs"] or []:
+        _row(item)

@@ -1,4 +1,4 @@
-"""The projects of a server: list, copy, remove and bring back, and carry elsewhere.
+"""The projects of a server: list, copy, remove and bring back.
 
 <home>/projects/<id>/   open projects, see `project`; readable to the server's user only
 <home>/removed/<id>/    removed ones, which can be brought back until `sweep` takes them
@@ -6,21 +6,20 @@
 
 from __future__ import annotations
 
-import math
 import os
 import shutil
-import tempfile
-import time
 from dataclasses import dataclass
 from pathlib import Path
 
 from stereocal.errors import StereocalError
 from stereocal.project import Project
-from stereocal.store.folders import is_id, new_id, private_folder
+from stereocal.store.folders import UNCHANGING, is_id, new_project_folder, private_folder
+from stereocal.store.room import check_copy
+from stereocal.store.state import changing
+from stereocal.writing import flush_folder
 
-DAY_S = 86_400.0
-UNCHANGING = ("inputs", "files")
-"""Folders whose files are named by their content: copies of a project share them on disk."""
+STATES = (".", "photographs", "lens/primary", "lens/secondary", "apply")
+"""Folders of a project with files that are replaced when something changes."""
 
 
 @dataclass(frozen=True)
@@ -38,39 +37,41 @@ class Listed:
 
 def recent_projects(home: Path, most: int = 10) -> list[Listed]:
     """The projects changed last, the newest first; what cannot be read is left out."""
-    found = []
-    for folder in _folders(home / "projects"):
+    found: list[Listed] = []
+    dated = [(changed_at(folder), folder) for folder in folders_in(home / "projects")]
+    for changed, folder in sorted(dated, reverse=True):
+        if len(found) == most:
+            break
         try:
-            changed = _changed(folder)
             name = Project.open(home, folder.name).inputs.name
-        except (StereocalError, OSError, TypeError):
+        except StereocalError:
             continue
         files = {"calibration": "calibration.json", "evaluation": "evaluation.npz"}
         finished = tuple(what for what, file in files.items() if (folder / file).is_file())
         found.append(Listed(folder.name, name, changed, finished))
-    return sorted(found, key=lambda listed: -listed.changed)[:most]
+    return found
 
 
 def duplicate(home: Path, project_id: str) -> Project:
     """A copy under a new id. Files that never change are shared on disk.
 
     Raises:
-        StereocalError: there is no such project, or the disk is full; nothing is left behind.
+        StereocalError: there is no such project, it is too large, or the disk is full; nothing is
+            left behind.
     """
     source = Project.open(home, project_id)
-    parent = private_folder(home / "projects")
-    waiting = Path(tempfile.mkdtemp(dir=parent, prefix=".new."))
-    try:
-        shutil.copytree(source.folder, waiting, copy_function=_link, dirs_exist_ok=True)
-        copy = Project(waiting)
+    check_copy(source.folder)
+
+    def fill(folder: Path) -> None:
+        with changing(source.folder):
+            shutil.copytree(
+                source.folder, folder, copy_function=_link, dirs_exist_ok=True,
+                ignore=shutil.ignore_patterns(".*", "jobs"),
+            )  # fmt: skip
+        copy = Project(folder)
         copy.rename(f"{copy.inputs.name or 'Project'} (copy)")
-        target = parent / new_id()
-        _rename(waiting, target)
-    except (OSError, shutil.Error) as error:
-        raise StereocalError(f"The project cannot be copied: {error}.") from error
-    finally:
-        shutil.rmtree(waiting, ignore_errors=True)
-    return Project.open(home, target.name)
+
+    return Project(new_project_folder(home, fill))
 
 
 def remove(home: Path, project_id: str) -> None:
@@ -81,8 +82,8 @@ def remove(home: Path, project_id: str) -> None:
     """
     project = Project.open(home, project_id)
     target = private_folder(home / "removed") / project_id
-    _rename(project.folder, target)
-    os.utime(target)  # `sweep` counts from here
+    with changing(project.folder):
+        _move(project.folder, target, now=True)
 
 
 def bring_back(home: Path, project_id: str) -> Project:
@@ -92,39 +93,36 @@ def bring_back(home: Path, project_id: str) -> Project:
         StereocalError: it is not among the removed ones any more.
     """
     source = home / "removed" / project_id
-    if project_id not in [folder.name for folder in _folders(home / "removed")]:
+    if project_id not in [folder.name for folder in folders_in(home / "removed")]:
         raise StereocalError("This project was removed for good.")
-    _rename(source, private_folder(home / "projects") / project_id)
+    _move(source, private_folder(home / "projects") / project_id)
     return Project.open(home, project_id)
 
 
-def sweep(home: Path, removed_days: float, unused_days: float = math.inf) -> int:
-    """Delete what was removed so many days ago, and remove what nobody has changed for longer.
+def changed_at(folder: Path) -> float:
+    """When a project was last changed, in seconds since 1970; 0 where that cannot be told.
 
-    Returns:
-        How many projects were removed or deleted.
+    Whatever changes replaces one of a few small files: photographs need not be looked at.
     """
-    now, count = time.time(), 0
-    for folder in _folders(home / "removed"):
-        if now - folder.stat().st_mtime > removed_days * DAY_S:
-            shutil.rmtree(folder, ignore_errors=True)
-            count += 1
-    for folder in _folders(home / "projects"):
-        if now - _changed(folder) > unused_days * DAY_S:
-            remove(home, folder.name)
-            count += 1
-    return count
+    newest = 0.0
+    for below in STATES:
+        try:
+            with os.scandir(folder / below) as entries:
+                for entry in entries:
+                    if not entry.name.startswith(".") and entry.is_file():
+                        newest = max(newest, entry.stat().st_mtime)
+        except OSError:
+            continue
+    return newest
 
 
-def _changed(folder: Path) -> float:
-    """When the newest file below a project's folder was written."""
-    return max((path.stat().st_mtime for path in folder.rglob("*")), default=0.0)
-
-
-def _folders(parent: Path) -> list[Path]:
-    if not parent.is_dir():
+def folders_in(parent: Path) -> list[Path]:
+    """The folders of projects in a folder; none where it cannot be looked into."""
+    try:
+        with os.scandir(parent) as entries:
+            return [Path(entry) for entry in entries if is_id(entry.name) and entry.is_dir()]
+    except OSError:
         return []
-    return [path for path in parent.iterdir() if is_id(path.name) and path.is_dir()]
 
 
 def _link(source: str, target: str) -> None:
@@ -138,9 +136,14 @@ def _link(source: str, target: str) -> None:
         shutil.copy2(source, target)
 
 
-def _rename(source: Path, target: Path) -> None:
+def _move(source: Path, target: Path, now: bool = False) -> None:
+    """Give a project's folder another place; `sweep` counts from its time, which is set to now."""
     try:
+        if now:
+            os.utime(source)
         source.rename(target)
+        flush_folder(target.parent)
+        flush_folder(source.parent)
     except OSError as error:
         raise StereocalError(
             f"The project's folder cannot be moved: {error.strerror or error}."

@@ -6,16 +6,14 @@
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from stereocal.errors import StereocalError
-from stereocal.frames.review import Review, pack_edits, unpack_edits
+from stereocal.frames.frame import Frame
+from stereocal.frames.review import Edit, Review, pack_edits, unpack_edits
 from stereocal.store.photographs import ProjectPhotographs
+from stereocal.store.state import changing, read_if_there
 from stereocal.writing import write_atomically
-
-_CHANGING = threading.Lock()
-"""One edit at a time in this server; an edit reads, changes and replaces."""
 
 
 def read_review(store: ProjectPhotographs) -> Review:
@@ -27,8 +25,7 @@ def read_review(store: ProjectPhotographs) -> Review:
     frames = store.frames
     if frames is None:
         raise StereocalError("The targets have not been found yet.")
-    path = store.folder / "edits.json"
-    return Review(tuple(frames), unpack_edits(path.read_bytes(), frames) if path.is_file() else ())
+    return Review(tuple(frames), _edits(store, frames))
 
 
 def change_review(store: ProjectPhotographs, change: Callable[[Review], Review]) -> Review:
@@ -38,7 +35,7 @@ def change_review(store: ProjectPhotographs, change: Callable[[Review], Review])
         StereocalError: the edit is refused, and nothing has changed; or what is left gives the
             project no table of points, and the frames are kept all the same.
     """
-    with _CHANGING:
+    with changing(store.project.folder):
         before = read_review(store)
         after = change(before)
         if after != before:
@@ -46,3 +43,12 @@ def change_review(store: ProjectPhotographs, change: Callable[[Review], Review])
             write_atomically(store.folder / "edits.json", pack_edits(after.edits))
             store.keep_frames(after.frames)
         return after
+
+
+def _edits(store: ProjectPhotographs, frames: Sequence[Frame]) -> tuple[Edit, ...]:
+    """A list that is damaged costs the undoing alone: the frames stand without it."""
+    try:
+        content = read_if_there(store.folder / "edits.json", "edits cannot be undone")
+        return () if content is None else unpack_edits(content, frames)
+    except StereocalError:
+        return ()

@@ -21,6 +21,9 @@ class ServerSettings:
     undo_days: float = 30.0
     """STEREOCAL_UNDO_DAYS: so long a removed project can be brought back."""
 
+    project_mb: float = math.inf
+    """STEREOCAL_PROJECT_MB: what one project may take on disk, in millions of bytes."""
+
     @classmethod
     def from_environment(cls, environment: Mapping[str, str] | None = None) -> ServerSettings:
         """The settings of this server; what is not given keeps its default.
@@ -33,4 +36,5 @@ class ServerSettings:
             shared=number_given(given, "STEREOCAL_SHARED", 0.0) > 0,
             keep_days=number_given(given, "STEREOCAL_KEEP_DAYS", cls.keep_days),
             undo_days=number_given(given, "STEREOCAL_UNDO_DAYS", cls.undo_days),
+            project_mb=number_given(given, "STEREOCAL_PROJECT_MB", cls.project_mb),
         )

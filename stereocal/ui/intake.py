@@ -28,8 +28,9 @@ from stereocal.formats.photograph_files import (
 )
 from stereocal.formats.zip_files import unzip
 from stereocal.guarded import server_guard
+from stereocal.inputs import Slot
 from stereocal.limits import Limits
-from stereocal.project import Project, Slot
+from stereocal.project import Project
 from stereocal.store.photographs import ProjectPhotographs
 from stereocal.ui.project import project_to_write
 

@@ -13,8 +13,9 @@ from stereocal.errors import StereocalError
 from stereocal.formats.photograph import SUFFIXES
 from stereocal.formats.photograph_files import unpack_photographs
 from stereocal.frames.pairing import CAMERAS, Pair
-from stereocal.frames.search import STAGES, detect_frames, keep_corrections
-from stereocal.project import Project, Slot
+from stereocal.frames.search import STAGES, detect_frames
+from stereocal.inputs import Slot
+from stereocal.project import Project
 from stereocal.store.photographs import PairRow, ProjectPhotographs
 from stereocal.ui import jobs
 from stereocal.ui.intake import (
@@ -262,5 +263,5 @@ def _find(
     )
     if found is None:
         return False
-    store.keep_frames(keep_corrections(found, store.frames or []))
+    store.keep_found(found)
     return True

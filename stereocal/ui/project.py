@@ -17,8 +17,8 @@ from stereocal.frames.search import compile_detection
 from stereocal.matching import match_points
 from stereocal.project import Project
 from stereocal.store.folders import default_home
-from stereocal.store.projects import sweep
 from stereocal.store.server import ServerSettings
+from stereocal.store.sweep import sweep
 
 SAMPLE = Path(__file__).parents[2] / "sample_data" / "field"
 _ID = "project_id"
