@@ -4,7 +4,7 @@ from pathlib import Path
 
 import streamlit as st
 
-from stereocal.ui.frame import check_settings, frame_drawn, pages
+from stereocal.ui.frame import check_settings, frame_drawn, pages, run_page
 from stereocal.ui.project import keep_address, warm_up
 
 
@@ -17,7 +17,7 @@ def main() -> None:
     page = st.navigation(pages())
     keep_address()
     frame_drawn()
-    page.run()
+    run_page(page)
 
 
 if __name__ == "__main__":

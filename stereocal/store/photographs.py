@@ -115,6 +115,21 @@ class ProjectPhotographs:
                 check_rows(rows, state["files"])
             state["pairs"] = None if rows is None else [asdict(row) for row in rows]
 
+    def change_rows(self, before: Sequence[PairRow], after: Sequence[PairRow]) -> list[PairRow]:
+        """Keep the pairs as edited from `before`; what others have changed since stays.
+
+        Where both have changed the same pair, this edit holds.
+
+        Raises:
+            StereocalError: as `keep_rows`.
+        """
+        with self._file.change() as state:
+            check_rows(after, state["files"])
+            rows = merged(before, after, self.rows)
+            check_rows(rows, state["files"])
+            state["pairs"] = [asdict(row) for row in rows]
+        return rows
+
     @property
     def frames(self) -> list[Frame] | None:
         """What was found and corrected; None before the first search.
@@ -211,6 +226,25 @@ def check_rows(rows: Sequence[PairRow], names: Mapping[str, Any]) -> None:
                     f"Frame {pair.frame}: {name} belongs to another frame or camera already."
                 )
             taken.add(name)
+
+
+def merged(
+    before: Sequence[PairRow], after: Sequence[PairRow], now: Sequence[PairRow]
+) -> list[PairRow]:
+    """The pairs as they are now, with what an edit has made of those before."""
+    if list(before) == list(now):
+        return list(after)
+    added = [row for row in after if row not in before]
+    taken = {name for row in added for name in (row.pair.primary, row.pair.secondary)}
+    frames = {row.pair.frame for row in added}
+    rows = [
+        row
+        for row in now
+        if (row in after or row not in before)
+        and row.pair.frame not in frames
+        and not {row.pair.primary, row.pair.secondary} & taken
+    ]
+    return sorted([*rows, *added], key=lambda row: row.pair.frame)
 
 
 def _with_new(kept: Sequence[PairRow], names: Sequence[str]) -> list[PairRow]:

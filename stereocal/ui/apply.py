@@ -26,9 +26,10 @@ from stereocal.store.application import SIDES, USES, ProjectApplication, Side, U
 from stereocal.ui import jobs
 from stereocal.ui.intake import check_uploads, escape_markdown, is_new, refuse, settled
 from stereocal.ui.parameter_files import sets_of
-from stereocal.ui.project import keeper, remembered
+from stereocal.ui.project import keep_settings, keeper, remembered
 from stereocal.ui.refined import refined_for
 from stereocal.ui.results import show_figure
+from stereocal.ui.told import callback
 from stereocal.ui.wizard import ask_about_points
 
 OWN, FILES = "The bar's own points", "Two point files"
@@ -85,8 +86,8 @@ def _take_points(store: ProjectApplication, side: Side) -> None:
             f"In use: {escape_markdown(file.label)}, {file.rows} points in {file.frames} frames"
         )
         if file.answers is not None:
-            st.button("Read it differently", key=f"again_{side}", on_click=store.ask_again,
-                      args=(side,))  # fmt: skip
+            again = callback(store.ask_again)
+            st.button("Read it differently", key=f"again_{side}", on_click=again, args=(side,))
     upload = st.file_uploader(
         f"Points of the {side} camera", type=["csv", "txt", "tsv", "parquet"],
         key=f"upload_points_{side}",
@@ -255,13 +256,14 @@ def _begin_threshold(
         _choose(project, rig, sample, depths)
 
 
+@callback
 def _choose(
     project: Project, rig: RigParameters, sample: list[FramePixels], depths: tuple[float, float]
 ) -> None:
     try:
         choice = choose_threshold(rig, sample, depths)
         st.session_state[THRESHOLD] = choice.threshold_px
-        project.keep_settings({THRESHOLD: choice.threshold_px})
+        keep_settings(project, {THRESHOLD: choice.threshold_px})
         st.session_state[CHOSEN] = (True, choice.sentence())
     except StereocalError as error:
         st.session_state[CHOSEN] = (False, str(error))

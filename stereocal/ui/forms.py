@@ -30,6 +30,7 @@ def length_field(project: Project | None, name: str, label: str) -> None:
     field, choice = st.columns([3, 1], vertical_alignment="bottom")
     args = (name, value_key, unit_key)
     st.session_state.setdefault(value_key, None)
+    st.session_state[f"{value_key}_drawn"] = (metres, st.session_state[value_key])
     field.number_input(
         label, min_value=0.0, value=None, step=None, format="%.10g", key=value_key,
         on_change=take_length, args=args, placeholder="measured length",

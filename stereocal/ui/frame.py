@@ -8,6 +8,8 @@ from streamlit.navigation.page import StreamlitPage
 from stereocal.errors import StereocalError
 from stereocal.limits import Limits
 from stereocal.store.server import ServerSettings
+from stereocal.ui.texts import escape_markdown
+from stereocal.ui.told import show_told
 
 TITLES = {
     "start": "Start",
@@ -62,3 +64,18 @@ def need_frame() -> None:
     if _DRAWN not in st.session_state:
         st.navigation(pages())
         st.rerun()
+
+
+def run_page(page: StreamlitPage) -> None:
+    """Say what is to be told, and draw a page.
+
+    What a page does not foresee of a project on disk is said in a sentence.
+    """
+    show_told()
+    try:
+        page.run()
+    except StereocalError as error:
+        st.error(escape_markdown(str(error)))
+    except OSError as error:
+        reason = f"{error.strerror or error}"
+        st.error(escape_markdown(f"The project's folder cannot be used: {reason}."))

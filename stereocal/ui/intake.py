@@ -32,7 +32,9 @@ from stereocal.inputs import Slot
 from stereocal.limits import Limits
 from stereocal.project import Project
 from stereocal.store.photographs import ProjectPhotographs
-from stereocal.ui.project import project_to_write
+from stereocal.ui.project import noted, project_to_write
+from stereocal.ui.texts import escape_markdown as escape_markdown
+from stereocal.ui.told import callback
 
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 TITLES: Mapping[Slot, str] = {
@@ -128,18 +130,28 @@ def take_file(slot: Slot, upload: Upload | None) -> None:
     st.rerun()
 
 
+@callback
 def take_length(name: str, value_key: str, unit_key: str) -> None:
     """The baseline or the distance, when its field or unit has changed (a callback)."""
     value, unit = st.session_state.get(value_key), st.session_state.get(unit_key, "m")
     metres = None if value is None else float(value) * UNITS[unit]
     try:
         project = project_to_write()
-        project.keep_settings({unit_key: unit})
-        given: dict[str, Any] = {name: metres}
-        project.give({}, **given)
+        with noted(project):
+            project.keep_settings({unit_key: unit})
+            if not _only_unit_of_an_old_value(project, name, value_key):
+                given: dict[str, Any] = {name: metres}
+                project.give({}, **given)
         settled()
     except StereocalError as error:
         refuse(error)
+
+
+def _only_unit_of_an_old_value(project: Project, name: str, value_key: str) -> bool:
+    """Whether another tab has changed the length since, and here only its unit was chosen."""
+    metres, shown = st.session_state.get(f"{value_key}_drawn", (None, None))
+    typed = st.session_state.get(value_key) != shown
+    return not typed and getattr(project.inputs, name) != metres
 
 
 def show_refusal() -> None:
@@ -192,7 +204,9 @@ def _rows_but(content: bytes, problems: Sequence[RowProblem]) -> tuple[bytes, in
 def _try_dataset(files: Mapping[str, bytes], source: str, unpack: Unpack) -> None:
     """Take over a data set; if rows of it are refused, offer to go on without them."""
     try:
-        give_dataset(project_to_write(), files, source, unpack)
+        project = project_to_write()
+        with noted(project):
+            give_dataset(project, files, source, unpack)
         settled()
     except RefusedRowsError as error:
         folder, _ = find_description(files, source)
@@ -206,7 +220,9 @@ def _try_dataset(files: Mapping[str, bytes], source: str, unpack: Unpack) -> Non
 def _try_files(files: dict[Slot, tuple[str, bytes]]) -> None:
     """Take over files; if rows of the table are refused, offer to go on without them."""
     try:
-        project_to_write().give(files)
+        project = project_to_write()
+        with noted(project):
+            project.give(files)
         settled()
     except RefusedRowsError as error:
         table = files.get("correspondences") or project_to_write().table
@@ -287,8 +303,3 @@ def is_new(*uploads: Upload) -> bool:
     new = {upload.file_id for upload in uploads} - seen
     seen |= new
     return bool(new)
-
-
-def escape_markdown(text: str) -> str:
-    """Text of a file, such as its name, that Streamlit must not take for markup."""
-    return "".join(f"\\{sign}" if sign in "\\`*_{}[]<>#$~|:" else sign for sign in text)

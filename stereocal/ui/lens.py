@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from concurrent.futures import Executor
+from contextlib import suppress
 from pathlib import Path
 
 import streamlit as st
@@ -16,6 +17,7 @@ from stereocal.lens.board_pattern import DICTIONARIES, BoardPattern
 from stereocal.lens.boards import BoardSearch, find_boards
 from stereocal.project import Project
 from stereocal.store.lens import WHICH, ProjectLens, Which
+from stereocal.store.state import DamagedError
 from stereocal.ui import jobs
 from stereocal.ui.intake import (
     Upload,
@@ -30,6 +32,7 @@ from stereocal.ui.intake import (
 )
 from stereocal.ui.project import current_project, keeper, project_to_write, remembered
 from stereocal.ui.samples import has_sample_photographs, load_sample_boards
+from stereocal.ui.told import callback, tell
 
 BOARD, FILE = "Photographs of a board", "A camera file"
 CHESSBOARD, CHARUCO = "Chessboard", "ChArUco"
@@ -107,9 +110,14 @@ def from_photographs(project: Project | None, which: Which) -> ProjectLens | Non
             return None
         left, right = st.columns([3, 1], vertical_alignment="center")
         left.markdown(f"{len(photographs)} photographs of the {which} camera are here.")
-        right.button("Remove them", on_click=_clear, args=(store,), key=f"no_boards_{which}")
+        right.button("Remove them", on_click=_clear, args=(store, set(photographs)),
+                     key=f"no_boards_{which}")  # fmt: skip
         pattern, settings = board_form(project), lens_form(project)
         _act(store, pattern, settings)
+    except DamagedError as error:
+        st.error(escape_markdown(str(error)))
+        st.button("Remove them", on_click=_clear, args=(store, ()), key=f"no_boards_{which}")
+        return None
     except StereocalError as error:
         st.error(escape_markdown(str(error)))
     jobs.show_job(project, job_kind(which), "Cancelled. What is shown is the last finished lens.")
@@ -291,10 +299,18 @@ def _calibrate(
     return True
 
 
-def _clear(store: ProjectLens) -> None:
+@callback
+def _clear(store: ProjectLens, seen: Collection[str]) -> None:
+    with suppress(StereocalError):  # a list that is damaged is cleared as well
+        if set(store.photographs) - set(seen):
+            tell("Another tab has added photographs: look, and press again.")
+            return
     store.clear()
     st.session_state[_ROUND] += 1
 
 
 def _has_boards(project: Project) -> bool:
-    return any(ProjectLens(project, which).photographs for which in WHICH)
+    try:
+        return any(ProjectLens(project, which).photographs for which in WHICH)
+    except StereocalError:  # said where they are shown
+        return True

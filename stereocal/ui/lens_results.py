@@ -21,6 +21,7 @@ from stereocal.lens.quality import advice, hint, largest_shift_px
 from stereocal.lens.tables import lens_answer, lens_table
 from stereocal.store.lens import ProjectLens
 from stereocal.ui.intake import escape_markdown, refuse, settled
+from stereocal.ui.project import noted
 from stereocal.ui.results import show_figure
 
 
@@ -84,7 +85,8 @@ def _use_and_downloads(store: ProjectLens, lens: LensCalibration) -> None:
 
 def _use(store: ProjectLens) -> None:
     try:
-        store.use()
+        with noted(store.project):
+            store.use()
         settled()
     except StereocalError as error:
         refuse(error)

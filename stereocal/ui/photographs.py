@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from concurrent.futures import Executor
 from pathlib import Path
 
@@ -34,12 +34,13 @@ from stereocal.ui.intake import (
 )
 from stereocal.ui.project import project_to_write
 from stereocal.ui.review import show_frames
+from stereocal.ui.told import callback, tell
 
 TOGETHER, FOLDER, APART = "Both cameras together", "A folder", "One camera after the other"
 KINDS = [*sorted(suffix.removeprefix(".") for suffix in SUFFIXES), "zip"]
 COLUMNS = ("Use", "Frame", "Primary photograph", "Secondary photograph")
 LENSES: tuple[Slot, ...] = ("primary", "secondary")
-_ROUND, _BASE = "photographs_round", "pairs_base"
+_ROUND, _BASE, _ROWS = "photographs_round", "pairs_base", "pairs_known"
 
 
 def choose_kind(project: Project | None) -> str | None:
@@ -56,7 +57,10 @@ def choose_kind(project: Project | None) -> str | None:
 
 def has_photographs(project: Project) -> bool:
     """Whether any have been given."""
-    return bool(ProjectPhotographs(project).photographs)
+    try:
+        return bool(ProjectPhotographs(project).photographs)
+    except StereocalError:  # said where they are shown
+        return True
 
 
 def photographs_in(project: Project | None) -> None:
@@ -94,9 +98,12 @@ def photographs_in(project: Project | None) -> None:
     try:
         if store.photographs:
             _show_pairs(store)
-            _find_targets(store)
     except StereocalError as error:
         st.error(escape_markdown(str(error)))
+        st.button("Remove all photographs", on_click=_clear, args=(store, ()), key="no_photographs")
+        return
+    if store.photographs:
+        _find_targets(store)
 
 
 def _camera_files(project: Project) -> None:
@@ -152,25 +159,43 @@ def _show_pairs(store: ProjectPhotographs) -> None:
     sure = proposal.pairs and not (proposal.alone or proposal.unknown or proposal.ambiguous)
     (st.success if sure else st.warning)(escape_markdown(said))
     with st.expander("The pairs: look at them, change them", expanded=not rows):
-        edited = _table_of_pairs(store, rows)
-        try:
-            new = rows_of(edited)
-            if new != rows:
-                store.keep_rows(new)
-                st.rerun()
-        except StereocalError as error:
-            st.error(escape_markdown(f"{error} The last sound table is kept."))
+        _change_pairs(store, rows)
         st.caption(f"{sum(row.use for row in rows)} of {len(rows)} pairs are used.")
         left, right = st.columns(2)
-        left.button("Pair by name again", on_click=_pair_again, args=(store,), key="pair_again")
-        right.button("Remove all photographs", on_click=_clear, args=(store,), key="no_photographs")
+        left.button(
+            "Pair by name again", on_click=_pair_again, args=(store, rows), key="pair_again"
+        )
+        right.button(
+            "Remove all photographs", on_click=_clear, args=(store, set(store.photographs)),
+            key="no_photographs",
+        )  # fmt: skip
+
+
+def _change_pairs(store: ProjectPhotographs, rows: Sequence[PairRow]) -> None:
+    """The table, and what this tab or another one has changed in it."""
+    edited = rows_of(_table_of_pairs(store, rows))
+    known: Sequence[PairRow] = st.session_state[_ROWS]
+    try:
+        if edited != known:
+            new = store.change_rows(known, edited)
+            st.session_state[_ROWS] = new
+            if known != rows:
+                _forget_table()
+                tell("The pairs were changed in another tab too: both changes are here.", "info")
+            st.rerun()
+        elif known != rows:
+            _forget_table()
+            tell("The pairs were changed in another tab: here they are as they are now.", "info")
+            st.rerun()
+    except StereocalError as error:
+        st.error(escape_markdown(f"{error} The last sound table is kept."))
 
 
 def _table_of_pairs(store: ProjectPhotographs, rows: Sequence[PairRow]) -> pd.DataFrame:
     # The editor keeps changes to the table it began with: that one is held while it is on screen.
     key = f"pairs_{st.session_state[_ROUND]}"
     if key not in st.session_state or _BASE not in st.session_state:
-        st.session_state[_BASE] = table_of(rows)
+        st.session_state[_BASE], st.session_state[_ROWS] = table_of(rows), list(rows)
     names = sorted(store.photographs)
     base: pd.DataFrame = st.session_state[_BASE]
     edited: pd.DataFrame = st.data_editor(
@@ -203,18 +228,32 @@ def rows_of(table: pd.DataFrame) -> list[PairRow]:
     ]
 
 
-def _pair_again(store: ProjectPhotographs) -> None:
+@callback
+def _pair_again(store: ProjectPhotographs, seen: Sequence[PairRow]) -> None:
+    if store.rows != seen:
+        raise StereocalError("The pairs were changed in another tab: look, and press again.")
     store.keep_rows(None)
     _forget_table()
 
 
-def _clear(store: ProjectPhotographs) -> None:
+@callback
+def _clear(store: ProjectPhotographs, seen: Collection[str]) -> None:
+    if _names(store) - set(seen):
+        raise StereocalError("Another tab has added photographs: look, and press again.")
     store.clear()
     _forget_table()
 
 
+def _names(store: ProjectPhotographs) -> set[str]:
+    try:
+        return set(store.photographs)
+    except StereocalError:  # a list that is damaged is cleared as well
+        return set()
+
+
 def _forget_table() -> None:
-    st.session_state.pop(_BASE, None)
+    for key in (_BASE, _ROWS):
+        st.session_state.pop(key, None)
     st.session_state[_ROUND] += 1
 
 

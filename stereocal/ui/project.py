@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Mapping
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -14,14 +16,23 @@ from stereocal.errors import StereocalError
 from stereocal.evaluation import EvaluationSettings, evaluate_runs
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.frames.search import compile_detection
+from stereocal.inputs import Inputs, Slot
 from stereocal.matching import match_points
 from stereocal.project import Project
 from stereocal.store.folders import default_home
+from stereocal.store.photographs import TABLE_LABEL
 from stereocal.store.server import ServerSettings
 from stereocal.store.sweep import sweep
+from stereocal.ui.told import callback, tell
 
 SAMPLE = Path(__file__).parents[2] / "sample_data" / "field"
-_ID = "project_id"
+SWEEP_EVERY_S = 3600.0
+SLOT_TITLES: Mapping[str, Slot] = {
+    "table of points": "correspondences",
+    "primary camera": "primary",
+    "secondary camera": "secondary",
+}
+_ID, _INPUTS, _SETTINGS = "project_id", "inputs_seen", "settings_seen"
 
 
 def keep_address() -> None:
@@ -41,7 +52,9 @@ def current_project() -> Project | None:
     if project_id is None:
         return None
     try:
-        return Project.open(default_home(), project_id)
+        project = Project.open(default_home(), project_id)
+        notice_others(project)
+        return project
     except StereocalError as error:
         st.error(str(error))
         st.button("Start a new project", on_click=forget_project, type="primary")
@@ -60,6 +73,7 @@ def new_project() -> Project:
     return project
 
 
+@callback
 def begin_project() -> None:
     """Begin a project (a callback)."""
     new_project()
@@ -85,18 +99,85 @@ def remembered(project: Project, defaults: Mapping[str, Any]) -> None:
     Session state forgets a widget that a page does not draw; the project does not.
     """
     kept = project.settings
+    seen: dict[str, Any] = st.session_state.setdefault(_SETTINGS, {})
     for key, default in defaults.items():
         if key not in st.session_state:
             st.session_state[key] = kept.get(key, default)
+        elif key in kept and kept[key] != seen.get(key, default):
+            # Another tab has changed it: shown here too, so that neither takes the other's back.
+            if st.session_state[key] != kept[key]:
+                tell(
+                    "Settings were changed in another tab; they are shown as they are now.", "info"
+                )
+            st.session_state[key] = kept[key]
+        seen[key] = kept.get(key, default)
 
 
 def keeper(project: Project, key: str) -> Callable[[], None]:
     """The callback that keeps the value of the widget `key` in the project."""
 
+    @callback
     def keep() -> None:
-        project.keep_settings({key: st.session_state[key]})
+        keep_settings(project, {key: st.session_state[key]})
 
     return keep
+
+
+def keep_settings(project: Project, values: Mapping[str, Any]) -> None:
+    """Keep values of forms in the project, and note that this tab has seen them.
+
+    Raises:
+        StereocalError: they cannot be kept.
+    """
+    project.keep_settings(values)
+    st.session_state.setdefault(_SETTINGS, {}).update(values)
+
+
+def notice_others(project: Project) -> None:
+    """Tell of inputs that another tab has changed since this one was drawn.
+
+    A table that was made of photographs is not told of: this tab's own search may have made it.
+    """
+    now = _shown_inputs(project)
+    before = st.session_state.get(_INPUTS)
+    st.session_state[_INPUTS] = now
+    if before is None or before["id"] != now["id"]:
+        return
+    changed = [what for what in now if now[what] != before[what] and now[what] != TABLE_LABEL]
+    if changed:
+        said = "; ".join(f"{what}: {now[what]}" for what in changed)
+        tell(f"Changed in another tab: {said}.", "info")
+
+
+@contextmanager
+def noted(project: Project) -> Iterator[None]:
+    """What changes inside is this tab's own doing, and needs not be told."""
+    notice_others(project)
+    try:
+        yield
+    finally:
+        st.session_state[_INPUTS] = _shown_inputs(project)
+
+
+def _shown_inputs(project: Project) -> dict[str, str]:
+    inputs = project.inputs
+    return {
+        "id": project.id,
+        "baseline": _length(inputs.baseline_m),
+        "distance between the targets": _length(inputs.target_distance_m),
+        **{title: _file(inputs, slot) for title, slot in SLOT_TITLES.items()},
+    }
+
+
+def _length(metres: float | None) -> str:
+    return "none" if metres is None else f"{metres:.12g} m"
+
+
+def _file(inputs: Inputs, slot: Slot) -> str:
+    if slot not in inputs.files:
+        return "none"
+    label = inputs.labels[slot]
+    return label if label == TABLE_LABEL else f"{label} ({inputs.files[slot][:8]})"
 
 
 @st.cache_resource(show_spinner=False)
@@ -108,10 +189,19 @@ def warm_up() -> threading.Thread:
 
 
 def _begin() -> None:
-    """Delete what is too old; compile (25 s the very first time)."""
-    settings = ServerSettings.from_environment()
-    sweep(default_home(), settings.undo_days, settings.keep_days)
+    """Delete what is too old, compile (25 s the very first time), and look again every hour."""
+    _sweep()
     compile_all()
+    while True:
+        time.sleep(SWEEP_EVERY_S)
+        _sweep()
+
+
+def _sweep() -> None:
+    """What cannot be swept, as on a home that is read-only, is left for the next time."""
+    with suppress(StereocalError, OSError):
+        settings = ServerSettings.from_environment()
+        sweep(default_home(), settings.undo_days, settings.keep_days)
 
 
 def compile_all() -> None:

@@ -15,6 +15,7 @@ from stereocal.formats.photograph import read_photograph
 from stereocal.frames.frame import Frame, correspondences_of, name_in
 from stereocal.frames.pairing import CAMERAS
 from stereocal.frames.review import (
+    Edit,
     Review,
     beside,
     centre_at,
@@ -33,7 +34,8 @@ from stereocal.store.review import change_review, read_review
 from stereocal.ui.contact_sheet import BADGES, show_contact_sheet
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.picker import Mark, Pick, Shown, encode, pick
-from stereocal.ui.project import keeper, remembered
+from stereocal.ui.project import keep_settings, keeper, remembered
+from stereocal.ui.told import callback
 
 ALL, ONE = "All frames", "One frame"
 NEAREST = "Nearest"
@@ -129,7 +131,8 @@ def _decide(store: ProjectPhotographs, review: Review, frame: Frame, running: bo
         )  # fmt: skip
         st.button(
             f"Undo ({len(review.edits)})", key="review_undo", shortcut="u", icon=":material/undo:",
-            disabled=running or not review.edits, on_click=take_back, args=(store,),
+            disabled=running or not review.edits, on_click=take_back,
+            args=(store, review.edits[-1] if review.edits else None),
         )  # fmt: skip
 
 
@@ -156,7 +159,7 @@ def _show_photograph(store: ProjectPhotographs, frame: Frame, camera: int, runni
     st.button(
         "Swap A and B", key=f"swap_{name}", icon=":material/swap_horiz:",
         disabled=running or not any(frame.centres[camera]), on_click=edit,
-        args=(store, frame.frame, lambda now: swap(now, frame.frame, camera),
+        args=(store, frame.frame, lambda now: _swap(now, frame, camera),
               f"A and B are exchanged in the {name} photograph."),
     )  # fmt: skip
 
@@ -202,6 +205,13 @@ def take_pick(store: ProjectPhotographs, number: int, camera: int, click: Pick) 
     edit(store, number, change, lambda: placed)
 
 
+def _swap(now: Review, seen: Frame, camera: int) -> Review:
+    """Exchange A and B, unless another tab has touched them: it would take back its exchange."""
+    if now.frame(seen.frame).centres[camera] != seen.centres[camera]:
+        raise StereocalError("Another tab has moved A or B here: look, and press again.")
+    return swap(now, seen.frame, camera)
+
+
 def edit(
     store: ProjectPhotographs,
     number: int,
@@ -216,29 +226,44 @@ def edit(
         _say(number, str(error), refused=True)
 
 
-def take_back(store: ProjectPhotographs) -> None:
-    """Undo the latest edit, and show its frame (a callback)."""
+@callback
+def take_back(store: ProjectPhotographs, seen: Edit | None) -> None:
+    """Undo the latest edit, and show its frame (a callback).
+
+    Args:
+        seen: the latest edit when the page was drawn: another tab's later one is not undone.
+    """
+
+    def change(now: Review) -> Review:
+        if now.edits and now.edits[-1] != seen:
+            raise StereocalError(
+                "Another tab has made a change since, which Undo would take back: look, and press "
+                "again."
+            )
+        return undo(now)
+
     try:
-        edits = read_review(store).edits
-        change_review(store, undo)
+        change_review(store, change)
     except StereocalError as error:
         _say(st.session_state.get(FRAME, 0), str(error), refused=True)
         return
-    if edits:
-        _go_to(store, edits[-1].after.frame)
-        _say(edits[-1].after.frame, "The last change is undone.")
+    if seen:
+        _go_to(store, seen.after.frame)
+        _say(seen.after.frame, "The last change is undone.")
 
 
+@callback
 def look_closely(store: ProjectPhotographs, number: int) -> None:
     """Show one frame (a callback)."""
     st.session_state[VIEW] = ONE
-    store.project.keep_settings({VIEW: ONE})
+    keep_settings(store.project, {VIEW: ONE})
     _go_to(store, number)
 
 
+@callback
 def _go_to(store: ProjectPhotographs, number: int) -> None:
     st.session_state[FRAME] = number
-    store.project.keep_settings({FRAME: number})
+    keep_settings(store.project, {FRAME: number})
     st.session_state.pop(_SAID, None)
 
 

@@ -55,3 +55,8 @@ The paper's two sets keep the lenses and the baseline as they were given. The **
 fitted to the images and the lengths at once, and lets lenses and baseline move within their
 uncertainty. Where these were a little wrong, one refined set can do both jobs better than both.
 """
+
+
+def escape_markdown(text: str) -> str:
+    """Text of a file, such as its name, that Streamlit must not take for markup."""
+    return "".join(f"\\{sign}" if sign in "\\`*_{}[]<>#$~|:" else sign for sign in text)

@@ -32,6 +32,7 @@ from stereocal.ui.intake import check_uploads, escape_markdown, is_new
 from stereocal.ui.project import keeper, remembered
 from stereocal.ui.refined import refine_settings
 from stereocal.ui.results import show_figure
+from stereocal.ui.told import callback
 
 NINETEEN = Path(__file__).parents[2] / "sample_data" / "nineteen"
 MINE, ALL, PAPER = "My data set", "All my data sets", "Nineteen synthetic rigs"
@@ -266,7 +267,7 @@ def _further(project: Project, more: Sequence[Dataset]) -> None:
     for dataset in more:
         st.markdown(f"- {escape_markdown(dataset.name)}")
     if more:
-        st.button("Forget them", on_click=project.drop_datasets, key="drop_more")
+        st.button("Forget them", on_click=callback(project.drop_datasets), key="drop_more")
 
 
 def _is_current(

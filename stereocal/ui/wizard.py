@@ -27,6 +27,8 @@ from stereocal.project import Project
 from stereocal.store.application import Asked, ProjectApplication, Side
 from stereocal.ui.intake import escape_markdown, refuse, settled
 from stereocal.ui.parameter_files import CORNER_TITLES
+from stereocal.ui.project import noted
+from stereocal.ui.told import callback
 
 PREVIEW_ROWS = 5
 COUNTED = "none: the rows are counted"
@@ -93,7 +95,8 @@ def ask_about_bars(store: ProjectApplication) -> None:
         st.caption(f"{len(rows)} pairs of points in {len(rows.frames)} frames.")
 
         def use() -> None:
-            store.project.give({"correspondences": (label, table)})
+            with noted(store.project):
+                store.project.give({"correspondences": (label, table)})
             store.forget_question("bars")
 
         _buttons(store, "bars", use)
@@ -263,5 +266,8 @@ def _buttons(store: ProjectApplication, asked: Asked, use: Callable[[], None]) -
 
 def _aside(store: ProjectApplication, asked: Asked) -> None:
     st.button(
-        "Put the file aside", key=f"aside_{asked}", on_click=store.forget_question, args=(asked,)
+        "Put the file aside",
+        key=f"aside_{asked}",
+        on_click=callback(store.forget_question),
+        args=(asked,),
     )

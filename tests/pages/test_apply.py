@@ -441,4 +441,4 @@ def test_state_that_another_version_wrote_is_said(app: AppTest, home: Path) -> N
     store = store_of(app, home)
     (store.folder / "apply.json").write_text(json.dumps({"format": "stereocal-apply/9"}))
     app.run()
-    assert "stored by another version" in said(app, "error")
+    assert "newer version" in said(app, "error")

@@ -1,0 +1,48 @@
+"""What a person is told once, at the top of the next page that is drawn.
+
+Streamlit runs callbacks before the page: an error there would be shown as a traceback, and the page
+would not be drawn.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import wraps
+from typing import Literal, ParamSpec
+
+import streamlit as st
+
+from stereocal.errors import StereocalError
+from stereocal.ui.texts import escape_markdown
+
+P = ParamSpec("P")
+Kind = Literal["error", "info"]
+_TOLD = "told"
+
+
+def tell(sentence: str, kind: Kind = "error") -> None:
+    """Say this once, at the top of the page that is drawn next; the same not twice."""
+    told: list[tuple[Kind, str]] = st.session_state.setdefault(_TOLD, [])
+    if (kind, sentence) not in told:
+        told.append((kind, sentence))
+
+
+def show_told() -> None:
+    """Draw what is to be told."""
+    for kind, sentence in st.session_state.pop(_TOLD, []):
+        (st.error if kind == "error" else st.info)(escape_markdown(sentence))
+
+
+def callback(act: Callable[P, object]) -> Callable[P, None]:
+    """A callback whose refusal is told."""
+
+    @wraps(act)
+    def run(*arguments: P.args, **named: P.kwargs) -> None:
+        try:
+            act(*arguments, **named)
+        except StereocalError as error:
+            tell(str(error))
+        except OSError as error:
+            tell(f"The project's folder cannot be used: {error.strerror or error}.")
+
+    return run
