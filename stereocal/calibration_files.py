@@ -8,15 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from stereocal.calibrate import Calibration, CalibrationSettings, Method, MethodResult
+from stereocal.calibrate import METHODS, Calibration, CalibrationSettings, Method, MethodResult
 from stereocal.dataset import Dataset
-from stereocal.errors import StereocalError
+from stereocal.errors import DAMAGED, StereocalError
 from stereocal.geometry import Pose
 from stereocal.montecarlo import Trace
 
 CALIBRATION_FORMAT = "stereocal-project/1"
 LONGEST_TRACE = 50_000
 """Moves of a search that are kept to be drawn; 2 million made a file of 183 MB."""
+TRACE = ("cost", "delta", "ratio")
 _DAMAGED = "The last result of this project cannot be read; calibrate again."
 
 
@@ -54,14 +55,18 @@ def unpack_calibration(
         dataset = dataset_of(data["inputs"])
         if dataset.sha256 != data["dataset_sha256"]:
             raise StereocalError("The result and its data do not belong together.")
+        methods = {name: _from_json(data["methods"][name]) for name in METHODS}
+        frames = np.array(data["frames"], dtype=np.int64)
+        if frames.ndim != 1 or any(found.method != name for name, found in methods.items()):
+            raise ValueError(frames)
         return Calibration(
             dataset=dataset,
             settings=CalibrationSettings.from_json(data["settings"]),
-            frames=np.array(data["frames"], dtype=np.int64),
-            methods={name: _from_json(found) for name, found in data["methods"].items()},
-            warnings=tuple(data["warnings"]),
+            frames=frames,
+            methods=methods,
+            warnings=tuple(str(text) for text in data["warnings"]),
         )
-    except (ValueError, KeyError, TypeError) as error:
+    except DAMAGED as error:
         raise StereocalError(_DAMAGED) from error
 
 
@@ -76,19 +81,23 @@ def _to_json(found: MethodResult) -> dict[str, Any]:
         "T": found.pose.T.tolist(),
         "trace": None
         if trace is None or len(trace.cost) > LONGEST_TRACE
-        else {name: getattr(trace, name).tolist() for name in ("cost", "delta", "ratio")},
+        else {name: getattr(trace, name).tolist() for name in TRACE},
     }
 
 
 def _from_json(data: Mapping[str, Any]) -> MethodResult:
     method: Method = data["method"]
     trace = data["trace"]
+    numbers = [data["cost"], data["seconds"]]
+    columns = [np.array(trace[name], float) for name in TRACE] if trace is not None else []
+    if not np.isfinite(np.array(numbers, float)).all() or len({len(each) for each in columns}) > 1:
+        raise ValueError(numbers)
     return MethodResult(
         method=method,
-        pose=Pose(np.array(data["R"]), np.array(data["T"])),
+        pose=Pose(np.array(data["R"], float), np.array(data["T"], float)),
         cost=float(data["cost"]),
         evaluations=int(data["evaluations"]),
         stop_reason=str(data["stop_reason"]),
         seconds=float(data["seconds"]),
-        trace=None if trace is None else Trace(*(np.array(trace[k]) for k in trace)),
+        trace=None if trace is None else Trace(*columns),
     )

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from stereocal.compiled import FloatArray
 from stereocal.errors import StereocalError
 
+LARGEST_SIDE = 1_000_000
 DISTORTION_LENGTHS = (0, 4, 5, 8, 12, 14)
 
 
@@ -110,7 +111,7 @@ class Camera:
                 "4, 5, 8, 12 or 14 (or none)."
             )
         width, height = (int(side) for side in self.image_size)
-        if width < 1 or height < 1:
+        if not (0 < width < LARGEST_SIDE and 0 < height < LARGEST_SIDE):
             raise StereocalError(f"The image size {width}x{height} px is not possible.")
         if self.uncertainty is not None and self.uncertainty.distortion.size != distortion.size:
             raise StereocalError(

@@ -10,6 +10,13 @@ LONGEST = 500
 KEPT_END = 160
 
 
+DAMAGED = (
+    ArithmeticError, AttributeError, EOFError, LookupError, MemoryError, OSError, RecursionError,
+    TypeError, ValueError,
+)  # fmt: skip
+"""What Python raises where a damaged file is taken for a sound one."""
+
+
 class StereocalError(ValueError):
     """Input that cannot be used. Its text is one sentence for the person who gave the input.
 

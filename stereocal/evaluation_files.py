@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,11 +14,15 @@ import numpy as np
 import stereocal
 from stereocal.calibrate import Method
 from stereocal.dataset import Dataset
-from stereocal.errors import StereocalError
+from stereocal.errors import DAMAGED, StereocalError
 from stereocal.evaluation import EvaluationSettings, Run
+from stereocal.formats.arrays import Array, read_arrays, shaped
+from stereocal.protocol import BINS
 from stereocal.summary import MethodSummary
 
 SUMMARY_FORMAT = "stereocal-summary/1"
+METHOD_COUNTS = (3, 4)
+"""With the refined method, or from before it."""
 
 
 def summary_json(
@@ -69,7 +72,7 @@ def validation_in_summary(path: Path, dataset: Dataset) -> dict[str, dict[str, A
         content = json.loads(path.read_bytes())
         known = {entry["sha256"]: entry["methods"] for entry in content["datasets"]}
         protocol = {name: content["settings"][name] for name in ("runs", "calibration_frames")}
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except DAMAGED as error:
         raise StereocalError(f"{path}: this is not a summary.json of evaluate.") from error
     if dataset.sha256 not in known:
         raise StereocalError(f"{path}: it says nothing of the data set {dataset.name}.")
@@ -127,25 +130,30 @@ def unpack_evaluation(content: bytes) -> Evaluation:
     Raises:
         StereocalError: the file is damaged.
     """
-    runs = []
     try:
-        with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
-            about = json.loads(arrays["about"].tobytes())
-            for at in range(len(about["names"])):
-                counts = arrays[f"counts{at}"].astype(np.int32)
-                ends = np.cumsum(arrays[f"bars{at}"])[:-1]
-                lengths = np.split(arrays[f"lengths{at}"], ends, axis=1)
-                nans, angles = arrays[f"nans{at}"], arrays[f"angles{at}"]
-                # Validations of before the refined method do not have it.
-                name = f"correct_px{at}"
-                px = arrays[name] if name in arrays else np.full(angles.shape[:2], np.nan)
-                parts = zip(counts, nans, lengths, angles, px, strict=True)
-                runs.append([Run(*own) for own in parts])
-            return Evaluation(
-                runs,
-                EvaluationSettings.from_json(about["settings"]),
-                about["names"],
-                about["sha256"],
-            )
-    except (KeyError, TypeError, ValueError, OSError, EOFError, zipfile.BadZipFile) as error:
+        arrays = read_arrays(content, "evaluation.npz")
+        about = json.loads(arrays["about"].tobytes())
+        names, digests = ([str(text) for text in about[key]] for key in ("names", "sha256"))
+        if len(names) != len(digests):
+            raise ValueError(names)
+        runs = [_runs(arrays, at) for at in range(len(names))]
+        return Evaluation(runs, EvaluationSettings.from_json(about["settings"]), names, digests)
+    except DAMAGED as error:
         raise StereocalError("The last validation cannot be read; validate again.") from error
+
+
+def _runs(arrays: Mapping[str, Array], at: int) -> list[Run]:
+    """The runs of one data set."""
+    counts = shaped(arrays[f"counts{at}"], "iu", None, None, 2, 2, BINS + 2).astype(np.int32)
+    count, methods = counts.shape[:2]
+    bars = shaped(arrays[f"bars{at}"], "iu", count)
+    lengths = shaped(arrays[f"lengths{at}"], "f", methods, int(bars.sum()))
+    nans = shaped(arrays[f"nans{at}"], "iu", count, methods, 2)
+    angles = shaped(arrays[f"angles{at}"], "f", count, methods, 5)
+    # Validations of before the refined method do not have it.
+    px = arrays.get(f"correct_px{at}", np.full((count, methods), np.nan))
+    px = shaped(px, "f", count, methods)
+    if not count or methods not in METHOD_COUNTS or min(bars.min(), counts.min(), nans.min()) < 0:
+        raise ValueError(counts.shape)
+    parts = np.split(lengths, np.cumsum(bars)[:-1], axis=1)
+    return [Run(*own) for own in zip(counts, nans, parts, angles, px, strict=True)]

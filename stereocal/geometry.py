@@ -24,6 +24,7 @@ import numpy.typing as npt
 from stereocal.compiled import FloatArray, compiled, inlined
 from stereocal.errors import StereocalError
 
+FARTHEST_M = 1e12
 ROTATION_TOLERANCE = 1e-6
 """Largest entry of R R^T - I that still passes for a rotation: six printed digits."""
 
@@ -61,7 +62,11 @@ class Pose:
             )
         if not (np.isfinite(R).all() and np.isfinite(T).all()):
             raise StereocalError("A pose has a number that is not finite (NaN or infinite).")
-        if np.abs(R @ R.T - np.eye(3)).max() > ROTATION_TOLERANCE or np.linalg.det(R) < 0:
+        if np.abs(T).max() > FARTHEST_M:
+            raise StereocalError(f"A pose that shifts by {np.abs(T).max():g} m cannot be.")
+        # The numbers first, whose squares may not be numbers any more.
+        turns = np.abs(R).max() < 2 and np.abs(R @ R.T - np.eye(3)).max() <= ROTATION_TOLERANCE
+        if not turns or np.linalg.det(R) < 0:
             raise StereocalError("R is not a rotation: its rows must be orthonormal, with det +1.")
         R.setflags(write=False)
         T.setflags(write=False)

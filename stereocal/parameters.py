@@ -20,7 +20,7 @@ import stereocal
 from stereocal.camera import Camera
 from stereocal.compiled import FloatArray, IntArray
 from stereocal.dataset import Dataset
-from stereocal.errors import StereocalError
+from stereocal.errors import DAMAGED, StereocalError
 from stereocal.geometry import (
     Angles,
     Pose,
@@ -191,9 +191,9 @@ class RigParameters:
             )
         try:
             return cls._from_dict(data, source)
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
-            if isinstance(error, StereocalError):
-                raise
+        except StereocalError:
+            raise
+        except DAMAGED as error:
             raise StereocalError(
                 f"{source}: the parameter file is damaged ({type(error).__name__}: {error})."
             ) from error
@@ -212,6 +212,9 @@ class RigParameters:
             raise StereocalError(f"{source}: the length of T and baseline_m contradict each other.")
         if not (np.allclose(stated.R, pose.R, atol=1e-6) and np.allclose(stated.T, pose.T, 1e-6)):
             raise StereocalError(f"{source}: the angles and R, T contradict each other.")
+        for name in ("settings", "inputs"):
+            if not isinstance(data[name], dict):
+                raise StereocalError(f"{source}: {name} is not an object.")
         threshold = data["matching_threshold_px"]
         return cls(
             method=data["method"],

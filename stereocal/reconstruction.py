@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stereocal.compiled import FloatArray
-from stereocal.errors import StereocalError
+from stereocal.errors import DAMAGED, StereocalError
 from stereocal.geometry import (
     Angles,
     Pose,
@@ -174,7 +174,7 @@ def read_world(path: str | Path) -> Pose:
         else:
             rows = [row for row in csv.reader(io.StringIO(text)) if any(c.strip() for c in row)]
             table = np.array(rows, dtype=np.float64)
-    except (ValueError, TypeError, RecursionError) as error:
+    except (*DAMAGED, csv.Error) as error:
         raise StereocalError(f"{path}: this is not a 4x4 table of numbers.") from error
     if table.shape != (4, 4) or not np.array_equal(table[3], [0, 0, 0, 1]):
         raise StereocalError(

@@ -61,7 +61,7 @@ def read_aniposelib(files: Mapping[str, bytes], options: ExchangeOptions, source
     name, text = only_file(files, (".toml",), source)
     try:
         data = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:  # a number of too many digits is a ValueError
         raise StereocalError(f"{name}: this is not valid TOML ({error}).") from error
     sections = sorted(key for key in data if key != "metadata" and isinstance(data[key], dict))
     if len(sections) != 2:

@@ -110,7 +110,7 @@ def read_colmap(files: Mapping[str, bytes], _: ExchangeOptions, source: str) -> 
     if cells[3] not in cameras or cells[5] not in cameras:
         raise StereocalError("rigs.txt: the rig names a camera that cameras.txt does not hold.")
     values = array_of(cells[7:], (7,), "the pose", "rigs.txt")
-    if np.linalg.norm(values[:4]) < 1e-9:
+    if not 1e-9 < np.abs(values[:4]).max() < 1e9:
         raise StereocalError("rigs.txt: the rotation is not a quaternion.")
     R = Rotation.from_quat(values[:4], scalar_first=True).as_matrix()
     return Stereo(cameras[cells[3]], cameras[cells[5]], Pose(R, values[4:]))

@@ -67,7 +67,10 @@ def read_dlt(files: Mapping[str, bytes], options: ExchangeOptions, source: str) 
         StereocalError: not 11 rows of two numbers, or no image sizes.
     """
     name, text = only_file(files, (".csv", ".txt"), source)
-    rows = [row for row in csv.reader(io.StringIO(text)) if any(cell.strip() for cell in row)]
+    try:
+        rows = [row for row in csv.reader(io.StringIO(text)) if any(cell.strip() for cell in row)]
+    except csv.Error as error:
+        raise StereocalError(f"{name}: this is not a CSV file ({error}).") from error
     table = array_of(rows, (-1,), "the table", name)
     if len(rows) != 11 or len(table) != 22:
         raise StereocalError(

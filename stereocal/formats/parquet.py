@@ -8,7 +8,7 @@ from typing import Any
 
 import pandas as pd
 
-from stereocal.errors import StereocalError
+from stereocal.errors import DAMAGED, StereocalError
 from stereocal.limits import Limits
 
 PARQUET = (".parquet", ".pq")
@@ -37,12 +37,20 @@ def parquet_chunks(path: Path, label: str) -> Iterator[pd.DataFrame]:
     """The rows in blocks; the index counts them from 1.
 
     Raises:
-        StereocalError: not a Parquet file.
+        StereocalError: not a Parquet file, or a damaged one.
     """
     start = 1
     file = _parquet_file(path, label)
-    for batch in file.iter_batches(batch_size=block_rows(file.schema_arrow.names)):
-        chunk = batch.to_pandas().reset_index(drop=True)
+    batches = file.iter_batches(batch_size=block_rows(file.schema_arrow.names))
+    while True:
+        try:
+            batch = next(batches, None)
+            if batch is None:
+                return
+            batch.validate(full=True)  # such as text that is no UTF-8
+            chunk = batch.to_pandas().reset_index(drop=True)
+        except (*DAMAGED, NotImplementedError) as error:
+            raise StereocalError(f"{label}: the Parquet file is damaged ({error}).") from error
         chunk.index += start
         start += len(chunk)
         yield chunk
@@ -67,5 +75,5 @@ def _parquet_file(path: Path, label: str) -> Any:
     parquet = parquet_library()
     try:
         return parquet.ParquetFile(path)
-    except (OSError, ValueError) as error:  # pyarrow's own errors are ValueErrors
+    except (*DAMAGED, NotImplementedError) as error:  # pyarrow's own errors are ValueErrors
         raise StereocalError(f"{label}: this is not a Parquet file ({error}).") from error

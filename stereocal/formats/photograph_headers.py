@@ -59,7 +59,7 @@ def parse_header(content: bytes) -> Header:
         if content.startswith(magic):
             try:
                 return reader(content)
-            except (struct.error, IndexError) as error:
+            except (struct.error, IndexError, OverflowError) as error:
                 raise UnsoundError("the file is cut off; copy it again") from error
     if not content:
         raise UnsoundError("the file is empty (0 bytes)")

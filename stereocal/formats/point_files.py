@@ -10,6 +10,7 @@ are meant) stands in `questions`, for a person to answer.
 from __future__ import annotations
 
 import io
+import itertools
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -19,9 +20,10 @@ from stereocal.compiled import FloatArray
 from stereocal.dataset import Correspondences
 from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
 from stereocal.formats.pixel_origin import PixelOrigin
-from stereocal.formats.point_table import is_missing, numbers_of
+from stereocal.formats.point_table import MOST_COLUMNS, is_missing, numbers_of
 from stereocal.limits import Limits
 
+HEAD = 1_000_000
 MOST_CELLS = 100_000_000
 """The whole table is held in memory here."""
 
@@ -165,6 +167,12 @@ def _table(
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise StereocalError(f"{source}: this is not a text file (CSV in UTF-8).") from error
+    head = itertools.islice(io.StringIO(text[:HEAD], newline=None), layout.header_rows + 8)
+    columns = 1 + max((line.count(layout.delimiter) for line in head), default=0)
+    if columns > MOST_COLUMNS:
+        raise StereocalError(
+            f"{source}: {columns} columns are too many; at most {MOST_COLUMNS} are read."
+        )
     try:
         raw = pd.read_csv(
             io.StringIO(text),
@@ -180,7 +188,10 @@ def _table(
         raise StereocalError(f"{source}: the rows cannot be read ({error}).") from error
     raw.index += layout.header_rows + 1
     raw = raw[(raw != "").any(axis=1)]
-    last = max(max(each.u, each.v) for each in layout.columns)
+    named = [layout.frame, *(index for _, index in layout.further)]
+    for each in layout.columns:
+        named += [each.u, each.v, each.likelihood]
+    last = max(index for index in named if index is not None)
     if raw.shape[1] <= last:
         raise StereocalError(
             f"{source}: the layout ({layout.program}) needs {last + 1} columns; the file has "
@@ -195,7 +206,7 @@ def _frames(
     if layout.frame is None:
         return np.arange(layout.first_frame, layout.first_frame + len(raw))
     values = _numbers(raw, layout, layout.frame, source)
-    bad = np.flatnonzero(~(values == np.round(values)))
+    bad = np.flatnonzero(~((values == np.round(values)) & (np.abs(values) < 2**53)))
     if len(bad):
         problems = [RowProblem(int(raw.index[int(k)]), "no whole frame number") for k in bad]
         raise RefusedRowsError(f"{source}: ", problems, "cannot be used")

@@ -79,7 +79,7 @@ def _deeplabcut(rows: list[list[str]], delimiter: str) -> PointLayout | None:
     columns = [
         PointColumns(
             "cam1",
-            " ".join(row[k].strip() for row in labels),
+            " ".join(row[k].strip() for row in labels if k < len(row)),
             k,
             k + 1,
             k + 2 if marks[k + 2 : k + 3] == ["likelihood"] else None,
@@ -87,6 +87,8 @@ def _deeplabcut(rows: list[list[str]], delimiter: str) -> PointLayout | None:
         for k in range(1, len(marks) - 1)
         if marks[k] == "x"
     ]
+    if not columns:
+        return None
     return PointLayout(
         program="DeepLabCut",
         columns=tuple(columns),
@@ -129,9 +131,9 @@ def _trackmate(rows: list[list[str]], delimiter: str) -> PointLayout | None:
         return None
     x, frame = names.index("POSITION_X"), names.index("FRAME")
     header = 0
-    while header < len(rows) and not rows[header][frame].strip().isdigit():
+    while header < len(rows) and not "".join(rows[header][frame : frame + 1]).strip().isdigit():
         header += 1
-    unit = rows[3][x].strip("() ").lower() if header == 4 else ""
+    unit = "".join(rows[3][x : x + 1]).strip("() ").lower()[:40] if header == 4 else ""
     questions = []
     if unit not in ("pixel", "pixels", "px"):
         questions.append(

@@ -171,7 +171,14 @@ class PointTable:
                     f"columns frame, {', '.join(self.numbers)}."
                 )
             self.delimiter = max(",;\t", key=first.count)
-            return next(csv.reader([first], delimiter=self.delimiter))
+            names = next(csv.reader([first], delimiter=self.delimiter))
+            cells = next(csv.reader([file.readline(LONGEST_HEADER)], delimiter=self.delimiter), [])
+            if len(cells) > len(names):  # pandas takes this width for the table's
+                raise StereocalError(
+                    f"{self.label}: 1 row cannot be used: line 2: {len(cells)} cells instead of "
+                    f"{len(names)}."
+                )
+            return names
 
     def _refuse_columns(self) -> None:
         if len(self.names) > MOST_COLUMNS:
@@ -269,8 +276,10 @@ class _OutOfOrderError(Exception):
 
 def numbers_of(column: pd.Series[Any], decimal_comma: bool) -> FloatArray:
     """A column as numbers; NaN for what is none."""
-    if decimal_comma and not pd.api.types.is_numeric_dtype(column):
-        column = column.str.replace(",", ".", regex=False)
+    if not pd.api.types.is_numeric_dtype(column):
+        column = column.astype(str)  # also what a Parquet file has for a number: dates, lists
+        if decimal_comma:
+            column = column.str.replace(",", ".", regex=False)
     return pd.to_numeric(column, errors="coerce").to_numpy(dtype=np.float64, na_value=np.nan)
 
 
@@ -278,4 +287,5 @@ def is_missing(column: pd.Series[Any]) -> npt.NDArray[np.bool_]:
     """Where a column is empty, or says that it is (NaN, NA, none)."""
     if pd.api.types.is_numeric_dtype(column):
         return column.isna().to_numpy()
-    return (column.isna() | column.str.strip().str.lower().isin(MISSING)).to_numpy()
+    words = column.astype(str).str.strip().str.lower()
+    return (column.isna() | words.isin(MISSING)).to_numpy()

@@ -9,6 +9,9 @@ import yaml
 from stereocal.errors import StereocalError
 from stereocal.formats.stereo import text_of
 
+LONGEST = 100_000
+"""Ours have 4000 characters. The parser takes 15 s for a million, and longer for odd ones."""
+
 
 class _PlainLoader(yaml.SafeLoader):  # type: ignore[misc]  # the package has no types
     """Plain data only. No aliases: a few hundred bytes of them can stand for gigabytes."""
@@ -26,6 +29,8 @@ def read_mapping(content: bytes, source: str) -> dict[str, Any]:
         StereocalError: no YAML, or no mapping.
     """
     text = text_of(content, source)
+    if len(text) > LONGEST:
+        raise StereocalError(f"{source}: {len(text)} characters are too many for a parameter file.")
     try:
         data = yaml.load(text, Loader=_PlainLoader)
     except (yaml.YAMLError, ValueError, RecursionError) as error:

@@ -82,7 +82,8 @@ def open_zip(source: Path | bytes, name: str) -> Iterator[OpenZip]:
         Limits.from_environment().check_count(_listed(source, packed), name)
         archive = zipfile.ZipFile(io.BytesIO(source) if isinstance(source, bytes) else source)
     with archive:
-        opened = OpenZip(archive, name)
+        with _sound(name):
+            opened = OpenZip(archive, name)
         _check(opened, packed, name)
         yield opened
 

@@ -11,12 +11,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
-import numpy as np
-
 from stereocal.dataset import SOURCES, TARGETS, Correspondences
-from stereocal.errors import StereocalError
+from stereocal.errors import DAMAGED, StereocalError
 from stereocal.frames.pairing import CAMERAS
 
+LARGEST_PX = 1_000_000
 FRAMES_FORMAT = "stereocal-frames/1"
 State = Literal["found", "doubtful", "refused"]
 STATES: tuple[State, ...] = ("found", "doubtful", "refused")
@@ -122,7 +121,7 @@ def unpack_frames(content: bytes) -> list[Frame]:
         if data["format"] != FRAMES_FORMAT:
             raise StereocalError("The found targets were written by another version of stereocal.")
         return [frame_from_json(item) for item in data["frames"]]
-    except (ValueError, KeyError, TypeError) as error:
+    except DAMAGED as error:
         if isinstance(error, StereocalError):
             raise
         raise StereocalError("The found targets cannot be read; find them again.") from error
@@ -167,8 +166,11 @@ def frame_from_json(item: dict[str, Any]) -> Frame:
     if item["state"] not in STATES:
         raise ValueError(item["state"])
     primary, secondary = item["files"]
+    number = int(item["frame"])
+    if abs(number) > 2**53:
+        raise ValueError(number)
     return Frame(
-        frame=int(item["frame"]),
+        frame=number,
         files=(str(primary), str(secondary)),
         centres=((a, b), (c, d)),
         state=item["state"],
@@ -182,6 +184,10 @@ def _centre(item: dict[str, Any] | None) -> Centre | None:
     if item is None:
         return None
     centre = Centre(**item)
-    if centre.source not in SOURCES or not np.isfinite([centre.u, centre.v]).all():
+    sigma = 1.0 if centre.sigma_px is None else centre.sigma_px
+    # "not <" refuses NaN too.
+    if centre.source not in SOURCES or not max(abs(centre.u), abs(centre.v)) < LARGEST_PX:
+        raise ValueError(item)
+    if not 0 <= sigma < LARGEST_PX:
         raise ValueError(item)
     return centre

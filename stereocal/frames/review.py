@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from stereocal.dataset import TARGETS
 from stereocal.detection import corner_near
-from stereocal.errors import StereocalError
+from stereocal.errors import DAMAGED, StereocalError
 from stereocal.frames.frame import Centre, Frame, frame_from_json, name_in
 
 REVIEW_FORMAT = "stereocal-review/1"
@@ -194,7 +194,7 @@ def unpack_edits(content: bytes, frames: Sequence[Frame]) -> tuple[Edit, ...]:
             Edit(frame_from_json(item["before"]), frame_from_json(item["after"]))
             for item in data["edits"]
         ]
-    except (ValueError, KeyError, TypeError) as error:
+    except DAMAGED as error:
         if isinstance(error, StereocalError):
             raise
         raise StereocalError(

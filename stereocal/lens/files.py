@@ -5,17 +5,19 @@ from __future__ import annotations
 import dataclasses
 import io
 import json
-import zipfile
 from typing import Any
 
 import numpy as np
 
-from stereocal.errors import StereocalError
+from stereocal.errors import DAMAGED, StereocalError
+from stereocal.formats.arrays import read_arrays, shaped
 from stereocal.intrinsics import PARAMETERS, LensCalibration, LensSettings
 from stereocal.lens.board_pattern import BoardPattern
 from stereocal.lens.boards import BoardSearch, BoardView, Refused
 
 RESULT_FORMAT = "stereocal-lens/1"
+MOST_PIXELS = 1_000_000
+"""Of one side of a photograph."""
 
 
 def about(calibration: LensCalibration) -> dict[str, Any]:
@@ -69,9 +71,16 @@ def unpack_lens(content: bytes) -> LensCalibration:
     head, arrays = _unpack(content)
     try:
         settings = LensSettings(**head["settings"])
-        numbers = (arrays[name] for name in ("drawn", "draws", "of_all"))
-        return LensCalibration(_search(head, arrays), settings, *numbers)
-    except (KeyError, TypeError) as error:
+        search = _search(head, arrays)
+        drawn = shaped(arrays["drawn"], "iu", settings.repeats, settings.subset)
+        draws = shaped(arrays["draws"], "f", settings.repeats, len(PARAMETERS))
+        of_all = shaped(arrays["of_all"], "f", len(PARAMETERS))
+        if not 0 <= drawn.min() <= drawn.max() < len(search.views) > settings.subset:
+            raise ValueError(drawn)
+        lens = LensCalibration(search, settings, drawn, draws, of_all)
+        lens.camera.to_json()  # it must be one
+        return lens
+    except DAMAGED as error:
         raise StereocalError(_DAMAGED) from error
 
 
@@ -101,19 +110,35 @@ def _search_arrays(search: BoardSearch) -> dict[str, Any]:
 
 def _search(head: dict[str, Any], arrays: dict[str, Any]) -> BoardSearch:
     try:
-        ends = np.cumsum(arrays["counts"])[:-1]
-        parts = zip(np.split(arrays["ids"], ends), np.split(arrays["corners"], ends), strict=True)
+        counts = shaped(arrays["counts"], "iu", len(head["views"]))
+        total = int(counts.sum())
+        ids = shaped(arrays["ids"], "iu", total)
+        corners = shaped(arrays["corners"], "f", total, 2)
+        pattern = BoardPattern(**head["pattern"])
+        if counts.min(initial=1) < 1 or not np.isfinite(corners).all():
+            raise ValueError(counts)
+        if total and not 0 <= ids.min() <= ids.max() < len(pattern.points):
+            raise ValueError(ids)
+        ends = np.cumsum(counts)[:-1]
+        parts = zip(np.split(ids, ends), np.split(corners, ends), strict=True)
         views = tuple(
-            BoardView(name, (size[0], size[1]), ids, corners, turned)
-            for (name, size, turned), (ids, corners) in zip(head["views"], parts, strict=True)
+            BoardView(str(name), _size(size), own, places, bool(turned))
+            for (name, size, turned), (own, places) in zip(head["views"], parts, strict=True)
         )
         refused = tuple(
-            Refused(name, reason, (size[0], size[1]) if size else None)
+            Refused(str(name), str(reason), _size(size) if size else None)
             for name, reason, size in head["refused"]
         )
-        return BoardSearch(BoardPattern(**head["pattern"]), views, refused)
-    except (KeyError, TypeError, ValueError, IndexError) as error:
+        return BoardSearch(pattern, views, refused)
+    except DAMAGED as error:
         raise StereocalError(_DAMAGED) from error
+
+
+def _size(size: Any) -> tuple[int, int]:
+    width, height = (int(side) for side in size)
+    if not 0 < width < MOST_PIXELS > height > 0:
+        raise ValueError(size)
+    return width, height
 
 
 def _pack(head: dict[str, Any], arrays: dict[str, Any]) -> bytes:
@@ -125,10 +150,9 @@ def _pack(head: dict[str, Any], arrays: dict[str, Any]) -> bytes:
 
 def _unpack(content: bytes) -> tuple[dict[str, Any], dict[str, Any]]:
     try:
-        with np.load(io.BytesIO(content), allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in archive.files}
+        arrays = read_arrays(content, "The boards")
         head = json.loads(arrays.pop("head").tobytes())
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+    except DAMAGED as error:
         raise StereocalError(_DAMAGED) from error
     if not isinstance(head, dict) or head.get("format") != RESULT_FORMAT:
         raise StereocalError(_DAMAGED)

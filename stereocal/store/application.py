@@ -22,7 +22,7 @@ from typing import Any, Literal
 
 import pandas as pd
 
-from stereocal.errors import StereocalError
+from stereocal.errors import DAMAGED, StereocalError
 from stereocal.formats.parquet import PARQUET
 from stereocal.formats.point_answers import OURS, Answers, answered, layout_of
 from stereocal.formats.point_files import read_points
@@ -33,7 +33,7 @@ from stereocal.points.application import PAIRS, POINTS, Application, Outcome, Po
 from stereocal.points.pairs import POINT
 from stereocal.project import Project
 from stereocal.store.folders import own_file
-from stereocal.store.state import DAMAGED, DamagedError, StateFile, changing, read_if_there
+from stereocal.store.state import DamagedError, StateFile, changing, read_if_there
 from stereocal.writing import flush_folder, make_folder, write_atomically
 
 STORE_FORMAT = "stereocal-apply/1"

@@ -43,13 +43,23 @@ def is_id(name: str) -> bool:
     return _ID.fullmatch(name) is not None
 
 
+LONGEST_NAME = 100
+
+
 def own_file(folder: Path, name: str) -> Path:
     """The file `name` of a folder of a project.
 
     Raises:
         StereocalError: a name that leads out of the folder; a project can come from a stranger.
     """
-    if not isinstance(name, str) or Path(name).name != name or name in ("", ".", ".."):
+    if (
+        not isinstance(name, str)
+        or not 0 < len(name) <= LONGEST_NAME
+        or not name.isascii()
+        or not name.isprintable()
+        or Path(name).name != name
+        or name in (".", "..")
+    ):
         raise StereocalError(f"The project names {name!r}, which is no file of its own.")
     return folder / name
 

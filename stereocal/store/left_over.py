@@ -10,10 +10,10 @@ from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
+from stereocal.errors import DAMAGED
 from stereocal.locking import LOCK, FileLock
 from stereocal.store.folders import WAITING
 from stereocal.store.projects import folders_in
-from stereocal.store.state import DAMAGED
 
 _TEMPORARY = re.compile(
     r"\.new-[a-z0-9_]{8}"  # a photograph (photograph_files)

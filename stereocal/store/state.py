@@ -10,14 +10,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from stereocal.errors import StereocalError
+from stereocal.errors import DAMAGED, StereocalError
 from stereocal.locking import locked
 from stereocal.writing import flush_folder, write_atomically
 
 PROJECT_FILE = "project.json"
 """What makes a folder a project."""
-DAMAGED = (OSError, ValueError, KeyError, TypeError, AttributeError, IndexError, RecursionError)
-"""What reading a damaged file raises."""
 
 
 class DamagedError(StereocalError):

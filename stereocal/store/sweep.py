@@ -13,10 +13,9 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from stereocal.errors import StereocalError
+from stereocal.errors import DAMAGED, StereocalError
 from stereocal.store.left_over import remove_left_over
 from stereocal.store.projects import changed_at, folders_in, remove
-from stereocal.store.state import DAMAGED
 from stereocal.store.unused import free_unused
 from stereocal.writing import flush_folder, write_atomically
 

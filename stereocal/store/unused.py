@@ -13,9 +13,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from stereocal.errors import StereocalError
+from stereocal.errors import DAMAGED, StereocalError
 from stereocal.store.folders import UNCHANGING
-from stereocal.store.state import DAMAGED, changing
+from stereocal.store.state import changing
 
 LIST = "photographs.json"
 NAMING = {

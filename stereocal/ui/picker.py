@@ -117,7 +117,7 @@ def pick_of(sent: Any) -> Pick | None:
     """What the browser sent, if it is a click; anything may come from there."""
     try:
         found = Pick(str(sent["id"]), float(sent["u"]), float(sent["v"]), sent["raw"] is True)
-    except (TypeError, KeyError, ValueError):
+    except (TypeError, KeyError, ValueError, OverflowError):
         return None
     return found if math.isfinite(found.u) and math.isfinite(found.v) else None
 

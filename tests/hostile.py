@@ -1,0 +1,282 @@
+"""Every reader of strangers' files, with sound files to begin from: what is fuzzed, and how.
+
+A reader takes the bytes of one file and a scratch folder. It may return, or raise `StereocalError`;
+anything else is a bug. `tests/test_hostile.py` and `benchmarks/hostile.py` both use this list.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cache, partial
+from pathlib import Path
+from typing import Any
+
+from stereocal.errors import StereocalError
+from stereocal.formats.camera_file import read_camera, write_camera, write_opencv_camera
+from stereocal.formats.correspondences_csv import read_table
+from stereocal.formats.dataset_files import parse_dataset, parse_zip, read_dataset
+from stereocal.formats.exchange import export_files, import_files
+from stereocal.formats.photograph import read_photograph
+from stereocal.formats.photograph_files import unpack_photographs
+from stereocal.formats.pixel_origin import PixelOrigin
+from stereocal.formats.point_answers import (
+    BarAnswers,
+    answered,
+    bars_of,
+    column_names,
+    first_answers,
+    holds_bars,
+    layout_by_hand,
+    layout_of,
+)
+from stereocal.formats.point_files import read_points
+from stereocal.formats.point_table import PointTable
+from stereocal.formats.stereo import ExchangeOptions
+from stereocal.limits import Limits
+from stereocal.parameters import RigParameters
+from stereocal.project import Project
+from stereocal.reconstruction import read_world
+from stereocal.store.server import ServerSettings
+from stereocal.ui.picker import pick_of
+from tests import hostile_seeds as seeds
+from tests.hostile_projects import FILES, dataset_zip, project_zip, read_inner, read_project_zip
+from tests.rig import PRIMARY, SECONDARY
+from tests.test_exchange import RICHEST
+
+Read = Callable[[bytes, Path], object]
+Seeds = Callable[[], Sequence[bytes]]
+
+
+@dataclass(frozen=True)
+class Reader:
+    """One reader, or one kind of file of it."""
+
+    group: str
+    kind: str
+    """How its files are changed: a key of `hostile_mutations.BY_KIND`."""
+    name: str
+    seeds: Seeds
+    read: Read
+    modules: tuple[str, ...] = ()
+    """Which modules of formats/ and store/ it goes through."""
+
+
+def _tables() -> list[Reader]:
+    asked = ("point_answers", "point_layouts", "point_files", "pixel_origin")
+    table, csv = ("point_table",), ("correspondences_csv",)
+    return [
+        *(
+            Reader("tables", "text", f"points, {name}", partial(list, found), _points, asked)
+            for name, found in seeds.layouts().items()
+        ),
+        Reader(
+            "tables", "text", "correspondences.csv", seeds.correspondences, _correspondences, csv
+        ),
+        Reader("tables", "text", "table of points", seeds.points, _table("t.csv"), table),
+        Reader(
+            "tables", "parquet", "Parquet", seeds.parquet, _table("t.parquet"),
+            (*table, "parquet"),
+        ),
+        Reader("tables", "text", "world, table", lambda: [seeds.world("", "")], _world("w.csv")),
+        Reader("JSON", "json", "world, JSON", lambda: [seeds.world("[", "]")], _world("w.json")),
+    ]  # fmt: skip
+
+
+def _descriptions() -> list[Reader]:
+    opencv = ("camera_file", "file_storage")
+    ours = [write_camera(PRIMARY), seeds.uncertain_camera()]
+    yaml = [write_opencv_camera(PRIMARY)]
+    rigs = [rig.dumps().encode() for rig in list(RICHEST.values())[:3]]
+    return [
+        Reader("JSON", "json", "camera, ours", lambda: ours, _camera, ("camera_file",)),
+        Reader("YAML", "yaml", "camera, OpenCV YAML", lambda: yaml, _camera, opencv),
+        Reader(
+            "XML", "xml", "camera, OpenCV XML", lambda: [seeds.storage(".xml")], _camera, opencv
+        ),
+        Reader(
+            "JSON", "json", "camera, OpenCV JSON", lambda: [seeds.storage(".json")], _camera, opencv
+        ),
+        Reader("JSON", "json", "parameters", lambda: rigs, _parameters),
+        Reader(
+            "JSON", "json", "dataset.json", lambda: [seeds.field()["dataset.json"]],
+            lambda content, _: parse_dataset({**seeds.field(), "dataset.json": content}, "a.zip"),
+            ("dataset_files",),
+        ),
+        *(_exchange(name, file) for name in RICHEST for file in export_files(RICHEST[name], name)),
+    ]  # fmt: skip
+
+
+def _exchange(name: str, file: str) -> Reader:
+    sound = export_files(RICHEST[name], name)
+    ending = file.rsplit(".", 1)[-1]
+    kind = {"yml": "yaml", "yaml": "yaml", "json": "json"}.get(ending, "text")
+    group = {"yaml": "YAML", "json": "JSON"}.get(kind, "other text")
+    sizes = (PRIMARY.image_size, SECONDARY.image_size)
+    options = ExchangeOptions(sizes, PixelOrigin("lower-left"))
+    modules = ["exchange", "opencv_stereo" if name == "opencv" else name]
+    modules += ["yaml_file"] if name in ("kalibr", "ros") else []
+
+    def read(content: bytes, _: Path) -> object:
+        files = {**sound, file: content}
+        refused: StereocalError | None = None
+        for given in (options, ExchangeOptions()):
+            try:
+                import_files(files, name, given).dumps()
+            except StereocalError as error:
+                refused = error
+        if refused is not None:
+            raise refused
+        return None
+
+    return Reader(group, kind, f"{name}, {file}", lambda: [sound[file]], read, tuple(modules))
+
+
+def _packed() -> list[Reader]:
+    tables = ("zip_files", "dataset_files")
+    photographs = ("zip_files", "photograph_files")
+    two = seeds.zipped({f"cam{k}/1.png": seeds.image(".png") for k in (0, 1)})
+    return [
+        Reader(
+            "zips", "zip", "data set, zip", lambda: [dataset_zip()],
+            lambda content, _: parse_zip(content, "a.zip"), tables,
+        ),
+        Reader(
+            "zips", "zip", "data set, zip on disk", lambda: [dataset_zip()],
+            lambda content, folder: read_dataset(_kept(content, folder / "a.zip")), tables,
+        ),
+        Reader("zips", "zip", "photographs, zip", lambda: [two], _photographs, photographs),
+        Reader(
+            "zips", "zip", "project, zip", lambda: [project_zip()], read_project_zip, ("carry",)
+        ),
+        *(
+            Reader(
+                "project files", inner.kind, f"project, {name}", inner.seeds,
+                partial(_inner, name), inner.modules,
+            )
+            for name, inner in FILES.items()
+        ),
+    ]  # fmt: skip
+
+
+def _images() -> list[Reader]:
+    modules = ("photograph", "photograph_headers")
+    return [
+        Reader(
+            "photographs", "png" if name == "PNG" else "image", f"photograph, {name}",
+            partial(list, found), _photograph, modules,
+        )
+        for name, found in seeds.photographs().items()
+    ]  # fmt: skip
+
+
+def _browser() -> list[Reader]:
+    addresses = [b"0" * 32, b"0123456789abcdef" * 2]
+    return [
+        Reader("browser", "text", "address", lambda: addresses, _address, ("folders",)),
+        Reader(
+            "browser", "json", "click", lambda: [b'{"id": "a", "u": 1.5, "v": 2, "raw": false}'],
+            lambda content, _: pick_of(_plain(content)),
+        ),
+        Reader("browser", "text", "settings", lambda: [b"1", b"90.5"], _settings, ("server",)),
+    ]  # fmt: skip
+
+
+def _address(content: bytes, folder: Path) -> None:
+    Project.open(folder, content.decode("utf-8", "surrogateescape"))
+
+
+def _settings(content: bytes, _: Path) -> None:
+    text = content.decode("utf-8", "replace")
+    ServerSettings.from_environment({"STEREOCAL_KEEP_DAYS": text})
+    Limits.from_environment({"STEREOCAL_MOST_RATIO": text})
+
+
+def _plain(content: bytes) -> Any:
+    try:
+        return json.loads(content)
+    except (ValueError, RecursionError):
+        return content.decode("utf-8", "replace")
+
+
+def _camera(content: bytes, _: Path) -> None:
+    camera = read_camera(content, "camera")
+    width, height = camera.image_size
+    camera.undistort([[0.0, 0.0], [width / 2, height / 3]])
+    write_camera(camera)
+
+
+def _parameters(content: bytes, folder: Path) -> None:
+    rig = RigParameters.load(_kept(content, folder / "p.json"))
+    rig.dumps()
+    rig.reprojection_errors([[100.0, 100.0]], [[110.0, 90.0]])
+    rig.reconstruct([[100.0, 100.0]], [[110.0, 90.0]])
+
+
+def _correspondences(content: bytes, _: Path) -> None:
+    read_table(content, "a.csv").strict("a.csv")
+
+
+def _points(content: bytes, _: Path) -> None:
+    """As the wizard does: what it looks like, the questions, a preview, and the whole."""
+    holds_bars(content, "a.csv")
+    layout = layout_of(content, "a.csv")
+    refused, read = None, 0
+    for proposed in (layout, layout_by_hand(content, "a.csv")):
+        for which in (0, 1):
+            answers = first_answers(proposed, which, 1024)
+            try:
+                column_names(content, proposed, "a.csv")
+                chosen = answered(proposed, answers, content, "a.csv")
+                for rows in (5, None):
+                    read_points(content, chosen, answers.camera, 1024, "a.csv", rows)
+                    read += 1
+            except StereocalError as error:
+                refused = error
+    if len(layout.cameras) > 1 and len(layout.points) > 1:
+        two = (layout.cameras[0], layout.cameras[1]), (layout.points[0], layout.points[1])
+        bars_of(content, BarAnswers(*two, "lower-left", image_heights=(1024, 1024)), "a.csv")
+    if refused and not read:
+        raise refused
+
+
+def _table(name: str) -> Read:
+    def read(content: bytes, folder: Path) -> None:
+        table = PointTable(_kept(content, folder / name), ("u", "v"), name)
+        table.check()
+        for _, rows in table.frames():
+            rows.to_csv(index=False)
+
+    return read
+
+
+def _world(name: str) -> Read:
+    return lambda content, folder: read_world(_kept(content, folder / name))
+
+
+def _photograph(content: bytes, folder: Path) -> None:
+    read_photograph(_kept(content, folder / "p.bin"), "p.png")
+
+
+def _photographs(content: bytes, folder: Path) -> None:
+    for name, path in unpack_photographs(content, "a.zip", folder / "store").items():
+        read_photograph(path, name)
+
+
+def _inner(name: str, content: bytes, _: Path) -> None:
+    read_inner(name, content)
+
+
+def _kept(content: bytes, path: Path) -> Path:
+    path.write_bytes(content)
+    return path
+
+
+@cache
+def readers() -> dict[str, Reader]:
+    """All readers by name."""
+    every = [*_tables(), *_descriptions(), *_packed(), *_images(), *_browser()]
+    found = {reader.name: reader for reader in every}
+    assert len(found) == len(every)
+    return found

@@ -1,0 +1,79 @@
+"""Sound files made unsound, as accident and malice do: the same random numbers, the same file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from random import Random
+
+from tests.hostile_packed import member, npy, png
+from tests.hostile_text import (
+    cut,
+    cut_out,
+    deep,
+    encoding,
+    endings,
+    flip,
+    insert,
+    moved_lines,
+    other_number,
+    other_numbers,
+    other_word,
+    quote,
+    repeat,
+    separators,
+    splice,
+    token,
+    whole_number,
+)
+from tests.hostile_trees import changed_json, dumped, random_tree
+
+LARGEST = 400_000
+"""Bytes; what grows by repetition ends here."""
+HEADS = (b"", b"", b"%YAML:1.0\n---\n", b'<?xml version="1.0"?>\n<opencv_storage>\n')
+MAGIC = (
+    b"", b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff", b"II*\0\x08\0\0\0", b"MM\0*\0\0\0\x08", b"BM",
+    b"P5 ", b"P2 ", b"P6\n", b"PK\x03\x04", b"PK\x05\x06", b"PAR1", b"II+\0",
+)  # fmt: skip
+"""How photographs, zips and Parquet begin."""
+Mutation = Callable[[Random, bytes, bytes], bytes]
+
+
+def mutated(kind: str, random: Random, seed: bytes, other: bytes) -> bytes:
+    """A sound file with one to four things wrong; `other` is one to splice with."""
+    content = seed
+    for _ in range(random.choice((1, 1, 1, 2, 2, 4))):
+        mutation = random.choice((*BY_KIND[kind], *BY_KIND[kind], *_ANY))
+        content = mutation(random, content, other)[:LARGEST]
+    return content
+
+
+def from_nothing(kind: str, random: Random) -> bytes:
+    """A file that was never sound."""
+    if kind in ("json", "npz", "project") or random.random() < 0.2:
+        return dumped(random_tree(random, 0), random)
+    if kind in ("text", "yaml", "xml") or random.random() < 0.2:
+        lines = [
+            b",".join(token(random) for _ in range(random.randrange(6)))
+            for _ in range(random.randrange(12))
+        ]
+        return random.choice(HEADS) + random.choice((b"\n", b"\r\n", b"\r")).join(lines)
+    return random.choice(MAGIC) + random.randbytes(random.choice((0, 3, 20, 100, 3000)))
+
+
+_ANY: tuple[Mutation, ...] = (flip, cut, cut_out, insert, repeat, splice)
+_TEXT: tuple[Mutation, ...] = (
+    other_number, other_number, other_numbers, other_word, other_word, moved_lines, moved_lines,
+    endings, separators, encoding, deep, quote,
+)  # fmt: skip
+BY_KIND: dict[str, tuple[Mutation, ...]] = {
+    "text": _TEXT,
+    "yaml": (*_TEXT, deep),
+    "xml": (*_TEXT, deep),
+    "json": (changed_json, changed_json, changed_json, changed_json, *_TEXT),
+    "image": (flip, whole_number, whole_number, insert, cut),
+    "png": (png, png, png, whole_number),
+    "parquet": (flip, whole_number, whole_number),
+    "npy": (npy, npy, whole_number),
+    "npz": (member, member, member, whole_number),
+    "zip": (member, member, member, whole_number),
+}

@@ -1,0 +1,273 @@
+"""A whole project on disk; one of its files becomes hostile, and all of it is read."""
+
+from __future__ import annotations
+
+import atexit
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import cache, partial
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from stereocal.calibrate import CalibrationSettings, calibrate, errors_of
+from stereocal.dataset import SOURCES, Dataset
+from stereocal.errors import StereocalError
+from stereocal.evaluation import EvaluationSettings, evaluate
+from stereocal.evaluation_files import Evaluation
+from stereocal.formats.camera_file import write_camera
+from stereocal.formats.correspondences_csv import write_table
+from stereocal.formats.dataset_files import pack_dataset
+from stereocal.formats.photograph_files import keep_photograph
+from stereocal.formats.zip_files import pack_zip
+from stereocal.frames.frame import Centre, Frame
+from stereocal.frames.review import place
+from stereocal.intrinsics import LensSettings, calibrate_lens
+from stereocal.lens.boards import BoardSearch
+from stereocal.parameters import RigParameters
+from stereocal.points.application import Application
+from stereocal.project import Project
+from stereocal.store.application import SIDES, USES, ProjectApplication
+from stereocal.store.carry import pack_project, unpack_project
+from stereocal.store.lens import WHICH, ProjectLens
+from stereocal.store.photographs import ProjectPhotographs
+from stereocal.store.projects import recent_projects
+from stereocal.store.review import change_review, read_review
+from stereocal.summary import summarise
+from tests.lens import PATTERN, AtOnce, views
+from tests.rig import BAR_M, BASELINE_M, PRIMARY, SECONDARY, correspondences
+
+FRAMES = 8
+
+
+@dataclass(frozen=True)
+class Inner:
+    """A file of a project."""
+
+    kind: str
+    modules: tuple[str, ...]
+    place: str
+    """Below the project's folder; may be a pattern."""
+
+    def path(self) -> Path:
+        """Where it is in the template."""
+        return _path(self.place)
+
+    def seeds(self) -> Sequence[bytes]:
+        """The sound file."""
+        return [_sound(self.place)]
+
+
+FILES = {
+    "project.json": Inner("json", (), "project.json"),
+    "camera": Inner("json", (), "inputs/*-primary"),
+    "points": Inner("text", (), "inputs/*-correspondences"),
+    "more": Inner("zip", (), "inputs/*-dataset.zip"),
+    "calibration.json": Inner("json", (), "calibration.json"),
+    "evaluation.npz": Inner("npz", (), "evaluation.npz"),
+    "photographs.json": Inner("json", ("photographs",), "photographs/photographs.json"),
+    "frames.json": Inner("json", ("photographs", "review"), "photographs/frames.json"),
+    "edits.json": Inner("json", ("review",), "photographs/edits.json"),
+    "boards.json": Inner("json", ("lens",), "lens/primary/photographs.json"),
+    "boards.npz": Inner("npz", ("lens",), "lens/primary/boards.npz"),
+    "lens.npz": Inner("npz", ("lens",), "lens/primary/lens.npz"),
+    "apply.json": Inner("json", ("application",), "apply/apply.json"),
+    "result.json": Inner("json", ("application",), "apply/result.json"),
+}
+
+
+def dataset() -> Dataset:
+    """A small one."""
+    return Dataset("small", PRIMARY, SECONDARY, correspondences(FRAMES, 0.1), BASELINE_M, BAR_M)
+
+
+def dataset_zip() -> bytes:
+    """The small one as a person gives it."""
+    return pack_zip(pack_dataset(dataset()))
+
+
+@cache
+def project_zip() -> bytes:
+    """The template, carried."""
+    target = Path(tempfile.mkdtemp()) / "project.zip"
+    pack_project(template(), target)
+    content = target.read_bytes()
+    shutil.rmtree(target.parent)
+    return content
+
+
+def read_project_zip(content: bytes, folder: Path) -> None:
+    """Open a project's zip and read all of it, as the pages would."""
+    project = unpack_project(content, "p.zip", folder)
+    try:
+        recent_projects(folder)
+        read_whole(project)
+    finally:
+        shutil.rmtree(folder / "projects", ignore_errors=True)
+
+
+def read_inner(name: str, content: bytes) -> None:
+    """Read the whole template with another content of one of its files."""
+    path, sound = FILES[name].path(), FILES[name].seeds()[0]
+    path.write_bytes(content)
+    try:
+        read_whole(template())
+        if name == "evaluation.npz" and (evaluation := template().evaluation):
+            summarise(evaluation.runs)
+    finally:
+        path.write_bytes(sound)
+
+
+def read_whole(project: Project) -> None:
+    """All that pages read of a project, and the first that they do with it.
+
+    Raises:
+        StereocalError: the last of what was refused; all else has been read all the same.
+    """
+    refused: StereocalError | None = None
+    for read in _reads(project):
+        try:
+            read()
+        except StereocalError as error:
+            refused = error
+    if refused is not None:
+        raise refused
+
+
+def _reads(project: Project) -> Iterator[Callable[[], object]]:
+    photographs, apply = ProjectPhotographs(project), ProjectApplication(project)
+    yield lambda: Project.open(project.folder.parent.parent, project.folder.name)
+    yield lambda: (project.inputs.missing, project.settings, project.table, project.cameras)
+    yield lambda: project.dataset
+    yield lambda: project.more_datasets
+    yield lambda: _use_calibration(project)
+    yield lambda: project.evaluation
+    yield lambda: (photographs.photographs, photographs.proposal.sentence, photographs.rows)
+    yield lambda: [photographs.thumbnail(frame) for frame in (photographs.frames or [])[:1]]
+    yield lambda: read_review(photographs)
+    for which in WHICH:
+        lens = ProjectLens(project, which)
+        yield from (
+            partial(getattr, lens, name)
+            for name in ("photographs", "search", "calibration", "is_used")
+        )
+    for side in SIDES:
+        yield from (partial(apply.points, side), partial(apply.asking, side))
+    yield from (partial(apply.set_of, use) for use in USES)
+    yield lambda: apply.result
+
+
+def _use_calibration(project: Project) -> None:
+    calibration = project.calibration
+    if calibration is not None:
+        for method in ("2d", "3d"):
+            calibration.parameters(method).dumps()
+        for found in calibration.methods.values():
+            errors_of(calibration.dataset, found.pose)
+
+
+@cache
+def _sound(place: str) -> bytes:
+    return _path(place).read_bytes()
+
+
+def _path(place: str) -> Path:
+    for slot, stored in template().inputs.files.items():
+        if place.endswith(f"-{slot}"):
+            return template().folder / "inputs" / stored
+    (found,) = template().folder.glob(place)
+    return found
+
+
+@cache
+def template() -> Project:
+    """A project with all that a project can have."""
+    home = Path(tempfile.mkdtemp(prefix="stereocal-hostile-"))
+    atexit.register(shutil.rmtree, home, ignore_errors=True)
+    project = Project.create(home)
+    _give_results(project)
+    _give_photographs(project)
+    _give_boards(project)
+    _give_points(project)
+    return project
+
+
+def _give_results(project: Project) -> None:
+    own = dataset()
+    project.give(
+        {
+            "primary": ("primary.json", write_camera(PRIMARY)),
+            "secondary": ("secondary.json", write_camera(SECONDARY)),
+            "correspondences": ("points.csv", write_table(own.correspondences)),
+        },
+        name="small",
+        baseline_m=BASELINE_M,
+        target_distance_m=BAR_M,
+    )
+    project.add_dataset("more.zip", dataset_zip())
+    project.keep_settings({"delta": 0.001, "runs": 3})
+    project.keep_calibration(calibrate(own, CalibrationSettings(), trace=False), project.inputs)
+    settings = EvaluationSettings(runs=2, calibration_frames=5)
+    with ThreadPoolExecutor(1) as executor:
+        runs = evaluate([own], settings, executor)
+    assert runs is not None
+    project.keep_evaluation(Evaluation(runs, settings, ["small"], [own.sha256]))
+
+
+def _give_photographs(project: Project) -> None:
+    store = ProjectPhotographs(project)
+    names = [f"{side}{k}.png" for k in (1, 2) for side in ("left", "right")]
+    found = {}
+    for at, name in enumerate(names):
+        image = np.full((1024, 1600), at, np.uint8)
+        found[name] = keep_photograph([cv2.imencode(".png", image)[1].tobytes()], name, store.files)
+    store.add(found)
+    store.keep_rows(store.rows)
+    frames = [
+        Frame(k, (f"left{k}.png", f"right{k}.png"),
+              ((Centre(800, 600, 0.1), Centre(900, 610, 0.1)),
+               (Centre(600, 500, 0.1), Centre(700, 520, 0.1))), "found")
+        for k in (1, 2)
+    ]  # fmt: skip
+    table = project.table
+    assert table is not None
+    store.keep_frames(frames)
+    change_review(store, lambda review: place(review, 1, 0, 0, Centre(805, 600, None, SOURCES[-1])))
+    project.give({"correspondences": table})
+
+
+def _give_boards(project: Project) -> None:
+    store = ProjectLens(project, "primary")
+    seen = views(6, 1)
+    search = BoardSearch(PATTERN, seen, ())
+    found = {}
+    for at, view in enumerate(seen):
+        image = np.full((48, 64), at, np.uint8)
+        content = cv2.imencode(".png", image)[1].tobytes()
+        found[view.name] = keep_photograph([content], "a.png", store.files)
+    store.add(found)
+    store.keep_search(search)
+    lens = calibrate_lens(search, LensSettings(subset=5, repeats=2), AtOnce())
+    assert lens is not None
+    store.keep_calibration(lens)
+
+
+def _give_points(project: Project) -> None:
+    store = ProjectApplication(project)
+    calibration = project.calibration
+    assert calibration is not None
+    rigs: list[RigParameters] = [calibration.parameters("2d"), calibration.parameters("3d")]
+    for use, rig in zip(USES, rigs, strict=True):
+        store.keep_set(use, "p.json", rig.dumps().encode())
+    for side in SIDES:
+        pixels = getattr(dataset().correspondences, side)
+        rows = [f"{k // 2},{u!r},{v!r}" for k, (u, v) in enumerate(pixels.tolist())]
+        store.offer_points(side, f"{side}.csv", ("frame,u,v\n" + "\n".join(rows)).encode())
+    store.ask("bars", "wand.csv", b"1,2,3,4,5,6,7,8\n1,2,3,4,5,6,7,8\n")
+    points = [store.points(side) for side in SIDES]
+    assert points[0] is not None and points[1] is not None
+    store.run(Application(points[0], points[1], rigs[0], rigs[1], 1.0, (0.0, np.inf)))
