@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import json
 import random
-import shutil
 import subprocess
 import sys
 import time
+import zipfile
 from pathlib import Path
 
 import pytest
 
 from stereocal.errors import StereocalError
 from stereocal.evaluation_files import unpack_evaluation
-from stereocal.project import Project
 from stereocal.store import jobs
 from stereocal.store.carry import pack_project, unpack_project
 from stereocal.store.projects import bring_back, duplicate, remove
@@ -120,7 +119,7 @@ def test_parts_of_other_work_are_removed(folder: Path) -> None:
     again.end()
 
 
-def test_other_software_is_other_work(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_other_software_is_other_work(monkeypatch: pytest.MonkeyPatch) -> None:
     before = jobs.digest_of("evaluation", WORK)
     assert before != jobs.digest_of("apply", WORK)
     monkeypatch.setattr("stereocal.__version__", "another")
@@ -211,8 +210,6 @@ def test_jobs_are_neither_carried_nor_copied(tmp_path: Path) -> None:
 
 
 def test_jobs_of_a_strangers_zip_are_refused(tmp_path: Path) -> None:
-    import zipfile
-
     project = filled(tmp_path)
     pack_project(project, tmp_path / "packed.zip")
     with zipfile.ZipFile(tmp_path / "packed.zip", "a") as archive:
@@ -233,16 +230,14 @@ from stereocal.store import jobs
 
 project = Project(Path(sys.argv[1]))
 dataset = project.dataset
-settings = EvaluationSettings(runs=120, refined=RefineSettings())
+settings = EvaluationSettings(runs=300, refined=RefineSettings())
 work = {"dataset": dataset.sha256, "settings": settings.to_json()}
 job = jobs.begin(project.folder, "evaluation", ("runs",), work)
-if job is None:
-    print("elsewhere", flush=True)
-    sys.exit()
 parts = job.parts("runs", pack_runs, unpack_runs)
 print("begun", len(parts), flush=True)
 with ThreadPoolExecutor(2) as executor:
-    runs = evaluate([dataset], settings, executor, lambda *done: job.progress(0, *done), None, 5, parts)
+    progress = lambda *done: job.progress(0, *done)
+    runs = evaluate([dataset], settings, executor, progress, None, 5, parts)
 project.keep_evaluation(Evaluation(runs, settings, [dataset.name], [dataset.sha256]))
 job.end()
 print("ended", flush=True)
@@ -260,6 +255,10 @@ def line(process: subprocess.Popen[str]) -> str:
     return process.stdout.readline().strip()
 
 
+def size_of_parts(project: Path) -> int:
+    return sum(path.stat().st_size for path in (project / "jobs").glob("*/*/runs"))
+
+
 def test_killed_at_random_moments_it_ends_with_the_same_result(tmp_path: Path) -> None:
     """Three kills with SIGKILL while it computes, and another process goes on each time."""
     rng = random.Random(7)
@@ -273,21 +272,21 @@ def test_killed_at_random_moments_it_ends_with_the_same_result(tmp_path: Path) -
             said, there = line(process).split()
             assert said == "begun" and int(there) >= before
             before = int(there)
-            with child(project.folder) as second:
-                assert line(second) == "elsewhere"
+            assert state(project.folder) == "running"
+            assert jobs.begin(project.folder, "evaluation", STAGES, WORK) is None
+            size = size_of_parts(project.folder)
+            while size_of_parts(project.folder) == size:
+                time.sleep(0.001)
             time.sleep(rng.uniform(0.0, 0.3))
             process.kill()
-        if state(project.folder) is None:  # it was quicker
-            break
         assert state(project.folder) == "interrupted"
-        assert project.evaluation is None or before == 24
+        assert project.evaluation is None
     with child(project.folder) as process:
-        assert line(process).startswith("begun")
+        said, there = line(process).split()
+        assert 3 <= int(there) <= 60
         assert line(process) == "ended"
     first, second_ = (
         unpack_evaluation((one.folder / "evaluation.npz").read_bytes()) for one in (whole, project)
     )
     assert same_runs(list(first.runs[0]), list(second_.runs[0]))
     assert first.settings == second_.settings
-    assert isinstance(whole, Project)
-    shutil.rmtree(tmp_path)

@@ -180,6 +180,7 @@ def test_detections_come_back_to_the_last_bit() -> None:
         back = unpack_detection(packed)
         assert same_detections(back, found)
     assert pack_detection(refusal((0, 0), "unreadable", "x")) is None
+    assert packed is not None
     with pytest.raises(ValueError, match="magic"):
         unpack_detection(json.dumps({**json.loads(packed), "reason": "magic"}).encode())
 

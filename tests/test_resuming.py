@@ -204,7 +204,7 @@ def scattered(folder: Path) -> Application:
     points = rng.uniform([-1.2, -1.0, 6.0], [1.2, 1.0, 10.0], (2400, 3))
     primary, secondary = rig.images(points)
     frames = np.repeat(np.arange(400), 6)
-    tables = []
+    tables: list[Points] = []
     for which, pixels in (("p", primary), ("s", secondary)):
         table = pd.DataFrame({"frame": frames, "u": pixels[:, 0], "v": pixels[:, 1]})
         table["note"] = [f'"{i}", the {which}\n' for i in range(2400)]

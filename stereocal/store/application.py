@@ -225,9 +225,7 @@ class ProjectApplication:
         kept = False
         try:
             with locked(folder):  # so that nobody sweeps it
-                outcome = apply_sets(
-                    work, folder, begin, progress, cancelled, executor, pieces
-                )
+                outcome = apply_sets(work, folder, begin, progress, cancelled, executor, pieces)
                 if outcome is not None:
                     self._keep_result(outcome, folder)
                     kept = True

@@ -30,7 +30,7 @@ import stereocal
 from stereocal.errors import StereocalError
 from stereocal.locking import FileLock
 from stereocal.store.parts import Parts
-from stereocal.writing import write_atomically
+from stereocal.writing import make_folder, write_atomically
 
 T = TypeVar("T")
 JOBS = "jobs"
@@ -142,14 +142,15 @@ def begin(
     folder = project / JOBS / kind
     lock = FileLock(folder / "lock")
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        make_folder(folder)
         if not _acquired(lock):
             return None
         record = Record(kind, tuple(stages), digest_of(kind, work), work, time.time())
         for path in folder.iterdir():
             if path.is_dir() and path.name != record.digest:
                 shutil.rmtree(path, ignore_errors=True)
-        (folder / "cancel").unlink(missing_ok=True)
+            elif path.name == "cancel" or path.name.startswith("."):  # half-written records
+                path.unlink()
         (folder / record.digest).mkdir(exist_ok=True)
         _write(folder, record)
     except OSError as error:

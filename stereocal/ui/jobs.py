@@ -11,7 +11,6 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
-from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any, Literal, ParamSpec, TypeVar
 
@@ -24,7 +23,8 @@ from stereocal.store import jobs as kept_jobs
 from stereocal.store.jobs import KeptJob, Record
 from stereocal.store.parts import Parts
 from stereocal.store.server import ServerSettings
-from stereocal.ui.intake import escape_markdown
+from stereocal.ui.texts import escape_markdown
+from stereocal.ui.told import callback
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -33,7 +33,6 @@ UNFORESEEN = (
     "Something unforeseen happened, and this could not be finished. What was there before is there "
     "still. The server's log says more."
 )
-_REFUSED = "discard_refused"
 _LOG = logging.getLogger(__name__)
 
 
@@ -237,16 +236,12 @@ def _show_interrupted(project: Project, kind: Kind, record: Record, work: Work |
         if same:
             st.button("Go on", type="primary", key=f"go_on_{kind}", on_click=start, args=(work,))
         st.button("Discard", key=f"discard_{kind}", on_click=_discard, args=(project, kind))
-    if refusal := st.session_state.pop(_REFUSED, None):
-        st.error(escape_markdown(refusal))
 
 
+@callback
 def _discard(project: Project, kind: Kind) -> None:
-    try:
-        kept_jobs.discard(project.folder, kind)
-        _jobs().pop((project.id, kind), None)
-    except StereocalError as error:
-        st.session_state[_REFUSED] = str(error)
+    kept_jobs.discard(project.folder, kind)
+    _jobs().pop((project.id, kind), None)
 
 
 @st.fragment(run_every=0.5)
@@ -282,6 +277,6 @@ def _cancel(job: Job) -> None:
     job.cancelled = True
 
 
+@callback
 def _stop(project: Project, kind: Kind) -> None:
-    with suppress(StereocalError):  # it may have ended with its folder
-        kept_jobs.ask_to_stop(project.folder, kind)
+    kept_jobs.ask_to_stop(project.folder, kind)

@@ -6,7 +6,8 @@ import streamlit as st
 
 from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
-from stereocal.project import Inputs, Project
+from stereocal.inputs import Inputs
+from stereocal.project import Project
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.project import current_project
 
