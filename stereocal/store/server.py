@@ -9,6 +9,8 @@ from dataclasses import dataclass, field
 
 from stereocal.environment import number_given
 
+MOST_WORKERS = 1000
+
 
 @dataclass(frozen=True)
 class ServerSettings:
@@ -39,5 +41,5 @@ class ServerSettings:
             keep_days=number_given(given, "STEREOCAL_KEEP_DAYS", cls.keep_days),
             undo_days=number_given(given, "STEREOCAL_UNDO_DAYS", cls.undo_days),
             project_mb=number_given(given, "STEREOCAL_PROJECT_MB", cls.project_mb),
-            workers=int(number_given(given, "STEREOCAL_WORKERS", cores, least=1.0)),
+            workers=int(min(number_given(given, "STEREOCAL_WORKERS", cores, 1.0), MOST_WORKERS)),
         )
