@@ -17,8 +17,6 @@ from stereocal.compiled import FloatArray
 from stereocal.pieces import Pieces
 
 B = TypeVar("B")
-AHEAD = 6
-"""Blocks that are in memory at once."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,12 +45,16 @@ def in_order(
     compute: Callable[[B], TableBlock],
     executor: Executor | None,
     pieces: Pieces[TableBlock] | None,
+    ahead: int,
 ) -> Generator[tuple[B, TableBlock], None, None]:
     """Each block with what was computed of it, in order; on the executor, where there is one.
 
+    Args:
+        ahead: so many blocks are in memory at once; one without an executor.
+
     When it is closed, what has not begun is dropped: iterate inside `contextlib.closing`.
     """
-    ahead = 1 if executor is None else AHEAD
+    ahead = 1 if executor is None else ahead
     waiting: deque[tuple[B, Future[TableBlock], bool]] = deque()
     try:
         for block in itertools.chain(blocks, itertools.repeat(None, ahead)):

@@ -40,7 +40,7 @@ OTHER_IMAGES = 0.2
 """With more of the points than this outside the image, the parameters are of other images."""
 FEW_MATCHED = 0.1
 MANY_POINTS = 100
-BLOCK_FRAMES, BLOCK_ROWS = 25, 2000
+BLOCK_FRAMES, BLOCK_ROWS, AHEAD = 25, 2000, 6
 Frame = tuple[int, pd.DataFrame, pd.DataFrame]
 """Number, and rows of the primary and of the secondary camera."""
 Frames = list[Frame]
@@ -126,7 +126,7 @@ def match_tables(
                 further = dict.fromkeys([*primary.further, *secondary.further])
                 lost = stack.enter_context(open_table(unmatched, [*LOST_COLUMNS, *further]))
             blocks = _blocks(_side_by_side(primary, secondary), cancelled)
-            matched = in_order(blocks, _name, compute, executor, pieces)
+            matched = in_order(blocks, _name, compute, executor, pieces, AHEAD)
             for block, found in stack.enter_context(closing(matched)):
                 pairs.add(found.rows)
                 if lost is not None and found.others is not None:

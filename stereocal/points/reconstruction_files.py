@@ -31,6 +31,8 @@ OF_MATCHING = ("error_px", "runner_up_px")
 FAR_OFF = 0.05
 """Half of the pairs this far off, as a part of the image's diagonal, are of another rig."""
 
+AHEAD = 2
+"""Blocks in memory: each may have 100,000 rows."""
 Progress = Callable[[int, int], None]
 
 
@@ -127,7 +129,7 @@ def reconstruct_table(
 
     errors = []
     done = 0
-    measured = in_order(pairs.blocks(), _name, compute, executor, pieces)
+    measured = in_order(pairs.blocks(), _name, compute, executor, pieces, AHEAD)
     try:
         with open_table(out, columns) as writer, closing(measured):
             for block, found in measured:

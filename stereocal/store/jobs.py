@@ -3,6 +3,7 @@
 Below the project's folder, in `jobs/<kind>/`, for one job of a kind at a time:
 
 - `job.json`: the record (`Record`); there while the job runs, and after one that failed.
+- `progress.json`: how far it is.
 - `lock`: held by the process that runs the job, and let go of when that ends, however it ends. A
   record without a holder is a job that was interrupted.
 - `<digest>/<stage>`: finished parts (`parts.Parts`) of the work with this digest.
@@ -106,7 +107,7 @@ class KeptJob:
         if not (self.folder / "job.json").is_file():
             return False
         with suppress(StereocalError):  # on a full disk the job goes on
-            _write(self.folder, self.record)
+            self._write_progress()
         return not (self.folder / "cancel").exists()
 
     def end(self) -> None:
@@ -121,8 +122,13 @@ class KeptJob:
         self._close()
         with suppress(StereocalError):  # on a full disk: it is shown as interrupted
             if (self.folder / "job.json").is_file():
+                self._write_progress()
                 _write(self.folder, replace(self.record, sentence=sentence))
         self._lock.release()
+
+    def _write_progress(self) -> None:
+        how_far = {name: getattr(self.record, name) for name in ("at", "done", "total")}
+        write_atomically(self.folder / "progress.json", json.dumps(how_far).encode())
 
     def _close(self) -> None:
         for parts in self._parts:
@@ -149,8 +155,8 @@ def begin(
         for path in folder.iterdir():
             if path.is_dir() and path.name != record.digest:
                 shutil.rmtree(path, ignore_errors=True)
-            elif path.name == "cancel" or path.name.startswith("."):  # half-written records
-                path.unlink()
+            elif path.name in ("cancel", "progress.json") or path.name.startswith("."):
+                path.unlink()  # those with a dot were never finished
         (folder / record.digest).mkdir(exist_ok=True)
         _write(folder, record)
     except OSError as error:
@@ -227,7 +233,7 @@ def _acquired(lock: FileLock) -> bool:
 
 def _forget(folder: Path) -> None:
     # The record first: what is left without one is removed when the next job begins.
-    for name in ("job.json", "cancel"):
+    for name in ("job.json", "progress.json", "cancel"):
         (folder / name).unlink(missing_ok=True)
     for path in folder.iterdir() if folder.is_dir() else ():
         if path.is_dir():
@@ -245,6 +251,12 @@ def _read(folder: Path) -> Record | None:
         content = json.loads((folder / "job.json").read_bytes())
         if content.pop("format") != JOB_FORMAT:
             return None
-        return Record(**{**content, "stages": tuple(content["stages"])})
+        record = Record(**{**content, "stages": tuple(content["stages"])})
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return None
+    try:
+        how_far = json.loads((folder / "progress.json").read_bytes())
+        at, done, total = (int(how_far[name]) for name in ("at", "done", "total"))
+        return replace(record, at=at, done=done, total=total)
+    except (OSError, ValueError, KeyError, TypeError):
+        return record

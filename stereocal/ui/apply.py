@@ -276,18 +276,19 @@ def bring_up_to_date(project: Project, store: ProjectApplication, work: Applicat
     job = jobs.Work(
         project, "apply", STAGES, {"application": work.digest}, lambda job: _run(store, work, job)
     )
-    if result is None or result[0].digest != work.digest:
-        if work.expected_seconds <= INSTANT_S:
-            try:
-                with st.spinner("Matching and measuring."):
-                    _run(store, work, jobs.on_page(project, STAGES))
-            except StereocalError as error:
-                st.error(escape_markdown(str(error)))
-        elif not (jobs.is_running(project, "apply") or jobs.can_go_on(job)):
-            st.button(
-                f"Match and measure ({work.primary.rows} and {work.secondary.rows} points)",
-                type="primary", key="apply_run", on_click=jobs.start, args=(job,),
-            )  # fmt: skip
+    if result is not None and result[0].digest == work.digest:
+        jobs.is_done(job)
+    elif work.expected_seconds <= INSTANT_S:
+        try:
+            with st.spinner("Matching and measuring."):
+                _run(store, work, jobs.on_page(project, STAGES))
+        except StereocalError as error:
+            st.error(escape_markdown(str(error)))
+    elif not (jobs.is_running(project, "apply") or jobs.can_go_on(job)):
+        st.button(
+            f"Match and measure ({work.primary.rows} and {work.secondary.rows} points)",
+            type="primary", key="apply_run", on_click=jobs.start, args=(job,),
+        )  # fmt: skip
     last = "Cancelled. What is shown is the last finished result."
     jobs.show_job(project, "apply", last, job)
 

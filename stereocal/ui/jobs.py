@@ -235,13 +235,29 @@ def _show_interrupted(project: Project, kind: Kind, record: Record, work: Work |
     with st.container(horizontal=True):
         if same:
             st.button("Go on", type="primary", key=f"go_on_{kind}", on_click=start, args=(work,))
-        st.button("Discard", key=f"discard_{kind}", on_click=_discard, args=(project, kind))
+        st.button(
+            "Discard", key=f"discard_{kind}", on_click=callback(discard), args=(project, kind)
+        )
 
 
-@callback
-def _discard(project: Project, kind: Kind) -> None:
+def discard(project: Project, kind: Kind) -> None:
+    """Forget a job that does not run, with what it had finished.
+
+    Raises:
+        StereocalError: the disk cannot be written to.
+    """
     kept_jobs.discard(project.folder, kind)
     _jobs().pop((project.id, kind), None)
+
+
+def is_done(work: Work) -> None:
+    """The result of this very work is there: if its server ended just then, nothing is left to do.
+
+    Raises:
+        StereocalError: the disk cannot be written to.
+    """
+    if can_go_on(work):
+        discard(work.project, work.kind)
 
 
 @st.fragment(run_every=0.5)

@@ -246,6 +246,8 @@ def _act(store: ProjectLens, pattern: BoardPattern, settings: LensSettings) -> j
         == [view.name for view in search.without(leave_out).views]
     )  # fmt: skip
     work = _work(store, pattern, settings, leave_out)
+    if current:
+        jobs.is_done(work)
     label = "Calibrate the lens" if ready else "Find the boards and calibrate the lens"
     st.button(
         label, type="secondary" if current else "primary", key=f"calibrate_{store.which}",
@@ -325,6 +327,7 @@ def _clear(store: ProjectLens, seen: Collection[str]) -> None:
             tell("Another tab has added photographs: look, and press again.")
             return
     store.clear()
+    jobs.discard(store.project, job_kind(store.which))
     st.session_state[_ROUND] += 1
 
 

@@ -241,6 +241,7 @@ def _clear(store: ProjectPhotographs, seen: Collection[str]) -> None:
     if _names(store) - set(seen):
         raise StereocalError("Another tab has added photographs: look, and press again.")
     store.clear()
+    jobs.discard(store.project, "photographs")
     _forget_table()
 
 

@@ -129,7 +129,9 @@ def bring_up_to_date(
 ) -> None:
     """Compute at once what is short; offer a button for what is long, and show how it goes."""
     work = _work(project, datasets, settings)
-    if not _is_current(project.evaluation, datasets, settings):
+    if _is_current(project.evaluation, datasets, settings):
+        jobs.is_done(work)
+    else:
         frames = sum(len(dataset.correspondences.frames) for dataset in datasets)
         if settings.runs * frames / 25 <= INSTANT:
             try:
