@@ -21,7 +21,7 @@ ENV NUMBA_CACHE_DIR=/app/compiled \
     OMP_NUM_THREADS=1 \
     PYTHONUNBUFFERED=1
 RUN mkdir /app/compiled \
-    && python -c "from stereocal.ui.project import compile_all; compile_all()" \
+    && python -c "from pathlib import Path; from stereocal.warming import compile_all; compile_all(Path('sample_data/field'))" \
     && chown -R stereocal /app/compiled
 
 USER stereocal

@@ -4,10 +4,11 @@ import streamlit as st
 
 from stereocal.calibrate import calibrate
 from stereocal.errors import StereocalError
+from stereocal.ui import jobs
 from stereocal.ui.forms import settings_form, settings_of
 from stereocal.ui.frame import need_frame
 from stereocal.ui.intake import escape_markdown
-from stereocal.ui.project import current_project
+from stereocal.ui.needed import project_with_data
 from stereocal.ui.refined import refined_for
 from stereocal.ui.results import show_result
 from stereocal.ui.status import describe_settings, staleness
@@ -16,24 +17,13 @@ need_frame()
 st.title("Calibrate")
 st.subheader("How do the cameras stand, and how large are the errors?")
 
-project = current_project()
-try:
-    inputs = project.inputs if project else None
-    dataset = project.dataset_of(inputs) if project and inputs else None
-except StereocalError as error:
-    st.error(escape_markdown(str(error)))
-    st.stop()
-if project is None or inputs is None or dataset is None:
-    missing = ", ".join(inputs.missing) if inputs else "points, cameras and two lengths"
-    st.info(f"Before this page can answer, it needs {missing}.")
-    st.page_link("pages/data.py", label="Give them on the Data page")
-    st.stop()
-
+project, inputs, dataset = project_with_data()
 values = settings_form(project, dataset)
 if st.button("Calibrate", type="primary", key="run"):
     try:
         with st.spinner("Calibrating. The very first time takes about ten seconds longer."):
-            project.keep_calibration(calibrate(dataset, settings_of(values), trace=True), inputs)
+            found = jobs.compute(calibrate, dataset, settings_of(values), trace=True)
+            project.keep_calibration(found, inputs)
     except StereocalError as error:
         st.error(escape_markdown(str(error)))
 

@@ -5,6 +5,7 @@ import streamlit as st
 from stereocal.errors import StereocalError
 from stereocal.ui.frame import need_frame
 from stereocal.ui.intake import escape_markdown
+from stereocal.ui.needed import project_with_data
 from stereocal.ui.one_set import (
     refined_inputs,
     show_accuracy,
@@ -14,33 +15,20 @@ from stereocal.ui.one_set import (
     show_trade_off,
     show_verdict,
 )
-from stereocal.ui.project import current_project
 from stereocal.ui.refined import refine_form, refined_of
 from stereocal.ui.texts import ONE_SET
-from stereocal.ui.validation import bring_up_to_date, kept_protocol, show_job
+from stereocal.ui.validation import bring_up_to_date, kept_protocol
 
 need_frame()
 st.title("One set or two")
 st.subheader("Does this rig need two sets, or does one set do both jobs?")
 
-project = current_project()
-try:
-    dataset = project.dataset if project else None
-except StereocalError as error:
-    st.error(escape_markdown(str(error)))
-    st.stop()
-if project is None or dataset is None:
-    missing = ", ".join(project.inputs.missing) if project else "points, cameras and two lengths"
-    st.info(f"Before this page can answer, it needs {missing}.")
-    st.page_link("pages/data.py", label="Give them on the Data page")
-    st.stop()
-
+project, _, dataset = project_with_data()
 st.markdown(ONE_SET)
 try:
     settings = refine_form(project, dataset)
     result = refined_of(dataset, settings)
     bring_up_to_date(project, [dataset], kept_protocol(project, dataset))
-    show_job(project)
     evaluation, calibration = project.evaluation, project.calibration
     inputs = refined_inputs(dataset, settings)
 except StereocalError as error:

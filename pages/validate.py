@@ -5,32 +5,20 @@ import streamlit as st
 from stereocal.errors import StereocalError
 from stereocal.ui.frame import need_frame
 from stereocal.ui.intake import escape_markdown
-from stereocal.ui.project import current_project
+from stereocal.ui.needed import project_with_data
 from stereocal.ui.texts import VALIDATE
 from stereocal.ui.validation import (
     bring_up_to_date,
     choose_data,
     choose_protocol,
     show_evaluation,
-    show_job,
 )
 
 need_frame()
 st.title("Validate")
 st.subheader("How often does a wrong pair look right, and how far off is a distance?")
 
-project = current_project()
-try:
-    own = project.dataset if project else None
-except StereocalError as error:
-    st.error(escape_markdown(str(error)))
-    st.stop()
-if project is None or own is None:
-    missing = ", ".join(project.inputs.missing) if project else "points, cameras and two lengths"
-    st.info(f"Before this page can answer, it needs {missing}.")
-    st.page_link("pages/data.py", label="Give them on the Data page")
-    st.stop()
-
+project, _, own = project_with_data()
 st.markdown(VALIDATE)
 try:
     datasets = choose_data(project, own)
@@ -39,7 +27,6 @@ except StereocalError as error:
     st.error(escape_markdown(str(error)))
     st.stop()
 bring_up_to_date(project, datasets, settings)
-show_job(project)
 try:
     evaluation = project.evaluation
 except StereocalError as error:

@@ -12,8 +12,11 @@ of 0 counts as below all bins, and a pair that cannot be reconstructed in front 
 
 from __future__ import annotations
 
+import hashlib
+import json
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor, Future, as_completed
+from concurrent.futures import Executor
+from contextlib import closing
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
@@ -32,6 +35,7 @@ from stereocal.errors import StereocalError
 from stereocal.essential import calibrate_essential
 from stereocal.geometry import Angles, Pose
 from stereocal.montecarlo import minimise
+from stereocal.pieces import Pieces, Task, each_finished
 from stereocal.protocol import BINS, calibrate_rays, validate_rays
 from stereocal.refine import refine
 from stereocal.refined.unknowns import RefineSettings
@@ -256,12 +260,14 @@ def evaluate(
     progress: Callable[[int, int], None] | None = None,
     cancelled: Callable[[], bool] | None = None,
     chunk: int = 10,
+    pieces: Pieces[list[Run]] | None = None,
 ) -> list[list[Run]] | None:
     """All runs of all data sets, by data set, on any `concurrent.futures` executor.
 
     Args:
         progress: called with the runs done and the runs in all.
         cancelled: asked after each chunk of runs; if true, what is left is dropped.
+        pieces: chunks that were finished before, and where more are kept.
 
     Returns:
         The runs by data set, in order; None if cancelled.
@@ -271,28 +277,35 @@ def evaluate(
     """
     for dataset in datasets:
         check_split(dataset, settings.calibration_frames)
-    jobs: dict[Future[list[Run]], tuple[int, int]] = {}
+    tasks: dict[str, Task[list[Run]]] = {}
     for number, dataset in enumerate(datasets):
+        of_dataset = _key(dataset, settings, number)
         for first in range(0, settings.runs, chunk):
             runs = range(first, min(first + chunk, settings.runs))
-            jobs[executor.submit(evaluate_runs, dataset, settings, number, runs)] = (number, first)
-    found: dict[tuple[int, int], list[Run]] = {}
+            key = f"{of_dataset} {runs.start}-{runs.stop}"
+            tasks[key] = (evaluate_runs, (dataset, settings, number, runs))
+    found: dict[str, list[Run]] = {}
     done, total = 0, settings.runs * len(datasets)
-    try:
-        for future in as_completed(jobs):
-            found[jobs[future]] = future.result()
-            done += len(found[jobs[future]])
+    with closing(each_finished(executor, tasks, pieces)) as finished:
+        for key, of_chunk in finished:
+            found[key] = of_chunk
+            done += len(of_chunk)
             if progress:
                 progress(done, total)
             if cancelled and cancelled():
                 return None
-    finally:
-        for future in jobs:
-            future.cancel()
-    return [
-        [run for key in sorted(found) if key[0] == number for run in found[key]]
-        for number in range(len(datasets))
-    ]
+    by_dataset: list[list[Run]] = [[] for _ in datasets]
+    for key, (_, (_, _, number, _)) in tasks.items():
+        by_dataset[number] += found[key]
+    return by_dataset
+
+
+def _key(dataset: Dataset, settings: EvaluationSettings, number: int) -> str:
+    """Names all that a run depends on, but for its own number."""
+    protocol = {name: value for name, value in settings.to_json().items() if name != "runs"}
+    sigmas = [dataset.baseline_sigma_m, dataset.target_distance_sigma_m]
+    content = json.dumps([dataset.sha256, sigmas, protocol, number], sort_keys=True)
+    return hashlib.sha256(content.encode()).hexdigest()[:32]
 
 
 def evaluate_runs(

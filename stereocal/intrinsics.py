@@ -17,8 +17,10 @@ not describe.
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable, Sequence
-from concurrent.futures import Executor, Future, as_completed
+from concurrent.futures import Executor
+from contextlib import closing
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -30,6 +32,7 @@ from stereocal.compiled import FloatArray, IntArray
 from stereocal.errors import StereocalError
 from stereocal.lens.board_pattern import BoardPattern
 from stereocal.lens.boards import BoardSearch, BoardView
+from stereocal.pieces import Pieces, Task, each_finished
 
 PARAMETERS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
 FEWEST_VIEWS = 3
@@ -153,12 +156,14 @@ def calibrate_lens(
     executor: Executor,
     progress: Callable[[int, int], None] | None = None,
     cancelled: Callable[[], bool] | None = None,
+    pieces: Pieces[FloatArray] | None = None,
 ) -> LensCalibration | None:
     """All draws, on any `concurrent.futures` executor. Same seed, same result on every executor.
 
     Args:
         progress: called with the draws done and all of them.
         cancelled: asked after each few draws; if true, what is left is dropped.
+        pieces: draws that were finished before, and where more are kept.
 
     Returns:
         The calibration; None if cancelled.
@@ -169,31 +174,37 @@ def calibrate_lens(
     views = search.views
     _check_count(search, settings)
     drawn = np.array([_draw(len(views), settings, repeat) for repeat in range(settings.repeats)])
-    of_all = solve(search.pattern, views, search.image_size, settings)
-    futures: dict[Future[FloatArray], int] = {
-        executor.submit(
-            solve_draws, search.pattern, views, search.image_size, settings,
-            drawn[first : first + CHUNK],
-        ): first
-        for first in range(0, settings.repeats, CHUNK)
-    }  # fmt: skip
-    draws = np.empty((settings.repeats, len(PARAMETERS)))
+    every = np.arange(len(views))[None]
+    chunks = [every, *(drawn[at : at + CHUNK] for at in range(0, settings.repeats, CHUNK))]
+    about = (search.pattern, views, search.image_size, settings)
+    of_views = _key(search, settings)
+    tasks: dict[str, Task[FloatArray]] = {
+        f"{of_views} {number}": (solve_draws, (*about, chunk))
+        for number, chunk in enumerate(chunks)
+    }
+    of_every = next(iter(tasks))
+    found: dict[str, FloatArray] = {}
     done = 0
-    try:
-        for future in as_completed(futures):
-            found = future.result()
-            draws[futures[future] : futures[future] + len(found)] = found
-            done += len(found)
-            if progress:
+    with closing(each_finished(executor, tasks, pieces)) as finished:
+        for key, of_chunk in finished:
+            found[key] = of_chunk
+            done += len(of_chunk) * (key != of_every)
+            if progress and key != of_every:
                 progress(done, settings.repeats)
             if cancelled and cancelled():
                 return None
-    finally:
-        for future in futures:
-            future.cancel()
-    calibration = LensCalibration(search, settings, drawn, draws, of_all)
+    of_all, *draws = (found[key] for key in tasks)
+    calibration = LensCalibration(search, settings, drawn, np.vstack(draws), of_all[0])
     _check_lens(calibration)
     return calibration
+
+
+def _key(search: BoardSearch, settings: LensSettings) -> str:
+    """Names all that a draw depends on, but for its own number."""
+    digest = hashlib.sha256(repr((search.pattern, search.image_size, settings)).encode())
+    for view in search.views:
+        digest.update(view.ids.astype(np.int64).tobytes() + view.corners.tobytes())
+    return digest.hexdigest()[:32]
 
 
 def solve_draws(

@@ -179,6 +179,7 @@ class TestMatch:
         """Five times the frames, hardly more memory."""
         monkeypatch.setattr(parquet, "BLOCK_ROWS", 200)
         monkeypatch.setattr("stereocal.formats.table_writer.ROWS_AT_ONCE", 200)
+        monkeypatch.setattr("stereocal.points.matching_files.BLOCK_ROWS", 200)
         peaks = []
         for frames in (20, 25, 125):
             for side, table in zip("ps", tables(frames), strict=True):
@@ -188,7 +189,7 @@ class TestMatch:
             match_tables(RIG_2D, sides[0], sides[1], tmp_path / "pairs.csv")
             peaks.append(tracemalloc.get_traced_memory()[1])
             tracemalloc.stop()
-        assert peaks[2] < 1.5 * peaks[1]  # measured: 1.1
+        assert peaks[2] < 1.5 * peaks[1]  # measured: 1.3
 
 
 class TestReconstruct:

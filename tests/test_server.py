@@ -26,3 +26,14 @@ def test_what_is_given_holds() -> None:
 def test_nonsense_is_named(value: str) -> None:
     with pytest.raises(StereocalError, match="STEREOCAL_KEEP_DAYS"):
         ServerSettings.from_environment({"STEREOCAL_KEEP_DAYS": value})
+
+
+@pytest.mark.parametrize(("value", "workers"), [("1", 1), ("3.9", 3), ("inf", 1000)])
+def test_workers(value: str, workers: int) -> None:
+    assert ServerSettings.from_environment({"STEREOCAL_WORKERS": value}).workers == workers
+
+
+@pytest.mark.parametrize("value", ["0", "-3", "many"])
+def test_no_workers_are_refused(value: str) -> None:
+    with pytest.raises(StereocalError, match="STEREOCAL_WORKERS"):
+        ServerSettings.from_environment({"STEREOCAL_WORKERS": value})

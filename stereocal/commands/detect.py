@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 import tempfile
+from contextlib import ExitStack
 from pathlib import Path
 
 from stereocal.commands.progress import ProgressBar
@@ -37,16 +38,17 @@ def run(parsed: argparse.Namespace) -> None:
     """Find the targets, say how each frame went, write the table."""
     survey = read_survey(parsed.dataset)
     with tempfile.TemporaryDirectory(prefix="stereocal-") as store:
-        bar = ProgressBar("photographs unpacked").show
-        photographs = of_the_bar(photographs_in(parsed.dataset, Path(store), bar))
+        with ProgressBar("photographs unpacked") as unpacking:
+            photographs = photographs_in(parsed.dataset, Path(store), unpacking.show)
+        photographs = of_the_bar(photographs)
         pairing = pair_names(photographs)
         _say(f"{len(photographs)} photographs. {pairing.sentence}")
         _refuse_unclear(pairing, str(parsed.dataset))
-        with engine(parsed.workers) as executor:
+        with engine(parsed.workers) as executor, ExitStack() as stack:
             bars: list[ProgressBar] = []
             frames = detect_frames(
                 pairing.pairs, photographs, (survey.primary, survey.secondary), executor,
-                begin=lambda stage: bars.append(ProgressBar(stage)),
+                begin=lambda stage: bars.append(stack.enter_context(ProgressBar(stage))),
                 progress=lambda done, total: bars[-1].show(done, total),
             )  # fmt: skip
     assert frames is not None  # nobody cancels here

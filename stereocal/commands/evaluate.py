@@ -49,8 +49,8 @@ def run(parsed: argparse.Namespace) -> None:
         parsed.calibration_frames,
         RefineSettings() if parsed.refined else None,
     )
-    with engine(parsed.workers, parsed.scheduler) as executor:
-        runs = evaluate(datasets, settings, executor, ProgressBar("runs").show)
+    with engine(parsed.workers, parsed.scheduler) as executor, ProgressBar("runs") as bar:
+        runs = evaluate(datasets, settings, executor, bar.show)
     assert runs is not None  # nobody cancels here
     pooled, by_dataset = summarise_all(unique_names(datasets), runs)
     write_all(

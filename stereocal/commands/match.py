@@ -48,16 +48,17 @@ def run(parsed: argparse.Namespace) -> None:
     threshold = _threshold(parsed.threshold)
     if parsed.unmatched is not None and parsed.unmatched == parsed.out:
         raise StereocalError("--out and --unmatched name the same file.")
-    report = match_tables(
-        rig,
-        PointTable(parsed.primary, POINT),
-        PointTable(parsed.secondary, POINT),
-        parsed.out,
-        threshold,
-        tuple(parsed.depth),
-        parsed.unmatched,
-        ProgressBar("frames").show,
-    )
+    with ProgressBar("frames") as bar:
+        report = match_tables(
+            rig,
+            PointTable(parsed.primary, POINT),
+            PointTable(parsed.secondary, POINT),
+            parsed.out,
+            threshold,
+            tuple(parsed.depth),
+            parsed.unmatched,
+            bar.show,
+        )
     assert report is not None  # nobody cancels here
     if report.chosen is not None:
         print(report.chosen.sentence())

@@ -48,14 +48,9 @@ def run(parsed: argparse.Namespace) -> None:
     if parsed.matched_with is not None:
         refuse_different_rigs(RigParameters.load(parsed.matched_with), rig)
     world = None if parsed.world is None else read_world(parsed.world)
-    report = reconstruct_table(
-        rig,
-        PointTable(parsed.pairs, PIXELS),
-        parsed.out,
-        world,
-        parsed.sigma_px,
-        ProgressBar("pairs").show,
-    )
+    pairs = PointTable(parsed.pairs, PIXELS)
+    with ProgressBar("pairs") as bar:
+        report = reconstruct_table(rig, pairs, parsed.out, world, parsed.sigma_px, bar.show)
     assert report is not None  # nobody cancels here
     print(report.sentence())
     for note in report.notes:

@@ -38,6 +38,7 @@ def run(parsed: argparse.Namespace) -> None:
     write_nineteen(parsed.out / "nineteen", parsed.seed, parsed.datasets, parsed.frames)
     print(f"wrote {parsed.out / 'nineteen'}")
     if parsed.images:
-        bar = ProgressBar("photographs")
-        write_photographs(parsed.out / "photographs", parsed.seed, parsed.frames, progress=bar.show)
-        print(f"wrote {parsed.out / 'photographs'}")
+        out = parsed.out / "photographs"
+        with ProgressBar("photographs") as bar:
+            write_photographs(out, parsed.seed, parsed.frames, progress=bar.show)
+        print(f"wrote {out}")

@@ -21,6 +21,7 @@ from stereocal.frames.inspection import Progress, look_through, wrong_sizes
 from stereocal.frames.labelling import FrameLabels, LabelledPair, label_targets
 from stereocal.frames.pairing import CAMERAS, Pair
 from stereocal.frames.series import detect_series
+from stereocal.pieces import Pieces
 
 STAGES = ("photographs looked through", "photographs searched for targets")
 NOTHING: CentrePair = (None, None)
@@ -35,6 +36,7 @@ def detect_frames(
     begin: Callable[[str], None],
     progress: Progress,
     cancelled: Callable[[], bool] = lambda: False,
+    pieces: Pieces[Detection] | None = None,
 ) -> list[Frame] | None:
     """All of it: look the photographs through, find the targets, agree on A and B.
 
@@ -42,6 +44,7 @@ def detect_frames(
         photographs: files on disk by name; each is read when its turn comes.
         cameras: the primary and the secondary; their photographs must have their size.
         begin: is told when a stage of `STAGES` begins, whose progress follows.
+        pieces: as for `detect_series`.
 
     Returns:
         A frame for each pair, in their order; None if it was cancelled. A photograph that cannot be
@@ -59,7 +62,8 @@ def detect_frames(
     begin(STAGES[1])
     sound = [name for name in there if name not in problems]
     read = partial(_read, {there[name]: name for name in sound})
-    found = detect_series([there[name] for name in sound], read, executor, progress, cancelled)
+    paths = [there[name] for name in sound]
+    found = detect_series(paths, read, executor, progress, cancelled, pieces)
     if found is None:
         return None
     seen = dict(zip(sound, found, strict=True))

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from stereocal.detection import Detection, detect_targets, refusal
 from stereocal.errors import StereocalError
+from stereocal.pieces import Pieces
 
 Read = Callable[[Path], npt.NDArray[Any]]
 
@@ -25,6 +26,7 @@ def detect_series(
     executor: Executor,
     progress: Callable[[int, int], None] | None = None,
     cancelled: Callable[[], bool] | None = None,
+    pieces: Pieces[Detection] | None = None,
 ) -> list[Detection] | None:
     """Find the targets in each photograph.
 
@@ -36,24 +38,31 @@ def detect_series(
             processes can find it.
         progress: called with how many are done, and of how many.
         cancelled: asked after each photograph.
+        pieces: what was found before, by the file's name, which must tell its content, and where
+            more is kept.
 
     Returns the detections in the order of the paths; None when cancelled.
     """
-    found: list[Detection | None] = [None] * len(paths)
+    found = [pieces.get(path.name) if pieces is not None else None for path in paths]
+    missing = [at for at, detection in enumerate(found) if detection is None]
     waiting: dict[Future[Detection], int] = {}
-    given = done = 0
+    given, done = 0, len(paths) - len(missing)
     while done < len(paths):
         if cancelled is not None and cancelled():
             for future in waiting:
                 future.cancel()
             return None
-        while given < len(paths) and len(waiting) < AHEAD:
-            waiting[executor.submit(detect_path, paths[given], read)] = given
+        while given < len(missing) and len(waiting) < AHEAD:
+            at = missing[given]
+            waiting[executor.submit(detect_path, paths[at], read)] = at
             given += 1
         finished, _ = wait(waiting, timeout=0.2, return_when=FIRST_COMPLETED)
         for future in finished:
-            found[waiting.pop(future)] = future.result()
+            at = waiting.pop(future)
+            found[at] = detection = future.result()
             done += 1
+            if pieces is not None:
+                pieces.keep(paths[at].name, detection)
             if progress is not None:
                 progress(done, len(paths))
     return [detection for detection in found if detection is not None]

@@ -7,10 +7,12 @@ search.views, search.refused
 
 from __future__ import annotations
 
+import hashlib
 import itertools
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor, Future, as_completed
+from concurrent.futures import Executor
+from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -22,6 +24,7 @@ from stereocal.formats.photograph import GreyImage, read_photograph
 from stereocal.formats.photograph_files import Photographs
 from stereocal.lens.board_corners import eight_bits, find_charuco, find_chessboard, refine
 from stereocal.lens.board_pattern import BoardPattern
+from stereocal.pieces import Pieces, Task, each_finished
 
 NARROWEST_PX = 5.0
 """Nearer than this the corners run into each other: the board is edge-on or far away."""
@@ -122,6 +125,7 @@ def find_boards(
     executor: Executor,
     progress: Callable[[int, int], None] | None = None,
     cancelled: Callable[[], bool] | None = None,
+    pieces: Pieces[BoardView | Refused] | None = None,
 ) -> BoardSearch | None:
     """The boards in one camera's photographs, on any `concurrent.futures` executor.
 
@@ -131,6 +135,8 @@ def find_boards(
         photographs: names to files.
         progress: called with the photographs done and all of them.
         cancelled: asked after each photograph; if true, what is left is dropped.
+        pieces: what was found before, by the file's name, which must tell its content, and where
+            more is kept.
 
     Returns:
         Boards and refused photographs, in order of name; None if cancelled.
@@ -140,23 +146,21 @@ def find_boards(
     """
     if not photographs:
         raise StereocalError("There are no photographs of the board.")
-    futures: dict[Future[BoardView | Refused], str] = {
-        executor.submit(find_board_in_file, path, pattern, name): name
+    of_pattern = hashlib.sha256(repr(pattern).encode()).hexdigest()[:16]
+    tasks: dict[str, Task[BoardView | Refused]] = {
+        f"{path.name} {of_pattern} {name}": (find_board_in_file, (path, pattern, name))
         for name, path in photographs.items()
     }
     found: dict[str, BoardView | Refused] = {}
-    try:
-        for future in as_completed(futures):
-            found[futures[future]] = future.result()
+    with closing(each_finished(executor, tasks, pieces)) as finished:
+        for _, result in finished:
+            found[result.name] = result
             if progress:
                 progress(len(found), len(photographs))
             if len(found) == TELLING:
                 _check_size(photographs, found, pattern)
             if cancelled and cancelled():
                 return None
-    finally:
-        for future in futures:
-            future.cancel()
     if len(found) < TELLING:
         _check_size(photographs, found, pattern)
     results = [found[name] for name in sorted(photographs)]

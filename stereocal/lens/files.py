@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from stereocal.compiled import FloatArray
 from stereocal.errors import DAMAGED, StereocalError
 from stereocal.formats.arrays import read_arrays, shaped
 from stereocal.intrinsics import PARAMETERS, LensCalibration, LensSettings
@@ -82,6 +83,47 @@ def unpack_lens(content: bytes) -> LensCalibration:
         return lens
     except DAMAGED as error:
         raise StereocalError(_DAMAGED) from error
+
+
+def pack_board(result: BoardView | Refused) -> bytes | None:
+    """What was found in one photograph; None where it could not be read: it may be another time."""
+    if result.image_size is None:
+        return None
+    if isinstance(result, Refused):
+        return json.dumps({"refused": [result.name, result.reason, result.image_size]}).encode()
+    head = {"view": [result.name, result.image_size, result.turned]}
+    content = {**head, "ids": result.ids.tolist(), "corners": result.corners.tolist()}
+    return json.dumps(content, allow_nan=False).encode()
+
+
+def unpack_board(content: bytes) -> BoardView | Refused:
+    """What `pack_board` packed, to the last bit.
+
+    Raises:
+        KeyError, TypeError, ValueError: the content is damaged.
+    """
+    data = json.loads(content)
+    if "refused" in data:
+        name, reason, (width, height) = data["refused"]
+        return Refused(str(name), str(reason), (int(width), int(height)))
+    name, (width, height), turned = data["view"]
+    ids = np.array(data["ids"], dtype=np.int64)
+    corners = np.array(data["corners"], dtype=np.float64).reshape(len(ids), 2)
+    return BoardView(str(name), (int(width), int(height)), ids, corners, bool(turned))
+
+
+def pack_draws(draws: FloatArray) -> bytes:
+    """The parameters of some draws, (n, 9)."""
+    return json.dumps(draws.tolist()).encode()
+
+
+def unpack_draws(content: bytes) -> FloatArray:
+    """The draws of `pack_draws`, to the last bit.
+
+    Raises:
+        TypeError, ValueError: the content is damaged.
+    """
+    return np.array(json.loads(content), dtype=np.float64).reshape(-1, len(PARAMETERS))
 
 
 _DAMAGED = "The last lens result of this project cannot be read; calibrate the lens again."

@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable
+from concurrent.futures import Executor
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,8 @@ from stereocal.errors import StereocalError
 from stereocal.formats.point_table import PointTable
 from stereocal.matching import ANY_DEPTH, refuse_different_rigs
 from stereocal.parameters import RigParameters
+from stereocal.pieces import Pieces
+from stereocal.points.blocks import TableBlock
 from stereocal.points.matching_files import match_tables
 from stereocal.points.pairs import POINT, pixels_of
 from stereocal.points.reconstruction_files import PIXELS, reconstruct_table
@@ -110,8 +113,14 @@ def apply_sets(
     begin: Callable[[str], None] | None = None,
     progress: Callable[[int, int], None] | None = None,
     cancelled: Callable[[], bool] | None = None,
+    executor: Executor | None = None,
+    pieces: Pieces[TableBlock] | None = None,
 ) -> Outcome | None:
     """Write `pairs.csv` and `points.csv` into a folder; None if it was cancelled.
+
+    Args:
+        executor: threads that compute blocks of both tables.
+        pieces: blocks of this very work that were finished before, and where more are kept.
 
     Raises:
         StereocalError: the points or the parameters cannot be used, or do not belong together.
@@ -122,6 +131,7 @@ def apply_sets(
     matched = match_tables(
         work.matching, work.primary.table, work.secondary.table, folder / PAIRS,
         work.threshold_px, work.depths_m, progress=progress, cancelled=cancelled,
+        executor=executor, pieces=pieces,
     )  # fmt: skip
     if matched is None:
         return None
@@ -135,7 +145,7 @@ def apply_sets(
         begin(STAGES[1])
     measured = reconstruct_table(
         work.measuring, PointTable(folder / PAIRS, PIXELS, PAIRS), folder / POINTS,
-        progress=progress, cancelled=cancelled,
+        progress=progress, cancelled=cancelled, executor=executor, pieces=pieces,
     )  # fmt: skip
     if measured is None:
         return None

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from concurrent.futures import Executor
+from contextlib import ExitStack, closing
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -21,9 +22,12 @@ from stereocal.matching import (
     threshold_of,
 )
 from stereocal.parameters import RigParameters
+from stereocal.pieces import Pieces
+from stereocal.points.blocks import TableBlock, in_order
 from stereocal.points.pairs import (
     PAIR_COLUMNS,
     POINT,
+    FurtherNames,
     Threshold,
     further_names,
     match_frame,
@@ -36,6 +40,10 @@ OTHER_IMAGES = 0.2
 """With more of the points than this outside the image, the parameters are of other images."""
 FEW_MATCHED = 0.1
 MANY_POINTS = 100
+BLOCK_FRAMES, BLOCK_ROWS, AHEAD = 25, 2000, 6
+Frame = tuple[int, pd.DataFrame, pd.DataFrame]
+"""Number, and rows of the primary and of the secondary camera."""
+Frames = list[Frame]
 
 Progress = Callable[[int, int], None]
 """Frames done, and all."""
@@ -74,12 +82,17 @@ def match_tables(
     unmatched: Path | None = None,
     progress: Progress | None = None,
     cancelled: Callable[[], bool] | None = None,
+    executor: Executor | None = None,
+    pieces: Pieces[TableBlock] | None = None,
 ) -> MatchReport | None:
     """Match two tables (`frame,u,v` and more) and write the pairs; None if it was cancelled.
 
     Args:
         depths_m: nearest and farthest depth in the primary's frame.
         unmatched: where to write the points without a partner (`camera,frame,u,v` and more).
+        executor: threads that match blocks of frames.
+        pieces: blocks of this very work that were finished before, and where more are kept; for
+            CSV, and without `unmatched`.
 
     Raises:
         StereocalError: bad input; no file is written then.
@@ -97,29 +110,34 @@ def match_tables(
     gate, chosen = _settle(rig, tables, contents, threshold_px, depths_m)
     names = further_names(primary.further, secondary.further)
     total = len(np.union1d(contents[0].frames, contents[1].frames))
-    count = ambiguous = left_primary = left_secondary = 0
+    columns = [*PAIR_COLUMNS, *names.columns]
+
+    def compute(block: Frames) -> TableBlock:
+        found = _match_block(rig, block, gate, depths_m, names)
+        return found if pieces is None else found.as_lines(columns)
+
+    counts = np.zeros(4, dtype=np.int64)
+    done = 0
     try:
         with ExitStack() as stack:
-            pairs = stack.enter_context(open_table(out, [*PAIR_COLUMNS, *names.columns]))
+            pairs = stack.enter_context(open_table(out, columns))
             lost = None
             if unmatched is not None:
                 further = dict.fromkeys([*primary.further, *secondary.further])
                 lost = stack.enter_context(open_table(unmatched, [*LOST_COLUMNS, *further]))
-            for done, (frame, first, second) in enumerate(_side_by_side(primary, secondary), 1):
-                if cancelled is not None and cancelled():
-                    raise CancelledError
-                found, lonely = match_frame(rig, frame, first, second, gate, depths_m, names)
-                pairs.add(found)
-                if lost is not None:
-                    lost.add(lonely)
-                count += len(found)
-                ambiguous += int(found["ambiguous"].sum())
-                left_primary += len(first) - len(found)
-                left_secondary += len(second) - len(found)
+            blocks = _blocks(_side_by_side(primary, secondary), cancelled)
+            matched = in_order(blocks, _name, compute, executor, pieces, AHEAD)
+            for block, found in stack.enter_context(closing(matched)):
+                pairs.add(found.rows)
+                if lost is not None and found.others is not None:
+                    lost.add(found.others)
+                counts += found.numbers.astype(np.int64)
+                done += len(block)
                 if progress is not None:
                     progress(done, total)
     except CancelledError:
         return None
+    count, ambiguous, left_primary, left_secondary = counts.tolist()
     if count < FEW_MATCHED * min(each.rows for each in contents):
         notes.append(
             "Few points found a partner: make sure that points, parameters and the two cameras "
@@ -170,6 +188,59 @@ def check_points(table: PointTable, camera: Camera, which: str) -> Contents:
         return sorted(problems, key=lambda problem: problem.line)
 
     return table.check(refuse)
+
+
+def _blocks(
+    frames: Iterator[Frame], cancelled: Callable[[], bool] | None = None
+) -> Iterator[Frames]:
+    """A few frames at a time: about 0.1 s of work.
+
+    Raises:
+        CancelledError: somebody stopped the work; asked before each frame.
+    """
+    block: list[Frame] = []
+    rows = 0
+    for frame in frames:
+        if cancelled is not None and cancelled():
+            raise CancelledError
+        block.append(frame)
+        rows += len(frame[1]) + len(frame[2])
+        if len(block) == BLOCK_FRAMES or rows >= BLOCK_ROWS:
+            yield block
+            block, rows = [], 0
+    if block:
+        yield block
+
+
+def _name(block: Frames) -> str:
+    return f"matched {block[0][0]} to {block[-1][0]}"
+
+
+def _match_block(
+    rig: RigParameters,
+    block: Frames,
+    gate: float,
+    depths_m: tuple[float, float],
+    names: FurtherNames,
+) -> TableBlock:
+    """The pairs of some frames; numbers: pairs, ambiguous ones, and points left, by camera."""
+    found, lonely = zip(
+        *(match_frame(rig, *frame, gate, depths_m, names) for frame in block), strict=True
+    )
+    pairs = [len(table) for table in found]
+    numbers = [
+        sum(pairs),
+        sum(int(table["ambiguous"].sum()) for table in found),
+        sum(len(first) for _, first, _ in block) - sum(pairs),
+        sum(len(second) for _, _, second in block) - sum(pairs),
+    ]
+    filled = [table for table in found if len(table)]
+    left = [table for table in lonely if len(table)]
+    return TableBlock(
+        pd.concat(filled) if filled else found[0],
+        np.array(numbers, dtype=np.float64),
+        pd.concat(left) if left else lonely[0],
+    )
 
 
 def _side_by_side(

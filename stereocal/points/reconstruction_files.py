@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import Executor
+from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -15,6 +17,8 @@ from stereocal.formats.table_writer import CancelledError, open_table
 from stereocal.geometry import Pose
 from stereocal.matching import purpose_warning
 from stereocal.parameters import RigParameters
+from stereocal.pieces import Pieces
+from stereocal.points.blocks import TableBlock, in_order
 from stereocal.points.pairs import ERROR_DECIMALS
 from stereocal.reconstruction import noise_of_file, reconstruct_points
 
@@ -27,6 +31,8 @@ OF_MATCHING = ("error_px", "runner_up_px")
 FAR_OFF = 0.05
 """Half of the pairs this far off, as a part of the image's diagonal, are of another rig."""
 
+AHEAD = 2
+"""Blocks in memory: each may have 100,000 rows."""
 Progress = Callable[[int, int], None]
 
 
@@ -95,8 +101,15 @@ def reconstruct_table(
     sigma_px: float | None = None,
     progress: Progress | None = None,
     cancelled: Callable[[], bool] | None = None,
+    executor: Executor | None = None,
+    pieces: Pieces[TableBlock] | None = None,
 ) -> ReconstructionReport | None:
     """Reconstruct a table of pairs on disk, a block at a time, and write the points.
+
+    Args:
+        executor: threads that measure blocks.
+        pieces: blocks of this very work that were finished before, and where more are kept; for
+            CSV.
 
     Returns:
         What was done; None if it was cancelled, and no file is written then.
@@ -108,16 +121,22 @@ def reconstruct_table(
     has_errors = sigma_px is not None or noise_of_file(rig)[0] is not None
     columns = [*POINT_COLUMNS, *(SIGMA_COLUMNS if has_errors else ())]
     columns += list(_carried(pairs.names).values())
+
+    def compute(block: pd.DataFrame) -> TableBlock:
+        table = reconstruct(rig, block, world, sigma_px)
+        found = TableBlock(table, table["error_px"].to_numpy(dtype=np.float32))
+        return found if pieces is None else found.as_lines(columns)
+
     errors = []
     done = 0
+    measured = in_order(pairs.blocks(), _name, compute, executor, pieces, AHEAD)
     try:
-        with open_table(out, columns) as writer:
-            for block in pairs.blocks():
+        with open_table(out, columns) as writer, closing(measured):
+            for block, found in measured:
                 if cancelled is not None and cancelled():
                     raise CancelledError
-                table = reconstruct(rig, block, world, sigma_px)
-                writer.add(table)
-                errors.append(table["error_px"].to_numpy(dtype=np.float32))
+                writer.add(found.rows)
+                errors.append(found.numbers)
                 done += len(block)
                 if progress is not None:
                     progress(done, contents.rows)
@@ -134,6 +153,10 @@ def reconstruct_table(
             "rig, and that primary and secondary are not exchanged."
         )
     return ReconstructionReport(len(pooled), behind, median, notes)
+
+
+def _name(block: pd.DataFrame) -> str:
+    return f"measured {block.index[0]} to {block.index[-1]}"
 
 
 def _carried(names: tuple[str, ...]) -> dict[str, str]:

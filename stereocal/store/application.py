@@ -15,6 +15,7 @@ import json
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -29,7 +30,9 @@ from stereocal.formats.point_files import read_points
 from stereocal.formats.point_table import PointTable
 from stereocal.locking import locked
 from stereocal.parameters import RigParameters
+from stereocal.pieces import Pieces
 from stereocal.points.application import PAIRS, POINTS, Application, Outcome, Points, apply_sets
+from stereocal.points.blocks import TableBlock
 from stereocal.points.pairs import POINT
 from stereocal.project import Project
 from stereocal.store.folders import own_file
@@ -208,8 +211,12 @@ class ProjectApplication:
         begin: Callable[[str], None] | None = None,
         progress: Callable[[int, int], None] | None = None,
         cancelled: Callable[[], bool] | None = None,
+        executor: Executor | None = None,
+        pieces: Pieces[TableBlock] | None = None,
     ) -> bool:
         """Match and measure, and keep the result in place of the last; False if cancelled.
+
+        Args as for `apply_sets`.
 
         Raises:
             StereocalError: it cannot be done; the last result stays.
@@ -218,7 +225,7 @@ class ProjectApplication:
         kept = False
         try:
             with locked(folder):  # so that nobody sweeps it
-                outcome = apply_sets(work, folder, begin, progress, cancelled)
+                outcome = apply_sets(work, folder, begin, progress, cancelled, executor, pieces)
                 if outcome is not None:
                     self._keep_result(outcome, folder)
                     kept = True

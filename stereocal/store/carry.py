@@ -15,11 +15,12 @@ from stereocal.formats.dataset_files import read_dataset
 from stereocal.formats.zip_files import OpenZip, open_zip
 from stereocal.project import Project
 from stereocal.store.folders import UNCHANGING, new_project_folder
+from stereocal.store.jobs import JOBS
 from stereocal.store.state import PROJECT_FILE, changing
 from stereocal.writing import write_in_parts
 
-MADE_AGAIN = ("thumbnails",)
-"""Folders whose files are made again when they are needed."""
+MADE_AGAIN = ("thumbnails", JOBS)
+"""Folders whose files are made again when they are needed, or belong to the server's work."""
 PLAIN = re.compile(r"[A-Za-z0-9_][A-Za-z0-9._-]{0,99}")
 """What the parts of a path in a project are made of: nothing that leads out of it."""
 DEEPEST = 4

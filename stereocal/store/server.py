@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from stereocal.environment import number_given
+
+MOST_WORKERS = 1000
 
 
 @dataclass(frozen=True)
@@ -20,21 +22,24 @@ class ServerSettings:
     """STEREOCAL_KEEP_DAYS: projects that nobody has changed for longer are removed."""
     undo_days: float = 30.0
     """STEREOCAL_UNDO_DAYS: so long a removed project can be brought back."""
-
     project_mb: float = math.inf
     """STEREOCAL_PROJECT_MB: what one project may take on disk, in millions of bytes."""
+    workers: int = field(default_factory=lambda: os.cpu_count() or 1)
+    """STEREOCAL_WORKERS: so many tasks are computed at once, for all sessions together."""
 
     @classmethod
     def from_environment(cls, environment: Mapping[str, str] | None = None) -> ServerSettings:
         """The settings of this server; what is not given keeps its default.
 
         Raises:
-            StereocalError: a value that is no number, or below 0.
+            StereocalError: a value that is no number, or below 0; fewer than 1 worker.
         """
         given = os.environ if environment is None else environment
+        cores = os.cpu_count() or 1
         return cls(
             shared=number_given(given, "STEREOCAL_SHARED", 0.0) > 0,
             keep_days=number_given(given, "STEREOCAL_KEEP_DAYS", cls.keep_days),
             undo_days=number_given(given, "STEREOCAL_UNDO_DAYS", cls.undo_days),
             project_mb=number_given(given, "STEREOCAL_PROJECT_MB", cls.project_mb),
+            workers=int(min(number_given(given, "STEREOCAL_WORKERS", cores, 1.0), MOST_WORKERS)),
         )

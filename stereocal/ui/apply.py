@@ -18,6 +18,7 @@ from stereocal.guarded import server_guard
 from stereocal.matching import ANY_DEPTH, check_depths, purpose_warning
 from stereocal.parameters import RigParameters
 from stereocal.points.application import STAGES, Application, Points, sample_frames, unlabelled
+from stereocal.points.blocks import pack_block, unpack_block
 from stereocal.points.nearest import nearest_errors
 from stereocal.points.pairs import POINT
 from stereocal.points.threshold import FramePixels, choose_threshold
@@ -215,7 +216,7 @@ def choose_gates(
         st.info("Give a threshold in pixels.")
         return None
     with figure:
-        nearest = nearest_errors(rig, sample, depths)
+        nearest = jobs.compute(nearest_errors, rig, sample, depths)
         show_figure(
             plot_pair_errors(nearest, threshold), describe_pair_errors(nearest, threshold),
             "pair_errors",
@@ -261,7 +262,7 @@ def _choose(
     project: Project, rig: RigParameters, sample: list[FramePixels], depths: tuple[float, float]
 ) -> None:
     try:
-        choice = choose_threshold(rig, sample, depths)
+        choice = jobs.compute(choose_threshold, rig, sample, depths)
         st.session_state[THRESHOLD] = choice.threshold_px
         keep_settings(project, {THRESHOLD: choice.threshold_px})
         st.session_state[CHOSEN] = (True, choice.sentence())
@@ -270,26 +271,33 @@ def _choose(
 
 
 def bring_up_to_date(project: Project, store: ProjectApplication, work: Application) -> None:
-    """Compute at once what is short; offer a button for what is long."""
+    """Compute at once what is short; offer a button for what is long, and show how it goes."""
     result = store.result
-    if result is None or result[0].digest != work.digest:
-        if work.expected_seconds <= INSTANT_S:
-            try:
-                with st.spinner("Matching and measuring."):
-                    store.run(work)
-            except StereocalError as error:
-                st.error(escape_markdown(str(error)))
-        elif not jobs.is_running(project, "apply"):
-            st.button(
-                f"Match and measure ({work.primary.rows} and {work.secondary.rows} points)",
-                type="primary", key="apply_run", on_click=jobs.start,
-                args=(project, "apply", STAGES, lambda job: _run(store, work, job)),
-            )  # fmt: skip
-    jobs.show_job(project, "apply", "Cancelled. What is shown is the last finished result.")
+    job = jobs.Work(
+        project, "apply", STAGES, {"application": work.digest}, lambda job: _run(store, work, job)
+    )
+    if result is not None and result[0].digest == work.digest:
+        jobs.is_done(job)
+    elif work.expected_seconds <= INSTANT_S:
+        try:
+            with st.spinner("Matching and measuring."):
+                _run(store, work, jobs.on_page(project, STAGES))
+        except StereocalError as error:
+            st.error(escape_markdown(str(error)))
+    elif not (jobs.is_running(project, "apply") or jobs.can_go_on(job)):
+        st.button(
+            f"Match and measure ({work.primary.rows} and {work.secondary.rows} points)",
+            type="primary", key="apply_run", on_click=jobs.start, args=(job,),
+        )  # fmt: skip
+    last = "Cancelled. What is shown is the last finished result."
+    jobs.show_job(project, "apply", last, job)
 
 
 def _run(store: ProjectApplication, work: Application, job: jobs.Job) -> bool:
-    return store.run(work, job.begin, job.progress, lambda: job.cancelled)
+    return store.run(
+        work, job.begin, job.progress, lambda: job.cancelled, job.executor,
+        job.parts("blocks", pack_block, unpack_block),
+    )  # fmt: skip
 
 
 @st.cache_resource(show_spinner=False, max_entries=8)

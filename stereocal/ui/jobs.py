@@ -1,22 +1,39 @@
-"""Long work beside the pages: it goes on when the page is left, and can be cancelled."""
+"""Long work beside the pages: it goes on when the page is left, and can be cancelled.
+
+What is begun stands on disk (`store.jobs`). If the server ends before the work, its page says so,
+and offers to go on.
+"""
 
 from __future__ import annotations
 
-import os
+import logging
 import threading
 import time
-from collections.abc import Callable
-from concurrent.futures import Executor, ThreadPoolExecutor
+from collections.abc import Callable, Mapping
+from concurrent.futures import Executor
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal, ParamSpec, TypeVar
 
 import streamlit as st
 
 from stereocal.errors import StereocalError
+from stereocal.fair_pool import FairPool
 from stereocal.project import Project
-from stereocal.ui.intake import escape_markdown
+from stereocal.store import jobs as kept_jobs
+from stereocal.store.jobs import KeptJob, Record
+from stereocal.store.parts import Parts
+from stereocal.store.server import ServerSettings
+from stereocal.ui.texts import escape_markdown
+from stereocal.ui.told import callback
 
+P = ParamSpec("P")
+T = TypeVar("T")
 Kind = Literal["evaluation", "photographs", "lens_primary", "lens_secondary", "apply"]
+UNFORESEEN = (
+    "Something unforeseen happened, and this could not be finished. What was there before is there "
+    "still. The server's log says more."
+)
+_LOG = logging.getLogger(__name__)
 
 
 @dataclass
@@ -25,6 +42,8 @@ class Job:
 
     stages: tuple[str, ...]
     """What is counted, in the order of the work: a bar each."""
+    executor: Executor
+    """Its share of the server's pool."""
     at: int = 0
     total: int = 0
     done: int = 0
@@ -33,32 +52,76 @@ class Job:
     sentence: str = ""
     """Why it failed."""
     cancelled: bool = False
+    kept: KeptJob | None = None
+    """On disk; None for what is computed while its page is drawn."""
     started: float = field(default_factory=time.monotonic)
+    begun_with: int = 0
+    """What of the stage had been done before `started`."""
 
     def begin(self, stage: str) -> None:
         """Go on to a stage of the work."""
         self.at, self.done, self.total = self.stages.index(stage), 0, 0
-        self.started = time.monotonic()
+        self.started, self.begun_with = time.monotonic(), 0
 
     def progress(self, done: int, total: int) -> None:
         """So much of the stage is done."""
+        if self.total == 0 and done > 1:
+            # Parts that were kept, or a first chunk: neither tells the pace.
+            self.started, self.begun_with = time.monotonic(), done
         self.done, self.total = done, total
+        if self.kept is not None and not self.kept.progress(self.at, done, total):
+            self.cancelled = True
+
+    def parts(
+        self, stage: str, pack: Callable[[T], bytes | None], unpack: Callable[[bytes], T]
+    ) -> Parts[T] | None:
+        """What the same work had finished of a stage, and where more is kept; None if nowhere."""
+        return None if self.kept is None else self.kept.parts(stage, pack, unpack)
 
     @property
     def seconds_left(self) -> float:
         """Of the stage, from the pace so far."""
-        return (time.monotonic() - self.started) * (self.total - self.done) / max(self.done, 1)
+        pace = (time.monotonic() - self.started) / max(self.done - self.begun_with, 1)
+        return pace * (self.total - self.done)
+
+
+@dataclass(frozen=True)
+class Work:
+    """What a page would have done."""
+
+    project: Project
+    kind: Kind
+    stages: tuple[str, ...]
+    """What is counted, in words: "photographs read"."""
+    about: Mapping[str, Any]
+    """Inputs by their digests, and settings, for JSON: all that the result depends on."""
+    run: Callable[[Job], bool]
+    """Does all, calls `Job.progress`, looks at `Job.cancelled`, and keeps what it found in the
+    project. False if it was cancelled."""
 
 
 @st.cache_resource(show_spinner=False)
-def pool() -> Executor:
-    """The server's one pool of workers: the compiled searches do not block each other."""
-    return ThreadPoolExecutor(os.cpu_count() or 1, thread_name_prefix="runs")
+def _pool() -> FairPool:
+    return FairPool(ServerSettings.from_environment().workers)
+
+
+def pool(owner: str) -> Executor:
+    """The server's one pool of workers, in which owners take turns.
+
+    The compiled searches do not block each other.
+    """
+    return _pool().of(owner)
+
+
+def compute(function: Callable[P, T], /, *arguments: P.args, **named: P.kwargs) -> T:
+    """What a page computes while it is drawn, in the pool: many sessions make no more threads."""
+    owner = st.session_state.get("project_id", "nobody")
+    return pool(f"{owner} page").submit(function, *arguments, **named).result()
 
 
 @st.cache_resource(show_spinner=False)
 def _jobs() -> dict[tuple[str, Kind], Job]:
-    """The last job of each kind of each project."""
+    """The last job of each kind of each project that this server ran."""
     return {}
 
 
@@ -68,70 +131,168 @@ def job_of(project: Project, kind: Kind) -> Job | None:
 
 
 def is_running(project: Project, kind: Kind) -> bool:
-    """Whether such a job is under way."""
+    """Whether such a job is under way, here or at another server with the same projects."""
     job = job_of(project, kind)
-    return job is not None and job.state == "running"
+    if job is not None and job.state == "running":
+        return True
+    found = kept_jobs.find(project.folder, kind)
+    return found is not None and found[0] == "running"
 
 
-def start(
-    project: Project, kind: Kind, stages: tuple[str, ...], work: Callable[[Job], bool]
-) -> None:
-    """Begin a job, unless one of its kind is under way.
+def can_go_on(work: Work) -> bool:
+    """Whether this very work was begun and interrupted."""
+    found = kept_jobs.find(work.project.folder, work.kind)
+    return (
+        found is not None
+        and found[0] == "interrupted"
+        and found[1].digest == kept_jobs.digest_of(work.kind, work.about)
+    )
 
-    Args:
-        stages: what is counted, in words: "photographs read".
-        work: does all, calls `Job.progress`, looks at `Job.cancelled`, and keeps what it found in
-            the project. False if it was cancelled.
-    """
-    if is_running(project, kind):
+
+def start(work: Work) -> None:
+    """Begin a job, or go on with it, unless one of its kind is under way (a callback)."""
+    if is_running(work.project, work.kind):
         return
-    job = Job(stages)
-    _jobs()[project.id, kind] = job
-    threading.Thread(target=_drive, args=(job, work), daemon=True, name=kind).start()
-
-
-def _drive(job: Job, work: Callable[[Job], bool]) -> None:
+    job = Job(work.stages, pool(f"{work.project.id} {work.kind}"))
     try:
-        job.state = "done" if work(job) else "cancelled"
+        job.kept = kept_jobs.begin(work.project.folder, work.kind, work.stages, work.about)
+        if job.kept is None:
+            return
     except StereocalError as error:
         job.sentence, job.state = str(error), "failed"
-    except Exception as error:
+    _jobs()[work.project.id, work.kind] = job
+    if job.kept is not None:
+        threading.Thread(target=_drive, args=(job, work.run), daemon=True, name=work.kind).start()
+
+
+def _drive(job: Job, run: Callable[[Job], bool]) -> None:
+    assert job.kept is not None
+    try:
+        state = "done" if run(job) else "cancelled"
+        job.kept.end()
+        job.state = state
+    except StereocalError as error:
+        _failed(job, str(error))
+    except Exception:
         # Nothing of a thread reaches a page unless it is said here.
-        job.sentence, job.state = f"Something unforeseen happened ({error!r}).", "failed"
+        _LOG.exception("A job ended in an error that nobody foresaw.")
+        _failed(job, UNFORESEEN)
 
 
-def show_job(project: Project, kind: Kind, cancelled: str) -> None:
+def _failed(job: Job, sentence: str) -> None:
+    assert job.kept is not None
+    job.sentence = sentence
+    job.kept.fail(sentence)
+    job.state = "failed"
+
+
+def on_page(project: Project, stages: tuple[str, ...]) -> Job:
+    """What is computed while its page is drawn: nothing of it is kept but the result."""
+    return Job(stages, pool(f"{project.id} page"))
+
+
+def show_job(project: Project, kind: Kind, cancelled: str, work: Work | None) -> None:
     """Progress with a way to stop, while something runs; how it ended, until the next.
 
     Args:
         cancelled: what is said of a job that was cancelled.
+        work: what the page would have done now: an interrupted job goes on if it is the same.
     """
     job = job_of(project, kind)
-    if job is None:
-        return
-    if job.state == "running":
+    if job is not None and job.state == "running":
         # Only now: a timer that is always there would interrupt every longer run of the page.
         _show_progress(job, kind)
-    elif job.state == "failed":
+        return
+    found = kept_jobs.find(project.folder, kind)
+    if found is not None and found[0] == "running":
+        _show_elsewhere(project, kind)
+    elif found is not None and found[0] == "interrupted":
+        _show_interrupted(project, kind, found[1], work)
+    elif found is not None:
+        st.error(escape_markdown(found[1].sentence))
+    elif job is not None and job.state == "failed":
         st.error(escape_markdown(job.sentence))
-    elif job.state == "cancelled":
+    elif job is not None and job.state == "cancelled":
         st.info(cancelled)
+
+
+def how_far(record: Record) -> str:
+    """What an interrupted job had finished, in a sentence."""
+    if not record.total:
+        return "It had just begun."
+    stage = record.stages[record.at].split()[0]
+    step = f" in step {record.at + 1} of {len(record.stages)}" * (len(record.stages) > 1)
+    return f"{record.done} of {record.total} {stage} were finished{step}."
+
+
+def _show_interrupted(project: Project, kind: Kind, record: Record, work: Work | None) -> None:
+    same = work is not None and record.digest == kept_jobs.digest_of(kind, work.about)
+    changed = "" if same else (
+        " The data or the settings have changed since, so it can only be started anew; or set them "
+        "back, and it goes on."
+    )  # fmt: skip
+    st.warning(f"The server stopped while this ran. {how_far(record)}{changed}")
+    with st.container(horizontal=True):
+        if same:
+            st.button("Go on", type="primary", key=f"go_on_{kind}", on_click=start, args=(work,))
+        st.button(
+            "Discard", key=f"discard_{kind}", on_click=callback(discard), args=(project, kind)
+        )
+
+
+def discard(project: Project, kind: Kind) -> None:
+    """Forget a job that does not run, with what it had finished.
+
+    Raises:
+        StereocalError: the disk cannot be written to.
+    """
+    kept_jobs.discard(project.folder, kind)
+    _jobs().pop((project.id, kind), None)
+
+
+def is_done(work: Work) -> None:
+    """The result of this very work is there: if its server ended just then, nothing is left to do.
+
+    Raises:
+        StereocalError: the disk cannot be written to.
+    """
+    if can_go_on(work):
+        discard(work.project, work.kind)
 
 
 @st.fragment(run_every=0.5)
 def _show_progress(job: Job, kind: Kind) -> None:
     if job.state != "running":
         st.rerun()
+    left = f", about {job.seconds_left:.0f} s left" if job.done > job.begun_with else ""
+    _show_bars(job, left)
+    st.button("Cancel", key=f"cancel_{kind}", on_click=_cancel, args=(job,))
+
+
+@st.fragment(run_every=1.0)
+def _show_elsewhere(project: Project, kind: Kind) -> None:
+    """A job that another server runs, which has the same projects."""
+    found = kept_jobs.find(project.folder, kind)
+    if found is None or found[0] != "running":
+        st.rerun()
+    _show_bars(found[1], "")
+    st.button("Cancel", key=f"stop_{kind}", on_click=_stop, args=(project, kind))
+
+
+def _show_bars(job: Job | Record, left: str) -> None:
     for number, stage in enumerate(job.stages):
         if number < job.at:
             st.progress(1.0, f"{stage.capitalize()}: all")
         elif number == job.at and job.done:
-            left = f"{job.done} of {job.total} {stage}, about {job.seconds_left:.0f} s left"
-            st.progress(job.done / max(job.total, 1), left)
+            st.progress(job.done / max(job.total, 1), f"{job.done} of {job.total} {stage}{left}")
         else:
             st.progress(0.0, "Starting" if number == job.at else f"{stage.capitalize()}: not yet")
-    st.button("Cancel", key=f"cancel_{kind}", on_click=_cancel, args=(job,))
 
 
 def _cancel(job: Job) -> None:
     job.cancelled = True
+
+
+@callback
+def _stop(project: Project, kind: Kind) -> None:
+    kept_jobs.ask_to_stop(project.folder, kind)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from concurrent.futures import Executor
 from contextlib import suppress
+from dataclasses import asdict
 from pathlib import Path
 
 import streamlit as st
@@ -15,6 +15,7 @@ from stereocal.formats.photograph_files import unpack_photographs
 from stereocal.intrinsics import LensSettings, calibrate_lens
 from stereocal.lens.board_pattern import DICTIONARIES, BoardPattern
 from stereocal.lens.boards import BoardSearch, find_boards
+from stereocal.lens.files import pack_board, pack_draws, unpack_board, unpack_draws
 from stereocal.project import Project
 from stereocal.store.lens import WHICH, ProjectLens, Which
 from stereocal.store.state import DamagedError
@@ -103,7 +104,7 @@ def from_photographs(project: Project | None, which: Which) -> ProjectLens | Non
     project = current_project()
     if project is None:
         return None
-    store = ProjectLens(project, which)
+    store, work = ProjectLens(project, which), None
     try:
         photographs = store.photographs
         if not photographs:
@@ -113,14 +114,15 @@ def from_photographs(project: Project | None, which: Which) -> ProjectLens | Non
         right.button("Remove them", on_click=_clear, args=(store, set(photographs)),
                      key=f"no_boards_{which}")  # fmt: skip
         pattern, settings = board_form(project), lens_form(project)
-        _act(store, pattern, settings)
+        work = _act(store, pattern, settings)
     except DamagedError as error:
         st.error(escape_markdown(str(error)))
         st.button("Remove them", on_click=_clear, args=(store, ()), key=f"no_boards_{which}")
         return None
     except StereocalError as error:
         st.error(escape_markdown(str(error)))
-    jobs.show_job(project, job_kind(which), "Cancelled. What is shown is the last finished lens.")
+    last = "Cancelled. What is shown is the last finished lens."
+    jobs.show_job(project, job_kind(which), last, work)
     return store
 
 
@@ -231,7 +233,7 @@ def lens_form(project: Project) -> LensSettings:
     return LensSettings(subset, repeats, seed, fix_k3, zero_tangential)
 
 
-def _act(store: ProjectLens, pattern: BoardPattern, settings: LensSettings) -> None:
+def _act(store: ProjectLens, pattern: BoardPattern, settings: LensSettings) -> jobs.Work:
     search, lens = store.search, store.calibration
     ready = search is not None and search.pattern == pattern
     leave_out: list[str] = []
@@ -243,16 +245,20 @@ def _act(store: ProjectLens, pattern: BoardPattern, settings: LensSettings) -> N
         and [view.name for view in lens.search.views]
         == [view.name for view in search.without(leave_out).views]
     )  # fmt: skip
+    work = _work(store, pattern, settings, leave_out)
+    if current:
+        jobs.is_done(work)
     label = "Calibrate the lens" if ready else "Find the boards and calibrate the lens"
     st.button(
         label, type="secondary" if current else "primary", key=f"calibrate_{store.which}",
-        disabled=running, on_click=_start, args=(store, pattern, settings, leave_out),
+        disabled=running, on_click=_start, args=(work,),
     )  # fmt: skip
     if lens is not None and not current and not running:
         st.warning(
             "The form or the photographs have changed since the lens was calibrated. It still "
             "shows what it was made with."
         )
+    return work
 
 
 def _choose_left_out(store: ProjectLens, search: BoardSearch) -> list[str]:
@@ -267,32 +273,47 @@ def _choose_left_out(store: ProjectLens, search: BoardSearch) -> list[str]:
     return chosen
 
 
-def _start(
-    store: ProjectLens, pattern: BoardPattern, settings: LensSettings, leave_out: Sequence[str]
-) -> None:
-    executor = jobs.pool()
+def _start(work: jobs.Work) -> None:
     settled()
-    jobs.start(
-        store.project, job_kind(store.which), STAGES,
-        lambda job: _calibrate(store, pattern, settings, leave_out, job, executor),
+    jobs.start(work)
+
+
+def _work(
+    store: ProjectLens, pattern: BoardPattern, settings: LensSettings, leave_out: Sequence[str]
+) -> jobs.Work:
+    about = {
+        "photographs": {name: path.name for name, path in store.photographs.items()},
+        "leave_out": list(leave_out),
+        "pattern": asdict(pattern),
+        "settings": asdict(settings),
+    }
+    return jobs.Work(
+        store.project, job_kind(store.which), STAGES, about,
+        lambda job: _calibrate(store, pattern, settings, leave_out, job),
     )  # fmt: skip
 
 
 def _calibrate(
     store: ProjectLens, pattern: BoardPattern, settings: LensSettings, leave_out: Sequence[str],
-    job: jobs.Job, executor: Executor,
+    job: jobs.Job,
 ) -> bool:  # fmt: skip
     def cancelled() -> bool:
         return job.cancelled
 
     search = store.search
     if search is None or search.pattern != pattern:
-        search = find_boards(store.photographs, pattern, executor, job.progress, cancelled)
+        boards = job.parts("boards", pack_board, unpack_board)
+        search = find_boards(
+            store.photographs, pattern, job.executor, job.progress, cancelled, boards
+        )
         if search is None:
             return False
         store.keep_search(search)
     job.begin(STAGES[1])
-    lens = calibrate_lens(search.without(leave_out), settings, executor, job.progress, cancelled)
+    lens = calibrate_lens(
+        search.without(leave_out), settings, job.executor, job.progress, cancelled,
+        pieces=job.parts("draws", pack_draws, unpack_draws),
+    )  # fmt: skip
     if lens is None:
         return False
     store.keep_calibration(lens)
@@ -306,6 +327,7 @@ def _clear(store: ProjectLens, seen: Collection[str]) -> None:
             tell("Another tab has added photographs: look, and press again.")
             return
     store.clear()
+    jobs.discard(store.project, job_kind(store.which))
     st.session_state[_ROUND] += 1
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from concurrent.futures import Executor
 from pathlib import Path
 
 import pandas as pd
@@ -12,6 +11,7 @@ import streamlit as st
 from stereocal.errors import StereocalError
 from stereocal.formats.photograph import SUFFIXES
 from stereocal.formats.photograph_files import unpack_photographs
+from stereocal.frames.detection_file import pack_detection, unpack_detection
 from stereocal.frames.pairing import CAMERAS, Pair
 from stereocal.frames.search import STAGES, detect_frames
 from stereocal.inputs import Slot
@@ -241,6 +241,7 @@ def _clear(store: ProjectPhotographs, seen: Collection[str]) -> None:
     if _names(store) - set(seen):
         raise StereocalError("Another tab has added photographs: look, and press again.")
     store.clear()
+    jobs.discard(store.project, "photographs")
     _forget_table()
 
 
@@ -268,13 +269,15 @@ def _find_targets(store: ProjectPhotographs) -> None:
             f"Give the camera file of the {' and the '.join(lacking)} camera too: how the lenses "
             "see tells which target is A in both."
         )
+    work = _work(store, [row.pair for row in rows])
     st.button(
         "Find the targets" if frames is None else "Find the targets again", key="find_targets",
         type="primary" if frames is None else "secondary",
         disabled=running or bool(lacking) or not rows,
-        on_click=_start, args=(store, [row.pair for row in rows]),
+        on_click=_start, args=(work,),
     )  # fmt: skip
-    jobs.show_job(project, "photographs", "Cancelled. What was found before is unchanged.")
+    last = "Cancelled. What was found before is unchanged."
+    jobs.show_job(project, "photographs", last, work)
     if frames is None:
         return
     if {(f.frame, f.files) for f in frames} != {
@@ -284,22 +287,32 @@ def _find_targets(store: ProjectPhotographs) -> None:
     show_frames(store, frames, running)
 
 
-def _start(store: ProjectPhotographs, pairs: Sequence[Pair]) -> None:
-    executor = jobs.pool()
+def _start(work: jobs.Work) -> None:
     settled()
-    jobs.start(store.project, "photographs", STAGES, lambda job: _find(store, pairs, job, executor))
+    jobs.start(work)
 
 
-def _find(
-    store: ProjectPhotographs, pairs: Sequence[Pair], job: jobs.Job, executor: Executor
-) -> bool:
+def _work(store: ProjectPhotographs, pairs: Sequence[Pair]) -> jobs.Work:
+    files = {name: path.name for name, path in store.photographs.items()}
+    about = {
+        "pairs": [[p.frame, *((n, files.get(n)) for n in (p.primary, p.secondary))] for p in pairs],
+        "cameras": [camera and camera.to_json() for camera in store.project.cameras],
+    }
+    return jobs.Work(
+        store.project, "photographs", STAGES, about, lambda job: _find(store, pairs, job)
+    )
+
+
+def _find(store: ProjectPhotographs, pairs: Sequence[Pair], job: jobs.Job) -> bool:
     primary, secondary = store.project.cameras
     if primary is None or secondary is None:
         raise StereocalError("A camera file has gone from the project; give it again.")
     cameras = (primary, secondary)
     found = detect_frames(
-        pairs, store.photographs, cameras, executor, job.begin, job.progress, lambda: job.cancelled
-    )
+        pairs, store.photographs, cameras, job.executor, job.begin, job.progress,
+        lambda: job.cancelled,
+        pieces=job.parts("detections", pack_detection, unpack_detection),
+    )  # fmt: skip
     if found is None:
         return False
     store.keep_found(found)

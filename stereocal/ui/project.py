@@ -11,19 +11,15 @@ from typing import Any
 
 import streamlit as st
 
-from stereocal.calibrate import calibrate
 from stereocal.errors import StereocalError
-from stereocal.evaluation import EvaluationSettings, evaluate_runs
-from stereocal.formats.dataset_files import read_dataset
-from stereocal.frames.search import compile_detection
 from stereocal.inputs import Inputs, Slot
-from stereocal.matching import match_points
 from stereocal.project import Project
 from stereocal.store.folders import default_home
 from stereocal.store.photographs import TABLE_LABEL
 from stereocal.store.server import ServerSettings
 from stereocal.store.sweep import sweep
 from stereocal.ui.told import callback, tell
+from stereocal.warming import compile_all
 
 SAMPLE = Path(__file__).parents[2] / "sample_data" / "field"
 SWEEP_EVERY_S = 3600.0
@@ -189,9 +185,9 @@ def warm_up() -> threading.Thread:
 
 
 def _begin() -> None:
-    """Delete what is too old, compile (25 s the very first time), and look again every hour."""
+    """Delete what is too old, compile, and look again every hour."""
     _sweep()
-    compile_all()
+    compile_all(SAMPLE)
     while True:
         time.sleep(SWEEP_EVERY_S)
         _sweep()
@@ -202,13 +198,3 @@ def _sweep() -> None:
     with suppress(StereocalError, OSError):
         settings = ServerSettings.from_environment()
         sweep(default_home(), settings.undo_days, settings.keep_days)
-
-
-def compile_all() -> None:
-    """Use all compiled code once, so that nobody waits for it later."""
-    dataset = read_dataset(SAMPLE)
-    calibration = calibrate(dataset, trace=True)
-    rows = dataset.correspondences
-    match_points(calibration.parameters("2d"), rows.primary, rows.secondary, 1.0)
-    evaluate_runs(dataset, EvaluationSettings(), 0, [0])
-    compile_detection()

@@ -16,6 +16,7 @@ from stereocal.guarded_readers import guarded_files
 from stereocal.project import Project
 from stereocal.store.carry import pack_project, unpack_project
 from stereocal.store.folders import default_home
+from stereocal.store.jobs import interrupted
 from stereocal.store.projects import Listed, bring_back, duplicate, recent_projects, remove
 from stereocal.store.server import ServerSettings
 from stereocal.ui.intake import check_uploads, escape_markdown, is_new
@@ -73,6 +74,8 @@ def _show(one: Listed) -> None:
         ("calibration",): "calibrated",
         ("evaluation",): "validated",
     }.get(one.finished, "calibrated, validated")
+    if interrupted(default_home() / "projects" / one.id):
+        state += ", interrupted"
     key = f"name_{one.id}"
     with st.container(horizontal=True, vertical_alignment="bottom"):
         st.text_input(

@@ -24,6 +24,7 @@ from stereocal.refined.unknowns import (
     RefineSettings,
     lens_prior,
 )
+from stereocal.ui import jobs
 from stereocal.ui.project import keeper, remembered
 
 FREE, HELD = "Free, within their uncertainty", "Held as given"
@@ -151,28 +152,28 @@ def _key(dataset: Dataset, settings: RefineSettings) -> str:
 @st.cache_resource(show_spinner="Refining.", max_entries=16)
 def _refined(key: str, _dataset: Dataset, _settings: RefineSettings) -> RefinedResult:
     assert key
-    return refine(_dataset, _settings)
+    return jobs.compute(refine, _dataset, _settings)
 
 
 @st.cache_resource(show_spinner="Calibrating.", max_entries=16)
 def _calibrated(key: str, _dataset: Dataset, _settings: CalibrationSettings) -> Calibration:
     assert key
-    return calibrate(_dataset, _settings)
+    return jobs.compute(calibrate, _dataset, _settings)
 
 
 @st.cache_resource(show_spinner="Looking for inputs that disagree.", max_entries=16)
 def _inputs(key: str, _dataset: Dataset, _settings: RefineSettings) -> list[Input]:
-    return what_disagrees(_refined(key, _dataset, _settings))
+    return jobs.compute(what_disagrees, _refined(key, _dataset, _settings))
 
 
 @st.cache_resource(show_spinner="Predicting errors by place.", max_entries=16)
 def _map(key: str, _dataset: Dataset, _settings: RefineSettings) -> AccuracyMap:
-    return accuracy_map(_refined(key, _dataset, _settings))
+    return jobs.compute(accuracy_map, _refined(key, _dataset, _settings))
 
 
 @st.cache_resource(show_spinner="Tracing the trade-off.", max_entries=16)
 def _curves(key: str, _dataset: Dataset, _settings: RefineSettings) -> TradeOff:
     assert key
-    found = trade_off(_dataset, _settings)
+    found = jobs.compute(trade_off, _dataset, _settings)
     assert found is not None  # nobody cancels here
     return found

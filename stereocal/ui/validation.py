@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,13 @@ import streamlit as st
 from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
 from stereocal.evaluation import EvaluationSettings, evaluate
-from stereocal.evaluation_files import Evaluation, summary_json, unique_names
+from stereocal.evaluation_files import (
+    Evaluation,
+    pack_runs,
+    summary_json,
+    unique_names,
+    unpack_runs,
+)
 from stereocal.figures import (
     describe_comparison,
     describe_validation,
@@ -122,49 +127,46 @@ def kept_protocol(project: Project, dataset: Dataset) -> EvaluationSettings:
 def bring_up_to_date(
     project: Project, datasets: Sequence[Dataset], settings: EvaluationSettings
 ) -> None:
-    """Compute at once what is short; offer a button for what is long."""
+    """Compute at once what is short; offer a button for what is long, and show how it goes."""
+    work = _work(project, datasets, settings)
     if _is_current(project.evaluation, datasets, settings):
-        return
-    frames = sum(len(dataset.correspondences.frames) for dataset in datasets)
-    work = settings.runs * frames / 25
-    if work <= INSTANT:
-        try:
-            with st.spinner("Validating."):
-                _validate(project, datasets, settings, jobs.Job(STAGES), jobs.pool())
-        except StereocalError as error:
-            st.error(escape_markdown(str(error)))
-        return
-    if not jobs.is_running(project, "evaluation"):
-        label = f"Validate ({settings.runs * len(datasets)} runs)"
-        st.button(
-            label, type="primary", key="validate", on_click=_start,
-            args=(project, datasets, settings),
-        )  # fmt: skip
-
-
-def show_job(project: Project) -> None:
-    """Progress with a way to stop, while something runs; how it ended, until the next."""
+        jobs.is_done(work)
+    else:
+        frames = sum(len(dataset.correspondences.frames) for dataset in datasets)
+        if settings.runs * frames / 25 <= INSTANT:
+            try:
+                with st.spinner("Validating."):
+                    _validate(project, datasets, settings, jobs.on_page(project, STAGES))
+            except StereocalError as error:
+                st.error(escape_markdown(str(error)))
+        elif not (jobs.is_running(project, "evaluation") or jobs.can_go_on(work)):
+            label = f"Validate ({settings.runs * len(datasets)} runs)"
+            st.button(label, type="primary", key="validate", on_click=jobs.start, args=(work,))
     last = "Cancelled. What is shown is the last finished validation."
-    jobs.show_job(project, "evaluation", last)
+    jobs.show_job(project, "evaluation", last, work)
 
 
-def _start(project: Project, datasets: Sequence[Dataset], settings: EvaluationSettings) -> None:
-    executor = jobs.pool()
-    jobs.start(
-        project, "evaluation", STAGES,
-        lambda job: _validate(project, datasets, settings, job, executor),
+def _work(project: Project, datasets: Sequence[Dataset], settings: EvaluationSettings) -> jobs.Work:
+    about = {
+        "datasets": [
+            [one.sha256, one.baseline_sigma_m, one.target_distance_sigma_m] for one in datasets
+        ],
+        "settings": settings.to_json(),
+    }
+    return jobs.Work(
+        project, "evaluation", STAGES, about,
+        lambda job: _validate(project, datasets, settings, job),
     )  # fmt: skip
 
 
 def _validate(
-    project: Project,
-    datasets: Sequence[Dataset],
-    settings: EvaluationSettings,
-    job: jobs.Job,
-    executor: Executor,
+    project: Project, datasets: Sequence[Dataset], settings: EvaluationSettings, job: jobs.Job
 ) -> bool:
     """Evaluate and keep the result; False if it was cancelled."""
-    runs = evaluate(datasets, settings, executor, job.progress, lambda: job.cancelled)
+    runs = evaluate(
+        datasets, settings, job.executor, job.progress, lambda: job.cancelled,
+        pieces=job.parts("runs", pack_runs, unpack_runs),
+    )  # fmt: skip
     if runs is None:
         return False
     digests = [dataset.sha256 for dataset in datasets]

@@ -29,6 +29,13 @@ LONGEST_MS = 120_000
 @contextmanager
 def serve(home: Path) -> Iterator[str]:
     """A dashboard on a free port, with its projects below `home`."""
+    with served(home) as (_, url):
+        yield url
+
+
+@contextmanager
+def served(home: Path) -> Iterator[tuple[subprocess.Popen[bytes], str]]:
+    """As `serve`, with the process, which may be killed."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
@@ -51,9 +58,10 @@ def serve(home: Path) -> Iterator[str]:
                 time.sleep(0.1)
         else:
             pytest.fail("the dashboard did not start within a minute")
-        yield url
+        yield server, url
     finally:
-        os.killpg(server.pid, signal.SIGTERM)
+        if server.poll() is None:
+            os.killpg(server.pid, signal.SIGTERM)
         server.wait(20)
 
 

@@ -1,0 +1,32 @@
+"""What a page needs before it can answer."""
+
+from __future__ import annotations
+
+import streamlit as st
+
+from stereocal.dataset import Dataset
+from stereocal.errors import StereocalError
+from stereocal.inputs import Inputs
+from stereocal.project import Project
+from stereocal.ui.intake import escape_markdown
+from stereocal.ui.project import current_project
+
+
+def project_with_data() -> tuple[Project, Inputs, Dataset]:
+    """The current project with its data set and the inputs that it comes from.
+
+    Where something is missing, the page says what, links to where it is given, and stops.
+    """
+    project = current_project()
+    try:
+        inputs = project.inputs if project else None
+        dataset = project.dataset_of(inputs) if project and inputs else None
+    except StereocalError as error:
+        st.error(escape_markdown(str(error)))
+        st.stop()
+    if project is None or inputs is None or dataset is None:
+        missing = ", ".join(inputs.missing) if inputs else "points, cameras and two lengths"
+        st.info(f"Before this page can answer, it needs {missing}.")
+        st.page_link("pages/data.py", label="Give them on the Data page")
+        st.stop()
+    return project, inputs, dataset

@@ -1,0 +1,179 @@
+"""Work that ended with its server: what its page says, and that it goes on to the same result."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from streamlit.testing.v1 import AppTest
+
+from stereocal.evaluation import evaluate_runs
+from stereocal.store import jobs as kept_jobs
+from stereocal.ui import jobs
+from tests.pages.test_pages import ROOT, SLOW, messages, open_sample, project_of
+from tests.pages.test_pages import app as app
+from tests.pages.test_pages import home as home
+from tests.test_parts import same_runs
+
+STOPPED = "The server stopped while this ran"
+
+
+def wait_until(done: Callable[[], bool]) -> None:
+    end = time.monotonic() + SLOW
+    while not done():
+        assert time.monotonic() < end
+        time.sleep(0.005)
+
+
+def long_validation(app: AppTest) -> AppTest:
+    open_sample(app).switch_page("pages/validate.py").run()
+    return app.slider(key="validate_runs").set_value(130).run()
+
+
+def keys(app: AppTest) -> set[str]:
+    return {str(button.key) for button in app.button}
+
+
+@pytest.fixture
+def interrupted(app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch) -> AppTest:
+    """A validation whose folder is as it was when half of it was finished."""
+    monkeypatch.setattr(kept_jobs, "EVERY_S", 0.0)
+    long_validation(app)
+    project = project_of(app, home)
+    app.button(key="validate").click().run()
+    job = jobs.job_of(project, "evaluation")
+    assert job is not None
+    wait_until(lambda: job.done >= 60 or job.state != "running")
+    kept = project.folder / "jobs"
+    shutil.copytree(kept, home / "as_it_was", ignore=shutil.ignore_patterns(".*"))
+    job.cancelled = True
+    wait_until(lambda: job.state != "running")
+    shutil.rmtree(kept)
+    shutil.copytree(home / "as_it_was", kept)
+    jobs._jobs().clear()
+    return app.run()
+
+
+def test_it_goes_on_to_the_same_result(
+    interrupted: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    app, project = interrupted, project_of(interrupted, home)
+    assert STOPPED in messages(app) and "of 130 runs were finished." in messages(app)
+    assert "started anew" not in messages(app)
+    assert "validate" not in keys(app)
+    computed: list[int] = []
+
+    def counted(*arguments: object) -> object:
+        computed.append(len(arguments[-1]))  # type: ignore[arg-type]
+        return evaluate_runs(*arguments)  # type: ignore[arg-type]
+
+    monkeypatch.setattr("stereocal.evaluation.evaluate_runs", counted)
+    app.button(key="go_on_evaluation").click().run()
+    job = jobs.job_of(project, "evaluation")
+    assert job is not None
+    wait_until(lambda: job.state == "done")
+    assert 0 < sum(computed) <= 70
+    app.run()
+    assert STOPPED not in messages(app) and not app.error
+    found = project.evaluation
+    assert found is not None and found.settings.runs == 130
+    dataset = project.dataset
+    assert dataset is not None
+    assert same_runs(list(found.runs[0]), evaluate_runs(dataset, found.settings, 0, range(130)))
+
+
+def test_with_changed_settings_it_can_only_start_anew(interrupted: AppTest, home: Path) -> None:
+    app = interrupted
+    app.slider(key="validate_runs").set_value(140).run()
+    assert STOPPED in messages(app) and "can only be started anew" in messages(app)
+    assert "go_on_evaluation" not in keys(app)
+    assert {"validate", "discard_evaluation"} <= keys(app)
+    app.slider(key="validate_runs").set_value(130).run()
+    assert "go_on_evaluation" in keys(app)
+    app.switch_page("pages/data.py").run()
+    app.number_input(key="baseline_m_value").set_value(4.6).run()
+    app.switch_page("pages/validate.py").run()
+    assert "can only be started anew" in messages(app)
+    assert "go_on_evaluation" not in keys(app)
+    app.button(key="discard_evaluation").click().run()
+    assert STOPPED not in messages(app)
+    assert "validate" in keys(app)
+    assert kept_jobs.find(project_of(app, home).folder, "evaluation") is None
+
+
+def test_start_says_it_in_the_list_and_a_new_session_finds_it(
+    interrupted: AppTest, home: Path
+) -> None:
+    project = project_of(interrupted, home)
+    interrupted.switch_page("pages/start.py").run()
+    label = interrupted.text_input(key=f"name_{project.id}").label
+    assert label.endswith(", validated, interrupted") or label.endswith("yet, interrupted")
+    again = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW)
+    again.query_params["project"] = project.id
+    again.run().switch_page("pages/validate.py").run()
+    assert STOPPED in messages(again)
+    assert "go_on_evaluation" in keys(again)
+
+
+def test_a_job_whose_tab_was_closed_is_there_when_the_page_is_opened_again(
+    app: AppTest, home: Path
+) -> None:
+    long_validation(app).button(key="validate").click().run()
+    project = project_of(app, home)
+    again = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW)
+    again.query_params["project"] = project.id
+    job = jobs.job_of(project, "evaluation")
+    assert job is not None
+    wait_until(lambda: job.state == "done")
+    again.run().switch_page("pages/validate.py").run()
+    assert any("130 runs" in str(caption.value) for caption in again.caption)
+    assert "validate" not in keys(again) and not again.error
+
+
+def test_a_job_of_another_server_is_shown_and_can_be_stopped(app: AppTest, home: Path) -> None:
+    project = project_of(long_validation(app), home)
+    other = kept_jobs.begin(project.folder, "evaluation", ("runs",), {})
+    assert other is not None
+    other.progress(0, 30, 300)
+    app.run()
+    assert "validate" not in keys(app) and STOPPED not in messages(app)
+    app.button(key="stop_evaluation").click().run()
+    kept_jobs.EVERY_S, before = 0.0, kept_jobs.EVERY_S
+    try:
+        assert not other.progress(0, 40, 300)
+    finally:
+        kept_jobs.EVERY_S = before
+    other.end()
+    app.run()
+    assert "validate" in keys(app)
+
+
+def test_an_unforeseen_error_is_a_calm_sentence_and_stands_in_the_log(
+    app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def fail(*_: object) -> None:
+        raise RuntimeError("the secret reason")
+
+    monkeypatch.setattr("stereocal.evaluation.evaluate_runs", fail)
+    project = project_of(long_validation(app), home)
+    app.button(key="validate").click().run()
+    job = jobs.job_of(project, "evaluation")
+    assert job is not None
+    wait_until(lambda: job.state != "running")
+    app.run()
+    said = messages(app)
+    assert "Something unforeseen happened" in said and "secret" not in said
+    assert "the secret reason" in caplog.text
+    # Also to a server that has been started since.
+    jobs._jobs().clear()
+    assert "Something unforeseen happened" in messages(app.run())
+
+
+def test_a_home_that_cannot_be_written_to_is_said(app: AppTest, home: Path) -> None:
+    long_validation(app)
+    (project_of(app, home).folder / "jobs").write_text("a file in the way")
+    app.button(key="validate").click().run()
+    assert "cannot be written to" in messages(app)

@@ -1,0 +1,72 @@
+"""After the server's start nobody waits for a compilation."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+WORK = """
+import gc, sys
+from pathlib import Path
+from numba.core.dispatcher import Dispatcher
+from stereocal.warming import compile_all
+
+data = Path(sys.argv[1])
+compile_all(data / "field")
+
+from stereocal.calibrate import CalibrationSettings, calibrate
+from stereocal.detection import corner_near, detect_targets
+from stereocal.evaluation import EvaluationSettings, count_set, evaluate_runs
+from stereocal.formats.dataset_files import read_dataset
+from stereocal.formats.photograph import read_photograph
+from stereocal.points.application import sample_frames, unlabelled
+from stereocal.points.nearest import nearest_errors
+from stereocal.points.threshold import choose_threshold
+from stereocal.reconstruction import reconstruct_points
+from stereocal.refine import refine
+from stereocal.refined.disagreement import what_disagrees
+from stereocal.refined.tradeoff import costs_of, trade_off
+from stereocal.refined.uncertainty import accuracy_map
+from stereocal.refined.unknowns import FIXED_LENS, RefineSettings
+
+def compiled():
+    return {
+        (one.py_func.__module__, one.py_func.__name__, str(signature))
+        for one in gc.get_objects()
+        if isinstance(one, Dispatcher) and one.py_func.__module__.startswith("stereocal")
+        for signature in one.signatures
+    }
+
+before = compiled()
+assert len(before) > 20
+dataset = read_dataset(data / "nineteen" / "03")
+found = calibrate(dataset, CalibrationSettings(essential="linear"), True, refined=RefineSettings())
+found.errors, found.refined_errors
+calibrate(dataset.of_frames(dataset.correspondences.frames[:3]))
+evaluate_runs(dataset, EvaluationSettings(refined=RefineSettings()), 0, [0])
+evaluate_runs(dataset, EvaluationSettings(), 0, [0])
+count_set(dataset, found.methods["2d"].pose)
+refine(dataset, RefineSettings(primary=FIXED_LENS, secondary=FIXED_LENS))
+refined = refine(dataset, RefineSettings())
+what_disagrees(refined), accuracy_map(refined, size=5)
+trade_off(dataset, RefineSettings(), points=3)
+costs_of(dataset, {"2d": (found.methods["2d"].pose, dataset.primary, dataset.secondary)})
+rig, rows = found.parameters("2d"), dataset.correspondences
+reconstruct_points(rig, rows.primary, rows.secondary, None, 0.2)
+frames = sample_frames(*unlabelled(rows))
+nearest_errors(rig, frames, (0.0, float("inf"))), choose_threshold(rig, frames)
+image = read_photograph(data / "photographs" / "primary" / "0001.jpg")
+targets = detect_targets(image).targets
+corner_near(image, tuple(targets[0].centre))
+print(sorted(compiled() - before))
+"""
+
+
+def test_nothing_that_a_page_does_compiles_anything_more() -> None:
+    run = subprocess.run(
+        [sys.executable, "-c", WORK, str(ROOT / "sample_data")],
+        capture_output=True, text=True, check=False, cwd=ROOT,
+    )  # fmt: skip
+    assert run.stdout == "[]\n", run.stdout + run.stderr
