@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import logging
+
 import streamlit as st
 from streamlit.navigation.page import StreamlitPage
 
 from stereocal.errors import StereocalError
 from stereocal.limits import Limits
 from stereocal.store.server import ServerSettings
+from stereocal.ui.project import begin_forms_anew, forms_are_anew
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.told import show_told
 
@@ -24,6 +27,7 @@ TITLES = {
 the address."""
 
 _DRAWN = "frame_drawn"
+_LOG = logging.getLogger(__name__)
 
 
 def pages() -> list[StreamlitPage]:
@@ -69,13 +73,21 @@ def need_frame() -> None:
 def run_page(page: StreamlitPage) -> None:
     """Say what is to be told, and draw a page.
 
-    What a page does not foresee of a project on disk is said in a sentence.
+    What a page does not foresee of a project on disk is said in a sentence. Where it fails over
+    values of forms, as an older version or another page may have left them, the forms begin anew.
     """
-    show_told()
+    anew = forms_are_anew()
     try:
+        show_told()
         page.run()
     except StereocalError as error:
         st.error(escape_markdown(str(error)))
     except OSError as error:
         reason = f"{error.strerror or error}"
         st.error(escape_markdown(f"The project's folder cannot be used: {reason}."))
+    except Exception:
+        if anew:
+            raise  # it is not the forms
+        _LOG.exception("A page could not be drawn; its forms begin anew.")
+        begin_forms_anew()
+        st.rerun()
