@@ -66,8 +66,8 @@ def watched(disk: Disk) -> Iterator[Disk]:
     try:
         for name in real:
             setattr(os, name, wrap(name))
-        io.open = opened  # type: ignore[assignment]
-        builtins.open = opened  # type: ignore[assignment]
+        io.open = opened
+        builtins.open = opened
         yield disk
     finally:
         for name, function in real.items():
