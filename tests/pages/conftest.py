@@ -8,6 +8,11 @@ from streamlit.runtime.pages_manager import PagesManager
 
 @pytest.fixture(autouse=True)
 def pages_are_run_by_the_app(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In every test of pages."""
+    run_by_the_app(monkeypatch)
+
+
+def run_by_the_app(patch: pytest.MonkeyPatch) -> None:
     """A server that has run `app.py` once does not look for a folder `pages/` any more.
 
     AppTest forgets that before every run, and would run the files below `pages/` alone.
@@ -18,4 +23,4 @@ def pages_are_run_by_the_app(monkeypatch: pytest.MonkeyPatch) -> None:
         begin(self, *given, **named)  # type: ignore[arg-type]
         PagesManager.uses_pages_directory = False
 
-    monkeypatch.setattr(PagesManager, "__init__", begin_with_navigation)
+    patch.setattr(PagesManager, "__init__", begin_with_navigation)
