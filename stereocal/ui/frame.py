@@ -6,6 +6,7 @@ import logging
 
 import streamlit as st
 from streamlit.navigation.page import StreamlitPage
+from streamlit.runtime.scriptrunner import StopException
 
 from stereocal.errors import StereocalError
 from stereocal.limits import Limits
@@ -71,14 +72,23 @@ def need_frame() -> None:
 
 
 def run_page(page: StreamlitPage) -> None:
-    """Say what is to be told, and draw a page.
+    """Draw a page, and above it what is to be told.
 
     What a page does not foresee of a project on disk is said in a sentence. Where it fails over
     values of forms, as an older version or another page may have left them, the forms begin anew.
     """
+    top = st.container()
+    try:
+        _draw(page)
+    except StopException:
+        show_told(top)
+        raise
+    show_told(top)
+
+
+def _draw(page: StreamlitPage) -> None:
     anew = forms_are_anew()
     try:
-        show_told()
         page.run()
     except StereocalError as error:
         st.error(escape_markdown(str(error)))
