@@ -61,7 +61,7 @@ def flush_tree(path: Path) -> None:
     for below in path.rglob("*"):
         if below.is_dir():
             flush_folder(below)
-        else:
+        elif below.stat().st_nlink == 1:  # what is shared with another folder is there already
             flush_file(below)
     flush_folder(path)
 

@@ -230,9 +230,19 @@ class ProjectApplication:
                     self._keep_result(outcome, folder)
                     kept = True
         finally:
-            if not kept:
+            if not kept and self._result_name() != folder.name:
                 shutil.rmtree(folder, ignore_errors=True)
         return kept
+
+    def _result_name(self) -> str | None:
+        """The folder that `result.json` names; "" where that cannot be told."""
+        try:
+            name = json.loads((self.folder / "result.json").read_bytes())["folder"]
+        except FileNotFoundError:
+            return None
+        except DAMAGED:
+            return ""
+        return str(name)
 
     def _new_result(self) -> Path:
         results = self.folder / "results"

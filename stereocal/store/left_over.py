@@ -35,7 +35,7 @@ def remove_left_over(home: Path, before: float) -> int:
     count = 0
     for folder in (home / "projects").glob(f"{WAITING}*"):
         count += _remove_folder(folder, before)
-    for path in _temporary(home):
+    for path in (*_temporary(home), *_temporary(home / "projects")):
         count += _remove_file(path, before)
     for project in folders_in(home / "projects"):
         lock = FileLock(project / LOCK)

@@ -54,8 +54,11 @@ class ProjectLens:
         """Take over photographs that are stored below `files`; a name given again is replaced."""
         flush_stored(found, self.files)
         with self._file.change() as state:
-            state["files"].update({name: path.name for name, path in found.items()})
-            forget(self.folder / "boards.npz")
+            files = {name: path.name for name, path in found.items()}
+            if any(state["files"].get(name, file) != file for name, file in files.items()):
+                # Else the names tell that the boards are not those of these photographs.
+                forget(self.folder / "boards.npz")
+            state["files"].update(files)
 
     def clear(self) -> None:
         """Forget the photographs and what was made of them, and free their room."""

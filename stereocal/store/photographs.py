@@ -73,6 +73,8 @@ class ProjectPhotographs:
         """
         flush_stored(found, self.files)
         with self._file.change() as state:
+            if not state["files"]:  # of photographs that were removed
+                self._forget_found()
             state["files"].update({name: path.name for name, path in found.items()})
             if state["pairs"] is not None:
                 kept = [_row(item) for item in state["pairs"]]
@@ -87,9 +89,12 @@ class ProjectPhotographs:
             with suppress(StereocalError):  # a list that is damaged is begun anew
                 files = self.photographs.values()
             self._file.write(self._file.blank())
-            for name in ("frames.json", "edits.json"):
-                forget(self.folder / name)
+            self._forget_found()
             forget_files(self.project.folder, files)
+
+    def _forget_found(self) -> None:
+        for name in ("frames.json", "edits.json"):
+            forget(self.folder / name)
 
     @property
     def proposal(self) -> Pairing:

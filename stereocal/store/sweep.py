@@ -20,7 +20,7 @@ from stereocal.store.unused import free_unused
 from stereocal.writing import flush_folder, write_atomically
 
 DAY_S = 86_400.0
-MARKS = ".too-old.json"
+MARKS = "too-old.json"
 """Below the home: which projects a sweep has found too old, and when."""
 GONE = ".gone."
 """How the name of a project's folder begins while it is deleted."""

@@ -20,7 +20,8 @@ def length_field(project: Project | None, name: str, label: str) -> None:
     value_key, unit_key = f"{name}_value", f"{name}_unit"
     metres = getattr(project.inputs, name) if project else None
     if unit_key not in st.session_state:
-        st.session_state[unit_key] = (project.settings if project else {}).get(unit_key, "m")
+        kept = (project.settings if project else {}).get(unit_key)
+        st.session_state[unit_key] = kept if kept in UNITS else "m"
     shown = st.session_state.get(value_key)
     unit = UNITS[st.session_state[unit_key]]
     if metres is not None and (shown is None or abs(shown * unit - metres) > 1e-12 * metres):

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import logging
+
 import streamlit as st
 from streamlit.navigation.page import StreamlitPage
+from streamlit.runtime.scriptrunner import StopException
 
 from stereocal.errors import StereocalError
 from stereocal.limits import Limits
 from stereocal.store.server import ServerSettings
+from stereocal.ui.project import begin_forms_anew, forms_are_anew
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.told import show_told
 
@@ -24,6 +28,7 @@ TITLES = {
 the address."""
 
 _DRAWN = "frame_drawn"
+_LOG = logging.getLogger(__name__)
 
 
 def pages() -> list[StreamlitPage]:
@@ -67,11 +72,22 @@ def need_frame() -> None:
 
 
 def run_page(page: StreamlitPage) -> None:
-    """Say what is to be told, and draw a page.
+    """Draw a page, and above it what is to be told.
 
-    What a page does not foresee of a project on disk is said in a sentence.
+    What a page does not foresee of a project on disk is said in a sentence. Where it fails over
+    values of forms, as an older version or another page may have left them, the forms begin anew.
     """
-    show_told()
+    top = st.container()
+    try:
+        _draw(page)
+    except StopException:
+        show_told(top)
+        raise
+    show_told(top)
+
+
+def _draw(page: StreamlitPage) -> None:
+    anew = forms_are_anew()
     try:
         page.run()
     except StereocalError as error:
@@ -79,3 +95,9 @@ def run_page(page: StreamlitPage) -> None:
     except OSError as error:
         reason = f"{error.strerror or error}"
         st.error(escape_markdown(f"The project's folder cannot be used: {reason}."))
+    except Exception:
+        if anew:
+            raise  # it is not the forms
+        _LOG.exception("A page could not be drawn; its forms begin anew.")
+        begin_forms_anew()
+        st.rerun()

@@ -28,6 +28,7 @@ SLOT_TITLES: Mapping[str, Slot] = {
     "primary camera": "primary",
     "secondary camera": "secondary",
 }
+_ANEW = "forms_anew"
 _ID, _INPUTS, _SETTINGS = "project_id", "inputs_seen", "settings_seen"
 
 
@@ -94,7 +95,7 @@ def remembered(project: Project, defaults: Mapping[str, Any]) -> None:
 
     Session state forgets a widget that a page does not draw; the project does not.
     """
-    kept = project.settings
+    kept = {} if st.session_state.get(_ANEW) == "now" else project.settings
     seen: dict[str, Any] = st.session_state.setdefault(_SETTINGS, {})
     for key, default in defaults.items():
         if key not in st.session_state:
@@ -107,6 +108,23 @@ def remembered(project: Project, defaults: Mapping[str, Any]) -> None:
                 )
             st.session_state[key] = kept[key]
         seen[key] = kept.get(key, default)
+
+
+def begin_forms_anew() -> None:
+    """Forget the values of all forms in this tab, and show the usual ones; none are kept yet."""
+    project_id = st.session_state.get(_ID)
+    st.session_state.clear()
+    if project_id is not None:
+        st.session_state[_ID] = project_id
+    st.session_state[_ANEW] = "next"
+    tell("A form held values that cannot be used: it begins with the usual ones.", "info")
+
+
+def forms_are_anew() -> bool:
+    """Whether the forms of the page that is drawn now show the usual values."""
+    if st.session_state.pop(_ANEW, None) == "next":
+        st.session_state[_ANEW] = "now"
+    return _ANEW in st.session_state
 
 
 def keeper(project: Project, key: str) -> Callable[[], None]:

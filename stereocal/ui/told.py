@@ -1,4 +1,4 @@
-"""What a person is told once, at the top of the next page that is drawn.
+"""What a person is told once, at the top of the page.
 
 Streamlit runs callbacks before the page: an error there would be shown as a traceback, and the page
 would not be drawn.
@@ -11,6 +11,7 @@ from functools import wraps
 from typing import Literal, ParamSpec
 
 import streamlit as st
+from streamlit.delta_generator import DeltaGenerator
 
 from stereocal.errors import StereocalError
 from stereocal.ui.texts import escape_markdown
@@ -21,16 +22,16 @@ _TOLD = "told"
 
 
 def tell(sentence: str, kind: Kind = "error") -> None:
-    """Say this once, at the top of the page that is drawn next; the same not twice."""
+    """Say this once, at the top of the page that is drawn now or next; the same not twice."""
     told: list[tuple[Kind, str]] = st.session_state.setdefault(_TOLD, [])
     if (kind, sentence) not in told:
         told.append((kind, sentence))
 
 
-def show_told() -> None:
-    """Draw what is to be told."""
+def show_told(place: DeltaGenerator) -> None:
+    """Draw what is to be told, also what has come up while the page below was drawn."""
     for kind, sentence in st.session_state.pop(_TOLD, []):
-        (st.error if kind == "error" else st.info)(escape_markdown(sentence))
+        (place.error if kind == "error" else place.info)(escape_markdown(sentence))
 
 
 def callback(act: Callable[P, object]) -> Callable[P, None]:

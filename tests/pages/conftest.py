@@ -1,0 +1,26 @@
+"""AppTest as the server does it: every page is run by `app.py`."""
+
+from __future__ import annotations
+
+import pytest
+from streamlit.runtime.pages_manager import PagesManager
+
+
+@pytest.fixture(autouse=True)
+def pages_are_run_by_the_app(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In every test of pages."""
+    run_by_the_app(monkeypatch)
+
+
+def run_by_the_app(patch: pytest.MonkeyPatch) -> None:
+    """A server that has run `app.py` once does not look for a folder `pages/` any more.
+
+    AppTest forgets that before every run, and would run the files below `pages/` alone.
+    """
+    begin = PagesManager.__init__
+
+    def begin_with_navigation(self: PagesManager, *given: object, **named: object) -> None:
+        begin(self, *given, **named)  # type: ignore[arg-type]
+        PagesManager.uses_pages_directory = False
+
+    patch.setattr(PagesManager, "__init__", begin_with_navigation)

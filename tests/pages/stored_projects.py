@@ -1,0 +1,63 @@
+"""Projects of earlier versions, put into a home; and a look at every page of one."""
+
+from __future__ import annotations
+
+import zipfile
+from pathlib import Path
+
+from streamlit.testing.v1 import AppTest
+
+from stereocal.project import Project
+from stereocal.store.folders import new_id, private_folder
+from stereocal.ui.frame import TITLES
+
+ROOT = Path(__file__).parents[2]
+STORED = sorted((ROOT / "tests" / "projects").glob("*.zip"))
+FULL = STORED[-1]
+SLOW = 120
+
+
+def placed(source: Path, home: Path) -> Project:
+    """The project of a zip, as it stood: unpacked without stereocal's doing."""
+    folder = private_folder(home / "projects") / new_id()
+    with zipfile.ZipFile(source) as archive:
+        archive.extractall(folder)
+    return Project(folder)
+
+
+def session(project: Project, **state: object) -> AppTest:
+    """A browser tab with the project's address."""
+    app = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW)
+    app.query_params["project"] = project.id
+    for key, value in state.items():
+        app.session_state[key] = value
+    return app.run()
+
+
+def go(app: AppTest, page: str) -> AppTest:
+    return app.switch_page(f"pages/{page}.py").run()
+
+
+def told(app: AppTest, *kinds: str) -> str:
+    wanted = kinds or ("error", "info", "warning", "success", "caption", "markdown")
+    found = [str(item.value) for kind in wanted for item in getattr(app, kind)]
+    return " ".join(found).replace("\\", "")
+
+
+def look_at_all(app: AppTest, errors: dict[str, str] | None = None) -> dict[str, str]:
+    """What every page says; none may show a traceback, and none may be blank.
+
+    Args:
+        errors: is given what each page says in red.
+    """
+    said = {}
+    for page in TITLES:
+        # By way of Start: a browser drops the widgets of the page that is left, AppTest would take
+        # those of the same name along, without their values.
+        go(go(app, "start"), page)
+        assert not app.exception, (page, app.exception)
+        said[page] = told(app)
+        assert said[page], page
+        if errors is not None and (red := told(app, "error")):
+            errors[page] = red
+    return said

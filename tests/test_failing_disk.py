@@ -1,0 +1,161 @@
+"""Every action on projects, struck at every single thing that it does to the disk.
+
+Once the disk is full there, and once the server dies there. What was accepted before is always
+there, whole; and the action can be done afterwards.
+"""
+
+from __future__ import annotations
+
+import errno
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from stereocal.errors import StereocalError
+from stereocal.project import Project
+from stereocal.store.folders import is_id
+from stereocal.store.left_over import remove_left_over
+from stereocal.store.photographs import ProjectPhotographs
+from tests.failing_disk import CRASHED, count_calls, die_at, fail_at
+from tests.store_actions import AT_ONCE, PREPARED, check_whole, kept, left_over, placed_full
+
+ACTIONS = [*AT_ONCE, *PREPARED]
+EVERY, MOST = 5, 10
+"""Of the points at which an action is struck, the suite takes each fifth, ten at most, from a first
+one that differs from action to action; `python -m benchmarks.failing_disk` takes all."""
+
+
+@dataclass
+class Struck:
+    """How often an action was struck, and what came of it."""
+
+    calls: int = 0
+    refused: int = 0
+    """Times that the action said it could not be done."""
+    done_all_the_same: int = 0
+    undone: int = 0
+    """Times that the home held what it held before."""
+
+
+class Bench:
+    """A home with a full project, put back for every try."""
+
+    def __init__(self, folder: Path, name: str) -> None:
+        self.pristine = folder / "pristine"
+        project = placed_full(self.pristine)
+        self.id = project.id
+        self.home = folder / "home"
+        prepare = PREPARED.get(name)
+        self.act = AT_ONCE[name] if prepare is None else prepare(project)
+        self.before = kept(self.pristine)
+        self.calls = self._counted()
+        self.after = kept(self.home)
+
+    def _counted(self) -> list[str]:
+        project = self.fresh()
+        return count_calls(self.home, lambda: self.act(project))
+
+    def fresh(self) -> Project:
+        shutil.rmtree(self.home, ignore_errors=True)
+        shutil.copytree(self.pristine, self.home, copy_function=shutil.copy2)
+        return Project(self.home / "projects" / self.id)
+
+    def check(self, name: str, at: int) -> bool:
+        """Whether the home is as before; else it is as after, or on the way in a sound order."""
+        where = f"{name}, {at} of {len(self.calls)}: {self.calls[at - 1]}"
+        for folder in self.home.glob("*/*"):
+            if is_id(folder.name):
+                check_whole(folder)
+        own = Project(self.home / "projects" / self.id)
+        if (own.folder / "photographs").is_dir():
+            ProjectPhotographs(own).settle()
+        now = kept(self.home)
+        if now != self.before and now != self.after:
+            self._check_between(now, where)
+        return now == self.before
+
+    def _check_between(self, now: list[dict[str, str]], where: str) -> None:
+        """Each file is as before or as after: none is in between."""
+        allowed: dict[str, set[str | None]] = {}
+        for state in (*self.before, *self.after):
+            for file, digest in state.items():
+                allowed.setdefault(file, set()).add(digest)
+        for state in now:
+            for file, digest in state.items():
+                assert digest in allowed[file], (where, file)
+
+
+def strike_all(
+    folder: Path, name: str, points: Callable[[int], range]
+) -> tuple[Struck, Struck, Struck]:
+    """An action on a disk that is full at a point, and by a server that dies there.
+
+    Returns:
+        What came of the full disk, of the one that can only be read, and of the deaths.
+    """
+    bench = Bench(folder, name)
+    full, read_only, died = Struck(), Struck(), Struck()
+    for at in points(len(bench.calls)):
+        project = bench.fresh()
+        full.calls += 1
+        try:
+            fail_at(bench.home, at, lambda project=project: bench.act(project))  # type: ignore[misc]
+            full.done_all_the_same += 1
+        except StereocalError as error:
+            full.refused += 1
+            assert "No space left on device" in str(error), error
+        full.undone += bench.check(name, at)
+        if not bench.calls[at - 1].startswith(("unlink", "rmdir")):
+            assert not left_over(bench.home), (name, at, bench.calls[at - 1])
+        again(bench, name, at)
+
+        project = bench.fresh()
+        died.calls += 1
+        status = die_at(bench.home, at, lambda project=project: bench.act(project))  # type: ignore[misc]
+        assert status == CRASHED, (name, at, status)
+        died.undone += bench.check(name, at)
+        again(bench, name, at)
+        remove_left_over(bench.home, 1e12)
+        assert not left_over(bench.home), (name, at)
+
+    project = bench.fresh()
+    read_only.calls += 1
+    try:
+        fail_at(bench.home, 1, lambda: bench.act(project), errno.EROFS)
+    except StereocalError as error:
+        read_only.refused += 1
+        assert "Read-only file system" in str(error)
+    read_only.undone += bench.check(name, 1)
+    return full, read_only, died
+
+
+@contextmanager
+def quick_folder() -> Iterator[Path]:
+    """In memory, where there is such a place: the calls are what counts, not the disk."""
+    memory = Path("/dev/shm")
+    where = memory if memory.is_dir() else None
+    with tempfile.TemporaryDirectory(dir=where) as folder:
+        yield Path(folder)
+
+
+def again(bench: Bench, name: str, at: int) -> None:
+    """What was not done can be done now, with the same outcome."""
+    if kept(bench.home) == bench.before:
+        bench.act(Project(bench.home / "projects" / bench.id))
+        assert kept(bench.home) == bench.after, (name, at, bench.calls[at - 1])
+
+
+@pytest.mark.parametrize("name", ACTIONS)
+def test_nothing_is_lost_and_nothing_is_half(name: str) -> None:
+    first = 1 + ACTIONS.index(name) % EVERY
+    with quick_folder() as folder:
+        full, read_only, died = strike_all(
+            folder, name, lambda n: range(first, n + 1, max(EVERY, n // MOST))
+        )
+    assert full.calls == died.calls and read_only.calls == 1
+    assert full.refused + full.done_all_the_same == full.calls
