@@ -20,8 +20,9 @@ from streamlit.proto.Element_pb2 import Element
 from streamlit.proto.ForwardMsg_pb2 import ForwardMsg
 from streamlit.proto.WidgetStates_pb2 import WidgetState
 from websockets.sync.client import connect
+from websockets.typing import Origin, Subprotocol
 
-LONGEST_S = 300.0
+LONGEST_S = 120.0
 _INTERNAL = "$$STREAMLIT_INTERNAL_KEY"
 _TEXTS = ("markdown", "alert", "heading", "text", "exception", "progress", "spinner")
 
@@ -58,15 +59,18 @@ class Session:
         self._drawn: dict[tuple[int, ...], _Drawn] = {}
         self._timers: dict[str, tuple[float, float]] = {}
         self._run, self._fragments = "", frozenset[str]()
+        self._running = False
         self._finished: int | None = None
-        self._files: Any = None
+        self._answer: Any = None
         self._http = requests.Session()
+        # A server closes what was idle for 5 s; a browser tries again, this client does not.
+        self._http.headers["Connection"] = "close"
         self._http.get(f"{self.url}/_stcore/health", timeout=30).raise_for_status()
-        self._token = self._http.cookies["_streamlit_xsrf"]
+        self._token = str(self._http.cookies["_streamlit_xsrf"])
         self._socket = connect(
             self.url.replace("http", "ws", 1) + "/_stcore/stream",
-            origin=self.url,  # type: ignore[arg-type]
-            subprotocols=["streamlit", self._token],  # type: ignore[list-item]
+            origin=Origin(self.url),
+            subprotocols=[Subprotocol("streamlit"), Subprotocol(self._token)],
             additional_headers={"Cookie": f"_streamlit_xsrf={self._token}"},
             compression=None, max_size=None, open_timeout=60, close_timeout=1,
             ping_interval=None,
@@ -128,11 +132,11 @@ class Session:
         message = BackMsg()
         message.file_urls_request.request_id = identity
         message.file_urls_request.file_names.extend(name for name, _ in files)
-        self._files = None
+        self._answer = None
         self._socket.send(message.SerializeToString())
-        self._until(lambda: self._files is not None, "the addresses for an upload")
+        self._until(lambda: self._answer is not None, "the addresses for an upload")
         state = WidgetState(id=identity)
-        for (name, content), place in zip(files, self._files.file_urls, strict=True):
+        for (name, content), place in zip(files, self._answer.file_urls, strict=True):
             self._http.put(
                 self.url + place.upload_url, files={"file": (name, content)}, timeout=LONGEST_S,
                 headers={"X-Xsrftoken": self._token},
@@ -218,6 +222,7 @@ class Session:
     def _rerun(self, message: BackMsg, what: str, begun: float | None = None) -> None:
         """Let the page be drawn anew, and wait until it stands."""
         begun = time.monotonic() if begun is None else begun
+        self._until(lambda: not self._running, f"the end of what was before {what}")
         self._send_rerun(message)
         self._finished = None
         self._until(lambda: self._finished == ForwardMsg.FINISHED_SUCCESSFULLY, what)
@@ -265,6 +270,7 @@ class Session:
     def _take(self, message: ForwardMsg) -> None:
         kind = message.WhichOneof("type")
         if kind == "new_session":
+            self._running, self._finished = True, None
             self._run = message.metadata.run.script_run_id
             self._fragments = frozenset(message.metadata.run.fragment_ids)
             if not self._fragments:
@@ -275,18 +281,21 @@ class Session:
             self.page = next((n for n, h in self._pages.items() if h == current), self.page)
         elif kind == "page_info_changed":
             self.query = message.page_info_changed.query_string.removeprefix("?")
-        elif kind == "auto_rerun":
-            timer = message.auto_rerun
-            self._timers[timer.fragment_id] = (time.monotonic() + timer.interval, timer.interval)
-        elif kind == "stop_auto_rerun":
-            for fragment in message.stop_auto_rerun.fragment_ids:
-                self._timers.pop(fragment, None)
+        elif kind in ("auto_rerun", "stop_auto_rerun"):
+            self._set_timer(message)
         elif kind == "file_urls_response":
-            self._files = message.file_urls_response
+            self._answer = message.file_urls_response
         elif kind == "delta":
             self._draw(tuple(message.metadata.delta_path), message)
         elif kind == "script_finished":
             self._end(message.script_finished)
+
+    def _set_timer(self, message: ForwardMsg) -> None:
+        timer = message.auto_rerun
+        if message.WhichOneof("type") == "auto_rerun":
+            self._timers[timer.fragment_id] = (time.monotonic() + timer.interval, timer.interval)
+        for fragment in message.stop_auto_rerun.fragment_ids:
+            self._timers.pop(fragment, None)
 
     def _draw(self, path: tuple[int, ...], message: ForwardMsg) -> None:
         delta = message.delta
@@ -321,7 +330,7 @@ class Session:
 
     def _end(self, status: int) -> None:
         """Forget what this run has not drawn again."""
-        self._finished = status
+        self._running, self._finished = False, status
         if status == ForwardMsg.FINISHED_EARLY_FOR_RERUN:
             return
         for path, drawn in list(self._drawn.items()):

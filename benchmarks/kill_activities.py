@@ -7,11 +7,12 @@ then hold, and after the page's answer that it must hold it from now on, whateve
 from __future__ import annotations
 
 import hashlib
-import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from itertools import count
+from pathlib import Path
+from threading import Event
 from typing import Any
 
 import cv2
@@ -23,27 +24,37 @@ from stereocal.formats.camera_file import write_camera
 from stereocal.formats.correspondences_csv import write_table
 from stereocal.formats.dataset_files import DESCRIPTION, pack_dataset
 from stereocal.formats.zip_files import pack_zip
+from stereocal.frames.frame import Centre, Frame
+from stereocal.frames.review import Review, choose, place, swap, target_meant, undo
 from stereocal.project import Project
 from stereocal.simulate import FIELD_BAR_M, field_rig, observe, place_bars
 from stereocal.store.photographs import ProjectPhotographs
+from stereocal.store.review import read_review
 from tests.bar_photographs import bar_set
 
 Item = tuple[str, ...]
 PHOTOGRAPHED = 7
+LONG_RUNS = 500
 
 
 @dataclass
 class Ledger:
     """What a project must hold: what pages have acknowledged, or what was under way instead."""
 
+    home: Path
     project: str = ""
+    found: Any = None
+    """What the search for targets finds in the prepared photographs."""
     kept: dict[Item, Any] = field(default_factory=dict)
     doing: dict[Item, Any] = field(default_factory=dict)
     acknowledged: int = 0
+    started: Event = field(default_factory=Event)
+    """Set when the first act begins."""
 
     def begin(self, **items: Any) -> None:
         """From now on each may be so."""
         self.doing = {(name,): value for name, value in items.items()}
+        self.started.set()
 
     def done(self) -> None:
         """A page has shown it: from now on all must be so."""
@@ -95,12 +106,11 @@ def value_of(project: Project, item: Item) -> Any:
         names = ",".join(sorted(there)) or ("points" if project.table else "nothing")
         return inputs.name, inputs.baseline_m, names
     if name.startswith("photograph "):
-        path = ProjectPhotographs(project).photographs.get(name.split(" ")[1])
-        return path and digest(path.read_bytes())
+        photograph = ProjectPhotographs(project).photographs.get(name.split(" ")[1])
+        return photograph and digest(photograph.read_bytes())
     if name == "review":
-        frames = ProjectPhotographs(project).frames or []
-        return [(f.frame, f.use, [[c and (c.u, c.v) for c in row] for row in f.centres])
-                for f in frames]  # fmt: skip
+        frames = ProjectPhotographs(project).frames
+        return frames and frames_of(frames)
     if name == "calibration":
         found = project.calibration
         return found and found.settings.search.seed
@@ -108,6 +118,14 @@ def value_of(project: Project, item: Item) -> Any:
         last = project.evaluation
         return last and (last.settings.runs, last.settings.calibration.search.seed)
     return project.settings.get(name)
+
+
+def frames_of(frames: Sequence[Frame]) -> list[Any]:
+    """What a review has made of the frames."""
+    return [
+        (frame.frame, frame.use, [[c and (c.u, c.v) for c in row] for row in frame.centres])
+        for frame in frames
+    ]
 
 
 # Uploads
@@ -192,14 +210,141 @@ def zips(session: Session, ledger: Ledger) -> None:
 
 def corrections(session: Session, ledger: Ledger) -> None:
     """Clicks, exchanges, choices and undos in the review of photographs."""
-    store = ProjectPhotographs(Project(Project.folder_of(ledger.project)))
+    store = ProjectPhotographs(Project.open(ledger.home, ledger.project))
     session.open("data", f"project={ledger.project}")
     session.choose("frames_view", "One frame")
-    for number in count():
-        before = value_of(store.project, ("review",))
-        for act, said, after in _edits(session, store, before, number):
-            ledger.begin(review=after)
-            act()
-            session.wait_for(said)
+    numbers = sorted(frame.frame for frame in store.frames or [])
+    for turn in count():
+        number = numbers[turn % len(numbers)]
+        for edit in _edits(store, session, number, turn):
+            after = edit.change(read_review(store))
+            ledger.begin(review=frames_of(after.frames))
+            edit.act()
+            session.wait_for(edit.said)
             ledger.done()
-"""More follows."""
+        session.press("review_previous" if number == numbers[-1] else "review_next")
+        if number == numbers[-1]:
+            for _ in numbers[2:]:
+                session.press("review_previous")
+
+
+@dataclass(frozen=True)
+class _Edit:
+    act: Callable[[], None]
+    said: str
+    change: Callable[[Review], Review]
+
+
+def _edits(
+    store: ProjectPhotographs, session: Session, number: int, turn: int
+) -> Iterator[_Edit]:  # fmt: skip
+    u, v = 100.0 + turn / 8, 60.0
+    raw = Centre(u, v, None, "manual")
+    (name, _) = read_review(store).frame(number).files
+    click = {"id": store.photographs[name].stem, "u": u, "v": v, "raw": True}
+    yield _Edit(
+        lambda: session.click("pick_primary", "picked", click, "click in a photograph"),
+        f"is now where you clicked, ({u:.2f}, {v:.2f})",
+        lambda now: place(now, number, 0, target_meant(now.frame(number), 0, raw), raw),
+    )
+    yield _Edit(
+        lambda: session.press("swap_secondary"),
+        "A and B are exchanged in the secondary photograph.",
+        lambda now: swap(now, number, 1),
+    )
+    yield _Edit(
+        lambda: session.press("review_leave"),
+        "It is left out.",
+        lambda now: choose(now, number, False),
+    )
+    if turn % 2:
+        yield _Edit(lambda: session.press("review_undo"), "The last change is undone.", undo)
+
+
+# Long work
+
+
+def calibration(session: Session, ledger: Ledger) -> None:
+    """One calibration after the other, each with its own seed."""
+    session.open("calibrate", f"project={ledger.project}")
+    for seed in count(1):
+        _setting(session, ledger, "seed", seed)
+        ledger.begin(calibration=seed)
+        session.press("run", "calibrate")
+        session.wait_for(f"seed {seed}, essential")
+        ledger.done()
+
+
+def validation(session: Session, ledger: Ledger) -> None:
+    """Short validations, which follow the slider."""
+    ledger.begin(evaluation=(100, 0))
+    session.open("validate", f"project={ledger.project}")
+    session.wait_for("100 runs, 20 calibration")
+    ledger.done()
+    for turn in count():
+        runs = 10 + 10 * (turn % 9)
+        ledger.begin(validate_runs=runs, evaluation=(runs, 0))
+        session.slide("validate_runs", runs)
+        session.wait_for(f"{runs} runs, 20 calibration")
+        ledger.done()
+
+
+def long_validation(session: Session, ledger: Ledger) -> None:
+    """Validations that run beside the page."""
+    ledger.begin(evaluation=(100, 0))
+    session.open("validate", f"project={ledger.project}")
+    session.wait_for("100 runs, 20 calibration")
+    ledger.done()
+    ledger.begin(validate_runs=LONG_RUNS)
+    session.slide("validate_runs", LONG_RUNS)
+    ledger.done()
+    for seed in count(1):
+        _setting(session, ledger, "seed", seed)
+        ledger.begin(evaluation=(LONG_RUNS, seed))
+        session.press("validate")
+        session.wait_for(f"{LONG_RUNS} runs, 20 calibration")
+        session.wait_for(f"seed {seed}, essential")
+        ledger.done()
+
+
+def detection(session: Session, ledger: Ledger) -> None:
+    """The search for targets, again and again."""
+    session.open("data", f"project={ledger.project}")
+    for _ in count():
+        ledger.begin(review=ledger.found)
+        session.press("find_targets")
+        session.wait_for("photographs read")
+        session.wait_for(f"{PHOTOGRAPHED} frames: ")
+        ledger.done()
+
+
+def _setting(session: Session, ledger: Ledger, key: str, value: int) -> None:
+    ledger.begin(**{key: value})
+    session.type_number(key, value)
+    ledger.done()
+
+
+@dataclass(frozen=True)
+class Activity:
+    """What is done, where, and with what."""
+
+    act: Act
+    page: str
+    base: str
+    """Which prepared project it goes on with; empty for a new one."""
+    longest_s: float
+    """It is killed at a random moment within so many seconds of its first act."""
+
+
+ACTIVITIES = {
+    "upload a table": Activity(tables, "data", "", 1.5),
+    "upload cameras": Activity(cameras, "data", "", 1.5),
+    "type lengths": Activity(lengths, "data", "", 1.5),
+    "upload photographs": Activity(batches, "data", "", 2.0),
+    "upload zips": Activity(zips, "data", "", 2.5),
+    "correct targets": Activity(corrections, "data", "found", 3.0),
+    "calibrate": Activity(calibration, "calibrate", "points", 2.0),
+    "validate": Activity(validation, "validate", "points", 3.0),
+    "validate, long": Activity(long_validation, "validate", "points", 6.0),
+    "find targets": Activity(detection, "data", "unfound", 5.0),
+}
