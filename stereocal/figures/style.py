@@ -59,10 +59,12 @@ def finish(figure: go.Figure, height: int) -> go.Figure:
     axes = {
         "automargin": True, "showgrid": True, "gridcolor": GRID, "zeroline": False,
         "showline": True, "linecolor": FAINT, "ticks": "outside", "tickcolor": FAINT,
-        "tickfont": {"size": 13}, "title_font": {"size": 14}, "title_standoff": 6,
+        "tickfont": {"size": 13}, "title.font": {"size": 14}, "title.standoff": 6,
     }  # fmt: skip
-    figure.update_xaxes(**axes)
-    figure.update_yaxes(**axes)
+    # One by one: `update_xaxes` takes four times as long, and was a quarter of a busy server's work.
+    for axis in (*figure.select_xaxes(), *figure.select_yaxes()):
+        for name, value in axes.items():
+            axis[name] = value
     return figure
 
 
