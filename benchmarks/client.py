@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from typing import Any
 from urllib.parse import parse_qs
@@ -66,19 +67,21 @@ class Session:
         # A server closes what was idle for 5 s; a browser tries again, this client does not.
         self._http.headers["Connection"] = "close"
         self._http.get(f"{self.url}/_stcore/health", timeout=30).raise_for_status()
-        self._token = str(self._http.cookies["_streamlit_xsrf"])
-        self._socket = connect(
+        self.token = str(self._http.cookies["_streamlit_xsrf"])
+        self._leave = ExitStack()
+        connection = connect(
             self.url.replace("http", "ws", 1) + "/_stcore/stream",
             origin=Origin(self.url),
-            subprotocols=[Subprotocol("streamlit"), Subprotocol(self._token)],
-            additional_headers={"Cookie": f"_streamlit_xsrf={self._token}"},
+            subprotocols=[Subprotocol("streamlit"), Subprotocol(self.token)],
+            additional_headers={"Cookie": f"_streamlit_xsrf={self.token}"},
             compression=None, max_size=None, open_timeout=60, close_timeout=1,
             ping_interval=None,
         )  # fmt: skip
+        self._socket = self._leave.enter_context(connection)
 
     def close(self) -> None:
         """Leave, as by closing the tab."""
-        self._socket.close()
+        self._leave.close()
         self._http.close()
 
     # What a person does
@@ -129,17 +132,12 @@ class Session:
         """Give files to an uploader, whose key begins with `key`."""
         begun = time.monotonic()
         identity = self.id_of(key)
-        message = BackMsg()
-        message.file_urls_request.request_id = identity
-        message.file_urls_request.file_names.extend(name for name, _ in files)
-        self._answer = None
-        self._socket.send(message.SerializeToString())
-        self._until(lambda: self._answer is not None, "the addresses for an upload")
+        places = self.addresses(key, [name for name, _ in files])
         state = WidgetState(id=identity)
-        for (name, content), place in zip(files, self._answer.file_urls, strict=True):
+        for (name, content), place in zip(files, places, strict=True):
             self._http.put(
                 self.url + place.upload_url, files={"file": (name, content)}, timeout=LONGEST_S,
-                headers={"X-Xsrftoken": self._token},
+                headers={"X-Xsrftoken": self.token},
             ).raise_for_status()  # fmt: skip
             info = state.file_uploader_state_value.uploaded_file_info.add(
                 name=name, size=len(content), file_id=place.file_id
@@ -147,6 +145,16 @@ class Session:
             info.file_urls.CopyFrom(place)
         self._states[identity] = state
         self._rerun(BackMsg(), what or f"upload {key}", begun)
+
+    def addresses(self, key: str, names: Sequence[str]) -> list[Any]:
+        """Where files for an uploader go, as the server says: `upload_url` of each."""
+        message = BackMsg()
+        message.file_urls_request.request_id = self.id_of(key)
+        message.file_urls_request.file_names.extend(names)
+        self._answer = None
+        self._socket.send(message.SerializeToString())
+        self._until(lambda: self._answer is not None, "the addresses for an upload")
+        return list(self._answer.file_urls)
 
     def download(self, key: str) -> bytes:
         """What the download button of this key gives."""

@@ -337,14 +337,14 @@ class Activity:
 
 
 ACTIVITIES = {
-    "upload a table": Activity(tables, "data", "", 1.5),
-    "upload cameras": Activity(cameras, "data", "", 1.5),
-    "type lengths": Activity(lengths, "data", "", 1.5),
-    "upload photographs": Activity(batches, "data", "", 2.0),
-    "upload zips": Activity(zips, "data", "", 2.5),
+    "upload a table": Activity(tables, "data", "", 2.5),
+    "upload cameras": Activity(cameras, "data", "", 4.0),
+    "type lengths": Activity(lengths, "data", "", 2.0),
+    "upload photographs": Activity(batches, "data", "", 3.0),
+    "upload zips": Activity(zips, "data", "", 4.0),
     "correct targets": Activity(corrections, "data", "found", 3.0),
     "calibrate": Activity(calibration, "calibrate", "points", 2.0),
-    "validate": Activity(validation, "validate", "points", 3.0),
-    "validate, long": Activity(long_validation, "validate", "points", 6.0),
-    "find targets": Activity(detection, "data", "unfound", 5.0),
+    "validate": Activity(validation, "validate", "points", 6.0),
+    "validate, long": Activity(long_validation, "validate", "points", 9.0),
+    "find targets": Activity(detection, "data", "unfound", 8.0),
 }

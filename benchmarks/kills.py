@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import sys
 import tempfile
 import threading
@@ -159,10 +160,11 @@ class Trial:
         known = {ledger.project for _, ledger in self.ledgers} | set(self.bases.values())
         listed = {one.id for one in recent_projects(self.home, len(folders))}
         waiting = [path for path in self.home.rglob(".*") if path.is_file()]
+        kinds = Counter(re.sub("[0-9a-f]{16,}|[^.]{8}$", "*", path.name) for path in waiting)
         return (
             f"{len(folders)} project folders, {len(listed)} in the list of recent projects; of the "
             f"{len(known - {''})} whose address somebody knew, {len(known - {''} - listed)} are "
-            f"not in the list. {len(waiting)} temporary files are left."
+            f"not in the list. {len(waiting)} hidden files are left: {dict(kinds)}."
         )
 
 

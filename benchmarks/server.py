@@ -69,8 +69,10 @@ class Server:
         self._process.wait()
 
     def kill_left(self) -> int:
-        """End what the killed server has left running; how many there were."""
-        left = self.processes
+        """End what the killed server has left running; how many there were after 2 s."""
+        end = time.monotonic() + 2.0
+        while (left := self.processes) and time.monotonic() < end:
+            time.sleep(0.02)
         for process in left:
             os.kill(process, signal.SIGKILL)
         return len(left)

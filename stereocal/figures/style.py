@@ -61,7 +61,7 @@ def finish(figure: go.Figure, height: int) -> go.Figure:
         "showline": True, "linecolor": FAINT, "ticks": "outside", "tickcolor": FAINT,
         "tickfont": {"size": 13}, "title.font": {"size": 14}, "title.standoff": 6,
     }  # fmt: skip
-    # One by one: `update_xaxes` takes four times as long, and was a quarter of a busy server's work.
+    # One by one: `update_xaxes` takes four times as long, a quarter of a busy server's work.
     for axis in (*figure.select_xaxes(), *figure.select_yaxes()):
         for name, value in axes.items():
             axis[name] = value
