@@ -69,9 +69,17 @@ def describe_draws(lens: LensCalibration) -> str:
     """The draws in one sentence."""
     settings = lens.settings
     widest = lens.spread[:2].max() / lens.values[0]
+    found = [
+        f"{name} {with_error(float(value), float(sigma))}{' px' if at < 4 else ''}"
+        for at, (name, value, sigma) in enumerate(
+            zip(PARAMETERS, lens.values, lens.standard_errors, strict=True)
+        )
+        if settings.free[at]
+    ]
     return (
         f"{settings.repeats} calibrations, each with {settings.subset} of "
         f"{len(lens.search.views)} photographs; the focal lengths spread by {100 * widest:.3f} %. "
+        f"Median and standard error: {', '.join(found)}. "
         "The line is the median, the band one standard error, which is not the spread of the "
         "results: they share photographs."
     )

@@ -50,9 +50,10 @@ def plot_trade_off(
                 "<extra></extra>",
             )
         )  # fmt: skip
-    ends = _ends(curves, costs)
+    ends, drawn_px = _ends(curves, costs), _of_curves(curves)[:, 0]
+    middle_px = float(np.sqrt(drawn_px.min() * drawn_px.max()))
     for method in (method for method in ALL_METHODS if method in costs):
-        _add_set(figure, method, costs[method], ends)
+        _add_set(figure, method, costs[method], ends, middle_px)
     if chosen is not None:
         figure.add_trace(
             go.Scatter(
@@ -87,18 +88,24 @@ def describe_trade_off(curves: TradeOff, costs: Mapping[Method, tuple[float, flo
 
 
 def _add_set(
-    figure: go.Figure, method: Method, cost: tuple[float, float], ends: FloatArray
+    figure: go.Figure,
+    method: Method,
+    cost: tuple[float, float],
+    ends: FloatArray,
+    middle_px: float,
 ) -> None:
     """A set as a point; one far beyond the curves stands at the edge, with its value beside it."""
     at = _drawn([cost])[0]
     shown, beyond = np.minimum(at, ends), at > ends
     texts = [f"{digits(at[0])} px →"] * bool(beyond[0])
     texts += [f"{digits(at[1])} mm ↑"] * bool(beyond[1])
+    # Towards the middle: at the edge it would be cut off.
+    side = "top left" if beyond[0] or at[0] > middle_px else "middle right"
     figure.add_trace(
         go.Scatter(
             x=shown[:1], y=shown[1:], mode="markers+text" if texts else "markers",
             name=METHOD_NAMES[method], customdata=[at.tolist()],
-            text=[", ".join(texts)], textposition="top left", textfont={"size": 13},
+            text=[", ".join(texts)], textposition=side, textfont={"size": 13},
             marker={"color": METHOD_COLOURS[method], "symbol": METHOD_SYMBOLS[method], "size": 13},
             hovertemplate=f"{METHOD_NAMES[method]}<br>2D cost %{{customdata[0]:.4g}} px<br>"
             "3D cost %{customdata[1]:.4g} mm<extra></extra>",

@@ -27,6 +27,11 @@ TITLES = {
 """The pages in the order of the work: the file below `pages/`, and, with hyphens, the last part of
 the address."""
 
+FITS = """<style>
+[data-testid=stFileUploaderDropzoneInstructions] span { white-space: normal; }
+</style>"""
+"""Streamlit cuts the list of kinds of files off where it does not fit."""
+
 _DRAWN = "frame_drawn"
 _LOG = logging.getLogger(__name__)
 
@@ -57,6 +62,7 @@ def check_settings() -> None:
 def frame_drawn() -> None:
     """Note that `app.py` runs and will run the page."""
     st.session_state[_DRAWN] = True
+    st.html(FITS)
 
 
 def need_frame() -> None:

@@ -123,8 +123,7 @@ def refined_for(
 
 def calibrated(dataset: Dataset, settings: CalibrationSettings) -> Calibration:
     """The paper's sets, where nobody has calibrated these data yet. Raises as `calibrate`."""
-    key = f"{dataset.sha256} {json.dumps(settings.to_json(), sort_keys=True)}"
-    return _calibrated(key, dataset, settings)
+    return _calibrated(_key(dataset, settings), dataset, settings)
 
 
 def inputs_of(dataset: Dataset, settings: RefineSettings) -> list[Input]:
@@ -142,8 +141,12 @@ def curves_of(dataset: Dataset, settings: RefineSettings) -> TradeOff:
     return _curves(_key(dataset, settings), dataset, settings)
 
 
-def _key(dataset: Dataset, settings: RefineSettings) -> str:
-    return f"{dataset.sha256} {json.dumps(settings.to_json(), sort_keys=True)}"
+def _key(dataset: Dataset, settings: RefineSettings | CalibrationSettings) -> str:
+    """All that a result tells: the digest is of the numbers, and a project with the same numbers
+    must not be shown somebody else's name and notes.
+    """
+    words = [dataset.sha256, dataset.name, dataset.notes, settings.to_json()]
+    return json.dumps(words, sort_keys=True)
 
 
 # Kept by digest: Streamlit would otherwise look at a sample of large arrays only.

@@ -17,6 +17,8 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, Page, expect, sync_playwright
 
+from tests.browser.work import finished_project
+
 ROOT = Path(__file__).parents[2]
 FLAGS = [
     "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
@@ -27,7 +29,7 @@ LONGEST_MS = 120_000
 
 
 @contextmanager
-def serve(home: Path) -> Iterator[str]:
+def serve(home: Path, **environment: str) -> Iterator[str]:
     """A dashboard on a free port, with its projects below `home`."""
     with served(home) as (_, url):
         yield url
@@ -44,7 +46,7 @@ def served(home: Path) -> Iterator[tuple[subprocess.Popen[bytes], str]]:
     server = subprocess.Popen(
         [*command, "--server.port", str(port)],
         cwd=ROOT,
-        env={**os.environ, "STEREOCAL_HOME": str(home)},
+        env={**os.environ, "STEREOCAL_HOME": str(home), **environment},
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
         start_new_session=True,
@@ -87,6 +89,12 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def app_url(home: Path) -> Iterator[str]:
     with serve(home) as url:
         yield url
+
+
+@pytest.fixture(scope="session")
+def finished(home: Path) -> str:
+    """The id of a project with results of everything."""
+    return finished_project(home)
 
 
 @pytest.fixture

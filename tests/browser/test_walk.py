@@ -210,18 +210,6 @@ def test_folder_upload(page: Page, app_url: str, settled: Settled) -> None:
     expect(page.get_by_text("50 pairs of points in 25 frames").first).to_be_visible()
 
 
-def test_nothing_is_fetched_from_another_host(page: Page, app_url: str, settled: Settled) -> None:
-    asked: list[str] = []
-    page.on("request", lambda request: asked.append(request.url))
-    page.goto(app_url)
-    settled(page)
-    page.locator(".st-key-demo button").click()
-    expect(page.get_by_text("50 pairs of points in 25 frames")).to_be_visible()
-    settled(page)
-    assert asked
-    assert [url for url in asked if not url.startswith((app_url, "data:", "blob:"))] == []
-
-
 def test_address_that_names_no_project_is_said(page: Page, app_url: str, settled: Settled) -> None:
     for address in ("0" * 32, "..%2F..%2Fetc"):
         page.goto(f"{app_url}/calibrate?project={address}")

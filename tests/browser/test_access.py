@@ -1,0 +1,209 @@
+"""On a narrow screen, in light and dark, and by keyboard alone."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from stereocal.parameters import RigParameters
+from stereocal.ui.frame import TITLES
+from tests.browser.conftest import LONGEST_MS
+
+pytestmark = pytest.mark.browser
+Settled = Callable[[Page], None]
+PATHS = ["" if name == "start" else name.replace("_", "-") for name in TITLES]
+
+CUT = """() => {
+    const wide = []
+    for (const element of document.querySelectorAll('[data-testid=stMain] *')) {
+        const style = getComputedStyle(element)
+        const own = [...element.childNodes].some(
+            (node) => node.nodeType === 3 && node.textContent.trim())
+        if (!own || !element.clientWidth || style.display === 'inline') continue
+        if (element.closest('.js-plotly-plot, [data-testid=stDataFrame], .st-key-scrolls')) continue
+        if (element.closest('[data-testid=stCode], pre')) continue
+        const box = element.getBoundingClientRect()
+        if (!box.height || style.visibility === 'hidden' || style.opacity === '0') continue
+        if (element.closest('[aria-hidden=true]')) continue
+        if (box.width <= 1 || box.height <= 1) continue // for screen readers alone
+        const hides = ['hidden', 'clip'].includes(style.overflowX)
+        if ((hides && element.scrollWidth > element.clientWidth + 1) || box.right > innerWidth + 1)
+            wide.push(`${element.tagName} ${element.textContent.trim().slice(0, 60)}`)
+    }
+    return wide
+}"""
+"""Texts that do not fit: cut off by their own box, or beyond the screen."""
+
+NAMELESS = """() => {
+    const found = []
+    const controls = 'button, input, select, textarea, a[href], [role=slider], [role=radio],'
+        + '[role=checkbox], [role=switch], [role=combobox], [role=tab], canvas[tabindex]'
+    for (const element of document.querySelectorAll(controls)) {
+        const box = element.getBoundingClientRect()
+        const style = getComputedStyle(element)
+        if (style.visibility === 'hidden' || style.display === 'none' || !element.isConnected) continue
+        if (element.type === 'hidden' || element.closest('[aria-hidden=true]')) continue
+        if (!box.width && !box.height) continue
+        const by = (element.getAttribute('aria-labelledby') || '').split(' ')
+            .map((id) => document.getElementById(id)?.textContent || '').join(' ')
+        const labels = [...(element.labels || [])].map((label) => label.textContent).join(' ')
+        const name = [element.getAttribute('aria-label'), by, labels, element.textContent,
+            element.title, element.alt, element.getAttribute('placeholder')].join('').trim()
+        if (!name) found.push(element.outerHTML.slice(0, 200))
+    }
+    return found
+}"""
+"""Controls that have no name for those who hear the page."""
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_pages_fit_a_narrow_screen_and_controls_have_names(
+    browser: Browser, app_url: str, finished: str, settled: Settled, scheme: Any
+) -> None:
+    context = browser.new_context(viewport={"width": 420, "height": 900}, color_scheme=scheme)
+    page = context.new_page()
+    problems = {}
+    for path in PATHS:
+        page.goto(f"{app_url}/{path}?project={finished}")
+        settled(page)
+        page.wait_for_timeout(700)  # Plotly draws after the page is settled
+        for opened in page.locator("[data-testid=stExpander] summary").all():
+            opened.click()
+        page.wait_for_timeout(400)
+        width = page.evaluate("document.documentElement.scrollWidth")
+        main = page.evaluate("document.querySelector('[data-testid=stMain]').scrollWidth")
+        found = [f"{width} px wide"] * (max(width, main) > 420)
+        problems[path] = found + page.evaluate(CUT) + page.evaluate(NAMELESS)
+        background = page.evaluate(
+            "getComputedStyle(document.querySelector('.stApp')).backgroundColor"
+        )
+        assert background == ("rgb(18, 24, 30)" if scheme == "dark" else "rgb(255, 255, 255)")
+    context.close()
+    assert not any(problems.values()), json.dumps(problems, indent=1)
+
+
+FOCUSED = """() => {
+    const element = document.activeElement
+    if (!element || element === document.body) return null
+    const look = () => {
+        const seen = []
+        for (let at = element, up = 0; at && up < 5; at = at.parentElement, up += 1) {
+            const style = getComputedStyle(at)
+            seen.push(style.outlineStyle !== 'none' && style.outlineWidth !== '0px'
+                ? style.outline : '', style.boxShadow, style.borderColor, style.backgroundColor,
+                style.opacity, style.color, style.clip, style.transform)
+        }
+        return JSON.stringify(seen)
+    }
+    const focused = look(), box = element.getBoundingClientRect()
+    const drawn = element.tagName === 'CANVAS' ? element.toDataURL() : ''
+    element.blur()
+    const blurred = look()
+    const plain = element.tagName === 'CANVAS' ? element.toDataURL() : ''
+    element.focus({ preventScroll: true, focusVisible: true })
+    const named = element.getAttribute('aria-label') || element.textContent || ''
+    return {
+        tag: element.tagName, text: named.trim().slice(0, 60),
+        key: [...(element.closest('[class*=st-key-]')?.classList ?? [])]
+            .find((name) => name.startsWith('st-key-'))?.slice(7) ?? '',
+        visible: focused !== blurred || drawn !== plain,
+        inside: box.bottom > 0 && box.top < innerHeight && box.right > 0 && box.left < innerWidth,
+    }
+}"""
+"""What has the focus, and whether anything on the screen shows it."""
+LONGEST_WALK = 140
+
+
+def tab_to(page: Page, wanted: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
+    """Press Tab until something wanted has the focus, which must be seen all the way."""
+    for _ in range(LONGEST_WALK):
+        page.keyboard.press("Tab")
+        now = page.evaluate(FOCUSED)
+        if now is None:
+            continue
+        assert now["visible"] and now["inside"], now
+        if wanted(now):
+            return dict(now)
+    raise AssertionError("not reached by Tab")
+
+
+def test_the_whole_job_by_keyboard_alone(
+    page: Page, app_url: str, settled: Settled, tmp_path: Path
+) -> None:
+    page.goto(app_url)
+    settled(page)
+    tab_to(page, lambda now: now["key"] == "demo")
+    page.keyboard.press("Enter")
+    expect(page.get_by_text("50 pairs of points in 25 frames")).to_be_visible()
+    settled(page)
+    tab_to(page, lambda now: now["tag"] == "A" and now["text"].endswith("Calibrate"))
+    page.keyboard.press("Enter")
+    expect(page.get_by_role("heading", name="Calibrate", exact=True)).to_be_visible()
+    settled(page)
+    tab_to(page, lambda now: now["key"] == "run")
+    page.keyboard.press("Space")
+    expect(page.get_by_text("To find which points belong together")).to_be_visible(
+        timeout=LONGEST_MS
+    )
+    settled(page)
+    for method, press in (("2d", "Enter"), ("3d", "Space")):
+        tab_to(page, lambda now, method=method: now["key"] == f"download_{method}")
+        with page.expect_download() as event:
+            page.keyboard.press(press)
+        event.value.save_as(tmp_path / f"{method}.json")
+        assert RigParameters.load(tmp_path / f"{method}.json").method == method
+    tab_to(page, lambda now: now["tag"] == "A" and now["text"] == "Validate")
+    page.keyboard.press("Enter")
+    made = page.get_by_text(re.compile("^Made with: .* 100 runs, 20 calibration frames"))
+    expect(made).to_be_visible(timeout=LONGEST_MS)
+    settled(page)
+    tab_to(page, lambda now: now["key"] == "validate_frames")
+    page.keyboard.press("ArrowLeft")
+    made = page.get_by_text(re.compile("^Made with: .* 100 runs, 19 calibration frames"))
+    expect(made).to_be_visible(timeout=LONGEST_MS)
+    settled(page)
+    tab_to(page, lambda now: now["key"] == "download_summary")
+    with page.expect_download() as event:
+        page.keyboard.press("Enter")
+    event.value.save_as(tmp_path / "summary.json")
+    settings = json.loads((tmp_path / "summary.json").read_text())["settings"]
+    assert settings["calibration_frames"] == 19
+
+
+@pytest.mark.parametrize("path", PATHS)
+def test_tab_goes_through_every_page_and_out(
+    page: Page, app_url: str, finished: str, settled: Settled, path: str
+) -> None:
+    """The table of pairs and the photographs to pick in hold nobody."""
+    page.goto(f"{app_url}/{path}?project={finished}")
+    settled(page)
+    if path == "data":
+        page.get_by_text("The pairs: look at them").click()
+        page.get_by_role("radio", name="One frame").or_(
+            page.get_by_role("button", name="One frame", exact=True)
+        ).first.click()
+        expect(page.locator(".st-key-pick_secondary canvas")).to_have_attribute(
+            "data-ready", re.compile(".")
+        )
+        page.mouse.click(700, 20)
+    settled(page)
+    seen: list[dict[str, Any] | None] = []
+    while len(seen) < LONGEST_WALK and seen.count(None) < 2:
+        page.keyboard.press("Tab")
+        seen.append(page.evaluate(FOCUSED))
+    assert seen.count(None) == 2, "Tab does not come to an end"
+    first, second = (at for at, now in enumerate(seen) if now is None)
+    through = [now for now in seen[first + 1 : second] if now]
+    assert [now for now in through if not (now["visible"] and now["inside"])] == []
+    words = {now["text"] for now in through}
+    assert {"Start", "Data", "Apply"} <= words  # the menu, and with it a way to every page
+    if path == "data":
+        pickers = [now for now in through if now["text"].startswith("Photograph of the")]
+        assert len(pickers) == 2 and any(now["tag"] == "CANVAS" for now in through)
+        assert {"Pair by name again", "Zoom in", "Go to target A"} <= words

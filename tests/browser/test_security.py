@@ -1,0 +1,209 @@
+"""What a server gives away, and to whom: other hosts, forged requests, addresses, errors."""
+
+from __future__ import annotations
+
+import re
+import socket
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+import requests
+from playwright.sync_api import Browser, Page, expect
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import connect
+from websockets.typing import Origin
+
+from benchmarks.client import Session
+from stereocal.ui.frame import TITLES
+from tests.browser.conftest import LONGEST_MS, serve
+from tests.browser.work import NAME
+
+pytestmark = pytest.mark.browser
+Settled = Callable[[Page], None]
+PATHS = ["" if name == "start" else name.replace("_", "-") for name in TITLES]
+VIEWS = {
+    "cameras": ["Photograph by photograph", "What the lens leaves", "Without distortion"],
+    "data": ["One frame"],
+    "calibrate": ["The rig in 3D", "The searches"],
+}
+"""Figures that stand on the page only when somebody asks for them."""
+FIGURES = {"cameras": 1, "data": 1, "calibrate": 1, "validate": 1, "one-set": 3, "apply": 2}
+
+
+def visit(page: Page, url: str, path: str, project: str, settled: Settled) -> None:
+    """Open a page and look at everything on it."""
+    page.goto(f"{url}/{path}?project={project}")
+    settled(page)
+    figures = page.locator(".js-plotly-plot")
+    if path in FIGURES:
+        expect(figures.nth(FIGURES[path] - 1)).to_be_visible(timeout=LONGEST_MS)
+    for view in VIEWS.get(path, []):
+        page.get_by_role("radio", name=view, exact=True).or_(
+            page.get_by_role("button", name=view, exact=True)
+        ).first.click()
+        page.wait_for_timeout(300)
+        settled(page)
+
+
+def test_no_page_fetches_anything_from_another_host(
+    page: Page, app_url: str, finished: str, settled: Settled, tmp_path: Path
+) -> None:
+    asked: list[str] = []
+    page.on("request", lambda request: asked.append(request.url))
+    page.on("websocket", lambda socket: asked.append(socket.url))
+    for path in PATHS:
+        visit(page, app_url, path, finished, settled)
+        if path == "validate":
+            with page.expect_download() as event:
+                page.locator(".st-key-download_report button").click()
+            event.value.save_as(tmp_path / "report.html")
+    own = (app_url, app_url.replace("http", "ws", 1), "data:", "blob:")
+    assert any(url.startswith("ws") for url in asked) and len(asked) > 50
+    assert [url for url in asked if not url.startswith(own)] == []
+
+    asked.clear()
+    page.goto((tmp_path / "report.html").as_uri())
+    expect(page.locator(".js-plotly-plot .main-svg").first).to_be_visible()
+    page.wait_for_timeout(500)
+    assert [url for url in asked if not url.startswith(("file:", "data:", "blob:"))] == []
+
+
+@pytest.fixture
+def session(app_url: str) -> Iterator[Session]:
+    started = Session(app_url)
+    started.open("data")
+    yield started
+    started.close()
+
+
+def test_uploads_without_the_token_of_the_page_are_refused(
+    session: Session, app_url: str, home: Path
+) -> None:
+    place = app_url + session.addresses("upload_correspondences", ["points.csv"])[0].upload_url
+    body = {"file": ("points.csv", b"frame,target\n")}
+    token = session.token
+    refused: list[tuple[dict[str, str], dict[str, str]]] = [
+        ({}, {}),
+        ({"X-Xsrftoken": token}, {}),
+        ({}, {"_streamlit_xsrf": token}),
+        ({"X-Xsrftoken": "2|00|00|0"}, {"_streamlit_xsrf": token}),
+        ({"Origin": "http://evil.example"}, {"_streamlit_xsrf": token}),
+    ]
+    before = sorted(home.rglob("*"))
+    for headers, cookies in refused:
+        for method in ("PUT", "POST", "DELETE"):
+            given = body if method != "DELETE" else None
+            answer = requests.request(
+                method, place, headers=headers, cookies=cookies, files=given, timeout=10
+            )
+            # There is no POST at all.
+            assert answer.status_code == (405 if method == "POST" else 403), (headers, method)
+    assert sorted(home.rglob("*")) == before
+    right = {"headers": {"X-Xsrftoken": token}, "cookies": {"_streamlit_xsrf": token}}
+    assert requests.put(place, files=body, timeout=10, **right).status_code == 204  # type: ignore[arg-type]
+    # A page elsewhere may not even try: the browser asks before, and gets no leave.
+    asked = requests.options(
+        place, timeout=10,
+        headers={"Origin": "http://evil.example", "Access-Control-Request-Method": "PUT",
+                 "Access-Control-Request-Headers": "X-Xsrftoken"},
+    )  # fmt: skip
+    assert asked.headers.get("Access-Control-Allow-Origin", "") not in ("*", "http://evil.example")
+    # Nor does a token open the session of somebody else, whose name nobody is told.
+    elsewhere = re.sub(r"upload_file/[^/]+/", f"upload_file/{'0' * 36}/", place)
+    assert requests.put(elsewhere, files=body, timeout=10, **right).status_code == 400  # type: ignore[arg-type]
+
+
+def test_websockets_of_other_pages_are_refused(app_url: str) -> None:
+    port = int(app_url.rsplit(":", 1)[1])
+    for origin, host in (
+        ("http://evil.example", "127.0.0.1"),
+        ("null", "127.0.0.1"),
+        # A name that its owner points at this computer (DNS rebinding).
+        (f"http://evil.example:{port}", "evil.example"),
+    ):
+        way = socket.create_connection(("127.0.0.1", port))
+        address = f"ws://{host}:{port}/_stcore/stream"
+        with (
+            pytest.raises(InvalidStatus, match="403"),
+            connect(address, origin=Origin(origin), sock=way),
+        ):
+            pass
+
+
+def test_server_for_others_is_reached_by_its_own_name(home: Path) -> None:
+    with serve(home, STREAMLIT_SERVER_ALLOWED_HOSTS="lab.example other.example") as url:
+        port = int(url.rsplit(":", 1)[1])
+        for host, allowed in (("lab.example", True), ("other.example", True), ("evil", False)):
+            way = socket.create_connection(("127.0.0.1", port))
+            address = f"ws://{host}:{port}/_stcore/stream"
+            try:
+                with connect(address, origin=Origin(f"https://{host}:{port}"), sock=way):
+                    assert allowed
+            except InvalidStatus:
+                assert not allowed
+
+
+def test_nothing_drives_the_app_but_its_page(app_url: str) -> None:
+    for path in ("interact", "mcp", "openapi.json"):
+        answer = requests.post(f"{app_url}/_stcore/agent/{path}", json={}, timeout=10)
+        assert answer.status_code >= 400
+    page = requests.get(app_url, timeout=10).text
+    odd = ["/app.py", "/app/static/app.py", "/media/../app.py", "/media/%2e%2e/app.py"]
+    odd += ["/%2e%2e/%2e%2e/etc/passwd", f"/media/{'0' * 32}", "/.streamlit/config.toml"]
+    for path in odd:
+        answer = requests.get(app_url + path, timeout=10)
+        # Addresses that are none get the page, which then says that there is no such page.
+        assert answer.status_code in (400, 404) or answer.text == page, path
+
+
+ODD = [
+    "..%2F..", "%2e%2e%2f%2e%2e%2fetc%2fpasswd", "..", "A" * 32, "0" * 33, "0" * 31, "0" * 32,
+    "%00" * 32, "0" * 31 + "%00", "0" * 31 + "%0A", "%D9%A1" * 32, "%EF%BC%91" * 32, "x" * 5000,
+    "-1", "*", "0" * 15 + "/" + "0" * 16, "C%3A%5CWindows", "%3Cscript%3Ealert(1)%3C%2Fscript%3E",
+    "0" * 32 + "&project=" + "1" * 32, "",
+]  # fmt: skip
+
+
+def test_odd_addresses_get_a_sentence_and_leave_nothing(
+    session: Session, home: Path, finished: str
+) -> None:
+    before = sorted(home.rglob("*"))
+    for number, odd in enumerate([*ODD, f"..%2Fprojects%2F{finished}", finished.upper()]):
+        if number % 2:
+            session.open("calibrate", f"project={odd}")
+        else:
+            session.open("data", f"project={odd}")
+        text = session.text
+        assert "does not name a project" in text or "no project at this address" in text, odd
+        assert "Traceback" not in text and str(home) not in text and NAME not in text
+    assert sorted(home.rglob("*")) == before
+
+
+def test_shared_server_shows_nobody_the_work_of_another(
+    browser: Browser, settled: Settled, home: Path, finished: str
+) -> None:
+    with serve(home, STEREOCAL_SHARED="1") as url:
+        mine = Session(url)
+        mine.open("calibrate", f"project={finished}")
+        (button,) = (
+            each.download_button
+            for each in mine.elements
+            if each.download_button.id.endswith("download_2d")
+        )
+        # The name is a digest of 128 bits of the content: who can tell it, has it.
+        assert re.fullmatch(r"/media/[0-9a-f]{32,64}\.json", button.url)
+        assert NAME in mine.download("download_2d").decode()
+
+        page = browser.new_context().new_page()
+        page.goto(url)
+        settled(page)
+        expect(page.get_by_text("Recent projects")).to_have_count(0)
+        seen = page.content()
+        assert finished not in seen and NAME not in seen and str(home) not in seen
+        for path in PATHS[1:]:
+            page.goto(f"{url}/{path}")
+            settled(page)
+            assert finished not in page.url and NAME not in page.content()
+        page.context.close()
+        mine.close()

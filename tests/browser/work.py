@@ -1,0 +1,60 @@
+"""A project with results of everything, for walks that only look."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+from stereocal.calibrate import calibrate
+from stereocal.formats.camera_file import write_camera
+from stereocal.formats.photograph_files import keep_photograph
+from stereocal.frames.pairing import pair_names
+from stereocal.frames.search import detect_frames
+from stereocal.intrinsics import LensSettings, calibrate_lens
+from stereocal.project import Project
+from stereocal.store.lens import ProjectLens
+from stereocal.store.photographs import ProjectPhotographs
+from tests.bar_photographs import BAR_M, bar_set
+from tests.lens import facing, photographed, png, search
+
+FRAMES, BOARDS = 14, 12
+NAME = "Meadow of the survey"
+
+
+def finished_project(home: Path) -> str:
+    """Photographs, found targets, lengths, a calibration and a lens; its id."""
+    project = Project.create(home)
+    bars = bar_set(FRAMES)
+    store = ProjectPhotographs(project)
+    files = {
+        name.split("/")[1]: keep_photograph([content], name, store.files)
+        for name, content in bars.files().items()
+    }
+    store.add(files)
+    rig = bars.rig
+    project.give(
+        {
+            "primary": ("primary.json", write_camera(rig.primary)),
+            "secondary": ("secondary.json", write_camera(rig.secondary)),
+        },
+        name=NAME,
+        baseline_m=rig.secondary_from_primary.baseline,
+        target_distance_m=BAR_M,
+    )
+    with ThreadPoolExecutor(2) as executor:
+        frames = detect_frames(
+            pair_names(files).pairs, files, (rig.primary, rig.secondary), executor,
+            lambda _stage: None, lambda _done, _total: None,
+        )  # fmt: skip
+        lens = calibrate_lens(search(BOARDS, 1), LensSettings(subset=8, repeats=12), executor)
+    assert frames is not None and lens is not None
+    store.keep_frames(frames)
+    boards = ProjectLens(project, "primary")
+    first = png(photographed(facing()))
+    boards.add({"00.png": keep_photograph([first], "00.png", boards.files)})
+    boards.keep_search(lens.search)
+    boards.keep_calibration(lens)
+    dataset = project.dataset
+    assert dataset is not None
+    project.keep_calibration(calibrate(dataset, trace=True), project.inputs)
+    return project.id

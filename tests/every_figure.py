@@ -1,0 +1,99 @@
+"""Every figure of `stereocal.figures` on data with a known truth, with the sentence beneath it."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import plotly.graph_objects as go
+
+from stereocal import figures
+from stereocal.calibrate import METHODS, CalibrationSettings, Method, calibrate
+from stereocal.camera import Camera
+from stereocal.evaluation import EvaluationSettings, evaluate
+from stereocal.formats.dataset_files import read_dataset
+from stereocal.geometry import Pose
+from stereocal.intrinsics import LensSettings, calibrate_lens
+from stereocal.points.lengths import check_lengths
+from stereocal.refine import refine
+from stereocal.refined.disagreement import what_disagrees
+from stereocal.refined.tradeoff import costs_of, trade_off
+from stereocal.refined.uncertainty import accuracy_map
+from stereocal.refined.unknowns import RefineSettings
+from stereocal.summary import summarise_all
+from tests.lens import search
+from tests.rig import BAR_M
+from tests.test_apply_figures import (
+    NEAREST,
+    PAIRS,
+    POINTS,
+    PRIMARY_TABLE,
+    SECONDARY_M,
+    SECONDARY_TABLE,
+    SIZES,
+)
+
+FIELD = Path(__file__).parents[1] / "sample_data" / "field"
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A figure and its sentence."""
+
+    figure: go.Figure
+    words: str
+
+
+@lru_cache(maxsize=1)
+def every_figure() -> dict[str, Drawn]:
+    """By the name of the function without `plot_`; of `points` both meanings of its colour."""
+    dataset = read_dataset(FIELD)
+    calibration = calibrate(dataset, trace=True)
+    refined = refine(dataset)
+    inputs = what_disagrees(refined)
+    places = accuracy_map(refined)
+    curves = trade_off(dataset, points=5)
+    settings = EvaluationSettings(CalibrationSettings(), 6, 20, RefineSettings())
+    with ThreadPoolExecutor(2) as executor:
+        runs = evaluate([dataset, dataset], settings, executor)
+        lens = calibrate_lens(search(12, 1), LensSettings(subset=8, repeats=12), executor)
+    assert curves is not None and runs is not None and lens is not None
+    pooled, by_dataset = summarise_all(["one", "two"], runs)
+    check = check_lengths(POINTS, 1.01 * BAR_M, "end_primary", ("A", "B"))
+    sets: dict[Method, tuple[Pose, Camera, Camera]] = {
+        method: (calibration.methods[method].pose, dataset.primary, dataset.secondary)
+        for method in METHODS
+    }
+    costs = costs_of(
+        dataset, sets | {"refined": (refined.pose, refined.primary, refined.secondary)}
+    )
+    tables = [table[table["frame"] == 1] for table in (PRIMARY_TABLE, SECONDARY_TABLE)]
+    left, right = (table[["u", "v"]].to_numpy() for table in tables)
+    pairs = PAIRS[PAIRS["frame"] == 1]
+    f = figures
+    return {
+        name: Drawn(figure, words)
+        for name, figure, words in (
+            ("accuracy", f.plot_accuracy(places, refined), f.describe_accuracy(places)),
+            ("comparison", f.plot_comparison(by_dataset), f.describe_comparison(by_dataset)),
+            ("coverage", f.plot_coverage(dataset), f.describe_coverage(dataset)),
+            ("disagreement", f.plot_disagreement(inputs), f.describe_disagreement(inputs)),
+            ("draws", f.plot_draws(lens), f.describe_draws(lens)),
+            ("frame_errors", f.plot_frame_errors(calibration),
+             f.describe_frame_errors(calibration)),
+            ("lengths", f.plot_lengths(check), f.describe_lengths(check)),
+            ("matches", f.plot_matches(pairs, left, right, SIZES),
+             f.describe_matches(pairs, left, right, 1)),
+            ("pair_errors", f.plot_pair_errors(NEAREST, 0.8), f.describe_pair_errors(NEAREST, 0.8)),
+            ("points", f.plot_points(POINTS, "frame", SECONDARY_M), f.describe_points(POINTS)),
+            ("residual_field", f.plot_residual_field(lens), f.describe_residual_field(lens)),
+            ("rig", f.plot_rig(calibration, "3d"), f.describe_rig(calibration, "3d")),
+            ("traces", f.plot_traces(calibration), f.describe_traces(calibration)),
+            ("trade_off", f.plot_trade_off(curves, costs, curves.freed[1]),
+             f.describe_trade_off(curves, costs)),
+            ("validation", f.plot_validation(pooled), f.describe_validation(pooled)),
+            ("view_errors", f.plot_view_errors(lens), f.describe_view_errors(lens)),
+        )
+    }  # fmt: skip
