@@ -31,12 +31,12 @@ LONGEST_MS = 120_000
 @contextmanager
 def serve(home: Path, **environment: str) -> Iterator[str]:
     """A dashboard on a free port, with its projects below `home`."""
-    with served(home) as (_, url):
+    with served(home, **environment) as (_, url):
         yield url
 
 
 @contextmanager
-def served(home: Path) -> Iterator[tuple[subprocess.Popen[bytes], str]]:
+def served(home: Path, **environment: str) -> Iterator[tuple[subprocess.Popen[bytes], str]]:
     """As `serve`, with the process, which may be killed."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -47,7 +48,8 @@ NAMELESS = """() => {
     for (const element of document.querySelectorAll(controls)) {
         const box = element.getBoundingClientRect()
         const style = getComputedStyle(element)
-        if (style.visibility === 'hidden' || style.display === 'none' || !element.isConnected) continue
+        if (style.visibility === 'hidden' || style.display === 'none') continue
+        if (!element.isConnected) continue
         if (element.type === 'hidden' || element.closest('[aria-hidden=true]')) continue
         if (!box.width && !box.height) continue
         const by = (element.getAttribute('aria-labelledby') || '').split(' ')
@@ -133,6 +135,10 @@ def tab_to(page: Page, wanted: Callable[[dict[str, Any]], bool]) -> dict[str, An
     raise AssertionError("not reached by Tab")
 
 
+def has_key(key: str, now: dict[str, Any]) -> bool:
+    return bool(now["key"] == key)
+
+
 def test_the_whole_job_by_keyboard_alone(
     page: Page, app_url: str, settled: Settled, tmp_path: Path
 ) -> None:
@@ -153,7 +159,7 @@ def test_the_whole_job_by_keyboard_alone(
     )
     settled(page)
     for method, press in (("2d", "Enter"), ("3d", "Space")):
-        tab_to(page, lambda now, method=method: now["key"] == f"download_{method}")
+        tab_to(page, partial(has_key, f"download_{method}"))
         with page.expect_download() as event:
             page.keyboard.press(press)
         event.value.save_as(tmp_path / f"{method}.json")
