@@ -1,0 +1,118 @@
+"""What it costs to keep what a job has finished, and how long a few runs wait beside many.
+
+python -m benchmarks.jobs
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import threading
+import time
+from collections.abc import Callable
+from concurrent.futures import Executor, ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from stereocal.evaluation import EvaluationSettings, evaluate, evaluate_runs
+from stereocal.evaluation_files import pack_runs, unpack_runs
+from stereocal.fair_pool import FairPool
+from stereocal.formats.dataset_files import read_dataset
+from stereocal.formats.photograph import read_photograph
+from stereocal.frames.detection_file import pack_detection, unpack_detection
+from stereocal.frames.series import detect_series
+from stereocal.refined.unknowns import RefineSettings
+from stereocal.store import jobs
+from stereocal.store.parts import Parts
+
+SAMPLES = Path(__file__).parents[1] / "sample_data"
+WORKERS = 2
+REPEATS = 5
+
+
+def overhead(
+    work: Callable[..., Any], pack: Callable[[Any], bytes | None], unpack: Callable[[bytes], Any]
+) -> tuple[float, float]:
+    """CPU seconds of work, and of the thread that drives it more when all of it is kept.
+
+    Args:
+        work: is called with progress and, where it is to be kept, the parts.
+    """
+    before, own = time.process_time(), time.thread_time()
+    work(None, None)
+    whole, plain = time.process_time() - before, time.thread_time() - own
+    with tempfile.TemporaryDirectory() as folder:
+        own = time.thread_time()
+        job = jobs.begin(Path(folder), "benchmark", ("pieces",), {})
+        assert job is not None
+        parts: Parts[Any] = job.parts("pieces", pack, unpack)
+        work(lambda done, total: job.progress(0, done, total), parts)
+        job.end()
+        return whole, time.thread_time() - own - plain
+
+
+def waiting(own: Executor, other: Executor | None) -> float:
+    """Seconds until 10 runs are done, beside 500 of another where there is one."""
+    dataset, stop = read_dataset(SAMPLES / "field"), threading.Event()
+    settings = [EvaluationSettings(runs=n, refined=RefineSettings()) for n in (500, 10)]
+    thread = threading.Thread(
+        target=lambda: other and evaluate([dataset], settings[0], other, None, stop.is_set)
+    )
+    thread.start()
+    time.sleep(0.3)
+    begun = time.perf_counter()
+    evaluate([dataset], settings[1], own)
+    seconds = time.perf_counter() - begun
+    stop.set()
+    thread.join()
+    return seconds
+
+
+def main() -> None:
+    """Measure and print."""
+    dataset = read_dataset(SAMPLES / "nineteen" / "07")
+    settings = EvaluationSettings(runs=500, refined=RefineSettings())
+    evaluate_runs(dataset, settings, 0, [0])
+    folder = SAMPLES / "photographs"
+    # Names tell the content in a project's folder; here they must not be alike.
+    photographs = [*(folder / "primary").iterdir(), *(folder / "boards_primary").iterdir()][:25]
+    with ThreadPoolExecutor(WORKERS) as threads:
+        runs = [
+            overhead(
+                lambda progress, parts: evaluate(
+                    [dataset], settings, threads, progress, pieces=parts
+                ),
+                pack_runs, unpack_runs,
+            )
+            for _ in range(REPEATS)
+        ]  # fmt: skip
+        found = [
+            overhead(
+                lambda progress, parts: detect_series(
+                    photographs, read_photograph, threads, progress, pieces=parts
+                ),
+                pack_detection, unpack_detection,
+            )
+            for _ in range(REPEATS)
+        ]  # fmt: skip
+    for what, figures in (("500 runs", runs), (f"{len(photographs)} photographs", found)):
+        whole, more = np.array(figures).T
+        share = 100 * more / whole
+        print(f"{what}: {whole.mean():.2f} s of CPU time, keeping them "
+              f"{share.min():.2f} to {share.max():.2f} % more")  # fmt: skip
+    for name in ("alone", "one queue", "in turn"):
+        seconds = []
+        for _ in range(REPEATS):
+            with ThreadPoolExecutor(WORKERS) as queue:
+                fair = FairPool(WORKERS)
+                own, other = (queue, queue) if name == "one queue" else (fair.of("a"), fair.of("b"))
+                seconds.append(waiting(own, None if name == "alone" else other))
+                fair.shutdown()
+        print(f"10 runs {name}: {min(seconds):.2f} to {max(seconds):.2f} s")
+    print(f"load {os.getloadavg()[0]:.1f}")
+
+
+if __name__ == "__main__":
+    main()
