@@ -28,7 +28,7 @@ import cv2
 import numpy as np
 
 import stereocal
-from stereocal.errors import StereocalError
+from stereocal.errors import DAMAGED, StereocalError
 from stereocal.locking import FileLock
 from stereocal.store.parts import Parts
 from stereocal.writing import make_folder, write_atomically
@@ -222,6 +222,10 @@ def ask_to_stop(project: Path, kind: str) -> None:
         raise StereocalError(f"The job cannot be stopped: {error.strerror or error}.") from error
 
 
+def _refusal(error: OSError) -> StereocalError:
+    return StereocalError(f"The project's folder cannot be written to: {error.strerror or error}.")
+
+
 def _acquired(lock: FileLock) -> bool:
     until = time.monotonic() + PATIENCE_S
     while not lock.acquire(wait=False):
@@ -252,11 +256,11 @@ def _read(folder: Path) -> Record | None:
         if content.pop("format") != JOB_FORMAT:
             return None
         record = Record(**{**content, "stages": tuple(content["stages"])})
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+    except DAMAGED:
         return None
     try:
         how_far = json.loads((folder / "progress.json").read_bytes())
         at, done, total = (int(how_far[name]) for name in ("at", "done", "total"))
         return replace(record, at=at, done=done, total=total)
-    except (OSError, ValueError, KeyError, TypeError):
+    except DAMAGED:
         return record

@@ -16,6 +16,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Generic, TypeVar
 
+from stereocal.errors import DAMAGED as UNREADABLE
 from stereocal.errors import StereocalError
 
 T = TypeVar("T")
@@ -23,10 +24,7 @@ HEADER = struct.Struct("<4sIII")
 """Magic, lengths of key and content, checksum of both; the header's own checksum follows."""
 CHECK = struct.Struct("<I")
 MAGIC = b"PRT1"
-DAMAGED = (
-    StereocalError, ValueError, KeyError, TypeError, IndexError, OSError, EOFError,
-    zipfile.BadZipFile, zlib.error,
-)  # fmt: skip
+DAMAGED = (*UNREADABLE, zipfile.BadZipFile, zlib.error)
 _LOG = logging.getLogger(__name__)
 
 
@@ -55,7 +53,7 @@ class Parts(Generic[T]):
             os.ftruncate(self._handle, self._end)
         except OSError as error:
             raise StereocalError(
-                f"{path} cannot be written to: {error.strerror or error}."
+                f"The project's folder cannot be written to: {error.strerror or error}."
             ) from error
 
     def __len__(self) -> int:
