@@ -107,13 +107,14 @@ def work(pipe: Any, now: Any, seed: int) -> None:
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
         while (task := pipe.recv()) is not None:
             name, numbers = task
-            before, found = _memory("VmRSS"), Found()
-            Path("/proc/self/clear_refs").write_text("5")  # forget the peak so far
+            found = Found()
             for at in numbers:
                 content = made(known[name], seed, at)
                 now[0], now[1] = at, time.monotonic()
+                Path("/proc/self/clear_refs").write_text("5")  # forget the peak so far
+                before = _memory("VmRSS")
                 read_one(known[name], content, Path(scratch), at, found)
-            found.memory = _memory("VmHWM") - before
+                found.memory = max(found.memory, _memory("VmHWM") - before)
             pipe.send(found)
 
 

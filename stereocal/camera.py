@@ -14,6 +14,7 @@ from stereocal.compiled import FloatArray
 from stereocal.errors import StereocalError
 
 LARGEST_SIDE = 1_000_000
+MOST = 1e9
 DISTORTION_LENGTHS = (0, 4, 5, 8, 12, 14)
 
 
@@ -99,6 +100,10 @@ class Camera:
             raise StereocalError(
                 f"The camera matrix K cannot be inverted: the focal lengths fx = {K[0, 0]:g} and "
                 f"fy = {K[1, 1]:g} must both be above 0."
+            )
+        if np.abs(K).max() > MOST or min(K[0, 0], K[1, 1]) < 1 / MOST:
+            raise StereocalError(
+                f"The camera matrix K cannot be one: fx = {K[0, 0]:g}, fy = {K[1, 1]:g}."
             )
         if K[1, 0] != 0 or not np.array_equal(K[2], [0, 0, 1]):
             raise StereocalError(

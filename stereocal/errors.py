@@ -51,3 +51,8 @@ class RefusedRowsError(StereocalError):
         rows = "1 row" if len(problems) == 1 else f"{len(problems)} rows"
         super().__init__(f"{source}{rows} {what}: {shown}{more}.")
         self.problems = tuple(problems)
+
+
+def can_be_shown(text: object) -> bool:
+    """Whether it is a text that a page can show: JSON can hold halves of signs, which none can."""
+    return isinstance(text, str) and text == text.encode("utf-8", "replace").decode()

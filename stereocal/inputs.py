@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from typing import Literal
+from typing import Any, Literal
+
+from stereocal.errors import can_be_shown
 
 Slot = Literal["primary", "secondary", "correspondences"]
 
@@ -38,6 +40,17 @@ class Inputs:
         return lacking
 
 
+def checked_inputs(data: Mapping[str, Any]) -> Inputs:
+    """The inputs that a file says.
+
+    Raises:
+        TypeError: something is not what it should be.
+    """
+    inputs = Inputs(**data)
+    check_inputs(inputs)
+    return inputs
+
+
 def check_inputs(inputs: Inputs) -> None:
     """Make sure of what a file says.
 
@@ -45,9 +58,9 @@ def check_inputs(inputs: Inputs) -> None:
         TypeError: something is not what it should be.
     """
     for mapping in (inputs.files, inputs.labels):
-        if not all(isinstance(text, str) for text in dict(mapping).values()):
+        if not isinstance(mapping, dict) or not all(map(can_be_shown, mapping.values())):
             raise TypeError(mapping)
-    if not isinstance(inputs.name, str) or set(inputs.files) - set(inputs.labels):
+    if not can_be_shown(inputs.name) or set(inputs.files) - set(inputs.labels):
         raise TypeError(inputs)
     for each in fields(Inputs):
         value = getattr(inputs, each.name)

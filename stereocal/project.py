@@ -33,7 +33,7 @@ from stereocal.evaluation_files import Evaluation, pack_evaluation, unpack_evalu
 from stereocal.formats.camera_file import read_camera
 from stereocal.formats.correspondences_csv import read_table
 from stereocal.formats.dataset_files import parse_zip
-from stereocal.inputs import Inputs, Slot, check_inputs
+from stereocal.inputs import Inputs, Slot, check_inputs, checked_inputs
 from stereocal.store.folders import is_id, new_project_folder, own_file
 from stereocal.store.state import PROJECT_FILE, StateFile, changing, read_if_there
 from stereocal.store.unused import forget_files
@@ -206,7 +206,7 @@ class Project:
         content = read_if_there(self.folder / "calibration.json", "calibrate again")
         if content is None:
             return None
-        return unpack_calibration(content, lambda given: self._dataset(Inputs(**given)))
+        return unpack_calibration(content, lambda given: self._dataset(checked_inputs(given)))
 
     def keep_evaluation(self, evaluation: Evaluation) -> None:
         """Keep a finished evaluation in place of the last one."""

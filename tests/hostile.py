@@ -38,6 +38,7 @@ from stereocal.limits import Limits
 from stereocal.parameters import RigParameters
 from stereocal.project import Project
 from stereocal.reconstruction import read_world
+from stereocal.store.parts import Parts
 from stereocal.store.server import ServerSettings
 from stereocal.ui.picker import pick_of
 from tests import hostile_seeds as seeds
@@ -150,6 +151,7 @@ def _packed() -> list[Reader]:
         Reader(
             "zips", "zip", "project, zip", lambda: [project_zip()], read_project_zip, ("carry",)
         ),
+        Reader("project files", "image", "parts of a job", seeds.parts, _parts, ("parts",)),
         *(
             Reader(
                 "project files", inner.kind, f"project, {name}", inner.seeds,
@@ -262,6 +264,15 @@ def _photograph(content: bytes, folder: Path) -> None:
 def _photographs(content: bytes, folder: Path) -> None:
     for name, path in unpack_photographs(content, "a.zip", folder / "store").items():
         read_photograph(path, name)
+
+
+def _parts(content: bytes, folder: Path) -> None:
+    kept = Parts(_kept(content, folder / "parts"), bytes, bytes)
+    for key in seeds.PARTS:
+        kept.get(key)
+    kept.keep("new", b"part")
+    assert kept.get("new") == b"part"
+    kept.close()
 
 
 def _inner(name: str, content: bytes, _: Path) -> None:

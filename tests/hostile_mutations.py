@@ -7,6 +7,7 @@ from random import Random
 
 from tests.hostile_packed import member, npy, png
 from tests.hostile_text import (
+    LARGEST,
     cut,
     cut_out,
     deep,
@@ -27,8 +28,6 @@ from tests.hostile_text import (
 )
 from tests.hostile_trees import changed_json, dumped, random_tree
 
-LARGEST = 400_000
-"""Bytes; what grows by repetition ends here."""
 HEADS = (b"", b"", b"%YAML:1.0\n---\n", b'<?xml version="1.0"?>\n<opencv_storage>\n')
 MAGIC = (
     b"", b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff", b"II*\0\x08\0\0\0", b"MM\0*\0\0\0\x08", b"BM",

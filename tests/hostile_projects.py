@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import json
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
@@ -33,6 +34,7 @@ from stereocal.points.application import Application
 from stereocal.project import Project
 from stereocal.store.application import SIDES, USES, ProjectApplication
 from stereocal.store.carry import pack_project, unpack_project
+from stereocal.store.jobs import JOB_FORMAT, interrupted
 from stereocal.store.lens import WHICH, ProjectLens
 from stereocal.store.photographs import ProjectPhotographs
 from stereocal.store.projects import recent_projects
@@ -76,6 +78,8 @@ FILES = {
     "boards.npz": Inner("npz", ("lens",), "lens/primary/boards.npz"),
     "lens.npz": Inner("npz", ("lens",), "lens/primary/lens.npz"),
     "apply.json": Inner("json", ("application",), "apply/apply.json"),
+    "job.json": Inner("json", ("jobs",), "jobs/evaluation/job.json"),
+    "progress.json": Inner("json", ("jobs",), "jobs/evaluation/progress.json"),
     "result.json": Inner("json", ("application",), "apply/result.json"),
 }
 
@@ -159,6 +163,7 @@ def _reads(project: Project) -> Iterator[Callable[[], object]]:
         yield from (partial(apply.points, side), partial(apply.asking, side))
     yield from (partial(apply.set_of, use) for use in USES)
     yield lambda: apply.result
+    yield lambda: [f"{job.stages[job.at]} {job.begun:.0f}" for job in interrupted(project.folder)]
 
 
 def _use_calibration(project: Project) -> None:
@@ -193,6 +198,7 @@ def template() -> Project:
     _give_photographs(project)
     _give_boards(project)
     _give_points(project)
+    _give_job(project)
     return project
 
 
@@ -254,6 +260,17 @@ def _give_boards(project: Project) -> None:
     lens = calibrate_lens(search, LensSettings(subset=5, repeats=2), AtOnce())
     assert lens is not None
     store.keep_calibration(lens)
+
+
+def _give_job(project: Project) -> None:
+    folder = project.folder / "jobs" / "evaluation"
+    folder.mkdir(parents=True)
+    record = {
+        "format": JOB_FORMAT, "kind": "evaluation", "stages": ["runs"], "digest": "0" * 20,
+        "work": {"runs": 3}, "begun": 1.7e9, "sentence": "",
+    }  # fmt: skip
+    (folder / "job.json").write_text(json.dumps(record))
+    (folder / "progress.json").write_text(json.dumps({"at": 0, "done": 2, "total": 3}))
 
 
 def _give_points(project: Project) -> None:

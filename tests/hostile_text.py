@@ -41,6 +41,8 @@ SIGNS = (
     b"!!python/object/apply:os.system [id]\n", b"!!opencv-matrix", b"\x1a", b"\x0c", b"\xc2\x85",
     b"\xe2\x80\xa8",
 )  # fmt: skip
+LARGEST = 400_000
+"""Bytes; what grows by repetition ends here."""
 _NUMBER = re.compile(rb"[-+]?\d[\d.eE+-]*")
 _WORD = re.compile(rb"[A-Za-z_]\w*")
 
@@ -120,7 +122,8 @@ def other_number(random: Random, content: bytes, _: bytes) -> bytes:
 
 def other_numbers(random: Random, content: bytes, _: bytes) -> bytes:
     """Every number replaced."""
-    return _NUMBER.sub(random.choice(NUMBERS).encode().replace(b"\\", b""), content)
+    new = random.choice(NUMBERS).encode().replace(b"\\", b"")
+    return _NUMBER.sub(new, content, count=1 + LARGEST // (1 + len(new)))
 
 
 def other_word(random: Random, content: bytes, other: bytes) -> bytes:
@@ -148,11 +151,13 @@ def moved_lines(random: Random, content: bytes, other: bytes) -> bytes:
     elif act == 1:
         lines.insert(at, lines[random.randrange(len(lines))])
     elif act == 2:
-        lines[at:at] = [lines[at]] * random.choice((2, 50, 1000))
+        lines[at:at] = [lines[at]] * min(
+            random.choice((2, 50, 1000)), 1 + LARGEST // (1 + len(lines[at]))
+        )
     elif act == 3:
         lines.insert(at, random.choice(other.split(b"\n")))
     elif act == 4:
-        lines[at] *= random.choice((2, 100, 3000))
+        lines[at] *= min(random.choice((2, 100, 3000)), 1 + LARGEST // (1 + len(lines[at])))
     else:
         random.shuffle(lines)
     return b"\n".join(lines)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import io
 import math
-from tokenize import TokenError
-from typing import Any
+import re
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -14,8 +13,13 @@ from stereocal.errors import DAMAGED, StereocalError
 from stereocal.formats.zip_files import unzip
 
 Array = npt.NDArray[Any]
-KINDS = "biuf"
-"""Truth values and numbers; never objects, which are programs."""
+HEAD = re.compile(
+    rb"\x93NUMPY\x01\x00..{'descr': '(?P<dtype>[<>|](?:b1|[iuf][1248]))', "
+    rb"'fortran_order': (?P<columns>True|False), 'shape': \((?P<shape>[\d, ]{0,100})\), } *\n",
+    re.DOTALL,
+)
+"""Truth values and numbers; never objects, which are programs. NumPy writes it so and no other way
+(format version 1.0)."""
 LARGEST = 1e100
 """No number of ours is larger; its square would not be a number any more."""
 
@@ -30,20 +34,22 @@ def read_arrays(content: bytes, source: str) -> dict[str, Array]:
     for name, packed in unzip(content, source, lambda name: name.endswith(".npy")).items():
         try:
             found[name.removesuffix(".npy")] = _array(packed)
-        except (*DAMAGED, SyntaxError, TokenError) as error:  # a head is Python's literals
+        except DAMAGED as error:
             raise StereocalError(f"{source}: {name} is damaged.") from error
     return found
 
 
 def _array(packed: bytes) -> Array:
-    file = io.BytesIO(packed)
-    if np.lib.format.read_magic(file) != (1, 0):
-        raise ValueError("version")
-    shape, by_columns, dtype = np.lib.format.read_array_header_1_0(file)
-    data = packed[file.tell() :]
-    if dtype.kind not in KINDS or math.prod(shape) * dtype.itemsize != len(data):
+    head = HEAD.match(packed)
+    if head is None:
+        raise ValueError(packed[:100])
+    dtype = np.dtype(head["dtype"].decode())
+    shape = tuple(int(side) for side in head["shape"].replace(b" ", b"").split(b",") if side)
+    data = packed[10 + int.from_bytes(packed[8:10], "little") :]
+    if math.prod(shape) * dtype.itemsize != len(data):
         raise ValueError(shape)
-    array = np.frombuffer(data, dtype).reshape(shape, order="F" if by_columns else "C").copy()
+    order: Literal["F", "C"] = "F" if head["columns"] == b"True" else "C"
+    array = np.frombuffer(data, dtype).reshape(shape, order=order).copy()
     if dtype.kind == "f" and (np.isinf(array) | (np.abs(array) > LARGEST)).any():
         raise ValueError("infinite")
     return array

@@ -20,6 +20,7 @@ from stereocal.limits import Limits
 DATASET_FORMAT = "stereocal-dataset/1"
 DESCRIPTION = "dataset.json"
 TABLE = "correspondences.csv"
+LONGEST_NAME = 200
 LARGEST_DESCRIPTION = 4_000_000
 TEXTS = frozenset((".json", ".csv", ".yaml", ".yml", ".xml"))
 
@@ -153,7 +154,7 @@ def parse_survey(files: Mapping[str, bytes], source: str) -> Survey:
         return read_camera(files[folder + name], f"{source}: {name}")
 
     return Survey(
-        name=str(description.get("name") or Path(source).stem),
+        name=_shown(str(description.get("name") or Path(source).stem)),
         primary=camera("primary"),
         secondary=camera("secondary"),
         baseline_m=_length(description, "baseline_m", where),
@@ -162,6 +163,11 @@ def parse_survey(files: Mapping[str, bytes], source: str) -> Survey:
         target_distance_sigma_m=_optional(description, "target_distance_sigma_m", where),
         notes=str(description.get("notes", "")),
     )
+
+
+def _shown(name: str) -> str:
+    """A name as a page can show it."""
+    return name[:LONGEST_NAME].encode("utf-8", "replace").decode()
 
 
 def find_description(files: Mapping[str, bytes], source: str) -> tuple[str, dict[str, Any]]:

@@ -277,15 +277,20 @@ class _OutOfOrderError(Exception):
 def numbers_of(column: pd.Series[Any], decimal_comma: bool) -> FloatArray:
     """A column as numbers; NaN for what is none."""
     if not pd.api.types.is_numeric_dtype(column):
-        column = column.astype(str)  # also what a Parquet file has for a number: dates, lists
+        column = _texts(column)
         if decimal_comma:
             column = column.str.replace(",", ".", regex=False)
     return pd.to_numeric(column, errors="coerce").to_numpy(dtype=np.float64, na_value=np.nan)
+
+
+def _texts(column: pd.Series[Any]) -> pd.Series[Any]:
+    """Words for what a Parquet file can have in place of numbers: dates, lists, bytes."""
+    return column.map(str) if column.dtype == object else column.astype(str)
 
 
 def is_missing(column: pd.Series[Any]) -> npt.NDArray[np.bool_]:
     """Where a column is empty, or says that it is (NaN, NA, none)."""
     if pd.api.types.is_numeric_dtype(column):
         return column.isna().to_numpy()
-    words = column.astype(str).str.strip().str.lower()
+    words = _texts(column).str.strip().str.lower()
     return (column.isna() | words.isin(MISSING)).to_numpy()

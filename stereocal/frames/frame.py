@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
 from stereocal.dataset import SOURCES, TARGETS, Correspondences
-from stereocal.errors import DAMAGED, StereocalError
+from stereocal.errors import DAMAGED, StereocalError, can_be_shown
 from stereocal.frames.pairing import CAMERAS
 
 LARGEST_PX = 1_000_000
@@ -167,8 +167,8 @@ def frame_from_json(item: dict[str, Any]) -> Frame:
         raise ValueError(item["state"])
     primary, secondary = item["files"]
     number = int(item["frame"])
-    if abs(number) > 2**53:
-        raise ValueError(number)
+    if abs(number) > 2**53 or not all(map(can_be_shown, (primary, secondary, item["reason"]))):
+        raise ValueError(item)
     return Frame(
         frame=number,
         files=(str(primary), str(secondary)),

@@ -23,7 +23,7 @@ from typing import Any, Literal
 
 import pandas as pd
 
-from stereocal.errors import DAMAGED, StereocalError
+from stereocal.errors import DAMAGED, StereocalError, can_be_shown
 from stereocal.formats.parquet import PARQUET
 from stereocal.formats.point_answers import OURS, Answers, answered, layout_of
 from stereocal.formats.point_files import read_points
@@ -311,9 +311,10 @@ class ProjectApplication:
 def _check(state: dict[str, Any]) -> None:
     for found in state["points"].values():
         file = PointFile(**found)
-        if not isinstance(file.stored, str) or not isinstance(file.table, str):
+        texts = can_be_shown(file.label), can_be_shown(file.stored), can_be_shown(file.table)
+        if not all(texts) or not isinstance(file.rows, int) or not isinstance(file.frames, int):
             raise TypeError(file)
     for kind in ("asking", "sets"):
         for label, stored in state[kind].values():
-            if not isinstance(label, str) or not isinstance(stored, str):
+            if not can_be_shown(label) or not isinstance(stored, str):
                 raise TypeError(label)

@@ -28,7 +28,7 @@ import cv2
 import numpy as np
 
 import stereocal
-from stereocal.errors import DAMAGED, StereocalError
+from stereocal.errors import DAMAGED, LONGEST, StereocalError, can_be_shown
 from stereocal.locking import FileLock
 from stereocal.store.parts import Parts
 from stereocal.writing import make_folder, write_atomically
@@ -36,6 +36,9 @@ from stereocal.writing import make_folder, write_atomically
 T = TypeVar("T")
 JOBS = "jobs"
 """The folder below a project's."""
+MOST = 10**12
+LATEST_S = 1e11
+"""The year 5138."""
 JOB_FORMAT = "stereocal-job/1"
 EVERY_S = 1.0
 """Progress is written at most so often."""
@@ -256,11 +259,25 @@ def _read(folder: Path) -> Record | None:
         if content.pop("format") != JOB_FORMAT:
             return None
         record = Record(**{**content, "stages": tuple(content["stages"])})
+        _check(record)
     except DAMAGED:
         return None
     try:
         how_far = json.loads((folder / "progress.json").read_bytes())
         at, done, total = (int(how_far[name]) for name in ("at", "done", "total"))
-        return replace(record, at=at, done=done, total=total)
+        found = replace(record, at=at, done=done, total=total)
+        _check(found)
+        return found
     except DAMAGED:
         return record
+
+
+def _check(record: Record) -> None:
+    """ValueError for a record that nobody has written."""
+    texts = (*record.stages, record.kind, record.digest, record.sentence)
+    if not all(map(can_be_shown, texts)) or len(record.sentence) > LONGEST:
+        raise ValueError(record)
+    if not (0 <= record.at < len(record.stages) and 0 <= record.done <= record.total <= MOST):
+        raise ValueError(record)
+    if not 0 <= record.begun < LATEST_S or not isinstance(record.work, dict):
+        raise ValueError(record)

@@ -14,7 +14,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, Literal
 
-from stereocal.errors import StereocalError
+from stereocal.errors import StereocalError, can_be_shown
 from stereocal.formats.camera_file import write_camera
 from stereocal.intrinsics import LensCalibration
 from stereocal.lens.boards import BoardSearch
@@ -128,6 +128,6 @@ def label_of(lens: LensCalibration) -> str:
 
 
 def _check(state: dict[str, Any]) -> None:
-    for name, file in dict(state["files"]).items():
-        if not isinstance(name, str) or not isinstance(file, str):
+    for name, file in state["files"].items():
+        if not can_be_shown(name) or not isinstance(file, str):
             raise TypeError(name)

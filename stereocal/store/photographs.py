@@ -18,7 +18,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from stereocal.errors import StereocalError
+from stereocal.errors import StereocalError, can_be_shown
 from stereocal.formats.correspondences_csv import write_table
 from stereocal.formats.photograph import GreyImage, read_photograph
 from stereocal.frames.frame import Frame, correspondences_of, pack_frames, unpack_frames
@@ -276,8 +276,8 @@ def _row(item: Mapping[str, Any]) -> PairRow:
 
 
 def _check(state: dict[str, Any]) -> None:
-    for name, file in dict(state["files"]).items():
-        if not isinstance(name, str) or not isinstance(file, str):
+    for name, file in state["files"].items():
+        if not can_be_shown(name) or not isinstance(file, str):
             raise TypeError(name)
     for item in state["pairs"] or []:
         _row(item)

@@ -102,8 +102,11 @@ def photographs_in(project: Project | None) -> None:
         st.error(escape_markdown(str(error)))
         st.button("Remove all photographs", on_click=_clear, args=(store, ()), key="no_photographs")
         return
-    if store.photographs:
-        _find_targets(store)
+    try:
+        if store.photographs:
+            _find_targets(store)
+    except StereocalError as error:
+        st.error(escape_markdown(str(error)))
 
 
 def _camera_files(project: Project) -> None:
