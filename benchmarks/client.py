@@ -173,6 +173,11 @@ class Session:
         if what:
             self.timings.append((what, time.monotonic() - begun))
 
+    def rest(self, seconds: float) -> None:
+        """Do nothing for so long, while the page's timers go on."""
+        end = time.monotonic() + seconds
+        self._until(lambda: time.monotonic() >= end, "nothing", seconds + 1)
+
     # What a person sees
 
     @property
@@ -207,6 +212,7 @@ class Session:
     def id_of(self, key: str) -> str:
         """The identity of a widget; the key may be a beginning."""
         found = [identity for identity in self._ids() if _is_key(identity, key)]
+        found.sort(key=lambda identity: not identity.endswith(f"-{key}"))
         if not found:
             raise PageError(f"There is no {key} on the page {self.page}:\n{self.text}")
         return found[0]
@@ -254,7 +260,7 @@ class Session:
             now = time.monotonic()
             if now > end:
                 raise PageError(f"Waited {longest_s:.0f} s for {what}. The page says:\n{self.text}")
-            due = min((at for at, _ in self._timers.values()), default=end)
+            due = min((at for at, _ in self._timers.values()), default=min(now + 0.2, end))
             try:
                 received = self._socket.recv(timeout=max(min(due, end) - now, 0.0))
             except TimeoutError:

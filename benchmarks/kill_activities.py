@@ -291,13 +291,8 @@ def validation(session: Session, ledger: Ledger) -> None:
 
 def long_validation(session: Session, ledger: Ledger) -> None:
     """Validations that run beside the page."""
-    ledger.begin(evaluation=(100, 0))
+    Project.open(ledger.home, ledger.project).keep_settings({"validate_runs": LONG_RUNS})
     session.open("validate", f"project={ledger.project}")
-    session.wait_for("100 runs, 20 calibration")
-    ledger.done()
-    ledger.begin(validate_runs=LONG_RUNS)
-    session.slide("validate_runs", LONG_RUNS)
-    ledger.done()
     for seed in count(1):
         _setting(session, ledger, "seed", seed)
         ledger.begin(evaluation=(LONG_RUNS, seed))
@@ -313,7 +308,8 @@ def detection(session: Session, ledger: Ledger) -> None:
     for _ in count():
         ledger.begin(review=ledger.found)
         session.press("find_targets")
-        session.wait_for("photographs read")
+        while session.has("cancel_photographs"):
+            session.rest(0.2)
         session.wait_for(f"{PHOTOGRAPHED} frames: ")
         ledger.done()
 
@@ -334,6 +330,8 @@ class Activity:
     """Which prepared project it goes on with; empty for a new one."""
     longest_s: float
     """It is killed at a random moment within so many seconds of its first act."""
+    job: str = ""
+    """The kind of long work that it begins."""
 
 
 ACTIVITIES = {
@@ -345,6 +343,6 @@ ACTIVITIES = {
     "correct targets": Activity(corrections, "data", "found", 3.0),
     "calibrate": Activity(calibration, "calibrate", "points", 2.0),
     "validate": Activity(validation, "validate", "points", 6.0),
-    "validate, long": Activity(long_validation, "validate", "points", 9.0),
-    "find targets": Activity(detection, "data", "unfound", 8.0),
+    "validate, long": Activity(long_validation, "validate", "points", 8.0, "evaluation"),
+    "find targets": Activity(detection, "data", "unfound", 8.0, "photographs"),
 }

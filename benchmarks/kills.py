@@ -43,7 +43,7 @@ from tests.bar_photographs import BAR_M, bar_set
 WRONG = ("cannot be read", "damaged", "another version", "no project at this address", "unforeseen")
 COLUMNS = (
     "kills", "acknowledged", "lost", "not opening", "page errors", "shown as interrupted",
-    "processes left",
+    "of them with parts", "gone on to the end", "processes left",
 )  # fmt: skip
 
 
@@ -139,11 +139,31 @@ class Trial:
                     self._wrong(name, "not opening", ledger, text)
             for missing in _unseen(session, ledger):
                 self._wrong(name, "lost", ledger, f"{missing} is not on the page:\n{text}")
-            self.counts[name]["shown as interrupted"] += "interrupted" in text.lower()
+            self._go_on(name, ledger, session)
         except PageError as error:
             self._wrong(name, "not opening", ledger, str(error))
         finally:
             session.close()
+
+    def _go_on(self, name: str, ledger: Ledger, session: Session) -> None:
+        """A job that was interrupted says so and can be finished with what it had."""
+        kind = ACTIVITIES[name].job
+        if not kind or not session.has(f"go_on_{kind}"):
+            return
+        self.counts[name]["shown as interrupted"] += 1
+        found = re.search(r"(\d+) of \d+", session.text)
+        self.counts[name]["of them with parts"] += bool(found and int(found[1]))
+        session.press(f"go_on_{kind}")
+        end = time.monotonic() + 60
+        (item,) = (item for item in ledger.doing if item[0] in ("evaluation", "review"))
+        project = Project.open(self.home, ledger.project)
+        while value_of(project, item) != ledger.doing[item]:
+            if time.monotonic() > end:
+                self._wrong(name, "lost", ledger, f"not finished:\n{session.text}")
+                return
+            session.rest(0.2)
+        ledger.done()
+        self.counts[name]["gone on to the end"] += 1
 
     def _wrong(self, name: str, column: str, ledger: Ledger, text: str) -> None:
         self.counts[name][column] += 1
