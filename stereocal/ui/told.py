@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import wraps
-from typing import Literal, ParamSpec
+from typing import Literal, ParamSpec, TypeVar
 
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
@@ -17,6 +17,7 @@ from stereocal.errors import StereocalError
 from stereocal.ui.texts import escape_markdown
 
 P = ParamSpec("P")
+T = TypeVar("T")
 Kind = Literal["error", "info"]
 _TOLD = "told"
 
@@ -47,3 +48,12 @@ def callback(act: Callable[P, object]) -> Callable[P, None]:
             tell(f"The project's folder cannot be used: {error.strerror or error}.")
 
     return run
+
+
+def readable(read: Callable[[], T]) -> T | None:
+    """What is read, or None and a sentence on the page where it is damaged: the rest goes on."""
+    try:
+        return read()
+    except StereocalError as error:
+        st.warning(escape_markdown(str(error)))
+        return None
