@@ -9,6 +9,7 @@ from stereocal.ui.forms import settings_form, settings_of
 from stereocal.ui.frame import need_frame
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.needed import project_with_data
+from stereocal.ui.project import last_calibration, last_evaluation
 from stereocal.ui.refined import refined_for
 from stereocal.ui.results import show_result
 from stereocal.ui.status import describe_settings, staleness
@@ -27,11 +28,7 @@ if st.button("Calibrate", type="primary", key="run"):
     except StereocalError as error:
         st.error(escape_markdown(str(error)))
 
-try:
-    result, evaluation = project.calibration, project.evaluation
-except StereocalError as error:
-    st.error(escape_markdown(str(error)))
-    st.stop()
+result, evaluation = last_calibration(project), last_evaluation(project)
 if result is None:
     st.info("No result yet. The settings are good as they are: press Calibrate.")
     st.stop()

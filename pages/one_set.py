@@ -15,6 +15,7 @@ from stereocal.ui.one_set import (
     show_trade_off,
     show_verdict,
 )
+from stereocal.ui.project import last_calibration, last_evaluation
 from stereocal.ui.refined import refine_form, refined_of
 from stereocal.ui.texts import ONE_SET
 from stereocal.ui.validation import bring_up_to_date, kept_protocol
@@ -29,7 +30,8 @@ try:
     settings = refine_form(project, dataset)
     result = refined_of(dataset, settings)
     bring_up_to_date(project, [dataset], kept_protocol(project, dataset))
-    evaluation, calibration = project.evaluation, project.calibration
+    evaluation = last_evaluation(project)
+    calibration = last_calibration(project)
     inputs = refined_inputs(dataset, settings)
 except StereocalError as error:
     st.error(escape_markdown(str(error)))

@@ -6,6 +6,7 @@ from stereocal.errors import StereocalError
 from stereocal.ui.frame import need_frame
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.needed import project_with_data
+from stereocal.ui.project import last_evaluation
 from stereocal.ui.texts import VALIDATE
 from stereocal.ui.validation import (
     bring_up_to_date,
@@ -27,11 +28,7 @@ except StereocalError as error:
     st.error(escape_markdown(str(error)))
     st.stop()
 bring_up_to_date(project, datasets, settings)
-try:
-    evaluation = project.evaluation
-except StereocalError as error:
-    st.error(escape_markdown(str(error)))
-    st.stop()
+evaluation = last_evaluation(project)
 if evaluation is None:
     st.info("No validation yet.")
     st.stop()

@@ -35,6 +35,7 @@ from stereocal.formats.correspondences_csv import read_table
 from stereocal.formats.dataset_files import parse_zip
 from stereocal.inputs import Inputs, Slot, check_inputs, checked_inputs
 from stereocal.store.folders import is_id, new_project_folder, own_file
+from stereocal.store.room import check_room
 from stereocal.store.state import PROJECT_FILE, StateFile, changing, read_if_there
 from stereocal.store.unused import forget_files
 from stereocal.writing import write_all, write_atomically
@@ -119,6 +120,7 @@ class Project:
                 given.update({str(slot): name for slot, name in named.items()})
                 labels.update({slot: label for slot, (label, _) in files.items()})
                 new = dataclasses.replace(before, files=given, labels=labels, **values)
+                check_room(self.folder, sum(map(len, fresh.values())))
                 self._check_inputs(new, fresh)
                 if self._replace_inputs(before, new, fresh):
                     return
@@ -228,6 +230,7 @@ class Project:
         Raises:
             StereocalError: it cannot be used; the project is as it was.
         """
+        check_room(self.folder, len(content))
         parse_zip(content, label)
         stored = f"{hashlib.sha256(content).hexdigest()[:20]}-dataset.zip"
         with changing(self.folder):

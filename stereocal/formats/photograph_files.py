@@ -18,6 +18,7 @@ from stereocal.formats.photograph import SUFFIXES
 from stereocal.formats.zip_files import open_zip
 from stereocal.limits import Limits
 from stereocal.locking import FileLock
+from stereocal.store.room import check_room
 from stereocal.writing import make_folder
 
 Photographs = Mapping[str, Path]
@@ -76,10 +77,11 @@ def unpack_photographs(
     """Unpack the photographs of a zip into the folder `store`, one at a time.
 
     Raises:
-        StereocalError: as `zip_files.open_zip`, or the disk is full.
+        StereocalError: as `zip_files.open_zip`, too much for the project, or the disk is full.
     """
     with open_zip(source, name) as opened:
         names = [member for member in opened.names if is_photograph(member)]
+        check_room(store, sum(map(opened.size, names)))
         found = {}
         for done, member in enumerate(names):
             found[member] = keep_photograph(opened.pieces(member), member, store)

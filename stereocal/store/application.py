@@ -36,7 +36,8 @@ from stereocal.points.blocks import TableBlock
 from stereocal.points.pairs import POINT
 from stereocal.project import Project
 from stereocal.store.folders import own_file
-from stereocal.store.state import DamagedError, StateFile, changing, read_if_there
+from stereocal.store.room import check_room
+from stereocal.store.state import DamagedError, StateFile, changing, forget, read_if_there
 from stereocal.writing import flush_folder, make_folder, write_atomically
 
 STORE_FORMAT = "stereocal-apply/1"
@@ -205,6 +206,11 @@ class ProjectApplication:
                 raise StereocalError(f"{name} of the last result has gone; {again}.")
         return outcome, folder
 
+    def forget_result(self) -> None:
+        """Forget the last result, so that it can be made anew."""
+        with changing(self.project.folder):
+            forget(self.folder / "result.json")
+
     def run(
         self,
         work: Application,
@@ -287,6 +293,7 @@ class ProjectApplication:
         name = f"{hashlib.sha256(content).hexdigest()[:20]}{suffix}"
         path = self.files / name
         if not path.is_file() or path.read_bytes() != content:
+            check_room(path, len(content))
             write_atomically(path, content)
         return name
 

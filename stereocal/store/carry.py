@@ -16,6 +16,7 @@ from stereocal.formats.zip_files import OpenZip, open_zip
 from stereocal.project import Project
 from stereocal.store.folders import UNCHANGING, new_project_folder
 from stereocal.store.jobs import JOBS
+from stereocal.store.room import check_whole
 from stereocal.store.state import PROJECT_FILE, changing
 from stereocal.writing import write_in_parts
 
@@ -78,6 +79,7 @@ def unpack_project(
 
     def fill(folder: Path) -> None:
         with open_zip(source, name) as opened:
+            check_whole(sum(map(opened.size, opened.names)))
             _unpack(opened, name, folder)
         if look_through is not None:
             look_through(folder)

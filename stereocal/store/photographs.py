@@ -170,7 +170,7 @@ class ProjectPhotographs:
             self._give_table(frames)
 
     def settle(self) -> None:
-        """Give the project the table of its frames, if the server died before that was done.
+        """Give the project the table of its frames, if the server died over it or it has gone.
 
         Raises:
             StereocalError: as `keep_frames`.
@@ -182,9 +182,13 @@ class ProjectPhotographs:
                 self._give_table(frames)
 
     def _is_settled(self) -> bool:
-        frames, table = self.frames, self.project.table
-        if not frames or (table is not None and table[0] != TABLE_LABEL):
+        frames = self.frames
+        if not frames or self.project.inputs.labels.get("correspondences") != TABLE_LABEL:
             return True
+        try:
+            table = self.project.table
+        except StereocalError:  # it has gone
+            return False
         return table is not None and table[1] == write_table(correspondences_of(frames))
 
     def _give_table(self, frames: Sequence[Frame]) -> None:

@@ -14,7 +14,7 @@ from pathlib import Path
 from stereocal.errors import StereocalError
 from stereocal.project import Project
 from stereocal.store.folders import UNCHANGING, is_id, new_project_folder, private_folder
-from stereocal.store.room import check_copy
+from stereocal.store.room import check_whole, size_of
 from stereocal.store.state import changing
 from stereocal.writing import flush_folder
 
@@ -60,7 +60,7 @@ def duplicate(home: Path, project_id: str) -> Project:
             left behind.
     """
     source = Project.open(home, project_id)
-    check_copy(source.folder)
+    check_whole(size_of(source.folder))
 
     def fill(folder: Path) -> None:
         with changing(source.folder):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -30,7 +31,7 @@ def check_room(below: Path, coming: int) -> None:
     """
     limit = ServerSettings.from_environment().project_mb * MB
     folder = next((path for path in (below, *below.parents) if is_id(path.name)), None)
-    if folder is None or limit == float("inf"):
+    if folder is None or math.isinf(limit):
         return
     size = size_of(folder)
     if size + coming > limit:
@@ -41,13 +42,18 @@ def check_room(below: Path, coming: int) -> None:
         )
 
 
-def check_copy(folder: Path) -> None:
-    """Refuse to copy a project that is larger than the server allows.
+def check_whole(size: int) -> None:
+    """Refuse a project of so many bytes, as a copy or from elsewhere.
 
     Raises:
-        StereocalError: as `check_room`.
+        StereocalError: says the limit and the size.
     """
-    check_room(folder, 0)
+    limit = ServerSettings.from_environment().project_mb * MB
+    if size > limit:
+        raise StereocalError(
+            f"A project may take {limit / MB:g} MB on this server, and this one takes "
+            f"{size / MB:.1f} MB: remove photographs or data sets from it before."
+        )
 
 
 def _files(folder: Path) -> Iterator[tuple[Path, int]]:

@@ -17,7 +17,14 @@ from stereocal.formats.point_table import PointTable
 from stereocal.guarded import server_guard
 from stereocal.matching import ANY_DEPTH, check_depths, purpose_warning
 from stereocal.parameters import RigParameters
-from stereocal.points.application import STAGES, Application, Points, sample_frames, unlabelled
+from stereocal.points.application import (
+    STAGES,
+    Application,
+    Outcome,
+    Points,
+    sample_frames,
+    unlabelled,
+)
 from stereocal.points.blocks import pack_block, unpack_block
 from stereocal.points.nearest import nearest_errors
 from stereocal.points.pairs import POINT
@@ -30,7 +37,7 @@ from stereocal.ui.parameter_files import sets_of
 from stereocal.ui.project import keep_settings, keeper, remembered
 from stereocal.ui.refined import refined_for
 from stereocal.ui.results import show_figure
-from stereocal.ui.told import callback
+from stereocal.ui.told import callback, readable
 from stereocal.ui.wizard import ask_about_points
 
 OWN, FILES = "The bar's own points", "Two point files"
@@ -117,7 +124,7 @@ def choose_sets(
     Raises:
         StereocalError: the project's results cannot be read.
     """
-    calibration = project.calibration
+    calibration = readable(lambda: project.calibration)
     kinds = [*([RESULTS] if calibration else []), GIVEN]
     _remember_choice(project, "apply_sets", kinds)
     st.segmented_control(
@@ -146,7 +153,7 @@ def _own_sets(
 ) -> tuple[dict[str, RigParameters], list[str]]:
     """The sets by method, and of "2d" and "3d" those whose work the refined one is to do."""
     refined, instead = refined_for(project, calibration)
-    return sets_of(calibration, project.evaluation, refined), instead
+    return sets_of(calibration, readable(lambda: project.evaluation), refined), instead
 
 
 def _own_set(
@@ -270,9 +277,17 @@ def _choose(
         st.session_state[CHOSEN] = (False, str(error))
 
 
+def _last(store: ProjectApplication) -> tuple[Outcome, Path] | None:
+    """The last result; None where it is damaged, so that it is made anew."""
+    try:
+        return store.result
+    except StereocalError:
+        return None
+
+
 def bring_up_to_date(project: Project, store: ProjectApplication, work: Application) -> None:
     """Compute at once what is short; offer a button for what is long, and show how it goes."""
-    result = store.result
+    result = _last(store)
     job = jobs.Work(
         project, "apply", STAGES, {"application": work.digest}, lambda job: _run(store, work, job)
     )

@@ -29,6 +29,7 @@ from stereocal.ui.apply import whole_table
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.project import keeper, remembered
 from stereocal.ui.results import show_figure
+from stereocal.ui.told import callback
 
 TWO = "the two points of a frame"
 FIRST_ROWS = 10
@@ -53,7 +54,12 @@ def show_application(project: Project, store: ProjectApplication, work: Applicat
             "The points, the parameters or the gates have changed since this result. It shows what "
             f"it was made with: {escape_markdown(outcome.made_with)}"
         )
-    pairs, points = _read(str(folder / PAIRS)), _read(str(folder / POINTS))
+    try:
+        pairs, points = _read(str(folder / PAIRS)), _read(str(folder / POINTS))
+    except StereocalError as error:
+        st.error(escape_markdown(str(error)))
+        st.button("Begin again", on_click=callback(store.forget_result), key="forget_result")
+        return
     said = [*outcome.sentences, *([same] if (same := agreement(pairs)) else [])]
     st.success(escape_markdown(" ".join(said)))
     for note in outcome.notes:
@@ -176,7 +182,13 @@ def _show_commands(store: ProjectApplication, outcome: Outcome) -> None:
 @st.cache_resource(show_spinner=False, max_entries=4)
 def _read(path: str) -> pd.DataFrame:
     """A table of a result, whose folder is new for every result."""
-    return pd.read_csv(path)
+    try:
+        table = pd.read_csv(path)
+    except (OSError, ValueError) as error:
+        raise StereocalError(f"{Path(path).name} of the last result is damaged.") from error
+    if "frame" not in table:
+        raise StereocalError(f"{Path(path).name} of the last result is damaged.")
+    return table
 
 
 def _by_number(name: str) -> tuple[float, str]:

@@ -13,7 +13,7 @@ from stereocal.limits import Limits
 from stereocal.store.server import ServerSettings
 from stereocal.ui.project import begin_forms_anew, forms_are_anew
 from stereocal.ui.texts import escape_markdown
-from stereocal.ui.told import show_told
+from stereocal.ui.told import forget_told, show_told
 
 TITLES = {
     "start": "Start",
@@ -84,12 +84,14 @@ def run_page(page: StreamlitPage) -> None:
     values of forms, as an older version or another page may have left them, the forms begin anew.
     """
     top = st.container()
+    shown = show_told(top)
     try:
         _draw(page)
     except StopException:
-        show_told(top)
+        forget_told(shown)
         raise
-    show_told(top)
+    # What has come up meanwhile; a page that is drawn once more says it all again.
+    forget_told(shown + show_told(top, shown))
 
 
 def _draw(page: StreamlitPage) -> None:

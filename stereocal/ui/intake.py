@@ -32,6 +32,7 @@ from stereocal.inputs import Slot
 from stereocal.limits import Limits
 from stereocal.project import Project
 from stereocal.store.photographs import ProjectPhotographs
+from stereocal.store.room import check_room
 from stereocal.ui.project import noted, project_to_write
 from stereocal.ui.texts import escape_markdown as escape_markdown
 from stereocal.ui.told import callback
@@ -108,10 +109,11 @@ def keep_uploads(uploads: Sequence[Upload], store: Path, prefix: str = "") -> di
     Args:
         prefix: goes before their names, as a folder: which camera took them.
     """
+    photographs = [upload for upload in uploads if is_photograph(upload.name)]
+    check_room(store, sum(len(upload.getvalue()) for upload in photographs))
     return {
         prefix + upload.name: keep_photograph([upload.getvalue()], upload.name, store)
-        for upload in uploads
-        if is_photograph(upload.name)
+        for upload in photographs
     }
 
 

@@ -33,7 +33,7 @@ from stereocal.ui.intake import (
 )
 from stereocal.ui.project import current_project, keeper, project_to_write, remembered
 from stereocal.ui.samples import has_sample_photographs, load_sample_boards
-from stereocal.ui.told import callback, tell
+from stereocal.ui.told import callback, readable, tell
 
 BOARD, FILE = "Photographs of a board", "A camera file"
 CHESSBOARD, CHARUCO = "Chessboard", "ChArUco"
@@ -234,7 +234,7 @@ def lens_form(project: Project) -> LensSettings:
 
 
 def _act(store: ProjectLens, pattern: BoardPattern, settings: LensSettings) -> jobs.Work:
-    search, lens = store.search, store.calibration
+    search, lens = readable(lambda: store.search), readable(lambda: store.calibration)
     ready = search is not None and search.pattern == pattern
     leave_out: list[str] = []
     if ready and search is not None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 import streamlit as st
 
 from stereocal.errors import StereocalError
@@ -27,11 +29,11 @@ from stereocal.ui.results import show_figure
 
 def show_lens(store: ProjectLens) -> None:
     """The last finished lens of a camera, from top to bottom."""
-    try:
-        lens, search = store.calibration, store.search
-    except StereocalError as error:
-        st.error(escape_markdown(str(error)))
-        return
+    lens, search = None, None
+    with suppress(StereocalError):  # said above, where it can be made anew
+        lens = store.calibration
+    with suppress(StereocalError):
+        search = store.search
     if search is not None and search.refused:
         with st.expander(f"{len(search.refused)} photographs without a usable board"):
             for item in search.refused:

@@ -34,7 +34,7 @@ from stereocal.ui.intake import (
 )
 from stereocal.ui.project import project_to_write
 from stereocal.ui.review import show_frames
-from stereocal.ui.told import callback, tell
+from stereocal.ui.told import callback, readable, tell
 
 TOGETHER, FOLDER, APART = "Both cameras together", "A folder", "One camera after the other"
 KINDS = [*sorted(suffix.removeprefix(".") for suffix in SUFFIXES), "zip"]
@@ -114,7 +114,7 @@ def _camera_files(project: Project) -> None:
     for slot, column in zip(LENSES, st.columns(2), strict=True):
         with column:
             in_use(project, slot)
-    with st.expander("Camera files", expanded=not all(project.cameras)):
+    with st.expander("Camera files", expanded=not all(readable(lambda: project.cameras) or ())):
         for slot, column in zip(LENSES, st.columns(2), strict=True):
             kinds = ["json", "yaml", "yml", "xml"]
             with column:
@@ -265,7 +265,7 @@ def _find_targets(store: ProjectPhotographs) -> None:
     """The button, the job, and the contact sheet of what was found."""
     project, rows = store.project, [row for row in store.rows if row.use]
     running = jobs.is_running(project, "photographs")
-    frames = store.frames
+    frames = readable(lambda: store.frames)
     lacking = [name for name, camera in zip(CAMERAS, project.cameras, strict=True) if not camera]
     if lacking:
         st.info(
@@ -283,6 +283,7 @@ def _find_targets(store: ProjectPhotographs) -> None:
     jobs.show_job(project, "photographs", last, work)
     if frames is None:
         return
+    readable(store.settle)
     if {(f.frame, f.files) for f in frames} != {
         (row.pair.frame, (row.pair.primary, row.pair.secondary)) for row in rows
     }:

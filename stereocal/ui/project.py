@@ -11,14 +11,16 @@ from typing import Any
 
 import streamlit as st
 
+from stereocal.calibrate import Calibration
 from stereocal.errors import StereocalError
+from stereocal.evaluation_files import Evaluation
 from stereocal.inputs import Inputs, Slot
 from stereocal.project import Project
 from stereocal.store.folders import default_home
 from stereocal.store.photographs import TABLE_LABEL
 from stereocal.store.server import ServerSettings
 from stereocal.store.sweep import sweep
-from stereocal.ui.told import callback, tell
+from stereocal.ui.told import callback, readable, tell
 from stereocal.warming import compile_all
 
 SAMPLE = Path(__file__).parents[2] / "sample_data" / "field"
@@ -108,6 +110,16 @@ def remembered(project: Project, defaults: Mapping[str, Any]) -> None:
                 )
             st.session_state[key] = kept[key]
         seen[key] = kept.get(key, default)
+
+
+def last_calibration(project: Project) -> Calibration | None:
+    """The last result; None, and a sentence, where it is damaged."""
+    return readable(lambda: project.calibration)
+
+
+def last_evaluation(project: Project) -> Evaluation | None:
+    """The last validation; None, and a sentence, where it is damaged."""
+    return readable(lambda: project.evaluation)
 
 
 def begin_forms_anew() -> None:

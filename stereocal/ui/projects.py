@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import tempfile
 from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
@@ -24,8 +25,6 @@ from stereocal.ui.project import current_project, open_project
 
 _REMOVED = "removed_project"
 _FAILED = "failed_project"
-PACKED = ".packed.zip"
-"""Not a part of the project: its name begins with a dot."""
 
 
 def show_projects() -> None:
@@ -47,7 +46,7 @@ def show_projects() -> None:
 
 
 def what_is_kept(settings: ServerSettings) -> str:
-    """Where the projects are, and when they go."""
+    """Where the projects are, when they go, and how large one may be."""
     where = "on the server" if settings.shared else f"on this computer, in `{default_home()}`"
     life = (
         "until you remove it"
@@ -60,10 +59,16 @@ def what_is_kept(settings: ServerSettings) -> str:
         if settings.shared
         else "A project is found in this list, and by its address in the browser."
     )
+    size = (
+        "There is no limit to its size but the disk."
+        if math.isinf(settings.project_mb)
+        else f"One project may take {settings.project_mb:g} MB; photographs that you remove from "
+        "it make room at once."
+    )
     return (
         f"Every file, correction, setting and result is written to disk {where}, as soon as it is "
         f"there, and kept {life}. A removed project can be brought back for "
-        f"{settings.undo_days:g} days. {who} Nothing is sent elsewhere."
+        f"{settings.undo_days:g} days. {size} {who} Nothing is sent elsewhere."
     )
 
 
@@ -94,20 +99,7 @@ def _carry() -> None:
     if project is not None:
         name = project.inputs.name or "project"
         if st.button(f"Pack the open project ({escape_markdown(name)})", key="pack"):
-            target = project.folder / PACKED
-            try:
-                with st.spinner("Packing."):
-                    pack_project(project, target)
-            except StereocalError as error:
-                st.error(escape_markdown(str(error)))
-            else:
-                st.download_button(
-                    f"Download it ({target.stat().st_size / 1e6:.1f} MB)", target.read_bytes(),
-                    f"{re.sub('[^A-Za-z0-9-]+', '-', name).strip('-') or 'project'}.zip",
-                    "application/zip", on_click="ignore", icon=":material/download:",
-                    key="download_project",
-                )  # fmt: skip
-                target.unlink(missing_ok=True)
+            _offer_packed(project, name)
     upload = st.file_uploader("A project's zip", type=["zip"], key="upload_project")
     if upload is None or not is_new(upload):
         return
@@ -124,6 +116,25 @@ def _carry() -> None:
 def _survive(folder: Path) -> None:
     for kind, path in guarded_files(folder):
         server_guard().check(kind, path, path.name)
+
+
+def _offer_packed(project: Project, name: str) -> None:
+    """Pack beside the projects' disk: one that is full or read-only can be left all the same."""
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            target = Path(folder) / "project.zip"
+            with st.spinner("Packing."):
+                pack_project(project, target)
+            content = target.read_bytes()
+    except StereocalError as error:
+        st.error(escape_markdown(str(error)))
+        return
+    st.download_button(
+        f"Download it ({len(content) / 1e6:.1f} MB)", content,
+        f"{re.sub('[^A-Za-z0-9-]+', '-', name).strip('-') or 'project'}.zip",
+        "application/zip", on_click="ignore", icon=":material/download:",
+        key="download_project",
+    )  # fmt: skip
 
 
 def _offer_undo() -> None:

@@ -10,6 +10,7 @@ from stereocal.formats.dataset_files import pack_dataset, read_dataset
 from stereocal.formats.photograph_files import Photographs, keep_photograph, photographs_in
 from stereocal.project import Project
 from stereocal.store.lens import WHICH, ProjectLens
+from stereocal.store.room import check_room
 from stereocal.ui.intake import give_dataset, refuse, settled
 from stereocal.ui.project import SAMPLE, new_project, project_to_write
 
@@ -68,6 +69,7 @@ def _keep_bars(store: Path) -> Mapping[str, Path]:
 
 
 def _kept(source: Photographs, store: Path) -> dict[str, Path]:
+    check_room(store, sum(path.stat().st_size for path in source.values()))
     return {
         name: keep_photograph([path.read_bytes()], name, store) for name, path in source.items()
     }

@@ -6,9 +6,9 @@ would not be drawn.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import wraps
-from typing import Literal, ParamSpec
+from typing import Literal, ParamSpec, TypeVar
 
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
@@ -17,21 +17,30 @@ from stereocal.errors import StereocalError
 from stereocal.ui.texts import escape_markdown
 
 P = ParamSpec("P")
+T = TypeVar("T")
 Kind = Literal["error", "info"]
+Told = tuple[Kind, str]
 _TOLD = "told"
 
 
 def tell(sentence: str, kind: Kind = "error") -> None:
     """Say this once, at the top of the page that is drawn now or next; the same not twice."""
-    told: list[tuple[Kind, str]] = st.session_state.setdefault(_TOLD, [])
+    told: list[Told] = st.session_state.setdefault(_TOLD, [])
     if (kind, sentence) not in told:
         told.append((kind, sentence))
 
 
-def show_told(place: DeltaGenerator) -> None:
-    """Draw what is to be told, also what has come up while the page below was drawn."""
-    for kind, sentence in st.session_state.pop(_TOLD, []):
+def show_told(place: DeltaGenerator, but: Sequence[Told] = ()) -> list[Told]:
+    """Draw what is to be told, but for what was drawn already; it is told until forgotten."""
+    told = [one for one in st.session_state.get(_TOLD, []) if one not in but]
+    for kind, sentence in told:
         (place.error if kind == "error" else place.info)(escape_markdown(sentence))
+    return told
+
+
+def forget_told(told: Sequence[Told]) -> None:
+    """What has been told is not told again."""
+    st.session_state[_TOLD] = [one for one in st.session_state.get(_TOLD, []) if one not in told]
 
 
 def callback(act: Callable[P, object]) -> Callable[P, None]:
@@ -47,3 +56,12 @@ def callback(act: Callable[P, object]) -> Callable[P, None]:
             tell(f"The project's folder cannot be used: {error.strerror or error}.")
 
     return run
+
+
+def readable(read: Callable[[], T]) -> T | None:
+    """What is read, or None and a sentence on the page where it is damaged: the rest goes on."""
+    try:
+        return read()
+    except StereocalError as error:
+        st.warning(escape_markdown(str(error)))
+        return None

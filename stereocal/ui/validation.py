@@ -129,7 +129,7 @@ def bring_up_to_date(
 ) -> None:
     """Compute at once what is short; offer a button for what is long, and show how it goes."""
     work = _work(project, datasets, settings)
-    if _is_current(project.evaluation, datasets, settings):
+    if _is_current(_last(project), datasets, settings):
         jobs.is_done(work)
     else:
         frames = sum(len(dataset.correspondences.frames) for dataset in datasets)
@@ -270,6 +270,14 @@ def _further(project: Project, more: Sequence[Dataset]) -> None:
         st.markdown(f"- {escape_markdown(dataset.name)}")
     if more:
         st.button("Forget them", on_click=callback(project.drop_datasets), key="drop_more")
+
+
+def _last(project: Project) -> Evaluation | None:
+    """The last validation; None where it is damaged, so that it is made anew."""
+    try:
+        return project.evaluation
+    except StereocalError:
+        return None
 
 
 def _is_current(

@@ -121,11 +121,12 @@ def test_a_tab_of_before_an_update_meets_the_new_server(home: Path) -> None:
         },
     }  # fmt: skip
     for page, values in stale.items():
-        for key, value in values.items():
-            app = go(session(project, **{key: value}), page)
-            assert not app.exception, key
-            assert told(app), key
-            project.keep_settings({key: value})
+        keys = list(values)
+        for few in (keys[::3], keys[1::3], keys[2::3]):
+            app = go(session(project, **{key: values[key] for key in few}), page)
+            assert not app.exception, few
+            assert told(app), few
+        project.keep_settings(values)
         app = go(session(project), page)
         assert not app.exception, page
         assert told(app), page

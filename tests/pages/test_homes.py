@@ -1,0 +1,134 @@
+"""Homes that cannot be made, that are full, or that can only be read: a sentence on every page."""
+
+from __future__ import annotations
+
+import errno
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from streamlit.testing.v1 import AppTest
+
+from stereocal.project import Project
+from stereocal.ui.frame import TITLES
+from tests.failing_disk import Disk, watched
+from tests.pages.stored_projects import FULL, ROOT, SLOW, go, placed, session, told
+
+REASONS = {
+    errno.ENOSPC: "No space left on device",
+    errno.EROFS: "Read-only file system",
+    errno.EACCES: "Permission denied",
+}
+
+
+@contextmanager
+def broken(home: Path, code: int) -> Iterator[None]:
+    """Every change below the home fails."""
+
+    class Everything(Disk):
+        def called(self, name: str, path: object) -> None:
+            text = str(path) if isinstance(path, str | os.PathLike) else ""
+            if text.startswith(self.below) and not name.startswith(("unlink", "rmdir")):
+                raise OSError(code, os.strerror(code), text)
+
+    with watched(Everything(home, None, lambda _: None)):
+        yield
+
+
+def fresh() -> AppTest:
+    return AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW).run()
+
+
+def test_a_home_that_is_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    home = tmp_path / "home"
+    home.write_text("a file")
+    monkeypatch.setenv("STEREOCAL_HOME", str(home))
+    app = fresh()
+    for page in TITLES:
+        go(app, page)
+        assert not app.exception, page
+    go(app, "start").button(key="demo").click().run()
+    assert "cannot be made" in told(app, "error") and not app.exception
+    go(app, "data").number_input(key="baseline_m_value").set_value(4.5).run()
+    assert "cannot be made" in told(app, "error") and not app.exception
+    go(app, "apply").button(key="apply_begin").click().run()
+    assert "cannot be made" in told(app, "error") and not app.exception
+    go(app, "cameras").button(key="sample_boards").click().run()
+    assert "cannot be made" in told(app, "error") and not app.exception
+    assert home.read_text() == "a file"
+
+
+@pytest.mark.parametrize("code", REASONS)
+def test_nothing_can_be_begun(code: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("STEREOCAL_HOME", str(tmp_path))
+    app = fresh()
+    with broken(tmp_path, code):
+        for page in ("start", "data"):
+            assert not go(app, page).exception
+        go(app, "start").button(key="demo").click().run()
+        assert REASONS[code] in told(app, "error") and not app.exception
+        go(app, "data").file_uploader(key="upload_primary").upload(
+            "p.json", (ROOT / "sample_data/field/primary.json").read_bytes(), "text/json"
+        ).run()
+        assert REASONS[code] in told(app, "error") and not app.exception
+    assert not list(tmp_path.glob("projects/*"))
+    go(app, "start").button(key="demo").click().run()
+    assert not app.exception and len(list(tmp_path.glob("projects/*"))) == 1
+
+
+def test_a_project_can_be_looked_at_and_every_change_is_refused_with_a_sentence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    code = errno.ENOSPC
+    monkeypatch.setenv("STEREOCAL_HOME", str(tmp_path))
+    project = placed(FULL, tmp_path)
+    app = session(project)
+    for page in TITLES:  # what is computed of the project is on the disk before it breaks
+        go(go(app, "start"), page)
+    before = {path: path.read_bytes() for path in project.folder.rglob("*") if path.is_file()}
+    with broken(tmp_path, code):
+        for page in TITLES:
+            assert not go(go(app, "start"), page).exception, page
+        for page, given in acts(project).items():
+            for act in given:
+                go(go(app, "start"), page)
+                act(app)
+                app.run()
+                assert not app.exception, (page, app.exception)
+                assert REASONS[code] in told(app, "error", "warning"), (page, told(app))
+    after = {path: path.read_bytes() for path in project.folder.rglob("*") if path.is_file()}
+    assert {path.name for path in set(after) - set(before)} <= {".lock"}
+    assert all(after[path] == content for path, content in before.items())
+    assert Project.open(tmp_path, project.id).calibration is not None
+
+
+def acts(project: Project) -> dict[str, list[Callable[[AppTest], AppTest]]]:
+    """What a person does on each page that changes something."""
+    return {
+        "start": [
+            lambda app: app.text_input(key=f"name_{project.id}").set_value("New name"),
+            lambda app: app.button(key=f"duplicate_{project.id}").click(),
+            lambda app: app.button(key=f"remove_{project.id}").click(),
+            lambda app: app.button(key="demo").click(),
+        ],
+        "data": [
+            lambda app: app.number_input(key="baseline_m_value").set_value(300.0),
+            lambda app: app.checkbox(key="use_frame_2").set_value(False),
+            lambda app: app.button(key="look_2").click(),
+            lambda app: app.button(key="pair_again").click(),
+            lambda app: app.button(key="no_photographs").click(),
+        ],
+        "calibrate": [
+            lambda app: app.button(key="run").click(),
+            lambda app: app.number_input(key="seed").set_value(9),
+        ],
+        "validate": [lambda app: app.slider(key="validate_runs").set_value(20)],
+        "cameras": [
+            lambda app: app.button(key="no_boards_primary").click(),
+            lambda app: app.button(key="use_lens_primary").click(),
+            lambda app: app.number_input(key="board_columns").set_value(9),
+        ],
+        "apply": [lambda app: app.number_input(key="apply_threshold").set_value(2.0)],
+    }
