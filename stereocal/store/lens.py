@@ -42,6 +42,7 @@ class ProjectLens:
         self._file = StateFile(
             project.folder, self.folder / "photographs.json", STORE_FORMAT, _check, {"files": {}},
             "The list of board photographs", "remove them, and give them again",
+            ("boards.npz", "lens.npz"),
         )  # fmt: skip
 
     @property

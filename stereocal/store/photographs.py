@@ -54,7 +54,7 @@ class ProjectPhotographs:
         self._file = StateFile(
             project.folder, self.folder / "photographs.json", STORE_FORMAT, _check,
             {"files": {}, "pairs": None}, "The list of photographs",
-            "remove all photographs, and give them again",
+            "remove all photographs, and give them again", ("frames.json",),
         )  # fmt: skip
 
     @property

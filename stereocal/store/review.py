@@ -6,14 +6,17 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Sequence
 
-from stereocal.errors import StereocalError
+from stereocal.errors import DAMAGED, StereocalError
 from stereocal.frames.frame import Frame
-from stereocal.frames.review import Edit, Review, pack_edits, unpack_edits
+from stereocal.frames.review import REVIEW_FORMAT, Edit, Review, pack_edits, unpack_edits
 from stereocal.store.photographs import ProjectPhotographs
 from stereocal.store.state import changing, read_if_there
 from stereocal.writing import write_atomically
+
+EDITS = "edits.json"
 
 
 def read_review(store: ProjectPhotographs) -> Review:
@@ -40,15 +43,39 @@ def change_review(store: ProjectPhotographs, change: Callable[[Review], Review])
         after = change(before)
         if after != before:
             # The edits first: one too many only takes back what is so already.
-            write_atomically(store.folder / "edits.json", pack_edits(after.edits))
+            write_atomically(store.folder / EDITS, pack_edits(after.edits))
             store.keep_frames(after.frames)
         return after
+
+
+def undo_lost(store: ProjectPhotographs) -> str:
+    """Why the edits so far cannot be undone, in a sentence; empty where they can."""
+    frames = store.frames
+    try:
+        _unpacked(store, frames or [])
+    except StereocalError as error:
+        return str(error)
+    return ""
 
 
 def _edits(store: ProjectPhotographs, frames: Sequence[Frame]) -> tuple[Edit, ...]:
     """A list that is damaged costs the undoing alone: the frames stand without it."""
     try:
-        content = read_if_there(store.folder / "edits.json", "edits cannot be undone")
-        return () if content is None else unpack_edits(content, frames)
+        return _unpacked(store, frames)
     except StereocalError:
+        if _is_of_another_version(store):
+            raise
         return ()
+
+
+def _unpacked(store: ProjectPhotographs, frames: Sequence[Frame]) -> tuple[Edit, ...]:
+    content = read_if_there(store.folder / EDITS, "the edits so far cannot be undone")
+    return () if content is None else unpack_edits(content, frames)
+
+
+def _is_of_another_version(store: ProjectPhotographs) -> bool:
+    try:
+        content = json.loads((store.folder / EDITS).read_bytes())
+        return isinstance(content["edits"], list) and content["format"] != REVIEW_FORMAT
+    except DAMAGED:
+        return False

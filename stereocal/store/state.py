@@ -63,6 +63,8 @@ class StateFile:
     """As messages call it: "The list of photographs"."""
     advice: str
     """What to do if it is damaged."""
+    followers: tuple[str, ...] = ()
+    """Files beside it that are never there before it: if one is, this one has gone."""
 
     def read(self) -> dict[str, Any]:
         """The content.
@@ -78,6 +80,8 @@ class StateFile:
         except FileNotFoundError as error:
             if self.empty is None:
                 raise StereocalError(f"{self.what} is not there; {self.advice}.") from error
+            if any((self.path.parent / name).exists() for name in self.followers):
+                raise DamagedError(f"{self.what} has gone; {self.advice}.") from error
             return self.blank()
         except _OtherVersionError:
             raise

@@ -30,7 +30,7 @@ from stereocal.frames.review import (
 from stereocal.frames.review_words import centres_table, describe_residuals, describe_use
 from stereocal.frames.thumbnails import eight_bits
 from stereocal.store.photographs import ProjectPhotographs
-from stereocal.store.review import change_review, read_review
+from stereocal.store.review import change_review, read_review, undo_lost
 from stereocal.ui.contact_sheet import BADGES, show_contact_sheet
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.picker import Mark, Pick, Shown, encode, pick
@@ -66,6 +66,8 @@ def _show_one(store: ProjectPhotographs, running: bool) -> None:
     with st.container():
         if frame.reason:
             st.markdown(escape_markdown(frame.reason))
+    if lost := undo_lost(store):
+        st.warning(escape_markdown(lost))
     _decide(store, review, frame, running)
     left, right = st.columns(2, vertical_alignment="bottom")
     left.segmented_control(

@@ -6,7 +6,10 @@ from pathlib import Path
 
 import pytest
 
+from stereocal.store.photographs import ProjectPhotographs
+from stereocal.store.review import read_review
 from tests.pages.damage import DAMAGES, SHOWN_BY, files_of_full, look_after
+from tests.pages.stored_projects import FULL, go, placed, session, told
 
 SAID = {
     "project.json": ("data", "project's file|no project at this address"),
@@ -34,6 +37,34 @@ def test_every_file_in_one_way_on_the_page_that_shows_it(
         monkeypatch.setenv("STEREOCAL_HOME", str(home / f"{at}"))
         page = SHOWN_BY[file if file in SHOWN_BY else file.split("/")[0]]
         look_after(home / f"{at}", file, list(DAMAGES)[at % len(DAMAGES)], [page])
+
+
+@pytest.mark.parametrize(
+    ("file", "page"),
+    [("photographs/photographs.json", "data"), ("lens/primary/photographs.json", "cameras")],
+)
+def test_a_list_that_has_gone_is_said_and_can_be_begun_anew(
+    file: str, page: str, home: Path
+) -> None:
+    project = placed(FULL, home)
+    (project.folder / file).unlink()
+    app = go(session(project), page)
+    assert "has gone; remove" in told(app, "error")
+    app.button(key="no_photographs" if page == "data" else "no_boards_primary").click().run()
+    assert not app.exception and not app.error
+
+
+def test_edits_that_are_damaged_cost_the_undoing_alone(home: Path) -> None:
+    project = placed(FULL, home)
+    (project.folder / "photographs" / "edits.json").write_bytes(b"{")
+    project.keep_settings({"frames_view": "One frame"})
+    app = go(session(project), "data")
+    assert "they cannot be undone" in told(app, "warning")
+    app.button(key="review_leave").click().run()
+    assert not read_review(ProjectPhotographs(project)).frame(1).use
+    assert "cannot be undone" not in told(app, "warning")
+    app.button(key="review_undo").click().run()
+    assert read_review(ProjectPhotographs(project)).frame(1).use and not app.exception
 
 
 @pytest.mark.parametrize("file", SAID)
