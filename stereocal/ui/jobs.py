@@ -226,8 +226,8 @@ def how_far(record: Record) -> str:
 def _show_interrupted(project: Project, kind: Kind, record: Record, work: Work | None) -> None:
     same = work is not None and record.digest == kept_jobs.digest_of(kind, work.about)
     changed = "" if same else (
-        " The data, the settings or the program have changed since, so it can only be started anew; "
-        "or set them back, and it goes on."
+        " The data, the settings or the program have changed since, so it can only be started "
+        "anew; or set them back, and it goes on."
     )  # fmt: skip
     st.warning(f"The server stopped while this ran. {how_far(record)}{changed}")
     with st.container(horizontal=True):
