@@ -25,7 +25,9 @@ from pathlib import Path
 from typing import Any, Literal, TypeVar
 
 import cv2
+import numba
 import numpy as np
+import scipy
 
 import stereocal
 from stereocal.errors import DAMAGED, LONGEST, StereocalError, can_be_shown
@@ -70,7 +72,7 @@ class Record:
 
 def digest_of(kind: str, work: Mapping[str, Any]) -> str:
     """The same for the same work done by the same software."""
-    software = [stereocal.__version__, np.__version__, cv2.__version__]
+    software = [one.__version__ for one in (stereocal, np, scipy, numba, cv2)]
     content = json.dumps([kind, work, software], sort_keys=True)
     return hashlib.sha256(content.encode()).hexdigest()[:32]
 
@@ -164,9 +166,7 @@ def begin(
         _write(folder, record)
     except OSError as error:
         lock.release()
-        raise StereocalError(
-            f"{folder} cannot be written to: {error.strerror or error}."
-        ) from error
+        raise _refusal(error) from error
     except StereocalError:
         lock.release()
         raise
@@ -212,9 +212,7 @@ def discard(project: Path, kind: str) -> None:
             _forget(folder)
             lock.release()
     except OSError as error:
-        raise StereocalError(
-            f"{folder} cannot be written to: {error.strerror or error}."
-        ) from error
+        raise _refusal(error) from error
 
 
 def ask_to_stop(project: Path, kind: str) -> None:

@@ -166,24 +166,22 @@ def start(work: Work) -> None:
 
 
 def _drive(job: Job, run: Callable[[Job], bool]) -> None:
-    assert job.kept is not None
+    kept, state = job.kept, "failed"
+    assert kept is not None
     try:
-        state = "done" if run(job) else "cancelled"
-        job.kept.end()
-        job.state = state
+        ended = "done" if run(job) else "cancelled"
+        kept.end()
+        state = ended
     except StereocalError as error:
-        _failed(job, str(error))
+        job.sentence = str(error)
+        kept.fail(job.sentence)
     except Exception:
         # Nothing of a thread reaches a page unless it is said here.
         _LOG.exception("A job ended in an error that nobody foresaw.")
-        _failed(job, UNFORESEEN)
-
-
-def _failed(job: Job, sentence: str) -> None:
-    assert job.kept is not None
-    job.sentence = sentence
-    job.kept.fail(sentence)
-    job.state = "failed"
+        job.sentence = UNFORESEEN
+        kept.fail(job.sentence)
+    finally:
+        job.kept, job.state = None, state
 
 
 def on_page(project: Project, stages: tuple[str, ...]) -> Job:
@@ -228,8 +226,8 @@ def how_far(record: Record) -> str:
 def _show_interrupted(project: Project, kind: Kind, record: Record, work: Work | None) -> None:
     same = work is not None and record.digest == kept_jobs.digest_of(kind, work.about)
     changed = "" if same else (
-        " The data or the settings have changed since, so it can only be started anew; or set them "
-        "back, and it goes on."
+        " The data, the settings or the program have changed since, so it can only be started "
+        "anew; or set them back, and it goes on."
     )  # fmt: skip
     st.warning(f"The server stopped while this ran. {how_far(record)}{changed}")
     with st.container(horizontal=True):
