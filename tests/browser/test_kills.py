@@ -1,4 +1,4 @@
-"""A server that is killed while somebody works: the small version of `python -m benchmarks.kills`."""
+"""A server that is killed while somebody works: `python -m benchmarks.kills` in small."""
 
 from __future__ import annotations
 
