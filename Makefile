@@ -2,7 +2,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: run test lint types browser benchmark clean
+.PHONY: run test lint types browser benchmark audit clean
 
 run: $(VENV)/.run
 	$(BIN)/streamlit run app.py
@@ -23,6 +23,12 @@ browser: $(VENV)/.dev
 benchmark: $(VENV)/.dev
 	$(BIN)/python -m pytest benchmarks --benchmark-enable
 	$(BIN)/python -m benchmarks.ratios
+
+# Known vulnerabilities of everything that requirements.txt brings; asks pypi.org.
+audit: $(VENV)/.run
+	$(PYTHON) -m venv $(VENV)/audit
+	$(VENV)/audit/bin/python -m pip install --quiet pip-audit
+	$(VENV)/audit/bin/pip-audit --strict --requirement requirements.txt
 
 $(VENV)/.run: requirements.txt
 	$(PYTHON) -m venv $(VENV)

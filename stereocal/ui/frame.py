@@ -29,8 +29,12 @@ the address."""
 
 FITS = """<style>
 [data-testid=stFileUploaderDropzoneInstructions] span { white-space: normal; }
+button:focus-visible, a:focus-visible, summary:focus-visible {
+  outline: 2px solid currentColor; outline-offset: 2px;
+}
 </style>"""
-"""Streamlit cuts the list of kinds of files off where it does not fit."""
+"""What Streamlit lacks: it cuts the list of kinds of files off where it does not fit, and a button
+that is chosen already does not show that it has the focus."""
 
 _DRAWN = "frame_drawn"
 _LOG = logging.getLogger(__name__)
