@@ -14,7 +14,6 @@ import sys
 import threading
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -24,13 +23,10 @@ READY, SURVIVED, MEMORY, FAILED = "ready", "survived", "memory", "failed"
 OPENCV_NO_MEMORY = -4
 
 
-@dataclass(frozen=True)
-class GuardedReader:
-    """What is tried."""
-
-    read: Callable[[Path], object]
-    room: Callable[[Path], int]
-    """Bytes of memory that the reading of a file may take."""
+Prepared = tuple[int, Callable[[], object]]
+"""Bytes of memory that the reading of a file may take, and the reading."""
+GuardedReader = Callable[[Path], Prepared]
+"""Looks at a file without any native code, and prepares its reading."""
 
 
 def main(module: str) -> None:
@@ -60,8 +56,9 @@ def _tried(reader: GuardedReader, path: Path, seconds: float) -> str:
     if hasattr(signal, "alarm"):  # should the server that waits be gone, and all threads stuck
         signal.alarm(int(seconds) + 5)
     try:
-        _limit_memory(reader.room(path))
-        reader.read(path)
+        room, read = reader(path)
+        _limit_memory(room)
+        read()
         return SURVIVED
     except StereocalError:
         return SURVIVED

@@ -4,45 +4,55 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping
+from functools import partial
 from pathlib import Path
 
 import cv2
 
 from stereocal.formats.camera_file import read_camera
 from stereocal.formats.dataset_files import parse_zip
-from stereocal.formats.photograph import photograph_header, read_photograph
+from stereocal.formats.photograph import decode_checked, read_header
 from stereocal.formats.point_table import PointTable
-from stereocal.guarded_child import GuardedReader
+from stereocal.guarded_child import GuardedReader, Prepared
 
 cv2.setNumThreads(1)
 # Arrow's other pools set aside more addresses than are allowed here.
 os.environ.setdefault("ARROW_DEFAULT_MEMORY_POOL", "system")
 MB = 1_000_000
 SPARE = 300 * MB
+LARGE = 700 * MB
 BYTES_PER_PIXEL = 16
 """Four channels of 16 bits, three of them copied to be weighed, and the grey image."""
 
 
-def _photograph_room(path: Path) -> int:
-    header = photograph_header(path)  # Python alone looks at it, and refuses what is too large
-    return SPARE + 3 * path.stat().st_size + BYTES_PER_PIXEL * header.width * header.height
+def _photograph(path: Path) -> Prepared:
+    content = path.read_bytes()
+    header = read_header(content, path.name)  # Python alone; refuses what is too large
+    room = SPARE + 3 * len(content) + BYTES_PER_PIXEL * header.width * header.height
+    return room, partial(decode_checked, content, header, path.name)
+
+
+def _camera(path: Path) -> Prepared:
+    return _room(path), lambda: read_camera(path.read_bytes(), path.name)
+
+
+def _table(path: Path) -> Prepared:
+    return _room(path) + LARGE, lambda: PointTable(path, ("u", "v"), path.name).check()
+
+
+def _dataset(path: Path) -> Prepared:
+    return _room(path) + LARGE, lambda: parse_zip(path.read_bytes(), path.name)
 
 
 def _room(path: Path) -> int:
     return SPARE + 10 * path.stat().st_size
 
 
-def _read_table(path: Path) -> None:
-    PointTable(path, ("u", "v"), path.name).check()
-
-
 READERS: Mapping[str, GuardedReader] = {
-    "photograph": GuardedReader(read_photograph, _photograph_room),
-    "camera": GuardedReader(lambda path: read_camera(path.read_bytes(), path.name), _room),
-    "table": GuardedReader(_read_table, lambda path: _room(path) + 700 * MB),
-    "dataset": GuardedReader(
-        lambda path: parse_zip(path.read_bytes(), path.name), lambda path: _room(path) + 700 * MB
-    ),
+    "photograph": _photograph,
+    "camera": _camera,
+    "table": _table,
+    "dataset": _dataset,
 }
 
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import os
 import time
+from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 
 from stereocal.errors import StereocalError
-from stereocal.guarded_child import GuardedReader
+from stereocal.guarded_child import GuardedReader, Prepared
 
 
 def _eat(_: Path) -> None:
@@ -34,8 +36,12 @@ def _raise(_: Path) -> None:
     raise ZeroDivisionError
 
 
-READERS = {
-    name: GuardedReader(read, lambda _: 200_000_000)
+def _prepared(read: Callable[[Path], object], path: Path) -> Prepared:
+    return 200_000_000, partial(read, path)
+
+
+READERS: Mapping[str, GuardedReader] = {
+    name: partial(_prepared, read)
     for name, read in {
         "abort": lambda _: os.abort(),
         "exit": lambda _: os._exit(0),

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 
 from stereocal.guarded_child import GuardedReader
 from stereocal.guarded_readers import READERS as REAL
 
-READERS = {kind: GuardedReader(lambda _: os.abort(), reader.room) for kind, reader in REAL.items()}
+READERS: Mapping[str, GuardedReader] = dict.fromkeys(REAL, lambda _: (200_000_000, os.abort))

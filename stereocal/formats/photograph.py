@@ -55,7 +55,11 @@ def read_photograph(path: Path, name: str | None = None) -> GreyImage:
 def decode_photograph(content: bytes, name: str) -> GreyImage:
     """As `read_photograph`, of a file's content; `name` is what messages call it."""
     Limits.from_environment().check_size(len(content), name)
-    header = read_header(content, name)
+    return decode_checked(content, read_header(content, name), name)
+
+
+def decode_checked(content: bytes, header: Header, name: str) -> GreyImage:
+    """As `decode_photograph`, of a file whose `read_header` is known."""
     if header.format == "PNG":
         content = _without_remarks(content)
     try:
