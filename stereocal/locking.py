@@ -98,7 +98,7 @@ def locked(folder: Path) -> Iterator[None]:
                     lock.acquire()
                 except OSError as error:
                     raise StereocalError(
-                        f"{folder} cannot be written to: {error.strerror or error}."
+                        f"The folder {folder.name} cannot be written to: {error.strerror or error}."
                     ) from error
             yield
         finally:

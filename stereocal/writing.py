@@ -113,7 +113,7 @@ def write_all(files: Mapping[Path, bytes]) -> None:
                     temporary.replace(path)
             flush_folder(folder)
     except OSError as error:
-        where = ", ".join(str(path) for path in files)
+        where = ", ".join(path.name for path in files)
         raise StereocalError(f"{where} cannot be written: {error.strerror or error}.") from error
     finally:
         for temporary, _ in waiting:
@@ -142,7 +142,9 @@ def write_in_parts(path: Path) -> Iterator[Path]:
         temporary.replace(path)
         flush_folder(path.parent)
     except OSError as error:
-        raise StereocalError(f"{path} cannot be written: {error.strerror or error}.") from error
+        raise StereocalError(
+            f"{path.name} cannot be written: {error.strerror or error}."
+        ) from error
     finally:
         if temporary is not None:
             _remove(temporary)

@@ -75,7 +75,9 @@ def private_folder(path: Path) -> Path:
         if path.stat().st_mode & 0o777 != 0o700:
             path.chmod(0o700)
     except OSError as error:
-        raise StereocalError(f"{path} cannot be made: {error.strerror or error}.") from error
+        raise StereocalError(
+            f"The folder {path.name} cannot be made: {error.strerror or error}."
+        ) from error
     return path
 
 

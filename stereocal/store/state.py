@@ -176,4 +176,4 @@ def flush_stored(found: Mapping[str, Path], folder: Path) -> None:
     try:
         flush_folder(folder)
     except OSError as error:
-        raise StereocalError(f"{folder} cannot be written: {error.strerror}.") from error
+        raise StereocalError(f"{folder.name} cannot be written: {error.strerror}.") from error

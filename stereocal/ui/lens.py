@@ -326,8 +326,8 @@ def _clear(store: ProjectLens, seen: Collection[str]) -> None:
         if set(store.photographs) - set(seen):
             tell("Another tab has added photographs: look, and press again.")
             return
+    jobs.discard(store.project, job_kind(store.which))  # before: it needs the photographs
     store.clear()
-    jobs.discard(store.project, job_kind(store.which))
     st.session_state[_ROUND] += 1
 
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
-import pandas as pd
 import streamlit as st
 
 from stereocal.errors import StereocalError
@@ -16,7 +15,7 @@ from stereocal.frames.pairing import CAMERAS, Pair
 from stereocal.frames.search import STAGES, detect_frames
 from stereocal.inputs import Slot
 from stereocal.project import Project
-from stereocal.store.photographs import PairRow, ProjectPhotographs
+from stereocal.store.photographs import ProjectPhotographs
 from stereocal.ui import jobs
 from stereocal.ui.intake import (
     KIND_NEXT,
@@ -32,15 +31,14 @@ from stereocal.ui.intake import (
     survived,
     take_file,
 )
+from stereocal.ui.pairs import ROUND, clear, forget_base, show_pairs
 from stereocal.ui.project import project_to_write
 from stereocal.ui.review import show_frames
-from stereocal.ui.told import callback, readable, tell
+from stereocal.ui.told import readable
 
 TOGETHER, FOLDER, APART = "Both cameras together", "A folder", "One camera after the other"
 KINDS = [*sorted(suffix.removeprefix(".") for suffix in SUFFIXES), "zip"]
-COLUMNS = ("Use", "Frame", "Primary photograph", "Secondary photograph")
 LENSES: tuple[Slot, ...] = ("primary", "secondary")
-_ROUND, _BASE, _ROWS = "photographs_round", "pairs_base", "pairs_known"
 
 
 def choose_kind(project: Project | None) -> str | None:
@@ -69,7 +67,7 @@ def photographs_in(project: Project | None) -> None:
         "They come as", [TOGETHER, FOLDER, APART], default=TOGETHER, key="photographs_how",
         required=True,
     )  # fmt: skip
-    key = f"upload_photographs_{st.session_state.setdefault(_ROUND, 0)}"
+    key = f"upload_photographs_{st.session_state.setdefault(ROUND, 0)}"
     if how == APART:
         for camera, column in zip(CAMERAS, st.columns(2), strict=True):
             with column:
@@ -97,10 +95,10 @@ def photographs_in(project: Project | None) -> None:
     store = ProjectPhotographs(project)
     try:
         if store.photographs:
-            _show_pairs(store)
+            show_pairs(store)
     except StereocalError as error:
         st.error(escape_markdown(str(error)))
-        st.button("Remove all photographs", on_click=_clear, args=(store, ()), key="no_photographs")
+        st.button("Remove all photographs", on_click=clear, args=(store, ()), key="no_photographs")
         return
     try:
         if store.photographs:
@@ -149,116 +147,10 @@ def take_photographs(uploads: Sequence[Upload], prefix: str = "") -> None:
         refuse(error)
     if found := survived(found):
         store.add(found)
-    st.session_state.pop(_BASE, None)
+    forget_base()
     # A new key empties the uploader, which else holds every file in memory while the page is open.
-    st.session_state[_ROUND] += 1
+    st.session_state[ROUND] += 1
     st.rerun()
-
-
-def _show_pairs(store: ProjectPhotographs) -> None:
-    """How the photographs were paired, and the table to change that."""
-    proposal, rows = store.proposal, store.rows
-    said = f"{len(store.photographs)} photographs. {proposal.sentence}"
-    sure = proposal.pairs and not (proposal.alone or proposal.unknown or proposal.ambiguous)
-    (st.success if sure else st.warning)(escape_markdown(said))
-    with st.expander("The pairs: look at them, change them", expanded=not rows):
-        _change_pairs(store, rows)
-        st.caption(f"{sum(row.use for row in rows)} of {len(rows)} pairs are used.")
-        left, right = st.columns(2)
-        left.button(
-            "Pair by name again", on_click=_pair_again, args=(store, rows), key="pair_again"
-        )
-        right.button(
-            "Remove all photographs", on_click=_clear, args=(store, set(store.photographs)),
-            key="no_photographs",
-        )  # fmt: skip
-
-
-def _change_pairs(store: ProjectPhotographs, rows: Sequence[PairRow]) -> None:
-    """The table, and what this tab or another one has changed in it."""
-    edited = rows_of(_table_of_pairs(store, rows))
-    known: Sequence[PairRow] = st.session_state[_ROWS]
-    try:
-        if edited != known:
-            new = store.change_rows(known, edited)
-            st.session_state[_ROWS] = new
-            if known != rows:
-                _forget_table()
-                tell("The pairs were changed in another tab too: both changes are here.", "info")
-            st.rerun()
-        elif known != rows:
-            _forget_table()
-            tell("The pairs were changed in another tab: here they are as they are now.", "info")
-            st.rerun()
-    except StereocalError as error:
-        st.error(escape_markdown(f"{error} The last sound table is kept."))
-
-
-def _table_of_pairs(store: ProjectPhotographs, rows: Sequence[PairRow]) -> pd.DataFrame:
-    # The editor keeps changes to the table it began with: that one is held while it is on screen.
-    key = f"pairs_{st.session_state[_ROUND]}"
-    if key not in st.session_state or _BASE not in st.session_state:
-        st.session_state[_BASE], st.session_state[_ROWS] = table_of(rows), list(rows)
-    names = sorted(store.photographs)
-    base: pd.DataFrame = st.session_state[_BASE]
-    edited: pd.DataFrame = st.data_editor(
-        base, key=key, num_rows="dynamic", hide_index=True,
-        column_config={
-            "Use": st.column_config.CheckboxColumn(default=True, width="small"),
-            "Frame": st.column_config.NumberColumn(step=1, width="small", required=True),
-            **{
-                name: st.column_config.SelectboxColumn(options=names, required=True)
-                for name in COLUMNS[2:]
-            },
-        },
-    )  # fmt: skip
-    return edited
-
-
-def table_of(rows: Sequence[PairRow]) -> pd.DataFrame:
-    """The pairs as the editor shows them."""
-    content = [(row.use, row.pair.frame, row.pair.primary, row.pair.secondary) for row in rows]
-    table = pd.DataFrame(content, columns=list(COLUMNS))
-    return table.astype({"Use": bool, "Frame": "Int64", COLUMNS[2]: object, COLUMNS[3]: object})
-
-
-def rows_of(table: pd.DataFrame) -> list[PairRow]:
-    """The pairs as a person has edited them; rows not filled in yet are left aside."""
-    return [
-        PairRow(Pair(int(frame), str(primary), str(secondary)), use is not False)
-        for use, frame, primary, secondary in table[list(COLUMNS)].itertuples(index=False)
-        if pd.notna(frame) and pd.notna(primary) and pd.notna(secondary)
-    ]
-
-
-@callback
-def _pair_again(store: ProjectPhotographs, seen: Sequence[PairRow]) -> None:
-    if store.rows != seen:
-        raise StereocalError("The pairs were changed in another tab: look, and press again.")
-    store.keep_rows(None)
-    _forget_table()
-
-
-@callback
-def _clear(store: ProjectPhotographs, seen: Collection[str]) -> None:
-    if _names(store) - set(seen):
-        raise StereocalError("Another tab has added photographs: look, and press again.")
-    store.clear()
-    jobs.discard(store.project, "photographs")
-    _forget_table()
-
-
-def _names(store: ProjectPhotographs) -> set[str]:
-    try:
-        return set(store.photographs)
-    except StereocalError:  # a list that is damaged is cleared as well
-        return set()
-
-
-def _forget_table() -> None:
-    for key in (_BASE, _ROWS):
-        st.session_state.pop(key, None)
-    st.session_state[_ROUND] += 1
 
 
 def _find_targets(store: ProjectPhotographs) -> None:

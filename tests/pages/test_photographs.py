@@ -18,7 +18,7 @@ from stereocal.formats.camera_file import write_camera
 from stereocal.frames.pairing import Pair
 from stereocal.project import Project
 from stereocal.store.photographs import PairRow, ProjectPhotographs
-from stereocal.ui.photographs import rows_of, table_of
+from stereocal.ui.pairs import rows_of, table_of
 from tests.bar_photographs import bar_set
 
 ROOT = Path(__file__).parents[2]

@@ -1,0 +1,133 @@
+"""The table of pairs on the Data page: how the photographs were paired, and changes to that.
+
+The editor keeps changes to the table it began with. What they make of the pairs is merged with what
+other tabs have changed since (`ProjectPhotographs.change_rows`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+
+import pandas as pd
+import streamlit as st
+
+from stereocal.errors import StereocalError
+from stereocal.frames.pairing import Pair
+from stereocal.store.photographs import PairRow, ProjectPhotographs
+from stereocal.ui import jobs
+from stereocal.ui.intake import escape_markdown
+from stereocal.ui.told import callback, tell
+
+COLUMNS = ("Use", "Frame", "Primary photograph", "Secondary photograph")
+ROUND, _BASE, _ROWS = "photographs_round", "pairs_base", "pairs_known"
+
+
+def show_pairs(store: ProjectPhotographs) -> None:
+    """How the photographs were paired, and the table to change that."""
+    proposal, rows = store.proposal, store.rows
+    said = f"{len(store.photographs)} photographs. {proposal.sentence}"
+    sure = proposal.pairs and not (proposal.alone or proposal.unknown or proposal.ambiguous)
+    (st.success if sure else st.warning)(escape_markdown(said))
+    with st.expander("The pairs: look at them, change them", expanded=not rows):
+        _change_pairs(store, rows)
+        st.caption(f"{sum(row.use for row in rows)} of {len(rows)} pairs are used.")
+        left, right = st.columns(2)
+        left.button(
+            "Pair by name again", on_click=_pair_again, args=(store, rows), key="pair_again"
+        )
+        right.button(
+            "Remove all photographs", on_click=clear, args=(store, set(store.photographs)),
+            key="no_photographs",
+        )  # fmt: skip
+
+
+def _change_pairs(store: ProjectPhotographs, rows: Sequence[PairRow]) -> None:
+    """The table, and what this tab or another one has changed in it."""
+    edited = rows_of(_table_of_pairs(store, rows))
+    known: Sequence[PairRow] = st.session_state[_ROWS]
+    try:
+        if edited != known:
+            new = store.change_rows(known, edited)
+            st.session_state[_ROWS] = new
+            if known != rows:
+                forget_table()
+                tell("The pairs were changed in another tab too: both changes are here.", "info")
+            st.rerun()
+        elif known != rows:
+            forget_table()
+            tell("The pairs were changed in another tab: here they are as they are now.", "info")
+            st.rerun()
+    except StereocalError as error:
+        st.error(escape_markdown(f"{error} The last sound table is kept."))
+
+
+def _table_of_pairs(store: ProjectPhotographs, rows: Sequence[PairRow]) -> pd.DataFrame:
+    # The editor keeps changes to the table it began with: that one is held while it is on screen.
+    key = f"pairs_{st.session_state[ROUND]}"
+    if key not in st.session_state or _BASE not in st.session_state:
+        st.session_state[_BASE], st.session_state[_ROWS] = table_of(rows), list(rows)
+    names = sorted(store.photographs)
+    base: pd.DataFrame = st.session_state[_BASE]
+    edited: pd.DataFrame = st.data_editor(
+        base, key=key, num_rows="dynamic", hide_index=True,
+        column_config={
+            "Use": st.column_config.CheckboxColumn(default=True, width="small"),
+            "Frame": st.column_config.NumberColumn(step=1, width="small", required=True),
+            **{
+                name: st.column_config.SelectboxColumn(options=names, required=True)
+                for name in COLUMNS[2:]
+            },
+        },
+    )  # fmt: skip
+    return edited
+
+
+def table_of(rows: Sequence[PairRow]) -> pd.DataFrame:
+    """The pairs as the editor shows them."""
+    content = [(row.use, row.pair.frame, row.pair.primary, row.pair.secondary) for row in rows]
+    table = pd.DataFrame(content, columns=list(COLUMNS))
+    return table.astype({"Use": bool, "Frame": "Int64", COLUMNS[2]: object, COLUMNS[3]: object})
+
+
+def rows_of(table: pd.DataFrame) -> list[PairRow]:
+    """The pairs as a person has edited them; rows not filled in yet are left aside."""
+    return [
+        PairRow(Pair(int(frame), str(primary), str(secondary)), use is not False)
+        for use, frame, primary, secondary in table[list(COLUMNS)].itertuples(index=False)
+        if pd.notna(frame) and pd.notna(primary) and pd.notna(secondary)
+    ]
+
+
+@callback
+def _pair_again(store: ProjectPhotographs, seen: Sequence[PairRow]) -> None:
+    if store.rows != seen:
+        raise StereocalError("The pairs were changed in another tab: look, and press again.")
+    store.keep_rows(None)
+    forget_table()
+
+
+@callback
+def clear(store: ProjectPhotographs, seen: Collection[str]) -> None:
+    if _names(store) - set(seen):
+        raise StereocalError("Another tab has added photographs: look, and press again.")
+    jobs.discard(store.project, "photographs")  # before: its photographs are still needed then
+    store.clear()
+    forget_table()
+
+
+def _names(store: ProjectPhotographs) -> set[str]:
+    try:
+        return set(store.photographs)
+    except StereocalError:  # a list that is damaged is cleared as well
+        return set()
+
+
+def forget_table() -> None:
+    forget_base()
+    st.session_state[ROUND] += 1
+
+
+def forget_base() -> None:
+    """The table that the editor began with is no longer the one to change."""
+    for key in (_BASE, _ROWS):
+        st.session_state.pop(key, None)
