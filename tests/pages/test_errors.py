@@ -92,7 +92,7 @@ def test_same_numbers_under_another_name_are_not_shared() -> None:
 
 
 CACHES = {
-    "jobs.pool": "threads, which hold nothing of a project",
+    "jobs._pool": "threads; work and answers go by the project's id",
     "jobs._jobs": "by the project's id",
     "project.warm_up": "a thread, which knows no project",
     "review._shown": "by the digest of the photograph's content, in its file's name",
