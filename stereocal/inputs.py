@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any, Literal
@@ -64,5 +65,7 @@ def check_inputs(inputs: Inputs) -> None:
         raise TypeError(inputs)
     for each in fields(Inputs):
         value = getattr(inputs, each.name)
-        if each.name.endswith("_m") and not isinstance(value, float | int | None):
+        if not each.name.endswith("_m") or value is None:
+            continue
+        if not isinstance(value, float | int) or abs(value) > sys.float_info.max:
             raise TypeError(each.name)

@@ -72,6 +72,13 @@ CASES: dict[str, tuple[str, Callable[[], bytes]]] = {
     ),
     "rows longer than the names": ("table of points", lambda: b"frame,u,v\n1,2,3,4\n"),
     "an endless field in DLT": ("dlt, dlt.csv", lambda: b"1" * 200_000),
+    "coefficients of very different size": (
+        "dlt, dlt.csv",
+        lambda: (
+            b"1480300000.0,3249\n0,-552\n811400000,2852\n811.4,-8424\n1e308,-2.8\n1502700000,3710\n"
+            b"577200000,1938\n577.2,1617\n0,-0.79\n0,-0.13\n1000000,3.15\n"
+        ),
+    ),
     "a lone return in DLT": ("dlt, dlt.csv", lambda: b"1,2\r3,4\n"),
     "an endless field in a world": ("world, table", lambda: b"1" * 200_000),
     "a huge number in a world": ("world, JSON", lambda: json.dumps([[HUGE] * 4] * 4).encode()),
@@ -129,6 +136,14 @@ CASES: dict[str, tuple[str, Callable[[], bytes]]] = {
     "a number for a name": (
         "project, calibration.json",
         lambda: inner("calibration.json", lambda c: c["inputs"].update(name=float("nan"))),
+    ),
+    "a baseline of 400 digits": (
+        "project, project.json",
+        lambda: inner("project.json", lambda c: c["inputs"].update(baseline_m=HUGE)),
+    ),
+    "pairs that are no list": (
+        "project, photographs.json",
+        lambda: inner("photographs.json", lambda c: c.update(pairs=False)),
     ),
     "a list for names": (
         "project, photographs.json",

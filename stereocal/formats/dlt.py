@@ -106,6 +106,8 @@ def _decomposed(P: FloatArray, source: str) -> tuple[FloatArray, Pose]:
     K, R = rq(P[:, :3])
     signs = np.diag(np.sign(np.diag(K)))
     K, R = K @ signs, signs @ R
+    if np.diag(K).min() < 1e-12 * np.abs(K).max():  # signs are right now; the numbers may not be
+        raise StereocalError(f"{source}: the coefficients are not those of a camera.")
     t = np.linalg.solve(K, P[:, 3])
     K /= K[2, 2]
     K[1, 0] = K[2, 0] = K[2, 1] = 0.0

@@ -283,5 +283,7 @@ def _check(state: dict[str, Any]) -> None:
     for name, file in state["files"].items():
         if not can_be_shown(name) or not isinstance(file, str):
             raise TypeError(name)
+    if state["pairs"] is not None and not isinstance(state["pairs"], list):
+        raise TypeError(state["pairs"])
     for item in state["pairs"] or []:
         _row(item)
