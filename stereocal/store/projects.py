@@ -18,6 +18,8 @@ from stereocal.store.room import check_whole, size_of
 from stereocal.store.state import changing
 from stereocal.writing import flush_folder
 
+HELD_STAYS = os.name == "nt"
+"""Windows does not move a folder with an open file in it, such as the one that carries its lock."""
 STATES = (".", "photographs", "lens/primary", "lens/secondary", "apply")
 """Folders of a project with files that are replaced when something changes."""
 
@@ -83,6 +85,9 @@ def remove(home: Path, project_id: str) -> None:
     project = Project.open(home, project_id)
     target = private_folder(home / "removed") / project_id
     with changing(project.folder):
+        if not HELD_STAYS:
+            _move(project.folder, target, now=True)
+    if HELD_STAYS:
         _move(project.folder, target, now=True)
 
 
