@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 import struct
 import time
 import zipfile
@@ -152,6 +153,15 @@ CASES: dict[str, tuple[str, Callable[[], bytes]]] = {
     "a lens that magnifies nothing": (
         "camera, ours",
         lambda: readers()["camera, ours"].seeds()[0].replace(b"1480.3", b"1e-320"),
+    ),
+    "a rectification of huge numbers": (
+        "ros, secondary.yaml",
+        lambda: re.sub(
+            rb"(rectification_matrix:.*?data: \[)[^\]]*",
+            rb"\g<1>" + b", ".join([b"1e308"] * 9),
+            readers()["ros, secondary.yaml"].seeds()[0],
+            flags=re.DOTALL,
+        ),
     ),
     "boards without arrays": ("project, boards.npz", lambda: packed("head", b"{}")),
     **{

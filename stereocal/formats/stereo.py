@@ -12,6 +12,7 @@ import stereocal
 from stereocal.camera import Camera
 from stereocal.compiled import FloatArray
 from stereocal.errors import StereocalError
+from stereocal.formats.arrays import LARGEST
 from stereocal.formats.pixel_origin import PixelOrigin
 from stereocal.geometry import Pose
 from stereocal.parameters import RigParameters
@@ -116,7 +117,7 @@ def array_of(value: Any, shape: tuple[int, ...], what: str, source: str) -> Floa
     """Numbers from a file in the given shape; -1 in it is any length.
 
     Raises:
-        StereocalError: not numbers, not finite, or another shape.
+        StereocalError: not numbers, not finite, beyond all bounds, or another shape.
     """
     try:
         found = np.array(value, dtype=np.float64).reshape(shape)
@@ -125,6 +126,8 @@ def array_of(value: Any, shape: tuple[int, ...], what: str, source: str) -> Floa
         raise StereocalError(f"{source}: {what} is not a table of {size} numbers.") from error
     if not np.isfinite(found).all():
         raise StereocalError(f"{source}: {what} has a number that is not finite.")
+    if (np.abs(found) > LARGEST).any():
+        raise StereocalError(f"{source}: {what} has a number that no camera has.")
     return found
 
 
