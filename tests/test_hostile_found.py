@@ -80,6 +80,13 @@ CASES: dict[str, tuple[str, Callable[[], bytes]]] = {
             b"577200000,1938\n577.2,1617\n0,-0.79\n0,-0.13\n1000000,3.15\n"
         ),
     ),
+    "a huge coefficient": (
+        "dlt, dlt.csv",
+        lambda: (
+            b"1480300000,3249\n0,-552\n811400000,2852\n811.4,-8424\n0,-2.8\n1502700000,3710\n"
+            b"577200000,1e308\n577.2,1617\n0,-0.79\n0,-0.13\n1000000,3.15\n"
+        ),
+    ),
     "a lone return in DLT": ("dlt, dlt.csv", lambda: b"1,2\r3,4\n"),
     "an endless field in a world": ("world, table", lambda: b"1" * 200_000),
     "a huge number in a world": ("world, JSON", lambda: json.dumps([[HUGE] * 4] * 4).encode()),

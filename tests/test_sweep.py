@@ -19,6 +19,7 @@ from stereocal.store.sweep import DAY_S, MARKS, sweep
 
 YEAR_S = 365.25 * DAY_S
 NOW = time.time()
+LATER = NOW + 30 * DAY_S
 
 
 def at(home: Path, now: float, removed_days: float = 30, unused_days: float = 90) -> int:
@@ -157,10 +158,10 @@ def test_photographs_need_not_be_looked_at_to_date_a_project(tmp_path: Path) -> 
     for name in ("photographs/files/a.jpg", "photographs/thumbnails/b.jpg"):
         (project.folder / name).parent.mkdir(parents=True, exist_ok=True)
         (project.folder / name).touch()
-        os.utime(project.folder / name, (NOW + 500, NOW + 500))
-    assert changed_at(project.folder) < NOW + 400
+        os.utime(project.folder / name, (LATER, LATER))
+    assert changed_at(project.folder) < LATER
     (project.folder / "apply").mkdir()
     (project.folder / "apply" / "apply.json").touch()
-    os.utime(project.folder / "apply" / "apply.json", (NOW + 600, NOW + 600))
-    assert changed_at(project.folder) == NOW + 600
+    os.utime(project.folder / "apply" / "apply.json", (LATER + 600, LATER + 600))
+    assert changed_at(project.folder) == LATER + 600
     assert changed_at(tmp_path / "nothing") == 0.0 and not math.isnan(changed_at(tmp_path))

@@ -16,6 +16,7 @@ from scipy.linalg import rq
 from stereocal.camera import Camera
 from stereocal.compiled import FloatArray
 from stereocal.errors import StereocalError
+from stereocal.formats.arrays import LARGEST
 from stereocal.formats.stereo import ExchangeOptions, Stereo, array_of, number, only_file, size_of
 from stereocal.geometry import Pose
 
@@ -99,8 +100,9 @@ def _poses(stereo: Stereo, world: Pose | None) -> tuple[Pose, Pose]:
 
 def _decomposed(P: FloatArray, source: str) -> tuple[FloatArray, Pose]:
     """K and pose of a projection matrix of any scale and sign."""
-    scale = float(np.linalg.norm(P[2, :3]))
-    if scale == 0 or abs(np.linalg.det(P[:, :3] / scale)) < 1e-9:
+    largest = float(np.abs(P).max())
+    scale = float(np.linalg.norm(P[2, :3])) if largest < LARGEST else 0.0
+    if largest >= LARGEST * scale or abs(np.linalg.det(P[:, :3] / scale)) < 1e-9:
         raise StereocalError(f"{source}: the coefficients are not those of a camera.")
     P = P / scale * np.sign(np.linalg.det(P[:, :3]))
     K, R = rq(P[:, :3])
