@@ -232,7 +232,8 @@ def _discrimination(
     pooled = counts.sum(axis=0)
     merged = _merged(counts, merge)
     bin_of_threshold = _crossing(pooled)
-    shares = pooled / pooled.sum(axis=1, keepdims=True)
+    total = pooled.sum(axis=1, keepdims=True)
+    shares = pooled / np.where(total, total, np.nan)  # no pair has a value: no share is known
     below = shares[:, BELOW] + shares[:, :bin_of_threshold].sum(axis=1)
     return Discrimination(
         correct=_pdf(pooled[CORRECT], int(nans[CORRECT]), merge),

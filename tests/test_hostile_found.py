@@ -229,6 +229,21 @@ def test_arrays_come_back() -> None:
         assert found[name].dtype == array.dtype
 
 
+def test_a_signalling_nan_is_a_plain_one() -> None:
+    signalling = struct.pack("<Q", 0x7FF0000000000001)
+    found = read_arrays(array(HEAD_OF_ONE, signalling), "x")["head"]
+    assert np.isnan(found - 1).all()  # a RuntimeWarning otherwise
+
+
+def test_a_validation_that_counted_nothing_has_no_share(tmp_path: Path) -> None:
+    reader = readers()["project, evaluation.npz"]
+    arrays = read_arrays(reader.seeds()[0], "x")
+    out = io.BytesIO()
+    arrays["counts0"] = np.zeros_like(arrays["counts0"])
+    np.savez(out, **arrays)  # type: ignore[arg-type]
+    reader.read(out.getvalue(), tmp_path)  # a RuntimeWarning otherwise
+
+
 @pytest.mark.parametrize("number", range(len(parquet())))
 def test_columns_of_kinds_that_nobody_expects(number: int, tmp_path: Path) -> None:
     try:

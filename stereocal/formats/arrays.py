@@ -52,6 +52,8 @@ def _array(packed: bytes) -> Array:
     array = np.frombuffer(data, dtype).reshape(shape, order=order).copy()
     if dtype.kind == "f" and (np.isinf(array) | (np.abs(array) > LARGEST)).any():
         raise ValueError("infinite")
+    if dtype.kind == "f":
+        array[np.isnan(array)] = np.nan  # a signalling one raises a warning wherever it is used
     return array
 
 
