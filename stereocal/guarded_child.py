@@ -56,6 +56,7 @@ def _tried(reader: GuardedReader, path: Path, seconds: float) -> str:
     if hasattr(signal, "alarm"):  # should the server that waits be gone, and all threads stuck
         signal.alarm(int(seconds) + 5)
     try:
+        _limit_memory(None)  # that of the last file may be too small for this one
         room, read = reader(path)
         _limit_memory(room)
         read()
@@ -71,14 +72,17 @@ def _tried(reader: GuardedReader, path: Path, seconds: float) -> str:
             signal.alarm(0)
 
 
-def _limit_memory(room: int) -> None:
-    """Allow so many bytes more than are in use now, where the system counts them."""
+def _limit_memory(room: int | None) -> None:
+    """Allow so many bytes more than are in use now, where the system counts them; None: all."""
     with suppress(ImportError, OSError, ValueError):
         import resource
 
-        pages = int(Path("/proc/self/statm").read_text().split()[0])
         _, hard = resource.getrlimit(resource.RLIMIT_AS)
-        resource.setrlimit(resource.RLIMIT_AS, (pages * resource.getpagesize() + room, hard))
+        most = hard
+        if room is not None:
+            pages = int(Path("/proc/self/statm").read_text().split()[0])
+            most = pages * resource.getpagesize() + room
+        resource.setrlimit(resource.RLIMIT_AS, (most, hard))
 
 
 def _without_core_dumps() -> None:

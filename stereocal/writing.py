@@ -72,7 +72,7 @@ def flush_file(path: Path) -> None:
     Raises:
         OSError: it cannot be brought there.
     """
-    with path.open("rb") as file:
+    with path.open("r+b") as file:  # Windows flushes only what may be written to
         os.fsync(file.fileno())
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import os
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -101,3 +102,10 @@ def test_strange_zips_are_refused_and_leave_nothing(
         unpack_project(content, "p.zip", tmp_path / "there")
     assert list((tmp_path / "there" / "projects").iterdir()) == []
     assert sorted(path.name for path in tmp_path.iterdir()) == ["here", "p.zip", "there"]
+
+
+def test_a_clock_without_a_battery_stands_in_no_ones_way(tmp_path: Path) -> None:
+    project = calibrated(tmp_path / "here")
+    os.utime(project.folder / "calibration.json", (0, 0))  # 1970; zips begin with 1980
+    path = packed(project, tmp_path / "old.zip")
+    assert unpack_project(path, "old.zip", tmp_path / "there").calibration is not None

@@ -193,3 +193,18 @@ def test_all_that_native_code_decodes_of_a_project_is_tried(tmp_path: Path) -> N
     found = {str(path.relative_to(tmp_path)): kind for kind, path in guarded_files(tmp_path)}
     assert found == {place: kind for place, kind in kinds.items() if kind}
     assert set(found.values()) == set(guarded_readers.READERS)
+
+
+def test_a_large_photograph_after_a_small_one(tmp_path: Path) -> None:
+    done, content = cv2.imencode(".png", np.zeros((50, 60), np.uint8))
+    assert done
+    small, large = tmp_path / "small.png", tmp_path / "large.png"
+    small.write_bytes(content.tobytes())
+    large.write_bytes(content.tobytes())
+    os.truncate(large, 390_000_000)  # below the largest upload; holes, not data
+    guard = Guard(children=1)
+    try:
+        guard.check("photograph", small, "small.png")
+        guard.check("photograph", large, "large.png")
+    finally:
+        guard.close()

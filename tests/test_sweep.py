@@ -11,11 +11,15 @@ from pathlib import Path
 import pytest
 
 from stereocal.errors import StereocalError
+from stereocal.formats.photograph_files import keep_photograph
 from stereocal.locking import FileLock, locked
 from stereocal.project import Project
+from stereocal.store.jobs import begin
 from stereocal.store.left_over import remove_left_over
+from stereocal.store.photographs import ProjectPhotographs
 from stereocal.store.projects import bring_back, changed_at, recent_projects, remove
 from stereocal.store.sweep import DAY_S, MARKS, sweep
+from stereocal.store.unused import free_unused
 
 YEAR_S = 365.25 * DAY_S
 NOW = time.time()
@@ -165,3 +169,48 @@ def test_photographs_need_not_be_looked_at_to_date_a_project(tmp_path: Path) -> 
     os.utime(project.folder / "apply" / "apply.json", (LATER + 600, LATER + 600))
     assert changed_at(project.folder) == LATER + 600
     assert changed_at(tmp_path / "nothing") == 0.0 and not math.isnan(changed_at(tmp_path))
+
+
+def unnamed(project: Project) -> Path:
+    """An old file that no list names."""
+    path = project.folder / "inputs" / "0123456789abcdef0123-primary"
+    path.parent.mkdir(exist_ok=True)
+    path.write_bytes(b"x")
+    return path
+
+
+def test_what_only_a_newer_version_can_name_stays(tmp_path: Path) -> None:
+    project = Project.create(tmp_path)
+    path = unnamed(project)
+    state = project.folder / "project.json"
+    ours = state.read_text()
+    state.write_text(ours.replace("stereocal-project/1", "stereocal-project/2"))
+    assert free_unused(project.folder, NOW + YEAR_S) == 0
+    assert path.exists()
+    state.write_text(ours)
+    assert free_unused(project.folder, NOW + YEAR_S) == 1
+
+
+def test_a_job_that_failed_keeps_no_room(tmp_path: Path) -> None:
+    project = Project.create(tmp_path)
+    path = unnamed(project)
+    job = begin(project.folder, "evaluation", ["runs"], {})
+    assert job is not None
+    assert free_unused(project.folder, NOW + YEAR_S) == 0  # it runs, and may need it
+    job.fail("Something is wrong.")
+    assert free_unused(project.folder, NOW + YEAR_S) == 1
+    assert not path.exists()
+
+
+def test_the_same_photographs_given_again_stay(tmp_path: Path) -> None:
+    store = ProjectPhotographs(Project.create(tmp_path))
+    found = {
+        name: keep_photograph([name.encode()], name, store.files)
+        for name in ("left1.png", "right1.png")
+    }
+    store.add(found)
+    rest = {"right1.png": found["right1.png"]}
+    for kept in (found, found, rest, {}):
+        store.replace(kept)
+        assert store.photographs == kept
+        assert {path for path in found.values() if path.exists()} == set(kept.values())

@@ -12,11 +12,12 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -292,9 +293,12 @@ class ProjectApplication:
     def _store(self, content: bytes, suffix: str) -> str:
         name = f"{hashlib.sha256(content).hexdigest()[:20]}{suffix}"
         path = self.files / name
-        if not path.is_file() or path.read_bytes() != content:
-            check_room(path, len(content))
-            write_atomically(path, content)
+        with changing(self.project.folder):
+            if not path.is_file() or path.read_bytes() != content:
+                check_room(path, len(content))
+                write_atomically(path, content)
+            with suppress(OSError):
+                os.utime(path)  # the sweep takes what nothing names only when it is a day old
         return name
 
     def _content(self, stored: str, label: str) -> bytes:

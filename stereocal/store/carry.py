@@ -35,7 +35,10 @@ def pack_project(project: Project, target: Path) -> None:
     Raises:
         StereocalError: the file cannot be written, or the project's folder not be read.
     """
-    with write_in_parts(target) as waiting, zipfile.ZipFile(waiting, "w") as archive:
+    with (
+        write_in_parts(target) as waiting,
+        zipfile.ZipFile(waiting, "w", strict_timestamps=False) as archive,
+    ):
         later = []
         with _still(project.folder):
             for path in sorted(project.folder.rglob("*")):

@@ -46,6 +46,8 @@ EVERY_S = 1.0
 """Progress is written at most so often."""
 PATIENCE_S = 0.3
 """Who only looks whether a job runs holds its lock for a moment."""
+LOOKING_S = 0.05
+"""Two who look at the same moment do not take each other for a job."""
 State = Literal["running", "interrupted", "failed"]
 
 
@@ -181,7 +183,7 @@ def find(project: Path, kind: str) -> tuple[State, Record] | None:
         return None
     lock = FileLock(folder / "lock")
     try:
-        if not lock.acquire(wait=False):
+        if not _acquired(lock, LOOKING_S):
             return "running", record
         try:
             # Once more: it may have ended in between.
@@ -227,8 +229,8 @@ def _refusal(error: OSError) -> StereocalError:
     return StereocalError(f"The project's folder cannot be written to: {error.strerror or error}.")
 
 
-def _acquired(lock: FileLock) -> bool:
-    until = time.monotonic() + PATIENCE_S
+def _acquired(lock: FileLock, patience_s: float = PATIENCE_S) -> bool:
+    until = time.monotonic() + patience_s
     while not lock.acquire(wait=False):
         if time.monotonic() > until:
             return False

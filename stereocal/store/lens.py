@@ -53,8 +53,8 @@ class ProjectLens:
 
     def add(self, found: Mapping[str, Path]) -> None:
         """Take over photographs that are stored below `files`; a name given again is replaced."""
-        flush_stored(found, self.files)
         with self._file.change() as state:
+            flush_stored(found, self.files)
             files = {name: path.name for name, path in found.items()}
             if any(state["files"].get(name, file) != file for name, file in files.items()):
                 # Else the names tell that the boards are not those of these photographs.

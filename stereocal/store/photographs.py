@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -71,8 +71,8 @@ class ProjectPhotographs:
         Raises:
             StereocalError: a photograph has gone since it was stored; nothing has changed.
         """
-        flush_stored(found, self.files)
         with self._file.change() as state:
+            flush_stored(found, self.files)
             if not state["files"]:  # of photographs that were removed
                 self._forget_found()
             state["files"].update({name: path.name for name, path in found.items()})
@@ -82,14 +82,34 @@ class ProjectPhotographs:
 
     def clear(self) -> None:
         """Forget all photographs and what was found in them, and free their room."""
+        self.replace({})
+
+    def replace(self, found: Mapping[str, Path], keep_found: bool = False) -> None:
+        """Have these photographs, stored below `files`, and no others; free the others' room.
+
+        Args:
+            keep_found: if they are those that are here already, what was found in them stays, with
+                what a person has corrected.
+
+        Raises:
+            StereocalError: a photograph has gone since it was stored; nothing has changed.
+        """
         with changing(self.project.folder):
             if not self.folder.exists():
                 return
-            files: Collection[Path] = ()
+            flush_stored(found, self.files)
+            before: Mapping[str, Path] | None = None
             with suppress(StereocalError):  # a list that is damaged is begun anew
-                files = self.photographs.values()
-            self._file.write(self._file.blank())
+                before = self.photographs
+            if keep_found and found and before == found:
+                if frames := self.frames:
+                    self._give_table(frames)
+                return
+            state = self._file.blank()
+            state["files"] = {name: path.name for name, path in found.items()}
+            self._file.write(state)
             self._forget_found()
+            files = set((before or {}).values()) - set(found.values())
             forget_files(self.project.folder, files)
 
     def _forget_found(self) -> None:

@@ -15,9 +15,12 @@ from typing import Any
 
 from stereocal.errors import DAMAGED, StereocalError
 from stereocal.store.folders import UNCHANGING
-from stereocal.store.state import changing
+from stereocal.store.jobs import JOBS, find
+from stereocal.store.state import PROJECT_FILE, changing
 
 LIST = "photographs.json"
+OURS = "/1"
+"""How the formats of all lists end; of another version nobody knows what a list names."""
 NAMING = {
     "inputs": ("project.json", "calibration.json"),
     "photographs/files": ("photographs/photographs.json",),
@@ -62,10 +65,16 @@ def forget_files(project: Path, files: Collection[Path]) -> None:
 
 def is_busy(project: Path) -> bool:
     """Whether a job runs, or was interrupted and can be resumed."""
-    return any((project / "jobs").glob("*/job.json"))
+    kinds = [path.parent.name for path in (project / JOBS).glob("*/job.json")]
+    found = [find(project, kind) for kind in kinds]
+    return any(one is not None and one[0] != "failed" for one in found)
 
 
 def _unused(project: Path) -> Iterator[Path]:
+    try:
+        tuple(_names(project / PROJECT_FILE))
+    except DAMAGED:  # or of a newer version, whose lists may name files elsewhere
+        return
     for folder, lists in NAMING.items():
         try:
             needed = {name for each in lists for name in _names(project / each)}
@@ -88,6 +97,8 @@ def _names(path: Path) -> Iterator[str]:
         return
     if not isinstance(content, dict):
         raise TypeError(path)
+    if not str(content.get("format", OURS)).endswith(OURS):
+        raise ValueError(path)
     yield from _texts(content)
 
 

@@ -315,7 +315,7 @@ def _run(store: ProjectApplication, work: Application, job: jobs.Job) -> bool:
     )  # fmt: skip
 
 
-@st.cache_resource(show_spinner=False, max_entries=8)
+@st.cache_resource(show_spinner=False, max_entries=4)
 def whole_table(path: str, label: str) -> pd.DataFrame:
     """All points of a table; its name holds the digest of its content."""
     table = PointTable(Path(path), POINT, label)

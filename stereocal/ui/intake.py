@@ -270,9 +270,8 @@ def give_dataset(
         baseline_sigma_m=survey.baseline_sigma_m,
         target_distance_sigma_m=survey.target_distance_sigma_m,
     )
-    store.clear()
+    store.replace(photographs, keep_found="correspondences" not in slots)
     if photographs:
-        store.add(photographs)
         st.session_state[KIND_NEXT] = PHOTOGRAPHS
 
 
