@@ -18,6 +18,8 @@ from stereocal.store.projects import (
     duplicate,
     recent_projects,
     remove,
+    removed_at,
+    removed_projects,
 )
 from stereocal.store.sweep import sweep
 from tests.test_project import filled
@@ -97,6 +99,29 @@ def test_removed_projects_come_back_whole(tmp_path: Path) -> None:
         bring_back(tmp_path, project.id)
     with pytest.raises(StereocalError, match="for good"):
         bring_back(tmp_path, "../projects/" + project.id)
+
+
+def test_removed_ones_are_listed_the_newest_first_also_damaged_ones(tmp_path: Path) -> None:
+    assert removed_projects(tmp_path) == []
+    old, damaged, new = filled(tmp_path), filled(tmp_path), filled(tmp_path)
+    old.rename("Swifts <b>")
+    for project in (new, damaged, old):
+        assert removed_at(tmp_path, project.id) is None
+        remove(tmp_path, project.id)
+    below = tmp_path / "removed"
+    (below / damaged.id / "project.json").write_bytes(b"{")
+    (below / ".gone.1").mkdir()
+    aged(below / old.id, 2)
+    aged(below / damaged.id, 1)
+    found = removed_projects(tmp_path)
+    assert [one.id for one in found] == [new.id, damaged.id, old.id]
+    assert [one.name for one in found[1:]] == ["", "Swifts <b>"]
+    assert found[2].removed == pytest.approx(time.time() - 2 * 86_400, abs=60)
+    assert removed_at(tmp_path, old.id) == found[2].removed
+    assert [one.id for one in removed_projects(tmp_path, most=1)] == [new.id]
+    bring_back(tmp_path, new.id)
+    assert [one.id for one in removed_projects(tmp_path)] == [damaged.id, old.id]
+    assert removed_at(tmp_path, f"../removed/{old.id}") is None
 
 
 def test_sweep_takes_what_is_old_and_nothing_else(tmp_path: Path) -> None:

@@ -37,6 +37,17 @@ class Listed:
     """Which results are there: calibration, evaluation."""
 
 
+@dataclass(frozen=True)
+class Removed:
+    """What a list shows of a project that was removed."""
+
+    id: str
+    name: str
+    """As the person called it; empty where nobody did, or where its file is damaged."""
+    removed: float
+    """Seconds since 1970."""
+
+
 def recent_projects(home: Path, most: int = 10) -> list[Listed]:
     """The projects changed last, the newest first; what cannot be read is left out."""
     found: list[Listed] = []
@@ -52,6 +63,23 @@ def recent_projects(home: Path, most: int = 10) -> list[Listed]:
         finished = tuple(what for what, file in files.items() if (folder / file).is_file())
         found.append(Listed(folder.name, name, changed, finished))
     return found
+
+
+def removed_projects(home: Path, most: int = 20) -> list[Removed]:
+    """The projects removed last, the newest first; also those whose file is damaged."""
+    dated = [(removed_at(home, folder.name), folder) for folder in folders_in(home / "removed")]
+    there = sorted(((when, folder) for when, folder in dated if when is not None), reverse=True)
+    return [Removed(folder.name, _name(folder), when) for when, folder in there[:most]]
+
+
+def removed_at(home: Path, project_id: str) -> float | None:
+    """When a project was removed, in seconds since 1970; None if it is not among the removed."""
+    if not is_id(project_id):
+        return None
+    try:
+        return (home / "removed" / project_id).stat().st_mtime
+    except OSError:
+        return None
 
 
 def duplicate(home: Path, project_id: str) -> Project:
@@ -97,10 +125,9 @@ def bring_back(home: Path, project_id: str) -> Project:
     Raises:
         StereocalError: it is not among the removed ones any more.
     """
-    source = home / "removed" / project_id
-    if project_id not in [folder.name for folder in folders_in(home / "removed")]:
-        raise StereocalError("This project was removed for good.")
-    _move(source, private_folder(home / "projects") / project_id)
+    if removed_at(home, project_id) is None:
+        raise StereocalError("This project was brought back already, or it was removed for good.")
+    _move(home / "removed" / project_id, private_folder(home / "projects") / project_id)
     return Project.open(home, project_id)
 
 
@@ -128,6 +155,13 @@ def folders_in(parent: Path) -> list[Path]:
             return [Path(entry) for entry in entries if is_id(entry.name) and entry.is_dir()]
     except OSError:
         return []
+
+
+def _name(folder: Path) -> str:
+    try:
+        return Project(folder).inputs.name
+    except StereocalError:
+        return ""
 
 
 def _link(source: str, target: str) -> None:

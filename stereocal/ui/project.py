@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from stereocal.inputs import Inputs, Slot
 from stereocal.project import Project
 from stereocal.store.folders import default_home
 from stereocal.store.photographs import TABLE_LABEL
+from stereocal.store.projects import bring_back, removed_at
 from stereocal.store.server import ServerSettings
 from stereocal.store.sweep import sweep
 from stereocal.ui.told import callback, readable, tell
@@ -55,9 +57,38 @@ def current_project() -> Project | None:
         notice_others(project)
         return project
     except StereocalError as error:
-        st.error(str(error))
-        st.button("Start a new project", on_click=forget_project, type="primary")
+        if not offer_removed():
+            st.error(str(error))
+            st.button("Start a new project", on_click=forget_project, type="primary")
         st.stop()
+
+
+def is_open(project_id: str) -> bool:
+    """Whether this is the project of the address."""
+    return st.session_state.get(_ID) == project_id
+
+
+def offer_removed() -> bool:
+    """Say that the project of the address was removed, and offer it; False if it was not."""
+    project_id = st.session_state.get(_ID)
+    when = None if project_id is None else removed_at(default_home(), project_id)
+    if project_id is None or when is None:
+        return False
+    date = datetime.fromtimestamp(when).astimezone().strftime("%Y-%m-%d")
+    st.warning(f"This project was removed on {date}.")
+    with st.container(horizontal=True):
+        st.button(
+            "Bring it back", key="bring_it_back", type="primary",
+            on_click=bring_project_back, args=(project_id,),
+        )  # fmt: skip
+        st.button("Start a new project", on_click=forget_project)
+    return True
+
+
+@callback
+def bring_project_back(project_id: str) -> None:
+    """Undo the removal of a project (a callback)."""
+    bring_back(default_home(), project_id)
 
 
 def project_to_write() -> Project:

@@ -18,18 +18,35 @@ from stereocal.project import Project
 from stereocal.store.carry import pack_project, unpack_project
 from stereocal.store.folders import default_home
 from stereocal.store.jobs import interrupted
-from stereocal.store.projects import Listed, bring_back, duplicate, recent_projects, remove
+from stereocal.store.projects import (
+    Listed,
+    duplicate,
+    recent_projects,
+    remove,
+    removed_at,
+    removed_projects,
+)
 from stereocal.store.server import ServerSettings
 from stereocal.ui.intake import check_uploads, escape_markdown, is_new
-from stereocal.ui.project import current_project, open_project
+from stereocal.ui.project import (
+    bring_project_back,
+    current_project,
+    is_open,
+    offer_removed,
+    open_project,
+)
 
 _REMOVED = "removed_project"
 _FAILED = "failed_project"
 
 
 def show_projects() -> None:
-    """Recent projects, each to open, rename, duplicate or remove; not on a shared server."""
+    """Recent projects, each to open, rename, duplicate or remove, and removed ones to bring back.
+
+    A shared server lists neither; it offers a removed project to who has its address.
+    """
     settings = ServerSettings.from_environment()
+    was_removed = offer_removed()
     if not settings.shared:
         _offer_undo()
         if failure := st.session_state.pop(_FAILED, None):
@@ -39,8 +56,9 @@ def show_projects() -> None:
             st.header("Recent projects", divider="gray")
             for one in listed:
                 _show(one)
+        _show_removed()
     with st.expander("Take a project elsewhere, or open one from a zip"):
-        _carry()
+        _carry(None if was_removed else current_project())
     with st.expander("What is kept, where and for how long"):
         st.markdown(what_is_kept(settings))
 
@@ -59,6 +77,11 @@ def what_is_kept(settings: ServerSettings) -> str:
         if settings.shared
         else "A project is found in this list, and by its address in the browser."
     )
+    back = (
+        "by its address"
+        if settings.shared
+        else "from the list of removed projects on this page, or by its address"
+    )
     size = (
         "There is no limit to its size but the disk."
         if math.isinf(settings.project_mb)
@@ -68,12 +91,11 @@ def what_is_kept(settings: ServerSettings) -> str:
     return (
         f"Every file, correction, setting and result is written to disk {where}, as soon as it is "
         f"there, and kept {life}. A removed project can be brought back for "
-        f"{settings.undo_days:g} days. {size} {who} Nothing is sent elsewhere."
+        f"{settings.undo_days:g} days, {back}. {size} {who} Nothing is sent elsewhere."
     )
 
 
 def _show(one: Listed) -> None:
-    changed = datetime.fromtimestamp(one.changed).astimezone().strftime("%Y-%m-%d %H:%M")
     state = {
         (): "no result yet",
         ("calibration",): "calibrated",
@@ -84,8 +106,8 @@ def _show(one: Listed) -> None:
     key = f"name_{one.id}"
     with st.container(horizontal=True, vertical_alignment="bottom"):
         st.text_input(
-            f"{changed}, {state}", one.name, key=key, placeholder="Give it a name", width=420,
-            on_change=_rename, args=(one.id, key),
+            f"{_date(one.changed)}, {state}", one.name, key=key,
+            placeholder="Give it a name", width=420, on_change=_rename, args=(one.id, key),
         )  # fmt: skip
         for label, act in (("Open", _open), ("Duplicate", _duplicate), ("Remove", _remove)):
             st.button(label, key=f"{label.lower()}_{one.id}", on_click=act, args=(one.id,))
@@ -93,9 +115,28 @@ def _show(one: Listed) -> None:
         st.switch_page("pages/data.py")
 
 
-def _carry() -> None:
-    """One zip out, and one zip in."""
-    project = current_project()
+def _date(seconds: float) -> str:
+    return datetime.fromtimestamp(seconds).astimezone().strftime("%Y-%m-%d %H:%M")
+
+
+def _show_removed() -> None:
+    removed = removed_projects(default_home())
+    if not removed:
+        return
+    with st.expander("Removed projects"):
+        for one in removed:
+            text, button = st.columns([6, 2], vertical_alignment="center")
+            text.markdown(
+                f"{escape_markdown(one.name or 'Without a name')}, removed {_date(one.removed)}"
+            )
+            button.button(
+                "Bring back", key=f"bring_back_{one.id}",
+                on_click=bring_project_back, args=(one.id,),
+            )  # fmt: skip
+
+
+def _carry(project: Project | None) -> None:
+    """One zip out, of the open project, and one zip in."""
     if project is not None:
         name = project.inputs.name or "project"
         if st.button(f"Pack the open project ({escape_markdown(name)})", key="pack"):
@@ -142,9 +183,12 @@ def _offer_undo() -> None:
     if removed is None:
         return
     project_id, name = removed
+    if removed_at(default_home(), project_id) is None:  # brought back another way, or gone for good
+        del st.session_state[_REMOVED]
+        return
     text, button = st.columns([6, 2], vertical_alignment="center")
     text.info(f"{escape_markdown(name or 'The project')} was removed.")
-    button.button("Undo", key="undo_remove", on_click=_undo, args=(project_id,))
+    button.button("Undo", key="undo_remove", on_click=bring_project_back, args=(project_id,))
 
 
 def _rename(project_id: str, key: str) -> None:
@@ -164,14 +208,10 @@ def _remove(project_id: str) -> None:
     def act() -> None:
         name = Project.open(default_home(), project_id).inputs.name
         remove(default_home(), project_id)
-        st.session_state[_REMOVED] = (project_id, name)
+        if not is_open(project_id):  # of the open one, the page says so itself
+            st.session_state[_REMOVED] = (project_id, name)
 
     _try(act)
-
-
-def _undo(project_id: str) -> None:
-    st.session_state.pop(_REMOVED, None)
-    _try(lambda: bring_back(default_home(), project_id))
 
 
 def _try(act: Callable[[], object]) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+from datetime import datetime
 from pathlib import Path
 
 import pytest
@@ -9,10 +11,10 @@ from streamlit.testing.v1 import AppTest
 
 from stereocal.project import Project
 from stereocal.store.carry import pack_project
-from stereocal.store.projects import recent_projects
+from stereocal.store.projects import recent_projects, remove
+from tests.pages.test_pages import ROOT, SLOW, messages, open_sample, project_of
 from tests.pages.test_pages import app as app
 from tests.pages.test_pages import home as home
-from tests.pages.test_pages import messages, open_sample, project_of
 
 
 def start(app: AppTest) -> AppTest:
@@ -27,7 +29,7 @@ def test_an_empty_server_shows_no_list_and_says_what_is_kept(app: AppTest, home:
     assert [header.value for header in app.header] == ["What to bring"]
     text = " ".join(str(item.value) for item in app.markdown)
     assert str(home) in text
-    assert "30 days" in text
+    assert "brought back for 30 days, from the list of removed projects" in text
 
 
 def test_rename_duplicate_remove_and_undo(app: AppTest, home: Path) -> None:
@@ -75,7 +77,60 @@ def test_a_shared_server_lists_nothing(
     text = " ".join(str(item.value) for item in app.markdown)
     assert "90 days" in text
     assert str(home) not in text
+    assert "brought back for 30 days, by its address." in text
     assert Project.open(home, project.id).dataset is not None
+
+
+def test_a_new_session_brings_back_from_the_list(app: AppTest, home: Path) -> None:
+    project = project_of(open_sample(app), home)
+    project.rename("Swifts <i>")
+    assert "Removed projects" not in [each.label for each in start(app).expander]
+    app.button(key=f"remove_{project.id}").click().run()
+    assert "undo_remove" not in keys(app) and "bring_it_back" in keys(app)
+
+    again = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW).run()
+    (listed,) = [each for each in again.expander if each.label == "Removed projects"]
+    assert "Swifts" in listed.markdown[0].value and "removed 20" in listed.markdown[0].value
+    again.button(key=f"bring_back_{project.id}").click().run()
+    assert not again.exception
+    assert [one.id for one in recent_projects(home)] == [project.id]
+    assert "Removed projects" not in [each.label for each in again.expander]
+    assert not {"undo_remove", "bring_it_back"} & keys(app.run())
+
+
+def test_what_cannot_be_brought_back_is_said(app: AppTest, home: Path) -> None:
+    project = project_of(open_sample(app), home)
+    start(app).button(key=f"remove_{project.id}").click().run()
+    (home / "removed" / project.id).rename(home / "removed" / f".gone.{project.id}")
+    app.button(key=f"bring_back_{project.id}").click().run()
+    assert "removed for good" in messages(app)
+
+
+@pytest.mark.parametrize("shared", ["0", "1"])
+@pytest.mark.parametrize("page", ["start", "data"])
+def test_who_has_the_address_brings_a_removed_project_back(
+    app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch, shared: str, page: str
+) -> None:
+    project = project_of(open_sample(app), home)
+    monkeypatch.setenv("STEREOCAL_SHARED", shared)
+    remove(home, project.id)
+    noon = datetime(2026, 3, 14, 12).timestamp()
+    os.utime(home / "removed" / project.id, (noon, noon))
+
+    stranger = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW).run()
+    assert "was removed" not in messages(stranger)
+    assert any(project.id in key for key in keys(stranger)) == (shared == "0")
+
+    owner = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW)
+    owner.query_params["project"] = project.id
+    owner.run().switch_page(f"pages/{page}.py").run()
+    assert "This project was removed on 2026-03-14." in messages(owner)
+    assert "Start a new project" in [button.label for button in owner.button]
+    owner.button(key="bring_it_back").click().run()
+    assert not owner.exception
+    assert project.dataset is not None
+    assert "was removed" not in messages(owner)
+    assert "50 pairs of points" in messages(owner.switch_page("pages/data.py").run())
 
 
 def test_a_project_goes_out_as_a_zip_and_comes_in_again(
