@@ -214,3 +214,11 @@ def test_the_same_photographs_given_again_stay(tmp_path: Path) -> None:
         store.replace(kept)
         assert store.photographs == kept
         assert {path for path in found.values() if path.exists()} == set(kept.values())
+
+
+def test_what_was_brought_back_is_not_too_old(tmp_path: Path) -> None:
+    project = Project.create(tmp_path)
+    os.utime(project.folder / "project.json", (NOW - YEAR_S, NOW - YEAR_S))
+    remove(tmp_path, project.id)
+    bring_back(tmp_path, project.id)
+    assert changed_at(project.folder) > NOW - DAY_S

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import shutil
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,7 +16,7 @@ from stereocal.errors import StereocalError
 from stereocal.project import Project
 from stereocal.store.folders import UNCHANGING, is_id, new_project_folder, private_folder
 from stereocal.store.room import check_whole, size_of
-from stereocal.store.state import changing
+from stereocal.store.state import PROJECT_FILE, changing
 from stereocal.writing import flush_folder
 
 HELD_STAYS = os.name == "nt"
@@ -127,7 +128,10 @@ def bring_back(home: Path, project_id: str) -> Project:
     """
     if removed_at(home, project_id) is None:
         raise StereocalError("This project was brought back already, or it was removed for good.")
-    _move(home / "removed" / project_id, private_folder(home / "projects") / project_id)
+    target = private_folder(home / "projects") / project_id
+    _move(home / "removed" / project_id, target)
+    with suppress(OSError):
+        os.utime(target / PROJECT_FILE)  # else the sweep that found it too old would again
     return Project.open(home, project_id)
 
 

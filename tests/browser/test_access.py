@@ -106,7 +106,9 @@ FOCUSED = """async () => {
         }
         return JSON.stringify(seen)
     }
-    const drawn = () => new Promise((done) => setTimeout(done, 25))
+    // The table of pairs draws its focus itself, in a frame of its own, which may come late.
+    const wait = element.tagName === 'CANVAS' ? 400 : 25
+    const drawn = () => new Promise((done) => setTimeout(done, wait))
     const outer = element.getRootNode().host ?? element
     const box = element.getBoundingClientRect()
     const found = {
