@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
@@ -46,7 +47,7 @@ TITLES: Mapping[Slot, str] = {
 PHOTOGRAPHS = "Photographs"
 KIND_NEXT = "data_how_next"
 """What the Data page shows next; a widget's value cannot be changed once it is drawn."""
-_REFUSED = "refused"
+_REFUSED, _SEEN = "refused", "uploads_seen"
 Unpack = Callable[[Path], Mapping[str, Path]]
 """Puts the photographs of a data set into a folder: names to files."""
 
@@ -89,17 +90,19 @@ def take_dataset(uploads: Sequence[Upload]) -> None:
     if not uploads or not is_new(*uploads):
         return
     name = uploads[0].name
-    try:
-        check_uploads(uploads)
-        if len(uploads) == 1 and name.lower().endswith(".zip"):
-            content = uploads[0].getvalue()
-            texts = unzip(content, name, lambda member: not is_photograph(member))
-            _try_dataset(texts, name, lambda store: unpack_photographs(content, name, store))
-        else:
-            texts = {file.name: file.getvalue() for file in uploads if not is_photograph(file.name)}
-            _try_dataset(texts, "the folder", lambda store: keep_uploads(uploads, store))
-    except StereocalError as error:
-        refuse(error)
+    with taking(*uploads):
+        try:
+            check_uploads(uploads)
+            if len(uploads) == 1 and name.lower().endswith(".zip"):
+                content = uploads[0].getvalue()
+                texts = unzip(content, name, lambda member: not is_photograph(member))
+                _try_dataset(texts, name, lambda store: unpack_photographs(content, name, store))
+            else:
+                others = [file for file in uploads if not is_photograph(file.name)]
+                texts = {file.name: file.getvalue() for file in others}
+                _try_dataset(texts, "the folder", lambda store: keep_uploads(uploads, store))
+        except StereocalError as error:
+            refuse(error)
     st.rerun()
 
 
@@ -121,14 +124,15 @@ def take_file(slot: Slot, upload: Upload | None) -> None:
     """One of the single files."""
     if upload is None or not is_new(upload):
         return
-    try:
-        check_uploads([upload])
-        content = upload.getvalue()
-        if slot != "correspondences":
-            server_guard().check_content("camera", content, upload.name)
-        _try_files({slot: (upload.name, content)})
-    except StereocalError as error:
-        refuse(error)
+    with taking(upload):
+        try:
+            check_uploads([upload])
+            content = upload.getvalue()
+            if slot != "correspondences":
+                server_guard().check_content("camera", content, upload.name)
+            _try_files({slot: (upload.name, content)})
+        except StereocalError as error:
+            refuse(error)
     st.rerun()
 
 
@@ -300,7 +304,25 @@ def _try_decoding(
 
 def is_new(*uploads: Upload) -> bool:
     """Whether these uploads have not been dealt with yet; a page is drawn many times."""
-    seen: set[str] = st.session_state.setdefault("uploads_seen", set())
-    new = {upload.file_id for upload in uploads} - seen
-    seen |= new
-    return bool(new)
+    seen: set[str] = st.session_state.get(_SEEN, set())
+    return not seen.issuperset(upload.file_id for upload in uploads)
+
+
+@contextmanager
+def taking(*uploads: Upload) -> Iterator[None]:
+    """Inside, uploads are taken or refused; then they are dealt with.
+
+    A click meanwhile ends the script at any access to the session or the page, by a BaseException:
+    then they are still new, and the next run takes them.
+    """
+    seen: set[str] = st.session_state.setdefault(_SEEN, set())
+    dealt_with = {upload.file_id for upload in uploads}
+    try:
+        yield
+    except Exception:
+        seen |= dealt_with
+        raise
+    # The set itself first: no click can come between the end of the taking and this line.
+    seen |= dealt_with
+    # To open another project empties the session.
+    st.session_state[_SEEN] = seen

@@ -27,7 +27,7 @@ from stereocal.store.projects import (
     removed_projects,
 )
 from stereocal.store.server import ServerSettings
-from stereocal.ui.intake import check_uploads, escape_markdown, is_new
+from stereocal.ui.intake import check_uploads, escape_markdown, is_new, taking
 from stereocal.ui.project import (
     bring_project_back,
     current_project,
@@ -38,6 +38,8 @@ from stereocal.ui.project import (
 
 _REMOVED = "removed_project"
 _FAILED = "failed_project"
+_UNPACKED = "unpacked_projects"
+"""The ids of projects from zips, by upload: opening one may be interrupted by a click."""
 
 
 def show_projects() -> None:
@@ -144,13 +146,18 @@ def _carry(project: Project | None) -> None:
     upload = st.file_uploader("A project's zip", type=["zip"], key="upload_project")
     if upload is None or not is_new(upload):
         return
-    try:
-        check_uploads([upload])
-        opened = unpack_project(upload.getvalue(), upload.name, default_home(), _survive)
-    except StereocalError as error:
-        st.error(escape_markdown(str(error)))
-        return
-    open_project(opened.id)
+    with taking(upload):
+        unpacked: dict[str, str] = st.session_state.setdefault(_UNPACKED, {})
+        try:
+            if upload.file_id not in unpacked:
+                check_uploads([upload])
+                content = upload.getvalue()
+                opened = unpack_project(content, upload.name, default_home(), _survive)
+                unpacked[upload.file_id] = opened.id
+        except StereocalError as error:
+            st.error(escape_markdown(str(error)))
+            return
+        open_project(unpacked[upload.file_id])
     st.switch_page("pages/data.py")
 
 

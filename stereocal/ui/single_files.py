@@ -18,6 +18,7 @@ from stereocal.ui.intake import (
     refuse,
     settled,
     take_file,
+    taking,
 )
 from stereocal.ui.project import project_to_write
 from stereocal.ui.wizard import ask_about_bars
@@ -52,10 +53,11 @@ def _take_table(upload: Upload | None) -> None:
     if not holds_bars(upload.getvalue(), upload.name):
         take_file("correspondences", upload)
     elif is_new(upload):
-        try:
-            check_uploads([upload])
-            ProjectApplication(project_to_write()).ask("bars", upload.name, upload.getvalue())
-            settled()
-        except StereocalError as error:
-            refuse(error)
+        with taking(upload):
+            try:
+                check_uploads([upload])
+                ProjectApplication(project_to_write()).ask("bars", upload.name, upload.getvalue())
+                settled()
+            except StereocalError as error:
+                refuse(error)
         st.rerun()

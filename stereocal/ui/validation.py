@@ -33,7 +33,7 @@ from stereocal.summary import summarise_all
 from stereocal.tables import validation_answer, validation_table
 from stereocal.ui import jobs
 from stereocal.ui.forms import search_defaults, search_form, settings_of
-from stereocal.ui.intake import check_uploads, escape_markdown, is_new
+from stereocal.ui.intake import check_uploads, escape_markdown, is_new, taking
 from stereocal.ui.project import keeper, remembered
 from stereocal.ui.refined import refine_settings
 from stereocal.ui.results import show_figure
@@ -257,15 +257,16 @@ def _further(project: Project, more: Sequence[Dataset]) -> None:
     for upload in uploads:
         if not is_new(upload):
             continue
-        try:
-            check_uploads([upload])
-            content = upload.getvalue()
-            server_guard().check_content("dataset", content, upload.name)
-            project.add_dataset(upload.name, content)
-        except StereocalError as error:
-            st.error(escape_markdown(str(error)))
-        else:
-            st.rerun()
+        with taking(upload):
+            try:
+                check_uploads([upload])
+                content = upload.getvalue()
+                server_guard().check_content("dataset", content, upload.name)
+                project.add_dataset(upload.name, content)
+            except StereocalError as error:
+                st.error(escape_markdown(str(error)))
+                continue
+        st.rerun()
     for dataset in more:
         st.markdown(f"- {escape_markdown(dataset.name)}")
     if more:

@@ -1,0 +1,117 @@
+"""A click while an upload is being taken ends the script; the next run takes the upload."""
+
+from __future__ import annotations
+
+import pkgutil
+from pathlib import Path
+
+import pytest
+import streamlit as st
+from streamlit.testing.v1 import AppTest
+
+from stereocal.formats.dataset_files import pack_dataset, read_dataset
+from stereocal.store.application import ProjectApplication
+from stereocal.store.carry import pack_project
+from stereocal.store.projects import recent_projects
+from tests.pages.test_apply import SET_2D
+from tests.pages.test_pages import FIELD, messages, open_sample, project_of, zipped
+from tests.pages.test_pages import app as app
+from tests.pages.test_pages import home as home
+
+
+def click_meanwhile(monkeypatch: pytest.MonkeyPatch, function: str) -> list[object]:
+    """The first call of a function ends in the exception that a click raises; lists the calls."""
+    original = pkgutil.resolve_name(function)
+    calls: list[object] = []
+
+    def interrupted(*given: object, **named: object) -> object:
+        calls.append(given)
+        if len(calls) == 1:
+            st.rerun()
+        return original(*given, **named)
+
+    monkeypatch.setattr(function, interrupted)
+    return calls
+
+
+def upload(app: AppTest, key: str, name: str, content: bytes, calls: list[object]) -> None:
+    """Upload a file; it is taken in the run after the click, and once."""
+    app.file_uploader(key=key).upload(name, content).run()
+    assert len(calls) == 2
+    app.run()
+    assert len(calls) == 2
+
+
+@pytest.mark.parametrize("place", ["give_dataset", "settled", "unzip"])
+def test_data_set(app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch, place: str) -> None:
+    app.switch_page("pages/data.py").run()
+    app.segmented_control(key="data_how").set_value("A zip").run()
+    calls = click_meanwhile(monkeypatch, f"stereocal.ui.intake.{place}")
+    upload(app, "upload_zip", "rig.zip", zipped(pack_dataset(read_dataset(FIELD))), calls)
+    assert project_of(app, home).dataset is not None
+
+
+def test_refusal_is_said(app: AppTest, monkeypatch: pytest.MonkeyPatch) -> None:
+    app.switch_page("pages/data.py").run()
+    app.segmented_control(key="data_how").set_value("A zip").run()
+    calls = click_meanwhile(monkeypatch, "stereocal.ui.intake.refuse")
+    upload(app, "upload_zip", "bad.zip", b"no zip", calls)
+    assert "not a sound zip" in messages(app)
+
+
+def test_camera_file(app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    app.switch_page("pages/data.py").run()
+    calls = click_meanwhile(monkeypatch, "stereocal.ui.intake.settled")
+    upload(app, "upload_primary", "p.json", (FIELD / "primary.json").read_bytes(), calls)
+    assert project_of(app, home).inputs.labels["primary"] == "p.json"
+
+
+def test_points(app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    project = project_of(open_sample(app), home)
+    app.switch_page("pages/apply.py").run()
+    app.segmented_control(key="apply_points").set_value("Two point files").run()
+    calls = click_meanwhile(
+        monkeypatch, "stereocal.store.application.ProjectApplication.offer_points"
+    )
+    upload(app, "upload_points_primary", "p.csv", b"frame,u,v\n0,1,2\n", calls)
+    assert ProjectApplication(project).points("primary") is not None
+
+
+def test_wand_file(app: AppTest, monkeypatch: pytest.MonkeyPatch) -> None:
+    app.switch_page("pages/data.py").run()
+    calls = click_meanwhile(monkeypatch, "stereocal.ui.single_files.settled")
+    rows = "\n".join(f"{k}.5,2.5,3.5,4.5,5.5,6.5,7.5,8.5" for k in range(6))
+    upload(app, "upload_correspondences", "wand.csv", rows.encode(), calls)
+    assert any("looks like a wand file" in item.value for item in app.markdown)
+
+
+def test_parameter_set(app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    project = project_of(open_sample(app), home)
+    app.switch_page("pages/apply.py").run()
+    calls = click_meanwhile(monkeypatch, "stereocal.store.application.ProjectApplication.keep_set")
+    upload(app, "upload_set_matching", "matching.json", SET_2D.dumps().encode(), calls)
+    assert ProjectApplication(project).set_of("matching") is not None
+
+
+def test_further_data_set(app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    project = project_of(open_sample(app), home)
+    app.switch_page("pages/validate.py").run()
+    calls = click_meanwhile(monkeypatch, "stereocal.project.Project.add_dataset")
+    upload(app, "upload_more", "rig.zip", zipped(pack_dataset(read_dataset(FIELD))), calls)
+    assert len(project.more_datasets) == 1
+
+
+def test_project_is_unpacked_once(
+    app: AppTest,
+    home: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path_factory: pytest.TempPathFactory,
+) -> None:
+    project = project_of(open_sample(app), home)
+    packed = tmp_path_factory.mktemp("elsewhere") / "field.zip"
+    pack_project(project, packed)
+    app.switch_page("pages/start.py").run()
+    calls = click_meanwhile(monkeypatch, "stereocal.ui.projects.open_project")
+    upload(app, "upload_project", "field.zip", packed.read_bytes(), calls)
+    assert {one.id for one in recent_projects(home)} == {project.id, project_of(app, home).id}
+    assert project_of(app, home).id != project.id
