@@ -293,12 +293,11 @@ class ProjectApplication:
     def _store(self, content: bytes, suffix: str) -> str:
         name = f"{hashlib.sha256(content).hexdigest()[:20]}{suffix}"
         path = self.files / name
-        with changing(self.project.folder):
-            if not path.is_file() or path.read_bytes() != content:
-                check_room(path, len(content))
-                write_atomically(path, content)
-            with suppress(OSError):
-                os.utime(path)  # the sweep takes what nothing names only when it is a day old
+        if not path.is_file() or path.read_bytes() != content:
+            check_room(path, len(content))
+            write_atomically(path, content)
+        with suppress(OSError):
+            os.utime(path)  # the sweep takes what nothing names only when it is a day old
         return name
 
     def _content(self, stored: str, label: str) -> bytes:
