@@ -260,7 +260,7 @@ def test_a_project_removed_in_another_tab_is_said_and_does_not_come_back(
     remove(home, project.id)
     act(app).run()
     assert not app.exception
-    assert "removed" in told(app, "error")
+    assert "removed" in told(app, "error", "info", "warning")
     assert not project.folder.exists()
 
 
