@@ -14,6 +14,7 @@ from stereocal.project import Project
 from stereocal.store.application import ProjectApplication
 from stereocal.store.carry import pack_project, unpack_project
 from stereocal.store.lens import ProjectLens
+from stereocal.store.jobs import begin
 from stereocal.store.photographs import ProjectPhotographs
 from stereocal.store.projects import duplicate
 from stereocal.store.room import size_of
@@ -94,13 +95,12 @@ def test_removed_photographs_make_room_at_once_and_nothing_else_goes(tmp_path: P
 
 def test_while_a_job_may_need_them_photographs_stay_and_go_afterwards(tmp_path: Path) -> None:
     project = placed_full(tmp_path)
-    job = project.folder / "jobs" / "photographs"
-    job.mkdir(parents=True)
-    (job / "job.json").write_text("{}")
+    job = begin(project.folder, "photographs", ["photographs searched"], {})
+    assert job is not None
     photographs = ProjectPhotographs(project)
     photographs.clear()
     assert len(list(photographs.files.iterdir())) == 12
-    (job / "job.json").unlink()
+    job.end()
     assert free_unused(project.folder, 1e12) > 50_000
     assert not list(photographs.files.iterdir())
 

