@@ -13,8 +13,8 @@ from stereocal.formats.zip_files import pack_zip
 from stereocal.project import Project
 from stereocal.store.application import ProjectApplication
 from stereocal.store.carry import pack_project, unpack_project
-from stereocal.store.lens import ProjectLens
 from stereocal.store.jobs import begin
+from stereocal.store.lens import ProjectLens
 from stereocal.store.photographs import ProjectPhotographs
 from stereocal.store.projects import duplicate
 from stereocal.store.room import size_of
