@@ -90,8 +90,17 @@ class Project:
         """What has been given so far."""
         return Inputs(**self._file.read()["inputs"])
 
+    @property
+    def times_given(self) -> int:
+        """How often it was given a data set with photographs; `store.photographs` counts it."""
+        return int(self._file.read().get("times_given", 0))
+
     def give(
-        self, files: Mapping[Slot, tuple[str, bytes]], drop: Sequence[Slot] = (), **values: Any
+        self,
+        files: Mapping[Slot, tuple[str, bytes]],
+        drop: Sequence[Slot] = (),
+        times_given: int | None = None,
+        **values: Any,
     ) -> None:
         """Take over files (slot to name and content) and values in one step, or nothing.
 
@@ -99,6 +108,7 @@ class Project:
 
         Args:
             drop: slots to empty before.
+            times_given: what that becomes.
 
         Raises:
             StereocalError: what was given cannot be used; the project is as it was.
@@ -122,7 +132,7 @@ class Project:
                 new = dataclasses.replace(before, files=given, labels=labels, **values)
                 check_room(self.folder, sum(map(len, fresh.values())))
                 self._check_inputs(new, fresh)
-                if self._replace_inputs(before, new, fresh):
+                if self._replace_inputs(before, new, fresh, times_given):
                     return
 
     def _check_inputs(self, inputs: Inputs, fresh: Mapping[str, bytes]) -> None:
@@ -142,13 +152,17 @@ class Project:
         if not inputs.missing:
             self._dataset(inputs, fresh)
 
-    def _replace_inputs(self, before: Inputs, new: Inputs, fresh: Mapping[str, bytes]) -> bool:
+    def _replace_inputs(
+        self, before: Inputs, new: Inputs, fresh: Mapping[str, bytes], times_given: int | None
+    ) -> bool:
         """Put inputs and the files that they name on the disk; False if they are not as before."""
         with changing(self.folder):
             state = self._file.read()
             if Inputs(**state["inputs"]) != before:
                 return False
             state["inputs"] = dataclasses.asdict(new)
+            if times_given is not None:
+                state["times_given"] = times_given
             stored = {self.folder / "inputs" / name: content for name, content in fresh.items()}
             write_all({**stored, self._file.path: self._file.pack(state)})
             return True
@@ -300,6 +314,8 @@ def _check(state: dict[str, Any]) -> None:
     """Look at all that is read of `project.json`."""
     check_inputs(Inputs(**state["inputs"]))
     dict(state["settings"])
+    if not isinstance(state.get("times_given", 0), int):
+        raise TypeError(state["times_given"])
     for label, file in state.get("more", []):
         if not isinstance(label, str) or not isinstance(file, str):
             raise TypeError(label)

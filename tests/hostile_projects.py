@@ -6,11 +6,12 @@ import atexit
 import json
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache, partial
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -54,16 +55,22 @@ class Inner:
     modules: tuple[str, ...]
     place: str
     """Below the project's folder; may be a pattern."""
+    also: Mapping[str, Any] = field(default_factory=dict)
+    """What may stand in a JSON file besides, at times."""
 
     def path(self) -> Path:
         """Where it is in the template."""
         return _path(self.place)
 
     def seeds(self) -> Sequence[bytes]:
-        """The sound file."""
-        return [_sound(self.place)]
+        """The sound file, and with what may stand in it besides."""
+        sound = _sound(self.place)
+        if not self.also:
+            return [sound]
+        return [sound, json.dumps({**json.loads(sound), **self.also}).encode()]
 
 
+COMING = {"coming": {"times_given": 0, "files": {"left1.png": "0123.png"}}}
 FILES = {
     "project.json": Inner("json", (), "project.json"),
     "camera": Inner("json", (), "inputs/*-primary"),
@@ -71,7 +78,7 @@ FILES = {
     "more": Inner("zip", (), "inputs/*-dataset.zip"),
     "calibration.json": Inner("json", (), "calibration.json"),
     "evaluation.npz": Inner("npz", (), "evaluation.npz"),
-    "photographs.json": Inner("json", ("photographs",), "photographs/photographs.json"),
+    "photographs.json": Inner("json", ("photographs",), "photographs/photographs.json", COMING),
     "frames.json": Inner("json", ("photographs", "review"), "photographs/frames.json"),
     "edits.json": Inner("json", ("review",), "photographs/edits.json"),
     "boards.json": Inner("json", ("lens",), "lens/primary/photographs.json"),

@@ -18,12 +18,13 @@ from stereocal.formats.photograph_files import keep_photograph
 from stereocal.formats.point_answers import first_answers, layout_of
 from stereocal.formats.zip_files import pack_zip
 from stereocal.frames.review import choose, undo
+from stereocal.inputs import Slot
 from stereocal.points.application import Application, unlabelled
 from stereocal.project import Project
 from stereocal.store.application import SIDES, ProjectApplication
 from stereocal.store.carry import pack_project, unpack_project
 from stereocal.store.folders import private_folder
-from stereocal.store.lens import ProjectLens
+from stereocal.store.lens import WHICH, ProjectLens
 from stereocal.store.photographs import ProjectPhotographs
 from stereocal.store.projects import STATES, bring_back, duplicate, folders_in, remove
 from stereocal.store.review import change_review, read_review
@@ -67,6 +68,16 @@ def _give(project: Project) -> None:
         },
         baseline_m=3.0,
     )
+
+
+def _give_all(project: Project) -> None:
+    """A data set with photographs, in place of another."""
+    store = ProjectPhotographs(project)
+    names = ("left8.jpg", "right8.jpg")
+    found = {name: keep_photograph([name.encode()], name, store.files) for name in names}
+    cameras = {name: (FIELD / f"{name}.json").read_bytes() for name in WHICH}
+    files: dict[Slot, tuple[str, bytes]] = {name: (f"{name}.json", cameras[name]) for name in WHICH}
+    store.give(files, found, name="Another", baseline_m=3.0, target_distance_m=0.5)
 
 
 def _calibration(project: Project) -> Callable[[Project], object]:
@@ -196,6 +207,7 @@ AT_ONCE: Mapping[str, Action] = {
     "Project.keep_settings": lambda project: project.keep_settings({"seed": 7}),
     "Project.add_dataset": lambda project: project.add_dataset("more.zip", more_data()),
     "ProjectPhotographs.add": _photographs,
+    "ProjectPhotographs.give": _give_all,
     "ProjectPhotographs.clear": lambda project: ProjectPhotographs(project).clear(),
     "ProjectPhotographs.change_rows": _rows,
     "ProjectPhotographs.keep_rows": lambda project: ProjectPhotographs(project).keep_rows(None),

@@ -10,7 +10,7 @@ import errno
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -160,3 +160,42 @@ def test_nothing_is_lost_and_nothing_is_half(name: str) -> None:
         )
     assert full.calls == died.calls and read_only.calls == 1
     assert full.refused + full.done_all_the_same == full.calls
+
+
+def seen(project: Project) -> tuple[object, ...]:
+    """A data set as the pages show it: whose lengths, photographs, targets and table."""
+    store, inputs = ProjectPhotographs(project), project.inputs
+    lengths = inputs.name, inputs.baseline_m, inputs.target_distance_m
+    frames = [frame.frame for frame in store.frames or []]
+    return *lengths, tuple(sorted(store.photographs)), tuple(frames), project.table is not None
+
+
+def test_a_data_set_with_photographs_is_there_as_a_whole_or_not_at_all() -> None:
+    with quick_folder() as folder:
+        bench = Bench(folder, "ProjectPhotographs.give")
+        before = seen(bench.fresh())
+        project = bench.fresh()
+        bench.act(project)
+        after = seen(project)
+        assert after == ("Another", 3.0, 0.5, ("left8.jpg", "right8.jpg"), (), False)
+        assert all(old != new for old, new in zip(before, after, strict=True))
+        met = []
+        for at in range(1, len(bench.calls) + 1):
+            for strike in (die_at, lambda *args: refused(fail_at, *args)):
+                project = bench.fresh()
+                strike(bench.home, at, lambda project=project: bench.act(project))  # type: ignore[misc]
+                met.append(seen(project))
+                assert met[-1] in (before, after), (at, bench.calls[at - 1])
+                # What comes next goes on from there, and does not turn it back.
+                project.give({}, target_distance_m=0.75)
+                ProjectPhotographs(project).settle()
+                changed = list(met[-1])
+                changed[2] = 0.75
+                assert seen(project) == tuple(changed), (at, bench.calls[at - 1])
+        assert before in met and after in met
+
+
+def refused(act: Callable[..., object], *args: object) -> None:
+    """Do what may be refused."""
+    with suppress(StereocalError):
+        act(*args)

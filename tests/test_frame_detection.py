@@ -27,7 +27,8 @@ from stereocal.frames.search import (
     keep_corrections,
 )
 from stereocal.project import Project
-from stereocal.store.photographs import PairRow, ProjectPhotographs
+from stereocal.store.pair_rows import PairRow
+from stereocal.store.photographs import ProjectPhotographs
 from tests.bar_photographs import bar_set, write
 
 BARS = bar_set(7)

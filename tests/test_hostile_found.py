@@ -9,7 +9,9 @@ import struct
 import time
 import zipfile
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -24,6 +26,10 @@ HUGE = 10**400
 DEEP = b"[" * 100_000
 HEAD_OF_ONE = b"{'descr': '<f8', 'fortran_order': False, 'shape': (1,), }\n"
 LAYOUT_ROWS = b"scorer,net,net,net\nbodyparts,nose,nose,nose\ncoords,x,y,likelihood\n"
+
+
+def _set(key: str, value: object, content: dict[str, Any]) -> None:
+    content[key] = value
 
 
 def inner(name: str, edit: Callable[[dict], object]) -> bytes:  # type: ignore[type-arg]
@@ -153,6 +159,13 @@ CASES: dict[str, tuple[str, Callable[[], bytes]]] = {
         "project, photographs.json",
         lambda: inner("photographs.json", lambda c: c.update(pairs=False)),
     ),
+    **{
+        f"photographs that come as {coming!r}": (
+            "project, photographs.json",
+            partial(inner, "photographs.json", partial(_set, "coming", coming)),
+        )
+        for coming in (5, {}, {"times_given": 1e999, "files": {}}, {"times_given": 0, "files": 1})
+    },
     "a list for names": (
         "project, photographs.json",
         lambda: inner("photographs.json", lambda c: c.update(files=[])),

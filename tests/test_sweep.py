@@ -211,7 +211,7 @@ def test_the_same_photographs_given_again_stay(tmp_path: Path) -> None:
     store.add(found)
     rest = {"right1.png": found["right1.png"]}
     for kept in (found, found, rest, {}):
-        store.replace(kept)
+        store.give({}, kept)
         assert store.photographs == kept
         assert {path for path in found.values() if path.exists()} == set(kept.values())
 

@@ -3,7 +3,9 @@
 Below the project's folder, in `photographs/`:
 
 - `files/<digest>.<suffix>`: the photographs as given, never changed once written.
-- `photographs.json`: their names and the pairs as the person has edited them.
+- `photographs.json`: their names and the pairs as the person has edited them. While a data set is
+  taken over, `coming` beside them: the photographs that it brings. They are the project's as soon
+  as `project.json` counts the data set, whatever becomes of the server (`give`).
 - `frames.json`: where the targets are (`frames.pack_frames`).
 - `thumbnails/`: made when they are first shown.
 """
@@ -12,9 +14,9 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
-from dataclasses import asdict, dataclass
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -22,25 +24,26 @@ from stereocal.errors import StereocalError, can_be_shown
 from stereocal.formats.correspondences_csv import write_table
 from stereocal.formats.photograph import GreyImage, read_photograph
 from stereocal.frames.frame import Frame, correspondences_of, pack_frames, unpack_frames
-from stereocal.frames.pairing import Pair, Pairing, pair_names
+from stereocal.frames.pairing import Pairing, pair_names
 from stereocal.frames.search import keep_corrections
 from stereocal.frames.thumbnails import side_by_side, tile
+from stereocal.inputs import Slot
 from stereocal.project import Project
 from stereocal.store.folders import own_file
-from stereocal.store.state import StateFile, changing, flush_stored, forget, read_if_there
+from stereocal.store.pair_rows import PairRow, check_rows, merged, row_of, with_new
+from stereocal.store.state import (
+    DamagedError,
+    StateFile,
+    changing,
+    flush_stored,
+    forget,
+    read_if_there,
+)
 from stereocal.store.unused import forget_files
 from stereocal.writing import write_atomically
 
 STORE_FORMAT = "stereocal-photographs/1"
 TABLE_LABEL = "targets found in the photographs"
-
-
-@dataclass(frozen=True)
-class PairRow:
-    """A pair as the person has it in the table: with the choice to use it."""
-
-    pair: Pair
-    use: bool = True
 
 
 class ProjectPhotographs:
@@ -60,7 +63,7 @@ class ProjectPhotographs:
     @property
     def photographs(self) -> dict[str, Path]:
         """Files on disk by the person's names."""
-        stored: Mapping[str, str] = self._file.read()["files"]
+        stored: Mapping[str, str] = self._read()["files"]
         return {name: own_file(self.files, file) for name, file in stored.items()}
 
     def add(self, found: Mapping[str, Path]) -> None:
@@ -71,63 +74,113 @@ class ProjectPhotographs:
         Raises:
             StereocalError: a photograph has gone since it was stored; nothing has changed.
         """
-        with self._file.change() as state:
+        with self._change() as state:
             flush_stored(found, self.files)
             if not state["files"]:  # of photographs that were removed
                 self._forget_found()
             state["files"].update({name: path.name for name, path in found.items()})
             if state["pairs"] is not None:
-                kept = [_row(item) for item in state["pairs"]]
-                state["pairs"] = [asdict(row) for row in _with_new(kept, list(state["files"]))]
+                kept = [row_of(item) for item in state["pairs"]]
+                state["pairs"] = [asdict(row) for row in with_new(kept, list(state["files"]))]
 
     def clear(self) -> None:
         """Forget all photographs and what was found in them, and free their room."""
-        self.replace({})
-
-    def replace(self, found: Mapping[str, Path], keep_found: bool = False) -> None:
-        """Have these photographs, stored below `files`, and no others; free the others' room.
-
-        Args:
-            keep_found: if they are those that are here already, what was found in them stays, with
-                what a person has corrected.
-
-        Raises:
-            StereocalError: a photograph has gone since it was stored; nothing has changed.
-        """
         with changing(self.project.folder):
             if not self.folder.exists():
                 return
-            flush_stored(found, self.files)
-            before: Mapping[str, Path] | None = None
+            files: Collection[Path] = ()
             with suppress(StereocalError):  # a list that is damaged is begun anew
-                before = self.photographs
-            if keep_found and found and before == found:
-                if frames := self.frames:
-                    self._give_table(frames)
-                return
-            state = self._file.blank()
-            state["files"] = {name: path.name for name, path in found.items()}
-            self._file.write(state)
+                files = self.photographs.values()
+            self._file.write(self._file.blank())
             self._forget_found()
-            files = set((before or {}).values()) - set(found.values())
             forget_files(self.project.folder, files)
+
+    def give(
+        self, files: Mapping[Slot, tuple[str, bytes]], found: Mapping[str, Path], **values: Any
+    ) -> None:
+        """Give the project a whole data set in place of what it held, in one step or not at all.
+
+        What was found in photographs that are here already stays, with what a person has corrected,
+        unless the data set has a table of its own.
+
+        Args:
+            files: as of `Project.give`.
+            found: photographs that are stored below `files`.
+            values: as of `Project.give`.
+
+        Raises:
+            StereocalError: it cannot be used, or a photograph has gone; nothing has changed.
+        """
+        with changing(self.project.folder):
+            if found:
+                flush_stored(found, self.files)
+            self._arrive()
+            before = self.photographs
+            if before == found and (not found or "correspondences" not in files):
+                frames = self.frames if found else None
+                table = self._table(frames) if frames else {}
+                self.project.give({**files, **table}, drop=("correspondences",), **values)
+                return
+            times = self.project.times_given + 1
+            names = {name: path.name for name, path in found.items()}
+            coming = {"times_given": times, "files": names}
+            self._file.write({**self._file.read(), "coming": coming})
+            try:
+                self.project.give(files, ("correspondences",), times, **values)
+            finally:
+                with suppress(StereocalError):  # the next change does it
+                    self._arrive()
+            forget_files(self.project.folder, set(before.values()) - set(found.values()))
+
+    def _has_come(self, state: Mapping[str, Any]) -> bool:
+        """Whether the project has taken over the photographs that are coming."""
+        return "coming" in state and bool(
+            state["coming"]["times_given"] == self.project.times_given
+        )
+
+    def _arrive(self) -> None:
+        """Bring the list to what holds, if a server died while photographs were coming."""
+        try:
+            state = self._file.read()
+        except DamagedError:
+            return
+        if "coming" in state:
+            if self._has_come(state):
+                self._forget_found()
+            self._file.write(self._now(state))
+
+    def _now(self, state: Mapping[str, Any]) -> dict[str, Any]:
+        """What holds of a list in which photographs may be coming."""
+        if self._has_come(state):
+            return {**self._file.blank(), "files": state["coming"]["files"]}
+        return {key: value for key, value in state.items() if key != "coming"}
 
     def _forget_found(self) -> None:
         for name in ("frames.json", "edits.json"):
             forget(self.folder / name)
 
+    def _read(self) -> dict[str, Any]:
+        return self._now(self._file.read())
+
+    @contextmanager
+    def _change(self) -> Iterator[dict[str, Any]]:
+        with changing(self.project.folder):
+            self._arrive()
+            with self._file.change() as state:
+                yield state
+
     @property
     def proposal(self) -> Pairing:
         """The pairs as the names tell them."""
-        return pair_names(self._file.read()["files"])
+        return pair_names(self._read()["files"])
 
     @property
     def rows(self) -> list[PairRow]:
         """The pairs as edited, or as proposed while nobody has."""
-        edited = self._file.read()["pairs"]
+        edited = self._read()["pairs"]
         if edited is None:
             return [PairRow(pair) for pair in self.proposal.pairs]
-        return [_row(item) for item in edited]
+        return [row_of(item) for item in edited]
 
     def keep_rows(self, rows: Sequence[PairRow] | None) -> None:
         """Keep the pairs as edited; None goes back to the proposal.
@@ -135,7 +188,7 @@ class ProjectPhotographs:
         Raises:
             StereocalError: a frame or a photograph stands in two rows, or a name is none.
         """
-        with self._file.change() as state:
+        with self._change() as state:
             if rows is not None:
                 check_rows(rows, state["files"])
             state["pairs"] = None if rows is None else [asdict(row) for row in rows]
@@ -148,7 +201,7 @@ class ProjectPhotographs:
         Raises:
             StereocalError: as `keep_rows`.
         """
-        with self._file.change() as state:
+        with self._change() as state:
             check_rows(after, state["files"])
             rows = merged(before, after, self.rows)
             check_rows(rows, state["files"])
@@ -162,6 +215,9 @@ class ProjectPhotographs:
         Raises:
             StereocalError: the file is damaged, or of another version.
         """
+        with suppress(DamagedError):
+            if self._has_come(self._file.read()):
+                return None  # those on the disk are of the photographs before
         content = read_if_there(self.folder / "frames.json", "find the targets again")
         return None if content is None else unpack_frames(content)
 
@@ -186,11 +242,12 @@ class ProjectPhotographs:
                 kept all the same.
         """
         with changing(self.project.folder):
+            self._arrive()
             write_atomically(self.folder / "frames.json", pack_frames(frames))
-            self._give_table(frames)
+            self.project.give(self._table(frames))
 
     def settle(self) -> None:
-        """Give the project the table of its frames, if the server died over it or it has gone.
+        """Finish what a server died over, and give the project the table of its frames if it lacks.
 
         Raises:
             StereocalError: as `keep_frames`.
@@ -198,10 +255,14 @@ class ProjectPhotographs:
         if self._is_settled():
             return
         with changing(self.project.folder):
+            self._arrive()
             if (frames := self.frames) and not self._is_settled():
-                self._give_table(frames)
+                self.project.give(self._table(frames))
 
     def _is_settled(self) -> bool:
+        with suppress(DamagedError):
+            if "coming" in self._file.read():
+                return False
         frames = self.frames
         if not frames or self.project.inputs.labels.get("correspondences") != TABLE_LABEL:
             return True
@@ -211,9 +272,9 @@ class ProjectPhotographs:
             return False
         return table is not None and table[1] == write_table(correspondences_of(frames))
 
-    def _give_table(self, frames: Sequence[Frame]) -> None:
-        table = write_table(correspondences_of(frames))
-        self.project.give({"correspondences": (TABLE_LABEL, table)})
+    @staticmethod
+    def _table(frames: Sequence[Frame]) -> dict[Slot, tuple[str, bytes]]:
+        return {"correspondences": (TABLE_LABEL, write_table(correspondences_of(frames)))}
 
     def thumbnail(self, frame: Frame) -> bytes:
         """A JPEG of both photographs around the targets, made now if it is not there yet."""
@@ -232,62 +293,6 @@ class ProjectPhotographs:
         return content
 
 
-def check_rows(rows: Sequence[PairRow], names: Mapping[str, Any]) -> None:
-    """Refuse a table of pairs that contradicts itself.
-
-    Raises:
-        StereocalError: a frame or a photograph stands in two rows, or a name is none.
-    """
-    frames: set[int] = set()
-    taken: set[str] = set()
-    for row in rows:
-        pair = row.pair
-        if pair.frame in frames:
-            raise StereocalError(
-                f"Frame {pair.frame} stands in two rows: give each its own number."
-            )
-        frames.add(pair.frame)
-        for name in (pair.primary, pair.secondary):
-            if name not in names:
-                raise StereocalError(f"Frame {pair.frame}: choose a photograph of either camera.")
-            if name in taken:
-                raise StereocalError(
-                    f"Frame {pair.frame}: {name} belongs to another frame or camera already."
-                )
-            taken.add(name)
-
-
-def merged(
-    before: Sequence[PairRow], after: Sequence[PairRow], now: Sequence[PairRow]
-) -> list[PairRow]:
-    """The pairs as they are now, with what an edit has made of those before."""
-    if list(before) == list(now):
-        return list(after)
-    added = [row for row in after if row not in before]
-    taken = {name for row in added for name in (row.pair.primary, row.pair.secondary)}
-    frames = {row.pair.frame for row in added}
-    rows = [
-        row
-        for row in now
-        if (row in after or row not in before)
-        and row.pair.frame not in frames
-        and not {row.pair.primary, row.pair.secondary} & taken
-    ]
-    return sorted([*rows, *added], key=lambda row: row.pair.frame)
-
-
-def _with_new(kept: Sequence[PairRow], names: Sequence[str]) -> list[PairRow]:
-    """The kept rows, and the proposed pairs of photographs that are in none of them."""
-    taken = {name for row in kept for name in (row.pair.primary, row.pair.secondary)}
-    frames = {row.pair.frame for row in kept}
-    rows = list(kept)
-    for pair in pair_names(name for name in names if name not in taken).pairs:
-        number = pair.frame if pair.frame not in frames else max(frames) + 1
-        frames.add(number)
-        rows.append(PairRow(Pair(number, pair.primary, pair.secondary)))
-    return rows
-
-
 def _image(path: Path | None) -> GreyImage | None:
     try:
         return read_photograph(path) if path else None
@@ -295,15 +300,19 @@ def _image(path: Path | None) -> GreyImage | None:
         return None
 
 
-def _row(item: Mapping[str, Any]) -> PairRow:
-    return PairRow(Pair(**item["pair"]), bool(item["use"]))
-
-
 def _check(state: dict[str, Any]) -> None:
-    for name, file in state["files"].items():
-        if not can_be_shown(name) or not isinstance(file, str):
-            raise TypeError(name)
+    _check_files(state["files"])
     if state["pairs"] is not None and not isinstance(state["pairs"], list):
         raise TypeError(state["pairs"])
     for item in state["pairs"] or []:
-        _row(item)
+        row_of(item)
+    if "coming" in state:
+        if not isinstance(state["coming"]["times_given"], int):
+            raise TypeError(state["coming"])
+        _check_files(state["coming"]["files"])
+
+
+def _check_files(files: Mapping[Any, Any]) -> None:
+    for name, file in files.items():
+        if not can_be_shown(name) or not isinstance(file, str):
+            raise TypeError(name)

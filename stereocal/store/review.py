@@ -51,8 +51,10 @@ def change_review(store: ProjectPhotographs, change: Callable[[Review], Review])
 def undo_lost(store: ProjectPhotographs) -> str:
     """Why the edits so far cannot be undone, in a sentence; empty where they can."""
     frames = store.frames
+    if frames is None:
+        return ""
     try:
-        _unpacked(store, frames or [])
+        _unpacked(store, frames)
     except StereocalError as error:
         return str(error)
     return ""

@@ -265,16 +265,15 @@ def give_dataset(
         survey = parse_dataset(files, source)
         slots["correspondences"] = TABLE
     slots |= {slot: description["cameras"][slot] for slot in slots if slot != "correspondences"}
-    project.give(
+    store.give(
         {slot: (name, files[folder + name]) for slot, name in slots.items()},
-        drop=("correspondences",),
+        photographs,
         name=survey.name,
         baseline_m=survey.baseline_m,
         target_distance_m=survey.target_distance_m,
         baseline_sigma_m=survey.baseline_sigma_m,
         target_distance_sigma_m=survey.target_distance_sigma_m,
     )
-    store.replace(photographs, keep_found="correspondences" not in slots)
     if photographs:
         st.session_state[KIND_NEXT] = PHOTOGRAPHS
 

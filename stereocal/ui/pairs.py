@@ -13,7 +13,8 @@ import streamlit as st
 
 from stereocal.errors import StereocalError
 from stereocal.frames.pairing import Pair
-from stereocal.store.photographs import PairRow, ProjectPhotographs
+from stereocal.store.pair_rows import PairRow
+from stereocal.store.photographs import ProjectPhotographs
 from stereocal.ui import jobs
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.told import callback, tell

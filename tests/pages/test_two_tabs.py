@@ -11,7 +11,8 @@ from streamlit.testing.v1 import AppTest
 
 from stereocal.frames.review import choose
 from stereocal.project import Project
-from stereocal.store.photographs import ProjectPhotographs, merged
+from stereocal.store.pair_rows import merged
+from stereocal.store.photographs import ProjectPhotographs
 from stereocal.store.projects import remove
 from stereocal.store.review import change_review, read_review
 from tests.pages.stored_projects import FULL, go, placed, session, told
