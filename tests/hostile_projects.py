@@ -40,6 +40,7 @@ from stereocal.store.lens import WHICH, ProjectLens
 from stereocal.store.photographs import ProjectPhotographs
 from stereocal.store.projects import recent_projects
 from stereocal.store.review import change_review, read_review
+from stereocal.store.thumbnails import thumbnail
 from stereocal.summary import summarise
 from tests.lens import PATTERN, AtOnce, views
 from tests.rig import BAR_M, BASELINE_M, PRIMARY, SECONDARY, correspondences
@@ -158,7 +159,7 @@ def _reads(project: Project) -> Iterator[Callable[[], object]]:
     yield lambda: _use_calibration(project)
     yield lambda: project.evaluation
     yield lambda: (photographs.photographs, photographs.proposal.sentence, photographs.rows)
-    yield lambda: [photographs.thumbnail(frame) for frame in (photographs.frames or [])[:1]]
+    yield lambda: [thumbnail(photographs, frame) for frame in (photographs.frames or [])[:1]]
     yield lambda: read_review(photographs)
     for which in WHICH:
         lens = ProjectLens(project, which)

@@ -112,7 +112,9 @@ def _found(project: Project) -> Callable[[Project], object]:
     frames = ProjectPhotographs(project).frames
     assert frames is not None
     other = [frame.swapped(0).swapped(1) for frame in frames]
-    return lambda project: ProjectPhotographs(project).keep_found(other)
+    return lambda project: ProjectPhotographs(project).keep_found(
+        other, ProjectPhotographs(project).photographs
+    )
 
 
 def _run(project: Project) -> Callable[[Project], object]:

@@ -29,6 +29,7 @@ from stereocal.frames.search import (
 from stereocal.project import Project
 from stereocal.store.pair_rows import PairRow
 from stereocal.store.photographs import ProjectPhotographs
+from stereocal.store.thumbnails import thumbnail
 from tests.bar_photographs import bar_set, write
 
 BARS = bar_set(7)
@@ -261,10 +262,10 @@ class TestProject:
         self.give(store, ["left1.png"])
         (store.files / "left1.png").write_bytes(FILES["primary/left1.png"])
         frame = Frame(1, ("left1.png", "gone.png"), ((None, None), (None, None)), "refused")
-        first = store.thumbnail(frame)
+        first = thumbnail(store, frame)
         (store.files / "left1.png").unlink()
-        assert store.thumbnail(frame) == first
-        assert store.thumbnail(frame.moved(0, 0, Centre(9.0, 9.0))) != first
+        assert thumbnail(store, frame) == first
+        assert thumbnail(store, frame.moved(0, 0, Centre(9.0, 9.0))) != first
 
 
 class TestCommand:

@@ -6,27 +6,24 @@ Below the project's folder, in `photographs/`:
 - `photographs.json`: their names and the pairs as the person has edited them. While a data set is
   taken over, `coming` beside them: the photographs that it brings. They are the project's as soon
   as `project.json` counts the data set, whatever becomes of the server (`give`).
+  `searched`: of which of them the targets were found.
 - `frames.json`: where the targets are (`frames.pack_frames`).
 - `thumbnails/`: made when they are first shown.
 """
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from stereocal.errors import StereocalError, can_be_shown
+from stereocal.errors import RefusedRowsError, StereocalError, can_be_shown
 from stereocal.formats.correspondences_csv import write_table
-from stereocal.formats.photograph import GreyImage, read_photograph
 from stereocal.frames.frame import Frame, correspondences_of, pack_frames, unpack_frames
 from stereocal.frames.pairing import Pairing, pair_names
 from stereocal.frames.search import keep_corrections
-from stereocal.frames.thumbnails import side_by_side, tile
 from stereocal.inputs import Slot
 from stereocal.project import Project
 from stereocal.store.folders import own_file
@@ -114,15 +111,19 @@ class ProjectPhotographs:
         with changing(self.project.folder):
             if found:
                 flush_stored(found, self.files)
+            names = {name: path.name for name, path in found.items()}
             self._arrive()
-            before = self.photographs
+            try:
+                before = self.photographs
+            except DamagedError:  # it is begun anew
+                self.project.give(files, ("correspondences",), **values)
+                self._forget_found()
+                self._file.write({**self._file.blank(), "files": names})
+                return
             if before == found and (not found or "correspondences" not in files):
-                frames = self.frames if found else None
-                table = self._table(frames) if frames else {}
-                self.project.give({**files, **table}, drop=("correspondences",), **values)
+                self._give_again(files, values)
                 return
             times = self.project.times_given + 1
-            names = {name: path.name for name, path in found.items()}
             coming = {"times_given": times, "files": names}
             self._file.write({**self._file.read(), "coming": coming})
             try:
@@ -131,6 +132,18 @@ class ProjectPhotographs:
                 with suppress(StereocalError):  # the next change does it
                     self._arrive()
             forget_files(self.project.folder, set(before.values()) - set(found.values()))
+
+    def _give_again(
+        self, files: Mapping[Slot, tuple[str, bytes]], values: Mapping[str, Any]
+    ) -> None:
+        """Give a data set whose photographs are here already: the table is of what was found."""
+        table: Mapping[Slot, tuple[str, bytes]] = {}
+        with suppress(StereocalError):  # nothing was found, or nothing of it is used
+            table = self._table(self.frames or [])
+        try:
+            self.project.give({**files, **table}, drop=("correspondences",), **values)
+        except RefusedRowsError as error:  # no rows of the data set: they cannot be left out of it
+            raise StereocalError(str(error)) from error
 
     def _has_come(self, state: Mapping[str, Any]) -> bool:
         """Whether the project has taken over the photographs that are coming."""
@@ -221,18 +234,36 @@ class ProjectPhotographs:
         content = read_if_there(self.folder / "frames.json", "find the targets again")
         return None if content is None else unpack_frames(content)
 
-    def keep_found(self, found: Sequence[Frame]) -> None:
+    def keep_found(self, found: Sequence[Frame], searched: Mapping[str, Path]) -> None:
         """Keep what a search has found; what a person has decided meanwhile stays.
 
+        Args:
+            searched: the photographs as they were when the search began.
+
         Raises:
-            StereocalError: as `keep_frames`.
+            StereocalError: as `keep_frames`; or photographs have changed meanwhile, and what was
+                found before is unchanged.
         """
         with changing(self.project.folder):
+            now, files = self.photographs, {name for frame in found for name in frame.files}
+            if any(now.get(name) != searched.get(name) for name in files):
+                raise StereocalError(
+                    "The photographs were changed while the targets were looked for: find them "
+                    "again."
+                )
             try:
-                before = self.frames or []
+                before = [frame for frame in self.frames or [] if not self.is_outdated(frame)]
             except StereocalError:  # damaged: the search mends it
                 before = []
+            with self._change() as state:
+                state["searched"] = {name: now[name].name for name in sorted(files & now.keys())}
             self.keep_frames(keep_corrections(found, before))
+
+    def is_outdated(self, frame: Frame) -> bool:
+        """Whether a photograph of a frame has been replaced since the targets were found."""
+        state = self._read()
+        searched = state.get("searched", state["files"])
+        return any(state["files"].get(name) != searched.get(name) for name in frame.files)
 
     def keep_frames(self, frames: Sequence[Frame]) -> None:
         """Keep what was found or corrected, and give the project the table of points of it.
@@ -276,29 +307,6 @@ class ProjectPhotographs:
     def _table(frames: Sequence[Frame]) -> dict[Slot, tuple[str, bytes]]:
         return {"correspondences": (TABLE_LABEL, write_table(correspondences_of(frames)))}
 
-    def thumbnail(self, frame: Frame) -> bytes:
-        """A JPEG of both photographs around the targets, made now if it is not there yet."""
-        photographs = self.photographs
-        paths = [photographs.get(name) for name in frame.files]
-        made_of = json.dumps([[p and p.name for p in paths], asdict(frame)["centres"]])
-        name = hashlib.sha256(made_of.encode()).hexdigest()[:32]
-        path = self.folder / "thumbnails" / f"{name}.jpg"
-        if path.is_file():
-            return path.read_bytes()
-        first, second = (
-            tile(_image(path), centres) for path, centres in zip(paths, frame.centres, strict=True)
-        )
-        content = side_by_side(first, second)
-        write_atomically(path, content)
-        return content
-
-
-def _image(path: Path | None) -> GreyImage | None:
-    try:
-        return read_photograph(path) if path else None
-    except StereocalError:
-        return None
-
 
 def _check(state: dict[str, Any]) -> None:
     _check_files(state["files"])
@@ -306,6 +314,7 @@ def _check(state: dict[str, Any]) -> None:
         raise TypeError(state["pairs"])
     for item in state["pairs"] or []:
         row_of(item)
+    _check_files(state.get("searched", {}))
     if "coming" in state:
         if not isinstance(state["coming"]["times_given"], int):
             raise TypeError(state["coming"])

@@ -11,6 +11,7 @@ from stereocal.frames.frame import STATES, Frame, describe_frames
 from stereocal.frames.review import choose
 from stereocal.store.photographs import ProjectPhotographs
 from stereocal.store.review import change_review
+from stereocal.store.thumbnails import thumbnail
 from stereocal.ui.intake import escape_markdown, refuse, settled
 
 ON_A_SHEET = 12
@@ -58,7 +59,7 @@ def show_contact_sheet(
 def _show_frame(
     store: ProjectPhotographs, frame: Frame, running: bool, look_closely: Callable[[int], None]
 ) -> None:
-    st.image(store.thumbnail(frame), width="stretch")
+    st.image(thumbnail(store, frame), width="stretch")
     icon, colour = BADGES[frame.state]
     sigmas = [c.sigma_px for pair in frame.centres for c in pair if c and c.sigma_px is not None]
     reviewed = " · reviewed" if frame.reviewed else ""

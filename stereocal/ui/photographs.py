@@ -180,6 +180,8 @@ def _find_targets(store: ProjectPhotographs) -> None:
         (row.pair.frame, (row.pair.primary, row.pair.secondary)) for row in rows
     }:
         st.warning("The pairs have changed since the targets were found. Find them again.")
+    elif any(map(store.is_outdated, frames)):
+        st.warning("Photographs were replaced since the targets were found. Find them again.")
     show_frames(store, frames, running)
 
 
@@ -204,12 +206,13 @@ def _find(store: ProjectPhotographs, pairs: Sequence[Pair], job: jobs.Job) -> bo
     if primary is None or secondary is None:
         raise StereocalError("A camera file has gone from the project; give it again.")
     cameras = (primary, secondary)
+    searched = store.photographs
     found = detect_frames(
-        pairs, store.photographs, cameras, job.executor, job.begin, job.progress,
+        pairs, searched, cameras, job.executor, job.begin, job.progress,
         lambda: job.cancelled,
         pieces=job.parts("detections", pack_detection, unpack_detection),
     )  # fmt: skip
     if found is None:
         return False
-    store.keep_found(found)
+    store.keep_found(found, searched)
     return True

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from streamlit.testing.v1 import AppTest
 
+from stereocal.formats.photograph_files import keep_photograph
 from stereocal.frames.review import choose
 from stereocal.project import Project
 from stereocal.store.pair_rows import merged
@@ -190,6 +191,20 @@ def test_photographs_of_another_tab_are_not_removed_unseen(project: Project) -> 
     sound(a, b)
 
 
+def test_a_photograph_that_another_tab_replaced_is_told(project: Project) -> None:
+    a, b = tabs(project, "data")
+    store = ProjectPhotographs(project)
+    name, path = next(iter(store.photographs.items()))
+    assert store.frames is not None
+    store.keep_found(store.frames, store.photographs)
+    a.run()
+    assert "replaced" not in told(a, "warning")
+    store.add({name: keep_photograph([path.read_bytes() + b"\n"], name, store.files)})
+    b.run()
+    assert "Photographs were replaced since the targets were found" in told(b, "warning")
+    sound(a, b)
+
+
 def one_frame(app: AppTest) -> AppTest:
     return app.segmented_control(key="frames_view").set_value("One frame").run()
 
@@ -230,7 +245,7 @@ def test_a_correction_made_during_a_search_outlives_it(project: Project) -> None
     assert found is not None
     fresh = [replace(frame, reviewed=False) for frame in found]
     change_review(store, lambda now: choose(now, 4, False))
-    store.keep_found(fresh)
+    store.keep_found(fresh, store.photographs)
     assert not read_review(store).frame(4).use
     assert len(read_review(store).edits) == 3
 
