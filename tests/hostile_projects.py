@@ -79,8 +79,12 @@ FILES = {
     "more": Inner("zip", (), "inputs/*-dataset.zip"),
     "calibration.json": Inner("json", (), "calibration.json"),
     "evaluation.npz": Inner("npz", (), "evaluation.npz"),
-    "photographs.json": Inner("json", ("photographs",), "photographs/photographs.json", COMING),
-    "frames.json": Inner("json", ("photographs", "review"), "photographs/frames.json"),
+    "photographs.json": Inner(
+        "json", ("photographs", "pair_rows"), "photographs/photographs.json", COMING
+    ),
+    "frames.json": Inner(
+        "json", ("photographs", "review", "thumbnails"), "photographs/frames.json"
+    ),
     "edits.json": Inner("json", ("review",), "photographs/edits.json"),
     "boards.json": Inner("json", ("lens",), "lens/primary/photographs.json"),
     "boards.npz": Inner("npz", ("lens",), "lens/primary/boards.npz"),
