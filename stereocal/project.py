@@ -19,8 +19,8 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-from collections.abc import Mapping, Sequence
-from contextlib import nullcontext
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import Any, Literal
 
@@ -43,6 +43,7 @@ from stereocal.writing import write_all, write_atomically
 PROJECT_FORMAT = "stereocal-project/1"
 PATIENCE = 3
 """So often what is given is checked while others may change the project; then they wait."""
+Beside = Callable[[dict[str, Any]], AbstractContextManager[object]]
 _NO_FILES: Mapping[str, bytes] = {}
 
 
@@ -99,7 +100,7 @@ class Project:
         self,
         files: Mapping[Slot, tuple[str, bytes]],
         drop: Sequence[Slot] = (),
-        times_given: int | None = None,
+        beside: Beside = nullcontext,
         **values: Any,
     ) -> None:
         """Take over files (slot to name and content) and values in one step, or nothing.
@@ -108,7 +109,8 @@ class Project:
 
         Args:
             drop: slots to empty before.
-            times_given: what that becomes.
+            beside: entered with the content of `project.json`, which it may add to, before that is
+                written, and left after; nobody else changes the project meanwhile.
 
         Raises:
             StereocalError: what was given cannot be used; the project is as it was.
@@ -132,7 +134,7 @@ class Project:
                 new = dataclasses.replace(before, files=given, labels=labels, **values)
                 check_room(self.folder, sum(map(len, fresh.values())))
                 self._check_inputs(new, fresh)
-                if self._replace_inputs(before, new, fresh, times_given):
+                if self._replace_inputs(before, new, fresh, beside):
                     return
 
     def _check_inputs(self, inputs: Inputs, fresh: Mapping[str, bytes]) -> None:
@@ -153,7 +155,7 @@ class Project:
             self._dataset(inputs, fresh)
 
     def _replace_inputs(
-        self, before: Inputs, new: Inputs, fresh: Mapping[str, bytes], times_given: int | None
+        self, before: Inputs, new: Inputs, fresh: Mapping[str, bytes], beside: Beside
     ) -> bool:
         """Put inputs and the files that they name on the disk; False if they are not as before."""
         with changing(self.folder):
@@ -161,10 +163,9 @@ class Project:
             if Inputs(**state["inputs"]) != before:
                 return False
             state["inputs"] = dataclasses.asdict(new)
-            if times_given is not None:
-                state["times_given"] = times_given
             stored = {self.folder / "inputs" / name: content for name, content in fresh.items()}
-            write_all({**stored, self._file.path: self._file.pack(state)})
+            with beside(state):
+                write_all({**stored, self._file.path: self._file.pack(state)})
             return True
 
     def rename(self, name: str) -> None:

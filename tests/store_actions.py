@@ -53,6 +53,27 @@ def _photographs(project: Project) -> None:
     store.add({name: keep_photograph([name.encode()], name, store.files) for name in names})
 
 
+def replace_one(project: Project) -> str:
+    """Another photograph under the name of one in which targets were corrected; the name."""
+    store = ProjectPhotographs(project)
+    name = next(frame for frame in store.frames or [] if frame.reviewed).files[0]
+    store.add({name: keep_photograph([b"another"], name, store.files)})
+    return name
+
+
+def _found_anew(project: Project) -> Action:
+    found = ProjectPhotographs(project).frames
+    assert found is not None
+    replace_one(project)
+    other = [replace(frame.swapped(0).swapped(1), reviewed=False) for frame in found]
+
+    def act(project: Project) -> None:
+        store = ProjectPhotographs(project)
+        store.keep_found(other, store.photographs)
+
+    return act
+
+
 def _boards(project: Project) -> None:
     store = ProjectLens(project, "primary")
     store.add({"08.jpg": keep_photograph([b"board"], "08.jpg", store.files)})
@@ -209,6 +230,7 @@ AT_ONCE: Mapping[str, Action] = {
     "Project.keep_settings": lambda project: project.keep_settings({"seed": 7}),
     "Project.add_dataset": lambda project: project.add_dataset("more.zip", more_data()),
     "ProjectPhotographs.add": _photographs,
+    "ProjectPhotographs.add, in place of another": replace_one,
     "ProjectPhotographs.give": _give_all,
     "ProjectPhotographs.clear": lambda project: ProjectPhotographs(project).clear(),
     "ProjectPhotographs.change_rows": _rows,
@@ -241,6 +263,10 @@ PREPARED: Mapping[str, Callable[[Project], Action]] = {
     "bring_back": _removed,
 }
 """Actions that need something before, which is done to the project as it is given."""
+IN_STEPS: Mapping[str, Callable[[Project], Action]] = {
+    "ProjectPhotographs.keep_found, of others": _found_anew,
+}
+"""The same, of which a part may be done: what each leaves has a test of its own."""
 
 
 def kept(home: Path) -> list[dict[str, str]]:

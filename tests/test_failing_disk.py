@@ -17,12 +17,22 @@ from pathlib import Path
 import pytest
 
 from stereocal.errors import StereocalError
+from stereocal.formats.correspondences_csv import write_table
+from stereocal.frames.frame import correspondences_of
 from stereocal.project import Project
 from stereocal.store.folders import is_id
 from stereocal.store.left_over import remove_left_over
 from stereocal.store.photographs import ProjectPhotographs
 from tests.failing_disk import CRASHED, count_calls, die_at, fail_at
-from tests.store_actions import AT_ONCE, PREPARED, check_whole, kept, left_over, placed_full
+from tests.store_actions import (
+    AT_ONCE,
+    IN_STEPS,
+    PREPARED,
+    check_whole,
+    kept,
+    left_over,
+    placed_full,
+)
 
 ACTIONS = [*AT_ONCE, *PREPARED]
 EVERY, MOST = 5, 10
@@ -50,7 +60,7 @@ class Bench:
         project = placed_full(self.pristine)
         self.id = project.id
         self.home = folder / "home"
-        prepare = PREPARED.get(name)
+        prepare = {**PREPARED, **IN_STEPS}.get(name)
         self.act = AT_ONCE[name] if prepare is None else prepare(project)
         self.before = kept(self.pristine)
         self.calls = self._counted()
@@ -193,6 +203,38 @@ def test_a_data_set_with_photographs_is_there_as_a_whole_or_not_at_all() -> None
                 changed[2] = 0.75
                 assert seen(project) == tuple(changed), (at, bench.calls[at - 1])
         assert before in met and after in met
+
+
+@pytest.mark.parametrize("name", ["add, in place of another", "keep_found, of others"])
+def test_what_was_found_in_a_photograph_is_never_another_ones(name: str) -> None:
+    name = f"ProjectPhotographs.{name}"
+    with quick_folder() as folder:
+        bench = Bench(folder, name)
+        old, new = (
+            ProjectPhotographs(Project(home / "projects" / bench.id))
+            for home in (bench.pristine, bench.home)
+        )
+        files, found = [old.photographs, new.photographs], [old.frames, new.frames]
+        for at in range(1, len(bench.calls) + 1):
+            for strike in (die_at, lambda *args: refused(fail_at, *args)):
+                project = bench.fresh()
+                strike(bench.home, at, lambda project=project: bench.act(project))  # type: ignore[misc]
+                store = ProjectPhotographs(project)
+                names = {photograph: path.name for photograph, path in store.photographs.items()}
+                whole = [
+                    (frames or [])
+                    for those, frames in zip(files, found, strict=True)
+                    if names == {photograph: path.name for photograph, path in those.items()}
+                ]
+                known = [frame for frames in whole for frame in frames]
+                assert all(frame in known for frame in store.frames or []), (
+                    at,
+                    bench.calls[at - 1],
+                )
+                store.settle()
+                table = project.table
+                assert table is not None and store.frames is not None
+                assert table[1] == write_table(correspondences_of(store.frames))
 
 
 def refused(act: Callable[..., object], *args: object) -> None:

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from threading import Thread
+from typing import Any
 
 import pytest
 
 from stereocal.camera import Camera
 from stereocal.errors import StereocalError
 from stereocal.formats.camera_file import write_camera
+from stereocal.formats.correspondences_csv import read_table
 from stereocal.formats.photograph_files import keep_photograph
 from stereocal.frames.review import choose
 from stereocal.inputs import Slot
@@ -81,28 +84,106 @@ def test_a_search_in_photographs_that_were_changed_meanwhile_is_not_kept(
     searched, found = store.photographs, store.frames
     assert found is not None
     replaced(store, found[0].files[0])
-    table = store.project.table
+    left, table = store.frames, store.project.table
+    assert left == found[1:]
     with pytest.raises(StereocalError, match="changed while the targets were looked for"):
         store.keep_found([frame.swapped(0) for frame in found], searched)
-    assert store.frames == found and store.project.table == table
+    assert store.frames == left and store.project.table == table
 
 
-def test_a_photograph_that_was_replaced_is_told_and_its_corrections_go(
+def table_frames(store: ProjectPhotographs) -> set[int]:
+    table = store.project.table
+    assert table is not None
+    return set(read_table(table[1], "t").strict("t").frame.tolist())
+
+
+def test_what_was_found_in_a_photograph_that_was_replaced_goes(store: ProjectPhotographs) -> None:
+    review = change_review(store, lambda now: choose(now, 4, False))
+    other, first = (frame for frame in review.frames if frame.reviewed)
+    assert first.frame in table_frames(store)
+    replaced(store, first.files[1])
+    assert read_review(store).frames == tuple(f for f in review.frames if f is not first)
+    assert first.frame not in table_frames(store) and len(table_frames(store)) > 2
+    fresh = [replace(frame.swapped(0).swapped(1), reviewed=False) for frame in review.frames]
+    store.keep_found(fresh, store.photographs)
+    kept = {frame.frame: frame for frame in store.frames or []}
+    assert kept[first.frame] == fresh[review.frames.index(first)]
+    assert kept[other.frame] == other
+    assert first.frame in table_frames(store)
+
+
+def test_where_all_photographs_are_replaced_nothing_is_found(store: ProjectPhotographs) -> None:
+    for name in store.photographs:
+        replaced(store, name)
+    assert store.frames is None and store.project.table is None
+
+
+def test_a_table_of_its_own_outlives_photographs_that_are_replaced(
     store: ProjectPhotographs,
 ) -> None:
-    review = change_review(store, lambda now: choose(now, 4, False))
-    frames = review.frames
-    store.keep_found(frames, store.photographs)
-    corrected = next(frame for frame in frames if frame.reviewed)
-    replaced(store, corrected.files[1])
-    assert [frame.frame for frame in frames if store.is_outdated(frame)] == [corrected.frame]
-    fresh = [replace(frame.swapped(0).swapped(1), reviewed=False) for frame in frames]
-    store.keep_found(fresh, store.photographs)
-    assert not any(map(store.is_outdated, fresh))
-    kept = {frame.frame: frame for frame in store.frames or []}
-    assert kept[corrected.frame] == fresh[frames.index(corrected)]
-    others = [frame for frame in frames if frame.reviewed and frame is not corrected]
-    assert others and all(kept[frame.frame] == frame for frame in others)
+    assert store.project.table is not None
+    content = store.project.table[1]
+    store.project.give({"correspondences": ("own.csv", content)})
+    for name in store.photographs:
+        replaced(store, name)
+    assert store.project.table == ("own.csv", content)
+
+
+def test_a_table_that_is_given_after_a_removal_that_was_killed_is_the_projects(
+    store: ProjectPhotographs,
+) -> None:
+    assert store.project.table is not None
+    content = store.project.table[1]
+    found = (store.folder / "frames.json").read_bytes()
+    store.clear()
+    (store.folder / "frames.json").write_bytes(found)  # the server died before it was removed
+    assert store.frames is None
+    files = camera_files(store.project) | {"correspondences": ("own.csv", content)}
+    store.give(files, {}, baseline_m=7.5)
+    assert store.project.table == ("own.csv", content)
+    store.settle()
+    assert store.project.table == ("own.csv", content)
+
+
+def test_other_tabs_go_on_while_a_data_set_is_read(
+    store: ProjectPhotographs, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = store.photographs
+    name = next(iter(found))
+    given = {**found, name: keep_photograph([b"another"], name, store.files)}
+    check = Project._check_inputs
+    done: list[bool] = []
+
+    def slow(self: Project, *args: Any) -> None:
+        if not done:
+            thread = Thread(target=lambda: store.project.keep_settings({"seed": 7}), daemon=True)
+            thread.start()
+            thread.join(20)
+            done.append(not thread.is_alive())
+        check(self, *args)
+
+    monkeypatch.setattr(Project, "_check_inputs", slow)
+    store.give(camera_files(store.project), given, baseline_m=7.5)
+    assert done == [True]
+    assert store.photographs == given and store.project.settings["seed"] == 7
+
+
+def test_photographs_that_another_tab_adds_meanwhile_refuse_the_data_set(
+    store: ProjectPhotographs, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    check, before = Project._check_inputs, store.project.inputs
+    found = {"left9.png": keep_photograph([b"nine"], "left9.png", store.files)}
+    more = {"right9.png": keep_photograph([b"other"], "right9.png", store.files)}
+
+    def meanwhile(self: Project, *args: Any) -> None:
+        store.add(more)
+        check(self, *args)
+
+    monkeypatch.setattr(Project, "_check_inputs", meanwhile)
+    with pytest.raises(StereocalError, match="changed meanwhile: give the data set again"):
+        store.give(camera_files(store.project), found, baseline_m=7.5)
+    assert store.project.inputs == before
+    assert more.keys() < store.photographs.keys() and "left9.png" not in store.photographs
 
 
 @pytest.mark.parametrize("content", [None, b"{"])

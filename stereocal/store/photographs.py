@@ -6,7 +6,7 @@ Below the project's folder, in `photographs/`:
 - `photographs.json`: their names and the pairs as the person has edited them. While a data set is
   taken over, `coming` beside them: the photographs that it brings. They are the project's as soon
   as `project.json` counts the data set, whatever becomes of the server (`give`).
-  `searched`: of which of them the targets were found.
+  `outdated`: which were replaced since the targets were found.
 - `frames.json`: where the targets are (`frames.pack_frames`).
 - `thumbnails/`: made when they are first shown.
 """
@@ -66,7 +66,8 @@ class ProjectPhotographs:
     def add(self, found: Mapping[str, Path]) -> None:
         """Take over photographs that are stored below `files`; a name given again is replaced.
 
-        Pairs that were edited stay, and new ones are proposed for the others.
+        Pairs that were edited stay, and new ones are proposed for the others. What was found in
+        photographs that are replaced goes, from the table of points too.
 
         Raises:
             StereocalError: a photograph has gone since it was stored; nothing has changed.
@@ -75,10 +76,16 @@ class ProjectPhotographs:
             flush_stored(found, self.files)
             if not state["files"]:  # of photographs that were removed
                 self._forget_found()
-            state["files"].update({name: path.name for name, path in found.items()})
+            files, before = state["files"], dict(state["files"])
+            files.update({name: path.name for name, path in found.items()})
+            replaced = {name for name in before if files[name] != before[name]}
+            state["outdated"] = sorted(replaced.union(state.get("outdated", ())))
             if state["pairs"] is not None:
                 kept = [row_of(item) for item in state["pairs"]]
-                state["pairs"] = [asdict(row) for row in with_new(kept, list(state["files"]))]
+                state["pairs"] = [asdict(row) for row in with_new(kept, list(files))]
+        if replaced:
+            with suppress(StereocalError):  # the page of the photographs says it
+                self.settle()
 
     def clear(self) -> None:
         """Forget all photographs and what was found in them, and free their room."""
@@ -94,7 +101,7 @@ class ProjectPhotographs:
 
     def give(
         self, files: Mapping[Slot, tuple[str, bytes]], found: Mapping[str, Path], **values: Any
-    ) -> None:
+    ) -> bool:
         """Give the project a whole data set in place of what it held, in one step or not at all.
 
         What was found in photographs that are here already stays, with what a person has corrected,
@@ -105,45 +112,78 @@ class ProjectPhotographs:
             found: photographs that are stored below `files`.
             values: as of `Project.give`.
 
+        Returns:
+            Whether what was found stays.
+
         Raises:
             StereocalError: it cannot be used, or a photograph has gone; nothing has changed.
         """
-        with changing(self.project.folder):
-            if found:
-                flush_stored(found, self.files)
-            names = {name: path.name for name, path in found.items()}
-            self._arrive()
-            try:
-                before = self.photographs
-            except DamagedError:  # it is begun anew
-                self.project.give(files, ("correspondences",), **values)
-                self._forget_found()
-                self._file.write({**self._file.blank(), "files": names})
-                return
-            if before == found and (not found or "correspondences" not in files):
-                self._give_again(files, values)
-                return
-            times = self.project.times_given + 1
-            coming = {"times_given": times, "files": names}
-            self._file.write({**self._file.read(), "coming": coming})
-            try:
-                self.project.give(files, ("correspondences",), times, **values)
-            finally:
-                with suppress(StereocalError):  # the next change does it
-                    self._arrive()
-            forget_files(self.project.folder, set(before.values()) - set(found.values()))
-
-    def _give_again(
-        self, files: Mapping[Slot, tuple[str, bytes]], values: Mapping[str, Any]
-    ) -> None:
-        """Give a data set whose photographs are here already: the table is of what was found."""
+        before = None
+        with suppress(DamagedError):  # a list that is damaged is begun anew
+            before = self.photographs
+        again = bool(found) and before == found and "correspondences" not in files
         table: Mapping[Slot, tuple[str, bytes]] = {}
-        with suppress(StereocalError):  # nothing was found, or nothing of it is used
-            table = self._table(self.frames or [])
+        if again:
+            with suppress(StereocalError):  # nothing was found, or nothing of it is used
+                table = self._table(self.frames or [])
         try:
-            self.project.give({**files, **table}, drop=("correspondences",), **values)
-        except RefusedRowsError as error:  # no rows of the data set: they cannot be left out of it
+            self.project.give(
+                {**files, **table},
+                ("correspondences",),
+                lambda state: self._coming(state, before, found, again),
+                **values,
+            )
+        except RefusedRowsError as error:
+            if not table:
+                raise
+            # Rows that are none of the data set: they cannot be left out of it.
             raise StereocalError(str(error)) from error
+        if before and not again:
+            forget_files(self.project.folder, set(before.values()) - set(found.values()))
+        return again
+
+    @contextmanager
+    def _coming(
+        self,
+        project: dict[str, Any],
+        before: Mapping[str, Path] | None,
+        found: Mapping[str, Path],
+        again: bool,
+    ) -> Iterator[None]:
+        """Have photographs in place of those before as soon as the project's state is written."""
+        if found:
+            flush_stored(found, self.files)
+        names = {name: path.name for name, path in found.items()}
+        if before is None:
+            yield
+            self._forget_found()
+            self._file.write({**self._file.blank(), "files": names})
+            return
+        self._arrive()
+        if self.photographs != before:
+            raise StereocalError("The photographs were changed meanwhile: give the data set again.")
+        if again or not (before or found):
+            yield
+            return
+        times = project["times_given"] = project.get("times_given", 0) + 1
+        coming = {"times_given": times, "files": names}
+        self._file.write({**self._file.read(), "coming": coming})
+        try:
+            yield
+        finally:
+            with suppress(StereocalError):  # the next change does it
+                self._arrive()
+
+    def _arrive(self) -> None:
+        """Bring the list to what holds, if a server died while photographs were coming."""
+        try:
+            state, now = self._file.read(), self._read()
+        except DamagedError:
+            return
+        if "coming" in state:
+            if self._has_come(state):
+                self._forget_found()
+            self._file.write(now)
 
     def _has_come(self, state: Mapping[str, Any]) -> bool:
         """Whether the project has taken over the photographs that are coming."""
@@ -151,19 +191,9 @@ class ProjectPhotographs:
             state["coming"]["times_given"] == self.project.times_given
         )
 
-    def _arrive(self) -> None:
-        """Bring the list to what holds, if a server died while photographs were coming."""
-        try:
-            state = self._file.read()
-        except DamagedError:
-            return
-        if "coming" in state:
-            if self._has_come(state):
-                self._forget_found()
-            self._file.write(self._now(state))
-
-    def _now(self, state: Mapping[str, Any]) -> dict[str, Any]:
-        """What holds of a list in which photographs may be coming."""
+    def _read(self) -> dict[str, Any]:
+        """What holds of the list, in which photographs may be coming."""
+        state = self._file.read()
         if self._has_come(state):
             return {**self._file.blank(), "files": state["coming"]["files"]}
         return {key: value for key, value in state.items() if key != "coming"}
@@ -171,9 +201,6 @@ class ProjectPhotographs:
     def _forget_found(self) -> None:
         for name in ("frames.json", "edits.json"):
             forget(self.folder / name)
-
-    def _read(self) -> dict[str, Any]:
-        return self._now(self._file.read())
 
     @contextmanager
     def _change(self) -> Iterator[dict[str, Any]]:
@@ -223,16 +250,23 @@ class ProjectPhotographs:
 
     @property
     def frames(self) -> list[Frame] | None:
-        """What was found and corrected; None before the first search.
+        """What was found and corrected in the photographs that are there now, or None.
 
         Raises:
             StereocalError: the file is damaged, or of another version.
         """
-        with suppress(DamagedError):
-            if self._has_come(self._file.read()):
-                return None  # those on the disk are of the photographs before
+        state: Mapping[str, Any] = {}
+        with suppress(DamagedError):  # what was found can be read without the list
+            state = self._file.read()
+            if self._has_come(state) or not state["files"]:
+                return None  # those on the disk are of photographs that have gone
         content = read_if_there(self.folder / "frames.json", "find the targets again")
-        return None if content is None else unpack_frames(content)
+        if content is None:
+            return None
+        outdated = state.get("outdated", ())
+        return [
+            frame for frame in unpack_frames(content) if not set(frame.files).intersection(outdated)
+        ] or None
 
     def keep_found(self, found: Sequence[Frame], searched: Mapping[str, Path]) -> None:
         """Keep what a search has found; what a person has decided meanwhile stays.
@@ -245,25 +279,22 @@ class ProjectPhotographs:
                 found before is unchanged.
         """
         with changing(self.project.folder):
-            now, files = self.photographs, {name for frame in found for name in frame.files}
-            if any(now.get(name) != searched.get(name) for name in files):
+            now, names = self.photographs, {name for frame in found for name in frame.files}
+            if any(now.get(name) != searched.get(name) for name in names):
                 raise StereocalError(
                     "The photographs were changed while the targets were looked for: find them "
                     "again."
                 )
             try:
-                before = [frame for frame in self.frames or [] if not self.is_outdated(frame)]
+                before = self.frames or []
             except StereocalError:  # damaged: the search mends it
                 before = []
+            kept = keep_corrections(found, before)
+            self._write_frames(kept)
+            # After them: a server that dies in between has the targets looked for once more.
             with self._change() as state:
-                state["searched"] = {name: now[name].name for name in sorted(files & now.keys())}
-            self.keep_frames(keep_corrections(found, before))
-
-    def is_outdated(self, frame: Frame) -> bool:
-        """Whether a photograph of a frame has been replaced since the targets were found."""
-        state = self._read()
-        searched = state.get("searched", state["files"])
-        return any(state["files"].get(name) != searched.get(name) for name in frame.files)
+                state.pop("outdated", None)
+            self.project.give(self._table(kept))
 
     def keep_frames(self, frames: Sequence[Frame]) -> None:
         """Keep what was found or corrected, and give the project the table of points of it.
@@ -273,12 +304,17 @@ class ProjectPhotographs:
                 kept all the same.
         """
         with changing(self.project.folder):
-            self._arrive()
-            write_atomically(self.folder / "frames.json", pack_frames(frames))
+            self._write_frames(frames)
             self.project.give(self._table(frames))
 
+    def _write_frames(self, frames: Sequence[Frame]) -> None:
+        self._arrive()
+        write_atomically(self.folder / "frames.json", pack_frames(frames))
+
     def settle(self) -> None:
-        """Finish what a server died over, and give the project the table of its frames if it lacks.
+        """Finish what a server died over, and have the project's table be that of its frames.
+
+        Where they give no table, the project has none.
 
         Raises:
             StereocalError: as `keep_frames`.
@@ -287,21 +323,30 @@ class ProjectPhotographs:
             return
         with changing(self.project.folder):
             self._arrive()
-            if (frames := self.frames) and not self._is_settled():
-                self.project.give(self._table(frames))
+            if self._is_settled():
+                return
+            try:
+                table = self._table(self.frames or [])
+            except StereocalError:
+                self.project.give({}, drop=("correspondences",))
+            else:
+                self.project.give(table)
 
     def _is_settled(self) -> bool:
+        state: Mapping[str, Any] = {}
         with suppress(DamagedError):
-            if "coming" in self._file.read():
-                return False
+            state = self._file.read()
+        if "coming" in state:
+            return False
         frames = self.frames
-        if not frames or self.project.inputs.labels.get("correspondences") != TABLE_LABEL:
+        removed = frames is None and not state.get("outdated")
+        if removed or self.project.inputs.labels.get("correspondences") != TABLE_LABEL:
             return True
         try:
             table = self.project.table
-        except StereocalError:  # it has gone
+            return table is not None and table == self._table(frames or [])["correspondences"]
+        except StereocalError:  # it has gone, or the frames give none
             return False
-        return table is not None and table[1] == write_table(correspondences_of(frames))
 
     @staticmethod
     def _table(frames: Sequence[Frame]) -> dict[Slot, tuple[str, bytes]]:
@@ -314,7 +359,8 @@ def _check(state: dict[str, Any]) -> None:
         raise TypeError(state["pairs"])
     for item in state["pairs"] or []:
         row_of(item)
-    _check_files(state.get("searched", {}))
+    if not all(isinstance(name, str) for name in state.get("outdated", ())):
+        raise TypeError(state["outdated"])
     if "coming" in state:
         if not isinstance(state["coming"]["times_given"], int):
             raise TypeError(state["coming"])

@@ -34,6 +34,7 @@ from stereocal.limits import Limits
 from stereocal.project import Project
 from stereocal.store.photographs import ProjectPhotographs
 from stereocal.store.room import check_room
+from stereocal.ui import jobs
 from stereocal.ui.project import noted, project_to_write
 from stereocal.ui.texts import escape_markdown as escape_markdown
 from stereocal.ui.told import callback
@@ -265,7 +266,7 @@ def give_dataset(
         survey = parse_dataset(files, source)
         slots["correspondences"] = TABLE
     slots |= {slot: description["cameras"][slot] for slot in slots if slot != "correspondences"}
-    store.give(
+    kept = store.give(
         {slot: (name, files[folder + name]) for slot, name in slots.items()},
         photographs,
         name=survey.name,
@@ -274,6 +275,8 @@ def give_dataset(
         baseline_sigma_m=survey.baseline_sigma_m,
         target_distance_sigma_m=survey.target_distance_sigma_m,
     )
+    if not kept:  # a search that still runs is for targets of the data set before
+        jobs.abandon(project, "photographs")
     if photographs:
         st.session_state[KIND_NEXT] = PHOTOGRAPHS
 

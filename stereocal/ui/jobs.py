@@ -248,6 +248,18 @@ def discard(project: Project, kind: Kind) -> None:
     _jobs().pop((project.id, kind), None)
 
 
+def abandon(project: Project, kind: Kind) -> None:
+    """Stop a job, or forget what it had finished: nobody wants its result any more.
+
+    Raises:
+        StereocalError: the disk cannot be written to.
+    """
+    if is_running(project, kind):
+        kept_jobs.ask_to_stop(project.folder, kind)
+    else:
+        discard(project, kind)
+
+
 def is_done(work: Work) -> None:
     """The result of this very work is there: if its server ended just then, nothing is left to do.
 

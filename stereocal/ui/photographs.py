@@ -179,9 +179,10 @@ def _find_targets(store: ProjectPhotographs) -> None:
     if {(f.frame, f.files) for f in frames} != {
         (row.pair.frame, (row.pair.primary, row.pair.secondary)) for row in rows
     }:
-        st.warning("The pairs have changed since the targets were found. Find them again.")
-    elif any(map(store.is_outdated, frames)):
-        st.warning("Photographs were replaced since the targets were found. Find them again.")
+        st.warning(
+            "The pairs or their photographs have changed since the targets were found. Find them "
+            "again."
+        )
     show_frames(store, frames, running)
 
 
