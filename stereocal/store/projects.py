@@ -56,14 +56,24 @@ def recent_projects(home: Path, most: int = 10) -> list[Listed]:
     for changed, folder in sorted(dated, reverse=True):
         if len(found) == most:
             break
-        try:
-            name = Project.open(home, folder.name).inputs.name
-        except StereocalError:
-            continue
-        files = {"calibration": "calibration.json", "evaluation": "evaluation.npz"}
-        finished = tuple(what for what, file in files.items() if (folder / file).is_file())
-        found.append(Listed(folder.name, name, changed, finished))
+        with suppress(StereocalError):
+            found.append(_listed(Project.open(home, folder.name), changed))
     return found
+
+
+def listed(project: Project) -> Listed:
+    """What a list shows of a project.
+
+    Raises:
+        StereocalError: it cannot be read.
+    """
+    return _listed(project, changed_at(project.folder))
+
+
+def _listed(project: Project, changed: float) -> Listed:
+    files = {"calibration": "calibration.json", "evaluation": "evaluation.npz"}
+    finished = tuple(what for what, file in files.items() if (project.folder / file).is_file())
+    return Listed(project.id, project.inputs.name, changed, finished)
 
 
 def removed_projects(home: Path, most: int = 20) -> list[Removed]:

@@ -24,6 +24,9 @@ class ServerSettings:
     """STEREOCAL_UNDO_DAYS: so long a removed project can be brought back."""
     project_mb: float = math.inf
     """STEREOCAL_PROJECT_MB: what one project may take on disk, in millions of bytes."""
+    download_mb: float = 2000.0
+    """STEREOCAL_DOWNLOAD_MB: the largest project that is packed for a browser, which takes as much
+    memory as its zip while its page is open."""
     workers: int = field(default_factory=lambda: os.cpu_count() or 1)
     """STEREOCAL_WORKERS: so many tasks are computed at once, for all sessions together."""
 
@@ -41,5 +44,6 @@ class ServerSettings:
             keep_days=number_given(given, "STEREOCAL_KEEP_DAYS", cls.keep_days),
             undo_days=number_given(given, "STEREOCAL_UNDO_DAYS", cls.undo_days),
             project_mb=number_given(given, "STEREOCAL_PROJECT_MB", cls.project_mb),
+            download_mb=number_given(given, "STEREOCAL_DOWNLOAD_MB", cls.download_mb),
             workers=int(min(number_given(given, "STEREOCAL_WORKERS", cores, 1.0), MOST_WORKERS)),
         )

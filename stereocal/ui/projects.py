@@ -21,11 +21,13 @@ from stereocal.store.jobs import interrupted
 from stereocal.store.projects import (
     Listed,
     duplicate,
+    listed,
     recent_projects,
     remove,
     removed_at,
     removed_projects,
 )
+from stereocal.store.room import MB, size_of
 from stereocal.store.server import ServerSettings
 from stereocal.ui.intake import check_uploads, escape_markdown, is_new, taking
 from stereocal.ui.project import (
@@ -45,22 +47,27 @@ _UNPACKED = "unpacked_projects"
 def show_projects() -> None:
     """Recent projects, each to open, rename, duplicate or remove, and removed ones to bring back.
 
-    A shared server lists neither; it offers a removed project to who has its address.
+    A shared server shows the open project alone; it offers a removed one to who has its address.
     """
     settings = ServerSettings.from_environment()
-    was_removed = offer_removed()
+    project = None if offer_removed() else current_project()
     if not settings.shared:
         _offer_undo()
-        if failure := st.session_state.pop(_FAILED, None):
-            st.error(escape_markdown(failure))
-        listed = recent_projects(default_home())
-        if listed:
+    if failure := st.session_state.pop(_FAILED, None):
+        st.error(escape_markdown(failure))
+    if settings.shared:
+        if project is not None:
+            st.header("The open project", divider="gray")
+            _show(listed(project))
+    else:
+        recent = recent_projects(default_home())
+        if recent:
             st.header("Recent projects", divider="gray")
-            for one in listed:
+            for one in recent:
                 _show(one)
         _show_removed()
     with st.expander("Take a project elsewhere, or open one from a zip"):
-        _carry(None if was_removed else current_project())
+        _carry(project)
     with st.expander("What is kept, where and for how long"):
         st.markdown(what_is_kept(settings))
 
@@ -168,6 +175,15 @@ def _survive(folder: Path) -> None:
 
 def _offer_packed(project: Project, name: str) -> None:
     """Pack beside the projects' disk: one that is full or read-only can be left all the same."""
+    settings, size = ServerSettings.from_environment(), size_of(project.folder)
+    if size > settings.download_mb * MB:
+        st.error(
+            f"The project takes {size / MB:.1f} MB, and at most {settings.download_mb:g} MB "
+            "(`STEREOCAL_DOWNLOAD_MB`) are packed for a browser, in the server's memory. Its "
+            f"folder, `projects/{project.id}` below the server's home, can be copied into another "
+            "home, and the command line reads it as it is."
+        )
+        return
     try:
         with tempfile.TemporaryDirectory() as folder:
             target = Path(folder) / "project.zip"
@@ -183,6 +199,12 @@ def _offer_packed(project: Project, name: str) -> None:
         "application/zip", on_click="ignore", icon=":material/download:",
         key="download_project",
     )  # fmt: skip
+    largest = st.get_option("server.maxUploadSize")
+    if len(content) > largest * 2**20:
+        st.caption(
+            f"This page takes zips of {largest} MB at most: elsewhere, open it with a larger "
+            "`STREAMLIT_SERVER_MAX_UPLOAD_SIZE`, or on the command line."
+        )
 
 
 def _offer_undo() -> None:
@@ -208,7 +230,12 @@ def _open(project_id: str) -> None:
 
 
 def _duplicate(project_id: str) -> None:
-    _try(lambda: duplicate(default_home(), project_id))
+    def act() -> None:
+        copy = duplicate(default_home(), project_id)
+        if ServerSettings.from_environment().shared:  # nothing else would tell its address
+            open_project(copy.id)
+
+    _try(act)
 
 
 def _remove(project_id: str) -> None:

@@ -71,14 +71,52 @@ def test_a_shared_server_lists_nothing(
     app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     project = project_of(open_sample(app), home)
+    other = Project.create(home)
     monkeypatch.setenv("STEREOCAL_SHARED", "1")
     monkeypatch.setenv("STEREOCAL_KEEP_DAYS", "90")
-    assert not any(project.id in key for key in keys(start(app)))
+    assert not any(other.id in key for key in keys(start(app)))
     text = " ".join(str(item.value) for item in app.markdown)
     assert "90 days" in text
     assert str(home) not in text
     assert "brought back for 30 days, by its address." in text
     assert Project.open(home, project.id).dataset is not None
+
+
+def test_on_a_shared_server_the_open_project_is_renamed_copied_and_removed(
+    app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    project = project_of(open_sample(app), home)
+    monkeypatch.setenv("STEREOCAL_SHARED", "1")
+    start(app).text_input(key=f"name_{project.id}").set_value("Swifts").run()
+    assert Project.open(home, project.id).inputs.name == "Swifts"
+    app.button(key=f"duplicate_{project.id}").click().run()
+    copy = project_of(app, home)
+    assert copy.id != project.id and copy.inputs.name == "Swifts (copy)"
+    assert f"remove_{copy.id}" in keys(app) and not any(project.id in key for key in keys(app))
+    app.button(key=f"remove_{copy.id}").click().run()
+    assert not app.exception and "bring_it_back" in keys(app)
+    assert not any(copy.id in key for key in keys(app))
+    assert {one.id for one in recent_projects(home)} == {project.id}
+
+
+def test_a_project_too_large_for_the_servers_memory_is_not_packed(
+    app: AppTest, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    open_sample(app)
+    monkeypatch.setenv("STEREOCAL_DOWNLOAD_MB", "0.001")
+    monkeypatch.setattr("stereocal.ui.projects.pack_project", None)
+    start(app).button(key="pack").click().run()
+    assert "at most 0.001 MB (`STEREOCAL_DOWNLOAD_MB`) are packed" in messages(app)
+    assert not app.exception
+
+
+def test_a_zip_that_no_page_takes_is_told(app: AppTest, monkeypatch: pytest.MonkeyPatch) -> None:
+    open_sample(app)
+    start(app).button(key="pack").click().run()
+    assert "takes zips of" not in " ".join(item.value for item in app.caption)
+    monkeypatch.setattr("stereocal.ui.projects.st.get_option", lambda _name: 0.001)
+    app.button(key="pack").click().run()
+    assert "takes zips of 0.001 MB at most" in " ".join(item.value for item in app.caption)
 
 
 def test_a_new_session_brings_back_from_the_list(app: AppTest, home: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pkgutil
+import time
 from pathlib import Path
 
 import pytest
@@ -10,11 +11,12 @@ import streamlit as st
 from streamlit.testing.v1 import AppTest
 
 from stereocal.formats.dataset_files import pack_dataset, read_dataset
+from stereocal.store import jobs as kept_jobs
 from stereocal.store.application import ProjectApplication
 from stereocal.store.carry import pack_project
 from stereocal.store.projects import recent_projects
 from tests.pages.test_apply import SET_2D
-from tests.pages.test_pages import FIELD, messages, open_sample, project_of, zipped
+from tests.pages.test_pages import FIELD, SLOW, messages, open_sample, project_of, zipped
 from tests.pages.test_pages import app as app
 from tests.pages.test_pages import home as home
 
@@ -49,6 +51,22 @@ def test_data_set(app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch, pla
     calls = click_meanwhile(monkeypatch, f"stereocal.ui.intake.{place}")
     upload(app, "upload_zip", "rig.zip", zipped(pack_dataset(read_dataset(FIELD))), calls)
     assert project_of(app, home).dataset is not None
+
+
+def test_a_search_for_targets_of_the_data_set_before_is_stopped(app: AppTest, home: Path) -> None:
+    folder = project_of(open_sample(app), home).folder
+    searching = kept_jobs.begin(folder, "photographs", ["photographs"], {})
+    assert searching is not None and searching.progress(0, 1, 9)
+    app.switch_page("pages/data.py").run()
+    app.segmented_control(key="data_how").set_value("A zip").run()
+    content = zipped(pack_dataset(read_dataset(FIELD)))
+    app.file_uploader(key="upload_zip").upload("rig.zip", content).run()
+    assert not app.exception
+    end = time.monotonic() + SLOW
+    while searching.progress(0, 2, 9):
+        assert time.monotonic() < end
+        time.sleep(0.1)
+    searching.end()
 
 
 def test_refusal_is_said(app: AppTest, monkeypatch: pytest.MonkeyPatch) -> None:
