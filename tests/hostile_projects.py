@@ -80,7 +80,7 @@ FILES = {
     "calibration.json": Inner("json", (), "calibration.json"),
     "evaluation.npz": Inner("npz", (), "evaluation.npz"),
     "photographs.json": Inner(
-        "json", ("photographs", "pair_rows"), "photographs/photographs.json", COMING
+        "json", ("photograph_list", "pair_rows"), "photographs/photographs.json", COMING
     ),
     "frames.json": Inner(
         "json", ("photographs", "review", "thumbnails"), "photographs/frames.json"

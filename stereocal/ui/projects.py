@@ -194,7 +194,7 @@ def _offer_packed(project: Project, name: str) -> None:
         st.error(escape_markdown(str(error)))
         return
     st.download_button(
-        f"Download it ({len(content) / 1e6:.1f} MB)", content,
+        f"Download it ({_size(len(content))})", content,
         f"{re.sub('[^A-Za-z0-9-]+', '-', name).strip('-') or 'project'}.zip",
         "application/zip", on_click="ignore", icon=":material/download:",
         key="download_project",
@@ -205,6 +205,10 @@ def _offer_packed(project: Project, name: str) -> None:
             f"This page takes zips of {largest} MB at most: elsewhere, open it with a larger "
             "`STREAMLIT_SERVER_MAX_UPLOAD_SIZE`, or on the command line."
         )
+
+
+def _size(count: int) -> str:
+    return f"{count / MB:.1f} MB" if count >= MB else f"{count / 1e3:.0f} kB"
 
 
 def _offer_undo() -> None:
