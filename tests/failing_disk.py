@@ -18,12 +18,13 @@ WRITING = (
     "open", "fsync", "replace", "rename", "mkdir", "link", "unlink", "rmdir", "utime", "chmod",
 )  # fmt: skip
 """Of `os`, those that change a disk; `open` when it is to write."""
+EVERY_CALL = 0
 CRASHED = 77
 """What a child process ends with that died at a call."""
 
 
 class Disk:
-    """Counts the calls that change something below a folder, and strikes at one of them."""
+    """Counts the calls that change something below a folder, and strikes at one, or at all."""
 
     def __init__(self, below: Path, at: int | None, strike: Callable[[str], object]) -> None:
         self.below = str(below)
@@ -37,7 +38,7 @@ class Disk:
         if text and not str(text).startswith(self.below):
             return
         self.calls.append(f"{name} {text}")
-        if len(self.calls) == self.at:
+        if self.at in (len(self.calls), EVERY_CALL):
             self.strike(self.calls[-1])
 
 
@@ -106,7 +107,7 @@ def count_calls(below: Path, act: Callable[[], object]) -> list[str]:
 
 
 def fail_at(below: Path, at: int, act: Callable[[], object], code: int = errno.ENOSPC) -> None:
-    """Do an action whose n-th call fails."""
+    """Do an action whose n-th call fails, or every call."""
 
     def strike(_: str) -> None:
         raise OSError(code, os.strerror(code))
