@@ -3,6 +3,7 @@
 `photographs/photographs.json` below the project's folder: `files` (where each photograph is, by the
 person's name), `pairs`, and at times
 
+- `found_by`: which search found the targets (`ProjectPhotographs.keep_found`);
 - `outdated`: names whose photographs were replaced since the targets were found;
 - `coming`: the photographs of a data set that is being taken over. They are the project's as soon
   as `project.json` counts the data set, whatever becomes of the server.

@@ -161,11 +161,19 @@ class ProjectPhotographs(PhotographList):
             frame for frame in unpack_frames(content) if not set(frame.files).intersection(outdated)
         ] or None
 
-    def keep_found(self, found: Sequence[Frame], searched: Mapping[str, Path]) -> None:
+    @property
+    def found_by(self) -> str:
+        """Which search has found what is there, as `keep_found` was told; empty if none."""
+        return str(self._read().get("found_by", ""))
+
+    def keep_found(
+        self, found: Sequence[Frame], searched: Mapping[str, Path], search: str = ""
+    ) -> None:
         """Keep what a search has found; what a person has decided meanwhile stays.
 
         Args:
             searched: the photographs as they were when the search began.
+            search: tells searches apart that may find something else.
 
         Raises:
             StereocalError: as `keep_frames`; or photographs have changed meanwhile, and what was
@@ -187,6 +195,7 @@ class ProjectPhotographs(PhotographList):
             # After them: a server that dies in between has the targets looked for once more.
             with self._change() as state:
                 state.pop("outdated", None)
+                state["found_by"] = search
             self.project.give(self._table(kept))
 
     def keep_frames(self, frames: Sequence[Frame]) -> None:

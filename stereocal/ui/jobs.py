@@ -99,6 +99,11 @@ class Work:
     """Does all, calls `Job.progress`, looks at `Job.cancelled`, and keeps what it found in the
     project. False if it was cancelled."""
 
+    @property
+    def digest(self) -> str:
+        """The same for the same work alone."""
+        return kept_jobs.digest_of(self.kind, self.about)
+
 
 @st.cache_resource(show_spinner=False)
 def _pool() -> FairPool:
@@ -142,11 +147,7 @@ def is_running(project: Project, kind: Kind) -> bool:
 def can_go_on(work: Work) -> bool:
     """Whether this very work was begun and interrupted."""
     found = kept_jobs.find(work.project.folder, work.kind)
-    return (
-        found is not None
-        and found[0] == "interrupted"
-        and found[1].digest == kept_jobs.digest_of(work.kind, work.about)
-    )
+    return found is not None and found[0] == "interrupted" and found[1].digest == work.digest
 
 
 def start(work: Work) -> None:

@@ -15,6 +15,7 @@ from stereocal.frames.pairing import CAMERAS, Pair
 from stereocal.frames.search import STAGES, detect_frames
 from stereocal.inputs import Slot
 from stereocal.project import Project
+from stereocal.store.jobs import digest_of
 from stereocal.store.photographs import ProjectPhotographs
 from stereocal.ui import jobs
 from stereocal.ui.intake import (
@@ -171,6 +172,8 @@ def _find_targets(store: ProjectPhotographs) -> None:
         disabled=running or bool(lacking) or not rows,
         on_click=_start, args=(work,),
     )  # fmt: skip
+    if frames is not None and store.found_by == work.digest:
+        jobs.is_done(work)
     last = "Cancelled. What was found before is unchanged."
     jobs.show_job(project, "photographs", last, work)
     if frames is None:
@@ -198,11 +201,14 @@ def _work(store: ProjectPhotographs, pairs: Sequence[Pair]) -> jobs.Work:
         "cameras": [camera and camera.to_json() for camera in store.project.cameras],
     }
     return jobs.Work(
-        store.project, "photographs", STAGES, about, lambda job: _find(store, pairs, job)
-    )
+        store.project, "photographs", STAGES, about,
+        lambda job: _find(store, pairs, job, digest_of("photographs", about)),
+    )  # fmt: skip
 
 
-def _find(store: ProjectPhotographs, pairs: Sequence[Pair], job: jobs.Job) -> bool:
+def _find(
+    store: ProjectPhotographs, pairs: Sequence[Pair], job: jobs.Job, search: str
+) -> bool:  # fmt: skip
     primary, secondary = store.project.cameras
     if primary is None or secondary is None:
         raise StereocalError("A camera file has gone from the project; give it again.")
@@ -215,5 +221,5 @@ def _find(store: ProjectPhotographs, pairs: Sequence[Pair], job: jobs.Job) -> bo
     )  # fmt: skip
     if found is None:
         return False
-    store.keep_found(found, searched)
+    store.keep_found(found, searched, search)
     return True

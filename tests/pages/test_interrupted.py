@@ -12,7 +12,9 @@ from streamlit.testing.v1 import AppTest
 
 from stereocal.evaluation import evaluate_runs
 from stereocal.store import jobs as kept_jobs
-from stereocal.ui import jobs
+from stereocal.store.photographs import ProjectPhotographs
+from stereocal.ui import jobs, photographs
+from tests.pages.stored_projects import FULL, placed, session
 from tests.pages.test_pages import ROOT, SLOW, messages, open_sample, project_of
 from tests.pages.test_pages import app as app
 from tests.pages.test_pages import home as home
@@ -177,3 +179,23 @@ def test_a_home_that_cannot_be_written_to_is_said(app: AppTest, home: Path) -> N
     (project_of(app, home).folder / "jobs").write_text("a file in the way")
     app.button(key="validate").click().run()
     assert "cannot be written to" in messages(app)
+
+
+@pytest.mark.parametrize("kept", [True, False])
+def test_a_search_whose_result_was_kept_is_not_offered_again(kept: bool, home: Path) -> None:
+    project = placed(FULL, home)
+    store = ProjectPhotographs(project)
+    frames = store.frames
+    assert frames is not None
+    work = photographs._work(store, [row.pair for row in store.rows])
+    job = kept_jobs.begin(project.folder, "photographs", work.stages, work.about)
+    assert job is not None
+    shutil.copytree(project.folder / "jobs", home / "jobs", ignore=shutil.ignore_patterns("lock"))
+    store.keep_found(frames, store.photographs, work.digest if kept else "another")
+    job.end()
+    shutil.rmtree(project.folder / "jobs")
+    shutil.copytree(home / "jobs", project.folder / "jobs")  # as its server left it when it died
+    app = session(project).switch_page("pages/data.py").run()
+    assert not app.exception
+    assert ("go_on_photographs" in keys(app)) != kept and (STOPPED in messages(app)) != kept
+    assert (kept_jobs.find(project.folder, "photographs") is None) == kept
