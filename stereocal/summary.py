@@ -330,6 +330,8 @@ def _reconstruction(ratios: Sequence[FloatArray], merge: int, weights: IntArray)
     bins = np.where(places < 0, BELOW, np.where(places >= BINS, ABOVE, places)).astype(np.int64)
     counts = np.bincount(bins, minlength=BINS + 2)
     counts[ABOVE] += len(pooled) - len(known)
+    with np.errstate(divide="ignore", invalid="ignore"):  # a mean of 0 gives no score
+        score = float(100 * known.std() / known.mean())
     low, high = np.percentile(_bootstrap_medians(ratios, weights), INTERVAL)
     return Reconstruction(
         pdf=_pdf(counts, len(pooled) - len(known), merge),
@@ -337,7 +339,7 @@ def _reconstruction(ratios: Sequence[FloatArray], merge: int, weights: IntArray)
         p95=float(np.percentile(errors, 95)),
         mean=float(errors.mean()),
         fraction_above_1_percent=float((errors > ACCEPTABLE).mean()),
-        wand_score=float(100 * known.std() / known.mean()),
+        wand_score=score,
         mean_length_error=float(known.mean() - 1),
     )
 

@@ -15,6 +15,7 @@ from tests.hostile_text import (
     endings,
     flip,
     insert,
+    long_run,
     moved_lines,
     other_number,
     other_numbers,
@@ -59,7 +60,9 @@ def from_nothing(kind: str, random: Random) -> bytes:
     return random.choice(MAGIC) + random.randbytes(random.choice((0, 3, 20, 100, 3000)))
 
 
-_ANY: tuple[Mutation, ...] = (flip, cut, cut_out, insert, repeat, splice)
+_ANY: tuple[Mutation, ...] = (
+    flip, cut, cut_out, insert, repeat, splice, long_run,
+)  # fmt: skip
 _TEXT: tuple[Mutation, ...] = (
     other_number, other_number, other_numbers, other_word, other_word, moved_lines, moved_lines,
     endings, separators, encoding, deep, quote,

@@ -41,6 +41,11 @@ SIGNS = (
     b"!!python/object/apply:os.system [id]\n", b"!!opencv-matrix", b"\x1a", b"\x0c", b"\xc2\x85",
     b"\xe2\x80\xa8",
 )  # fmt: skip
+RUNS = (
+    b"\n", b" ", b"\t", b"\r\n", b"\xff", b"#", b"%", b".", b"[", b"{", b"(", b"<a>", b"- ", b"a: ",
+    b"1,", b"x,1\n", b'"', b"'", b"0", b"-", b"1 ", b"\\", b"a", b"a\n", b"\0", b"<!--", b"a=[\n",
+    b"&", b"*", b"?",
+)  # fmt: skip
 LARGEST = 400_000
 """Bytes; what grows by repetition ends here."""
 _NUMBER = re.compile(rb"[-+]?\d[\d.eE+-]*")
@@ -74,6 +79,14 @@ def insert(random: Random, content: bytes, _: bytes) -> bytes:
     start = _place(random, len(content) + 1)
     piece = random.choice((random.choice(SIGNS), random.randbytes(random.choice((1, 4, 100)))))
     return content[:start] + piece * random.choice((1, 1, 1, 3, 60, 3000)) + content[start:]
+
+
+def long_run(random: Random, content: bytes, _: bytes) -> bytes:
+    """One sign or piece so often that whoever looks at it once for each does not come to an end."""
+    start = random.choice((0, 2, len(content), random.randrange(len(content) + 1)))
+    piece = random.choice((*RUNS, random.choice(SIGNS)))
+    rest = random.choice((b"", content[start:]))
+    return content[:start] + piece * (LARGEST // 2 // len(piece)) + rest
 
 
 def repeat(random: Random, content: bytes, _: bytes) -> bytes:

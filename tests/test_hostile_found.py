@@ -23,6 +23,7 @@ from tests.hostile_projects import FILES
 from tests.hostile_seeds import parquet
 
 HUGE = 10**400
+NAN = float("nan")
 DEEP = b"[" * 100_000
 HEAD_OF_ONE = b"{'descr': '<f8', 'fortran_order': False, 'shape': (1,), }\n"
 LAYOUT_ROWS = b"scorer,net,net,net\nbodyparts,nose,nose,nose\ncoords,x,y,likelihood\n"
@@ -30,6 +31,10 @@ LAYOUT_ROWS = b"scorer,net,net,net\nbodyparts,nose,nose,nose\ncoords,x,y,likelih
 
 def _set(key: str, value: object, content: dict[str, Any]) -> None:
     content[key] = value
+
+
+def _nested(levels: bytes) -> bytes:
+    return b"%YAML:1.0\n---\n" + levels * 60_000
 
 
 def inner(name: str, edit: Callable[[dict], object]) -> bytes:  # type: ignore[type-arg]
@@ -183,6 +188,38 @@ CASES: dict[str, tuple[str, Callable[[], bytes]]] = {
             flags=re.DOTALL,
         ),
     ),
+    "a target that is no number": (
+        "project, frames.json",
+        lambda: inner("frames.json", lambda c: c["frames"][0]["centres"][0][0].update(v=NAN)),
+    ),
+    "a quoted cell that goes on in the next line": (
+        "table of points",
+        lambda: b'frame;u;v\n";",";"\n";",";"\n";",";"\n";";"\n',
+    ),
+    "a PGM of blanks": ("photograph, PGM", lambda: b"P6" + b"\r\n" * 60),
+    "a JPEG that ends in marks": (
+        "photograph, JPEG",
+        lambda: readers()["photograph, JPEG"].seeds()[0][:-2] + b"\xff" * 300_000,
+    ),
+    "a script of blank lines": (
+        "matlab, stereo_parameters.m",
+        lambda: readers()["matlab, stereo_parameters.m"].seeds()[0] + b"\n" * 300_000,
+    ),
+    "a script of dots": (
+        "matlab, stereo_parameters.m",
+        lambda: readers()["matlab, stereo_parameters.m"].seeds()[0] + b"." * 300_000,
+    ),
+    "a table of rows that cannot be used": (
+        "table of points",
+        lambda: b"frame,u,v\n" + b"x,1\n" * 99_000,
+    ),
+    **{
+        f"a camera file of {levels!r}": (
+            "camera, OpenCV YAML",
+            partial(_nested, levels),
+        )
+        for levels in (b"a: ", b"-", b"- ", b"[", b"{a: ")
+    },
     "boards without arrays": ("project, boards.npz", lambda: packed("head", b"{}")),
     **{
         name: (
@@ -194,8 +231,11 @@ CASES: dict[str, tuple[str, Callable[[], bytes]]] = {
         for name, change in PARAMETERS.items()
     },
 }
-READ_ANOTHER_WAY = ("no x at all", "short label rows", "deep corrections")
-"""As a table whose columns a person chooses; without what can be undone."""
+READ_ANOTHER_WAY = (
+    "no x at all", "short label rows", "deep corrections", "a script of blank lines",
+    "a script of dots",
+)  # fmt: skip
+"""As a table whose columns a person chooses; without what can be undone; blanks are allowed."""
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -248,11 +288,12 @@ def test_a_signalling_nan_is_a_plain_one() -> None:
     assert np.isnan(found - 1).all()  # a RuntimeWarning otherwise
 
 
-def test_a_validation_that_counted_nothing_has_no_share(tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["counts0", "lengths0"])
+def test_a_validation_of_nothing_but_zeros_has_no_share(name: str, tmp_path: Path) -> None:
     reader = readers()["project, evaluation.npz"]
     arrays = read_arrays(reader.seeds()[0], "x")
     out = io.BytesIO()
-    arrays["counts0"] = np.zeros_like(arrays["counts0"])
+    arrays[name] = np.zeros_like(arrays[name])
     np.savez(out, **arrays)  # type: ignore[arg-type]
     reader.read(out.getvalue(), tmp_path)  # a RuntimeWarning otherwise
 

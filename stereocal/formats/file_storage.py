@@ -14,6 +14,8 @@ from stereocal.errors import StereocalError
 MOST_VALUES = 100
 DEEPEST = 50
 """OpenCV's parser calls itself for every level, and ends the whole program when there are many."""
+BLANKS_A_LEVEL = 20
+"""Far more than anybody indents a level by."""
 
 
 def open_storage(text: str, source: str) -> Any:
@@ -65,10 +67,20 @@ def matrix_of(node: Any, name: str, source: str) -> FloatArray:
 
 
 def _depth(text: str) -> int:
-    """At least as many levels as the brackets, tags and dashes of a file are nested in."""
+    """At least as many levels as the brackets, tags, dashes, names and blanks of a file nest."""
     depth = deepest = 0
-    for mark in re.finditer(r"[\[{]|[\]}]|</|/>|<(?=\w)|(?:-[ \t]+){50}", text):
+    for mark in re.finditer(r"[\[{]|[\]}]|</|/>|<(?=\w)", text):
         depth += -1 if mark[0] in ("]", "}", "</", "/>") else 1
-        depth += DEEPEST if mark[0].startswith("-") else 0
         deepest = max(deepest, depth)
-    return deepest
+    if text.lstrip().startswith("{"):  # JSON, in which names of one level may share a line
+        return deepest
+    return max(deepest, max(map(_depth_of_line, text.splitlines()), default=0))
+
+
+def _depth_of_line(line: str) -> int:
+    """At least as many levels as a line of YAML opens, in `- - a: b: 1`, or stands in."""
+    code = line.lstrip(" \t")
+    if code.startswith("#"):
+        return 0
+    blanks, rest = len(line) - len(code), code.lstrip("- \t")
+    return max(blanks // BLANKS_A_LEVEL, code[: len(code) - len(rest)].count("-"), rest.count(":"))

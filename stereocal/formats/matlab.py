@@ -67,6 +67,18 @@ def write_matlab(stereo: Stereo, _: ExchangeOptions) -> dict[str, bytes]:
     return {"stereo_parameters.m": (text + BUILD).encode()}
 
 
+_ASSIGNED = re.compile(r"^[ \t]*([A-Za-z]\w*)[ \t]*=[ \t]*\[([^\[\]]*)\]", re.MULTILINE)
+
+
+def _without_comments(text: str) -> str:
+    """The script with a line for each that goes on after `...`."""
+    plain = []
+    for line in text.split("\n"):
+        code, goes_on, _ = line.partition("%")[0].partition("...")
+        plain.append(code + (" " if goes_on else "\n"))
+    return "".join(plain)
+
+
 def read_matlab(files: Mapping[str, bytes], options: ExchangeOptions, source: str) -> Stereo:
     """Two cameras and their pose, from a script with these assignments; lengths in metres.
 
@@ -74,11 +86,8 @@ def read_matlab(files: Mapping[str, bytes], options: ExchangeOptions, source: st
         StereocalError: an assignment is missing or damaged.
     """
     name, text = only_file(files, (".m",), source)
-    plain = re.sub(r"\.\.\.[^\n]*\n", " ", text)
-    plain = re.sub(r"%[^\n]*", "", plain)
     given = {
-        key: _table(body, key, name)
-        for key, body in re.findall(r"^\s*([A-Za-z]\w*)\s*=\s*\[([^\[\]]*)\]", plain, re.MULTILINE)
+        key: _table(body, key, name) for key, body in _ASSIGNED.findall(_without_comments(text))
     }
     cameras = []
     for k, which in ((1, "primary"), (2, "secondary")):

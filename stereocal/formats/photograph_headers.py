@@ -97,7 +97,7 @@ def _png(content: bytes) -> Header:
 
 _SIZES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 _BARE = frozenset((0x01, *range(0xD0, 0xD9)))
-_AFTER_A_SCAN = re.compile(rb"\xff+([^\x00\xd0-\xd7\xff])")
+_AFTER_A_SCAN = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")
 """In the compressed data 0xFF is followed by 0 or is a restart mark; anything else ends them."""
 
 
@@ -148,7 +148,7 @@ def _bmp(content: bytes) -> Header:
     return Header("BMP", width, abs(height), 8)
 
 
-_TOKEN = re.compile(rb"(?:\s+|#[^\n]*\n)*(\d{1,9})")
+_TOKEN = re.compile(rb"(?:\s|#[^\n]*\n)*(\d{1,9})")
 
 
 def _netpbm(content: bytes) -> Header:

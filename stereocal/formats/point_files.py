@@ -242,11 +242,8 @@ def _numbers(raw: pd.DataFrame, layout: PointLayout, index: int, source: str) ->
     bad = np.flatnonzero(~np.isfinite(values) & ~missing)
     if len(bad):
         problems = [
-            RowProblem(
-                int(raw.index[int(k)]),
-                f'column {index + 1} is "{str(column.iloc[int(k)])[:40]}", which is not a number',
-            )
-            for k in bad
+            RowProblem(line, f'column {index + 1} is "{str(cell)[:40]}", which is not a number')
+            for line, cell in zip(raw.index[bad].tolist(), column.iloc[bad], strict=True)
         ]
         raise RefusedRowsError(f"{source}: ", problems, "cannot be used")
     return values

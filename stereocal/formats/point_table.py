@@ -16,7 +16,7 @@ from __future__ import annotations
 import csv
 import itertools
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -172,7 +172,9 @@ class PointTable:
                 )
             self.delimiter = max(",;\t", key=first.count)
             names = next(csv.reader([first], delimiter=self.delimiter))
-            cells = next(csv.reader([file.readline(LONGEST_HEADER)], delimiter=self.delimiter), [])
+            # A quoted cell may go on in the next line.
+            lines = iter(lambda: file.readline(LONGEST_HEADER), "")
+            cells = next(csv.reader(lines, delimiter=self.delimiter), [])
             if len(cells) > len(names):  # pandas takes this width for the table's
                 raise StereocalError(
                     f"{self.label}: 1 row cannot be used: line 2: {len(cells)} cells instead of "
@@ -232,21 +234,26 @@ class PointTable:
             RefusedRowsError: names the lines of the others that cannot be used.
         """
         raw.columns = pd.Index(self.names)
-        columns = {}
+        columns, missing = {}, {}
         for name in ("frame", *self.numbers):
             columns[name] = numbers_of(raw[name], decimal_comma=self.delimiter == ";")
+            missing[name] = is_missing(raw[name])
         points = np.column_stack([columns[name] for name in self.numbers])
-        unseen = np.logical_and.reduce([is_missing(raw[name]) for name in self.numbers])
+        unseen = np.logical_and.reduce([missing[name] for name in self.numbers])
         whole = columns["frame"] == np.round(columns["frame"])
         good = np.isfinite(points).all(axis=1) & whole & (np.abs(columns["frame"]) < 2**53)
         bad = np.flatnonzero(~good & ~unseen)
         if len(bad):
-            raise RefusedRowsError(
-                f"{self.label}: ", [self._problem(raw, int(row)) for row in bad], "cannot be used"
-            )
+            lines = raw.index.to_numpy()
+            texts = {name: raw[name].to_numpy() for name in columns}
+            problems = [
+                RowProblem(int(lines[row]), _reason(int(row), columns, missing, texts))
+                for row in bad
+            ]
+            raise RefusedRowsError(f"{self.label}: ", problems, "cannot be used")
         kept = good & ~unseen
         # A blank line is no row.
-        self._left_out += int((unseen & ~is_missing(raw["frame"])).sum())
+        self._left_out += int((unseen & ~missing["frame"]).sum())
         table = pd.DataFrame(
             {"frame": columns["frame"][kept].astype(np.int64)}, index=raw.index[kept]
         )
@@ -256,18 +263,23 @@ class PointTable:
             table[name] = raw[name][kept]
         return table
 
-    def _problem(self, raw: pd.DataFrame, row: int) -> RowProblem:
-        line = int(raw.index[row])
-        for name in ("frame", *self.numbers):
-            text = str(raw[name].iloc[row]).strip()
-            if text.lower() in MISSING or raw[name].isna().iloc[row]:
-                return RowProblem(line, f"{name} is empty")
-            value = numbers_of(raw[name].iloc[[row]], decimal_comma=self.delimiter == ";")[0]
-            if not np.isfinite(value):
-                return RowProblem(line, f'{name} is "{text[:40]}", which is not a finite number')
-            if name == "frame" and (value != round(value) or abs(value) >= 2**53):
-                return RowProblem(line, f"frame is {text[:40]}, which is not a whole number")
-        return RowProblem(line, "it cannot be read")
+
+def _reason(
+    row: int,
+    columns: Mapping[str, FloatArray],
+    missing: Mapping[str, npt.NDArray[np.bool_]],
+    texts: Mapping[str, npt.NDArray[Any]],
+) -> str:
+    """Why a row cannot be used."""
+    for name, values in columns.items():
+        value, text = values[row], str(texts[name][row]).strip()[:40]
+        if missing[name][row]:
+            return f"{name} is empty"
+        if not np.isfinite(value):
+            return f'{name} is "{text}", which is not a finite number'
+        if name == "frame" and (value != round(value) or abs(value) >= 2**53):
+            return f"frame is {text}, which is not a whole number"
+    return "it cannot be read"
 
 
 class _OutOfOrderError(Exception):

@@ -186,7 +186,9 @@ def _centre(item: dict[str, Any] | None) -> Centre | None:
     centre = Centre(**item)
     sigma = 1.0 if centre.sigma_px is None else centre.sigma_px
     # "not <" refuses NaN too.
-    if centre.source not in SOURCES or not max(abs(centre.u), abs(centre.v)) < LARGEST_PX:
+    if centre.source not in SOURCES or not (
+        abs(centre.u) < LARGEST_PX and abs(centre.v) < LARGEST_PX
+    ):
         raise ValueError(item)
     if not 0 <= sigma < LARGEST_PX:
         raise ValueError(item)
