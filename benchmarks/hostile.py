@@ -149,8 +149,11 @@ class Worker:
             self.pipe.send((name, left))
             reason = self._wait()
             if not reason:
-                found.add(self.pipe.recv())
-                return found
+                try:
+                    found.add(self.pipe.recv())
+                    return found
+                except (EOFError, OSError):  # what a process that has died leaves can be received
+                    reason = self._end_code()
             at = int(self.now[0])
             self.end()
             self._begin()

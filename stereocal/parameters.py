@@ -212,9 +212,11 @@ class RigParameters:
             raise StereocalError(f"{source}: the length of T and baseline_m contradict each other.")
         if not (np.allclose(stated.R, pose.R, atol=1e-6) and np.allclose(stated.T, pose.T, 1e-6)):
             raise StereocalError(f"{source}: the angles and R, T contradict each other.")
-        for name in ("settings", "inputs"):
-            if not isinstance(data[name], dict):
-                raise StereocalError(f"{source}: {name} is not an object.")
+        settings, inputs = (_object(data[name], name, source) for name in ("settings", "inputs"))
+        validation, uncertainties = (
+            None if data.get(name) is None else _object(data[name], name, source)
+            for name in ("validation", "uncertainties")
+        )
         threshold = data["matching_threshold_px"]
         return cls(
             method=data["method"],
@@ -222,12 +224,12 @@ class RigParameters:
             secondary=Camera.from_json(data["cameras"]["secondary"], f"{source}, secondary"),
             pose=pose,
             cost=None if data["method"] == "imported" else float(data["cost"]),
-            settings=data["settings"],
-            inputs=data["inputs"],
+            settings=settings,
+            inputs=inputs,
             matching_threshold_px=None if threshold is None else float(threshold),
-            validation=data["validation"],
+            validation=validation,
             triangulation=data["triangulation"],
-            uncertainties=_uncertainties(data.get("uncertainties"), source),
+            uncertainties=uncertainties,
         )
 
 
@@ -247,18 +249,16 @@ def _check_size(size: int, source: str) -> None:
         raise StereocalError(f"{source}: {size} bytes are too many for a parameter file.")
 
 
-def _uncertainties(data: Any, source: str) -> Mapping[str, Any] | None:
-    """The uncertainties of a file as they stand there.
+def _object(data: Any, name: str, source: str) -> Mapping[str, Any]:
+    """A part of a file that is kept as it stands there.
 
     Raises:
-        StereocalError: not an object, or one with NaN.
+        StereocalError: not an object, or one that could not be written again.
     """
-    if data is None:
-        return None
     if not isinstance(data, dict):
-        raise StereocalError(f"{source}: the uncertainties are not an object.")
+        raise StereocalError(f"{source}: {name} is not an object.")
     try:
         json.dumps(data, allow_nan=False)
     except ValueError as error:
-        raise StereocalError(f"{source}: an uncertainty is not a finite number.") from error
+        raise StereocalError(f"{source}: {name} holds a number that is not finite.") from error
     return data

@@ -23,7 +23,7 @@ from tests.hostile_projects import FILES
 from tests.hostile_seeds import parquet
 
 HUGE = 10**400
-NAN = float("nan")
+NAN, INFINITE = float("nan"), float("inf")
 DEEP = b"[" * 100_000
 HEAD_OF_ONE = b"{'descr': '<f8', 'fortran_order': False, 'shape': (1,), }\n"
 LAYOUT_ROWS = b"scorer,net,net,net\nbodyparts,nose,nose,nose\ncoords,x,y,likelihood\n"
@@ -64,6 +64,8 @@ def damaged_data() -> bytes:
 
 
 PARAMETERS = {
+    "a validation without an end": {"validation": -INFINITE},
+    "settings without an end": {"settings": {"a": [INFINITE]}},
     "settings are no object": {"settings": 5},
     "a shift that has no length": {"T": [1e300, 0, 0]},
     "a rotation of huge numbers": {"R": [[1e200, 0, 0], [0, 1, 0], [0, 0, 1]]},
