@@ -34,7 +34,7 @@ def _set(key: str, value: object, content: dict[str, Any]) -> None:
 
 
 def _nested(levels: bytes) -> bytes:
-    return b"%YAML:1.0\n---\n" + levels * 60_000
+    return b"%YAML:1.0\n---\n" + levels + levels[-2:] * 60_000 + levels * 60_000
 
 
 def inner(name: str, edit: Callable[[dict], object]) -> bytes:  # type: ignore[type-arg]
@@ -220,7 +220,7 @@ CASES: dict[str, tuple[str, Callable[[], bytes]]] = {
             "camera, OpenCV YAML",
             partial(_nested, levels),
         )
-        for levels in (b"a: ", b"-", b"- ", b"[", b"{a: ")
+        for levels in (b"a: ", b"-", b"- ", b"[", b"{a: ", b"x: !!a - ")
     },
     "boards without arrays": ("project, boards.npz", lambda: packed("head", b"{}")),
     **{

@@ -82,5 +82,5 @@ def _depth_of_line(line: str) -> int:
     code = line.lstrip(" \t")
     if code.startswith("#"):
         return 0
-    blanks, rest = len(line) - len(code), code.lstrip("- \t")
-    return max(blanks // BLANKS_A_LEVEL, code[: len(code) - len(rest)].count("-"), rest.count(":"))
+    dashes = len(re.findall(r"-(?=[ \t-])", code))  # not that of a number
+    return max((len(line) - len(code)) // BLANKS_A_LEVEL, dashes, code.count(":"))
