@@ -79,6 +79,10 @@ class CalibrationSettings:
             if name in rest
         }
         try:
+            if not isinstance(own.get("known_points", False), bool):
+                raise TypeError("known_points is neither true nor false")
+            if not isinstance(own.get("calibration_frames"), int | None):
+                raise TypeError("calibration_frames is not a whole number")
             return cls(search=SearchSettings(**rest), **own)
         except TypeError as error:
             raise StereocalError(f"The settings cannot be read: {error}.") from error

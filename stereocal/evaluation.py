@@ -80,6 +80,8 @@ class EvaluationSettings:
         """
         rest = dict(data)
         own = {name: rest.pop(name) for name in ("runs", "calibration_frames") if name in rest}
+        if not all(isinstance(value, int) for value in own.values()):
+            raise StereocalError("The settings cannot be read: a count is not a whole number.")
         given = rest.pop("refined", None)
         refined = RefineSettings.from_json(given) if given else None
         return cls(CalibrationSettings.from_json(rest), refined=refined, **own)

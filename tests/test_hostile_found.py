@@ -134,6 +134,14 @@ CASES: dict[str, tuple[str, Callable[[], bytes]]] = {
         "project, calibration.json",
         lambda: inner("calibration.json", lambda c: c["methods"].pop("2d")),
     ),
+    "known points that are no number": (
+        "project, calibration.json",
+        lambda: inner("calibration.json", lambda c: c["settings"].update(known_points=NAN)),
+    ),
+    "frames that are no number": (
+        "project, calibration.json",
+        lambda: inner("calibration.json", lambda c: c["settings"].update(calibration_frames=NAN)),
+    ),
     "endless evaluations": (
         "project, calibration.json",
         lambda: inner("calibration.json", lambda c: c["methods"]["2d"].update(evaluations=1e999)),
