@@ -260,5 +260,5 @@ def _object(data: Any, name: str, source: str) -> Mapping[str, Any]:
     try:
         json.dumps(data, allow_nan=False)
     except ValueError as error:
-        raise StereocalError(f"{source}: {name} holds a number that is not finite.") from error
+        raise StereocalError(f"{source}: {name} holds what is not a finite number.") from error
     return data
