@@ -79,16 +79,14 @@ def _boards(project: Project) -> None:
     store.add({"08.jpg": keep_photograph([b"board"], "08.jpg", store.files)})
 
 
+def _camera_files() -> dict[Slot, tuple[str, bytes]]:
+    return {name: (f"{name}.json", (FIELD / f"{name}.json").read_bytes()) for name in WHICH}
+
+
 def _give(project: Project) -> None:
-    cameras = {name: (FIELD / f"{name}.json").read_bytes() for name in ("primary", "secondary")}
-    project.give(
-        {
-            "primary": ("p.json", cameras["primary"]),
-            "secondary": ("s.json", cameras["secondary"]),
-            "correspondences": ("points.csv", (FIELD / "correspondences.csv").read_bytes()),
-        },
-        baseline_m=3.0,
-    )
+    points = (FIELD / "correspondences.csv").read_bytes()
+    files = _camera_files() | {"correspondences": ("points.csv", points)}
+    project.give(files, baseline_m=3.0)
 
 
 def _give_all(project: Project) -> None:
@@ -96,9 +94,7 @@ def _give_all(project: Project) -> None:
     store = ProjectPhotographs(project)
     names = ("left8.jpg", "right8.jpg")
     found = {name: keep_photograph([name.encode()], name, store.files) for name in names}
-    cameras = {name: (FIELD / f"{name}.json").read_bytes() for name in WHICH}
-    files: dict[Slot, tuple[str, bytes]] = {name: (f"{name}.json", cameras[name]) for name in WHICH}
-    store.give(files, found, name="Another", baseline_m=3.0, target_distance_m=0.5)
+    store.give(_camera_files(), found, name="Another", baseline_m=3.0, target_distance_m=0.5)
 
 
 def _calibration(project: Project) -> Callable[[Project], object]:

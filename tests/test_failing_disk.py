@@ -191,18 +191,15 @@ def test_a_data_set_with_photographs_is_there_as_a_whole_or_not_at_all() -> None
         assert after == ("Another", 3.0, 0.5, ("left8.jpg", "right8.jpg"), (), False)
         assert all(old != new for old, new in zip(before, after, strict=True))
         met = []
-        for at in range(1, len(bench.calls) + 1):
-            for strike in (die_at, lambda *args: refused(fail_at, *args)):
-                project = bench.fresh()
-                strike(bench.home, at, lambda project=project: bench.act(project))  # type: ignore[misc]
-                met.append(seen(project))
-                assert met[-1] in (before, after), (at, bench.calls[at - 1])
-                # What comes next goes on from there, and does not turn it back.
-                project.give({}, target_distance_m=0.75)
-                ProjectPhotographs(project).settle()
-                changed = list(met[-1])
-                changed[2] = 0.75
-                assert seen(project) == tuple(changed), (at, bench.calls[at - 1])
+        for call, project in struck(bench):
+            met.append(seen(project))
+            assert met[-1] in (before, after), call
+            # What comes next goes on from there, and does not turn it back.
+            project.give({}, target_distance_m=0.75)
+            ProjectPhotographs(project).settle()
+            changed = list(met[-1])
+            changed[2] = 0.75
+            assert seen(project) == tuple(changed), call
         assert before in met and after in met
 
 
@@ -216,26 +213,29 @@ def test_what_was_found_in_a_photograph_is_never_another_ones(name: str) -> None
             for home in (bench.pristine, bench.home)
         )
         files, found = [old.photographs, new.photographs], [old.frames, new.frames]
-        for at in range(1, len(bench.calls) + 1):
-            for strike in (die_at, lambda *args: refused(fail_at, *args)):
-                project = bench.fresh()
-                strike(bench.home, at, lambda project=project: bench.act(project))  # type: ignore[misc]
-                store = ProjectPhotographs(project)
-                names = {photograph: path.name for photograph, path in store.photographs.items()}
-                whole = [
-                    (frames or [])
-                    for those, frames in zip(files, found, strict=True)
-                    if names == {photograph: path.name for photograph, path in those.items()}
-                ]
-                known = [frame for frames in whole for frame in frames]
-                assert all(frame in known for frame in store.frames or []), (
-                    at,
-                    bench.calls[at - 1],
-                )
-                store.settle()
-                table = project.table
-                assert table is not None and store.frames is not None
-                assert table[1] == write_table(correspondences_of(store.frames))
+        for call, project in struck(bench):
+            store = ProjectPhotographs(project)
+            names = {photograph: path.name for photograph, path in store.photographs.items()}
+            whole = [
+                (frames or [])
+                for those, frames in zip(files, found, strict=True)
+                if names == {photograph: path.name for photograph, path in those.items()}
+            ]
+            known = [frame for frames in whole for frame in frames]
+            assert all(frame in known for frame in store.frames or []), call
+            store.settle()
+            table = project.table
+            assert table is not None and store.frames is not None
+            assert table[1] == write_table(correspondences_of(store.frames)), call
+
+
+def struck(bench: Bench) -> Iterator[tuple[str, Project]]:
+    """The project after a death, and after a full disk, at each call; which call that was."""
+    for at, call in enumerate(bench.calls, start=1):
+        for strike in (die_at, lambda *args: refused(fail_at, *args)):
+            project = bench.fresh()
+            strike(bench.home, at, lambda project=project: bench.act(project))  # type: ignore[misc]
+            yield f"{at}, {call}", project
 
 
 def refused(act: Callable[..., object], *args: object) -> None:

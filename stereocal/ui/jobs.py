@@ -79,6 +79,11 @@ class Job:
         return None if self.kept is None else self.kept.parts(stage, pack, unpack)
 
     @property
+    def digest(self) -> str:
+        """Of its work, as `Work.digest`; empty where nothing of it is kept."""
+        return "" if self.kept is None else self.kept.record.digest
+
+    @property
     def seconds_left(self) -> float:
         """Of the stage, from the pace so far."""
         pace = (time.monotonic() - self.started) / max(self.done - self.begun_with, 1)

@@ -15,7 +15,6 @@ from stereocal.frames.pairing import CAMERAS, Pair
 from stereocal.frames.search import STAGES, detect_frames
 from stereocal.inputs import Slot
 from stereocal.project import Project
-from stereocal.store.jobs import digest_of
 from stereocal.store.photographs import ProjectPhotographs
 from stereocal.ui import jobs
 from stereocal.ui.intake import (
@@ -172,8 +171,9 @@ def _find_targets(store: ProjectPhotographs) -> None:
         disabled=running or bool(lacking) or not rows,
         on_click=_start, args=(work,),
     )  # fmt: skip
-    if frames is not None and store.found_by == work.digest:
-        jobs.is_done(work)
+    # The cheap look first: a digest of thousands of pairs takes its time at each draw.
+    if frames is not None and jobs.can_go_on(work) and store.found_by == work.digest:
+        jobs.discard(project, "photographs")
     last = "Cancelled. What was found before is unchanged."
     jobs.show_job(project, "photographs", last, work)
     if frames is None:
@@ -201,14 +201,11 @@ def _work(store: ProjectPhotographs, pairs: Sequence[Pair]) -> jobs.Work:
         "cameras": [camera and camera.to_json() for camera in store.project.cameras],
     }
     return jobs.Work(
-        store.project, "photographs", STAGES, about,
-        lambda job: _find(store, pairs, job, digest_of("photographs", about)),
-    )  # fmt: skip
+        store.project, "photographs", STAGES, about, lambda job: _find(store, pairs, job)
+    )
 
 
-def _find(
-    store: ProjectPhotographs, pairs: Sequence[Pair], job: jobs.Job, search: str
-) -> bool:  # fmt: skip
+def _find(store: ProjectPhotographs, pairs: Sequence[Pair], job: jobs.Job) -> bool:
     primary, secondary = store.project.cameras
     if primary is None or secondary is None:
         raise StereocalError("A camera file has gone from the project; give it again.")
@@ -221,5 +218,5 @@ def _find(
     )  # fmt: skip
     if found is None:
         return False
-    store.keep_found(found, searched, search)
+    store.keep_found(found, searched, job.digest)
     return True
