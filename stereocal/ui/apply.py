@@ -32,7 +32,7 @@ from stereocal.points.threshold import FramePixels, choose_threshold
 from stereocal.project import Project
 from stereocal.store.application import SIDES, USES, ProjectApplication, Side, Use
 from stereocal.ui import jobs
-from stereocal.ui.intake import check_uploads, escape_markdown, is_new, refuse, settled, taking
+from stereocal.ui.intake import check_uploads, escape_markdown, is_new, settled, taking
 from stereocal.ui.parameter_files import sets_of
 from stereocal.ui.project import keep_settings, keeper, remembered
 from stereocal.ui.refined import refined_for
@@ -104,16 +104,13 @@ def _take_points(store: ProjectApplication, side: Side) -> None:
     )  # fmt: skip
     if upload is not None and is_new(upload):
         with taking(upload):
-            try:
-                check_uploads([upload])
-                with st.spinner("Reading."):
-                    content = upload.getvalue()
-                    if upload.name.lower().endswith(PARQUET):
-                        server_guard().check_content("table", content, upload.name, PARQUET[0])
-                    store.offer_points(side, upload.name, content)
-                settled()
-            except StereocalError as error:
-                refuse(error)
+            check_uploads([upload])
+            with st.spinner("Reading."):
+                content = upload.getvalue()
+                if upload.name.lower().endswith(PARQUET):
+                    server_guard().check_content("table", content, upload.name, PARQUET[0])
+                store.offer_points(side, upload.name, content)
+            settled()
         st.rerun()
 
 
@@ -182,12 +179,9 @@ def _given_set(store: ProjectApplication, use: Use) -> RigParameters | None:
     )  # fmt: skip
     if upload is not None and is_new(upload):
         with taking(upload):
-            try:
-                check_uploads([upload])
-                store.keep_set(use, upload.name, upload.getvalue())
-                settled()
-            except StereocalError as error:
-                refuse(error)
+            check_uploads([upload])
+            store.keep_set(use, upload.name, upload.getvalue())
+            settled()
         st.rerun()
     return None if kept is None else kept[1]
 

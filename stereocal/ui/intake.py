@@ -92,18 +92,15 @@ def take_dataset(uploads: Sequence[Upload]) -> None:
         return
     name = uploads[0].name
     with taking(*uploads):
-        try:
-            check_uploads(uploads)
-            if len(uploads) == 1 and name.lower().endswith(".zip"):
-                content = uploads[0].getvalue()
-                texts = unzip(content, name, lambda member: not is_photograph(member))
-                _try_dataset(texts, name, lambda store: unpack_photographs(content, name, store))
-            else:
-                others = [file for file in uploads if not is_photograph(file.name)]
-                texts = {file.name: file.getvalue() for file in others}
-                _try_dataset(texts, "the folder", lambda store: keep_uploads(uploads, store))
-        except StereocalError as error:
-            refuse(error)
+        check_uploads(uploads)
+        if len(uploads) == 1 and name.lower().endswith(".zip"):
+            content = uploads[0].getvalue()
+            texts = unzip(content, name, lambda member: not is_photograph(member))
+            _try_dataset(texts, name, lambda store: unpack_photographs(content, name, store))
+        else:
+            others = [file for file in uploads if not is_photograph(file.name)]
+            texts = {file.name: file.getvalue() for file in others}
+            _try_dataset(texts, "the folder", lambda store: keep_uploads(uploads, store))
     st.rerun()
 
 
@@ -126,14 +123,11 @@ def take_file(slot: Slot, upload: Upload | None) -> None:
     if upload is None or not is_new(upload):
         return
     with taking(upload):
-        try:
-            check_uploads([upload])
-            content = upload.getvalue()
-            if slot != "correspondences":
-                server_guard().check_content("camera", content, upload.name)
-            _try_files({slot: (upload.name, content)})
-        except StereocalError as error:
-            refuse(error)
+        check_uploads([upload])
+        content = upload.getvalue()
+        if slot != "correspondences":
+            server_guard().check_content("camera", content, upload.name)
+        _try_files({slot: (upload.name, content)})
     st.rerun()
 
 
@@ -312,7 +306,7 @@ def is_new(*uploads: Upload) -> bool:
 
 @contextmanager
 def taking(*uploads: Upload) -> Iterator[None]:
-    """Inside, uploads are taken or refused; then they are dealt with.
+    """Inside, uploads are taken; a StereocalError refuses them. Then they are dealt with.
 
     A click meanwhile ends the script at any access to the session or the page, by a BaseException:
     then they are still new, and the next run takes them.
@@ -320,7 +314,10 @@ def taking(*uploads: Upload) -> Iterator[None]:
     seen: set[str] = st.session_state.setdefault(_SEEN, set())
     dealt_with = {upload.file_id for upload in uploads}
     try:
-        yield
+        try:
+            yield
+        except StereocalError as error:
+            refuse(error)
     except Exception:
         seen |= dealt_with
         raise

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import streamlit as st
 
-from stereocal.errors import StereocalError
 from stereocal.formats.correspondences_csv import TEMPLATE
 from stereocal.formats.point_answers import holds_bars
 from stereocal.project import Project
@@ -15,7 +14,6 @@ from stereocal.ui.intake import (
     check_uploads,
     in_use,
     is_new,
-    refuse,
     settled,
     take_file,
     taking,
@@ -54,10 +52,7 @@ def _take_table(upload: Upload | None) -> None:
         take_file("correspondences", upload)
     elif is_new(upload):
         with taking(upload):
-            try:
-                check_uploads([upload])
-                ProjectApplication(project_to_write()).ask("bars", upload.name, upload.getvalue())
-                settled()
-            except StereocalError as error:
-                refuse(error)
+            check_uploads([upload])
+            ProjectApplication(project_to_write()).ask("bars", upload.name, upload.getvalue())
+            settled()
         st.rerun()
