@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from typing import Any, Literal
@@ -13,12 +13,15 @@ from stereocal import checks, costs
 from stereocal.compiled import BoolArray, FloatArray, IntArray
 from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
-from stereocal.essential import Solver, calibrate_essential
+from stereocal.essential import EssentialResult, Solver, calibrate_essential
 from stereocal.geometry import Pose, reprojection_errors_of_rays
 from stereocal.montecarlo import Problem, SearchSettings, Trace, minimise
 from stereocal.parameters import RigParameters, inputs_of
+from stereocal.readings import Fit, check_reading, contradiction, fit_at, wrong_lens
 from stereocal.refine import RefinedResult, refine
+from stereocal.refined.screening import Screening, screen, unscreened
 from stereocal.refined.unknowns import RefineSettings
+from stereocal.refined.weakness import weakness
 
 Method = Literal["essential", "2d", "3d", "refined"]
 METHODS: tuple[Method, ...] = ("essential", "2d", "3d")
@@ -30,6 +33,10 @@ METHOD_NAMES: Mapping[Method, str] = {
     "3d": "3D set",
     "refined": "Refined set",
 }
+POOR_LENGTH = 0.05
+"""A set that measures 5 % of the bars worse than this is not one to measure with."""
+MOST_LEFT_OUT = 0.2
+"""Where more frames than this contradict the others, the others may be the wrong ones."""
 COST_UNITS: Mapping[Method, str] = {"essential": "", "2d": "px", "3d": "m", "refined": ""}
 
 
@@ -47,6 +54,10 @@ class CalibrationSettings:
     """Calibrate with so many frames, drawn at random; with all when None."""
     known_points: bool = False
     """The footnote's 3D cost: distance from known points instead of lengths of bars."""
+    all_frames: bool = False
+    """Trust every frame, as the paper does: leave none out that contradicts the others."""
+    frames_put_back: tuple[int, ...] = ()
+    """Frames to keep though they contradict the others."""
 
     def __post_init__(self) -> None:
         if self.essential not in ("constrained", "linear"):
@@ -63,6 +74,8 @@ class CalibrationSettings:
             "essential": self.essential,
             "calibration_frames": self.calibration_frames,
             "known_points": self.known_points,
+            "all_frames": self.all_frames,
+            "frames_put_back": list(self.frames_put_back),
         }
 
     @classmethod
@@ -73,14 +86,19 @@ class CalibrationSettings:
             StereocalError: a name that is no setting, or a value of the wrong kind or range.
         """
         rest = dict(data)
-        own = {
+        own: dict[str, Any] = {
             name: rest.pop(name)
-            for name in ("essential", "calibration_frames", "known_points")
+            for name in ("essential", "calibration_frames", "known_points", "all_frames")
             if name in rest
         }
         try:
-            if not isinstance(own.get("known_points", False), bool):
-                raise TypeError("known_points is neither true nor false")
+            for name in ("known_points", "all_frames"):
+                if not isinstance(own.get(name, False), bool):
+                    raise TypeError(f"{name} is neither true nor false")
+            back = rest.pop("frames_put_back", [])
+            if not all(isinstance(frame, int) for frame in back):
+                raise TypeError("frames_put_back is no list of frame numbers")
+            own["frames_put_back"] = tuple(sorted(back))
             if not isinstance(own.get("calibration_frames"), int | None):
                 raise TypeError("calibration_frames is not a whole number")
             return cls(search=SearchSettings(**rest), **own)
@@ -104,27 +122,31 @@ class MethodResult:
 
 @dataclass(frozen=True, eq=False)
 class Errors:
-    """How a pose fits the data set, frame by frame."""
+    """How a pose fits the data set, frame by frame; the means are of the frames not left out."""
 
     reprojection_px: FloatArray
     """(n,), per pair the mean over both cameras; NaN where the point is behind a camera."""
     length: FloatArray
     """(m,), per bar |D - D^R| / D, a fraction; NaN likewise."""
+    kept_pairs: BoolArray
+    """(n,): false for the pairs of frames that were left out."""
+    kept_bars: BoolArray
+    """(m,): the same for bars."""
 
     @property
     def mean_reprojection_px(self) -> float:
         """Mean over the pairs that have a value; NaN if none has."""
-        return _mean(self.reprojection_px)
+        return _mean(self.reprojection_px[self.kept_pairs])
 
     @property
     def mean_length(self) -> float:
         """Mean relative length error over the bars that have a value; NaN if none has."""
-        return _mean(self.length)
+        return _mean(self.length[self.kept_bars])
 
     @property
     def p95_length(self) -> float:
         """The relative length error that 95 % of the bars stay below; NaN if none has one."""
-        known = self.length[np.isfinite(self.length)]
+        known = self.length[self.kept_bars & np.isfinite(self.length)]
         return float(np.percentile(known, 95)) if len(known) else float("nan")
 
 
@@ -134,8 +156,10 @@ class Calibration:
 
     dataset: Dataset
     settings: CalibrationSettings
+    screening: Screening
+    """Which frames were left out, because they contradict the others."""
     frames: IntArray
-    """The frames that were calibrated with; the others only test."""
+    """The frames that were calibrated with; the others that are left only test."""
     methods: Mapping[Method, MethodResult]
     warnings: tuple[str, ...]
     """What is odd about the data, a sentence each."""
@@ -144,20 +168,25 @@ class Calibration:
 
     @cached_property
     def held_out_frames(self) -> IntArray:
-        """The frames that were not calibrated with."""
-        return np.setdiff1d(self.dataset.correspondences.frames, self.frames)
+        """The frames that were neither calibrated with nor left out."""
+        return np.setdiff1d(self.screening.dataset.correspondences.frames, self.frames)
 
     @cached_property
     def errors(self) -> Mapping[Method, Errors]:
         """Errors of each method on all frames, also those not calibrated with."""
-        return {name: errors_of(self.dataset, found.pose) for name, found in self.methods.items()}
+        left_out = self.screening.left_out
+        return {
+            name: errors_of(self.dataset, found.pose, left_out)
+            for name, found in self.methods.items()
+        }
 
     @cached_property
     def refined_errors(self) -> Errors | None:
         """Errors of the refined set, seen through its own lenses, on all frames."""
         if self.refined is None:
             return None
-        return errors_of(self.refined.apply(self.dataset), self.refined.pose)
+        left_out = self.screening.left_out
+        return errors_of(self.refined.apply(self.dataset), self.refined.pose, left_out)
 
     def parameters(
         self,
@@ -181,6 +210,7 @@ class Calibration:
             inputs=inputs_of(self.dataset, self.frames),
             matching_threshold_px=validation["threshold_px"] if validation else None,
             validation=validation,
+            frames_left_out=self.screening.left_out,
         )
 
 
@@ -192,6 +222,8 @@ def calibrate(
     refined: RefineSettings | None = None,
 ) -> Calibration:
     """Run the paper's three methods and, where its settings are given, the refined one.
+
+    Frames that contradict the others are left out first, unless the settings trust every frame.
 
     The random numbers of the two searches are independent streams of `settings.search.seed`.
 
@@ -206,38 +238,36 @@ def calibrate(
     """
     settings = settings or CalibrationSettings()
     say = progress or (lambda _: None)
-    seeds = np.random.SeedSequence(settings.search.seed).spawn(4)
-    of_split, of_2d, of_3d, of_exchange = seeds
-    frames = _draw_frames(dataset, settings.calibration_frames, of_split)
-    chosen = _only(dataset, frames)
+    of_split, of_2d, of_3d = np.random.SeedSequence(settings.search.seed).spawn(3)
+    say("screening")
+    screening = screened(dataset, settings)
+    kept = screening.dataset
+    frames = _draw_frames(kept, settings.calibration_frames, of_split)
+    chosen = _only(kept, frames)
     checks.check_points(chosen)
     reconstruction = reconstruction_problem(chosen, settings.known_points)
+    warnings = checks.warnings_about(chosen)
 
     say("essential")
-    start = calibrate_essential(
-        chosen.rays, chosen.baseline_m, settings.essential, tie_breaker=reconstruction.cost
-    )
-    checks.check_in_front(chosen, start.pose)
-    checks.check_scale(chosen, start.pose)
+    start = _essential(chosen, settings, reconstruction, screening)
+    warnings += check_reading(chosen, fit_at(chosen, start.pose))
     results: dict[Method, MethodResult] = {
         "essential": MethodResult(
             "essential", start.pose, start.cost, start.evaluations, start.stop_reason, start.seconds
         )
     }
-    for name, problem, seed in (
+    searches: tuple[tuple[Method, Problem, np.random.SeedSequence], ...] = (
         ("2d", reprojection_problem(chosen), of_2d),
         ("3d", reconstruction, of_3d),
-    ):
-        method: Method = "2d" if name == "2d" else "3d"
+    )
+    for method, problem, seed in searches:
         say(method)
         found = minimise(problem, start.pose, settings.search, seed, trace)
         results[method] = MethodResult(
             method, found.pose, found.cost, found.evaluations, found.stop_reason, found.seconds,
             found.trace,
         )  # fmt: skip
-    as_given = (results["2d"].cost, results["3d"].cost)
-    exchanged = _costs_with_cameras_exchanged(chosen, settings, of_exchange)
-    warnings = checks.warnings_about(chosen) + checks.check_exchange(as_given, exchanged)
+    warnings += _doubts(chosen, results["3d"].pose, screening)
     fourth = None
     if refined is not None:
         say("refined")
@@ -245,7 +275,63 @@ def calibrate(
             fourth = refine(chosen, refined, start.pose)
         except StereocalError as error:
             warnings.append(f"There is no refined set: {error}")
-    return Calibration(dataset, settings, frames, results, tuple(warnings), fourth)
+    return Calibration(dataset, settings, screening, frames, results, tuple(warnings), fourth)
+
+
+def screened(dataset: Dataset, settings: CalibrationSettings) -> Screening:
+    """Which frames of a data set to leave out, as the settings say."""
+    return unscreened(dataset) if settings.all_frames else screen(dataset, settings.frames_put_back)
+
+
+def _essential(
+    dataset: Dataset,
+    settings: CalibrationSettings,
+    reconstruction: Problem,
+    screening: Screening,
+) -> EssentialResult:
+    """The essential method, whose pose agrees with the stated lengths.
+
+    Where the 8-point estimate leads nowhere, as with bars in one plane, the constrained solver
+    begins at the pose of the robust fit.
+
+    Raises:
+        StereocalError: it does not agree; says what is wrong, as far as the data tell.
+    """
+    fit = screening.fit
+    begin = [None, fit.pose] if fit is not None and settings.essential == "constrained" else [None]
+    failure = ""
+    for pose in begin:
+        try:
+            start = calibrate_essential(
+                dataset.rays, dataset.baseline_m, settings.essential, reconstruction.cost, pose
+            )
+            checks.check_in_front(dataset, start.pose)
+            if checks.scale_is_plausible(dataset, start.pose):
+                return start
+        except StereocalError as error:
+            failure = failure or f"{error} "
+    if fit is not None and (why := weakness(fit)):
+        raise StereocalError(failure + why)
+    # Where there is no essential matrix, the robust fit says how well the data fit as given.
+    given = None
+    if failure and fit is not None:
+        given = Fit(fit.sigma_px.value, fit.scatter_m.value / dataset.target_distance_m, 1.0)
+    check_reading(dataset, given)
+    raise StereocalError(failure + (wrong_lens(dataset, given) or contradiction(dataset, given)))
+
+
+def _doubts(dataset: Dataset, measuring: Pose, screening: Screening) -> list[str]:
+    """What speaks against a result though there is one, a sentence each."""
+    found = []
+    if screening.failure:
+        found.append(f"No frame could be held against the others: {screening.failure}")
+    if screening.together:
+        found.append(screening.together)
+    if screening.fit is not None and (why := weakness(screening.fit)):
+        found.append(why)
+    elif errors_of(dataset, measuring).p95_length > POOR_LENGTH:
+        found.append(wrong_lens(dataset) or contradiction(dataset))
+    return found
 
 
 def reprojection_problem(dataset: Dataset, rows: BoolArray | None = None) -> Problem:
@@ -290,36 +376,20 @@ def reconstruction_problem(
     )
 
 
-def errors_of(dataset: Dataset, pose: Pose) -> Errors:
-    """Reprojection and length errors of a pose on a data set."""
+def errors_of(dataset: Dataset, pose: Pose, left_out: Collection[int] = ()) -> Errors:
+    """Reprojection and length errors of a pose on a data set.
+
+    Args:
+        left_out: numbers of frames that the means are without.
+    """
+    rows = dataset.correspondences
+    kept = ~np.isin(rows.frame, list(left_out))
     both = reprojection_errors_of_rays(pose.R, pose.T, dataset.rays, dataset.pixel_scale)
     lengths = dataset.reconstructed_lengths_m(pose)
     measured = dataset.bar_distances_m
-    return Errors(both.mean(axis=1), np.abs(lengths - measured) / measured)
-
-
-def _costs_with_cameras_exchanged(
-    dataset: Dataset, settings: CalibrationSettings, seed: np.random.SeedSequence
-) -> tuple[float, float] | None:
-    """2D and 3D cost with the two camera files the other way round.
-
-    None where that cannot be, and for so few points that any cameras fit them.
-    """
-    if len(dataset.correspondences.bars) < checks.BARS_TO_TELL:
-        return None
-    try:
-        other = dataset.with_cameras_exchanged()
-        start = calibrate_essential(other.rays, other.baseline_m, settings.essential)
-        matching, measuring = (
-            minimise(problem, start.pose, settings.search, seed).cost
-            for problem in (
-                reprojection_problem(other),
-                reconstruction_problem(other, settings.known_points),
-            )
-        )
-    except StereocalError:
-        return None
-    return matching, measuring
+    return Errors(
+        both.mean(axis=1), np.abs(lengths - measured) / measured, kept, dataset.bars_among(kept)
+    )
 
 
 def _draw_frames(dataset: Dataset, count: int | None, seed: np.random.SeedSequence) -> IntArray:

@@ -13,6 +13,7 @@ from stereocal.dataset import Dataset
 from stereocal.errors import DAMAGED, StereocalError
 from stereocal.geometry import Pose
 from stereocal.montecarlo import Trace
+from stereocal.refined.screening import Screening
 
 CALIBRATION_FORMAT = "stereocal-project/1"
 LONGEST_TRACE = 50_000
@@ -32,6 +33,10 @@ def pack_calibration(calibration: Calibration, inputs: Mapping[str, Any]) -> byt
         "inputs": inputs,
         "dataset_sha256": calibration.dataset.sha256,
         "settings": calibration.settings.to_json(),
+        "screening": {
+            name: getattr(calibration.screening, name)
+            for name in ("left_out", "exchanged", "together", "failure")
+        },
         "frames": calibration.frames.tolist(),
         "warnings": list(calibration.warnings),
         "methods": {name: _to_json(found) for name, found in calibration.methods.items()},
@@ -62,12 +67,22 @@ def unpack_calibration(
         return Calibration(
             dataset=dataset,
             settings=CalibrationSettings.from_json(data["settings"]),
+            screening=_screening(dataset, data.get("screening", {})),
             frames=frames,
             methods=methods,
             warnings=tuple(str(text) for text in data["warnings"]),
         )
     except DAMAGED as error:
         raise StereocalError(_DAMAGED) from error
+
+
+def _screening(dataset: Dataset, data: Mapping[str, Any]) -> Screening:
+    """Without its fit, which nothing asks for any more; of before the screening, none left out."""
+    left_out, exchanged = (
+        tuple(int(frame) for frame in data.get(name, ())) for name in ("left_out", "exchanged")
+    )
+    together, failure = (str(data.get(name, "")) for name in ("together", "failure"))
+    return Screening(dataset, None, left_out, exchanged, together, failure)
 
 
 def _to_json(found: MethodResult) -> dict[str, Any]:

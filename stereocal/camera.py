@@ -16,6 +16,8 @@ from stereocal.errors import StereocalError
 LARGEST_SIDE = 1_000_000
 MOST = 1e9
 DISTORTION_LENGTHS = (0, 4, 5, 8, 12, 14)
+OTHER_SIZE = 1.3
+"""A principal point so many times farther from the corner than the middle is of another size."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,6 +135,16 @@ class Camera:
     def pixel_scale(self) -> FloatArray:
         """(fx, skew, fy): the part of K that acts on differences of normalised points."""
         return np.array([self.K[0, 0], self.K[0, 1], self.K[1, 1]])
+
+    @property
+    def other_size(self) -> float | None:
+        """How many times as large an image K seems to be made for; None where the sizes agree.
+
+        Told by the principal point, which lies about in the middle of an image.
+        """
+        middle = 0.5 * (np.array(self.image_size) - 1.0)
+        factor = float(np.mean(np.maximum(self.K[:2, 2], 1e-9) / middle))
+        return factor if abs(np.log(factor)) > np.log(OTHER_SIZE) else None
 
     def distort(self, normalised: npt.ArrayLike) -> FloatArray:
         """Raw pixels (n, 2) of normalised points (n, 2): lens, then K."""

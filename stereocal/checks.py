@@ -16,12 +16,6 @@ SMALLEST_SPREAD = 0.01
 LARGEST_SCALE_ERROR = 1.5
 """Lens errors of several percent move lengths by as much, never by half."""
 
-SURELY_EXCHANGED = 1.5
-MAYBE_EXCHANGED = 1.15
-
-BARS_TO_TELL = 10
-"""Five angles fit the lengths of five bars, and five pairs, whatever the cameras."""
-
 FEW_PAIRS = 8
 FEW_BARS = 5
 """Five angles cannot be found from fewer lengths."""
@@ -65,75 +59,16 @@ def check_in_front(dataset: Dataset, pose: Pose) -> None:
         named = "; ".join(dataset.correspondences.name_of(row) for row in behind[:3])
         raise StereocalError(
             f"{len(behind)} of {len(points)} pairs do not meet in front of the cameras ({named}"
-            f"{'; and more' if len(behind) > 3 else ''}): look whether A and B are exchanged "
-            "there, or leave these frames out."
+            f"{'; and more' if len(behind) > 3 else ''})."
         )
 
 
-def check_scale(dataset: Dataset, pose: Pose) -> None:
-    """Refuse a baseline and a distance that contradict each other, such as metres and millimetres.
-
-    Raises:
-        StereocalError: says which length the images expect.
-    """
+def scale_is_plausible(dataset: Dataset, pose: Pose) -> bool:
+    """Whether baseline and distance go together, unlike metres and millimetres."""
     if not len(dataset.correspondences.bars):
-        return
+        return True
     ratio = float(np.median(dataset.bar_distances_m / dataset.reconstructed_lengths_m(pose)))
-    if 1 / LARGEST_SCALE_ERROR < ratio < LARGEST_SCALE_ERROR:
-        return
-    stated = float(np.median(dataset.bar_distances_m))
-    if ratio > 1:
-        verdict = "the distance is larger than the baseline allows"
-        factor = ratio
-        units = "The distance looks like {unit}, or the baseline is {factor} too small."
-    else:
-        verdict = "the distance is smaller than the baseline allows"
-        factor = 1 / ratio
-        units = "The baseline looks like {unit}, or the distance is {factor} too small."
-    hint = "Measure both again."
-    for size, unit in ((1000.0, "millimetres"), (100.0, "centimetres")):
-        if size / 2 < factor < size * 2:
-            hint = units.format(unit=unit, factor=f"{size:g} times") + " Give both in metres."
-    raise StereocalError(
-        f"The distance between the targets is given as {stated:g} m and the baseline as "
-        f"{dataset.baseline_m:g} m, but with this baseline the images say a distance of "
-        f"{stated / ratio:.3g} m: {verdict}. {hint}"
-    )
-
-
-def check_exchange(
-    as_given: tuple[float, float], exchanged: tuple[float, float] | None
-) -> list[str]:
-    """Refuse camera files that are evidently exchanged; a warning where they may be.
-
-    Args:
-        as_given: least 2D and 3D cost found with the cameras as given.
-        exchanged: the same with the two files exchanged; None if that is impossible.
-
-    Two simulated cameras whose focal lengths differ by 1 % fit 4 to 6 times worse when exchanged,
-    and at least 2.2 times with lenses off by 0.3 % and 10 px. Two real ones that differ by 0.7 %
-    fit 1.02 (2D) and 1.2 times (3D) worse: enough for a warning, not for a refusal.
-
-    Raises:
-        StereocalError: exchanged, both costs together are more than 1.5 times better.
-    """
-    if exchanged is None:
-        return []
-    gain_2d, gain_3d = (
-        given / max(other, 1e-300) for given, other in zip(as_given, exchanged, strict=True)
-    )
-    if gain_2d * gain_3d > SURELY_EXCHANGED**2 and min(gain_2d, gain_3d) > 1:
-        raise StereocalError(
-            "The two camera files seem to be exchanged: with the primary's file for the secondary "
-            f"camera and the other way round, the points fit {gain_2d:.2g} times better in the "
-            f"images and the bar lengths {gain_3d:.2g} times. Exchange the files."
-        )
-    if min(gain_2d, gain_3d) > 1 and max(gain_2d, gain_3d) > MAYBE_EXCHANGED:
-        return [
-            f"The points fit somewhat better ({max(gain_2d, gain_3d):.2g} times) with the two "
-            "camera files exchanged. Make sure that each camera has its own file."
-        ]
-    return []
+    return 1 / LARGEST_SCALE_ERROR < ratio < LARGEST_SCALE_ERROR
 
 
 def warnings_about(dataset: Dataset) -> list[str]:
@@ -151,7 +86,12 @@ def warnings_about(dataset: Dataset) -> list[str]:
             f"Only {bars} frame{'s have' if bars > 1 else ' has'} both targets: the 3D method "
             f"needs at least {FEW_BARS} to fix the five angles."
         )
-    same_K = np.array_equal(dataset.primary.K, dataset.secondary.K)
-    if same_K and np.array_equal(dataset.primary.distortion, dataset.secondary.distortion):
-        found.append("Both cameras have exactly the same lens. Was one camera file given twice?")
+    for which, camera in (("primary", dataset.primary), ("secondary", dataset.secondary)):
+        if camera.other_size is not None:
+            width, height = camera.image_size
+            found.append(
+                f"The {which} camera's principal point ({camera.K[0, 2]:.0f}, "
+                f"{camera.K[1, 2]:.0f}) lies far from the middle of its image of {width}x{height} px. Unless the image "
+                "was cropped, K or the image size is another's."
+            )
     return found

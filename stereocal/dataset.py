@@ -193,10 +193,23 @@ class Dataset:
             raise RefusedRowsError("", problems, "with a point outside its image")
         lost = np.flatnonzero(~np.isfinite(self.rays).all(axis=0))
         if len(lost):
-            raise StereocalError(
-                f"The lens model cannot be inverted at {self.correspondences.name_of(lost[0])}: "
-                "the distortion coefficients do not fit the image this far from its centre."
-            )
+            raise StereocalError(self._not_inverted(int(lost[0])))
+
+    def _not_inverted(self, row: int) -> str:
+        """Whose lens does not reach a point, and what to look at."""
+        which, camera = (
+            ("secondary", self.secondary)
+            if np.isfinite(self.rays[:2, row]).all()
+            else ("primary", self.primary)
+        )
+        width, height = camera.image_size
+        size = camera.other_size
+        hint = f" K seems to be that of an image {size:.3g} times as large." if size else ""
+        return (
+            f"The {which} camera's lens cannot be as given: its model cannot be inverted at "
+            f"{self.correspondences.name_of(row)}. Focal length and distortion do not fit a point "
+            f"this far from the centre of {width}x{height} px.{hint}"
+        )
 
     def of_frames(self, frames: npt.ArrayLike) -> Dataset:
         """The same data set with the given frames only."""
@@ -209,6 +222,18 @@ class Dataset:
             StereocalError: points then lie outside their image.
         """
         return replace(self, primary=self.secondary, secondary=self.primary)
+
+    def with_targets_exchanged(self, frames: npt.ArrayLike) -> Dataset:
+        """The same with A and B exchanged in the secondary image of the given frames.
+
+        A frame with one target stays: what the other camera saw there belongs to no other row.
+        """
+        rows = self.correspondences
+        a, b = rows.bars[np.isin(rows.frame[rows.bars[:, 0]], np.asarray(frames))].T
+        order = np.arange(len(rows))
+        order[a], order[b] = b, a
+        changed = {name: getattr(rows, name)[order] for name in ("secondary", "sigma_secondary_px")}
+        return replace(self, correspondences=replace(rows, **changed))
 
     @cached_property
     def rays(self) -> FloatArray:

@@ -48,6 +48,7 @@ def calibrate_essential(
     baseline: float,
     solver: Solver = "constrained",
     tie_breaker: Callable[[Pose], float] | None = None,
+    start: Pose | None = None,
 ) -> EssentialResult:
     """The pose of the rig from pairs of normalised points.
 
@@ -56,6 +57,7 @@ def calibrate_essential(
         baseline: measured distance between the cameras, in metres.
         tie_breaker: a cost that tells poses apart which fit equally well. Five pairs fit up to ten
             essential matrices exactly.
+        start: where to begin instead of at the 8-point or 5-point estimate.
 
     Raises:
         StereocalError: fewer than 5 pairs, or points that determine no pose.
@@ -66,7 +68,10 @@ def calibrate_essential(
         raise StereocalError(
             f"There are {pairs} pairs of points; at least {MINIMUM_PAIRS} are needed."
         )
-    if pairs >= LINEAR_PAIRS:
+    if start is not None:
+        candidates = [start.essential]
+        stop_reason = "as it was begun"
+    elif pairs >= LINEAR_PAIRS:
         candidates = [linear_essential(rays)]
         stop_reason = "solved in one step (8-point)"
     else:

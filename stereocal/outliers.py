@@ -38,8 +38,8 @@ def bar_frames(calibration: Calibration) -> IntArray:
 
 
 def held_out(calibration: Calibration, frames: IntArray) -> npt.NDArray[np.bool_]:
-    """(f,): true for the frames that were not calibrated with."""
-    return ~np.isin(frames, calibration.frames)
+    """(f,): true for the frames that were neither calibrated with nor left out."""
+    return np.isin(frames, calibration.held_out_frames)
 
 
 def outlying(values: FloatArray, smallest_excess: float) -> npt.NDArray[np.bool_]:

@@ -65,6 +65,8 @@ class RigParameters:
     triangulation: str = "midpoint"
     uncertainties: Mapping[str, Any] | None = None
     """Of a refined set: what `refined_file` writes. None, and no key in the file, without them."""
+    frames_left_out: tuple[int, ...] = ()
+    """Frames that contradict the others, and were not calibrated with."""
 
     def __post_init__(self) -> None:
         if self.method not in PURPOSES:
@@ -142,6 +144,7 @@ class RigParameters:
             **({} if self.uncertainties is None else {"uncertainties": dict(self.uncertainties)}),
             "settings": dict(self.settings),
             "inputs": dict(self.inputs),
+            "frames_left_out": list(self.frames_left_out),
             "software": {
                 "stereocal": stereocal.__version__,
                 "python": platform.python_version(),
@@ -230,6 +233,7 @@ class RigParameters:
             validation=validation,
             triangulation=data["triangulation"],
             uncertainties=uncertainties,
+            frames_left_out=tuple(int(frame) for frame in data.get("frames_left_out", [])),
         )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
@@ -13,14 +13,18 @@ from stereocal.calibrate import (
     COST_UNITS,
     METHOD_NAMES,
     METHODS,
+    MOST_LEFT_OUT,
+    POOR_LENGTH,
     Calibration,
     Method,
     errors_of,
 )
+from stereocal.compiled import IntArray
 from stereocal.dataset import Dataset
 from stereocal.parameters import RigParameters
 from stereocal.refine import RefinedResult
 from stereocal.refined.bar_fit import BAR
+from stereocal.refined.screening import Screening
 from stereocal.refined.uncertainty import standard_errors
 from stereocal.summary import Estimate, MethodSummary, best_methods
 
@@ -43,9 +47,13 @@ def results_table(calibration: Calibration) -> pd.DataFrame:
     """The three methods side by side: a column a method, a row a quantity, all as text."""
     return pd.DataFrame(
         {METHOD_NAMES[name]: _column(calibration, name) for name in METHODS}
-    ).rename_axis(
-        "All frames" if not len(calibration.held_out_frames) else "All frames, fitted and held out"
-    )
+    ).rename_axis(_frames_in_words(calibration))
+
+
+def _frames_in_words(calibration: Calibration) -> str:
+    held_out = ", fitted and held out" if len(calibration.held_out_frames) else ""
+    left_out = len(calibration.screening.left_out)
+    return f"All frames{f' but the {left_out} left out' if left_out else ''}{held_out}"
 
 
 def _column(calibration: Calibration, name: Method) -> dict[str, str]:
@@ -107,12 +115,11 @@ def parameters_table(rig: RigParameters) -> pd.DataFrame:
 
 def answer(calibration: Calibration) -> str:
     """The result in one or two sentences, on the held-out frames where there are any."""
-    testing = calibration.held_out_frames
-    dataset = calibration.dataset
+    testing = len(calibration.held_out_frames)
+    dataset = calibration.dataset.of_frames(_tested(calibration))
     where = "the frames it was fitted to"
-    if len(testing):
-        dataset = dataset.of_frames(testing)
-        where = f"{len(testing)} frames that took no part in the fit"
+    if testing:
+        where = f"{testing} frames that took no part in the fit"
     matching = errors_of(dataset, calibration.methods["2d"].pose)
     measuring = errors_of(dataset, calibration.methods["3d"].pose)
     first = (
@@ -127,6 +134,49 @@ def answer(calibration: Calibration) -> str:
         f"{digits(100 * measuring.p95_length)} % (with the 2D set "
         f"{digits(100 * matching.mean_length)} % on average)."
     )
+
+
+def left_out_line(screening: Screening) -> str:
+    """Which frames were left out, and which of them only look exchanged."""
+    frames = screening.left_out
+    if not frames:
+        return ""
+    subject = f"Frame {frames[0]} was" if len(frames) == 1 else f"Frames {listed(frames)} were"
+    line = f"{subject} left out, for {'it contradicts' if len(frames) == 1 else 'they contradict'} the others."
+    if screening.exchanged:
+        which = screening.exchanged
+        where = "there" if which == frames else f"in frame{'s' * (len(which) > 1)} {listed(which)}"
+        line += f" A and B look exchanged in one camera {where}."
+    return line
+
+
+def why_not_trusted(calibration: Calibration) -> str:
+    """What keeps a result from being one to rely on; empty where nothing does."""
+    screening = calibration.screening
+    found = []
+    if screening.share > MOST_LEFT_OUT:
+        found.append(
+            f"{percent(screening.share)} % of the frames contradict the others and were left out."
+        )
+    dataset = calibration.dataset.of_frames(_tested(calibration))
+    error = errors_of(dataset, calibration.methods["3d"].pose).p95_length
+    if error > POOR_LENGTH:
+        found.append(f"5 % of the bars come out more than {percent(error)} % wrong in length.")
+    return " ".join(found)
+
+
+def listed(frames: Sequence[object], most: int = 12) -> str:
+    """Numbers of frames in a sentence: `3, 8 and 12`, and how many more."""
+    shown = [str(frame) for frame in frames[:most]]
+    if len(frames) > most:
+        return f"{', '.join(shown)} and {len(frames) - most} more"
+    return " and ".join([", ".join(shown[:-1]), shown[-1]] if len(shown) > 1 else shown)
+
+
+def _tested(calibration: Calibration) -> IntArray:
+    """The frames to judge a result by: the held-out ones, or those it was fitted to."""
+    held_out = calibration.held_out_frames
+    return held_out if len(held_out) else calibration.frames
 
 
 def contents_table(dataset: Dataset) -> pd.DataFrame:

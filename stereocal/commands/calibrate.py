@@ -13,18 +13,17 @@ from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
 from stereocal.evaluation_files import validation_in_summary
 from stereocal.refine import RefinedResult
-from stereocal.refined.disagreement import Input, what_disagrees
+from stereocal.refined.disagreement import Input, what_could_not_be_told, what_disagrees
 from stereocal.refined.file import refined_parameters
 from stereocal.refined.uncertainty import standard_errors
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.refined.verdict import run_splits, verdict
 from stereocal.store.carry import read_input
+from stereocal.tables import left_out_line, listed, why_not_trusted
 from stereocal.writing import write_all
 
 FILES: dict[Literal["2d", "3d"], str] = {"2d": "parameters_2d.json", "3d": "parameters_3d.json"}
 REFINED = "parameters_refined.json"
-SHOWN = 12
-"""Frames left out that are named in the terminal; the file names all."""
 
 
 def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -83,21 +82,31 @@ def run(parsed: argparse.Namespace) -> None:
     if calibration.refined is not None:
         inputs = what_disagrees(calibration.refined)
         files[parsed.out / REFINED] = (
-            refined_parameters(calibration.refined, inputs, figures.get("refined")).dumps().encode()
+            refined_parameters(
+                calibration.refined, inputs, figures.get("refined"), calibration.screening.left_out
+            )
+            .dumps()
+            .encode()
         )
     write_all(files)
     rows = dataset.correspondences
     print(
         f"{dataset.name}: {len(rows)} pairs, {len(rows.bars)} bars in {len(rows.frames)} frames; "
-        f"calibrated with {len(calibration.frames)} frames; errors are of all frames."
+        f"calibrated with {len(calibration.frames)} frames; errors are of all frames not left out."
     )
+    if calibration.screening.left_out:
+        print(left_out_line(calibration.screening))
     print(table_of(calibration))
     if calibration.refined is not None:
         print(refined_lines(calibration.refined))
-    for warning in [*calibration.warnings, *(item.advice for item in inputs if item.accused)]:
-        print(f"Note: {warning}")
+    if caution := why_not_trusted(calibration):
+        print(f"Do not rely on this result: {caution}")
+    accused = [item.advice for item in inputs if item.accused]
+    for note in [*calibration.warnings, *accused, what_could_not_be_told(inputs)]:
+        if note:
+            print(f"Note: {note}")
     if refined is not None and parsed.runs:
-        print(verdict_line(dataset, settings, refined, parsed.runs))
+        print(verdict_line(calibration.screening.dataset, settings, refined, parsed.runs))
     for path in files:
         print(f"wrote {path}")
 
@@ -109,15 +118,9 @@ def refined_lines(result: RefinedResult) -> str:
         f"bar {1000 * result.scatter_m.value:.2f} mm ({result.scatter_m.source}), "
         f"baseline {result.pose.baseline:.4f} ± {standard_errors(result)['baseline_m'].sigma:.4f} m"
     ]
-    left_out = result.outlying_frames
-    if left_out:
-        shown = [f"{frame} ({100 * share:.0f} %)" for frame, share in left_out.items()]
-        more = f" and {len(shown) - SHOWN} more" if len(shown) > SHOWN else ""
-        frames = "1 frame that does" if len(shown) == 1 else f"{len(shown)} frames that do"
-        lines.append(
-            f"refined: left out {frames} not fit (share of all misfit): "
-            f"{', '.join(shown[:SHOWN])}{more}"
-        )
+    if result.outlying_frames:
+        named = listed([str(frame) for frame in result.outlying_frames])
+        lines.append(f"refined: left out besides, for its stated uncertainties: {named}")
     return "\n".join(lines)
 
 

@@ -28,6 +28,19 @@ def add_search_options(parser: argparse.ArgumentParser) -> None:
         default="constrained",
         help="solver of the essential method (default: constrained)",
     )
+    parser.add_argument(
+        "--all-frames",
+        action="store_true",
+        help="trust every frame, as the paper does: leave none out that contradicts the others",
+    )
+    parser.add_argument(
+        "--put-back",
+        type=int,
+        nargs="+",
+        default=[],
+        metavar="FRAME",
+        help="frames to keep though they contradict the others",
+    )
 
 
 def settings_from(
@@ -46,4 +59,6 @@ def settings_from(
         essential=parsed.essential,
         calibration_frames=calibration_frames,
         known_points=parsed.known_points,
+        all_frames=parsed.all_frames,
+        frames_put_back=tuple(sorted(parsed.put_back)),
     )

@@ -18,6 +18,7 @@ the others are its rivals and are named beside it.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -46,6 +47,9 @@ AS_WELL = 0.95
 EASILY_WRONG = {"baseline": 2.0}
 """An input so many times as easily off as its uncertainty says, compared with its rivals."""
 
+LENGTHS = {"baseline", "distance"}
+"""Images fix their ratio, so one of them must stay known."""
+
 SILENT = 1e-4
 """Where the images lower the prior's variance by a smaller part, they say nothing about it."""
 
@@ -71,6 +75,10 @@ class Input:
     others_sigma: FloatArray | None
     rivals: tuple[str, ...]
     """Keys of inputs that, wrong, would explain as much as this accused one."""
+    sigma_stated: bool
+    """Whether somebody said how well it is known; else a usual figure is assumed."""
+    noticed: FloatArray
+    """From which error on the images would contradict it; infinite where they say nothing."""
     advice: str
     """What disagrees and what to do, for an accused input; else empty."""
 
@@ -84,21 +92,84 @@ def what_disagrees(result: RefinedResult) -> list[Input]:
     found = {key: _input(result, key, value) for key, (value, _) in _tests(current).items()}
     named: list[str] = []
     while True:
-        suspects = {k: t for k, t in _tests(current).items() if t[0] >= ACCUSED}
+        suspects = {
+            k: t
+            for k, t in _tests(current).items()
+            if t[0] >= ACCUSED and not _the_only_scale(current, k)
+        }
         if not suspects:
             break
         largest = max(value for value, _ in suspects.values())
         alike = [k for k, (value, _) in suspects.items() if value >= AS_WELL * largest]
         key, *rivals = sorted(alike, key=lambda k: suspects[k][1] / EASILY_WRONG.get(k, 1.0))
         named.append(key)
-        freed = refine(result.dataset, _freed(current, key), current.pose, result.rows)
-        found[key] = _accused(found[key], freed, tuple(rivals))
-        current = freed
+        freed = {
+            each: refine(result.dataset, _freed(current, each), current.pose, result.rows)
+            for each in (key, *(set(rivals) & LENGTHS if key in LENGTHS else ()))
+        }
+        found[key] = _accused(found[key], freed, tuple(rivals), found)
+        current = freed[key]
     rest = sorted(
         (key for key in found if key not in named),
         key=lambda key: -np.nan_to_num(found[key].standard_errors, nan=-1.0),
     )
     return [found[key] for key in [*named, *rest]]
+
+
+def what_could_not_be_told(inputs: Sequence[Input]) -> str:
+    """What nobody stated the uncertainty of, which errors that hides, and what to state.
+
+    Empty where all was stated.
+    """
+    hidden, assumed, remedies = [], [], []
+    for keys, name, remedy in _ASKED:
+        unstated = [item for item in inputs if item.key in keys and not item.sigma_stated]
+        if not unstated:
+            continue
+        # The one of a kind that the images say most of.
+        item = min(unstated, key=lambda each: float(each.noticed.min() / each.prior_sigma.min()))
+        noticed, unit = float(item.noticed.min()), item.unit
+        sigma = float(item.prior_sigma.min())
+        if unit == "m":
+            noticed, sigma, unit = 1000 * noticed, 1000 * sigma, "mm"
+        limit = f"up to {_round(noticed)} {unit}" if np.isfinite(noticed) else "of any size"
+        hidden.append(f"of {name} {limit}")
+        assumed.append(f"± {_round(sigma)} {unit}")
+        remedies += [remedy] * (remedy not in remedies)
+    if not hidden:
+        return ""
+    return (
+        f"Cannot tell errors {', '.join(hidden)}: how well these are known was not stated, and "
+        f"{', '.join(assumed)} {'was' if len(assumed) == 1 else 'were'} assumed. To settle it, "
+        f"state {'; '.join(remedies)}."
+    )
+
+
+_ASKED = (
+    (("baseline",), "the baseline", "how the lengths were measured (laser 2 mm, tape 5 mm)"),
+    (
+        ("distance",),
+        "the distance between the targets",
+        "how the lengths were measured (laser 2 mm, tape 5 mm)",
+    ),
+    (
+        ("primary focal", "secondary focal"),
+        "a focal length",
+        "the standard errors of the lens calibration",
+    ),
+    (
+        ("primary centre", "secondary centre"),
+        "an image centre",
+        "the standard errors of the lens calibration",
+    ),
+)
+
+
+def _the_only_scale(result: RefinedResult, key: str) -> bool:
+    """Whether nothing else fixes the scale: the other length is free already."""
+    settings = result.settings
+    other = {"baseline": settings.distance_sigma_m, "distance": settings.baseline_sigma_m}.get(key)
+    return other is not None and bool(np.isinf(other))
 
 
 def _with_its_noise(result: RefinedResult) -> RefinedResult:
@@ -181,20 +252,39 @@ def _input(result: RefinedResult, key: str, standard_errors: float) -> Input:
     columns = _columns(result)[key]
     M, sigma = result.unknowns.M[:, columns], result.unknowns.sigma[columns]
     prior = np.sqrt(np.sum(np.square(M * sigma), axis=1)) if len(columns) else np.zeros(SHARED)
+    before = _values(result, key, prior)
+    after = _values(result, key, np.sqrt(np.diag(result.covariance)))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        informed = 1.0 - np.square(after / before)
+        noticed = np.where(informed > SILENT, ACCUSED * before / np.sqrt(informed), np.inf)
     return Input(
         key=key,
-        unit="m" if key in ("baseline", "distance") else "px",
+        unit="m" if key in LENGTHS else "px",
         stated=_values(result, key, result.unknowns.origin),
-        prior_sigma=_values(result, key, prior),
+        prior_sigma=before,
         estimate=_values(result, key, result.q),
-        sigma=_values(result, key, np.sqrt(np.diag(result.covariance))),
+        sigma=after,
         standard_errors=standard_errors,
         accused=False,
         others_say=None,
         others_sigma=None,
         rivals=(),
+        sigma_stated=_sigma_stated(result, key),
+        noticed=noticed,
         advice="",
     )
+
+
+def _sigma_stated(result: RefinedResult, key: str) -> bool:
+    settings, dataset = result.settings, result.dataset
+    if key == "baseline":
+        return (settings.baseline_sigma_m or dataset.baseline_sigma_m) is not None
+    if key == "distance":
+        return (settings.distance_sigma_m or dataset.target_distance_sigma_m) is not None
+    which = key.split()[0]
+    # A result has its lens priors written out: nobody stated the usual ones.
+    usual = getattr(settings, which) in (None, LensPrior())
+    return not usual or getattr(dataset, which).uncertainty is not None
 
 
 def _freed(result: RefinedResult, key: str) -> RefineSettings:
@@ -214,16 +304,51 @@ def _freed(result: RefinedResult, key: str) -> RefineSettings:
     )
 
 
-def _accused(item: Input, freed: RefinedResult, rivals: tuple[str, ...]) -> Input:
-    say = _values(freed, item.key, freed.q)
-    sigma = _values(freed, item.key, np.sqrt(np.diag(freed.covariance)))
+def _accused(
+    item: Input,
+    freed: Mapping[str, RefinedResult],
+    rivals: tuple[str, ...],
+    inputs: Mapping[str, Input],
+) -> Input:
+    say, sigma = _others_say(item.key, freed)
+    if item.key in LENGTHS and len(freed) > 1:
+        advice = _pair_advice(item, freed, inputs) + _doubt(tuple(set(rivals) - LENGTHS))
+    else:
+        advice = _advice(item.key, item.stated, say, sigma) + _doubt(rivals)
     return replace(
-        item,
-        accused=True,
-        others_say=say,
-        others_sigma=sigma,
-        rivals=rivals,
-        advice=_advice(item.key, item.stated, say, sigma) + _doubt(rivals),
+        item, accused=True, others_say=say, others_sigma=sigma, rivals=rivals, advice=advice
+    )
+
+
+def _others_say(key: str, freed: Mapping[str, RefinedResult]) -> tuple[FloatArray, FloatArray]:
+    """What the others say of an input, and its standard error."""
+    own = freed[key]
+    return _values(own, key, own.q), _values(own, key, np.sqrt(np.diag(own.covariance)))
+
+
+def _pair_advice(
+    item: Input, freed: Mapping[str, RefinedResult], inputs: Mapping[str, Input]
+) -> str:
+    """Baseline and bar, which the images cannot tell apart, with what speaks against each."""
+    other = inputs[next(key for key in freed if key != item.key)]
+    cases = []
+    for each in (item, other):
+        say, sigma = _others_say(each.key, freed)
+        off = float(np.abs(say - each.stated)[0] / each.prior_sigma[0])
+        stated = "stated" if each.sigma_stated else "assumed"
+        cases.append(
+            f"{_NAMES[each.key]} is {_number(say, sigma)} ± {_number(sigma, sigma)} m and not "
+            f"{_number(each.stated, sigma)} m, off by {off:.2g} times its {stated} uncertainty"
+        )
+    reason = (
+        "It ends at points inside the lenses: measure it again, between the entrance pupils."
+        if item.key == "baseline"
+        else "Measure it again, between the centres of the targets."
+    )
+    return (
+        "Baseline and distance between the targets do not go together; the images fix their "
+        f"ratio, not which is wrong. Either {cases[0]}; or {cases[1]}. The first is likelier. "
+        f"{reason}"
     )
 
 
@@ -276,3 +401,9 @@ def _number(values: FloatArray, sigma: FloatArray) -> str:
     smallest = max(float(np.min(sigma)), 1e-12)
     digits = int(np.clip(1 - np.floor(np.log10(smallest)), 0, 9))
     return ", ".join(f"{value:.{digits}f}" for value in values)
+
+
+def _round(value: float) -> str:
+    """Two significant digits, rounded up: an error above it shows."""
+    step = 10.0 ** (np.floor(np.log10(value)) - 1)
+    return f"{np.ceil(value / step) * step:.{max(0, -int(np.floor(np.log10(step))))}f}"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -27,12 +27,14 @@ def refined_parameters(
     result: RefinedResult,
     inputs: Sequence[Input] = (),
     validation: Mapping[str, Any] | None = None,
+    left_out: Collection[int] = (),
 ) -> RigParameters:
     """The file `parameters_refined.json`: method `refined`, purpose `both`.
 
     Args:
         inputs: from `disagreement.what_disagrees`, where it was computed.
         validation: figures of a validation; its `threshold_px` becomes the limit of a match.
+        left_out: frames that were left out before, besides those that the fit left out.
     """
     return RigParameters(
         method="refined",
@@ -45,6 +47,7 @@ def refined_parameters(
         matching_threshold_px=validation["threshold_px"] if validation else None,
         validation=validation,
         uncertainties=uncertainties_of(result, inputs),
+        frames_left_out=tuple(sorted({*left_out, *result.outlying_frames})),
     )
 
 

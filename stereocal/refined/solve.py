@@ -9,17 +9,18 @@ plain least squares. Noise that is not given is estimated between the rounds.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from scipy.special import chdtri
+from scipy.special import chdtri, fdtri
 
-from stereocal.compiled import BoolArray, FloatArray
+from stereocal.compiled import BoolArray, FloatArray, IntArray
 from stereocal.dataset import Dataset
 from stereocal.geometry import Pose
 from stereocal.refined.adjustment import CONVERGED, ROUGHLY, adjust, length_innovations, sums
 from stereocal.refined.bar_fit import OWN, SHARED
 from stereocal.refined.distortion import lens_terms
-from stereocal.refined.unknowns import RefineSettings, unknowns_of
+from stereocal.refined.unknowns import RefineSettings, Unknowns, unknowns_of
 
 GIVEN, ESTIMATED = "given", "estimated from the residuals"
 ASSUMED = "assumed, for there are too few points to estimate it"
@@ -33,15 +34,16 @@ CHANCE = 0.05
 FREEDOMS = np.arange(1, 4)
 RARE = 1e-4
 """A frame stands out when a good one would have such a misfit so seldom."""
-LIMITS = np.append(np.nan, chdtri(FREEDOMS, RARE))
 SOFT = 2.0
 """The biweight ends at so many times the limit: a usual frame keeps 0.86 of its weight."""
 SMALLEST_SIGMA_PX = 1e-3
 """No image point is known better."""
 SMALLEST_SCATTER = 1e-5
 """As a fraction of the bar."""
-MEDIANS = np.append(np.nan, chdtri(FREEDOMS, 0.5))
-"""Of chi-squared with 1, 2 and 3 degrees of freedom; NaN for 0."""
+THIRD = 1 / 3
+"""Robust scales look at the best third: with 3 of 10 points wrong, half of the frames are bad."""
+THIRDS = np.append(np.nan, chdtri(FREEDOMS, 1 - THIRD))
+"""That quantile of chi-squared with 1, 2 and 3 degrees of freedom; NaN for 0."""
 MOST_ROUNDS = 8
 SAME_NOISE = 0.01
 """The noise is found when a round changes it by a smaller part."""
@@ -83,7 +85,7 @@ class Solve:
         bar = np.isfinite(self.distances)
         self.targets = np.isfinite(self.pixels[:, :, 0]).sum(axis=1)
         self.freedom = self.targets + bar
-        self.limit = LIMITS[self.freedom]
+        self.limit = limits_of(self.freedom, len(self.unknowns.names))
         self.lenses = lenses_of(dataset)
         self.p = np.zeros(len(self.unknowns.names))
         self.places = np.full((n, OWN), np.nan)
@@ -121,6 +123,15 @@ class Solve:
         self._solve(np.where(self.outlying, 0.0, np.inf))
         return bool(np.isfinite(self.cost)) and not self.outlying.all()
 
+    def judged(
+        self, unknowns: Unknowns, p: FloatArray, sigma_px: float, scatter_m: float
+    ) -> FloatArray:
+        """(f,): the misfits that the frames have with a fit to other frames."""
+        self.unknowns, self.p = unknowns, p
+        self.sigma_px, self.scatter = sigma_px, scatter_m
+        self._evaluate(self.limit)
+        return self.misfits
+
     def better_than(self, other: Solve) -> bool:
         """Whether frames fit better here, all measured by the smaller noise of the two."""
         noise = min(self.sigma_px, other.sigma_px)
@@ -141,7 +152,7 @@ class Solve:
             if not self._estimate_noise(robust=True):
                 return False
             self._evaluate(self.limit)
-            scale = float(np.median(self.misfits / MEDIANS[self.freedom]))
+            scale = _third(self.misfits / THIRDS[self.freedom])
             if not np.isfinite(scale):
                 return False
             while True:
@@ -191,7 +202,7 @@ class Solve:
         spent_px, spent_m = (0.0, 0.0) if robust else self._spent(H)
         if self.source_px == ESTIMATED:
             if robust:
-                ratio = float(np.median(misfits / MEDIANS[self.targets]))
+                ratio = _third(misfits / THIRDS[self.targets])
             else:
                 good = ~self.outlying & np.isfinite(misfits)
                 left = float(self.targets[good].sum()) - spent_px
@@ -220,6 +231,17 @@ class Solve:
         return float(np.sum(C * pixels)), max(float(np.sum(C * (everything - pixels))), 0.0)
 
 
+def limits_of(freedom: IntArray, unknowns: int) -> FloatArray:
+    """(n,): the misfit beyond which a frame of so many degrees of freedom stands out.
+
+    The noise is estimated from the same frames, so a good frame's misfit over its degrees of
+    freedom follows F rather than chi-squared: with 25 bars the limit is 26 instead of 21.
+    """
+    left = max(int(freedom.sum()) - unknowns, 1)
+    by_freedom = np.append(np.nan, FREEDOMS * fdtri(FREEDOMS, left, 1.0 - RARE))
+    return np.asarray(by_freedom[freedom])
+
+
 def lenses_of(dataset: Dataset) -> FloatArray:
     """(2, 23): what of the two lenses stays: skew and distortion."""
     return np.array(
@@ -233,7 +255,7 @@ def scatter_of(
     """The scatter that explains the lengths beyond the noise of the pixels, in metres.
 
     Solves sum(e^2 / (scatter^2 + v)) = n - spent (Mandel and Paule), or, `robust`, the same for the
-    median of a squared normal number. 0 where the pixels explain all, which is believed unless the
+    best third of squared normal numbers. 0 where the pixels explain all, which is believed unless the
     sum without scatter is rarer than `CHANCE`: half of all rigid bars would have a scatter
     otherwise, and the scale would seem less sure than it is (measured on 25 frames: errors of the
     baseline are 0.93 of the stated ones, 0.97 with this).
@@ -252,7 +274,7 @@ def scatter_of(
     for _ in range(3):  # ends within 1e-4 of the root; 64 at once take as long as one
         terms = squares / (candidates[:, None] + variances)
         if robust:
-            excess = np.median(terms, axis=1) / MEDIANS[1] - 1.0
+            excess = _third(terms, axis=1) / THIRDS[1] - 1.0
         else:
             excess = terms.sum(axis=1) / left - 1.0
         above = int(np.count_nonzero(excess > 0))  # it falls with the scatter
@@ -261,3 +283,8 @@ def scatter_of(
         last = min(above, len(candidates) - 1)
         candidates = np.geomspace(candidates[above - 1], candidates[last], 64)
     return float(np.sqrt(candidates[32]))
+
+
+def _third(values: FloatArray, axis: int | None = None) -> Any:
+    """The value that a third stays below, infinite ones included."""
+    return np.quantile(values, THIRD, axis=axis, method="lower")
