@@ -17,7 +17,7 @@ from stereocal.essential import EssentialResult, Solver, calibrate_essential
 from stereocal.geometry import Pose, reprojection_errors_of_rays
 from stereocal.montecarlo import Problem, SearchSettings, Trace, minimise
 from stereocal.parameters import RigParameters, inputs_of
-from stereocal.readings import Fit, check_reading, contradiction, fit_at, wrong_lens
+from stereocal.readings import check_reading, contradiction, fit_at, fit_of, wrongly_given
 from stereocal.refine import RefinedResult, refine
 from stereocal.refined.screening import Screening, screen, unscreened
 from stereocal.refined.unknowns import RefineSettings
@@ -37,6 +37,7 @@ POOR_LENGTH = 0.05
 """A set that measures 5 % of the bars worse than this is not one to measure with."""
 MOST_LEFT_OUT = 0.2
 """Where more frames than this contradict the others, the others may be the wrong ones."""
+MOST_NAMED = 10
 COST_UNITS: Mapping[Method, str] = {"essential": "", "2d": "px", "3d": "m", "refined": ""}
 
 
@@ -310,14 +311,26 @@ def _essential(
                 return start
         except StereocalError as error:
             failure = failure or f"{error} "
-    if fit is not None and (why := weakness(fit)):
-        raise StereocalError(failure + why)
-    # Where there is no essential matrix, the robust fit says how well the data fit as given.
-    given = None
-    if failure and fit is not None:
-        given = Fit(fit.sigma_px.value, fit.scatter_m.value / dataset.target_distance_m, 1.0)
-    check_reading(dataset, given)
-    raise StereocalError(failure + (wrong_lens(dataset, given) or contradiction(dataset, given)))
+    raise StereocalError(failure + _why_nothing_fits(dataset, fit or screen(dataset).fit))
+
+
+def _why_nothing_fits(dataset: Dataset, fit: RefinedResult | None) -> str:
+    """What is wrong with data that no pose of the cameras explains, as far as they tell."""
+    given = fit_of(dataset)
+    if given.lengths_agree:
+        return contradiction(dataset, given)
+    if fit is not None:
+        bad = fit.frames[fit.outlying & np.isin(fit.frames, dataset.correspondences.frames)]
+        if len(bad):
+            named = ", ".join(str(frame) for frame in bad[:MOST_NAMED])
+            return f"Frames that contradict the others are among them ({named}): leave them out."
+        if not np.isfinite(given.px):
+            given = fit_at(fit.apply(dataset), fit.pose)
+    return (
+        wrongly_given(dataset, given)
+        or (weakness(fit) if fit is not None else "")
+        or contradiction(dataset, given)
+    )
 
 
 def _doubts(dataset: Dataset, measuring: Pose, screening: Screening) -> list[str]:
@@ -330,7 +343,7 @@ def _doubts(dataset: Dataset, measuring: Pose, screening: Screening) -> list[str
     if screening.fit is not None and (why := weakness(screening.fit)):
         found.append(why)
     elif errors_of(dataset, measuring).p95_length > POOR_LENGTH:
-        found.append(wrong_lens(dataset) or contradiction(dataset))
+        found.append(wrongly_given(dataset) or contradiction(dataset))
     return found
 
 

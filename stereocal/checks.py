@@ -91,7 +91,7 @@ def warnings_about(dataset: Dataset) -> list[str]:
             width, height = camera.image_size
             found.append(
                 f"The {which} camera's principal point ({camera.K[0, 2]:.0f}, "
-                f"{camera.K[1, 2]:.0f}) lies far from the middle of its image of {width}x{height} px. Unless the image "
-                "was cropped, K or the image size is another's."
+                f"{camera.K[1, 2]:.0f}) lies far from the middle of its image of {width}x{height} "
+                "px. Unless the image was cropped, K or the image size is another's."
             )
     return found

@@ -18,6 +18,7 @@ from stereocal.errors import DAMAGED, StereocalError
 from stereocal.evaluation import EvaluationSettings, Run
 from stereocal.formats.arrays import Array, read_arrays, shaped
 from stereocal.protocol import BINS
+from stereocal.refined.screening import Screening
 from stereocal.summary import MethodSummary
 
 SUMMARY_FORMAT = "stereocal-summary/1"
@@ -30,8 +31,15 @@ def summary_json(
     by_dataset: Mapping[str, Mapping[Method, MethodSummary]],
     datasets: Sequence[Dataset],
     settings: EvaluationSettings,
+    screenings: Sequence[Screening] = (),
 ) -> bytes:
-    """`summary.json`: all figures pooled and by data set; errors as fractions, angles in rad."""
+    """`summary.json`: all figures pooled and by data set; errors as fractions, angles in rad.
+
+    Args:
+        datasets: as they were given, with all frames.
+        screenings: of the data sets, in order, where frames were left out.
+    """
+    left_out = [list(screening.left_out) for screening in screenings] or [[] for _ in datasets]
     content = {
         "format": SUMMARY_FORMAT,
         "methods": {method: found.to_json() for method, found in pooled.items()},
@@ -44,9 +52,12 @@ def summary_json(
                 "baseline_m": dataset.baseline_m,
                 "target_distance_m": dataset.target_distance_m,
                 "sha256": dataset.sha256,
+                "frames_left_out": without,
                 "methods": {method: found.to_json() for method, found in own.items()},
             }
-            for (name, own), dataset in zip(by_dataset.items(), datasets, strict=True)
+            for (name, own), dataset, without in zip(
+                by_dataset.items(), datasets, left_out, strict=True
+            )
         ],
         "settings": settings.to_json(),
         "software": {"stereocal": stereocal.__version__, "numpy": np.__version__},

@@ -42,6 +42,11 @@ def held_out(calibration: Calibration, frames: IntArray) -> npt.NDArray[np.bool_
     return np.isin(frames, calibration.held_out_frames)
 
 
+def left_out(calibration: Calibration, frames: IntArray) -> npt.NDArray[np.bool_]:
+    """(f,): true for the frames that were left out, since they contradict the others."""
+    return np.isin(frames, calibration.screening.left_out)
+
+
 def outlying(values: FloatArray, smallest_excess: float) -> npt.NDArray[np.bool_]:
     """(n,): true for values far above the median, and for those that could not be computed."""
     known = values[np.isfinite(values)]

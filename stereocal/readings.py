@@ -8,7 +8,8 @@ spread of the bar's length about its median, both without the frames that contra
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -29,11 +30,18 @@ are exchanged, a flipped distortion 3 to 30 times, K of half the image 9 to 90 (
 MAYBE = 1.15
 """Two real cameras that differ by 0.7 % fit 1.02 and 1.2 times worse exchanged: worth a warning."""
 
+AS_LIKELY = 4.0
+"""Focal lengths that explain so nearly as much cannot be told apart: one camera's is too long, or
+the other's too short."""
+
 MOST_BEHIND = 0.2
 """Where more points than this lie behind a camera, nothing fits."""
 
 FOCAL_RANGE = np.geomspace(0.3, 12.0, 17)
 """Focal lengths to try, in widths of the image: from a fisheye's to a long telephoto's."""
+
+UNUSABLE = 1e3
+"""Worse than any logarithm of a misfit."""
 
 LENGTHS_AGREE = 0.05
 """Bars whose lengths come out wrong by one and the same factor, within this."""
@@ -47,6 +55,11 @@ class Fit:
     spread: float
     scale: float
     """Stated over reconstructed length of the bar; 1 when baseline and bar agree."""
+
+    @property
+    def lengths_agree(self) -> bool:
+        """Whether all bars come out wrong by one and the same factor, or right."""
+        return self.spread < LENGTHS_AGREE
 
     def gains_of(self, other: Fit) -> tuple[float, float]:
         """How many times better another reading fits, in the images and in the lengths."""
@@ -82,41 +95,90 @@ def check_reading(dataset: Dataset, given: Fit | None = None) -> list[str]:
     """Reject what was evidently given wrongly; a warning where it may be.
 
     Args:
-        given: how well the data set fits as it was given, where that is known better than from the
-            essential matrix.
+        given: how well the data set fits as it was given, where that is known already.
 
     Raises:
-        StereocalError: another reading fits more than 1.5 times better in images and lengths; says
-            which.
+        StereocalError: another reading fits images and lengths much better; says which.
     """
     if len(dataset.correspondences.bars) < BARS_TO_TELL:
         return []
-    given = given or fit_of(dataset)
-    found = []
-    for reading in _readings(dataset):
-        try:
-            gains = given.gains_of(fit_of(reading.of(dataset)))
-        except StereocalError:
-            continue
-        if min(gains) > 1.0:
-            found.append((gains, reading))
-    if not found:
+    cases = _cases_of_readings(dataset, given or fit_of(dataset))
+    if said := _accusation(cases):
+        raise StereocalError(said)
+    maybe = [case for case in cases if min(case.gains) > 1.0 and max(case.gains) > MAYBE]
+    if not maybe:
         return []
-    gains, best = max(found, key=lambda each: each[0][0] * each[0][1])
-    if gains[0] * gains[1] > SURELY**2:
-        better = (
-            f"read so, the points fit {gains[0]:.2g} times better in the images and the bar "
-            f"lengths {gains[1]:.2g} times"
-            if np.isfinite(gains[0])
-            else "the points fit so, and not as given"
-        )
-        raise StereocalError(f"{best.claim}: {better}. {best.remedy}")
-    if max(gains) > MAYBE:
-        return [
-            f"{best.claim}: read so, the points fit {max(gains):.2g} times better, too little to be "
-            "sure. Look at it."
-        ]
-    return []
+    best = max(maybe, key=lambda case: case.better)
+    return [
+        f"{best.claim}: read so, the points fit {max(best.gains):.2g} times better, too little to "
+        "be sure. Look at it."
+    ]
+
+
+def wrongly_given(dataset: Dataset, given: Fit | None = None) -> str:
+    """What was given wrongly, focal lengths among it, where that explains the data; else empty.
+
+    For data that do not fit as they were given: a focal length some percent off is found here too.
+
+    Args:
+        given: as for `check_reading`.
+    """
+    if len(dataset.correspondences.bars) < BARS_TO_TELL:
+        return ""
+    given = given or fit_of(dataset)
+    return _accusation(
+        [*_cases_of_readings(dataset, given), *_cases_of_focal_lengths(dataset, given)]
+    )
+
+
+@dataclass(frozen=True)
+class _Case:
+    """Something that may have been given wrongly, and how many times better the data then fit."""
+
+    claim: str
+    remedy: str
+    gains: tuple[float, float]
+    """In the images, and in the lengths."""
+
+    @property
+    def better(self) -> float:
+        return self.gains[0] * self.gains[1]
+
+
+def _accusation(cases: Sequence[_Case]) -> str:
+    """The case that explains far more than what was given, and those that explain as much."""
+    sure = [case for case in cases if min(case.gains) > MAYBE and case.better > SURELY**2]
+    if not sure:
+        return ""
+    best = max(sure, key=lambda case: case.better)
+    others = [case for case in sure if case is not best and case.better * AS_LIKELY >= best.better]
+    fits = (
+        f"so, the points fit {best.gains[0]:.2g} times better in the images and the bar lengths "
+        f"{best.gains[1]:.2g} times"
+        if np.isfinite(best.better)
+        else "the points fit so, and not as given"
+    )
+    doubt = "".join(f" Or else, as these frames cannot tell: {case.claim}." for case in others)
+    return f"{best.claim}: {fits}. {best.remedy}{doubt}"
+
+
+def _cases_of_readings(dataset: Dataset, given: Fit) -> list[_Case]:
+    cases = []
+    for reading in _readings(dataset):
+        with suppress(StereocalError):
+            gains = given.gains_of(fit_of(reading.of(dataset)))
+            cases.append(_Case(reading.claim, reading.remedy, gains))
+    return cases
+
+
+def _cases_of_focal_lengths(dataset: Dataset, given: Fit) -> list[_Case]:
+    cases = []
+    for cameras in (("primary",), ("secondary",), ("primary", "secondary")):
+        factor = _best_factor(dataset, cameras)
+        if factor is not None:
+            gains = given.gains_of(fit_of(_refocused(dataset, cameras, factor)))
+            cases.append(_Case(*_focal_length_words(dataset, cameras, factor), gains))
+    return cases
 
 
 @dataclass(frozen=True)
@@ -179,31 +241,13 @@ def _readings(dataset: Dataset) -> Iterator[_Reading]:
             )
 
 
-def wrong_lens(dataset: Dataset, given: Fit | None = None) -> str:
-    """Whose focal length is wrong, where another one makes images and lengths fit; else empty.
-
-    Args:
-        given: as for `check_reading`.
-    """
-    given = given or fit_of(dataset)
-    found = []
-    for cameras in (("primary",), ("secondary",), ("primary", "secondary")):
-        factor = _best_factor(dataset, cameras)
-        if factor is None:
-            continue
-        gains = given.gains_of(fit_of(_refocused(dataset, cameras, factor)))
-        if min(gains) > 1.0 and gains[0] * gains[1] > SURELY**2:
-            found.append((gains[0] * gains[1], _lens_sentence(dataset, cameras, factor)))
-    return max(found)[1] if found else ""
-
-
 def contradiction(dataset: Dataset, given: Fit | None = None) -> str:
     """What is wrong where the given values contradict each other grossly, or that none can tell.
 
     The measured lengths are accused where the images are content and all bars come out wrong alike.
     """
     given = given or fit_of(dataset)
-    if given.spread < LENGTHS_AGREE:
+    if given.lengths_agree:
         return _lengths_sentence(dataset, given.scale)
     twice = (
         " Both cameras were given the same lens: if they are not of one kind, one file is wrong."
@@ -217,23 +261,25 @@ def contradiction(dataset: Dataset, given: Fit | None = None) -> str:
     )
 
 
-def _lens_sentence(dataset: Dataset, cameras: tuple[str, ...], factor: float) -> str:
-    chosen = [getattr(dataset, which) for which in cameras]
-    given, found = (
-        " and ".join(f"{scale * camera.K[0, 0]:.0f}" for camera in chosen)
+def _focal_length_words(
+    dataset: Dataset, cameras: tuple[str, ...], factor: float
+) -> tuple[str, str]:
+    """The claim that focal lengths are wrong, and the remedy."""
+    given, fitting = (
+        " and ".join(f"{scale * getattr(dataset, which).K[0, 0]:.0f}" for which in cameras)
         for scale in (1.0, factor)
     )
+    whose = f"{cameras[0]} camera's" if len(cameras) == 1 else "cameras'"
     twice = (
         " Both cameras were given the same lens: was one file given twice?"
         if _same_lens(dataset.primary, dataset.secondary)
         else ""
     )
-    whose = "lenses" if len(chosen) > 1 else f"{cameras[0]} camera's lens"
-    length = f"focal length{'s are' if len(chosen) > 1 else ' is'}"
     return (
-        f"The {whose} cannot be as given: the {length} stated as {given} px, but images and "
-        f"lengths fit with about {found} px. Calibrate {'them' if len(chosen) > 1 else 'it'} "
-        f"again, or look whether the file belongs to this camera, lens and image size.{twice}"
+        f"The {whose} lens cannot be as given, with a focal length of {given} px; it would be "
+        f"about {fitting} px",
+        "Calibrate it again, or look whether the file belongs to this camera, lens and image "
+        f"size.{twice}",
     )
 
 
@@ -266,16 +312,16 @@ def _best_factor(dataset: Dataset, cameras: tuple[str, ...]) -> float | None:
         try:
             fit = fit_of(_refocused(dataset, cameras, float(np.exp(log_factor))))
         except StereocalError:
-            return np.inf
+            return UNUSABLE
         if not np.isfinite(fit.px):
-            return np.inf
+            return UNUSABLE
         return float(np.log(max(fit.px, 1e-9)) + np.log(np.hypot(fit.spread, np.log(fit.scale))))
 
     camera: Camera = getattr(dataset, cameras[0])
     tried = np.log(FOCAL_RANGE * camera.image_size[0] / camera.K[0, 0])
     values = [badness(each) for each in tried]
     at = int(np.argmin(values))
-    if not np.isfinite(values[at]):
+    if values[at] >= UNUSABLE:
         return None
     step = tried[1] - tried[0]
     best = minimize_scalar(

@@ -24,10 +24,13 @@ from stereocal.evaluation import EvaluationSettings
 from stereocal.figures.comparison import describe_comparison, plot_comparison
 from stereocal.figures.validation import COLUMNS, describe_validation, plot_validation
 from stereocal.geometry import Angles
+from stereocal.refined.screening import Screening
 from stereocal.summary import BOOTSTRAPS, MethodSummary
 from stereocal.tables import (
     ANGLE_TITLES,
     contents_table,
+    left_out_line,
+    listed,
     validation_answer,
     validation_table,
 )
@@ -43,6 +46,8 @@ SETTING_NAMES = {
     "essential": "Solver of the essential matrix",
     "calibration_frames": "Frames to calibrate with, in each run",
     "known_points": "3D cost from known points instead of lengths",
+    "all_frames": "Trust every frame, also one that contradicts the others",
+    "frames_put_back": "Frames kept though they contradict the others",
     "runs": "Runs for each data set",
     "refined": "Settings of the refined method",
 }
@@ -83,20 +88,22 @@ def report_html(
     by_dataset: Mapping[str, Mapping[Method, MethodSummary]],
     datasets: Sequence[Dataset],
     settings: EvaluationSettings,
+    screenings: Sequence[Screening] = (),
 ) -> str:
     """The whole report as the text of one file.
 
     Args:
         summaries: all data sets pooled.
         by_dataset: each data set on its own, by name; drawn when there are several.
-        datasets: in the order in which they were evaluated.
+        datasets: in the order in which they were evaluated, with all frames.
+        screenings: of the data sets, in order, where frames were left out.
     """
     title = f"Validation of {_named(datasets)}"
     sections = [
         f"<h1>{escape(title)}</h1>",
         f'<p class="answer">{escape(validation_answer(summaries))}</p>',
         _section("What was done", _procedure(datasets, settings)),
-        _section("Data sets" if len(datasets) > 1 else "Data set", _datasets(datasets)),
+        _section("Data sets" if len(datasets) > 1 else "Data set", _datasets(datasets, screenings)),
         _section("How well each method matches and measures", _validation(summaries)),
         _section("The figures in numbers", _table(validation_table(summaries))),
         *_comparison(by_dataset),
@@ -149,7 +156,7 @@ def _paragraphs(*texts: str) -> str:
     return "\n".join(f"<p>{escape(text)}</p>" for text in texts)
 
 
-def _datasets(datasets: Sequence[Dataset]) -> str:
+def _datasets(datasets: Sequence[Dataset], screenings: Sequence[Screening]) -> str:
     heads = ["Name", "Frames", "Pairs", "Bars", "Baseline", "Bar", "SHA-256 of its numbers"]
     rows = []
     for dataset in datasets:
@@ -164,6 +171,7 @@ def _datasets(datasets: Sequence[Dataset]) -> str:
             + f'<td class="digest">{escape(dataset.sha256)}</td>'
         )
     notes = [f"{d.name}: {d.notes}" for d in datasets if d.notes]
+    notes += [f"{s.given.name}: {left_out_line(s)}" for s in screenings if s.left_out]
     head = "".join(f'<th scope="col">{text}</th>' for text in heads)
     body = "\n".join(f"<tr>{row}</tr>" for row in rows)
     return (
@@ -250,6 +258,8 @@ def _setting(value: object) -> str:
         return ", ".join(f"{key} {_setting(inner)}" for key, inner in value.items())
     if isinstance(value, bool):
         return "yes" if value else "no"
+    if isinstance(value, list):
+        return listed(value) if value else "none"
     return "none" if value is None else str(value)
 
 

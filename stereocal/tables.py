@@ -141,8 +141,9 @@ def left_out_line(screening: Screening) -> str:
     frames = screening.left_out
     if not frames:
         return ""
-    subject = f"Frame {frames[0]} was" if len(frames) == 1 else f"Frames {listed(frames)} were"
-    line = f"{subject} left out, for {'it contradicts' if len(frames) == 1 else 'they contradict'} the others."
+    one = len(frames) == 1
+    named, verb = ("frame", "contradicts") if one else ("frames", "contradict")
+    line = f"Left out: {named} {listed(frames)}, which {verb} the others."
     if screening.exchanged:
         which = screening.exchanged
         where = "there" if which == frames else f"in frame{'s' * (len(which) > 1)} {listed(which)}"

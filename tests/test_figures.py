@@ -7,7 +7,7 @@ import numpy as np
 import plotly.graph_objects as go
 import pytest
 
-from stereocal.calibrate import METHODS, Calibration, CalibrationSettings, Errors, calibrate
+from stereocal.calibrate import METHODS, Calibration, CalibrationSettings, calibrate
 from stereocal.errors import StereocalError
 from stereocal.figures import (
     METHOD_COLOURS,
@@ -200,13 +200,17 @@ def test_frame_errors_are_those_of_the_result(calibration: Calibration) -> None:
 def test_held_out_frames_have_open_symbols(calibration: Calibration) -> None:
     figure = plot_frame_errors(calibration)
     for method in METHODS:
-        filled, opened = traces_of(figure, legendgroup=method, yaxis="y")
+        filled, opened, dotted = traces_of(figure, legendgroup=method, yaxis="y")
         assert filled.marker.symbol == METHOD_SYMBOLS[method]
         assert opened.marker.symbol == METHOD_SYMBOLS[method] + "-open"
         assert set(filled.x) == set(calibration.frames)
         assert not set(opened.x) & set(calibration.frames)
-        assert len(opened.x) == 5
-    assert "Open: held out (n = 5)" in [t.name for t in figure.data]
+        assert len(opened.x) == 4
+        assert dotted.marker.symbol == METHOD_SYMBOLS[method] + "-open-dot"
+        assert set(dotted.x) == {MIXED_UP}
+    names = [t.name for t in figure.data]
+    assert "Open: held out (n = 4)" in names
+    assert "Dotted: left out (n = 1)" in names
 
 
 def test_nothing_is_open_when_all_frames_calibrate(calibration: Calibration) -> None:
@@ -224,12 +228,16 @@ def test_frame_errors_have_units_and_n(calibration: Calibration) -> None:
 
 def test_a_large_range_makes_the_axis_logarithmic(calibration: Calibration) -> None:
     n, m = len(calibration.dataset.correspondences), 24
-    even = Errors(np.linspace(1, 2, n), np.linspace(0.01, 0.02, m))
+    even = replace(
+        calibration.errors["2d"],
+        reprojection_px=np.linspace(1, 2, n),
+        length=np.linspace(0.01, 0.02, m),
+    )
     same = calibration
     for method in METHODS:
         same = with_errors(same, method, even)
     assert plot_frame_errors(same).layout.yaxis.type == "linear"
-    far = with_errors(same, "3d", Errors(60 * even.reprojection_px, even.length))
+    far = with_errors(same, "3d", replace(even, reprojection_px=60 * even.reprojection_px))
     layout = plot_frame_errors(far).layout
     assert (layout.yaxis.type, layout.yaxis2.type) == ("log", "linear")
     assert layout.yaxis.range[0] < 0 < np.log10(120) < layout.yaxis.range[1]
@@ -245,14 +253,17 @@ def test_errors_that_cannot_be_computed_are_said(calibration: Calibration) -> No
     errors = calibration.errors["2d"]
     reprojection, length = errors.reprojection_px.copy(), errors.length.copy()
     reprojection[5], length[3] = np.nan, np.nan
-    some = with_errors(calibration, "2d", Errors(reprojection, length))
+    some = with_errors(
+        calibration, "2d", replace(errors, reprojection_px=reprojection, length=length)
+    )
     title = plot_frame_errors(some).layout.xaxis2.title.text.replace("<br>", " ")
     assert "2D set: 1 frame without reprojection error" in title
     assert "2D set: 1 frame without length error" in title
     assert "2D set: 1 frame without length error" in describe_frame_errors(some)
     none = calibration
     for method in METHODS:
-        none = with_errors(none, method, Errors(reprojection * np.nan, length * np.nan))
+        lost = replace(errors, reprojection_px=reprojection * np.nan, length=length * np.nan)
+        none = with_errors(none, method, lost)
     assert "3D set: 25 frames without" in plot_frame_errors(none).layout.xaxis2.title.text
     assert "2D set none and none" in describe_frame_errors(none)
 

@@ -10,6 +10,7 @@ from stereocal.outliers import (
     bar_frames,
     frame_reprojection_px,
     held_out,
+    left_out,
     length_outliers,
     outlying,
     outlying_frames,
@@ -68,10 +69,14 @@ def test_bars_know_their_frame(calibration: Calibration) -> None:
     assert len(calibration.errors["2d"].length) == 24
 
 
-def test_held_out_frames_are_those_not_calibrated_with(calibration: Calibration) -> None:
+def test_held_out_frames_are_those_neither_calibrated_with_nor_left_out(
+    calibration: Calibration,
+) -> None:
     frames = calibration.dataset.correspondences.frames
-    assert held_out(calibration, frames).sum() == 5
-    assert set(frames[~held_out(calibration, frames)]) == set(calibration.frames)
+    assert calibration.screening.left_out == (MIXED_UP,)
+    assert held_out(calibration, frames).sum() == 25 - 1 - 20
+    rest = ~(held_out(calibration, frames) | left_out(calibration, frames))
+    assert set(frames[rest]) == set(calibration.frames)
 
 
 def test_the_limit_is_six_robust_deviations_above_the_median() -> None:
@@ -100,7 +105,7 @@ def test_what_cannot_be_computed_stands_out(calibration: Calibration) -> None:
     lost = errors.reprojection_px.copy()
     lost[5] = np.nan
     frame = int(calibration.dataset.correspondences.frame[5])
-    changed = with_errors(calibration, "2d", Errors(lost, errors.length))
+    changed = with_errors(calibration, "2d", replace(errors, reprojection_px=lost))
     assert frame in outlying_frames(changed)
     assert np.isnan(frame_reprojection_px(changed, "2d")).sum() == 1
     assert outlying(np.full(3, np.nan), 0.0).all()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from stereocal.calibrate import screened
 from stereocal.commands.options import add_search_options, settings_from
 from stereocal.commands.progress import ProgressBar
 from stereocal.engines import engine
@@ -14,7 +15,7 @@ from stereocal.refined.unknowns import RefineSettings
 from stereocal.report import report_html
 from stereocal.store.carry import read_input
 from stereocal.summary import summarise_all
-from stereocal.tables import validation_answer
+from stereocal.tables import left_out_line, validation_answer
 from stereocal.writing import write_all
 
 
@@ -49,18 +50,25 @@ def run(parsed: argparse.Namespace) -> None:
         parsed.calibration_frames,
         RefineSettings() if parsed.refined else None,
     )
+    screenings = [screened(dataset, settings.calibration) for dataset in datasets]
+    kept = [screening.dataset for screening in screenings]
     with engine(parsed.workers, parsed.scheduler) as executor, ProgressBar("runs") as bar:
-        runs = evaluate(datasets, settings, executor, bar.show)
+        runs = evaluate(kept, settings, executor, bar.show)
     assert runs is not None  # nobody cancels here
     pooled, by_dataset = summarise_all(unique_names(datasets), runs)
     write_all(
         {
-            parsed.out / "summary.json": summary_json(pooled, by_dataset, datasets, settings),
+            parsed.out / "summary.json": summary_json(
+                pooled, by_dataset, datasets, settings, screenings
+            ),
             parsed.out / "report.html": report_html(
-                pooled, by_dataset, datasets, settings
+                pooled, by_dataset, datasets, settings, screenings
             ).encode(),
         }
     )
+    for screening in screenings:
+        if screening.left_out:
+            print(f"{screening.given.name}: {left_out_line(screening)}")
     print(validation_answer(pooled))
     for path in (parsed.out / "summary.json", parsed.out / "report.html"):
         print(f"wrote {path}")

@@ -23,6 +23,7 @@ from stereocal.outliers import (
     bar_frames,
     frame_reprojection_px,
     held_out,
+    left_out,
     length_outliers,
     outlying_frames,
     reprojection_outliers,
@@ -71,7 +72,10 @@ class _Panel:
 
 
 def plot_frame_errors(calibration: Calibration) -> go.Figure:
-    """Reprojection and length error of every frame and method; held-out frames are open."""
+    """Reprojection and length error of every frame and method.
+
+    Held-out frames are open symbols, frames left out are open with a dot.
+    """
     figure = make_subplots(rows=2, cols=1, shared_xaxes=True, vertical_spacing=0.05)
     finish(figure, HEIGHT)
     panels = _panels(calibration)
@@ -100,6 +104,7 @@ def describe_frame_errors(calibration: Calibration) -> str:
         )
     frames = calibration.dataset.correspondences.frames
     left = int(held_out(calibration, frames).sum())
+    without = int(left_out(calibration, frames).sum())
     outliers = outlying_frames(calibration)
     named = ", ".join(map(str, outliers[:MOST_LABELS]))
     more = " and more" if len(outliers) > MOST_LABELS else ""
@@ -108,7 +113,8 @@ def describe_frame_errors(calibration: Calibration) -> str:
         f"{count(len(outliers), 'frame')} standing out{': ' if outliers else ''}{named}{more}",
     ]
     return (
-        f"Errors of {count(len(frames), 'frame')}, {left} of them held out: "
+        f"Errors of {count(len(frames), 'frame')}, {left} of them held out"
+        f"{f' and {without} left out' if without else ''}: "
         f"{'; '.join([*parts, *ending])}."
     )
 
@@ -131,9 +137,14 @@ def _panels(calibration: Calibration) -> tuple[_Panel, _Panel]:
 def _add_method(
     figure: go.Figure, row: int, calibration: Calibration, panel: _Panel, method: Method
 ) -> None:
-    """Two traces: frames calibrated with, filled; held-out frames, open."""
+    """Up to three traces: frames calibrated with, filled; held out, open; left out, dotted."""
     left = held_out(calibration, panel.frames)
-    for chosen, kind, suffix in ((~left, "calibrated with", ""), (left, "held out", "-open")):
+    without = left_out(calibration, panel.frames)
+    for chosen, kind, suffix in (
+        (~(left | without), "calibrated with", ""),
+        (left, "held out", "-open"),
+        (without, "left out", "-open-dot"),
+    ):
         if not chosen.any():
             continue
         figure.add_trace(
@@ -201,14 +212,19 @@ def _height_of_axis(panel: _Panel) -> float:
 
 
 def _add_key(figure: go.Figure, calibration: Calibration) -> None:
-    """Say in the legend what open symbols are, if there are any."""
-    left = int(held_out(calibration, calibration.dataset.correspondences.frames).sum())
-    if left:
+    """Say in the legend what open and dotted symbols are, if there are any."""
+    frames = calibration.dataset.correspondences.frames
+    for symbol, name, chosen in (
+        ("circle-open", "Open: held out", held_out(calibration, frames)),
+        ("circle-open-dot", "Dotted: left out", left_out(calibration, frames)),
+    ):
+        if not chosen.any():
+            continue
         figure.add_trace(
             go.Scatter(
                 x=[None], y=[None], mode="markers", hoverinfo="skip",
-                marker={"color": NEUTRAL, "symbol": "circle-open", "size": 9},
-                name=f"Open: held out (n = {left})",
+                marker={"color": NEUTRAL, "symbol": symbol, "size": 9},
+                name=f"{name} (n = {int(chosen.sum())})",
             ),
             row=1, col=1,
         )  # fmt: skip

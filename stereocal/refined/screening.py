@@ -1,8 +1,8 @@
 """Which frames contradict the others: the refined method's robust fit, before all other methods.
 
-One frame with A and B exchanged in one camera turns the paper's two sets by degrees. The robust fit
-finds such frames whatever the other methods would make of them. Its priors are wide, so that a wrong
-baseline or lens, which all frames share, is not taken for an error of some of them.
+One frame with A and B exchanged in one camera turns the paper's two sets by degrees. The robust
+fit finds such frames whatever the other methods would make of them. Its priors are wide, so that a
+wrong baseline or lens, which all frames share, is not taken for an error of some of them.
 
 A frame left out is one of the person's frames: it is named everywhere, and can be put back.
 """
@@ -37,7 +37,7 @@ are three ways to lie together, so sound recordings are accused in 1 %."""
 FEWEST_TOGETHER = 3
 NEIGHBOURS = 5
 ALIKE = 0.1
-"""Kept points near a point left out have so large a part of its residual where the lens is wrong."""
+"""Kept points near one left out have so large a part of its residual where the lens is wrong."""
 
 
 @dataclass(frozen=True, eq=False)

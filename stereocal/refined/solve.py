@@ -32,7 +32,7 @@ CHANCE = 0.05
 """A bar counts as rigid unless its lengths scatter more than so few rigid ones would."""
 
 FREEDOMS = np.arange(1, 4)
-RARE = 1e-4
+RARE = 1e-5
 """A frame stands out when a good one would have such a misfit so seldom."""
 SOFT = 2.0
 """The biweight ends at so many times the limit: a usual frame keeps 0.86 of its weight."""
@@ -255,8 +255,8 @@ def scatter_of(
     """The scatter that explains the lengths beyond the noise of the pixels, in metres.
 
     Solves sum(e^2 / (scatter^2 + v)) = n - spent (Mandel and Paule), or, `robust`, the same for the
-    best third of squared normal numbers. 0 where the pixels explain all, which is believed unless the
-    sum without scatter is rarer than `CHANCE`: half of all rigid bars would have a scatter
+    best third of squared normal numbers. 0 where the pixels explain all, which is believed unless
+    the sum without scatter is rarer than `CHANCE`: half of all rigid bars would have a scatter
     otherwise, and the scale would seem less sure than it is (measured on 25 frames: errors of the
     baseline are 0.93 of the stated ones, 0.97 with this).
 
