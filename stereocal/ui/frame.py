@@ -14,7 +14,8 @@ from stereocal.store.server import ServerSettings
 from stereocal.ui.fields import begin_page, end_page
 from stereocal.ui.project import begin_forms_anew, forms_are_sound, open_begun
 from stereocal.ui.texts import escape_markdown
-from stereocal.ui.told import forget_told, show_told
+from stereocal.ui.told import callback, forget_told, show_told
+from stereocal.ui.uploads import check_dropped
 
 TITLES = {
     "start": "Start",
@@ -60,7 +61,7 @@ def check_settings() -> None:
         ServerSettings.from_environment()
         Limits.from_environment()
     except StereocalError as error:
-        st.error(str(error))
+        st.error(escape_markdown(str(error)))
         st.stop()
 
 
@@ -88,6 +89,7 @@ def run_page(page: StreamlitPage) -> None:
     What a page does not foresee of a project on disk is said in a sentence. Where it fails over
     values of forms, as an older version or another page may have left them, the forms begin anew.
     """
+    callback(check_dropped)()
     if open_begun() and page.url_path == "":
         st.switch_page("pages/data.py")
     top = st.container()

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import pandas as pd
 import streamlit as st
@@ -38,6 +38,8 @@ from stereocal.ui import jobs
 from stereocal.ui.fields import Field, one_of, setting
 from stereocal.ui.project import noted, project_to_write
 from stereocal.ui.texts import escape_markdown as escape_markdown
+from stereocal.ui.uploads import Upload as Upload
+from stereocal.ui.uploads import check_dropped, let_go
 
 TITLES: Mapping[Slot, str] = {
     "correspondences": "Table of points (CSV)",
@@ -49,17 +51,6 @@ GIVEN_AS = ("Single files", PHOTOGRAPHS, "A zip", "A folder")
 _REFUSED, _SEEN = "refused", "uploads_seen"
 Unpack = Callable[[Path], Mapping[str, Path]]
 """Puts the photographs of a data set into a folder: names to files."""
-
-
-class Upload(Protocol):
-    """What Streamlit hands over of an uploaded file."""
-
-    name: str
-    file_id: str
-    size: int
-
-    def getvalue(self) -> bytes:
-        """The content."""
 
 
 def given_as(project: Project | None, usual: str) -> Field:
@@ -80,6 +71,7 @@ def check_uploads(uploads: Sequence[Upload]) -> None:
     Raises:
         StereocalError: the limit, what was found, and the setting that changes it.
     """
+    check_dropped()
     limits = Limits.from_environment()
     limits.check_count(len(uploads), "The upload")
     limits.check_together(sum(upload.size for upload in uploads), "The upload")
@@ -306,5 +298,6 @@ def taking(*uploads: Upload) -> Iterator[None]:
         raise
     # The set itself first: no click can come between the end of the taking and this line.
     seen |= dealt_with
+    let_go(uploads)
     # To open another project empties the session.
     st.session_state[_SEEN] = seen

@@ -35,6 +35,7 @@ from stereocal.ui.intake import (
 from stereocal.ui.project import current_project, project_to_write
 from stereocal.ui.samples import has_sample_photographs, load_sample_boards
 from stereocal.ui.told import callback, readable, tell
+from stereocal.ui.uploads import let_go
 
 BOARD, FILE = "Photographs of a board", "A camera file"
 CHESSBOARD, CHARUCO = "Chessboard", "ChArUco"
@@ -148,6 +149,7 @@ def take_boards(uploads: Sequence[Upload], which: Which) -> None:
     if found := survived(found):
         store.add(found)
     # A new key empties the uploader, which else holds every file in memory while the page is open.
+    let_go(uploads)
     st.session_state[_ROUND] += 1
     st.rerun()
 

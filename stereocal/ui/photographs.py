@@ -37,6 +37,7 @@ from stereocal.ui.pairs import ROUND, clear, forget_base, show_pairs
 from stereocal.ui.project import project_to_write
 from stereocal.ui.review import show_frames
 from stereocal.ui.told import readable
+from stereocal.ui.uploads import let_go
 
 TOGETHER, FOLDER, APART = "Both cameras together", "A folder", "One camera after the other"
 KINDS = [*sorted(suffix.removeprefix(".") for suffix in SUFFIXES), "zip"]
@@ -146,6 +147,7 @@ def take_photographs(uploads: Sequence[Upload], prefix: str = "") -> None:
         store.add(found)
     forget_base()
     # A new key empties the uploader, which else holds every file in memory while the page is open.
+    let_go(uploads)
     st.session_state[ROUND] += 1
     st.rerun()
 

@@ -22,6 +22,7 @@ from stereocal.store.photographs import TABLE_LABEL
 from stereocal.store.projects import bring_back, removed_at
 from stereocal.store.server import ServerSettings
 from stereocal.store.sweep import sweep
+from stereocal.ui.texts import escape_markdown
 from stereocal.ui.told import attempt, callback, readable, tell
 from stereocal.warming import compile_all
 
@@ -59,7 +60,7 @@ def current_project() -> Project | None:
         return project
     except StereocalError as error:
         if not offer_removed():
-            st.error(str(error))
+            st.error(escape_markdown(str(error)))
             st.button("Start a new project", on_click=forget_project, type="primary")
         st.stop()
 

@@ -44,7 +44,7 @@ def show_result(
         instead: of "2d" and "3d", the purposes that the refined set is to serve.
     """
     for warning in calibration.warnings:
-        st.warning(warning)
+        st.warning(escape_markdown(warning))
     st.success(answer(calibration))
     sets = sets_of(calibration, evaluation, refined)
     if sets["2d"].validation is not None:

@@ -31,6 +31,7 @@ from stereocal.ui.fields import Fit, number, one_of, setting, yes_or_no
 from stereocal.ui.intake import escape_markdown, refuse, settled
 from stereocal.ui.parameter_files import CORNER_TITLES
 from stereocal.ui.project import noted
+from stereocal.ui.texts import escaped_table
 from stereocal.ui.told import callback
 
 PREVIEW_ROWS = 5
@@ -232,7 +233,7 @@ def _height(form: _Form, name: str, title: str, known: int | None, corner: Corne
 
 def _show_preview(table: pd.DataFrame) -> None:
     st.caption("The first rows as they will be read, counted from the upper left, first pixel 0:")
-    st.table(table)
+    st.table(escaped_table(table))
 
 
 def _buttons(store: ProjectApplication, asked: Asked, use: Callable[[], None]) -> None:
