@@ -6,6 +6,7 @@ import streamlit as st
 
 from stereocal.ui.frame import check_settings, frame_drawn, pages, run_page
 from stereocal.ui.project import keep_address, warm_up
+from stereocal.ui.uploads import watch_uploads
 
 
 def main() -> None:
@@ -14,6 +15,7 @@ def main() -> None:
     st.set_page_config(page_title="stereocal", page_icon=str(icon), layout="wide")
     check_settings()
     warm_up()
+    watch_uploads()
     page = st.navigation(pages())
     keep_address()
     frame_drawn()

@@ -36,5 +36,5 @@ st.header("Result", divider="gray")
 if stale := staleness(result, dataset, values):
     st.warning(stale)
 refined, instead = refined_for(project, result)
-show_result(result, evaluation, refined, instead)
+show_result(project, result, evaluation, refined, instead)
 st.caption(describe_settings(result))

@@ -5,9 +5,9 @@ import streamlit as st
 from stereocal.errors import StereocalError
 from stereocal.figures import describe_coverage, plot_coverage
 from stereocal.tables import contents_table
-from stereocal.ui.forms import length_field
 from stereocal.ui.frame import need_frame
 from stereocal.ui.intake import escape_markdown, show_refusal, take_dataset
+from stereocal.ui.lengths import length_field
 from stereocal.ui.photographs import choose_kind, has_photographs, photographs_in
 from stereocal.ui.project import current_project, forget_project
 from stereocal.ui.results import dataset_download, show_figure

@@ -29,7 +29,7 @@ st.markdown(ONE_SET)
 try:
     settings = refine_form(project, dataset)
     result = refined_of(dataset, settings)
-    bring_up_to_date(project, [dataset], kept_protocol(project, dataset))
+    bring_up_to_date(project, [dataset], kept_protocol(project, [dataset]))
     evaluation = last_evaluation(project)
     calibration = last_calibration(project)
     inputs = refined_inputs(dataset, settings)
@@ -45,7 +45,7 @@ try:
     st.header("Matching against measuring", divider="gray")
     show_trade_off(project, dataset, result, settings, calibration)
     st.header("How accurate, where", divider="gray")
-    show_accuracy(result, dataset, settings)
+    show_accuracy(project, result, dataset, settings)
     st.header("The refined set", divider="gray")
     show_parameters(project, result, inputs, evaluation)
 except StereocalError as error:

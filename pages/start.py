@@ -2,12 +2,15 @@
 
 import streamlit as st
 
-from stereocal.errors import StereocalError
 from stereocal.ui.frame import need_frame
-from stereocal.ui.intake import escape_markdown
-from stereocal.ui.project import forget_project
+from stereocal.ui.project import begun, forget_project
 from stereocal.ui.projects import show_projects
-from stereocal.ui.samples import has_sample_photographs, load_sample, load_sample_photographs
+from stereocal.ui.samples import (
+    begin_sample,
+    has_sample_photographs,
+    sample_photographs,
+    sample_points,
+)
 from stereocal.ui.texts import BRING, PICTURE, PURPOSE
 
 need_frame()
@@ -17,22 +20,15 @@ st.subheader("How do two cameras stand to each other, and how well can they matc
 text, picture = st.columns([5, 6], gap="large")
 with text:
     st.markdown(PURPOSE)
-    samples = {"demo": ("Try it with sample data", load_sample)}
+    samples = {"demo": ("Try it with sample data", sample_points)}
     if has_sample_photographs():
-        samples["demo_photographs"] = ("Try it with sample photographs", load_sample_photographs)
+        samples["demo_photographs"] = ("Try it with sample photographs", sample_photographs)
     with st.container(horizontal=True):
-        chosen = [
-            load
-            for key, (label, load) in samples.items()
-            if st.button(label, type="primary" if key == "demo" else "secondary", key=key)
-        ]
-    for load in chosen:
-        try:
-            load()
-        except StereocalError as error:
-            st.error(escape_markdown(str(error)))
-        else:
-            st.switch_page("pages/data.py")
+        for key, (label, make) in samples.items():
+            st.button(
+                label, type="primary" if key == "demo" else "secondary", key=key,
+                on_click=begin_sample, args=(begun(), make),
+            )  # fmt: skip
     if st.button("Begin with my own data", key="begin"):
         forget_project()
         st.switch_page("pages/data.py")

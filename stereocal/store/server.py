@@ -27,6 +27,8 @@ class ServerSettings:
     download_mb: float = 2000.0
     """STEREOCAL_DOWNLOAD_MB: the largest project that is packed for a browser, which takes as much
     memory as its zip while its page is open."""
+    uploads_mb: float = 1000.0
+    """STEREOCAL_UPLOADS_MB: what uploads may take in memory until they are stored, together."""
     workers: int = field(default_factory=lambda: os.cpu_count() or 1)
     """STEREOCAL_WORKERS: so many tasks are computed at once, for all sessions together."""
 
@@ -45,5 +47,6 @@ class ServerSettings:
             undo_days=number_given(given, "STEREOCAL_UNDO_DAYS", cls.undo_days),
             project_mb=number_given(given, "STEREOCAL_PROJECT_MB", cls.project_mb),
             download_mb=number_given(given, "STEREOCAL_DOWNLOAD_MB", cls.download_mb),
+            uploads_mb=number_given(given, "STEREOCAL_UPLOADS_MB", cls.uploads_mb),
             workers=int(min(number_given(given, "STEREOCAL_WORKERS", cores, 1.0), MOST_WORKERS)),
         )

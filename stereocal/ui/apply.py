@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 import streamlit as st
@@ -32,9 +31,9 @@ from stereocal.points.threshold import FramePixels, choose_threshold
 from stereocal.project import Project
 from stereocal.store.application import SIDES, USES, ProjectApplication, Side, Use
 from stereocal.ui import jobs
+from stereocal.ui.fields import Field, number, one_of, setting, yes_or_no
 from stereocal.ui.intake import check_uploads, escape_markdown, is_new, settled, taking
 from stereocal.ui.parameter_files import sets_of
-from stereocal.ui.project import keep_settings, keeper, remembered
 from stereocal.ui.refined import refined_for
 from stereocal.ui.results import show_figure
 from stereocal.ui.told import callback, readable
@@ -49,7 +48,8 @@ PURPOSES: Mapping[Use, tuple[str, str]] = {
 }
 INSTANT_S = 2.0
 """What is expected to take less is computed as the controls move."""
-THRESHOLD, CHOSEN = "apply_threshold", "apply_chosen"
+THRESHOLD = "apply_threshold"
+_ASKED = "apply_asked"
 
 
 def choose_points(project: Project, store: ProjectApplication) -> tuple[Points, Points] | None:
@@ -60,15 +60,9 @@ def choose_points(project: Project, store: ProjectApplication) -> tuple[Points, 
     """
     dataset = project.dataset
     kinds = [*([OWN] if dataset else []), FILES]
-    _remember_choice(project, "apply_points", kinds)
-    st.segmented_control(
-        "Points",
-        kinds,
-        key="apply_points",
-        required=True,
-        on_change=keeper(project, "apply_points"),
-    )
-    if dataset is not None and st.session_state["apply_points"] == OWN:
+    chosen = setting(project, "apply_points", kinds[0], one_of(kinds))
+    st.segmented_control("Points", kinds, required=True, **chosen.widget())
+    if dataset is not None and chosen.value() == OWN:
         st.caption("Targets A and B are left aside: the matching has to tell them apart.")
         primary, secondary = (
             store.own_points(table, f"{which} points of {dataset.name}")
@@ -124,16 +118,10 @@ def choose_sets(
     """
     calibration = readable(lambda: project.calibration)
     kinds = [*([RESULTS] if calibration else []), GIVEN]
-    _remember_choice(project, "apply_sets", kinds)
-    st.segmented_control(
-        "Parameters",
-        kinds,
-        key="apply_sets",
-        required=True,
-        on_change=keeper(project, "apply_sets"),
-    )
+    chosen = setting(project, "apply_sets", kinds[0], one_of(kinds))
+    st.segmented_control("Parameters", kinds, required=True, **chosen.widget())
     found: list[RigParameters | None] = []
-    own = calibration is not None and st.session_state["apply_sets"] == RESULTS
+    own = calibration is not None and chosen.value() == RESULTS
     sets, instead = _own_sets(project, calibration) if own and calibration else ({}, [])
     for use, column in zip(USES, st.columns(2), strict=True):
         with column:
@@ -159,13 +147,9 @@ def _own_set(
 ) -> RigParameters:
     title, default = PURPOSES[use]
     default = "refined" if default in instead else default
-    key = f"apply_{use}"
-    _remember_choice(project, key, list(sets), default)
-    st.selectbox(
-        title, list(sets), format_func=SET_TITLES.__getitem__, key=key,
-        on_change=keeper(project, key),
-    )  # fmt: skip
-    return sets[st.session_state[key]]
+    chosen = setting(project, f"apply_{use}", default, one_of(list(sets)))
+    st.selectbox(title, list(sets), format_func=SET_TITLES.__getitem__, **chosen.widget())
+    return sets[chosen.value()]
 
 
 def _given_set(store: ProjectApplication, use: Use) -> RigParameters | None:
@@ -198,23 +182,24 @@ def choose_gates(
     with form:
         depths = _depths(project)
         sample = _sample(*((str(each.path), each.label) for each in points))
-        if THRESHOLD not in st.session_state:
-            _begin_threshold(project, rig, sample, depths)
+        usual = rig.matching_threshold_px
+        if usual is None and THRESHOLD not in project.settings:
+            usual = _choice(rig, points, depths)[0]
+        field = _threshold(project, usual)
         st.number_input(
-            "Threshold (px)", min_value=0.0, value=None, step=0.1, format="%.4g", key=THRESHOLD,
-            on_change=keeper(project, THRESHOLD), placeholder="largest error of a pair",
+            "Threshold (px)", min_value=0.0, value=None, step=0.1, format="%.4g",
+            placeholder="largest error of a pair",
             help="Largest reprojection error of a pair, mean over both cameras.",
+            **field.widget(),
         )  # fmt: skip
         st.button(
             "Choose it from the points", key="apply_auto", on_click=_choose,
-            args=(project, rig, sample, depths),
+            args=(project, rig, points, depths),
         )  # fmt: skip
-        if chosen := st.session_state.get(CHOSEN):
-            found, sentence = chosen
-            (st.caption if found else st.warning)(escape_markdown(sentence))
+        threshold: float | None = field.value()
+        _say_choice(rig, points, depths, threshold)
         if rig.matching_threshold_px is not None:
             st.caption(f"The parameter set's own: {rig.matching_threshold_px:.3g} px.")
-    threshold: float | None = st.session_state[THRESHOLD]
     if threshold is None:
         st.info("Give a threshold in pixels.")
         return None
@@ -228,13 +213,12 @@ def choose_gates(
 
 
 def _depths(project: Project) -> tuple[float, float]:
-    remembered(project, {"apply_only_depths": False, "apply_near": None, "apply_far": None})
+    only = setting(project, "apply_only_depths", False, yes_or_no)
     st.toggle(
-        "Only points at some depths", key="apply_only_depths",
-        on_change=keeper(project, "apply_only_depths"),
+        "Only points at some depths", **only.widget(),
         help="Where it is known how far away the points are, fewer wrong pairs fit.",
     )  # fmt: skip
-    if not st.session_state["apply_only_depths"]:
+    if not only.value():
         return ANY_DEPTH
     given: list[float | None] = []
     for key, title, column in zip(
@@ -242,35 +226,63 @@ def _depths(project: Project) -> tuple[float, float]:
     ):
         given.append(
             column.number_input(
-                title, min_value=0.0, value=None, key=key, format="%.6g",
-                on_change=keeper(project, key),
+                title, min_value=0.0, value=None, format="%.6g",
+                **setting(project, key, None, number(0.0, or_none=True)).widget(),
             )
         )  # fmt: skip
     near, far = given
     return check_depths((near or 0.0, ANY_DEPTH[1] if far is None else far))
 
 
-def _begin_threshold(
-    project: Project, rig: RigParameters, sample: list[FramePixels], depths: tuple[float, float]
-) -> None:
+def _threshold(project: Project, usual: float | None) -> Field:
     """As kept, or the set's own, or else chosen from the points: as the command does."""
-    value = project.settings.get(THRESHOLD, rig.matching_threshold_px)
-    st.session_state[THRESHOLD] = value
-    if value is None:
-        _choose(project, rig, sample, depths)
+    return setting(project, THRESHOLD, usual, number(0.0, or_none=True))
 
 
 @callback
 def _choose(
-    project: Project, rig: RigParameters, sample: list[FramePixels], depths: tuple[float, float]
+    project: Project, rig: RigParameters, points: tuple[Points, Points], depths: tuple[float, float]
 ) -> None:
+    found, _ = _choice(rig, points, depths)
+    st.session_state[_ASKED] = True
+    if found is not None:
+        _threshold(project, None).set(found)
+
+
+def _say_choice(
+    rig: RigParameters, points: tuple[Points, Points], depths: tuple[float, float],
+    threshold: float | None,
+) -> None:  # fmt: skip
+    """How the threshold was chosen, where it was; why none could be, where that was asked."""
+    asked = st.session_state.get(_ASKED)
+    if not asked and rig.matching_threshold_px is not None:
+        return
+    found, sentence = _choice(rig, points, depths)
+    if found is None and (asked or threshold is None):
+        st.warning(escape_markdown(sentence))
+    elif found is not None and found == threshold:
+        st.caption(escape_markdown(sentence))
+
+
+def _choice(
+    rig: RigParameters, points: tuple[Points, Points], depths: tuple[float, float]
+) -> tuple[float | None, str]:
+    """The threshold that the points speak for, or None, and why."""
+    tables = [(str(each.path), each.label) for each in points]
+    return _chosen(rig.dumps(), tables[0], tables[1], depths, rig)
+
+
+@st.cache_resource(show_spinner=False, max_entries=16)
+def _chosen(
+    key: str, primary: tuple[str, str], secondary: tuple[str, str], depths: tuple[float, float],
+    _rig: RigParameters,
+) -> tuple[float | None, str]:  # fmt: skip
+    assert key
     try:
-        choice = jobs.compute(choose_threshold, rig, sample, depths)
-        st.session_state[THRESHOLD] = choice.threshold_px
-        keep_settings(project, {THRESHOLD: choice.threshold_px})
-        st.session_state[CHOSEN] = (True, choice.sentence())
+        choice = jobs.compute(choose_threshold, _rig, _sample(primary, secondary), depths)
+        return choice.threshold_px, choice.sentence()
     except StereocalError as error:
-        st.session_state[CHOSEN] = (False, str(error))
+        return None, str(error)
 
 
 def _last(store: ProjectApplication) -> tuple[Outcome, Path] | None:
@@ -321,10 +333,3 @@ def whole_table(path: str, label: str) -> pd.DataFrame:
 @st.cache_resource(show_spinner=False, max_entries=8)
 def _sample(primary: tuple[str, str], secondary: tuple[str, str]) -> list[FramePixels]:
     return sample_frames(whole_table(*primary), whole_table(*secondary))
-
-
-def _remember_choice(project: Project, key: str, options: list[Any], default: Any = None) -> None:
-    """As `remembered`, where what can be chosen may have changed since."""
-    remembered(project, {key: options[0] if default is None else default})
-    if st.session_state[key] not in options:
-        st.session_state[key] = options[0]

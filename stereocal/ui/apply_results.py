@@ -26,8 +26,8 @@ from stereocal.project import Project
 from stereocal.store.application import ProjectApplication
 from stereocal.store.folders import own_file
 from stereocal.ui.apply import whole_table
+from stereocal.ui.fields import number, one_of, setting
 from stereocal.ui.intake import escape_markdown
-from stereocal.ui.project import keeper, remembered
 from stereocal.ui.results import show_figure
 from stereocal.ui.told import callback
 
@@ -68,13 +68,12 @@ def show_application(project: Project, store: ProjectApplication, work: Applicat
         _download(column, folder / name)
     views = {
         "Matches in the images": lambda: _show_matches(store, outcome, pairs),
-        "Points in 3D": lambda: _show_points(outcome, points),
+        "Points in 3D": lambda: _show_points(project, outcome, points),
         "A known length": lambda: _show_lengths(project, points),
         "Tables": lambda: _show_tables(pairs, points),
     }
-    view = st.segmented_control(
-        "Look at", list(views), default=next(iter(views)), key="apply_view", required=True
-    )
+    shown = setting(project, "apply_view", next(iter(views)), one_of(list(views)), tabs_own=True)
+    view = st.segmented_control("Look at", list(views), required=True, **shown.widget())
     views[view]()
     st.caption(f"Made with: {escape_markdown(outcome.made_with)}")
     _show_commands(store, outcome)
@@ -92,11 +91,11 @@ def _download(place: Any, path: Path, name: str | None = None) -> None:
 def _show_matches(store: ProjectApplication, outcome: Outcome, pairs: pd.DataFrame) -> None:
     tables = [whole_table(str(own_file(store.files, name)), name) for name in outcome.tables]
     frames = sorted(set(tables[0]["frame"]) | set(tables[1]["frame"]))
-    if st.session_state.get("apply_frame") not in frames:
-        st.session_state["apply_frame"] = frames[0]
+    frames = [int(each) for each in frames]
     frame = frames[0]
     if len(frames) > 1:
-        frame = st.select_slider("Frame", frames, key="apply_frame")
+        looked_at = setting(store.project, "apply_frame", frames[0], one_of(frames), tabs_own=True)
+        frame = st.select_slider("Frame", frames, **looked_at.widget())
     of_frame = pairs[pairs["frame"] == frame]
     first, second = (pixels_of(table[table["frame"] == frame]) for table in tables)
     (width, height), (width_2, height_2) = outcome.image_sizes
@@ -107,11 +106,12 @@ def _show_matches(store: ProjectApplication, outcome: Outcome, pairs: pd.DataFra
     st.caption(escape_markdown(describe_matches(of_frame, first, second, frame)))
 
 
-def _show_points(outcome: Outcome, points: pd.DataFrame) -> None:
+def _show_points(project: Project, outcome: Outcome, points: pd.DataFrame) -> None:
     colours: list[Colour] = ["frame", "error"]
+    by = setting(project, "apply_colour", "frame", one_of(colours), tabs_own=True)
     colour = st.segmented_control(
-        "Colour", colours, default="frame", key="apply_colour", required=True,
-        format_func={"frame": "By frame", "error": "By error"}.__getitem__,
+        "Colour", colours, required=True,
+        format_func={"frame": "By frame", "error": "By error"}.__getitem__, **by.widget(),
     )  # fmt: skip
     figure = plot_points(points, colour, np.array(outcome.secondary_m))
     show_figure(figure, describe_points(points), "points")
@@ -127,20 +127,29 @@ def _show_lengths(project: Project, points: pd.DataFrame) -> None:
         )
         return
     left, right = st.columns(2)
-    remembered(project, {"apply_known": project.inputs.target_distance_m})
-    way = left.selectbox("Points are told apart by", ways, key="apply_way")
+    way = left.selectbox(
+        "Points are told apart by", ways,
+        **setting(project, "apply_way", ways[0], one_of(ways)).widget(),
+    )  # fmt: skip
+    bar_m = project.inputs.target_distance_m
+    length = setting(project, "apply_known", bar_m, number(0.0, or_none=True))
     known = right.number_input(
-        "Known length (m)", min_value=0.0, value=None, key="apply_known", format="%.6g",
-        on_change=keeper(project, "apply_known"), placeholder="measured length",
+        "Known length (m)", min_value=0.0, value=None, format="%.6g",
+        placeholder="measured length", **length.widget(),
     )  # fmt: skip
     ends = ("", "")
     if way != TWO:
         names = sorted(points[way].dropna().astype(str).unique(), key=_by_number)
-        left, right = st.columns(2)
-        ends = (
-            left.selectbox("From", names, key=f"apply_from_{way}"),
-            right.selectbox("To", names, index=1, key=f"apply_to_{way}"),
-        )
+        first, second = (
+            column.selectbox(
+                title, names,
+                **setting(project, f"apply_{title.lower()}_{way}", name, one_of(names)).widget(),
+            )
+            for title, name, column in zip(
+                ("From", "To"), names[:1] + names[1:2], st.columns(2), strict=True
+            )
+        )  # fmt: skip
+        ends = (first, second)
     if known is None:
         st.info("Give the known length.")
         return

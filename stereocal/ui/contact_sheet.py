@@ -12,10 +12,12 @@ from stereocal.frames.review import choose
 from stereocal.store.photographs import ProjectPhotographs
 from stereocal.store.review import change_review
 from stereocal.store.thumbnails import thumbnail
+from stereocal.ui.fields import number, one_of, setting
 from stereocal.ui.intake import escape_markdown, refuse, settled
 
 ON_A_SHEET = 12
 COLUMNS = 3
+ALL = "all"
 BADGES = {
     "found": (":material/check:", "green"),
     "doubtful": (":material/question_mark:", "orange"),
@@ -32,19 +34,21 @@ def show_contact_sheet(
     """The frames, twelve on a sheet, with the choice to use each, or to look at it closely."""
     st.info(describe_frames(frames))
     counts = {state: sum(frame.state == state for frame in frames) for state in STATES}
-    kinds = {
-        f"All ({len(frames)})": "",
-        **{f"{s.capitalize()} ({n})": s for s, n in counts.items() if n},
+    kinds: dict[str, str] = {
+        ALL: f"All ({len(frames)})",
+        **{state: f"{state.capitalize()} ({n})" for state, n in counts.items() if n},
     }
+    kind = setting(store.project, "sheet_kind", ALL, one_of(list(kinds)), tabs_own=True)
     chosen = st.segmented_control(
-        "Show", list(kinds), default=next(iter(kinds)), key="sheet_kind", required=True
+        "Show", list(kinds), format_func=kinds.__getitem__, required=True, **kind.widget()
     )
-    shown = [frame for frame in frames if kinds[chosen] in ("", frame.state)]
+    shown = [frame for frame in frames if chosen in (ALL, frame.state)]
     sheets = -(-len(shown) // ON_A_SHEET)
     sheet = 1
     if sheets > 1:
-        st.session_state["sheet"] = min(st.session_state.get("sheet", 1), sheets)
-        sheet = st.number_input(f"Sheet (of {sheets})", 1, sheets, step=1, key="sheet", width=200)
+        of_all = setting(store.project, "sheet", 1, number(1, sheets), tabs_own=True)
+        sheet = st.number_input(f"Sheet (of {sheets})", 1, sheets, step=1, width=200,
+                                **of_all.widget())  # fmt: skip
     on_it = shown[(sheet - 1) * ON_A_SHEET : sheet * ON_A_SHEET]
     for start in range(0, len(on_it), COLUMNS):
         for frame, column in zip(on_it[start:], st.columns(COLUMNS), strict=False):

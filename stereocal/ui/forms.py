@@ -1,4 +1,4 @@
-"""Fields whose values the project keeps."""
+"""The forms of the search: its settings, and how many frames it gets."""
 
 from __future__ import annotations
 
@@ -11,32 +11,7 @@ from stereocal.calibrate import CalibrationSettings
 from stereocal.dataset import Dataset
 from stereocal.montecarlo import SearchSettings
 from stereocal.project import Project
-from stereocal.ui.intake import UNITS, take_length
-from stereocal.ui.project import keeper, remembered
-
-
-def length_field(project: Project | None, name: str, label: str) -> None:
-    """A length with its unit. What the project holds is in metres."""
-    value_key, unit_key = f"{name}_value", f"{name}_unit"
-    metres = getattr(project.inputs, name) if project else None
-    if unit_key not in st.session_state:
-        kept = (project.settings if project else {}).get(unit_key)
-        st.session_state[unit_key] = kept if kept in UNITS else "m"
-    shown = st.session_state.get(value_key)
-    unit = UNITS[st.session_state[unit_key]]
-    if metres is not None and (shown is None or abs(shown * unit - metres) > 1e-12 * metres):
-        refused = st.session_state.get("refused") is not None
-        if shown is None or not refused:
-            st.session_state[value_key] = float(f"{metres / unit:.12g}")
-    field, choice = st.columns([3, 1], vertical_alignment="bottom")
-    args = (name, value_key, unit_key)
-    st.session_state.setdefault(value_key, None)
-    st.session_state[f"{value_key}_drawn"] = (metres, st.session_state[value_key])
-    field.number_input(
-        label, min_value=0.0, value=None, step=None, format="%.10g", key=value_key,
-        on_change=take_length, args=args, placeholder="measured length",
-    )  # fmt: skip
-    choice.selectbox("Unit", list(UNITS), key=unit_key, on_change=take_length, args=args)
+from stereocal.ui.fields import Field, number, one_of, setting
 
 
 @dataclass(frozen=True)
@@ -48,6 +23,12 @@ class _Number:
     highest: float
     help: str
     format: str
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """As the widget wants them: of the kind of the value."""
+        kind = type(self.default)
+        return kind(self.lowest), kind(self.highest)
 
 
 PAPER = SearchSettings()
@@ -68,47 +49,53 @@ NUMBERS = (
 )  # fmt: skip
 
 
+SOLVERS = ("constrained", "linear")
+
+
 def settings_form(project: Project, dataset: Dataset) -> dict[str, Any]:
     """The settings of the calibration, as they stand in the form."""
     frames = len(dataset.correspondences.frames)
-    remembered(project, {"calibration_frames": frames})
-    st.session_state["calibration_frames"] = min(st.session_state["calibration_frames"], frames)
+    chosen = setting(project, "calibration_frames", frames, number(1, frames))
     if frames > 1:
         st.slider(
             "Frames to calibrate with (the others test the result)",
-            1, frames, key="calibration_frames", on_change=keeper(project, "calibration_frames"),
+            1, frames, **chosen.widget(),
             help=f"All {frames}, or fewer, drawn at random. Paper: 20 of 25.",
         )  # fmt: skip
-    chosen = st.session_state["calibration_frames"]
     values = search_form(project)
-    return values | {"calibration_frames": None if chosen == frames else chosen}
+    used = chosen.value()
+    return values | {"calibration_frames": None if used == frames else used}
 
 
-def search_defaults() -> dict[str, Any]:
-    """The settings of the search that the form begins with."""
-    return {number.key: number.default for number in NUMBERS} | {"essential": "constrained"}
+def _search_fields(project: Project) -> dict[str, Field]:
+    fields = {
+        each.key: setting(project, each.key, each.default, number(*each.bounds)) for each in NUMBERS
+    }
+    return fields | {"essential": setting(project, "essential", SOLVERS[0], one_of(SOLVERS))}
+
+
+def search_values(project: Project) -> dict[str, Any]:
+    """The settings of the search as they stand in the form, for pages that do not show it too."""
+    return {key: field.value() for key, field in _search_fields(project).items()}
 
 
 def search_form(project: Project) -> dict[str, Any]:
     """The settings of the search and of the essential method, in an expander."""
-    defaults = search_defaults()
-    remembered(project, defaults)
+    fields = _search_fields(project)
     with st.expander("Settings of the search"):
         columns = st.columns(3)
-        for at, number in enumerate(NUMBERS):
-            kind = type(number.default)
+        for at, each in enumerate(NUMBERS):
+            kind = type(each.default)
             columns[at % 3].number_input(
-                number.title, kind(number.lowest), kind(number.highest), key=number.key,
-                format=number.format, help=number.help, on_change=keeper(project, number.key),
-                step=kind(1) if kind is int else number.default / 10,
+                each.title, *each.bounds, format=each.format, help=each.help,
+                step=kind(1) if kind is int else each.default / 10, **fields[each.key].widget(),
             )  # fmt: skip
         st.segmented_control(
-            "Solver of the essential matrix", ["constrained", "linear"], key="essential",
-            required=True, on_change=keeper(project, "essential"),
+            "Solver of the essential matrix", SOLVERS, required=True,
             help="Constrained: the best essential matrix. Linear: the textbook's 8-point estimate "
-            "alone, as the start of the searches.",
+            "alone, as the start of the searches.", **fields["essential"].widget(),
         )  # fmt: skip
-    return {key: st.session_state[key] for key in defaults}
+    return search_values(project)
 
 
 def settings_of(values: dict[str, Any]) -> CalibrationSettings:

@@ -11,9 +11,11 @@ from streamlit.runtime.scriptrunner import StopException
 from stereocal.errors import StereocalError
 from stereocal.limits import Limits
 from stereocal.store.server import ServerSettings
-from stereocal.ui.project import begin_forms_anew, forms_are_anew
+from stereocal.ui.fields import begin_page, end_page
+from stereocal.ui.project import begin_forms_anew, forms_are_sound, open_begun
 from stereocal.ui.texts import escape_markdown
-from stereocal.ui.told import forget_told, show_told
+from stereocal.ui.told import callback, forget_told, show_told
+from stereocal.ui.uploads import check_dropped
 
 TITLES = {
     "start": "Start",
@@ -59,7 +61,7 @@ def check_settings() -> None:
         ServerSettings.from_environment()
         Limits.from_environment()
     except StereocalError as error:
-        st.error(str(error))
+        st.error(escape_markdown(str(error)))
         st.stop()
 
 
@@ -87,29 +89,34 @@ def run_page(page: StreamlitPage) -> None:
     What a page does not foresee of a project on disk is said in a sentence. Where it fails over
     values of forms, as an older version or another page may have left them, the forms begin anew.
     """
+    callback(check_dropped)()
+    if open_begun() and page.url_path == "":
+        st.switch_page("pages/data.py")
     top = st.container()
     shown = show_told(top)
+    begin_page(page.url_path)
     try:
         _draw(page)
     except StopException:
+        end_page()
         forget_told(shown)
         raise
+    end_page()
     # What has come up meanwhile; a page that is drawn once more says it all again.
     forget_told(shown + show_told(top, shown))
 
 
 def _draw(page: StreamlitPage) -> None:
-    anew = forms_are_anew()
     try:
         page.run()
+        forms_are_sound()
     except StereocalError as error:
         st.error(escape_markdown(str(error)))
     except OSError as error:
         reason = f"{error.strerror or error}"
         st.error(escape_markdown(f"The project's folder cannot be used: {reason}."))
     except Exception:
-        if anew:
+        if not begin_forms_anew():
             raise  # it is not the forms
         _LOG.exception("A page could not be drawn; its forms begin anew.")
-        begin_forms_anew()
         st.rerun()

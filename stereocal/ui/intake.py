@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import pandas as pd
 import streamlit as st
@@ -35,33 +35,27 @@ from stereocal.project import Project
 from stereocal.store.photographs import ProjectPhotographs
 from stereocal.store.room import check_room
 from stereocal.ui import jobs
+from stereocal.ui.fields import Field, one_of, setting
 from stereocal.ui.project import noted, project_to_write
 from stereocal.ui.texts import escape_markdown as escape_markdown
-from stereocal.ui.told import callback
+from stereocal.ui.uploads import Upload as Upload
+from stereocal.ui.uploads import check_dropped, let_go
 
-UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 TITLES: Mapping[Slot, str] = {
     "correspondences": "Table of points (CSV)",
     "primary": "Camera file, primary",
     "secondary": "Camera file, secondary",
 }
 PHOTOGRAPHS = "Photographs"
-KIND_NEXT = "data_how_next"
-"""What the Data page shows next; a widget's value cannot be changed once it is drawn."""
+GIVEN_AS = ("Single files", PHOTOGRAPHS, "A zip", "A folder")
 _REFUSED, _SEEN = "refused", "uploads_seen"
 Unpack = Callable[[Path], Mapping[str, Path]]
 """Puts the photographs of a data set into a folder: names to files."""
 
 
-class Upload(Protocol):
-    """What Streamlit hands over of an uploaded file."""
-
-    name: str
-    file_id: str
-    size: int
-
-    def getvalue(self) -> bytes:
-        """The content."""
+def given_as(project: Project | None, usual: str) -> Field:
+    """How the data are given on the Data page."""
+    return setting(project, "data_how", usual, one_of(GIVEN_AS), tabs_own=True)
 
 
 def in_use(project: Project | None, slot: Slot) -> None:
@@ -77,6 +71,7 @@ def check_uploads(uploads: Sequence[Upload]) -> None:
     Raises:
         StereocalError: the limit, what was found, and the setting that changes it.
     """
+    check_dropped()
     limits = Limits.from_environment()
     limits.check_count(len(uploads), "The upload")
     limits.check_together(sum(upload.size for upload in uploads), "The upload")
@@ -131,30 +126,6 @@ def take_file(slot: Slot, upload: Upload | None) -> None:
     st.rerun()
 
 
-@callback
-def take_length(name: str, value_key: str, unit_key: str) -> None:
-    """The baseline or the distance, when its field or unit has changed (a callback)."""
-    value, unit = st.session_state.get(value_key), st.session_state.get(unit_key, "m")
-    metres = None if value is None else float(value) * UNITS[unit]
-    try:
-        project = project_to_write()
-        with noted(project):
-            project.keep_settings({unit_key: unit})
-            if not _only_unit_of_an_old_value(project, name, value_key):
-                given: dict[str, Any] = {name: metres}
-                project.give({}, **given)
-        settled()
-    except StereocalError as error:
-        refuse(error)
-
-
-def _only_unit_of_an_old_value(project: Project, name: str, value_key: str) -> bool:
-    """Whether another tab has changed the length since, and here only its unit was chosen."""
-    metres, shown = st.session_state.get(f"{value_key}_drawn", (None, None))
-    typed = st.session_state.get(value_key) != shown
-    return not typed and getattr(project.inputs, name) != metres
-
-
 def show_refusal() -> None:
     """What was refused last and why, until something is accepted."""
     refused: _Refusal | None = st.session_state.get(_REFUSED)
@@ -207,7 +178,9 @@ def _try_dataset(files: Mapping[str, bytes], source: str, unpack: Unpack) -> Non
     try:
         project = project_to_write()
         with noted(project):
-            give_dataset(project, files, source, unpack)
+            with_photographs = give_dataset(project, files, source, unpack)
+        if with_photographs:
+            given_as(project, PHOTOGRAPHS).set(PHOTOGRAPHS)
         settled()
     except RefusedRowsError as error:
         folder, _ = find_description(files, source)
@@ -242,8 +215,11 @@ def give_dataset(
     files: Mapping[str, bytes],
     source: str,
     unpack: Unpack = lambda _store: {},
-) -> None:
+) -> bool:
     """Put a whole data set into a project, in place of what it held.
+
+    Returns:
+        Whether it has photographs.
 
     Raises:
         StereocalError: what is wrong with it; the project holds what it held.
@@ -271,8 +247,7 @@ def give_dataset(
     )
     if not kept:  # a search that still runs is for targets of the data set before
         jobs.abandon(project, "photographs")
-    if photographs:
-        st.session_state[KIND_NEXT] = PHOTOGRAPHS
+    return bool(photographs)
 
 
 def survived(found: Mapping[str, Path]) -> dict[str, Path]:
@@ -323,5 +298,6 @@ def taking(*uploads: Upload) -> Iterator[None]:
         raise
     # The set itself first: no click can come between the end of the taking and this line.
     seen |= dealt_with
+    let_go(uploads)
     # To open another project empties the session.
     st.session_state[_SEEN] = seen

@@ -20,6 +20,7 @@ from stereocal.project import Project
 from stereocal.store.lens import WHICH, ProjectLens, Which
 from stereocal.store.state import DamagedError
 from stereocal.ui import jobs
+from stereocal.ui.fields import number, one_of, setting, some_of, yes_or_no
 from stereocal.ui.intake import (
     Upload,
     check_uploads,
@@ -31,9 +32,10 @@ from stereocal.ui.intake import (
     survived,
     take_file,
 )
-from stereocal.ui.project import current_project, keeper, project_to_write, remembered
+from stereocal.ui.project import current_project, project_to_write
 from stereocal.ui.samples import has_sample_photographs, load_sample_boards
 from stereocal.ui.told import callback, readable, tell
+from stereocal.ui.uploads import let_go
 
 BOARD, FILE = "Photographs of a board", "A camera file"
 CHESSBOARD, CHARUCO = "Chessboard", "ChArUco"
@@ -71,13 +73,13 @@ def show_cameras_in_use(project: Project | None) -> None:
 def choose_camera(project: Project | None) -> tuple[Which, str]:
     """Which camera, and where its lens comes from."""
     left, right = st.columns(2)
+    camera = setting(project, "lens_camera", WHICH[0], one_of(WHICH), tabs_own=True)
     which: Which = left.segmented_control(
-        "Camera", WHICH, default="primary", key="lens_camera", required=True,
-        format_func=str.capitalize,
-    )  # fmt: skip
-    how = right.segmented_control(
-        "I have", [BOARD, FILE], default=BOARD, key="lens_how", required=True
+        "Camera", WHICH, required=True, format_func=str.capitalize, **camera.widget()
     )
+    kinds = (BOARD, FILE)
+    way = setting(project, "lens_how", BOARD, one_of(kinds), tabs_own=True)
+    how = right.segmented_control("I have", kinds, required=True, **way.widget())
     if how == BOARD and has_sample_photographs() and not (project and _has_boards(project)):
         st.button("Try with sample photographs", key="sample_boards", on_click=load_sample_boards)
     return which, how
@@ -147,6 +149,7 @@ def take_boards(uploads: Sequence[Upload], which: Which) -> None:
     if found := survived(found):
         store.add(found)
     # A new key empties the uploader, which else holds every file in memory while the page is open.
+    let_go(uploads)
     st.session_state[_ROUND] += 1
     st.rerun()
 
@@ -157,43 +160,35 @@ def board_form(project: Project) -> BoardPattern:
     Raises:
         StereocalError: a board that cannot be.
     """
-    remembered(project, {
-        "board_kind": CHESSBOARD, "board_columns": 18, "board_rows": 12, "board_square_mm": 30.0,
-        "board_marker_mm": 22.5, "board_dictionary": "DICT_4X4_250",
-    })  # fmt: skip
-    kind, columns, rows, square = st.columns(4, vertical_alignment="bottom")
-    kind.segmented_control(
-        "Board", [CHESSBOARD, CHARUCO], key="board_kind", required=True,
-        on_change=keeper(project, "board_kind"),
-    )  # fmt: skip
-    for column, name, title in (
-        (columns, "board_columns", "Inner corners, one way"),
-        (rows, "board_rows", "Inner corners, other way"),
-    ):
-        column.number_input(
-            title, 3, 100, step=1, key=name, on_change=keeper(project, name),
+    kinds, corners, side = (CHESSBOARD, CHARUCO), (3, 100), (0.1, 10_000.0)
+    kind, *places, square = st.columns(4, vertical_alignment="bottom")
+    chosen = setting(project, "board_kind", CHESSBOARD, one_of(kinds))
+    board = kind.segmented_control("Board", kinds, required=True, **chosen.widget())
+    columns, rows = (
+        place.number_input(
+            f"Inner corners, {way} way", *corners, step=1,
             help="Where four squares meet: one less than squares. Paper: 18 and 12.",
-        )  # fmt: skip
-    square.number_input(
-        "Side of a square (mm)", 0.1, 10_000.0, step=1.0, key="board_square_mm", format="%.10g",
-        on_change=keeper(project, "board_square_mm"), help="The lens does not depend on it.",
+            **setting(project, name, usual, number(*corners)).widget(),
+        )
+        for place, way, name, usual in zip(
+            places, ("one", "other"), ("board_columns", "board_rows"), (18, 12), strict=True
+        )
+    )  # fmt: skip
+    square_mm = square.number_input(
+        "Side of a square (mm)", *side, step=1.0, format="%.10g",
+        help="The lens does not depend on it.",
+        **setting(project, "board_square_mm", 30.0, number(*side)).widget(),
     )  # fmt: skip
     dictionary, marker_m = None, None
-    if st.session_state["board_kind"] == CHARUCO:
+    if board == CHARUCO:
         left, right = st.columns(2)
-        dictionary = left.selectbox(
-            "Dictionary of the markers", DICTIONARIES, key="board_dictionary",
-            on_change=keeper(project, "board_dictionary"),
-        )  # fmt: skip
+        named = setting(project, "board_dictionary", "DICT_4X4_250", one_of(DICTIONARIES))
+        dictionary = left.selectbox("Dictionary of the markers", DICTIONARIES, **named.widget())
         marker_m = 1e-3 * right.number_input(
-            "Side of a marker (mm)", 0.1, 10_000.0, step=1.0, key="board_marker_mm",
-            format="%.10g", on_change=keeper(project, "board_marker_mm"),
+            "Side of a marker (mm)", *side, step=1.0, format="%.10g",
+            **setting(project, "board_marker_mm", 22.5, number(*side)).widget(),
         )  # fmt: skip
-    state = st.session_state
-    return BoardPattern(
-        state["board_columns"], state["board_rows"], 1e-3 * state["board_square_mm"], dictionary,
-        marker_m,
-    )  # fmt: skip
+    return BoardPattern(columns, rows, 1e-3 * square_mm, dictionary, marker_m)
 
 
 def lens_form(project: Project) -> LensSettings:
@@ -203,33 +198,31 @@ def lens_form(project: Project) -> LensSettings:
         StereocalError: a number out of its range.
     """
     paper = LensSettings()
-    defaults = {
-        "lens_subset": paper.subset, "lens_repeats": paper.repeats, "lens_seed": paper.seed,
-        "lens_fix_k3": paper.fix_k3, "lens_zero_tangential": paper.zero_tangential,
-    }  # fmt: skip
-    remembered(project, defaults)
     with st.expander("Settings of the calibration"):
-        for column, (name, title, lowest, highest, text) in zip(st.columns(3), (
-            ("lens_subset", "Photographs of a draw", 3, 1000,
-             "Fewer than there are. Paper: 20 of 50."),
-            ("lens_repeats", "Draws", 2, 1000, "The result is their median. Paper: 50."),
-            ("lens_seed", "Seed", 0, 2**31 - 1,
-             "Source of the random numbers: the same seed gives the same file."),
-        ), strict=True):  # fmt: skip
+        subset, repeats, seed = (
             column.number_input(
-                title, lowest, highest, step=1, key=name, help=text, on_change=keeper(project, name)
+                title, *bounds, step=1, help=text,
+                **setting(project, name, usual, number(*bounds)).widget(),
             )
+            for column, (name, title, usual, bounds, text) in zip(st.columns(3), (
+                ("lens_subset", "Photographs of a draw", paper.subset, (3, 1000),
+                 "Fewer than there are. Paper: 20 of 50."),
+                ("lens_repeats", "Draws", paper.repeats, (2, 1000),
+                 "The result is their median. Paper: 50."),
+                ("lens_seed", "Seed", paper.seed, (0, 2**31 - 1),
+                 "Source of the random numbers: the same seed gives the same file."),
+            ), strict=True)
+        )  # fmt: skip
         left, right = st.columns(2)
-        left.checkbox(
-            "Hold k3 at 0", key="lens_fix_k3", on_change=keeper(project, "lens_fix_k3"),
+        fix_k3 = left.checkbox(
+            "Hold k3 at 0", **setting(project, "lens_fix_k3", paper.fix_k3, yes_or_no).widget(),
             help="Steadier for long lenses, which bend little. Paper: not held.",
         )  # fmt: skip
-        right.checkbox(
-            "Hold p1 and p2 at 0", key="lens_zero_tangential",
-            on_change=keeper(project, "lens_zero_tangential"),
+        zero_tangential = right.checkbox(
+            "Hold p1 and p2 at 0",
+            **setting(project, "lens_zero_tangential", paper.zero_tangential, yes_or_no).widget(),
             help="If the lens surely stands square to the sensor. Paper: not held.",
         )  # fmt: skip
-    subset, repeats, seed, fix_k3, zero_tangential = (st.session_state[key] for key in defaults)
     return LensSettings(subset, repeats, seed, fix_k3, zero_tangential)
 
 
@@ -262,14 +255,11 @@ def _act(store: ProjectLens, pattern: BoardPattern, settings: LensSettings) -> j
 
 
 def _choose_left_out(store: ProjectLens, search: BoardSearch) -> list[str]:
-    key = f"leave_out_{store.which}"
-    remembered(store.project, {key: []})
     names = [view.name for view in search.views]
-    st.session_state[key] = [name for name in st.session_state[key] if name in names]
+    left_out = setting(store.project, f"leave_out_{store.which}", [], some_of(names))
     chosen: list[str] = st.multiselect(
-        "Photographs to leave out", names, key=key, on_change=keeper(store.project, key),
-        placeholder="none",
-    )  # fmt: skip
+        "Photographs to leave out", names, placeholder="none", **left_out.widget()
+    )
     return chosen
 
 

@@ -22,6 +22,7 @@ from stereocal.lens.preview import preview
 from stereocal.lens.quality import advice, hint, largest_shift_px
 from stereocal.lens.tables import lens_answer, lens_table
 from stereocal.store.lens import ProjectLens
+from stereocal.ui.fields import one_of, setting
 from stereocal.ui.intake import escape_markdown, refuse, settled
 from stereocal.ui.project import noted
 from stereocal.ui.results import show_figure
@@ -53,9 +54,10 @@ def show_lens(store: ProjectLens) -> None:
         "What the lens leaves": _show_field,
         "Without distortion": _show_preview,
     }
-    view = st.segmented_control(
-        "Look at", list(views), default=next(iter(views)), key="lens_view", required=True
+    shown = setting(
+        store.project, "lens_view", next(iter(views)), one_of(list(views)), tabs_own=True
     )
+    view = st.segmented_control("Look at", list(views), required=True, **shown.widget())
     views[view](store, lens)
     st.table(lens_table(lens))
     st.caption(
@@ -112,7 +114,8 @@ def _show_preview(store: ProjectLens, lens: LensCalibration) -> None:
     if not names:
         st.info("The photographs of this lens have been removed.")
         return
-    name = st.selectbox("Photograph", names, key=f"preview_{store.which}")
+    one = setting(store.project, f"preview_{store.which}", names[0], one_of(names), tabs_own=True)
+    name = st.selectbox("Photograph", names, **one.widget())
     view = next(view for view in lens.search.views if view.name == name)
     try:
         marked, straight = preview(photographs[name], lens.camera, view)

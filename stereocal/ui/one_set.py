@@ -33,8 +33,8 @@ from stereocal.refined.unknowns import RefineSettings
 from stereocal.refined.verdict import held_out, verdict
 from stereocal.summary import figures_of_set, summarise
 from stereocal.tables import digits, parameters_table, percent, refined_table
+from stereocal.ui.fields import number, one_of, setting, yes_or_no
 from stereocal.ui.intake import escape_markdown
-from stereocal.ui.project import keeper, remembered
 from stereocal.ui.refined import calibrated, curves_of, inputs_of, map_of
 from stereocal.ui.results import show_figure
 from stereocal.ui.validation import kept_protocol
@@ -123,22 +123,18 @@ def _show_trade_off(
 ) -> None:
     curves = curves_of(dataset, settings)
     if calibration is None or calibration.dataset.sha256 != dataset.sha256:
-        calibration = calibrated(dataset, kept_protocol(project, dataset).calibration)
+        calibration = calibrated(dataset, kept_protocol(project, [dataset]).calibration)
     sets: dict[Method, tuple[Pose, Camera, Camera]] = {
         "refined": (result.pose, result.primary, result.secondary)
     }
     for method, found in calibration.methods.items():
         sets[method] = (found.pose, dataset.primary, dataset.secondary)
     costs = costs_of(dataset, sets)
-    remembered(project, {"curve": FREED, "along": 50})
+    curve = setting(project, "curve", FREED, one_of((FREED, FIXED)))
+    along = setting(project, "along", 50, number(0, 100))
     left, right = st.columns(2)
-    which = left.segmented_control(
-        "Lenses", [FREED, FIXED], key="curve", required=True, on_change=keeper(project, "curve")
-    )
-    share = right.slider(
-        "From matching (0) to measuring (100)", 0, 100, key="along",
-        on_change=keeper(project, "along"),
-    )  # fmt: skip
+    which = left.segmented_control("Lenses", [FREED, FIXED], required=True, **curve.widget())
+    share = right.slider("From matching (0) to measuring (100)", 0, 100, **along.widget())
     points = _points(curves, which)
     chosen = points[round(share / 100 * (len(points) - 1))]
     show_figure(
@@ -167,12 +163,13 @@ def own_view(dataset: Dataset, primary: Camera, secondary: Camera) -> Dataset:
     return replace(dataset, primary=primary, secondary=secondary)
 
 
-def show_accuracy(result: RefinedResult, dataset: Dataset, settings: RefineSettings) -> None:
+def show_accuracy(
+    project: Project, result: RefinedResult, dataset: Dataset, settings: RefineSettings
+) -> None:
     """How accurate the rig is, where."""
-    shown = st.segmented_control(
-        "Predicted error of", ["a distance", "a point"], default="a distance", key="accuracy_of",
-        required=True,
-    )  # fmt: skip
+    kinds = ("a distance", "a point")
+    of = setting(project, "accuracy_of", kinds[0], one_of(kinds), tabs_own=True)
+    shown = st.segmented_control("Predicted error of", kinds, required=True, **of.widget())
     quantity: Quantity = "point" if shown == "a point" else "distance"
     found = map_of(dataset, settings)
     show_figure(
@@ -199,10 +196,9 @@ def show_parameters(
         "application/json", on_click="ignore", type="primary", icon=":material/download:",
         key="download_refined",
     )  # fmt: skip
-    remembered(project, {"refined_2d": False, "refined_3d": False})
     for key, job in (("refined_2d", "match"), ("refined_3d", "measure")):
         st.toggle(
-            f"Also {job} with the refined set", key=key, on_change=keeper(project, key),
+            f"Also {job} with the refined set", **setting(project, key, False, yes_or_no).widget(),
             help="The download on the Calibrate page is then the refined set.",
         )  # fmt: skip
 

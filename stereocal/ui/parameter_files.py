@@ -14,9 +14,11 @@ from stereocal.formats.pixel_origin import CORNERS, PixelOrigin
 from stereocal.formats.stereo import ExchangeOptions
 from stereocal.formats.zip_files import pack_zip
 from stereocal.parameters import RigParameters
+from stereocal.project import Project
 from stereocal.refine import RefinedResult
 from stereocal.refined.file import refined_parameters
 from stereocal.summary import summarise
+from stereocal.ui.fields import number, one_of, setting
 from stereocal.ui.intake import escape_markdown
 
 OURS = "stereocal"
@@ -47,7 +49,9 @@ def sets_of(
     return found
 
 
-def parameter_download(rig: RigParameters, key: str, file_name: str, main: bool = True) -> None:
+def parameter_download(
+    project: Project, rig: RigParameters, key: str, file_name: str, main: bool = True
+) -> None:
     """A menu of formats, what the other program will not know, and the download.
 
     Args:
@@ -55,13 +59,12 @@ def parameter_download(rig: RigParameters, key: str, file_name: str, main: bool 
         file_name: of our own file.
         main: whether the button is one of the page's main ones.
     """
-    chosen = st.selectbox(
-        "Format", list(TITLES), format_func=TITLES.__getitem__, key=f"format_{key}"
-    )
+    form = setting(project, f"format_{key}", OURS, one_of(list(TITLES)), tabs_own=True)
+    chosen = st.selectbox("Format", list(TITLES), format_func=TITLES.__getitem__, **form.widget())
     try:
         name, content = file_name, rig.dumps().encode()
         if chosen != OURS:
-            options = _dlt_options(key) if chosen == "dlt" else ExchangeOptions()
+            options = _dlt_options(project, key) if chosen == "dlt" else ExchangeOptions()
             name, content = packed(export_files(rig, chosen, options), file_name, chosen)
             for note in export_notes(rig, chosen):
                 st.caption(escape_markdown(note))
@@ -84,15 +87,16 @@ def packed(files: dict[str, bytes], file_name: str, chosen: str) -> tuple[str, b
     return f"{stem}_{chosen}.zip", pack_zip(files)
 
 
-def _dlt_options(which: str) -> ExchangeOptions:
+def _dlt_options(project: Project, which: str) -> ExchangeOptions:
     left, right = st.columns(2)
     corner = left.selectbox(
         "Points are counted from the", CORNERS, format_func=CORNER_TITLES.__getitem__,
-        key=f"dlt_corner_{which}",
+        **setting(project, f"dlt_corner_{which}", CORNERS[0], one_of(CORNERS)).widget(),
         help="Lower left: DLTdv5 to 7, Argus, easyWand. Upper left: DLTdv8.",
     )  # fmt: skip
     first = right.number_input(
-        "First pixel", 0.0, 1.0, 0.0, 0.5, key=f"dlt_first_{which}",
+        "First pixel", 0.0, 1.0, step=0.5,
+        **setting(project, f"dlt_first_{which}", 0.0, number(0.0, 1.0)).widget(),
         help="Coordinate of the centre of the first pixel: 1 for DLTdv8.",
     )  # fmt: skip
     return ExchangeOptions(origin=PixelOrigin(corner, first))

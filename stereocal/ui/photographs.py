@@ -17,13 +17,15 @@ from stereocal.inputs import Slot
 from stereocal.project import Project
 from stereocal.store.photographs import ProjectPhotographs
 from stereocal.ui import jobs
+from stereocal.ui.fields import one_of, setting
 from stereocal.ui.intake import (
-    KIND_NEXT,
+    GIVEN_AS,
     PHOTOGRAPHS,
     TITLES,
     Upload,
     check_uploads,
     escape_markdown,
+    given_as,
     in_use,
     keep_uploads,
     refuse,
@@ -35,22 +37,19 @@ from stereocal.ui.pairs import ROUND, clear, forget_base, show_pairs
 from stereocal.ui.project import project_to_write
 from stereocal.ui.review import show_frames
 from stereocal.ui.told import readable
+from stereocal.ui.uploads import let_go
 
 TOGETHER, FOLDER, APART = "Both cameras together", "A folder", "One camera after the other"
 KINDS = [*sorted(suffix.removeprefix(".") for suffix in SUFFIXES), "zip"]
 LENSES: tuple[Slot, ...] = ("primary", "secondary")
 
 
-def choose_kind(project: Project | None) -> str | None:
+def choose_kind(project: Project | None) -> str:
     """What the person has; photographs, if the project holds some."""
-    if KIND_NEXT in st.session_state:
-        st.session_state["data_how"] = st.session_state.pop(KIND_NEXT)
-    if "data_how" not in st.session_state:
-        there = project is not None and has_photographs(project)
-        st.session_state["data_how"] = PHOTOGRAPHS if there else "Single files"
-    return st.segmented_control(
-        "I have", ["Single files", PHOTOGRAPHS, "A zip", "A folder"], key="data_how"
-    )
+    there = project is not None and has_photographs(project)
+    how = given_as(project, PHOTOGRAPHS if there else GIVEN_AS[0])
+    kind: str = st.segmented_control("I have", GIVEN_AS, required=True, **how.widget())
+    return kind
 
 
 def has_photographs(project: Project) -> bool:
@@ -63,10 +62,9 @@ def has_photographs(project: Project) -> bool:
 
 def photographs_in(project: Project | None) -> None:
     """The uploaders, and what has been made of the photographs so far."""
-    how = st.segmented_control(
-        "They come as", [TOGETHER, FOLDER, APART], default=TOGETHER, key="photographs_how",
-        required=True,
-    )  # fmt: skip
+    ways = (TOGETHER, FOLDER, APART)
+    chosen = setting(project, "photographs_how", TOGETHER, one_of(ways), tabs_own=True)
+    how = st.segmented_control("They come as", ways, required=True, **chosen.widget())
     key = f"upload_photographs_{st.session_state.setdefault(ROUND, 0)}"
     if how == APART:
         for camera, column in zip(CAMERAS, st.columns(2), strict=True):
@@ -149,6 +147,7 @@ def take_photographs(uploads: Sequence[Upload], prefix: str = "") -> None:
         store.add(found)
     forget_base()
     # A new key empties the uploader, which else holds every file in memory while the page is open.
+    let_go(uploads)
     st.session_state[ROUND] += 1
     st.rerun()
 

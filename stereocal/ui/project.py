@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
+from concurrent.futures import Future
 from contextlib import contextmanager, suppress
 from datetime import datetime
 from pathlib import Path
-from typing import Any
 
 import streamlit as st
 
@@ -22,7 +22,8 @@ from stereocal.store.photographs import TABLE_LABEL
 from stereocal.store.projects import bring_back, removed_at
 from stereocal.store.server import ServerSettings
 from stereocal.store.sweep import sweep
-from stereocal.ui.told import callback, readable, tell
+from stereocal.ui.texts import escape_markdown
+from stereocal.ui.told import attempt, callback, readable, tell
 from stereocal.warming import compile_all
 
 SAMPLE = Path(__file__).parents[2] / "sample_data" / "field"
@@ -33,7 +34,8 @@ SLOT_TITLES: Mapping[str, Slot] = {
     "secondary camera": "secondary",
 }
 _ANEW = "forms_anew"
-_ID, _INPUTS, _SETTINGS = "project_id", "inputs_seen", "settings_seen"
+_BEGUN = "projects_begun"
+_ID, _INPUTS = "project_id", "inputs_seen"
 
 
 def keep_address() -> None:
@@ -58,7 +60,7 @@ def current_project() -> Project | None:
         return project
     except StereocalError as error:
         if not offer_removed():
-            st.error(str(error))
+            st.error(escape_markdown(str(error)))
             st.button("Start a new project", on_click=forget_project, type="primary")
         st.stop()
 
@@ -117,30 +119,39 @@ def open_project(project_id: str) -> None:
     st.query_params["project"] = project_id
 
 
+def begun() -> list[Future[Project]]:
+    """Projects that are being made for this tab, to be opened on whichever page comes next.
+
+    The list itself is handed to the callback that begins one. A click elsewhere ends a run at its
+    next access to the session, and a new run begins beside it: only what is shared stays.
+    """
+    making: list[Future[Project]] = st.session_state.setdefault(_BEGUN, [])
+    return making
+
+
+def open_begun() -> bool:
+    """Open the project that was begun last, once it is whole; False if there is none."""
+    making = begun()
+    if not making:
+        return False
+    with st.spinner("Opening the sample."):
+        project = attempt(making[-1].result)
+    if project is None:
+        making.clear()
+        return False
+    for key in list(st.session_state):
+        if key != _BEGUN:
+            del st.session_state[key]
+    st.session_state[_ID] = project.id
+    st.query_params["project"] = project.id
+    making.clear()
+    return True
+
+
 def forget_project() -> None:
     """Leave the current project; it stays on disk under its address."""
     st.session_state.clear()
     st.query_params.clear()
-
-
-def remembered(project: Project, defaults: Mapping[str, Any]) -> None:
-    """Give widgets their kept values, before they are drawn.
-
-    Session state forgets a widget that a page does not draw; the project does not.
-    """
-    kept = {} if st.session_state.get(_ANEW) == "now" else project.settings
-    seen: dict[str, Any] = st.session_state.setdefault(_SETTINGS, {})
-    for key, default in defaults.items():
-        if key not in st.session_state:
-            st.session_state[key] = kept.get(key, default)
-        elif key in kept and kept[key] != seen.get(key, default):
-            # Another tab has changed it: shown here too, so that neither takes the other's back.
-            if st.session_state[key] != kept[key]:
-                tell(
-                    "Settings were changed in another tab; they are shown as they are now.", "info"
-                )
-            st.session_state[key] = kept[key]
-        seen[key] = kept.get(key, default)
 
 
 def last_calibration(project: Project) -> Calibration | None:
@@ -153,41 +164,22 @@ def last_evaluation(project: Project) -> Evaluation | None:
     return readable(lambda: project.evaluation)
 
 
-def begin_forms_anew() -> None:
-    """Forget the values of all forms in this tab, and show the usual ones; none are kept yet."""
+def begin_forms_anew() -> bool:
+    """Forget what this tab holds of its forms; False if that was just done, and did not help."""
+    if st.session_state.get(_ANEW):
+        return False
     project_id = st.session_state.get(_ID)
     st.session_state.clear()
     if project_id is not None:
         st.session_state[_ID] = project_id
-    st.session_state[_ANEW] = "next"
+    st.session_state[_ANEW] = True
     tell("A form held values that cannot be used: it begins with the usual ones.", "info")
+    return True
 
 
-def forms_are_anew() -> bool:
-    """Whether the forms of the page that is drawn now show the usual values."""
-    if st.session_state.pop(_ANEW, None) == "next":
-        st.session_state[_ANEW] = "now"
-    return _ANEW in st.session_state
-
-
-def keeper(project: Project, key: str) -> Callable[[], None]:
-    """The callback that keeps the value of the widget `key` in the project."""
-
-    @callback
-    def keep() -> None:
-        keep_settings(project, {key: st.session_state[key]})
-
-    return keep
-
-
-def keep_settings(project: Project, values: Mapping[str, Any]) -> None:
-    """Keep values of forms in the project, and note that this tab has seen them.
-
-    Raises:
-        StereocalError: they cannot be kept.
-    """
-    project.keep_settings(values)
-    st.session_state.setdefault(_SETTINGS, {}).update(values)
+def forms_are_sound() -> None:
+    """A page was drawn with them."""
+    st.session_state.pop(_ANEW, None)
 
 
 def notice_others(project: Project) -> None:

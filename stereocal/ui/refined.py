@@ -25,7 +25,7 @@ from stereocal.refined.unknowns import (
     lens_prior,
 )
 from stereocal.ui import jobs
-from stereocal.ui.project import keeper, remembered
+from stereocal.ui.fields import Field, number, one_of, setting
 
 FREE, HELD = "Free, within their uncertainty", "Held as given"
 
@@ -47,12 +47,11 @@ def defaults(dataset: Dataset) -> dict[str, Any]:
 
 def refine_form(project: Project, dataset: Dataset) -> RefineSettings:
     """How well everything is known, in an expander."""
-    remembered(project, defaults(dataset))
+    fields = _fields(project, dataset)
     with st.expander("How well the inputs are known"):
         st.segmented_control(
-            "Lenses", [FREE, HELD], key="refine_lenses", required=True,
-            on_change=keeper(project, "refine_lenses"),
-        )  # fmt: skip
+            "Lenses", [FREE, HELD], required=True, **fields["refine_lenses"].widget()
+        )
         columns = st.columns(2)
         for at, (key, title, text) in enumerate(
             (
@@ -64,15 +63,24 @@ def refine_form(project: Project, dataset: Dataset) -> RefineSettings:
             )
         ):
             columns[at % 2].number_input(
-                title, 0.0, 1e5, key=key, help=text, format="%.4g", on_change=keeper(project, key)
+                title, 0.0, 1e5, help=text, format="%.4g", **fields[key].widget()
             )
-    return settings_of({key: st.session_state[key] for key in defaults(dataset)}, dataset)
+    return refine_settings(project, dataset)
+
+
+def _fields(project: Project, dataset: Dataset) -> dict[str, Field]:
+    return {
+        key: setting(
+            project, key, usual,
+            one_of((FREE, HELD)) if isinstance(usual, str) else number(0.0, 1e5),
+        )
+        for key, usual in defaults(dataset).items()
+    }  # fmt: skip
 
 
 def refine_settings(project: Project, dataset: Dataset) -> RefineSettings:
     """The settings of the form, also on pages that do not show it."""
-    kept = project.settings
-    values = {key: kept.get(key, value) for key, value in defaults(dataset).items()}
+    values = {key: field.value() for key, field in _fields(project, dataset).items()}
     return settings_of(values, dataset)
 
 

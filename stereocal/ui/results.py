@@ -21,14 +21,17 @@ from stereocal.figures import (
 )
 from stereocal.formats.dataset_files import pack_dataset
 from stereocal.formats.zip_files import pack_zip
+from stereocal.project import Project
 from stereocal.refine import RefinedResult
 from stereocal.tables import answer, results_table
+from stereocal.ui.fields import one_of, setting
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.parameter_files import parameter_download, sets_of
 from stereocal.ui.texts import TWO_FILES
 
 
 def show_result(
+    project: Project,
     calibration: Calibration,
     evaluation: Evaluation | None = None,
     refined: RefinedResult | None = None,
@@ -41,7 +44,7 @@ def show_result(
         instead: of "2d" and "3d", the purposes that the refined set is to serve.
     """
     for warning in calibration.warnings:
-        st.warning(warning)
+        st.warning(escape_markdown(warning))
     st.success(answer(calibration))
     sets = sets_of(calibration, evaluation, refined)
     if sets["2d"].validation is not None:
@@ -52,20 +55,19 @@ def show_result(
             chosen = "refined" if "refined" in sets and method in instead else method
             if chosen == "refined":
                 st.caption("Holds the refined set, as chosen on the page One set or two.")
-            parameter_download(sets[chosen], method, FILES[method])
+            parameter_download(project, sets[chosen], method, FILES[method])
     if "refined" in sets:
         st.markdown("One **refined** set for both, its lenses included:")
-        parameter_download(sets["refined"], "refined", REFINED, main=False)
+        parameter_download(project, sets["refined"], "refined", REFINED, main=False)
     st.table(results_table(calibration))
     views = {
         "Errors by frame": _show_frames,
         "The rig in 3D": _show_rig,
         "The searches": _show_searches,
     }
-    view = st.segmented_control(
-        "Look at", list(views), default="Errors by frame", key="view", required=True
-    )
-    views[view](calibration)
+    shown = setting(project, "view", next(iter(views)), one_of(list(views)), tabs_own=True)
+    view = st.segmented_control("Look at", list(views), required=True, **shown.widget())
+    views[view](project, calibration)
 
 
 def show_figure(figure: go.Figure, sentence: str, key: str) -> None:
@@ -86,17 +88,18 @@ def dataset_download(dataset: Dataset) -> None:
     )
 
 
-def _show_frames(calibration: Calibration) -> None:
+def _show_frames(_project: Project, calibration: Calibration) -> None:
     show_figure(plot_frame_errors(calibration), describe_frame_errors(calibration), "frames")
 
 
-def _show_rig(calibration: Calibration) -> None:
+def _show_rig(project: Project, calibration: Calibration) -> None:
+    seen = setting(project, "rig_method", "3d", one_of(METHODS), tabs_own=True)
     method = st.segmented_control(
-        "As seen with", METHODS, default="3d", key="rig_method",
-        format_func=lambda name: METHOD_NAMES[name], required=True,
+        "As seen with", METHODS, format_func=lambda name: METHOD_NAMES[name], required=True,
+        **seen.widget(),
     )  # fmt: skip
     show_figure(plot_rig(calibration, method), describe_rig(calibration, method), "rig")
 
 
-def _show_searches(calibration: Calibration) -> None:
+def _show_searches(_project: Project, calibration: Calibration) -> None:
     show_figure(plot_traces(calibration), describe_traces(calibration), "traces")

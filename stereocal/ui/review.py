@@ -32,23 +32,38 @@ from stereocal.frames.thumbnails import eight_bits
 from stereocal.store.photographs import ProjectPhotographs
 from stereocal.store.review import change_review, read_review, undo_lost
 from stereocal.ui.contact_sheet import BADGES, show_contact_sheet
+from stereocal.ui.fields import Field, one_of, setting, yes_or_no
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.picker import Mark, Pick, Shown, encode, pick
-from stereocal.ui.project import keep_settings, keeper, remembered
 from stereocal.ui.told import callback
 
 ALL, ONE = "All frames", "One frame"
 NEAREST = "Nearest"
-FRAME, VIEW, TARGET, RAW = "review_frame", "frames_view", "review_target", "review_raw"
+WANTED = (NEAREST, *TARGETS)
 _SAID = "review_said"
+
+
+def _view(store: ProjectPhotographs) -> Field:
+    return setting(store.project, "frames_view", ALL, one_of((ALL, ONE)))
+
+
+def _frame(store: ProjectPhotographs, numbers: Sequence[int] = ()) -> Field:
+    """The frame that is looked at; without the list of those there are, whatever was chosen."""
+    first = numbers[0] if numbers else 0
+    return setting(store.project, "review_frame", first, one_of(numbers) if numbers else int)
+
+
+def _target(store: ProjectPhotographs) -> Field:
+    return setting(store.project, "review_target", NEAREST, one_of(WANTED), tabs_own=True)
+
+
+def _raw(store: ProjectPhotographs) -> Field:
+    return setting(store.project, "review_raw", False, yes_or_no, tabs_own=True)
 
 
 def show_frames(store: ProjectPhotographs, frames: Sequence[Frame], running: bool) -> None:
     """All frames or one, as the person chooses; the choice outlives the page."""
-    remembered(store.project, {VIEW: ALL})
-    view = st.segmented_control(
-        "Look at", [ALL, ONE], key=VIEW, required=True, on_change=keeper(store.project, VIEW)
-    )
+    view = st.segmented_control("Look at", [ALL, ONE], required=True, **_view(store).widget())
     if view == ONE and frames:
         _show_one(store, running)
     else:
@@ -70,15 +85,13 @@ def _show_one(store: ProjectPhotographs, running: bool) -> None:
         st.warning(escape_markdown(lost))
     _decide(store, review, frame, running)
     left, right = st.columns(2, vertical_alignment="bottom")
-    left.segmented_control(
-        "A click moves target", [NEAREST, *TARGETS], key=TARGET, required=True, default=NEAREST
-    )
+    left.segmented_control("A click moves target", WANTED, required=True, **_target(store).widget())
     right.toggle(
-        "Keep the raw click", key=RAW,
+        "Keep the raw click", **_raw(store).widget(),
         help="The centre goes exactly where you click, also with the shift key held. Otherwise it "
         "goes to the fitted corner near the click.",
     )  # fmt: skip
-    _show_said(frame)
+    _show_said(store, frame)
     for camera, column in enumerate(st.columns(2)):
         with column:
             _show_photograph(store, frame, camera, running)
@@ -93,14 +106,12 @@ def _show_one(store: ProjectPhotographs, running: bool) -> None:
 def _choose_frame(store: ProjectPhotographs, review: Review) -> Frame:
     """The frame to look at, with the ways to go on."""
     numbers = sorted(frame.frame for frame in review.frames)
-    remembered(store.project, {FRAME: numbers[0]})
-    if st.session_state[FRAME] not in numbers:
-        st.session_state[FRAME] = numbers[0]
-    number: int = st.session_state[FRAME]
+    shown = _frame(store, numbers)
+    number: int = shown.value()
     doubtful = next_doubtful(review.frames, number)
     left = sum(is_open(frame) for frame in review.frames)
     chosen, buttons = st.columns([1, 3], vertical_alignment="bottom")
-    chosen.selectbox("Frame", numbers, key=FRAME, on_change=keeper(store.project, FRAME))
+    chosen.selectbox("Frame", numbers, **shown.widget())
     with buttons, st.container(horizontal=True):
         for label, key, step in (("Previous", "p", -1), ("Next", "n", 1)):
             to = beside(review.frames, number, step)
@@ -184,8 +195,8 @@ def take_pick(store: ProjectPhotographs, number: int, camera: int, click: Pick) 
 
     A click in a photograph that is no longer shown is not one.
     """
-    wanted = st.session_state.get(TARGET, NEAREST)
-    raw = click.raw or bool(st.session_state.get(RAW))
+    wanted = _target(store).value()
+    raw = click.raw or _raw(store).value()
     placed = ""
 
     def change(now: Review) -> Review:
@@ -247,7 +258,7 @@ def take_back(store: ProjectPhotographs, seen: Edit | None) -> None:
     try:
         change_review(store, change)
     except StereocalError as error:
-        _say(st.session_state.get(FRAME, 0), str(error), refused=True)
+        _say(_frame(store).shown() or 0, str(error), refused=True)
         return
     if seen:
         _go_to(store, seen.after.frame)
@@ -257,15 +268,13 @@ def take_back(store: ProjectPhotographs, seen: Edit | None) -> None:
 @callback
 def look_closely(store: ProjectPhotographs, number: int) -> None:
     """Show one frame (a callback)."""
-    st.session_state[VIEW] = ONE
-    keep_settings(store.project, {VIEW: ONE})
+    _view(store).set(ONE)
     _go_to(store, number)
 
 
 @callback
 def _go_to(store: ProjectPhotographs, number: int) -> None:
-    st.session_state[FRAME] = number
-    keep_settings(store.project, {FRAME: number})
+    _frame(store).set(number)
     st.session_state.pop(_SAID, None)
 
 
@@ -273,13 +282,13 @@ def _say(number: int, sentence: str, refused: bool = False) -> None:
     st.session_state[_SAID] = (number, sentence, refused)
 
 
-def _show_said(frame: Frame) -> None:
+def _show_said(store: ProjectPhotographs, frame: Frame) -> None:
     """How the last edit of this frame went; before the first what to do, so that nothing shifts."""
     said: tuple[int, str, bool] | None = st.session_state.get(_SAID)
     if said and said[0] == frame.frame and said[1]:
         (st.warning if said[2] else st.success)(escape_markdown(said[1]))
     else:
-        where = "to where you click" if st.session_state.get(RAW) else "to the fitted corner there"
+        where = "to where you click" if _raw(store).value() else "to the fitted corner there"
         st.info(f"Click near the middle of a target: it moves {where}.")
 
 

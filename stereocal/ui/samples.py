@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future
 from pathlib import Path
 
 from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import pack_dataset, read_dataset
 from stereocal.formats.photograph_files import Photographs, keep_photograph, photographs_in
 from stereocal.project import Project
+from stereocal.store.folders import default_home
 from stereocal.store.lens import WHICH, ProjectLens
 from stereocal.store.room import check_room
 from stereocal.ui.intake import give_dataset, refuse, settled
-from stereocal.ui.project import SAMPLE, new_project, project_to_write
+from stereocal.ui.jobs import pool
+from stereocal.ui.project import SAMPLE, project_to_write
 
 PHOTOGRAPHS = SAMPLE.parent / "photographs"
 DESCRIPTION = ("dataset.json", "primary.json", "secondary.json")
@@ -23,25 +26,33 @@ def has_sample_photographs() -> bool:
     return PHOTOGRAPHS.is_dir()
 
 
-def load_sample() -> None:
-    """Begin a project with the sample data set of points.
+def begin_sample(making: list[Future[Project]], make: Callable[[], Project]) -> None:
+    """Make a sample's project, which the next run of any page opens (a callback)."""
+    making.append(pool("samples").submit(make))
+
+
+def sample_points() -> Project:
+    """A project with the sample data set of points.
 
     Raises:
         StereocalError: the sample cannot be read, or the disk is full.
     """
-    give_dataset(new_project(), pack_dataset(read_dataset(SAMPLE)), "sample data")
+    project = Project.create(default_home())
+    give_dataset(project, pack_dataset(read_dataset(SAMPLE)), "sample data")
+    return project
 
 
-def load_sample_photographs() -> None:
-    """Begin a project with photographs of the bar and of the boards, the lenses and the lengths.
+def sample_photographs() -> Project:
+    """A project with photographs of the bar and of the boards, the lenses and the lengths.
 
     Raises:
         StereocalError: the sample cannot be read, or the disk is full.
     """
-    project = new_project()
+    project = Project.create(default_home())
     files = {name: (PHOTOGRAPHS / name).read_bytes() for name in DESCRIPTION}
     give_dataset(project, files, "sample photographs", _keep_bars)
     _give_boards(project)
+    return project
 
 
 def load_sample_boards() -> None:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
+
+import pandas as pd
 
 PICTURE = Path(__file__).parents[2] / "assets" / "how_it_works.svg"
 
@@ -57,6 +60,34 @@ uncertainty. Where these were a little wrong, one refined set can do both jobs b
 """
 
 
+_LINK = re.compile(r"\S*(?:://|www\.|@)\S*", re.IGNORECASE)
+"""A word that Streamlit's Markdown makes a link or a mail address of, though all its signs are
+escaped. Code it leaves as it is."""
+
+
 def escape_markdown(text: str) -> str:
-    """Text of a file, such as its name, that Streamlit must not take for markup."""
+    """Text of a file, such as its name, that Streamlit must not take for markup, nor for a link."""
+    parts, end = [], 0
+    for word in _LINK.finditer(text):
+        parts += [_escaped(text[end : word.start()]), _code(word[0])]
+        end = word.end()
+    return "".join([*parts, _escaped(text[end:])])
+
+
+def escaped_table(table: pd.DataFrame) -> pd.DataFrame:
+    """A table whose cells and headings hold text of a file: `st.table` takes them for Markdown."""
+    safe = table.map(lambda cell: escape_markdown(cell) if isinstance(cell, str) else cell)
+    return safe.rename(
+        index=lambda name: escape_markdown(str(name)),
+        columns=lambda name: escape_markdown(str(name)),
+    )
+
+
+def _escaped(text: str) -> str:
     return "".join(f"\\{sign}" if sign in "\\`*_{}[]<>#$~|:" else sign for sign in text)
+
+
+def _code(word: str) -> str:
+    fence = "`" * (max(map(len, re.findall("`+", word)), default=0) + 1)
+    space = " " * (word.startswith("`") or word.endswith("`"))
+    return f"{fence}{space}{word}{space}{fence}"

@@ -43,17 +43,23 @@ def forget_told(told: Sequence[Told]) -> None:
     st.session_state[_TOLD] = [one for one in st.session_state.get(_TOLD, []) if one not in told]
 
 
+def attempt(act: Callable[[], T]) -> T | None:
+    """What an act returns; None where it is refused, which is told."""
+    try:
+        return act()
+    except StereocalError as error:
+        tell(str(error))
+    except OSError as error:
+        tell(f"The project's folder cannot be used: {error.strerror or error}.")
+    return None
+
+
 def callback(act: Callable[P, object]) -> Callable[P, None]:
     """A callback whose refusal is told."""
 
     @wraps(act)
     def run(*arguments: P.args, **named: P.kwargs) -> None:
-        try:
-            act(*arguments, **named)
-        except StereocalError as error:
-            tell(str(error))
-        except OSError as error:
-            tell(f"The project's folder cannot be used: {error.strerror or error}.")
+        attempt(lambda: act(*arguments, **named))
 
     return run
 

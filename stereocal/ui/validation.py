@@ -32,9 +32,9 @@ from stereocal.report import report_html
 from stereocal.summary import summarise_all
 from stereocal.tables import validation_answer, validation_table
 from stereocal.ui import jobs
-from stereocal.ui.forms import search_defaults, search_form, settings_of
+from stereocal.ui.fields import Field, number, one_of, setting, yes_or_no
+from stereocal.ui.forms import search_form, search_values, settings_of
 from stereocal.ui.intake import check_uploads, escape_markdown, is_new, taking
-from stereocal.ui.project import keeper, remembered
 from stereocal.ui.refined import refine_settings
 from stereocal.ui.results import show_figure
 from stereocal.ui.told import callback
@@ -42,6 +42,7 @@ from stereocal.ui.told import callback
 NINETEEN = Path(__file__).parents[2] / "sample_data" / "nineteen"
 MINE, ALL, PAPER = "My data set", "All my data sets", "Nineteen synthetic rigs"
 STAGES = ("runs",)
+BIN_WIDTHS = (0.02, 0.04, 0.1, 0.2, 0.5)
 INSTANT = 120
 """Runs of 25 frames that take less than a second: those are computed as the controls move."""
 SCROLLS = """<style>
@@ -60,13 +61,8 @@ def choose_data(project: Project, own: Dataset) -> list[Dataset]:
     """The data sets to validate on."""
     more = project.more_datasets
     kinds = [MINE, *([ALL] if more else []), *([PAPER] if NINETEEN.is_dir() else [])]
-    remembered(project, {"validate_on": MINE})
-    if st.session_state["validate_on"] not in kinds:
-        st.session_state["validate_on"] = MINE
-    kind = st.segmented_control(
-        "Validate on", kinds, key="validate_on", required=True,
-        on_change=keeper(project, "validate_on"),
-    )  # fmt: skip
+    chosen = setting(project, "validate_on", MINE, one_of(kinds))
+    kind = st.segmented_control("Validate on", kinds, required=True, **chosen.widget())
     with st.expander(f"Further data sets to pool and compare ({len(more)} loaded)"):
         _further(project, more)
     if kind == PAPER:
@@ -80,25 +76,28 @@ def choose_protocol(project: Project, datasets: Sequence[Dataset]) -> Evaluation
     Raises:
         StereocalError: settings that contradict each other.
     """
-    fewest = min(len(dataset.correspondences.frames) for dataset in datasets)
-    most = max(fewest - 2, 2)
-    remembered(project, {"validate_runs": 100, "validate_frames": usual_frames(fewest)})
-    st.session_state["validate_frames"] = min(st.session_state["validate_frames"], most)
+    runs, frames, most = _protocol_fields(project, datasets)
     left, right = st.columns(2)
     left.slider(
-        "Runs", 10, 500, step=10, key="validate_runs", on_change=keeper(project, "validate_runs"),
-        help="How often frames are drawn anew. Paper: 100.",
+        "Runs", 10, 500, step=10, help="How often frames are drawn anew. Paper: 100.",
+        **runs.widget(),
     )  # fmt: skip
     right.slider(
-        "Frames to calibrate with; the others test", 1, most, key="validate_frames",
-        on_change=keeper(project, "validate_frames"), help="Paper: 20 of 25.",
+        "Frames to calibrate with; the others test", 1, most, help="Paper: 20 of 25.",
+        **frames.widget(),
     )  # fmt: skip
-    values = search_form(project)
-    return EvaluationSettings(
-        settings_of(values),
-        st.session_state["validate_runs"],
-        st.session_state["validate_frames"],
-        refine_settings(project, datasets[0]) if len(datasets) == 1 else RefineSettings(),
+    search_form(project)
+    return kept_protocol(project, datasets)
+
+
+def _protocol_fields(project: Project, datasets: Sequence[Dataset]) -> tuple[Field, Field, int]:
+    """Runs, frames to calibrate with, and how many those may be."""
+    fewest = min(len(dataset.correspondences.frames) for dataset in datasets)
+    most = max(fewest - 2, 2)
+    return (
+        setting(project, "validate_runs", 100, number(10, 500)),
+        setting(project, "validate_frames", min(usual_frames(fewest), most), number(1, most)),
+        most,
     )
 
 
@@ -107,20 +106,18 @@ def usual_frames(frames: int) -> int:
     return max(4 * frames // 5, 1)
 
 
-def kept_protocol(project: Project, dataset: Dataset) -> EvaluationSettings:
-    """The protocol as it stands in the form of this page, for pages that do not show it.
+def kept_protocol(project: Project, datasets: Sequence[Dataset]) -> EvaluationSettings:
+    """The protocol as it stands in the form of this page, for pages that do not show it too.
 
     Raises:
         StereocalError: settings that contradict each other.
     """
-    kept = project.settings
-    frames = len(dataset.correspondences.frames)
-    most = max(frames - 2, 2)
+    runs, frames, _ = _protocol_fields(project, datasets)
     return EvaluationSettings(
-        settings_of({key: kept.get(key, value) for key, value in search_defaults().items()}),
-        kept.get("validate_runs", 100),
-        min(kept.get("validate_frames", usual_frames(frames)), most),
-        refine_settings(project, dataset),
+        settings_of(search_values(project)),
+        runs.value(),
+        frames.value(),
+        refine_settings(project, datasets[0]) if len(datasets) == 1 else RefineSettings(),
     )
 
 
@@ -186,20 +183,21 @@ def show_evaluation(
             "The form or the data have changed since this validation. It shows what it was made "
             f"with: {describe_protocol(evaluation)}"
         )
-    remembered(project, {"bin_width": 0.1})
+    bins = setting(project, "bin_width", 0.1, one_of(BIN_WIDTHS))
     names = evaluation.names
-    pooled, by_dataset = summarise_all(names, evaluation.runs, st.session_state["bin_width"])
+    pooled, by_dataset = summarise_all(names, evaluation.runs, bins.value())
+    refined = setting(project, "with_refined", True, yes_or_no, tabs_own=True)
     if not st.toggle(
-        "With the refined method", True, key="with_refined",
+        "With the refined method", **refined.widget(),
         help="One set, fitted to images and lengths at once. The paper has the other three.",
     ):  # fmt: skip
         pooled.pop("refined", None)
         for own in by_dataset.values():
             own.pop("refined", None)
     st.success(validation_answer(pooled))
-    wide = st.segmented_control(
-        "Show", ["All three", *COLUMNS.values()], default="All three", key="columns", required=True
-    )
+    panels = ["All three", *COLUMNS.values()]
+    shown = setting(project, "columns", panels[0], one_of(panels), tabs_own=True)
+    wide = st.segmented_control("Show", panels, required=True, **shown.widget())
     columns = [key for key, title in COLUMNS.items() if wide in ("All three", title)]
     if len(columns) > 1:
         st.html(SCROLLS)
@@ -207,8 +205,8 @@ def show_evaluation(
         st.plotly_chart(plot_validation(pooled, columns), key="validation")
     st.caption(escape_markdown(describe_validation(pooled)))
     st.select_slider(
-        "Width of the bins (decades)", [0.02, 0.04, 0.1, 0.2, 0.5], key="bin_width",
-        on_change=keeper(project, "bin_width"), help="The overlap depends on it a little.",
+        "Width of the bins (decades)", BIN_WIDTHS, help="The overlap depends on it a little.",
+        **bins.widget(),
     )  # fmt: skip
     st.table(validation_table(pooled))
     if len(names) > 1:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import pandas as pd
@@ -25,9 +27,11 @@ from stereocal.formats.point_answers import (
 from stereocal.formats.point_files import PointLayout
 from stereocal.project import Project
 from stereocal.store.application import Asked, ProjectApplication, Side
+from stereocal.ui.fields import Fit, number, one_of, setting, yes_or_no
 from stereocal.ui.intake import escape_markdown, refuse, settled
 from stereocal.ui.parameter_files import CORNER_TITLES
 from stereocal.ui.project import noted
+from stereocal.ui.texts import escaped_table
 from stereocal.ui.told import callback
 
 PREVIEW_ROWS = 5
@@ -45,15 +49,14 @@ def ask_about_points(store: ProjectApplication, side: Side, image_height: int | 
         try:
             layout = layout_of(content, label)
             _say_layout(label, layout, f"{side} camera")
-            form = proposed = _Form(store.project, f"wizard_{side}", layout)
+            form = _Form(store.project, f"wizard_{side}", layout)
             if not can_choose_columns(layout) and st.toggle(
-                "It is another table: I choose its columns", key=form.begin("by_hand", False)
+                "It is another table: I choose its columns",
+                **form.field("by_hand", False, yes_or_no),
             ):
                 by_hand = layout_by_hand(content, label)
                 form = _Form(store.project, f"wizard_{side}_hand", by_hand)
-                proposed.keep({"by_hand": True})
             answers = _point_form(form, side, content, label, image_height)
-            form.keep(answers.to_json())
             if answers.corner == "lower-left" and answers.image_height is None:
                 st.info("Give the image height: the points are counted from the lower left.")
                 _aside(store, side)
@@ -79,7 +82,6 @@ def ask_about_bars(store: ProjectApplication) -> None:
             _say_layout(label, layout, "bar")
             form = _Form(store.project, "wizard_bars", layout)
             answers = _bar_form(form)
-            form.keep(answers.to_json())
             if answers.corner == "lower-left" and None in answers.image_heights:
                 st.info("Give the image heights: the points are counted from the lower left.")
                 _aside(store, "bars")
@@ -102,42 +104,20 @@ def ask_about_bars(store: ProjectApplication) -> None:
         _buttons(store, "bars", use)
 
 
+@dataclass(frozen=True)
 class _Form:
-    """Widgets whose values begin as they were answered last time, for the same program."""
+    """The fields of the questions about a file, whose answers are kept for each program."""
 
-    def __init__(self, project: Project, key: str, layout: PointLayout) -> None:
-        self.project, self.key, self.layout = project, key, layout
-        self.kept: dict[str, Any] = project.settings.get(key, {})
-        if self.kept.get("program") != self.layout.program:
-            self.kept = {}
+    project: Project
+    key: str
+    layout: PointLayout
 
-    def begin(self, name: str, default: Any, allowed: Any = None) -> str:
-        """Give a widget its first value; its key."""
+    def field(self, name: str, usual: Any, fit: Fit) -> dict[str, Any]:
+        """Key and callback of a widget, which begins as it was answered last time."""
         key = f"{self.key}_{name}"
-        of_program = f"{self.key}_program"
-        if st.session_state.get(of_program) != self.layout.program:
-            for other in [each for each in st.session_state if str(each).startswith(self.key)]:
-                del st.session_state[other]
-            st.session_state[of_program] = self.layout.program
-        value = self.kept.get(name, default)
-        if key not in st.session_state:
-            st.session_state[key] = default if allowed and value not in allowed else value
-        elif allowed and st.session_state[key] not in allowed:
-            st.session_state[key] = default
-        return key
-
-    def keep(self, answers: dict[str, Any]) -> None:
-        """Keep the answers for the next file, and for after a refresh."""
-        flat = {"program": self.layout.program, **answers}
-        for name, parts in (
-            ("columns", ("frame", "u", "v")),
-            ("cameras", ("camera_0", "camera_1")),
-            ("ends", ("end_0", "end_1")),
-            ("image_heights", ("height_0", "height_1")),
-        ):
-            flat |= dict(zip(parts, answers.get(name) or (), strict=False))
-        if flat != self.kept:
-            self.project.keep_settings({self.key: flat})
+        return setting(
+            self.project, key, usual, fit, name=f"{key} of {self.layout.program}"
+        ).widget()
 
 
 def _say_layout(label: str, layout: PointLayout, what: str) -> None:
@@ -153,18 +133,22 @@ def _point_form(
     first = first_answers(layout, 0 if side == "primary" else 1, image_height)
     camera = first.camera
     if len(layout.cameras) > 1:
-        key = form.begin("camera", first.camera, layout.cameras)
-        camera = st.selectbox(f"The {side} camera is", layout.cameras, key=key)
+        one = form.field("camera", first.camera, one_of(layout.cameras))
+        camera = st.selectbox(f"The {side} camera is", layout.cameras, **one)
     columns = _columns(form, content, label, first) if can_choose_columns(layout) else None
     corner, flip, first_pixel = _origin(form, first.corner)
     height = _height(form, "image_height", "Image height (px)", first.image_height, corner)
     per_unit, likelihood = 1.0, 0.0
     if layout.program == "TrackMate" or columns is not None:
-        key = form.begin("px_per_unit", first.px_per_unit)
-        per_unit = st.number_input("Pixels per unit of the file", 1e-9, key=key, format="%.6g")
+        per_unit = st.number_input(
+            "Pixels per unit of the file", 1e-9, format="%.6g",
+            **form.field("px_per_unit", first.px_per_unit, number(1e-9)),
+        )  # fmt: skip
     if any(each.likelihood is not None for each in layout.columns):
-        key = form.begin("least_likelihood", first.least_likelihood)
-        likelihood = st.number_input("Least likelihood", 0.0, 1.0, step=0.05, key=key)
+        likelihood = st.number_input(
+            "Least likelihood", 0.0, 1.0, step=0.05,
+            **form.field("least_likelihood", first.least_likelihood, number(0.0, 1.0)),
+        )  # fmt: skip
     return dataclasses.replace(
         first, camera=camera, corner=corner, flip=flip, first_pixel=first_pixel,
         image_height=height, px_per_unit=per_unit, least_likelihood=likelihood, columns=columns,
@@ -180,8 +164,8 @@ def _bar_form(form: _Form) -> BarAnswers:
         ("Target A", "end_0", layout.points),
         ("Target B", "end_1", layout.points),
     ):
-        key = form.begin(name, options[int(name[-1])], options)
-        chosen[name] = st.selectbox(title, options, key=key)
+        one = form.field(name, options[int(name[-1])], one_of(options))
+        chosen[name] = st.selectbox(title, options, **one)
     corner, flip, first_pixel = _origin(form, layout.origin.corner, layout.origin.first_pixel)
     heights = [
         _height(form, f"height_{k}", f"Image height, {which} (px)",
@@ -205,11 +189,11 @@ def _columns(
         st.columns(3), (("frame", frame), ("u", u), ("v", v)), strict=True
     ):
         options = [None, *numbers] if name == "frame" else list(numbers)
-        key = form.begin(name, default, options)
         chosen.append(
             column.selectbox(
-                f"Column of {name}", options, key=key,
+                f"Column of {name}", options,
                 format_func=lambda at: COUNTED if at is None else names[at],
+                **form.field(name, default, one_of(options)),
             )
         )  # fmt: skip
     return chosen[0], int(chosen[1] or 0), int(chosen[2] or 0)
@@ -222,17 +206,18 @@ def _origin(
     start = form.layout.origin.first_pixel if first_pixel is None else first_pixel
     chosen = left.selectbox(
         "Points are counted from the", CORNERS, format_func=CORNER_TITLES.__getitem__,
-        key=form.begin("corner", corner, CORNERS),
+        **form.field("corner", corner, one_of(CORNERS)),
     )  # fmt: skip
     pixel = middle.number_input(
-        "The first pixel's centre is at", step=0.5, key=form.begin("first_pixel", start),
+        "The first pixel's centre is at", step=0.5,
         help="0 here and in OpenCV, 1 in MATLAB and DLTdv8, 0.5 in COLMAP.",
+        **form.field("first_pixel", float(start), number(-math.inf)),
     )  # fmt: skip
     flip: Flip = "h"
     if chosen == "lower-left":
         flip = right.selectbox(
             "Height h counts as", FLIPS, format_func=FLIP_TITLES.__getitem__,
-            key=form.begin("flip", form.layout.origin.flip, FLIPS),
+            **form.field("flip", form.layout.origin.flip, one_of(FLIPS)),
         )  # fmt: skip
     return chosen, flip, pixel
 
@@ -241,13 +226,14 @@ def _height(form: _Form, name: str, title: str, known: int | None, corner: Corne
     """The image height, which only a file that counts from the lower left needs."""
     if corner == "upper-left":
         return known
-    key = form.begin(name, known)
-    return st.number_input(title, min_value=1, value=None, step=1, key=key)
+    field = form.field(name, known, number(1, or_none=True))
+    height: int | None = st.number_input(title, min_value=1, value=None, step=1, **field)
+    return height
 
 
 def _show_preview(table: pd.DataFrame) -> None:
     st.caption("The first rows as they will be read, counted from the upper left, first pixel 0:")
-    st.table(table)
+    st.table(escaped_table(table))
 
 
 def _buttons(store: ProjectApplication, asked: Asked, use: Callable[[], None]) -> None:

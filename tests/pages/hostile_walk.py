@@ -102,8 +102,7 @@ def give(door: Door, content: bytes, project: Project) -> str:
     app.run().switch_page(f"pages/{door.page}.py").run()
     if door.choose:
         key, value = door.choose
-        app.session_state[key] = value
-        app.run()
+        app.segmented_control(key=key).set_value(value).run()
     app.file_uploader(key=door.uploader).upload(door.name, content)
     app.run()
     shown = tracebacks(app)

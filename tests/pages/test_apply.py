@@ -213,7 +213,7 @@ def test_a_long_work_runs_as_a_job(
 
 
 def test_sets_used_for_the_wrong_purpose_and_of_another_rig(app: AppTest, home: Path) -> None:
-    with_files(app)
+    with_files(app).number_input(key="apply_threshold").set_value(0.7).run()
     give_sets(app, SET_3D, SET_2D)
     assert "Match with parameters_2d.json" in said(app, "warning")
     assert "Measure with parameters_3d.json" in said(app, "warning")

@@ -98,6 +98,7 @@ CACHES = {
     "review._shown": "by the digest of the photograph's content, in its file's name",
     "apply.whole_table": "by the file's path, below the project's folder",
     "apply._sample": "by the files' paths, below the project's folder",
+    "apply._chosen": "by the files' paths, below the project's folder, and the whole set",
     "apply_results._read": "by the file's path, below the project's folder",
     **{
         f"refined.{name}": "by all numbers, the name, the notes and the settings"

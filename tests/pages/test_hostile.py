@@ -68,8 +68,7 @@ def test_a_file_that_crashes_its_decoder(number: int, home: Path, deadly: None) 
     app.query_params["project"] = project.id
     app.run().switch_page(f"pages/{door.page}.py").run()
     if door.choose:
-        app.session_state[door.choose[0]] = door.choose[1]
-        app.run()
+        app.segmented_control(key=door.choose[0]).set_value(door.choose[1]).run()
     app.file_uploader(key=door.uploader).upload(door.name, readers()[door.reader].seeds()[0])
     app.run()
     assert not tracebacks(app)
@@ -89,8 +88,7 @@ def test_limits_hold_on_the_pages(
     app = AppTest.from_file(APP, default_timeout=SLOW_S)
     app.query_params["project"] = begun(home).id
     app.run().switch_page("pages/data.py").run()
-    app.session_state["data_how"] = "Photographs"
-    app.run()
+    app.segmented_control(key="data_how").set_value("Photographs").run()
     widget = app.file_uploader(key="upload_photographs_0")
     for name in ("left1.png", "right1.png"):
         widget.upload(name, bytes(1_200_000))

@@ -24,7 +24,7 @@ from stereocal.store.photographs import ProjectPhotographs
 from stereocal.store.review import read_review
 from stereocal.ui import picker
 from stereocal.ui.picker import Pick, encode, pick_of
-from stereocal.ui.review import NEAREST, take_back, take_pick
+from stereocal.ui.review import take_back, take_pick
 from tests.bar_photographs import bar_set
 
 ROOT = Path(__file__).parents[2]
@@ -203,7 +203,6 @@ class TestClick:
         u, v = BARS.pairs[0].centres_primary[0]
         before = [self.centre(store, target) for target in (0, 1)]
         target = int(abs(before[1].u - u) < abs(before[0].u - u))
-        self.state["review_target"] = NEAREST
         sentence = self.click(store, 1, u + 3.0, v - 3.0, False)
         assert f"{'AB'[target]} in the primary photograph is now at the fitted corner" in sentence
         after = self.centre(store, target)
@@ -217,7 +216,7 @@ class TestClick:
     def test_raw_click_of_a_chosen_target(
         self, store: ProjectPhotographs, switch: bool, shift: bool
     ) -> None:
-        self.state |= {"review_target": "B", "review_raw": switch}
+        store.project.keep_settings({"review_target": "B", "review_raw": switch})
         sentence = self.click(store, 1, 10.25, 20.5, shift)
         assert sentence == "B in the primary photograph is now where you clicked, (10.25, 20.50)."
         assert self.centre(store, 1) == Centre(10.25, 20.5, None, "manual")

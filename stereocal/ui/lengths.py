@@ -1,0 +1,66 @@
+"""The measured lengths on the Data page, each with its unit."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import streamlit as st
+
+from stereocal.errors import StereocalError
+from stereocal.project import Project
+from stereocal.ui.fields import Field, one_of, setting
+from stereocal.ui.intake import refuse, settled
+from stereocal.ui.project import noted, project_to_write
+
+UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
+
+
+def length_field(project: Project | None, name: str, label: str) -> None:
+    """A length with its unit. What the project holds is in metres."""
+    length = _Length(project, name)
+    field, choice = st.columns([3, 1], vertical_alignment="bottom")
+    field.number_input(
+        label, min_value=0.0, value=None, step=None, format="%.10g",
+        placeholder="measured length", **length.number.widget(),
+    )  # fmt: skip
+    choice.selectbox("Unit", list(UNITS), **length.unit.widget())
+
+
+class _Length:
+    """The two fields of a length: the number, and the unit that it is read in."""
+
+    def __init__(self, project: Project | None, name: str) -> None:
+        self.project, self.name = project, name
+        # Each tab may read the length in its own unit.
+        kept = setting(project, f"{name}_unit", "m", one_of(list(UNITS)), tabs_own=True)
+        self.unit = replace(kept, write=self._take_unit)
+        key = f"{name}_value"
+        self.number = Field(key, key, self._read, self._take_number, tells=False)
+
+    def _read(self) -> float | None:
+        metres = getattr(self.project.inputs, self.name) if self.project else None
+        return None if metres is None else float(f"{metres / UNITS[self.unit.value()]:.12g}")
+
+    def _take_number(self, number: float | None) -> None:
+        self._take(number, self.unit.value())
+
+    def _take_unit(self, unit: str) -> None:
+        """The number stays as it was typed; but not one that another tab has changed since."""
+        number = self.number.shown()
+        if number == self._read():
+            self._take(number, unit)
+        else:
+            project_to_write().keep_settings({self.unit.key: unit})
+
+    def _take(self, number: float | None, unit: str) -> None:
+        metres = None if number is None else float(number) * UNITS[unit]
+        try:
+            self.project = project_to_write()
+            with noted(self.project):
+                self.project.keep_settings({self.unit.key: unit})
+                given: dict[str, Any] = {self.name: metres}
+                self.project.give({}, **given)
+            settled()
+        except StereocalError as error:
+            refuse(error)

@@ -1,0 +1,84 @@
+"""Names that a person gave are never links, wherever they stand."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from stereocal.calibrate import calibrate
+from stereocal.formats.dataset_files import pack_dataset, read_dataset
+from stereocal.formats.zip_files import pack_zip
+from stereocal.inputs import Slot
+from stereocal.project import Project
+from stereocal.store.projects import duplicate, remove
+from stereocal.ui.frame import TITLES
+from tests.browser.conftest import LONGEST_MS, ROOT
+
+pytestmark = pytest.mark.browser
+Settled = Callable[[Page], None]
+FIELD = ROOT / "sample_data" / "field"
+FILE = "www.evil.example me@evil.example"
+NAME = f"http://evil.example/x https://evil.example {FILE}"
+
+
+def a_project_of_links(home: Path) -> Project:
+    """Every name in it would be a link."""
+    project = Project.create(home)
+    field = read_dataset(FIELD)
+    slots: dict[Slot, str] = {
+        "correspondences": "correspondences.csv",
+        "primary": "primary.json",
+        "secondary": "secondary.json",
+    }
+    project.give(
+        {
+            slot: (f"{slot} {FILE}.csv", (FIELD / name).read_bytes())
+            for slot, name in slots.items()
+        },
+        name=NAME, baseline_m=field.baseline_m, target_distance_m=field.target_distance_m,
+    )  # fmt: skip
+    more = pack_zip(pack_dataset(replace(field, name=NAME)))
+    project.add_dataset(f"{FILE}.zip", more)
+    project.keep_settings({"validate_on": "All my data sets", "validate_runs": 10})
+    dataset = project.dataset
+    assert dataset is not None
+    project.keep_calibration(calibrate(dataset), project.inputs)
+    remove(home, duplicate(home, project.id).id)
+    return project
+
+
+def links(page: Page) -> list[str]:
+    found: list[str] = page.locator("a").evaluate_all("links => links.map(link => link.href)")
+    return [link for link in found if "evil" in link]
+
+
+def test_names_are_not_links(
+    page: Page, app_url: str, home: Path, settled: Settled, tmp_path: Path
+) -> None:
+    project = a_project_of_links(home)
+    said = 0
+    for name in TITLES:
+        path = "" if name == "start" else name.replace("_", "-")
+        page.goto(f"{app_url}/{path}?project={project.id}")
+        title = "stereocal" if name == "start" else TITLES[name]
+        expect(page.get_by_test_id("stMain").locator("h1")).to_have_text(title, timeout=LONGEST_MS)
+        page.wait_for_timeout(500)
+        settled(page)
+        for summary in page.locator("summary").all():
+            summary.click()
+        page.wait_for_timeout(300)
+        said += page.get_by_test_id("stMain").inner_text().count("evil.example")
+        assert links(page) == [], name
+    assert said > 10  # the names do stand there, as they are
+
+    page.goto(f"{app_url}/data?project={project.id}")
+    bad = tmp_path / f"{FILE}.csv"
+    bad.write_text("frame,target,u_primary,v_primary,u_secondary,v_secondary\n1,A,x,2,3,4\n")
+    page.locator(".st-key-upload_correspondences input[type=file]").set_input_files(bad)
+    alert = page.get_by_test_id("stAlert").filter(has_text="What was loaded before is unchanged")
+    expect(alert).to_contain_text(f"{FILE}.csv")
+    assert links(page) == []
