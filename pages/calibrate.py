@@ -12,6 +12,7 @@ from stereocal.ui.needed import project_with_data
 from stereocal.ui.project import last_calibration, last_evaluation
 from stereocal.ui.refined import refined_for
 from stereocal.ui.results import show_result
+from stereocal.ui.screening import calibrate_again, show_exchanged
 from stereocal.ui.status import describe_settings, staleness
 
 need_frame()
@@ -20,7 +21,8 @@ st.subheader("How do the cameras stand, and how large are the errors?")
 
 project, inputs, dataset = project_with_data()
 values = settings_form(project, dataset)
-if st.button("Calibrate", type="primary", key="run"):
+show_exchanged(project)
+if st.button("Calibrate", type="primary", key="run") or calibrate_again():
     try:
         with st.spinner("Calibrating. The very first time takes about ten seconds longer."):
             found = jobs.compute(calibrate, dataset, settings_of(values), trace=True)

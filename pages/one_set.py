@@ -17,6 +17,7 @@ from stereocal.ui.one_set import (
 )
 from stereocal.ui.project import last_calibration, last_evaluation
 from stereocal.ui.refined import refine_form, refined_of
+from stereocal.ui.screening import screenings_of
 from stereocal.ui.texts import ONE_SET
 from stereocal.ui.validation import bring_up_to_date, kept_protocol
 
@@ -28,25 +29,28 @@ project, _, dataset = project_with_data()
 st.markdown(ONE_SET)
 try:
     settings = refine_form(project, dataset)
-    result = refined_of(dataset, settings)
-    bring_up_to_date(project, [dataset], kept_protocol(project, [dataset]))
+    protocol = kept_protocol(project, [dataset])
+    (screening,) = screenings_of([dataset], protocol.calibration)
+    kept = screening.dataset
+    result = refined_of(kept, settings)
+    bring_up_to_date(project, [dataset], protocol)
     evaluation = last_evaluation(project)
     calibration = last_calibration(project)
-    inputs = refined_inputs(dataset, settings)
+    inputs = refined_inputs(kept, settings)
 except StereocalError as error:
     st.error(escape_markdown(str(error)))
     st.stop()
 try:
     st.header("Verdict", divider="gray")
-    show_verdict(dataset, evaluation)
+    show_verdict(dataset, kept, evaluation)
     st.header("What disagrees", divider="gray")
     show_disagreement(inputs)
-    show_frames_left_out(result)
+    show_frames_left_out(screening, result)
     st.header("Matching against measuring", divider="gray")
-    show_trade_off(project, dataset, result, settings, calibration)
+    show_trade_off(project, kept, result, settings, calibration)
     st.header("How accurate, where", divider="gray")
-    show_accuracy(project, result, dataset, settings)
+    show_accuracy(project, result, kept, settings)
     st.header("The refined set", divider="gray")
-    show_parameters(project, result, inputs, evaluation)
+    show_parameters(project, screening, result, inputs, evaluation)
 except StereocalError as error:
     st.error(escape_markdown(str(error)))

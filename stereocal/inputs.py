@@ -26,6 +26,8 @@ class Inputs:
     """Slot to the file's name below `inputs/`."""
     labels: Mapping[str, str] = field(default_factory=dict)
     """Slot to the name that the person's file had."""
+    exchanged: list[int] = field(default_factory=list)
+    """Frames of the table whose targets a person has exchanged in the secondary image."""
 
     @property
     def missing(self) -> list[str]:
@@ -63,6 +65,8 @@ def check_inputs(inputs: Inputs) -> None:
             raise TypeError(mapping)
     if not can_be_shown(inputs.name) or set(inputs.files) - set(inputs.labels):
         raise TypeError(inputs)
+    if not all(isinstance(frame, int) for frame in inputs.exchanged):
+        raise TypeError(inputs.exchanged)
     for each in fields(Inputs):
         value = getattr(inputs, each.name)
         if not each.name.endswith("_m") or value is None:

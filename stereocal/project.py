@@ -115,6 +115,8 @@ class Project:
         Raises:
             StereocalError: what was given cannot be used; the project is as it was.
         """
+        if "correspondences" in files or "correspondences" in drop:
+            values = {"exchanged": [], **values}
         named = {
             slot: f"{hashlib.sha256(content).hexdigest()[:20]}-{slot}"
             for slot, (_, content) in files.items()
@@ -167,6 +169,16 @@ class Project:
             with beside(state):
                 write_all({**stored, self._file.path: self._file.pack(state)})
             return True
+
+    def exchange_targets(self, frame: int) -> None:
+        """Exchange A and B of a frame in the secondary image of the table, or take it back.
+
+        Raises:
+            StereocalError: the project's folder cannot be used.
+        """
+        with self._file.change() as state:
+            inputs = state["inputs"]
+            inputs["exchanged"] = sorted({*inputs.get("exchanged", [])} ^ {frame})
 
     def rename(self, name: str) -> None:
         """Call the project, and what is calibrated from now on, by this name."""
@@ -299,7 +311,7 @@ class Project:
             raise StereocalError(f"Still missing: {', '.join(inputs.missing)}.")
         label = inputs.labels["correspondences"]
         table = read_table(self._content(inputs, "correspondences", fresh), label)
-        return Dataset(
+        dataset = Dataset(
             name=inputs.name or Path(label).stem,
             primary=primary,
             secondary=secondary,
@@ -309,6 +321,7 @@ class Project:
             baseline_sigma_m=inputs.baseline_sigma_m,
             target_distance_sigma_m=inputs.target_distance_sigma_m,
         )
+        return dataset.with_targets_exchanged(inputs.exchanged) if inputs.exchanged else dataset
 
 
 def _check(state: dict[str, Any]) -> None:

@@ -11,7 +11,8 @@ from stereocal.calibrate import CalibrationSettings
 from stereocal.dataset import Dataset
 from stereocal.montecarlo import SearchSettings
 from stereocal.project import Project
-from stereocal.ui.fields import Field, number, one_of, setting
+from stereocal.ui.fields import Field, number, one_of, setting, yes_or_no
+from stereocal.ui.screening import put_back_field
 
 
 @dataclass(frozen=True)
@@ -71,12 +72,16 @@ def _search_fields(project: Project) -> dict[str, Field]:
     fields = {
         each.key: setting(project, each.key, each.default, number(*each.bounds)) for each in NUMBERS
     }
-    return fields | {"essential": setting(project, "essential", SOLVERS[0], one_of(SOLVERS))}
+    return fields | {
+        "essential": setting(project, "essential", SOLVERS[0], one_of(SOLVERS)),
+        "all_frames": setting(project, "all_frames", False, yes_or_no),
+    }
 
 
 def search_values(project: Project) -> dict[str, Any]:
     """The settings of the search as they stand in the form, for pages that do not show it too."""
-    return {key: field.value() for key, field in _search_fields(project).items()}
+    values = {key: field.value() for key, field in _search_fields(project).items()}
+    return values | {"frames_put_back": put_back_field(project).value()}
 
 
 def search_form(project: Project) -> dict[str, Any]:
@@ -94,6 +99,10 @@ def search_form(project: Project) -> dict[str, Any]:
             "Solver of the essential matrix", SOLVERS, required=True,
             help="Constrained: the best essential matrix. Linear: the textbook's 8-point estimate "
             "alone, as the start of the searches.", **fields["essential"].widget(),
+        )  # fmt: skip
+        st.toggle(
+            "Trust every frame, as the paper does", **fields["all_frames"].widget(),
+            help="Otherwise frames that contradict the others are left out.",
         )  # fmt: skip
     return search_values(project)
 

@@ -26,13 +26,14 @@ from stereocal.figures.style import count
 from stereocal.geometry import Pose
 from stereocal.project import Project
 from stereocal.refine import RefinedResult
-from stereocal.refined.disagreement import Input
+from stereocal.refined.disagreement import Input, what_could_not_be_told
 from stereocal.refined.file import refined_parameters
+from stereocal.refined.screening import Screening
 from stereocal.refined.tradeoff import TradeOff, costs_of
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.refined.verdict import held_out, verdict
 from stereocal.summary import figures_of_set, summarise
-from stereocal.tables import digits, parameters_table, percent, refined_table
+from stereocal.tables import digits, left_out_line, parameters_table, percent, refined_table
 from stereocal.ui.fields import number, one_of, setting, yes_or_no
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.refined import calibrated, curves_of, inputs_of, map_of
@@ -44,8 +45,12 @@ MOST_NAMED = 12
 """Frames left out that are named on the page."""
 
 
-def show_verdict(dataset: Dataset, evaluation: Evaluation | None) -> None:
-    """The answer, from the runs of the last validation of these data."""
+def show_verdict(dataset: Dataset, kept: Dataset, evaluation: Evaluation | None) -> None:
+    """The answer, from the runs of the last validation of these data.
+
+    Args:
+        kept: the data set without the frames left out, of which the runs were made.
+    """
     if (
         evaluation is None
         or list(evaluation.sha256) != [dataset.sha256]
@@ -55,7 +60,7 @@ def show_verdict(dataset: Dataset, evaluation: Evaluation | None) -> None:
         return
     frames = evaluation.settings.calibration_frames
     try:
-        answer = verdict([held_out(run, dataset, frames) for run in evaluation.runs[0]])
+        answer = verdict([held_out(run, kept, frames) for run in evaluation.runs[0]])
     except StereocalError as error:
         st.info(escape_markdown(str(error)))
         return
@@ -65,10 +70,10 @@ def show_verdict(dataset: Dataset, evaluation: Evaluation | None) -> None:
         "tested, the same as on the page Validate. Times: error of the refined set over that of "
         "the set made for the job, with its 95 % interval; up to 1.1 counts as level."
     )
-    usual = 4 * len(dataset.correspondences.frames) // 5
+    usual = 4 * len(kept.correspondences.frames) // 5
     if answer.kind == "few" and frames < usual:
         st.info(
-            f"Each split fitted only {frames} of {len(dataset.correspondences.frames)} frames. "
+            f"Each split fitted only {frames} of {len(kept.correspondences.frames)} frames. "
             f"Before adding any, fit {usual}, 4 of 5 as in the paper: the answer becomes sharper."
         )
         st.page_link("pages/validate.py", label="Set it on the Validate page")
@@ -79,22 +84,30 @@ def show_disagreement(inputs: list[Input]) -> None:
     accused = [item for item in inputs if item.accused]
     for item in accused:
         st.warning(escape_markdown(item.advice))
-    if not accused:
+    unknown = what_could_not_be_told(inputs)
+    if unknown:
+        st.info(escape_markdown(unknown))
+        st.page_link("pages/data.py", label="State it on the Data page")
+    elif inputs and not accused:
         st.success("Nothing that was typed or measured disagrees with the images.")
     show_figure(plot_disagreement(inputs), describe_disagreement(inputs), "disagreement")
 
 
-def show_frames_left_out(result: RefinedResult) -> None:
-    """The frames with gross errors by name, the worst first, with their share."""
+def show_frames_left_out(screening: Screening, result: RefinedResult) -> None:
+    """The frames that contradict the others, and those that the refined set left out besides."""
+    if screening.left_out:
+        st.warning(escape_markdown(left_out_line(screening)))
     left_out = result.outlying_frames
+    if not left_out and screening.left_out:
+        return
     if not left_out:
         st.markdown(f"All {len(result.frames)} frames fit; none was left out.")
         return
     named = [f"{frame} ({digits(100 * part, 2)} %)" for frame, part in left_out.items()]
     more = f" and {len(named) - MOST_NAMED} more, all named in the file" * (len(named) > MOST_NAMED)
     st.warning(
-        f"Left out, for they do not fit: {count(len(named), 'frame')} of {len(result.frames)}, in "
-        f"brackets the share of the whole misfit: {', '.join(named[:MOST_NAMED])}{more}. Look at "
+        f"Left out of the refined set, for they do not fit: {count(len(named), 'frame')} of "
+        f"{len(result.frames)}, in brackets the share of the whole misfit: {', '.join(named[:MOST_NAMED])}{more}. Look at "
         "them on the Data page."
     )
 
@@ -122,7 +135,7 @@ def _show_trade_off(
     calibration: Calibration | None,
 ) -> None:
     curves = curves_of(dataset, settings)
-    if calibration is None or calibration.dataset.sha256 != dataset.sha256:
+    if calibration is None or calibration.screening.dataset.sha256 != dataset.sha256:
         calibration = calibrated(dataset, kept_protocol(project, [dataset]).calibration)
     sets: dict[Method, tuple[Pose, Camera, Camera]] = {
         "refined": (result.pose, result.primary, result.secondary)
@@ -178,7 +191,11 @@ def show_accuracy(
 
 
 def show_parameters(
-    project: Project, result: RefinedResult, inputs: list[Input], evaluation: Evaluation | None
+    project: Project,
+    screening: Screening,
+    result: RefinedResult,
+    inputs: list[Input],
+    evaluation: Evaluation | None,
 ) -> None:
     """Table, downloads, and which purposes the set serves."""
     st.table(refined_table(result))
@@ -188,9 +205,9 @@ def show_parameters(
         f"{digits(1000 * result.scatter_m.value)} mm ({result.scatter_m.source})."
     )
     figures: dict[str, dict[str, Any]] = {}
-    if evaluation is not None and list(evaluation.sha256) == [result.dataset.sha256]:
+    if evaluation is not None and list(evaluation.sha256) == [screening.given.sha256]:
         figures = validation_figures(summarise(evaluation.runs), evaluation.settings)
-    content = refined_parameters(result, inputs, figures.get("refined")).dumps()
+    content = refined_parameters(result, inputs, figures.get("refined"), screening.left_out).dumps()
     st.download_button(
         "Download parameters_refined.json", content, "parameters_refined.json",
         "application/json", on_click="ignore", type="primary", icon=":material/download:",

@@ -45,7 +45,9 @@ def sets_of(
         method: calibration.parameters(method, figures.get(method)) for method in methods
     }
     if refined is not None:
-        found["refined"] = refined_parameters(refined, (), figures.get("refined"))
+        found["refined"] = refined_parameters(
+            refined, (), figures.get("refined"), calibration.screening.left_out
+        )
     return found
 
 

@@ -118,7 +118,7 @@ def refined_for(
 
     None where it cannot be found: the paper's sets do not depend on it.
     """
-    dataset = calibration.dataset
+    dataset = calibration.screening.dataset
     if len(calibration.held_out_frames):
         dataset = dataset.of_frames(calibration.frames)
     try:

@@ -23,10 +23,11 @@ from stereocal.formats.dataset_files import pack_dataset
 from stereocal.formats.zip_files import pack_zip
 from stereocal.project import Project
 from stereocal.refine import RefinedResult
-from stereocal.tables import answer, results_table
+from stereocal.tables import answer, results_table, why_not_trusted
 from stereocal.ui.fields import one_of, setting
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.parameter_files import parameter_download, sets_of
+from stereocal.ui.screening import show_left_out
 from stereocal.ui.texts import TWO_FILES
 
 
@@ -45,7 +46,11 @@ def show_result(
     """
     for warning in calibration.warnings:
         st.warning(escape_markdown(warning))
-    st.success(answer(calibration))
+    show_left_out(project, calibration)
+    caution = why_not_trusted(calibration)
+    if caution:
+        st.error(escape_markdown(f"Do not rely on this result: {caution}"))
+    (st.info if caution else st.success)(answer(calibration))
     sets = sets_of(calibration, evaluation, refined)
     if sets["2d"].validation is not None:
         st.caption("The two files carry the figures of the last validation of these data.")

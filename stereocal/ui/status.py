@@ -17,7 +17,12 @@ NAMES = {
     "seed": "seed",
     "essential": "essential solver",
     "calibration_frames": "calibration frames",
+    "all_frames": "trust in every frame",
+    "frames_put_back": "frames put back",
 }
+
+_FRAMES = ("all_frames", "frames_put_back")
+"""Told by the frames that were left out."""
 
 
 def staleness(result: Calibration, dataset: Dataset, values: Mapping[str, Any]) -> str | None:
@@ -44,6 +49,6 @@ def describe_settings(result: Calibration) -> str:
     parts = [
         f"{NAMES[key]} {value:g}" if isinstance(value, float) else f"{NAMES[key]} {value}"
         for key, value in made_with.items()
-        if key in NAMES and key != "calibration_frames"
+        if key in NAMES and key not in ("calibration_frames", *_FRAMES)
     ]
     return f"Made with: {', '.join([*parts, made_with['calibration_frames']])}."

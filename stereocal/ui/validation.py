@@ -27,16 +27,18 @@ from stereocal.figures import (
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.guarded import server_guard
 from stereocal.project import Project
+from stereocal.refined.screening import Screening
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.report import report_html
 from stereocal.summary import summarise_all
-from stereocal.tables import validation_answer, validation_table
+from stereocal.tables import left_out_line, validation_answer, validation_table
 from stereocal.ui import jobs
 from stereocal.ui.fields import Field, number, one_of, setting, yes_or_no
 from stereocal.ui.forms import search_form, search_values, settings_of
 from stereocal.ui.intake import check_uploads, escape_markdown, is_new, taking
 from stereocal.ui.refined import refine_settings
 from stereocal.ui.results import show_figure
+from stereocal.ui.screening import screenings_of
 from stereocal.ui.told import callback
 
 NINETEEN = Path(__file__).parents[2] / "sample_data" / "nineteen"
@@ -92,7 +94,8 @@ def choose_protocol(project: Project, datasets: Sequence[Dataset]) -> Evaluation
 
 def _protocol_fields(project: Project, datasets: Sequence[Dataset]) -> tuple[Field, Field, int]:
     """Runs, frames to calibrate with, and how many those may be."""
-    fewest = min(len(dataset.correspondences.frames) for dataset in datasets)
+    screenings = screenings_of(datasets, settings_of(search_values(project)))
+    fewest = min(len(each.dataset.correspondences.frames) for each in screenings)
     most = max(fewest - 2, 2)
     return (
         setting(project, "validate_runs", 100, number(10, 500)),
@@ -160,8 +163,9 @@ def _validate(
     project: Project, datasets: Sequence[Dataset], settings: EvaluationSettings, job: jobs.Job
 ) -> bool:
     """Evaluate and keep the result; False if it was cancelled."""
+    kept = [screening.dataset for screening in screenings_of(datasets, settings.calibration)]
     runs = evaluate(
-        datasets, settings, job.executor, job.progress, lambda: job.cancelled,
+        kept, settings, job.executor, job.progress, lambda: job.cancelled,
         pieces=job.parts("runs", pack_runs, unpack_runs),
     )  # fmt: skip
     if runs is None:
@@ -194,6 +198,15 @@ def show_evaluation(
         pooled.pop("refined", None)
         for own in by_dataset.values():
             own.pop("refined", None)
+    screenings: list[Screening] = []
+    used = {dataset.sha256: dataset for dataset in datasets}
+    if all(digest in used for digest in evaluation.sha256):
+        shown_sets = [used[digest] for digest in evaluation.sha256]
+        screenings = screenings_of(shown_sets, evaluation.settings.calibration)
+    for screening in screenings:
+        if screening.left_out:
+            line = f"{screening.given.name}: {left_out_line(screening)}"
+            st.warning(escape_markdown(line))
     st.success(validation_answer(pooled))
     panels = ["All three", *COLUMNS.values()]
     shown = setting(project, "columns", panels[0], one_of(panels), tabs_own=True)
@@ -212,9 +225,8 @@ def show_evaluation(
     if len(names) > 1:
         st.subheader("Data set by data set")
         show_figure(plot_comparison(by_dataset), describe_comparison(by_dataset), "comparison")
-    used = {dataset.sha256: dataset for dataset in datasets}
-    if all(digest in used for digest in evaluation.sha256):
-        _downloads([used[digest] for digest in evaluation.sha256], evaluation, pooled, by_dataset)
+    if screenings:
+        _downloads(screenings, evaluation, pooled, by_dataset)
     st.caption(f"Made with: {describe_protocol(evaluation)}")
 
 
@@ -233,16 +245,16 @@ def describe_protocol(evaluation: Evaluation) -> str:
 
 
 def _downloads(
-    datasets: Sequence[Dataset], evaluation: Evaluation, pooled: Any, by_dataset: Any
+    screenings: Sequence[Screening], evaluation: Evaluation, pooled: Any, by_dataset: Any
 ) -> None:
     left, right = st.columns(2)
-    settings = evaluation.settings
+    about = ([each.given for each in screenings], evaluation.settings, screenings)
     left.download_button(
-        "Download report.html", report_html(pooled, by_dataset, datasets, settings), "report.html",
-        "text/html", on_click="ignore", icon=":material/download:", key="download_report",
+        "Download report.html", report_html(pooled, by_dataset, *about), "report.html", "text/html",
+        on_click="ignore", icon=":material/download:", key="download_report",
     )  # fmt: skip
     right.download_button(
-        "Download summary.json", summary_json(pooled, by_dataset, datasets, settings),
+        "Download summary.json", summary_json(pooled, by_dataset, *about),
         "summary.json", "application/json", on_click="ignore", icon=":material/download:",
         key="download_summary",
     )  # fmt: skip

@@ -1,0 +1,114 @@
+"""Frames that contradict the others: found once for the same data, shown, put back, exchanged."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+
+import streamlit as st
+
+from stereocal.calibrate import Calibration, CalibrationSettings, screened
+from stereocal.dataset import Dataset
+from stereocal.frames.review import swap
+from stereocal.project import Project
+from stereocal.refined.screening import Screening
+from stereocal.store.photographs import TABLE_LABEL, ProjectPhotographs
+from stereocal.store.review import change_review
+from stereocal.tables import left_out_line
+from stereocal.ui import jobs
+from stereocal.ui.fields import Field, setting
+from stereocal.ui.intake import escape_markdown
+from stereocal.ui.told import callback
+
+MOST_BUTTONS = 6
+"""Frames with exchanged targets that have a button each."""
+_AGAIN = "calibrate_again"
+
+
+def screenings_of(datasets: Sequence[Dataset], settings: CalibrationSettings) -> list[Screening]:
+    """The screening of the person's data set, the first, and of others; each is made once.
+
+    The frames put back are those of the first; in others the same numbers mean nothing.
+    """
+    others = replace(settings, frames_put_back=())
+    own = [settings, *[others] * (len(datasets) - 1)]
+    return [
+        _screened(_key(dataset, chosen), dataset, chosen)
+        for dataset, chosen in zip(datasets, own, strict=True)
+    ]
+
+
+def put_back_field(project: Project) -> Field:
+    """The frames that a person has put back."""
+    return setting(project, "frames_put_back", [], lambda frames: sorted(int(n) for n in frames))
+
+
+def show_left_out(project: Project, calibration: Calibration) -> None:
+    """Which frames were left out, with the ways to have them back."""
+    screening = calibration.screening
+    field = put_back_field(project)
+    frames = sorted({*screening.left_out, *field.value()})
+    if not frames:
+        return
+    if screening.left_out:
+        st.warning(escape_markdown(left_out_line(screening)))
+    with st.container(horizontal=True):
+        for frame in screening.exchanged[:MOST_BUTTONS]:
+            st.button(
+                f"Exchange A and B in frame {frame}", key=f"exchange_{frame}",
+                icon=":material/swap_horiz:", on_click=_exchange, args=(project, frame),
+                help="In the secondary image. The result is made again at once.",
+            )  # fmt: skip
+    st.pills(
+        "Put frames back", frames, selection_mode="multi",
+        help="A frame that is marked is used, though it contradicts the others.",
+        **(field.widget() | {"on_change": _put_back, "args": (field,)}),
+    )  # fmt: skip
+
+
+def show_exchanged(project: Project) -> None:
+    """The frames whose targets a person has exchanged, with the way to take that back."""
+    frames = project.inputs.exchanged
+    if not frames:
+        return
+    with st.container(horizontal=True):
+        for frame in frames[:MOST_BUTTONS]:
+            st.button(
+                f"Frame {frame}: take the exchange back", key=f"unexchange_{frame}",
+                icon=":material/undo:", on_click=_exchange, args=(project, frame),
+                help="A and B of this frame were exchanged in the secondary image.",
+            )  # fmt: skip
+
+
+def calibrate_again() -> bool:
+    """Whether a frame was put back or exchanged since the page was drawn last."""
+    return bool(st.session_state.pop(_AGAIN, False))
+
+
+@callback
+def _put_back(field: Field) -> None:
+    field.set(st.session_state[field.key])
+    st.session_state[_AGAIN] = True
+
+
+@callback
+def _exchange(project: Project, frame: int) -> None:
+    """Exchange A and B in the secondary image: in the review of photographs, else in the table."""
+    if project.inputs.labels.get("correspondences") == TABLE_LABEL:
+        change_review(ProjectPhotographs(project), lambda review: swap(review, frame, 1))
+    else:
+        project.exchange_targets(frame)
+    st.session_state[_AGAIN] = True
+
+
+def _key(dataset: Dataset, settings: CalibrationSettings) -> str:
+    """All that a screening tells, its data set's name and notes among it."""
+    about = [dataset.sha256, dataset.name, dataset.notes]
+    return json.dumps([*about, settings.all_frames, settings.frames_put_back])
+
+
+@st.cache_resource(show_spinner="Looking for frames that contradict the others.", max_entries=64)
+def _screened(key: str, _dataset: Dataset, _settings: CalibrationSettings) -> Screening:
+    assert key
+    return jobs.compute(screened, _dataset, _settings)
