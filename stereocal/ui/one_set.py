@@ -107,7 +107,8 @@ def show_frames_left_out(screening: Screening, result: RefinedResult) -> None:
     more = f" and {len(named) - MOST_NAMED} more, all named in the file" * (len(named) > MOST_NAMED)
     st.warning(
         f"Left out of the refined set, for they do not fit: {count(len(named), 'frame')} of "
-        f"{len(result.frames)}, in brackets the share of the whole misfit: {', '.join(named[:MOST_NAMED])}{more}. Look at "
+        f"{len(result.frames)}, in brackets the share of the whole misfit: "
+        f"{', '.join(named[:MOST_NAMED])}{more}. Look at "
         "them on the Data page."
     )
 
