@@ -18,9 +18,25 @@ def _eat(_: Path) -> None:
         held.append(bytearray(10_000_000))
 
 
-def _spin(_: Path) -> None:
+def _spin(path: Path) -> None:
+    _begun(path)
     while True:
         pass
+
+
+def _hang(path: Path) -> None:
+    _begun(path)
+    time.sleep(1000)
+
+
+def _wait(path: Path) -> None:
+    _begun(path)
+    while not path.with_suffix(".go_on").exists():
+        time.sleep(0.01)
+
+
+def _begun(path: Path) -> None:
+    path.with_suffix(".begun").touch()
 
 
 def _refuse(_: Path) -> None:
@@ -45,14 +61,14 @@ READERS: Mapping[str, GuardedReader] = {
     for name, read in {
         "abort": lambda _: os.abort(),
         "exit": lambda _: os._exit(0),
-        "hang": lambda _: time.sleep(1000),
+        "hang": _hang,
         "spin": _spin,
         "eat": _eat,
         "raise": _raise,
         "refuse": _refuse,
         "count": _count,
         "print": lambda _: os.write(1, b"survived\nfailed\n"),
-        "slow": lambda _: time.sleep(1.5),
+        "wait": _wait,
         "fine": lambda _: None,
     }.items()
 }

@@ -91,13 +91,20 @@ def test_an_interrupted_job_says_how_far_it_was_and_goes_on(
     again.end()
 
 
-def test_progress_is_written_at_most_once_a_second(folder: Path) -> None:
+def test_progress_is_written_at_most_once_a_second(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     job = begun(folder)
-    for done in range(1000):
-        job.progress(0, done, 1000)
+    written = []
+    with monkeypatch.context() as patch:
+        now = 100.0
+        patch.setattr("stereocal.store.jobs.time.monotonic", lambda: now)
+        for done in range(12):
+            job.progress(0, done, 1000)
+            written.append(json.loads((job.folder / "progress.json").read_bytes())["done"])
+            now += 0.25
+    assert written == [0] * 4 + [4] * 4 + [8] * 4
     crash(job)
-    found = jobs.find(folder, "evaluation")
-    assert found is not None and found[1].done < 1000
     # What is told last is written with the failure.
     again = begun(folder)
     again.progress(0, 1, 2)
@@ -219,7 +226,8 @@ def test_jobs_of_a_strangers_zip_are_refused(tmp_path: Path) -> None:
 
 
 CHILD = """
-import os, sys
+import sys
+import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from stereocal.evaluation import EvaluationSettings, evaluate
@@ -235,8 +243,13 @@ work = {"dataset": dataset.sha256, "settings": settings.to_json()}
 job = jobs.begin(project.folder, "evaluation", ("runs",), work)
 parts = job.parts("runs", pack_runs, unpack_runs)
 print("begun", len(parts), flush=True)
+
+def progress(done, total):
+    job.progress(0, done, total)
+    if done >= int(sys.argv[2]):
+        time.sleep(60)  # it is killed before
+
 with ThreadPoolExecutor(2) as executor:
-    progress = lambda *done: job.progress(0, *done)
     runs = evaluate([dataset], settings, executor, progress, None, 5, parts)
 project.keep_evaluation(Evaluation(runs, settings, [dataset.name], [dataset.sha256]))
 job.end()
@@ -244,9 +257,10 @@ print("ended", flush=True)
 """
 
 
-def child(folder: Path) -> subprocess.Popen[str]:
+def child(folder: Path, most: int = 1000) -> subprocess.Popen[str]:
+    """A process that validates, and stops after `most` runs until it is killed."""
     return subprocess.Popen(
-        [sys.executable, "-c", CHILD, str(folder)], stdout=subprocess.PIPE, text=True
+        [sys.executable, "-c", CHILD, str(folder), str(most)], stdout=subprocess.PIPE, text=True
     )
 
 
@@ -267,14 +281,14 @@ def test_killed_at_random_moments_it_ends_with_the_same_result(tmp_path: Path) -
         assert line(process) == "begun 0"
         assert line(process) == "ended"
     before = 0
-    for _ in range(3):
-        with child(project.folder) as process:
+    for most in (100, 200, 295):
+        size = size_of_parts(project.folder)
+        with child(project.folder, most) as process:
             said, there = line(process).split()
             assert said == "begun" and int(there) >= before
             before = int(there)
             assert state(project.folder) == "running"
             assert jobs.begin(project.folder, "evaluation", STAGES, WORK) is None
-            size = size_of_parts(project.folder)
             while size_of_parts(project.folder) == size:
                 time.sleep(0.001)
             time.sleep(rng.uniform(0.0, 0.3))

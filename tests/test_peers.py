@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -17,8 +18,29 @@ from stereocal.dataset import Dataset
 from stereocal.geometry import Pose
 from tests import rig
 
+
+class Largest(NamedTuple):
+    """Errors of a pose and of its cameras."""
+
+    rotation_rad: float
+    epipolar_px: float
+    length: float
+    T_m: float
+    K_px: float
+
+
 MODULES = (own, opencv, scipy_joint)
 PEERS = [peer for module in MODULES for peer in module.PEERS]
+EXACT = {
+    own: Largest(3e-15, 2e-13, 2e-14, 4e-15, 2e-12),
+    opencv: Largest(4e-5, 3e-3, 2e-4, 1.2e-4, 0.0),
+    scipy_joint: Largest(3.6e-9, 1.1e-8, 1.9e-10, 1.7e-9, 7e-6),
+}
+"""Errors on exact data, the largest with six kinds of processor that OpenBLAS knows
+(`OPENBLAS_CORETYPE`): SciPy's differ by a factor of 25, for its finite differences amplify the
+rounding. OpenCV's MAGSAC++ stops before the least."""
+ROOM = 10.0
+"""So many times what was measured may be the error on another processor."""
 
 
 def exact() -> Task:
@@ -40,15 +62,13 @@ def test_exact_data_give_the_truth(peer: Peer) -> None:
     task = exact()
     found = peer.solve(task.fit)
     errors = errors_of(found, task)
-    # Measured: stereocal 2e-15 rad, 2e-13 px; SciPy 3e-10 rad, 3e-9 px, 8e-11 of a length, K 1e-6
-    # px off. OpenCV 4e-5 rad, 0.003 px, 2e-4 of a length, 1e-4 m: MAGSAC++ stops before the least.
-    loose = 1e5 if peer in opencv.PEERS else 1.0
-    assert errors.rotation_rad < 2e-9 * loose
-    assert errors.epipolar_px < 2e-7 * loose
-    assert errors.length < 1e-8 * loose
-    np.testing.assert_allclose(found.T, rig.RIG.T, atol=1e-8 * loose)
+    (measured,) = (EXACT[module] for module in MODULES if peer in module.PEERS)
+    assert errors.rotation_rad <= ROOM * measured.rotation_rad
+    assert errors.epipolar_px <= ROOM * measured.epipolar_px
+    assert errors.length <= ROOM * measured.length
+    np.testing.assert_allclose(found.T, rig.RIG.T, rtol=0, atol=ROOM * measured.T_m)
     for camera, true in zip(found.cameras, (rig.PRIMARY, task.fit.secondary), strict=True):
-        np.testing.assert_allclose(camera.K, true.K, atol=1e-4)
+        np.testing.assert_allclose(camera.K, true.K, rtol=0, atol=ROOM * measured.K_px)
 
 
 @pytest.mark.parametrize("module", [opencv, scipy_joint])

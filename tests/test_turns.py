@@ -5,7 +5,6 @@ from __future__ import annotations
 import subprocess
 import sys
 import threading
-import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -18,6 +17,8 @@ from stereocal.store.projects import remove
 from stereocal.store.state import changing
 from tests.test_project import FIELD, filled
 
+SLOW = 60
+"""Seconds that nothing takes unless it hangs, on a busy machine either."""
 WRITER = """
 import sys
 from pathlib import Path
@@ -48,21 +49,20 @@ def test_a_project_that_is_busy_keeps_no_other_waiting(tmp_path: Path) -> None:
     def hold() -> None:
         with changing(busy.folder):
             held.set()
-            done.wait(30)
+            done.wait(SLOW)
 
     holder = threading.Thread(target=hold)
     holder.start()
-    assert held.wait(30)
-    start = time.monotonic()
+    assert held.wait(SLOW)
     other.keep_settings({"seed": 1})
-    assert time.monotonic() - start < 10
+    assert holder.is_alive()  # it has not waited until the busy one was let go of
     waiting = threading.Thread(target=busy.keep_settings, args=({"seed": 2},))
     waiting.start()
     waiting.join(0.2)
     assert waiting.is_alive() and busy.settings == {}
     done.set()
-    waiting.join(30)
-    holder.join(30)
+    waiting.join(SLOW)
+    holder.join(SLOW)
     assert busy.settings == {"seed": 2}
 
 
@@ -82,7 +82,7 @@ def test_what_is_given_is_read_while_others_may_change_the_project(
             )
             monkeypatch.setattr(Project, "_check_inputs", check)
             thread.start()
-            thread.join(30)
+            thread.join(SLOW)
             assert not thread.is_alive()
             monkeypatch.setattr(Project, "_check_inputs", slowly)
         check(self, *given)  # type: ignore[arg-type]

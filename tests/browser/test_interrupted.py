@@ -19,8 +19,8 @@ from tests.browser.conftest import LONGEST_MS, served
 from tests.test_parts import same_runs
 
 pytestmark = pytest.mark.browser
-MANY = re.compile(r"^([1-4]\d\d) of 500 runs")
-"""At least 100 are finished."""
+SOME = re.compile(r"^\d+ of 500 runs")
+"""It is killed as soon as some are finished, before all are."""
 
 
 def test_a_killed_server_goes_on_with_a_validation(
@@ -36,7 +36,7 @@ def test_a_killed_server_goes_on_with_a_validation(
         page.locator(".st-key-validate_runs").get_by_role("slider").focus()
         page.keyboard.press("End")
         page.get_by_role("button", name="Validate (500 runs)").click()
-        expect(page.get_by_text(MANY)).to_be_visible(timeout=LONGEST_MS)
+        expect(page.get_by_text(SOME)).to_be_visible(timeout=LONGEST_MS)
         project_id = parse_qs(urlsplit(page.url).query)["project"][0]
         os.killpg(server.pid, signal.SIGKILL)
         server.wait(20)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -22,6 +21,7 @@ from stereocal.project import Project
 from stereocal.store.application import ProjectApplication, Side
 from stereocal.store.carry import pack_project, unpack_project
 from stereocal.ui import apply as apply_page
+from tests.pages.waiting import ended
 from tests.rig import PRIMARY, RIG, SECONDARY, bar_ends, images
 
 ROOT = Path(__file__).parents[2]
@@ -203,11 +203,7 @@ def test_a_long_work_runs_as_a_job(
     with_files(app)
     assert "No result yet" in said(app)
     app.button(key="apply_run").click().run()
-    for _ in range(100):
-        app.run()
-        if store_of(app, home).result is not None:
-            break
-        time.sleep(0.1)
+    assert ended(store_of(app, home).project, "apply").state == "done"
     app.run()
     assert "90 pairs in 6 frames" in said(app, "success")
 

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import shutil
-import time
-from collections.abc import Callable
+import threading
 from pathlib import Path
 
 import pytest
@@ -18,16 +17,10 @@ from tests.pages.stored_projects import FULL, placed, session
 from tests.pages.test_pages import ROOT, SLOW, messages, open_sample, project_of
 from tests.pages.test_pages import app as app
 from tests.pages.test_pages import home as home
+from tests.pages.waiting import ended
 from tests.test_parts import same_runs
 
 STOPPED = "The server stopped while this ran"
-
-
-def wait_until(done: Callable[[], bool]) -> None:
-    end = time.monotonic() + SLOW
-    while not done():
-        assert time.monotonic() < end
-        time.sleep(0.005)
 
 
 def long_validation(app: AppTest) -> AppTest:
@@ -43,16 +36,28 @@ def keys(app: AppTest) -> set[str]:
 def interrupted(app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch) -> AppTest:
     """A validation whose folder is as it was when half of it was finished."""
     monkeypatch.setattr(kept_jobs, "EVERY_S", 0.0)
+    half, let_go = threading.Event(), threading.Event()
+    progress = jobs.Job.progress
+
+    def then_hold(job: jobs.Job, done: int, total: int) -> None:
+        """The job goes no further than half, however long the page takes."""
+        progress(job, done, total)
+        if done >= 60:
+            half.set()
+            assert let_go.wait(SLOW)
+
     long_validation(app)
     project = project_of(app, home)
-    app.button(key="validate").click().run()
-    job = jobs.job_of(project, "evaluation")
-    assert job is not None
-    wait_until(lambda: job.done >= 60 or job.state != "running")
-    kept = project.folder / "jobs"
-    shutil.copytree(kept, home / "as_it_was", ignore=shutil.ignore_patterns(".*"))
-    job.cancelled = True
-    wait_until(lambda: job.state != "running")
+    with monkeypatch.context() as patch:
+        patch.setattr(jobs.Job, "progress", then_hold)
+        app.button(key="validate").click().run()
+        job = jobs.job_of(project, "evaluation")
+        assert job is not None and half.wait(SLOW)
+        kept = project.folder / "jobs"
+        shutil.copytree(kept, home / "as_it_was")
+        job.cancelled = True
+        let_go.set()
+        assert ended(project, "evaluation").state == "cancelled"
     shutil.rmtree(kept)
     shutil.copytree(home / "as_it_was", kept)
     jobs._jobs().clear()
@@ -63,7 +68,7 @@ def test_it_goes_on_to_the_same_result(
     interrupted: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     app, project = interrupted, project_of(interrupted, home)
-    assert STOPPED in messages(app) and "of 130 runs were finished." in messages(app)
+    assert STOPPED in messages(app) and "60 of 130 runs were finished." in messages(app)
     assert "started anew" not in messages(app)
     assert "validate" not in keys(app)
     computed: list[int] = []
@@ -74,10 +79,8 @@ def test_it_goes_on_to_the_same_result(
 
     monkeypatch.setattr("stereocal.evaluation.evaluate_runs", counted)
     app.button(key="go_on_evaluation").click().run()
-    job = jobs.job_of(project, "evaluation")
-    assert job is not None
-    wait_until(lambda: job.state == "done")
-    assert 0 < sum(computed) <= 70
+    assert ended(project, "evaluation").state == "done"
+    assert sum(computed) == 70
     app.run()
     assert STOPPED not in messages(app) and not app.error
     found = project.evaluation
@@ -127,9 +130,7 @@ def test_a_job_whose_tab_was_closed_is_there_when_the_page_is_opened_again(
     project = project_of(app, home)
     again = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW)
     again.query_params["project"] = project.id
-    job = jobs.job_of(project, "evaluation")
-    assert job is not None
-    wait_until(lambda: job.state == "done")
+    assert ended(project, "evaluation").state == "done"
     again.run().switch_page("pages/validate.py").run()
     assert any("130 runs" in str(caption.value) for caption in again.caption)
     assert "validate" not in keys(again) and not again.error
@@ -162,9 +163,7 @@ def test_an_unforeseen_error_is_a_calm_sentence_and_stands_in_the_log(
     monkeypatch.setattr("stereocal.evaluation.evaluate_runs", fail)
     project = project_of(long_validation(app), home)
     app.button(key="validate").click().run()
-    job = jobs.job_of(project, "evaluation")
-    assert job is not None
-    wait_until(lambda: job.state != "running")
+    ended(project, "evaluation")
     app.run()
     said = messages(app)
     assert "Something unforeseen happened" in said and "secret" not in said

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import time
 import zipfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -21,6 +20,7 @@ from stereocal.store.pair_rows import PairRow
 from stereocal.store.photographs import ProjectPhotographs
 from stereocal.ui.pairs import rows_of, table_of
 from tests.bar_photographs import bar_set
+from tests.pages.waiting import ended, wait_until
 
 ROOT = Path(__file__).parents[2]
 SLOW = 120
@@ -69,11 +69,9 @@ def upload_zip(app: AppTest, files: Mapping[str, bytes]) -> None:
 
 def find(app: AppTest, home: Path) -> None:
     app.button(key="find_targets").click().run()
-    end = time.monotonic() + SLOW
-    while not (frames := (store_of(app, home).frames)) and time.monotonic() < end:
-        time.sleep(0.2)
-    assert frames
-    time.sleep(0.3)
+    store = store_of(app, home)
+    ended(store.project, "photographs")
+    assert store.frames
     app.run()
 
 
@@ -241,16 +239,14 @@ def test_cancel_leaves_what_was_found_before(
         assert pieces is not None
         cancelled = _[-1]
         assert callable(cancelled)
-        end = time.monotonic() + SLOW
-        while not cancelled() and time.monotonic() < end:
-            time.sleep(0.02)
+        wait_until(cancelled)
 
     monkeypatch.setattr("stereocal.ui.photographs.detect_frames", wait_for_the_cancel)
     app.button(key="find_targets").click().run()
     assert app.button(key="find_targets").disabled
     assert app.checkbox(key="use_frame_1").disabled
     app.button(key="cancel_photographs").click().run()
-    time.sleep(0.3)
+    ended(store_of(app, tmp_path).project, "photographs")
     app.run()
     assert "Cancelled. What was found before is unchanged" in messages(app)
     assert store_of(app, tmp_path).frames == before
@@ -267,7 +263,7 @@ def test_a_search_that_fails_is_said(
     give_cameras_and_lengths(app)
     monkeypatch.setattr("stereocal.ui.photographs.detect_frames", fail)
     app.button(key="find_targets").click().run()
-    time.sleep(0.3)
+    ended(store_of(app, tmp_path).project, "photographs")
     app.run()
     assert "Something unforeseen happened" in messages(app)
     assert store_of(app, tmp_path).frames is None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pkgutil
-import time
 from pathlib import Path
 
 import pytest
@@ -16,9 +15,10 @@ from stereocal.store.application import ProjectApplication
 from stereocal.store.carry import pack_project
 from stereocal.store.projects import recent_projects
 from tests.pages.test_apply import SET_2D
-from tests.pages.test_pages import FIELD, SLOW, messages, open_sample, project_of, zipped
+from tests.pages.test_pages import FIELD, messages, open_sample, project_of, zipped
 from tests.pages.test_pages import app as app
 from tests.pages.test_pages import home as home
+from tests.pages.waiting import wait_until
 
 
 def click_meanwhile(monkeypatch: pytest.MonkeyPatch, function: str) -> list[object]:
@@ -62,10 +62,7 @@ def test_a_search_for_targets_of_the_data_set_before_is_stopped(app: AppTest, ho
     content = zipped(pack_dataset(read_dataset(FIELD)))
     app.file_uploader(key="upload_zip").upload("rig.zip", content).run()
     assert not app.exception
-    end = time.monotonic() + SLOW
-    while searching.progress(0, 2, 9):
-        assert time.monotonic() < end
-        time.sleep(0.1)
+    wait_until(lambda: not searching.progress(0, 2, 9))
     searching.end()
 
 
