@@ -22,7 +22,7 @@ project, inputs, dataset = project_with_data()
 values = settings_form(project, dataset)
 if st.button("Calibrate", type="primary", key="run"):
     try:
-        with st.spinner("Calibrating. The very first time takes about ten seconds longer."):
+        with st.spinner("Calibrating."):
             found = jobs.compute(calibrate, dataset, settings_of(values), trace=True)
             project.keep_calibration(found, inputs)
     except StereocalError as error:

@@ -11,6 +11,8 @@ import sys
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
+from stereocal.compile_cache import use_writable_cache
+
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
@@ -81,3 +83,4 @@ class _Package(ModuleType):
 
 
 sys.modules[__name__].__class__ = _Package
+use_writable_cache()  # before anything is compiled

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import sys
 import tempfile
 from contextlib import ExitStack
 from pathlib import Path
 
-from stereocal.commands.progress import ProgressBar
+from stereocal.commands.progress import ProgressBar, say
 from stereocal.engines import engine
 from stereocal.errors import StereocalError
 from stereocal.formats.correspondences_csv import write_table
@@ -42,7 +41,7 @@ def run(parsed: argparse.Namespace) -> None:
             photographs = photographs_in(parsed.dataset, Path(store), unpacking.show)
         photographs = of_the_bar(photographs)
         pairing = pair_names(photographs)
-        _say(f"{len(photographs)} photographs. {pairing.sentence}")
+        say(f"{len(photographs)} photographs. {pairing.sentence}")
         _refuse_unclear(pairing, str(parsed.dataset))
         with engine(parsed.workers) as executor, ExitStack() as stack:
             bars: list[ProgressBar] = []
@@ -53,10 +52,10 @@ def run(parsed: argparse.Namespace) -> None:
             )  # fmt: skip
     assert frames is not None  # nobody cancels here
     for frame in frames:
-        _say(report_line(frame))
+        say(report_line(frame))
     if parsed.doubtful:
         frames = [frame.used(frame.state != "refused") for frame in frames]
-    _say(describe_frames(frames))
+    say(describe_frames(frames))
     write_atomically(parsed.out, write_table(correspondences_of(frames)))
     print(f"wrote {parsed.out}")
 
@@ -64,7 +63,3 @@ def run(parsed: argparse.Namespace) -> None:
 def _refuse_unclear(pairing: Pairing, source: str) -> None:
     if not pairing.pairs or pairing.ambiguous:
         raise StereocalError(f"{source}: {pairing.sentence}")
-
-
-def _say(line: str) -> None:
-    print(line, file=sys.stderr, flush=True)

@@ -14,6 +14,7 @@ from stereocal.store.server import ServerSettings
 from stereocal.ui.project import begin_forms_anew, forms_are_anew
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.told import forget_told, show_told
+from stereocal.ui.warm_up import compiling_shown
 
 TITLES = {
     "start": "Start",
@@ -90,7 +91,8 @@ def run_page(page: StreamlitPage) -> None:
     top = st.container()
     shown = show_told(top)
     try:
-        _draw(page)
+        with compiling_shown(top):
+            _draw(page)
     except StopException:
         forget_told(shown)
         raise
