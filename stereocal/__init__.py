@@ -1,7 +1,7 @@
 """Stereo camera calibration from a bar: one parameter set to match points, one to measure.
 
 The names that a script needs are here; docs/library.md shows them at work. Each is imported when it
-is first used: all together take half a second, `import stereocal` alone takes 2 ms.
+is first used: all together take half a second, `import stereocal` alone takes 10 ms.
 """
 
 from __future__ import annotations

@@ -8,6 +8,7 @@ from __future__ import annotations
 import codecs
 import os
 import sys
+import threading
 from io import TextIOWrapper
 from typing import TextIO
 
@@ -28,8 +29,9 @@ def main() -> int:
         status = CLOSED_PIPE
     except KeyboardInterrupt:
         say("stereocal: interrupted.")
-        # Threads may be at work in compiled code, and Python would wait for them.
-        os._exit(INTERRUPTED)
+        if _threads_at_work():  # in compiled code: Python would wait for them
+            os._exit(INTERRUPTED)
+        status = INTERRUPTED
     return status if _is_read(sys.stderr) & _is_read(sys.stdout) else CLOSED_PIPE
 
 
@@ -41,6 +43,11 @@ def _run() -> int:
         return run_command()
     except SystemExit as ended:  # by argparse, which has said why
         return int(ended.code or 0)
+
+
+def _threads_at_work() -> bool:
+    main_thread = threading.main_thread()
+    return any(one is not main_thread and not one.daemon for one in threading.enumerate())
 
 
 def _is_read(stream: TextIO) -> bool:

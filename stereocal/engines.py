@@ -46,11 +46,15 @@ def engine(workers: int | None = None, scheduler: str | None = None) -> Iterator
 @contextmanager
 def _processes(workers: int) -> Iterator[Executor]:
     others = set(multiprocessing.active_children())
-    with ProcessPoolExecutor(workers, mp_context=_Spawn()) as processes:
+    processes = ProcessPoolExecutor(workers, mp_context=_Spawn())
+    try:
+        yield processes
+    finally:
         try:
-            yield processes
-        except BaseException:
-            processes.shutdown(wait=False, cancel_futures=True)
+            # The pieces at work are finished: a process that is ended while it answers leaves half
+            # an answer, for whose rest the pool waits for ever.
+            processes.shutdown(cancel_futures=True)
+        except KeyboardInterrupt:  # a second time
             for process in set(multiprocessing.active_children()) - others:
                 process.terminate()
             raise

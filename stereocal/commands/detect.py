@@ -15,7 +15,7 @@ from stereocal.formats.dataset_files import read_survey
 from stereocal.formats.photograph_files import of_the_bar, photographs_in
 from stereocal.frames.frame import correspondences_of, describe_frames, report_line
 from stereocal.frames.pairing import Pairing, pair_names
-from stereocal.frames.search import detect_frames
+from stereocal.frames.search import compile_detection, detect_frames
 from stereocal.writing import write_atomically
 
 
@@ -43,6 +43,8 @@ def run(parsed: argparse.Namespace) -> None:
         pairing = pair_names(photographs)
         say(f"{len(photographs)} photographs. {pairing.sentence}")
         _refuse_unclear(pairing, str(parsed.dataset))
+        if parsed.workers:  # so that the processes do not all compile the same
+            compile_detection()
         with engine(parsed.workers) as executor, ExitStack() as stack:
             bars: list[ProgressBar] = []
             frames = detect_frames(

@@ -8,7 +8,7 @@ from pathlib import Path
 from stereocal.commands.options import add_search_options, settings_from
 from stereocal.commands.progress import ProgressBar
 from stereocal.engines import engine
-from stereocal.evaluation import EvaluationSettings, evaluate
+from stereocal.evaluation import EvaluationSettings, evaluate, evaluate_runs
 from stereocal.evaluation_files import summary_json, unique_names
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.report import report_html
@@ -49,6 +49,8 @@ def run(parsed: argparse.Namespace) -> None:
         parsed.calibration_frames,
         RefineSettings() if parsed.refined else None,
     )
+    if parsed.workers:  # compiles here, so that the processes do not all do the same
+        evaluate_runs(datasets[0], settings, 0, [0])
     with engine(parsed.workers, parsed.scheduler) as executor, ProgressBar("runs") as bar:
         runs = evaluate(datasets, settings, executor, bar.show)
     assert runs is not None  # nobody cancels here
