@@ -21,14 +21,17 @@ ENV NUMBA_CACHE_DIR=/app/compiled \
     OMP_NUM_THREADS=1 \
     PYTHONUNBUFFERED=1
 RUN mkdir /app/compiled \
-    && python -c "from pathlib import Path; from stereocal.warming import compile_all; compile_all(Path('sample_data/field'))" \
+    && python -m stereocal compile \
     && chown -R stereocal /app/compiled
 
 USER stereocal
 ENV STEREOCAL_HOME=/projects \
-    STEREOCAL_SHARED=1
+    STEREOCAL_SHARED=1 \
+    STREAMLIT_SERVER_SCRIPT_HEALTH_CHECK_ENABLED=true
 VOLUME /projects
 EXPOSE 8501
-HEALTHCHECK --interval=30s --timeout=5s --start-period=60s \
-    CMD python -c "from urllib.request import urlopen; urlopen('http://127.0.0.1:8501/_stcore/health', timeout=4)"
+# It draws the Start page, and fails where the application cannot be imported: /_stcore/health is
+# well as long as Streamlit runs.
+HEALTHCHECK --interval=30s --timeout=20s --start-period=60s \
+    CMD python -c "from urllib.request import urlopen; urlopen('http://127.0.0.1:8501/_stcore/script-health-check', timeout=19)"
 CMD ["streamlit", "run", "app.py", "--server.address", "0.0.0.0", "--server.headless", "true"]

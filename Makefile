@@ -2,9 +2,11 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
+PIP := $(BIN)/python -m pip install --disable-pip-version-check
+
 .PHONY: run test lint types browser benchmark audit clean
 
-run: $(VENV)/.run
+run: $(VENV)/.compiled
 	$(BIN)/streamlit run app.py
 
 test: $(VENV)/.dev
@@ -31,13 +33,21 @@ audit: $(VENV)/.run
 	$(VENV)/audit/bin/pip-audit --strict --requirement requirements.txt
 
 $(VENV)/.run: requirements.txt
+	@$(PYTHON) -c 'import sys; sys.exit("This needs Python 3.11 or newer: make PYTHON=python3.12 ..." if sys.version_info < (3, 11) else 0)'
+	@echo "Installing into $(VENV): about 300 MB to download, 1.1 GB on disk."
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --requirement requirements.txt
-	touch $@
+	$(PIP) --requirement requirements.txt
+	@echo "Installed in $(VENV): $$(du -sh $(VENV) | cut -f 1)."
+	@touch $@
 
 $(VENV)/.dev: requirements-dev.txt $(VENV)/.run
-	$(BIN)/python -m pip install --quiet --requirement requirements-dev.txt
-	touch $@
+	$(PIP) --requirement requirements-dev.txt
+	@touch $@
+
+# Done once, and again after a change of the sources: then the first page does not wait for it.
+$(VENV)/.compiled: $(VENV)/.run $(wildcard stereocal/*.py stereocal/*/*.py)
+	$(BIN)/python -m stereocal compile
+	@touch $@
 
 clean:
 	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache

@@ -5,8 +5,9 @@ from pathlib import Path
 import streamlit as st
 
 from stereocal.ui.frame import check_settings, frame_drawn, pages, run_page
-from stereocal.ui.project import keep_address, warm_up
+from stereocal.ui.project import keep_address
 from stereocal.ui.uploads import watch_uploads
+from stereocal.ui.warm_up import warm_up
 
 
 def main() -> None:

@@ -24,7 +24,7 @@ values = settings_form(project, dataset)
 show_exchanged(project)
 if st.button("Calibrate", type="primary", key="run") or calibrate_again():
     try:
-        with st.spinner("Calibrating. The very first time takes about ten seconds longer."):
+        with st.spinner("Calibrating."):
             found = jobs.compute(calibrate, dataset, settings_of(values), trace=True)
             project.keep_calibration(found, inputs)
     except StereocalError as error:

@@ -1,7 +1,7 @@
 """Stereo camera calibration from a bar: one parameter set to match points, one to measure.
 
 The names that a script needs are here; docs/library.md shows them at work. Each is imported when it
-is first used: all together take half a second, `import stereocal` alone takes 2 ms.
+is first used: all together take half a second, `import stereocal` alone takes 10 ms.
 """
 
 from __future__ import annotations
@@ -10,6 +10,8 @@ import importlib
 import sys
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
+
+from stereocal.compile_cache import use_writable_cache
 
 __version__ = "0.1.0"
 
@@ -81,3 +83,4 @@ class _Package(ModuleType):
 
 
 sys.modules[__name__].__class__ = _Package
+use_writable_cache()  # before anything is compiled

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Sequence
 
 from stereocal import __version__
 from stereocal.commands import (
     calibrate,
+    compiling,
     convert,
     detect,
     evaluate,
@@ -17,20 +17,30 @@ from stereocal.commands import (
     reconstruct,
     simulate,
 )
+from stereocal.commands.progress import say
+from stereocal.compilations import compilations
 from stereocal.errors import StereocalError
 
-COMMANDS = (calibrate, evaluate, detect, intrinsics, match, reconstruct, convert, simulate)
+COMMANDS = (
+    calibrate, evaluate, detect, intrinsics, match, reconstruct, convert, simulate, compiling
+)  # fmt: skip
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; 0 when it is done, 2 with one sentence on stderr for bad input."""
     parsed = _parser().parse_args(arguments)
     try:
-        parsed.run(parsed)
+        with compilations(_say_so):
+            parsed.run(parsed)
     except StereocalError as error:
-        print(f"stereocal: {error}", file=sys.stderr)
+        say(f"stereocal: {error}")
         return 2
     return 0
+
+
+def _say_so(compiled: int) -> None:
+    if not compiled:
+        say("Compiling once, which takes up to a minute.")
 
 
 def _parser() -> argparse.ArgumentParser:

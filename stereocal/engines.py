@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import signal
 from collections.abc import Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import contextmanager
+from multiprocessing.context import SpawnContext, SpawnProcess
 from typing import Any
 
 from stereocal.errors import StereocalError
@@ -31,13 +33,51 @@ def engine(workers: int | None = None, scheduler: str | None = None) -> Iterator
         with _cluster(scheduler) as cluster:
             yield cluster
     elif workers is not None:
-        # Never fork: the server and NumPy run threads, whose locks a fork would copy.
-        context = multiprocessing.get_context("spawn")
-        with ProcessPoolExecutor(workers, mp_context=context) as processes:
+        with _processes(workers) as processes:
             yield processes
     else:
-        with ThreadPoolExecutor(os.cpu_count() or 1) as threads:
+        threads = ThreadPoolExecutor(os.cpu_count() or 1)
+        try:
             yield threads
+        finally:  # after an error or Ctrl-C nobody waits for what they are at
+            threads.shutdown(wait=False, cancel_futures=True)
+
+
+@contextmanager
+def _processes(workers: int) -> Iterator[Executor]:
+    others = set(multiprocessing.active_children())
+    processes = ProcessPoolExecutor(workers, mp_context=_Spawn())
+    try:
+        yield processes
+    finally:
+        try:
+            # The pieces at work are finished: a process that is ended while it answers leaves half
+            # an answer, for whose rest the pool waits for ever.
+            processes.shutdown(cancel_futures=True)
+        except KeyboardInterrupt:  # a second time
+            for process in set(multiprocessing.active_children()) - others:
+                process.terminate()
+            raise
+
+
+class _Process(SpawnProcess):
+    """Ctrl-C at a terminal reaches all processes: this one leaves it to the one that began it."""
+
+    def start(self) -> None:
+        if os.name == "nt":
+            super().start()
+            return
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            super().start()  # it inherits what is blocked
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+class _Spawn(SpawnContext):
+    """Never fork: the server and NumPy run threads, whose locks a fork would copy."""
+
+    Process = _Process
 
 
 @contextmanager

@@ -9,7 +9,6 @@ paper's "two constraints" (its footnote 1) hold exactly.
 from __future__ import annotations
 
 import itertools
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
@@ -17,6 +16,7 @@ from typing import Literal
 import cv2
 import numpy as np
 
+from stereocal.compilations import clock
 from stereocal.compiled import FloatArray, compiled
 from stereocal.decompositions import singular_vectors, solve_positive, triangle
 from stereocal.errors import StereocalError
@@ -62,7 +62,7 @@ def calibrate_essential(
     Raises:
         StereocalError: fewer than 5 pairs, or points that determine no pose.
     """
-    started = time.perf_counter()
+    started = clock()
     pairs = rays.shape[1]
     if pairs < MINIMUM_PAIRS:
         raise StereocalError(
@@ -103,9 +103,7 @@ def calibrate_essential(
         evaluations += more
         stop_reason = "converged" if converged else "the largest number of rounds was reached"
     pose = Pose(pose.R, baseline * pose.T)
-    return EssentialResult(
-        pose, cost, evaluations, stop_reason, time.perf_counter() - started, solver
-    )
+    return EssentialResult(pose, cost, evaluations, stop_reason, clock() - started, solver)
 
 
 def _best(

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import sys
 import tempfile
 from contextlib import ExitStack
 from pathlib import Path
 
-from stereocal.commands.progress import ProgressBar
+from stereocal.commands.progress import ProgressBar, say
 from stereocal.engines import engine
 from stereocal.errors import StereocalError
 from stereocal.formats.correspondences_csv import write_table
@@ -16,7 +15,7 @@ from stereocal.formats.dataset_files import read_survey
 from stereocal.formats.photograph_files import of_the_bar, photographs_in
 from stereocal.frames.frame import correspondences_of, describe_frames, report_line
 from stereocal.frames.pairing import Pairing, pair_names
-from stereocal.frames.search import detect_frames
+from stereocal.frames.search import compile_detection, detect_frames
 from stereocal.writing import write_atomically
 
 
@@ -42,8 +41,10 @@ def run(parsed: argparse.Namespace) -> None:
             photographs = photographs_in(parsed.dataset, Path(store), unpacking.show)
         photographs = of_the_bar(photographs)
         pairing = pair_names(photographs)
-        _say(f"{len(photographs)} photographs. {pairing.sentence}")
+        say(f"{len(photographs)} photographs. {pairing.sentence}")
         _refuse_unclear(pairing, str(parsed.dataset))
+        if parsed.workers:  # so that the processes do not all compile the same
+            compile_detection()
         with engine(parsed.workers) as executor, ExitStack() as stack:
             bars: list[ProgressBar] = []
             frames = detect_frames(
@@ -53,10 +54,10 @@ def run(parsed: argparse.Namespace) -> None:
             )  # fmt: skip
     assert frames is not None  # nobody cancels here
     for frame in frames:
-        _say(report_line(frame))
+        say(report_line(frame))
     if parsed.doubtful:
         frames = [frame.used(frame.state != "refused") for frame in frames]
-    _say(describe_frames(frames))
+    say(describe_frames(frames))
     write_atomically(parsed.out, write_table(correspondences_of(frames)))
     print(f"wrote {parsed.out}")
 
@@ -64,7 +65,3 @@ def run(parsed: argparse.Namespace) -> None:
 def _refuse_unclear(pairing: Pairing, source: str) -> None:
     if not pairing.pairs or pairing.ambiguous:
         raise StereocalError(f"{source}: {pairing.sentence}")
-
-
-def _say(line: str) -> None:
-    print(line, file=sys.stderr, flush=True)

@@ -9,7 +9,7 @@ from stereocal.calibrate import screened
 from stereocal.commands.options import add_search_options, settings_from
 from stereocal.commands.progress import ProgressBar
 from stereocal.engines import engine
-from stereocal.evaluation import EvaluationSettings, evaluate
+from stereocal.evaluation import EvaluationSettings, evaluate, evaluate_runs
 from stereocal.evaluation_files import summary_json, unique_names
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.report import report_html
@@ -52,6 +52,8 @@ def run(parsed: argparse.Namespace) -> None:
     )
     screenings = [screened(dataset, settings.calibration) for dataset in datasets]
     kept = [screening.dataset for screening in screenings]
+    if parsed.workers:  # compiles here, so that the processes do not all do the same
+        evaluate_runs(kept[0], settings, 0, [0])
     with engine(parsed.workers, parsed.scheduler) as executor, ProgressBar("runs") as bar:
         runs = evaluate(kept, settings, executor, bar.show)
     assert runs is not None  # nobody cancels here

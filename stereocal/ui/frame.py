@@ -16,6 +16,7 @@ from stereocal.ui.project import begin_forms_anew, forms_are_sound, open_begun
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.told import callback, forget_told, show_told
 from stereocal.ui.uploads import check_dropped
+from stereocal.ui.warm_up import compiling_shown
 
 TITLES = {
     "start": "Start",
@@ -96,7 +97,8 @@ def run_page(page: StreamlitPage) -> None:
     shown = show_told(top)
     begin_page(page.url_path)
     try:
-        _draw(page)
+        with compiling_shown(top):
+            _draw(page)
     except StopException:
         end_page()
         forget_told(shown)

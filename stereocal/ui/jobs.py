@@ -25,6 +25,7 @@ from stereocal.store.parts import Parts
 from stereocal.store.server import ServerSettings
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.told import callback
+from stereocal.ui.warm_up import warm_up
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -301,6 +302,8 @@ def _show_bars(job: Job | Record, left: str) -> None:
             st.progress(1.0, f"{stage.capitalize()}: all")
         elif number == job.at and job.done:
             st.progress(job.done / max(job.total, 1), f"{job.done} of {job.total} {stage}{left}")
+        elif number == job.at and warm_up().compiling:
+            st.progress(warm_up().share, warm_up().sentence)
         else:
             st.progress(0.0, "Starting" if number == job.at else f"{stage.capitalize()}: not yet")
 

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import threading
-import time
 from collections.abc import Iterator, Mapping
 from concurrent.futures import Future
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
 
@@ -20,14 +18,10 @@ from stereocal.project import Project
 from stereocal.store.folders import default_home
 from stereocal.store.photographs import TABLE_LABEL
 from stereocal.store.projects import bring_back, removed_at
-from stereocal.store.server import ServerSettings
-from stereocal.store.sweep import sweep
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.told import attempt, callback, readable, tell
-from stereocal.warming import compile_all
 
 SAMPLE = Path(__file__).parents[2] / "sample_data" / "field"
-SWEEP_EVERY_S = 3600.0
 SLOT_TITLES: Mapping[str, Slot] = {
     "table of points": "correspondences",
     "primary camera": "primary",
@@ -227,27 +221,3 @@ def _file(inputs: Inputs, slot: Slot) -> str:
         return "none"
     label = inputs.labels[slot]
     return label if label == TABLE_LABEL else f"{label} ({inputs.files[slot][:8]})"
-
-
-@st.cache_resource(show_spinner=False)
-def warm_up() -> threading.Thread:
-    """What is done in the background when the server starts."""
-    thread = threading.Thread(target=_begin, daemon=True, name="warm-up")
-    thread.start()
-    return thread
-
-
-def _begin() -> None:
-    """Delete what is too old, compile, and look again every hour."""
-    _sweep()
-    compile_all(SAMPLE)
-    while True:
-        time.sleep(SWEEP_EVERY_S)
-        _sweep()
-
-
-def _sweep() -> None:
-    """What cannot be swept, as on a home that is read-only, is left for the next time."""
-    with suppress(StereocalError, OSError):
-        settings = ServerSettings.from_environment()
-        sweep(default_home(), settings.undo_days, settings.keep_days)

@@ -94,9 +94,9 @@ def test_same_numbers_under_another_name_are_not_shared() -> None:
 CACHES = {
     "jobs._pool": "threads; work and answers go by the project's id",
     "jobs._jobs": "by the project's id",
-    "project.warm_up": "a thread, which knows no project",
     "screening._screened": "by all numbers, the name, the notes and the settings",
     "uploads.watch_uploads": "a thread, which knows no project",
+    "warm_up.warm_up": "a thread, which knows no project",
     "review._shown": "by the digest of the photograph's content, in its file's name",
     "apply.whole_table": "by the file's path, below the project's folder",
     "apply._sample": "by the files' paths, below the project's folder",

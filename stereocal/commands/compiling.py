@@ -1,0 +1,24 @@
+"""`stereocal compile`: compile everything now, so that nobody waits for it later."""
+
+from __future__ import annotations
+
+import argparse
+
+from stereocal.commands.progress import ProgressBar
+from stereocal.warming import compile_all
+
+
+def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """The options of the command: none."""
+    command = commands.add_parser(
+        "compile", help="compile everything now, so that nobody waits for it later"
+    )
+    command.set_defaults(run=run)
+
+
+def run(_: argparse.Namespace) -> None:
+    """Compile, with a count."""
+    with ProgressBar("functions compiled") as bar:
+        compiled = compile_all(bar.show)
+    if not compiled:
+        print("Everything is compiled already.")
