@@ -20,7 +20,6 @@ from stereocal.refined.unknowns import (
     DEFAULT_FOCAL,
     lens_prior,
 )
-from stereocal.tables import digits
 from stereocal.ui.fields import Field
 from stereocal.ui.intake import refuse, settled
 from stereocal.ui.project import project_to_write
@@ -88,13 +87,13 @@ def describe_known(dataset: Dataset) -> str:
 
 def _of_length(what: str, sigma_m: float | None, assumed_m: float) -> str:
     if sigma_m is None:
-        return f"{what} ± {digits(1000 * assumed_m)} mm (not stated, assumed)"
-    return f"{what} ± {digits(1000 * sigma_m)} mm"
+        return f"{what} ± {1000 * assumed_m:.3g} mm (not stated, assumed)"
+    return f"{what} ± {1000 * sigma_m:.3g} mm"
 
 
 def _of_lens(camera: Camera) -> str:
     prior = lens_prior(camera, None)
-    return f"± {digits(100 * prior.focal, 2)} % and ± {digits(prior.centre_px, 2)} px"
+    return f"± {100 * prior.focal:.2g} % and ± {prior.centre_px:.2g} px"
 
 
 @dataclass

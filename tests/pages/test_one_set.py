@@ -104,8 +104,6 @@ def test_what_a_data_set_states_of_its_lengths_is_taken(app: AppTest, home: Path
     assert app.number_input(key="baseline_m_sigma_mm").value == 7.0
     assert app.number_input(key="target_distance_m_sigma_mm").value == 0.3
     assert "baseline ± 7 mm; distance A–B ± 0.3 mm" in text(one_set(app))
-        "7.00", "7"
-    ).replace("0.300", "0.3")
 
 
 def test_a_bad_frame_is_named_though_the_papers_sets_fail_over_it(app: AppTest, home: Path) -> None:
