@@ -40,12 +40,12 @@ from stereocal.formats.correspondences_csv import read_table, write_table
 from stereocal.frames.frame import correspondences_of
 from stereocal.frames.pairing import pair_names
 from stereocal.frames.search import detect_frames
+from stereocal.refined.unknowns import RefineSettings
 from stereocal.simulate import FIELD_BAR_M, Rig, field_rig, observe, place_bars
 from stereocal.store.photographs import TABLE_LABEL
 from stereocal.summary import summarise, summarise_all
 from stereocal.synthetic.photographs import BarSettings, photograph_bars, place_visible_bars
 from stereocal.synthetic.rendering import PhotographSettings
-from stereocal.ui.refined import defaults, settings_of
 from tests.bar_photographs import BOARD_M, DEPTHS_M, small
 
 FRAMES, PHOTOGRAPHED = 25, 14
@@ -116,11 +116,8 @@ class Person:
         """What the library gives for these data."""
         dataset = self._dataset()
         calibration = calibrate(dataset, CalibrationSettings())
-        values = defaults(dataset)
         frames = len(dataset.correspondences.frames)
-        settings = EvaluationSettings(
-            CalibrationSettings(), 100, 4 * frames // 5, settings_of(values, dataset)
-        )
+        settings = EvaluationSettings(CalibrationSettings(), 100, 4 * frames // 5, RefineSettings())
         with ThreadPoolExecutor(1) as executor:
             runs = evaluate([dataset], settings, executor)
         assert runs is not None

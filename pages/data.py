@@ -7,6 +7,7 @@ from stereocal.figures import describe_coverage, plot_coverage
 from stereocal.tables import contents_table
 from stereocal.ui.frame import need_frame
 from stereocal.ui.intake import escape_markdown, show_refusal, take_dataset
+from stereocal.ui.known import length_known, lenses_known
 from stereocal.ui.lengths import length_field
 from stereocal.ui.photographs import choose_kind, has_photographs, photographs_in
 from stereocal.ui.project import current_project, forget_project
@@ -35,8 +36,11 @@ else:
 left, right = st.columns(2)
 with left:
     length_field(project, "baseline_m", "Baseline: distance between the cameras")
+    length_known(project, "baseline_m", "± 1 %")
 with right:
     length_field(project, "target_distance_m", "Distance between targets A and B")
+    length_known(project, "target_distance_m", "± 0.1 %")
+lenses_known(project)
 show_refusal()
 
 project = current_project()

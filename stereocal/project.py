@@ -133,7 +133,10 @@ class Project:
                     labels.pop(slot, None)
                 given.update({str(slot): name for slot, name in named.items()})
                 labels.update({slot: label for slot, (label, _) in files.items()})
-                new = dataclasses.replace(before, files=given, labels=labels, **values)
+                # A new file's own statement counts, not what was stated of the lens before.
+                known = {slot: v for slot, v in before.lens_known.items() if slot not in files}
+                given_now = {"lens_known": known, **values}
+                new = dataclasses.replace(before, files=given, labels=labels, **given_now)
                 check_room(self.folder, sum(map(len, fresh.values())))
                 self._check_inputs(new, fresh)
                 if self._replace_inputs(before, new, fresh, beside):
@@ -313,8 +316,8 @@ class Project:
         table = read_table(self._content(inputs, "correspondences", fresh), label)
         dataset = Dataset(
             name=inputs.name or Path(label).stem,
-            primary=primary,
-            secondary=secondary,
+            primary=inputs.known("primary", primary),
+            secondary=inputs.known("secondary", secondary),
             correspondences=table.strict(label),
             baseline_m=float(inputs.baseline_m or 0.0),
             target_distance_m=float(inputs.target_distance_m or 0.0),

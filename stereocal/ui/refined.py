@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from typing import Any
 
 import streamlit as st
 
@@ -17,93 +15,41 @@ from stereocal.refined.disagreement import Input, what_disagrees
 from stereocal.refined.tradeoff import TradeOff, trade_off
 from stereocal.refined.uncertainty import AccuracyMap, accuracy_map
 from stereocal.refined.unknowns import (
-    DEFAULT_BASELINE,
-    DEFAULT_DISTANCE,
-    FIXED_LENS,
-    LensPrior,
     RefineSettings,
-    lens_prior,
 )
 from stereocal.ui import jobs
-from stereocal.ui.fields import Field, number, one_of, setting
-
-FREE, HELD = "Free, within their uncertainty", "Held as given"
-
-
-def defaults(dataset: Dataset) -> dict[str, Any]:
-    """What the form says until somebody changes it."""
-    lenses = [lens_prior(camera, None) for camera in (dataset.primary, dataset.secondary)]
-    baseline = dataset.baseline_sigma_m or DEFAULT_BASELINE * dataset.baseline_m
-    distance = dataset.target_distance_sigma_m or DEFAULT_DISTANCE * dataset.target_distance_m
-    return {
-        "refine_lenses": FREE,
-        "refine_focal_percent": round(max(100 * lens.focal for lens in lenses), 4),
-        "refine_centre_px": round(max(lens.centre_px for lens in lenses), 3),
-        "refine_baseline_mm": round(1000 * baseline, 3),
-        "refine_distance_mm": round(1000 * distance, 4),
-        "refine_sigma_px": 0.0,
-    }
+from stereocal.ui.fields import Field, number, setting
+from stereocal.ui.known import describe_known
+from stereocal.ui.texts import escape_markdown
 
 
 def refine_form(project: Project, dataset: Dataset) -> RefineSettings:
-    """How well everything is known, in an expander."""
-    fields = _fields(project, dataset)
-    with st.expander("How well the inputs are known"):
-        st.segmented_control(
-            "Lenses", [FREE, HELD], required=True, **fields["refine_lenses"].widget()
-        )
-        columns = st.columns(2)
-        for at, (key, title, text) in enumerate(
-            (
-                ("refine_baseline_mm", "Baseline, ± mm", "0 holds it as measured."),
-                ("refine_distance_mm", "Distance A–B, ± mm", "0 holds it as measured."),
-                ("refine_focal_percent", "Focal lengths, ± %", "How far a lens may be off."),
-                ("refine_centre_px", "Image centres, ± px", "How far a lens may be off."),
-                ("refine_sigma_px", "Noise of an image point, px", "0: found from the images."),
-            )
-        ):
-            columns[at % 2].number_input(
-                title, 0.0, 1e5, help=text, format="%.4g", **fields[key].widget()
-            )
+    """What the refined method is told: from the Data page, and the noise of an image point."""
+    st.caption(escape_markdown(describe_known(dataset)))
+    st.page_link("pages/data.py", label="State it on the Data page")
+    with st.expander("Noise of the images"):
+        st.number_input(
+            "Noise of an image point, px", 0.0, 1e5, format="%.4g",
+            help="0: found from the images.", **_noise(project).widget(),
+        )  # fmt: skip
     return refine_settings(project, dataset)
 
 
-def _fields(project: Project, dataset: Dataset) -> dict[str, Field]:
-    return {
-        key: setting(
-            project, key, usual,
-            one_of((FREE, HELD)) if isinstance(usual, str) else number(0.0, 1e5),
-        )
-        for key, usual in defaults(dataset).items()
-    }  # fmt: skip
-
-
 def refine_settings(project: Project, dataset: Dataset) -> RefineSettings:
-    """The settings of the form, also on pages that do not show it."""
-    values = {key: field.value() for key, field in _fields(project, dataset).items()}
-    return settings_of(values, dataset)
+    """The settings of the refined method, also on pages that do not show the form.
 
-
-def settings_of(values: Mapping[str, Any], dataset: Dataset) -> RefineSettings:
-    """The settings that the form's values stand for.
-
-    A lens keeps what its own calibration says of it until somebody types something else.
-
-    Raises:
-        StereocalError: a negative number.
+    The lenses bring what is known of them; of the lengths it is written out, for a data set's
+    digest does not tell it.
     """
-    typed = LensPrior(values["refine_focal_percent"] / 100, values["refine_centre_px"])
-    keys = ("refine_focal_percent", "refine_centre_px")
-    untouched = all(values[key] == defaults(dataset)[key] for key in keys)
-    lens = None if untouched else typed
-    lens = lens if values["refine_lenses"] == FREE else FIXED_LENS
     return RefineSettings(
-        primary=lens,
-        secondary=lens,
-        baseline_sigma_m=values["refine_baseline_mm"] / 1000,
-        distance_sigma_m=values["refine_distance_mm"] / 1000,
-        sigma_px=values["refine_sigma_px"] or None,
+        baseline_sigma_m=dataset.baseline_sigma_m,
+        distance_sigma_m=dataset.target_distance_sigma_m,
+        sigma_px=_noise(project).value() or None,
     )
+
+
+def _noise(project: Project) -> Field:
+    return setting(project, "refine_sigma_px", 0.0, number(0.0, 1e5))
 
 
 def refined_of(dataset: Dataset, settings: RefineSettings) -> RefinedResult:

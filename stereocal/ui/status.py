@@ -32,6 +32,11 @@ def staleness(result: Calibration, dataset: Dataset, values: Mapping[str, Any]) 
             "The data have changed since this result. Press Calibrate for the new data; until then "
             "the old result stays."
         )
+    if _known(result.dataset) != _known(dataset):
+        return (
+            "How well the lengths are known was stated differently when this result was made. "
+            "Press Calibrate to renew its refined set."
+        )
     made_with = result.settings.to_json()
     changed = [NAMES[key] for key, value in values.items() if made_with[key] != value]
     if not changed:
@@ -40,6 +45,10 @@ def staleness(result: Calibration, dataset: Dataset, values: Mapping[str, Any]) 
         f"The form has changed since this result ({', '.join(changed)}). It still shows the result "
         "of the settings named below it. Press Calibrate to renew it."
     )
+
+
+def _known(dataset: Dataset) -> tuple[float | None, float | None]:
+    return dataset.baseline_sigma_m, dataset.target_distance_sigma_m
 
 
 def describe_settings(result: Calibration) -> str:

@@ -22,6 +22,7 @@ SET: dict[str, dict[str, Any]] = {
     "data": {
         "baseline_m_unit": "cm", "target_distance_m_unit": "mm", "frames_view": "One frame",
         "review_frame": 5, "review_target": "B", "review_raw": True,
+        "baseline_m_known": "Tape", "target_distance_m_known": "Typed",
     },
     "cameras": {
         "board_kind": "ChArUco", "board_columns": 9, "board_rows": 7, "board_square_mm": 25.0,
@@ -58,6 +59,19 @@ SHOWN = {
     "apply_measuring": "2D set", "format_2d": "DLT coefficients (DLTdv, easyWand, Argus)",
 }  # fmt: skip
 """As the browser shows it."""
+
+STATED: dict[str, Any] = {
+    "baseline_sigma_m": 0.005,
+    "target_distance_sigma_m": 0.0007,
+    "lens_known": {"primary": [0.004, 6.0]},
+}
+"""What the Data page's fields of how well things are known write."""
+STATED_SHOWN = {
+    "baseline_m_known": "Tape: ± 5 mm", "target_distance_m_known": "Typed, in mm",
+    "target_distance_m_sigma_mm": "0.7", "lens_primary_known": "Typed",
+    "lens_primary_focal_percent": "0.4", "lens_primary_centre_px": "6",
+    "lens_secondary_known": "Not stated",
+}  # fmt: skip
 
 READ = """() => Object.fromEntries(
   [...document.querySelectorAll('[data-testid=stMain] [class*="st-key-"]')].flatMap(box => {
@@ -113,6 +127,7 @@ def test_settings_survive_every_way_from_page_to_page(
     project = Project.open(home, finished_project(home))
     for values in SET.values():
         project.keep_settings(values)
+    project.give({}, **STATED)
     stored = (project.folder / "project.json").read_bytes()
     walk = all_pairs(list(TITLES))
     assert sorted(pairwise(walk)) == sorted(permutations(TITLES, 2))
@@ -124,6 +139,8 @@ def test_settings_survive_every_way_from_page_to_page(
         page.get_by_test_id("stSidebar").get_by_role("link", name=TITLES[name], exact=True).click()
         arrive(page, name, settled)
         wanted = {key: str(SHOWN[key]) for key in SET.get(name, {})}
+        if name == "data":
+            wanted |= STATED_SHOWN
         assert forms(page, wanted) == wanted, (before, name, "by the menu")
         page.reload()
         arrive(page, name, settled)

@@ -110,7 +110,7 @@ def test_a_tab_of_before_an_update_meets_the_new_server(home: Path) -> None:
             "validate_runs": 7, "validate_frames": -4, "validate_on": "Everything",
             "bin_width": 0.3, "columns": "Four",
         },
-        "one_set": {"refine_lenses": "Bent", "refine_sigma_px": -2.0},
+        "one_set": {"baseline_m_known": "Guessed", "refine_sigma_px": -2.0},
         "cameras": {
             "lens_camera": "tertiary", "lens_how": "By hand", "board_columns": 1,
             "board_kind": "Circles", "leave_out_primary": ["gone.png"],

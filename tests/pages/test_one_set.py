@@ -38,12 +38,17 @@ def test_answers_and_follows_the_form(app: AppTest, home: Path) -> None:
     assert evaluation is not None and evaluation.settings.refined is not None
     table = app.table[-1].value
     assert table.loc["Baseline (m)", "Standard error"] == "± 0.0052"
-    app.segmented_control(key="refine_lenses").set_value("Held as given").run()
+    app.switch_page("pages/data.py").run()
+    for which in ("primary", "secondary"):
+        app.selectbox(key=f"lens_{which}_known").set_value("Typed").run()
+        app.number_input(key=f"lens_{which}_focal_percent").set_value(0.0).run()
+        app.number_input(key=f"lens_{which}_centre_px").set_value(0.0).run()
+    one_set(app)
     assert app.table[-1].value.loc["Focal length fx, primary camera (px)", "Standard error"] == (
         "held"
     )
     held = project.evaluation
-    assert held is not None and held.settings.refined != evaluation.settings.refined
+    assert held is not None and held.sha256 != evaluation.sha256
 
 
 def test_the_slider_moves_along_the_curve_and_is_kept(app: AppTest, home: Path) -> None:
@@ -65,7 +70,8 @@ def test_a_baseline_typed_wrong_is_named(app: AppTest, home: Path) -> None:
     app.segmented_control(key="data_how").set_value("A zip").run()
     app.file_uploader(key="upload_zip").upload("field.zip", packed, "application/zip").run()
     assert project_of(app, home).inputs.baseline_m == 4.7
-    one_set(app).number_input(key="refine_baseline_mm").set_value(5.0).run()
+    app.selectbox(key="baseline_m_known").set_value("Tape").run()
+    one_set(app)
     assert "The measured baseline is 4.7" in messages(app)
 
 
@@ -95,9 +101,9 @@ def test_what_a_data_set_states_of_its_lengths_is_taken(app: AppTest, home: Path
     read = project_of(app, home).dataset
     assert read is not None
     assert (read.baseline_sigma_m, read.target_distance_sigma_m) == (0.007, 0.0003)
-    one_set(app)
-    assert app.number_input(key="refine_baseline_mm").value == 7.0
-    assert app.number_input(key="refine_distance_mm").value == 0.3
+    assert app.number_input(key="baseline_m_sigma_mm").value == 7.0
+    assert app.number_input(key="target_distance_m_sigma_mm").value == 0.3
+    assert "baseline ± 7 mm; distance A–B ± 0.3 mm" in text(one_set(app))
 
 
 def test_a_bad_frame_is_named_though_the_papers_sets_fail_over_it(app: AppTest, home: Path) -> None:

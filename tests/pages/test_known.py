@@ -1,0 +1,145 @@
+"""How well lengths and lenses are known: stated on Data, kept, and used by every method."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from streamlit.testing.v1 import AppTest
+
+from stereocal.camera import LensUncertainty
+from stereocal.dataset import Dataset
+from stereocal.formats.camera_file import write_camera
+from stereocal.formats.dataset_files import pack_dataset, parse_dataset, read_dataset
+from stereocal.project import Project
+from stereocal.refined.unknowns import DEFAULT_FOCAL, baseline_sigma_m, lens_prior
+from stereocal.store.carry import pack_project, unpack_project
+from stereocal.ui.refined import refine_settings
+from tests.pages.test_pages import FIELD, SLOW, open_sample, project_of
+from tests.pages.test_pages import app as app
+from tests.pages.test_pages import home as home
+
+ROOT = Path(__file__).parents[2]
+LENGTHS = ("baseline_m", "target_distance_m")
+LENSES = ("primary", "secondary")
+
+
+def known_lens() -> bytes:
+    camera = read_dataset(FIELD).primary
+    errors = LensUncertainty(5.0, 5.0, 2.5, 3.5, np.full(camera.distortion.size, 0.01))
+    return write_camera(replace(camera, uncertainty=errors))
+
+
+def read(project: Project) -> Dataset:
+    dataset = project.dataset
+    assert dataset is not None
+    return dataset
+
+
+def choose(app: AppTest, key: str, option: str) -> None:
+    app.selectbox(key=f"{key}_known").set_value(option).run()
+
+
+def test_nothing_is_stated_until_somebody_does(app: AppTest, home: Path) -> None:
+    project = project_of(open_sample(app), home)
+    for key in (*LENGTHS, *(f"lens_{which}" for which in LENSES)):
+        assert app.selectbox(key=f"{key}_known").value == "Not stated"
+    dataset = read(project)
+    assert dataset.baseline_sigma_m is None and dataset.target_distance_sigma_m is None
+    assert dataset.primary.uncertainty is None and dataset.secondary.uncertainty is None
+    app.switch_page("pages/one_set.py").run()
+    said = " ".join(item.value for item in app.caption)
+    assert said.count("(not stated, assumed)") == 4
+
+
+@pytest.mark.parametrize(
+    ("option", "mm"), [("Laser range finder", 2), ("Tape", 5), ("Total station", 1)]
+)
+@pytest.mark.parametrize("name", LENGTHS)
+def test_presets(app: AppTest, home: Path, name: str, option: str, mm: float) -> None:
+    project = project_of(open_sample(app), home)
+    choose(app, name, option)
+    sigma = f"{name.removesuffix('_m')}_sigma_m"
+    assert getattr(read(project), sigma) == mm / 1000
+    assert app.selectbox(key=f"{name}_known").value == option
+    choose(app, name, "Not stated")
+    assert getattr(read(project), sigma) is None
+
+
+def test_typed_numbers_stand_after_f5_and_reach_the_refined_method(
+    app: AppTest, home: Path
+) -> None:
+    project = project_of(open_sample(app), home)
+    choose(app, "baseline_m", "Typed")
+    assert read(project).baseline_sigma_m is None  # the field is empty yet
+    app.number_input(key="baseline_m_sigma_mm").set_value(3.5).run()
+    choose(app, "lens_secondary", "Typed")
+    app.number_input(key="lens_secondary_focal_percent").set_value(0.4).run()
+    assert read(project).secondary.uncertainty is None  # both numbers, or none
+    app.number_input(key="lens_secondary_centre_px").set_value(6.0).run()
+    dataset = read(project)
+    settings = refine_settings(project, dataset)
+    assert baseline_sigma_m(dataset, settings) == pytest.approx(0.0035)
+    prior = lens_prior(dataset.secondary, settings.secondary)
+    assert (prior.focal, prior.centre_px) == pytest.approx((0.004, 6.0))
+    assert lens_prior(dataset.primary, settings.primary).focal == DEFAULT_FOCAL
+
+    again = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW)
+    again.query_params["project"] = project.id
+    again.run().switch_page("pages/data.py").run()
+    assert again.selectbox(key="baseline_m_known").value == "Typed"
+    assert again.number_input(key="baseline_m_sigma_mm").value == 3.5
+    assert again.number_input(key="lens_secondary_focal_percent").value == 0.4
+    assert again.number_input(key="lens_secondary_centre_px").value == 6.0
+    assert again.selectbox(key="lens_primary_known").value == "Not stated"
+
+
+def test_a_zip_carries_what_was_stated(app: AppTest, home: Path, tmp_path: Path) -> None:
+    project = project_of(open_sample(app), home)
+    choose(app, "target_distance_m", "Total station")
+    choose(app, "lens_primary", "Typed")
+    app.number_input(key="lens_primary_focal_percent").set_value(0.0).run()
+    app.number_input(key="lens_primary_centre_px").set_value(0.0).run()
+    dataset = read(project)
+    pack_project(project, tmp_path / "project.zip")
+    opened = unpack_project(tmp_path / "project.zip", "project.zip", tmp_path / "other")
+    files = {name: bytes(content) for name, content in pack_dataset(dataset).items()}
+    for carried in (read(opened), parse_dataset(files, "a data set")):
+        assert carried.sha256 == dataset.sha256
+        assert carried.target_distance_sigma_m == 0.001
+        assert lens_prior(carried.primary, None).focal == 0.0
+
+
+def test_a_lens_with_standard_errors_states_itself(app: AppTest, home: Path) -> None:
+    project = project_of(open_sample(app), home)
+    given = app.file_uploader(key="upload_primary")
+    given.upload("p.json", known_lens(), "application/json").run()
+    assert app.selectbox(key="lens_primary_known").value == "own"
+    own = read(project).primary.uncertainty
+    assert own is not None and own.cy == 3.5
+    choose(app, "lens_primary", "Not stated")
+    assert read(project).primary.uncertainty is None
+    choose(app, "lens_primary", "Typed")
+    assert app.number_input(key="lens_primary_centre_px").value == 3.5  # begins as the file says
+    app.number_input(key="lens_primary_centre_px").set_value(8.0).run()
+    typed = read(project).primary.uncertainty
+    assert typed is not None and typed.cx == typed.cy == 8.0
+    assert typed.distortion.tolist() == own.distortion.tolist()
+    # A new file is a new statement.
+    project.give({"primary": ("q.json", known_lens())})
+    assert read(project).primary.uncertainty is not None
+    assert project.inputs.lens_known == {}
+
+
+def test_a_result_made_with_other_statements_is_said_to_be_old(app: AppTest) -> None:
+    open_sample(app).switch_page("pages/calibrate.py").run()
+    app.button(key="run").click().run()
+    assert not app.warning
+    app.switch_page("pages/data.py").run()
+    choose(app, "baseline_m", "Tape")
+    app.switch_page("pages/calibrate.py").run()
+    assert "How well the lengths are known" in app.warning[0].value
+    app.button(key="run").click().run()
+    assert not app.warning
