@@ -7,6 +7,8 @@ import re
 from stereocal.errors import StereocalError
 
 HDF5 = b"\x89HDF\r\n\x1a\n"
+DEEPLABCUT = b"df_with_missing"
+"""The name of its table."""
 MATLAB = b"MATLAB "
 SECTION = re.compile(r"\[\s*([A-Za-z][^\[\]{}\"',]*)\]")
 OUR_JSON = (
@@ -46,6 +48,25 @@ def refuse_other_camera(content: bytes, source: str) -> None:
         raise StereocalError(
             f"{source}: this is an INI file (its first section is [{section}]), which is not read. "
             f"Write the numbers of each camera into a JSON file: {OUR_JSON}"
+        )
+
+
+def refuse_other_points(content: bytes, source: str) -> None:
+    """Name a binary file that is given as points.
+
+    Raises:
+        StereocalError: it is one; says what to give instead.
+    """
+    if is_matlab(content):
+        raise StereocalError(
+            f"{source}: this is a MATLAB file (.mat), which is not read as points: save the points "
+            "as CSV (in easyWand and DLTdv: export)."
+        )
+    if is_hdf5(content) and DEEPLABCUT in content:
+        raise StereocalError(
+            f"{source}: this is an HDF5 file of DeepLabCut, which is not read: it may hold code, "
+            "which a reader would run. Give the CSV file that DeepLabCut writes beside it "
+            "(save_as_csv=True, or deeplabcut.analyze_videos_converth5_to_csv)."
         )
 
 

@@ -5,14 +5,19 @@ from __future__ import annotations
 import csv
 import io
 import re
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 
 from stereocal.errors import StereocalError
+from stereocal.formats.other_files import refuse_other_points
 from stereocal.formats.pixel_origin import PixelOrigin
 from stereocal.formats.point_files import PointColumns, PointLayout
 
 HEAD_BYTES = 200_000
 LOWER_LEFT = PixelOrigin("lower-left")
+OLD_DLTDV = PixelOrigin("lower-left", first_pixel=1.0)
+"""DLTdv5 to 7: (u + 1, h - v), from their own display code."""
 ONE_BASED = PixelOrigin("upper-left", first_pixel=1.0)
 ASK_LOWER_LEFT = (
     "Are the points counted from the lower left, v' = h - v, with the image height h? Some "
@@ -25,22 +30,36 @@ U_NAMES = ("u", "x", "x_px", "col", "column", "position_x", "x_position", "cx", 
 V_NAMES = ("v", "y", "y_px", "row", "position_y", "y_position", "cy", "centroid_y")
 
 
-def propose_layout(content: bytes, source: str) -> PointLayout:
-    """The layout that the first rows of a file look like.
+def propose_layout(content: bytes, source: str, name: str | None = None) -> PointLayout:
+    """The layout that the first rows of a file look like, or the one of this name in `LAYOUTS`.
 
     Raises:
-        StereocalError: empty, no text, or like no layout that is known.
+        StereocalError: empty, no text, or like no layout that is known, or not like this one.
     """
     rows, delimiter = first_rows(content, source)
-    for guess in (_trackmate, _deeplabcut, _dltdv, _long_table, _wand):
+    for guess in LAYOUTS.values() if name is None else (LAYOUTS[name],):
         layout = guess(rows, delimiter)
+        if name == "wand":  # a person says it, whatever the header
+            layout = _wand(rows, delimiter, any_header=True)
         if layout is not None:
             return layout
+    first = f'its first line is "{delimiter.join(rows[0])[:100]}".'
+    if name is not None:
+        raise StereocalError(f"{source}: this is no file of the layout {name}; {first}")
     raise StereocalError(
         f"{source}: the layout is not known. stereocal reads frame,u,v tables, wand files of Argus "
-        "and easyWand (4 columns a camera), DLTdv, DeepLabCut and TrackMate; its first line is "
-        f'"{delimiter.join(rows[0])[:100]}".'
+        "and easyWand (4 columns a camera), DLTdv, Argus, DeepLabCut, SLEAP, Tracktor and "
+        f"TrackMate; {first}"
     )
+
+
+def layout_name(content: bytes, source: str) -> str | None:
+    """The name in `LAYOUTS` of the layout that a file looks like; None where it looks like none."""
+    try:
+        rows, delimiter = first_rows(content, source)
+    except StereocalError:
+        return None
+    return next((name for name, guess in LAYOUTS.items() if guess(rows, delimiter)), None)
 
 
 def first_rows(content: bytes, source: str) -> tuple[list[list[str]], str]:
@@ -53,6 +72,7 @@ def first_rows(content: bytes, source: str) -> tuple[list[list[str]], str]:
     text = head.decode("utf-8-sig", errors="replace")
     if not text.strip():
         raise StereocalError(f"{source}: the file is empty.")
+    refuse_other_points(content, source)
     if "\ufffd" in text[:-3] or "\x00" in text:
         raise StereocalError(f"{source}: this is not a text file (CSV in UTF-8).")
     lines = text.splitlines()
@@ -99,29 +119,103 @@ def _deeplabcut(rows: list[list[str]], delimiter: str) -> PointLayout | None:
     )
 
 
-def _dltdv(rows: list[list[str]], delimiter: str) -> PointLayout | None:
-    """`pt1_cam1_X,pt1_cam1_Y,...` of DLTdv5 to 7, `<name>_cam1_U,<name>_cam1_V,...` of DLTdv8."""
-    found = [re.fullmatch(r"(.+)_cam(\d+)_([XYUV])", cell.strip()) for cell in rows[0]]
+def _sleap(rows: list[list[str]], delimiter: str) -> PointLayout | None:
+    """A row for an instance: track, frame_idx, instance.score, then x, y, score of each node."""
+    names = [cell.strip() for cell in rows[0]]
     columns = [
-        PointColumns(f"cam{match[2]}", match[1], k, k + 1)
-        for k, match in enumerate(found)
-        if match is not None and match[3] in "XU" and k + 1 < len(found)
+        PointColumns(
+            "cam1",
+            node,
+            k,
+            names.index(f"{node}.y"),
+            names.index(f"{node}.score") if f"{node}.score" in names else None,
+        )
+        for k, name in enumerate(names)
+        if (node := name.removesuffix(".x")) != name and f"{node}.y" in names
     ]
-    if not columns or None in found:
+    if "frame_idx" not in names or not columns:
         return None
-    newer = any(match is not None and match[3] == "U" for match in found)
-    layout = PointLayout(
-        program="DLTdv8" if newer else "DLTdv5 to 7",
+    return PointLayout(
+        program="SLEAP",
         columns=tuple(columns),
         header_rows=1,
         delimiter=delimiter,
-        origin=ONE_BASED if newer else LOWER_LEFT,
+        frame=names.index("frame_idx"),
+        further=(("track", names.index("track")),) if "track" in names else (),
+        questions=("How large must a point's score be to count?",),
+    )
+
+
+def _tracktor(rows: list[list[str]], delimiter: str) -> PointLayout | None:
+    """`,frame,pos_x,pos_y[,id]`; the first column numbers the rows."""
+    names = [cell.strip().lower() for cell in rows[0]]
+    if not {"frame", "pos_x", "pos_y"} <= set(names):
+        return None
+    frame, u, v = (names.index(name) for name in ("frame", "pos_x", "pos_y"))
+    return PointLayout(
+        program="Tracktor",
+        columns=(PointColumns("cam1", "point", u, v),),
+        header_rows=1,
+        delimiter=delimiter,
+        frame=frame,
+        further=tuple((name, k) for k, name in enumerate(names) if name and k not in (frame, u, v)),
+    )
+
+
+def _dltdv(rows: list[list[str]], delimiter: str, newer: bool) -> PointLayout | None:
+    """`pt1_cam1_X,pt1_cam1_Y,...` of DLTdv5 to 7, `<name>_cam1_U,<name>_cam1_V,...` of DLTdv8."""
+    columns = _paired(rows[0], re.compile(r"(.+)_cam(\d+)_([UV]|[XY])"), "UV" if newer else "XY")
+    if columns is None:
+        return None
+    layout = PointLayout(
+        program="DLTdv8" if newer else "DLTdv5 to 7",
+        columns=columns,
+        header_rows=1,
+        delimiter=delimiter,
+        origin=ONE_BASED if newer else OLD_DLTDV,
         zero_is_missing=True,
     )
-    ask_origin = (
-        "Is the first pixel (1, 1), at the upper left, as in DLTdv8?" if newer else ASK_LOWER_LEFT
+    ask_origin = "Is the first pixel (1, 1), at the upper left, as in DLTdv8?"
+    return _asking(layout, ask_origin if newer else f"{ASK_LOWER_LEFT} DLTdv5 to 7 count u from 1.")
+
+
+def _argus(rows: list[list[str]], delimiter: str) -> PointLayout | None:
+    """`<track>_cam_1_x,<track>_cam_1_y,<track>_cam_2_x,...` and names like these."""
+    name = re.compile(r"(.*?)[ _.-]*cam(?:era)?[ _.-]*(\d+)[ _.-]*([xy])", re.IGNORECASE)
+    columns = _paired(rows[0], name, "xy")
+    if columns is None:
+        return None
+    layout = PointLayout(
+        program="Argus",
+        columns=columns,
+        header_rows=1,
+        delimiter=delimiter,
+        origin=LOWER_LEFT,
+        zero_is_missing=True,
     )
-    return _asking(layout, ask_origin)
+    return _asking(layout, ASK_LOWER_LEFT)
+
+
+def _paired(
+    names: list[str], pattern: re.Pattern[str], axes: str
+) -> tuple[PointColumns, ...] | None:
+    """Columns named by point, camera and axis, two and two; None where any is not."""
+    found = [pattern.fullmatch(name.strip()) for name in names]
+    at = {
+        (match[1] or "point", f"cam{match[2]}", match[3].lower()): k
+        for k, match in enumerate(found)
+        if match is not None
+    }
+    first, second = axes[0].lower(), axes[1].lower()
+    wanted = [(point, camera) for point, camera, axis in at if axis == first]
+    if not wanted or len(at) != len(names) or 2 * len(wanted) != len(names):
+        return None
+    if not all((*each, second) in at for each in wanted):
+        return None
+    return tuple(
+        PointColumns(camera, point, at[point, camera, first], at[point, camera, second])
+        for point, camera in wanted
+    )
 
 
 def _trackmate(rows: list[list[str]], delimiter: str) -> PointLayout | None:
@@ -172,16 +266,28 @@ def _long_table(rows: list[list[str]], delimiter: str) -> PointLayout | None:
         header_rows=1,
         delimiter=delimiter,
         frame=frame,
-        further=tuple((rows[0][k].strip(), k) for k in range(len(names)) if k not in (frame, u, v)),
+        further=tuple(
+            (rows[0][k].strip(), k)
+            for k in range(len(names))
+            if names[k] and k not in (frame, u, v)
+        ),
         questions=() if ours else (asked,),
     )
 
 
-def _wand(rows: list[list[str]], delimiter: str) -> PointLayout | None:
-    """4 columns a camera: x, y of end A in all cameras, then of end B; with a header or without."""
+def _wand(rows: list[list[str]], delimiter: str, any_header: bool = False) -> PointLayout | None:
+    """4 columns a camera: x, y of end A in all cameras, then of end B; with a header or without.
+
+    A header must name the columns x and y in turn, or it is that of some other table.
+
+    Args:
+        any_header: a person says that it is one.
+    """
     count = len(rows[1])
     headed = not all(is_number(cell) for cell in rows[0])
     if count % 4 or not count or not all(is_number(cell) for cell in rows[1]):
+        return None
+    if headed and not any_header and (count < 8 or not _in_turn(rows[0])):
         return None
     cameras = count // 4
     columns = tuple(
@@ -200,6 +306,15 @@ def _wand(rows: list[list[str]], delimiter: str) -> PointLayout | None:
     return _asking(layout, ASK_LOWER_LEFT)
 
 
+def _in_turn(names: list[str]) -> bool:
+    """Whether columns are called x and y, or u and v, in turn, and alike but for that."""
+    plain = [name.strip().lower() for name in names]
+    return len(plain) % 2 == 0 and all(
+        any(first.replace(x, y) == second and x in first for x, y in (("x", "y"), ("u", "v")))
+        for first, second in zip(plain[::2], plain[1::2], strict=True)
+    )
+
+
 def _asking(layout: PointLayout, ask_origin: str) -> PointLayout:
     questions = [ask_origin]
     if len(layout.cameras) > 2:
@@ -216,3 +331,17 @@ def is_number(text: str) -> bool:
     except ValueError:
         return False
     return True
+
+
+LAYOUTS: Mapping[str, Callable[[list[list[str]], str], PointLayout | None]] = {
+    "trackmate": _trackmate,
+    "deeplabcut": _deeplabcut,
+    "sleap": _sleap,
+    "tracktor": _tracktor,
+    "dltdv5": partial(_dltdv, newer=False),
+    "dltdv8": partial(_dltdv, newer=True),
+    "argus": _argus,
+    "table": _long_table,
+    "wand": _wand,
+}
+"""Layouts by name, in the order in which a file is compared with them."""
