@@ -13,6 +13,7 @@ from stereocal.formats.camera_file import read_camera
 from stereocal.formats.dataset_files import parse_zip
 from stereocal.formats.photograph import decode_checked, read_header
 from stereocal.formats.point_table import PointTable
+from stereocal.formats.sleap_h5 import point_text
 from stereocal.guarded_child import GuardedReader, Prepared
 
 cv2.setNumThreads(1)
@@ -40,6 +41,10 @@ def _table(path: Path) -> Prepared:
     return _room(path) + LARGE, lambda: PointTable(path, ("u", "v"), path.name).check()
 
 
+def _hdf5(path: Path) -> Prepared:
+    return _room(path) + LARGE, lambda: point_text(path.read_bytes(), path.name)
+
+
 def _dataset(path: Path) -> Prepared:
     return _room(path) + LARGE, lambda: parse_zip(path.read_bytes(), path.name)
 
@@ -52,6 +57,7 @@ READERS: Mapping[str, GuardedReader] = {
     "photograph": _photograph,
     "camera": _camera,
     "table": _table,
+    "hdf5": _hdf5,
     "dataset": _dataset,
 }
 

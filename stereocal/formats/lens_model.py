@@ -34,6 +34,15 @@ class FourCoefficientsError(StereocalError):
         )
 
 
+def fisheye_refused(source: str) -> StereocalError:
+    """What to do with a fisheye."""
+    return StereocalError(
+        f"{source}: the lens is a fisheye (k1 k2 k3 k4), which stereocal does not know. "
+        "Calibrate it as a usual lens (OpenCV's calibrateCamera, or the page Cameras), or "
+        "undistort the images first and give the camera without distortion."
+    )
+
+
 def five_or_more(coefficients: FloatArray) -> FloatArray:
     """The coefficients of a usual lens so that no program takes them for a fisheye's: k3 = 0."""
     return np.append(coefficients, np.zeros(max(5 - coefficients.size, 0)))
@@ -55,11 +64,7 @@ def check_lens_model(
     """
     name = str(stated).strip().lower() if isinstance(stated, str) else ""
     if given == "fisheye" or name in FISHEYE or stated is True:
-        raise StereocalError(
-            f"{source}: the lens is a fisheye (k1 k2 k3 k4), which stereocal does not know. "
-            "Calibrate it as a usual lens (OpenCV's calibrateCamera, or the page Cameras), or "
-            "undistort the images first and give the camera without distortion."
-        )
+        raise fisheye_refused(source)
     settled = given == "brown" or name in USUAL or stated is False
     if coefficients.size == 4 and coefficients.any() and not settled:
         raise FourCoefficientsError(source)

@@ -15,7 +15,8 @@ from stereocal.dataset import Correspondences
 from stereocal.errors import StereocalError
 from stereocal.formats.pixel_origin import CORNERS, FLIPS, Corner, Flip, PixelOrigin
 from stereocal.formats.point_files import PointColumns, PointLayout, read_bars
-from stereocal.formats.point_layouts import first_rows, is_number, propose_layout
+from stereocal.formats.point_layouts import first_rows, propose_layout
+from stereocal.formats.rig_layouts import is_number
 
 OURS = "stereocal"
 UNKNOWN = "a program that is not known"

@@ -29,6 +29,7 @@ from stereocal.formats.parquet import PARQUET
 from stereocal.formats.point_answers import OURS, Answers, answered, layout_of
 from stereocal.formats.point_files import read_points
 from stereocal.formats.point_table import PointTable
+from stereocal.formats.sleap_h5 import point_text
 from stereocal.locking import locked
 from stereocal.parameters import RigParameters
 from stereocal.pieces import Pieces
@@ -101,6 +102,7 @@ class ProjectApplication:
             StereocalError: it holds no points, or rows that cannot be used; nothing has changed.
         """
         parquet = Path(label).suffix.lower() in PARQUET
+        content = content if parquet else point_text(content, label)
         if parquet or layout_of(content, label).program == OURS:
             stored = self._store(content, ".parquet" if parquet else ".csv")
             self._keep_points(side, label, stored, stored, None)

@@ -12,6 +12,7 @@ import streamlit as st
 from stereocal.calibrate import Calibration
 from stereocal.errors import StereocalError
 from stereocal.figures import describe_pair_errors, plot_pair_errors
+from stereocal.formats.other_files import is_hdf5
 from stereocal.formats.parquet import PARQUET
 from stereocal.formats.point_table import PointTable
 from stereocal.guarded import server_guard
@@ -97,10 +98,10 @@ def _take_points(store: ProjectApplication, side: Side) -> None:
             again = callback(store.ask_again)
             st.button("Read it differently", key=f"again_{side}", on_click=again, args=(side,))
     upload = st.file_uploader(
-        f"Points of the {side} camera", type=["csv", "txt", "tsv", "parquet"],
+        f"Points of the {side} camera", type=["csv", "txt", "tsv", "parquet", "h5", "hdf5", "mat"],
         key=f"upload_points_{side}",
         help="A table frame,u,v with further columns, or a file of Argus, easyWand, DLTdv, "
-        "DeepLabCut, TrackMate or another program.",
+        "DeepLabCut (CSV), SLEAP (CSV or analysis HDF5), Tracktor, TrackMate or another program.",
     )  # fmt: skip
     if upload is not None and is_new(upload):
         with taking(upload):
@@ -109,6 +110,8 @@ def _take_points(store: ProjectApplication, side: Side) -> None:
                 content = upload.getvalue()
                 if upload.name.lower().endswith(PARQUET):
                     server_guard().check_content("table", content, upload.name, PARQUET[0])
+                elif is_hdf5(content):
+                    server_guard().check_content("hdf5", content, upload.name)
                 store.offer_points(side, upload.name, content)
             settled()
         st.rerun()

@@ -21,6 +21,7 @@ from stereocal.store.lens import WHICH, ProjectLens, Which
 from stereocal.store.state import DamagedError
 from stereocal.ui import jobs
 from stereocal.ui.intake import (
+    CAMERA_KINDS,
     Upload,
     check_uploads,
     escape_markdown,
@@ -88,7 +89,7 @@ def from_file(project: Project | None, which: Which) -> None:
     in_use(project, which)
     upload = st.file_uploader(
         f"Camera file, {which}: stereocal's JSON, or OpenCV's YAML, XML or JSON",
-        type=["json", "yaml", "yml", "xml"], key=f"upload_lens_{which}",
+        type=CAMERA_KINDS, key=f"upload_lens_{which}",
     )  # fmt: skip
     take_file(which, upload)
 

@@ -31,7 +31,9 @@ from stereocal.ui.project import noted
 from stereocal.ui.told import callback
 
 PREVIEW_ROWS = 5
-COUNTED = "none: the rows are counted"
+COUNTED = -1
+"""In place of the frame's column; None is what nobody has chosen yet."""
+COUNTED_TITLE = "none: the rows are counted"
 FLIP_TITLES = {"h": "h − v (most programs)", "h-1": "h − 1 − v", "h+1": "h + 1 − v"}
 
 
@@ -54,6 +56,10 @@ def ask_about_points(store: ProjectApplication, side: Side, image_height: int | 
                 proposed.keep({"by_hand": True})
             answers = _point_form(form, side, content, label, image_height)
             form.keep(answers.to_json())
+            if answers.columns is None and not form.layout.columns:
+                st.info("Choose the columns: this file does not say which is which.")
+                _aside(store, side)
+                return
             if answers.corner == "lower-left" and answers.image_height is None:
                 st.info("Give the image height: the points are counted from the lower left.")
                 _aside(store, side)
@@ -129,6 +135,9 @@ class _Form:
     def keep(self, answers: dict[str, Any]) -> None:
         """Keep the answers for the next file, and for after a refresh."""
         flat = {"program": self.layout.program, **answers}
+        if answers.get("columns"):
+            frame, u, v = answers["columns"]
+            answers = {**answers, "columns": (COUNTED if frame is None else frame, u, v)}
         for name, parts in (
             ("columns", ("frame", "u", "v")),
             ("cameras", ("camera_0", "camera_1")),
@@ -159,7 +168,7 @@ def _point_form(
     corner, flip, first_pixel = _origin(form, first.corner)
     height = _height(form, "image_height", "Image height (px)", first.image_height, corner)
     per_unit, likelihood = 1.0, 0.0
-    if layout.program == "TrackMate" or columns is not None:
+    if layout.program == "TrackMate" or can_choose_columns(layout):
         key = form.begin("px_per_unit", first.px_per_unit)
         per_unit = st.number_input("Pixels per unit of the file", 1e-9, key=key, format="%.6g")
     if any(each.likelihood is not None for each in layout.columns):
@@ -196,23 +205,29 @@ def _bar_form(form: _Form) -> BarAnswers:
 
 def _columns(
     form: _Form, content: bytes, label: str, first: Answers
-) -> tuple[int | None, int, int]:
+) -> tuple[int | None, int, int] | None:
+    """The columns as chosen; None until all three are."""
     names = column_names(content, form.layout, label)
-    frame, u, v = first.columns or (None, 0, 1)
+    start: tuple[int | None, ...] = (None, None, None)
+    if first.columns is not None:
+        start = tuple(COUNTED if at is None else at for at in first.columns)
     numbers = range(len(names))
     chosen: list[int | None] = []
     for column, (name, default) in zip(
-        st.columns(3), (("frame", frame), ("u", u), ("v", v)), strict=True
+        st.columns(3), zip(("frame", "u", "v"), start, strict=True), strict=True
     ):
-        options = [None, *numbers] if name == "frame" else list(numbers)
+        options = [COUNTED, *numbers] if name == "frame" else list(numbers)
         key = form.begin(name, default, options)
         chosen.append(
             column.selectbox(
-                f"Column of {name}", options, key=key,
-                format_func=lambda at: COUNTED if at is None else names[at],
+                f"Column of {name}", options, index=None, key=key, placeholder="choose",
+                format_func=lambda at: COUNTED_TITLE if at == COUNTED else names[at],
             )
         )  # fmt: skip
-    return chosen[0], int(chosen[1] or 0), int(chosen[2] or 0)
+    frame, u, v = chosen
+    if frame is None or u is None or v is None:
+        return None
+    return None if frame == COUNTED else frame, u, v
 
 
 def _origin(
