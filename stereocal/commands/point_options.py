@@ -10,6 +10,7 @@ from stereocal.camera import Camera
 from stereocal.errors import StereocalError
 from stereocal.formats.pixel_origin import CORNERS, FLIPS
 from stereocal.formats.point_answers import (
+    OURS,
     Answers,
     answered,
     can_choose_columns,
@@ -89,8 +90,9 @@ def _ours(path: Path) -> PointTable:
     except StereocalError as error:
         if not path.is_file() or path.suffix.lower() in (".parquet", ".pq"):
             raise
-        name = layout_name(point_text(path.read_bytes(), str(path)), str(path))
-        if name is None:
+        content = point_text(path.read_bytes(), str(path))
+        name = layout_name(content, str(path))
+        if name is None or propose_layout(content, str(path)).program == OURS:
             raise
         raise StereocalError(f"{path}: looks like the layout {name}: give --layout {name}.") from (
             error

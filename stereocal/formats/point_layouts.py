@@ -121,7 +121,7 @@ def _sleap(rows: list[list[str]], delimiter: str) -> PointLayout | None:
         for k, name in enumerate(names)
         if (node := name.removesuffix(".x")) != name and f"{node}.y" in names
     ]
-    if "frame_idx" not in names or not columns:
+    if "frame_idx" not in names or not columns or _is_twice(names):
         return None
     return PointLayout(
         program="SLEAP",
@@ -137,7 +137,7 @@ def _sleap(rows: list[list[str]], delimiter: str) -> PointLayout | None:
 def _tracktor(rows: list[list[str]], delimiter: str) -> PointLayout | None:
     """`,frame,pos_x,pos_y[,id]`; the first column numbers the rows."""
     names = [cell.strip().lower() for cell in rows[0]]
-    if not {"frame", "pos_x", "pos_y"} <= set(names):
+    if not {"frame", "pos_x", "pos_y"} <= set(names) or _is_twice(names):
         return None
     frame, u, v = (names.index(name) for name in ("frame", "pos_x", "pos_y"))
     return PointLayout(
@@ -188,6 +188,8 @@ def _long_table(rows: list[list[str]], delimiter: str) -> PointLayout | None:
     if frame is None or u is None or v is None:
         return None
     ours = [names[k] for k in (frame, u, v)] == ["frame", "u", "v"]
+    if _is_twice(names) and not ours:  # of ours, its reader says which
+        return None
     asked = (
         f"Are the columns {names[frame]}, {names[u]} and {names[v]} frame, u and v, with the "
         "centre of the top-left pixel at (0, 0)?"
@@ -205,6 +207,12 @@ def _long_table(rows: list[list[str]], delimiter: str) -> PointLayout | None:
         ),
         questions=() if ours else (asked,),
     )
+
+
+def _is_twice(names: list[str]) -> bool:
+    """Whether two columns have one name, so that nobody knows which is meant."""
+    named = [name for name in names if name]
+    return len(set(named)) < len(named)
 
 
 LAYOUTS: Mapping[str, Callable[[list[list[str]], str], PointLayout | None]] = {
