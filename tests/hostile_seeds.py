@@ -62,13 +62,18 @@ def layouts() -> Mapping[str, Sequence[bytes]]:
 
 @cache
 def sleap() -> Sequence[bytes]:
-    """Analysis files: two tracks of three nodes in four frames, and a bare one."""
+    """Analysis files: two tracks of three nodes in four frames, and a bare one.
+
+    The names have a fixed length: HDF5's library hangs on spoilt heaps of others, which only the
+    child process of the server survives.
+    """
+    names = np.array([b"nose", b"wing", b"tail"])
     tracks = np.arange(48, dtype=np.float64).reshape(2, 2, 3, 4) + 0.25
     tracks[1, :, :, 2] = np.nan
     return [
-        hdf5(tracks=tracks, node_names=[b"nose", b"wing", b"tail"], track_names=[b"a", b"b"],
+        hdf5(tracks=tracks, node_names=names, track_names=np.array([b"a", b"b"]),
              point_scores=np.full((2, 3, 4), 0.9)),
-        hdf5(tracks=tracks[:1], node_names=[b"nose", b"wing", b"tail"]),
+        hdf5(tracks=tracks[:1], node_names=names),
     ]  # fmt: skip
 
 

@@ -32,28 +32,40 @@ def point_text(content: bytes, source: str) -> bytes:
             f"{source}: this is an HDF5 file. To read one of SLEAP, the package h5py is needed, "
             "which is not installed: pip install h5py, or give the CSV that SLEAP exports."
         ) from error
+    size = len(content)
     try:
         with h5py.File(io.BytesIO(content), "r") as file:
-            tracks = _dataset(file, "tracks", 4, source)
-            names = _dataset(file, "node_names", 1, source)
-            tracked = _dataset(file, "track_names", 1, source) if "track_names" in file else []
-            scores = _dataset(file, "point_scores", 3, source) if "point_scores" in file else None
-    except DAMAGED as error:
+            tracks = _dataset(file, "tracks", 4, source, size)
+            names = _dataset(file, "node_names", 1, source, size)
+            tracked = _dataset(file, "track_names", 1, source, size, optional=True)
+            scores = _dataset(file, "point_scores", 3, source, size, optional=True)
+    except (*DAMAGED, RuntimeError) as error:
         if isinstance(error, StereocalError):
             raise
         raise StereocalError(f"{source}: this HDF5 file is damaged ({error}).") from error
+    tracked = [] if tracked is None else tracked
     return _table(tracks, _texts(names), _texts(tracked), scores, source)
 
 
-def _dataset(file: Any, name: str, axes: int, source: str) -> Any:
+def _dataset(
+    file: Any, name: str, axes: int, source: str, size: int, optional: bool = False
+) -> Any:
     """An array of the file itself; never one of another file that a link names.
+
+    Args:
+        size: bytes of the file.
+
+    Returns:
+        None where it is not there and need not be.
 
     Raises:
         StereocalError: there is none, or not such a one.
     """
     import h5py
 
-    link = file.get(name, getlink=True) if name in file else None
+    link = file.get(name, getlink=True)  # "in" would follow it
+    if link is None and optional:
+        return None
     found = file[name] if isinstance(link, h5py.HardLink) else None
     if not isinstance(found, h5py.Dataset) or found.external or found.is_virtual:
         raise StereocalError(
@@ -64,6 +76,7 @@ def _dataset(file: Any, name: str, axes: int, source: str) -> Any:
         raise StereocalError(
             f"{source}: {name!r} has the shape {found.shape}, which no analysis file of SLEAP has."
         )
+    Limits.from_environment().check_swelling(size, found.size * found.dtype.itemsize, source)
     return found[()]
 
 
