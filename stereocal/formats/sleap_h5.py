@@ -14,6 +14,14 @@ from stereocal.formats.other_files import is_hdf5, refuse_other_points
 from stereocal.formats.point_files import MOST_CELLS
 from stereocal.limits import Limits
 
+ARRAYS = {
+    "tracks": (4, "f", True),
+    "node_names": (1, "OS", True),
+    "track_names": (1, "OS", False),
+    "point_scores": (3, "f", False),
+}
+"""Number of axes, kinds of values, and whether it must be there."""
+
 
 def point_text(content: bytes, source: str) -> bytes:
     """A point file as text: HDF5 as its table, all else as it is.
@@ -32,28 +40,19 @@ def point_text(content: bytes, source: str) -> bytes:
             f"{source}: this is an HDF5 file. To read one of SLEAP, the package h5py is needed, "
             "which is not installed: pip install h5py, or give the CSV that SLEAP exports."
         ) from error
-    size = len(content)
     try:
         with h5py.File(io.BytesIO(content), "r") as file:
-            tracks = _dataset(file, "tracks", 4, source, size)
-            names = _dataset(file, "node_names", 1, source, size)
-            tracked = _dataset(file, "track_names", 1, source, size, optional=True)
-            scores = _dataset(file, "point_scores", 3, source, size, optional=True)
+            found = {name: _array(file, name, len(content), source) for name in ARRAYS}
     except (*DAMAGED, RuntimeError) as error:
         if isinstance(error, StereocalError):
             raise
         raise StereocalError(f"{source}: this HDF5 file is damaged ({error}).") from error
-    tracked = [] if tracked is None else tracked
-    return _table(tracks, _texts(names), _texts(tracked), scores, source)
+    tracks, names, tracked, scores = found.values()
+    return _table(tracks, _texts(names), _texts(() if tracked is None else tracked), scores, source)
 
 
-def _dataset(
-    file: Any, name: str, axes: int, source: str, size: int, optional: bool = False
-) -> Any:
-    """An array of the file itself; never one of another file that a link names.
-
-    Args:
-        size: bytes of the file.
+def _array(file: Any, name: str, size: int, source: str) -> Any:
+    """An array of the file itself, of `size` bytes; never one of another file that a link names.
 
     Returns:
         None where it is not there and need not be.
@@ -63,8 +62,9 @@ def _dataset(
     """
     import h5py
 
+    axes, kinds, needed = ARRAYS[name]
     link = file.get(name, getlink=True)  # "in" would follow it
-    if link is None and optional:
+    if link is None and not needed:
         return None
     found = file[name] if isinstance(link, h5py.HardLink) else None
     if not isinstance(found, h5py.Dataset) or found.external or found.is_virtual:
@@ -72,9 +72,10 @@ def _dataset(
             f"{source}: this is an HDF5 file without {name!r}, so not an analysis file of SLEAP "
             "(Export Analysis HDF5): give the points as CSV."
         )
-    if found.ndim != axes or found.size > MOST_CELLS or found.dtype.kind not in "fOS":
+    if found.ndim != axes or found.size > MOST_CELLS or found.dtype.kind not in kinds:
         raise StereocalError(
-            f"{source}: {name!r} has the shape {found.shape}, which no analysis file of SLEAP has."
+            f"{source}: {name!r} has the shape {found.shape} of {found.dtype}, which no analysis "
+            "file of SLEAP has."
         )
     Limits.from_environment().check_swelling(size, found.size * found.dtype.itemsize, source)
     return found[()]
