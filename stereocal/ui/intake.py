@@ -21,6 +21,7 @@ from stereocal.formats.dataset_files import (
     parse_survey,
 )
 from stereocal.formats.lens_model import FourCoefficientsError, LensModel
+from stereocal.formats.other_files import is_hdf5
 from stereocal.formats.photograph_files import (
     is_photograph,
     keep_photograph,
@@ -136,6 +137,8 @@ def take_file(slot: Slot, upload: Upload | None) -> None:
             server_guard().check_content("camera", content, upload.name)
             _try_camera(slot, upload.name, content)
         else:
+            if is_hdf5(content):
+                server_guard().check_content("hdf5", content, upload.name)
             _try_files({slot: (upload.name, point_text(content, upload.name))})
     st.rerun()
 
