@@ -48,7 +48,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
         type=float,
         default=0.0,
         metavar="N",
-        help="coordinate of the centre of the first pixel: 1 for DLTdv8 (default: 0)",
+        help="coordinate of the centre of the first pixel: 1 for DLTdv (default: 0)",
     )
     dlt.add_argument(
         "--flip",

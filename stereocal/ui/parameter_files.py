@@ -93,7 +93,7 @@ def _dlt_options(which: str) -> ExchangeOptions:
     )  # fmt: skip
     first = right.number_input(
         "First pixel", 0.0, 1.0, 0.0, 0.5, key=f"dlt_first_{which}",
-        help="Coordinate of the centre of the first pixel: 1 for DLTdv8.",
+        help="Coordinate of the centre of the first pixel: 1 for DLTdv, 0 for Argus and easyWand.",
     )  # fmt: skip
     return ExchangeOptions(origin=PixelOrigin(corner, first))
 

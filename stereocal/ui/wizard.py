@@ -241,7 +241,7 @@ def _origin(
     )  # fmt: skip
     pixel = middle.number_input(
         "The first pixel's centre is at", step=0.5, key=form.begin("first_pixel", start),
-        help="0 here and in OpenCV, 1 in MATLAB and DLTdv8, 0.5 in COLMAP.",
+        help="0 here and in OpenCV, 1 in MATLAB and DLTdv, 0.5 in COLMAP.",
     )  # fmt: skip
     flip: Flip = "h"
     if chosen == "lower-left":
