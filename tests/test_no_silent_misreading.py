@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 from stereocal.cli import main
+from stereocal.compiled import FloatArray
 from stereocal.errors import RefusedRowsError, StereocalError
 from stereocal.evaluation_files import validation_in_summary
 from stereocal.formats.camera_file import read_camera, write_camera, write_opencv_camera
@@ -147,9 +148,15 @@ def opencv_camera(lens: Any, **more: Any) -> bytes:
     return str(storage.releaseAndGetString()).encode()
 
 
-def four(name: str) -> dict[str, bytes]:
-    """A rig with four coefficients, and no word of what they are."""
-    files = export_files(PLAIN, name)
+def four(name: str, T: FloatArray | None = None) -> dict[str, bytes]:
+    """A rig with four coefficients, and no word of what they are.
+
+    Args:
+        T: in some unit, of which there is no word either.
+    """
+    files = export_files(PLAIN if T is None else replace(PLAIN, pose=Pose(RIG.R, T)), name)
+    if T is not None:
+        files = {file: each.replace(b"lengths in metres", b"") for file, each in files.items()}
     if name == "ros":
         cut = {
             file: content.replace(b"distortion_model: plumb_bob\n", b"")

@@ -19,7 +19,7 @@ from stereocal.formats.opencv_stereo import read_opencv, write_opencv
 from stereocal.formats.other_files import refuse_other_camera
 from stereocal.formats.ros import read_ros, write_ros
 from stereocal.formats.stereo import LARGEST_BYTES, OUR_UNIT, ExchangeOptions, Stereo
-from stereocal.formats.units import Unit, metres_per_unit
+from stereocal.formats.units import Unit, UnitError, metres_per_unit
 from stereocal.geometry import Pose
 from stereocal.parameters import RigParameters
 from stereocal.writing import write_all
@@ -135,7 +135,7 @@ def import_files(
         raise StereocalError(f"{source}: there are no files.")
     try:
         stereo = _in_metres(files, _format(name), options or ExchangeOptions(), source)
-    except FourCoefficientsError:
+    except (FourCoefficientsError, UnitError):
         raise
     except StereocalError as error:
         text = str(error)
@@ -148,9 +148,9 @@ def import_files(
 def _in_metres(
     files: Files, known: ExchangeFormat, options: ExchangeOptions, source: str
 ) -> Stereo:
-    if len(files) == 1 and known.read is not read_aniposelib:  # TOML begins like an INI file
+    if len(files) == 1:
         ((name, content),) = files.items()
-        refuse_other_camera(content, name)
+        refuse_other_camera(content, name, may_be_toml=known.read is read_aniposelib)
     stereo = known.read(files, options, source)
     ours = any(OUR_UNIT.encode() in content for content in files.values())
     stated: Unit | None = "m" if ours else stereo.unit

@@ -32,8 +32,11 @@ def is_matlab(content: bytes) -> bool:
     return content.startswith(MATLAB) and b"MAT-file" in content[:128]
 
 
-def refuse_other_camera(content: bytes, source: str) -> None:
+def refuse_other_camera(content: bytes, source: str, may_be_toml: bool = False) -> None:
     """Name a .mat or an .ini that is given as a camera or as parameters.
+
+    Args:
+        may_be_toml: whether TOML is welcome, which begins like an INI file.
 
     Raises:
         StereocalError: it is one; says how to make a file that is read.
@@ -43,7 +46,7 @@ def refuse_other_camera(content: bytes, source: str) -> None:
             f"{source}: this is a MATLAB file (.mat), which is not read. For a camera, in MATLAB, "
             f"with c its cameraParameters: {MATLAB_CAMERA}"
         )
-    section = _ini_section(content)
+    section = None if may_be_toml else _ini_section(content)
     if section is not None:
         raise StereocalError(
             f"{source}: this is an INI file (its first section is [{section}]), which is not read. "

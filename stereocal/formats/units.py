@@ -18,6 +18,21 @@ USUAL_M = (0.01, 10.0)
 metres when it is written in millimetres, and none of 10 cm to 10 m when in centimetres."""
 
 
+class UnitError(StereocalError):
+    """Lengths whose unit nobody has said, or that are implausible in it."""
+
+    def __init__(self, found: str, baseline: float) -> None:
+        low, high = POSSIBLE_M
+        fitting = [
+            f"{unit} ({baseline * scale:g} m)"
+            for unit, scale in UNITS.items()
+            if low <= baseline * scale <= high
+        ]
+        choice = " or ".join(fitting) or "m, cm or mm; none of them is plausible"
+        self.question = f"{found}: give the unit of its lengths, {choice}."
+        super().__init__(f"{found}: give the unit of its lengths, --unit {choice}.")
+
+
 def metres_per_unit(
     baseline: float, stated: Unit | None, given: Unit | None, usual: Unit | None, source: str
 ) -> float:
@@ -30,8 +45,8 @@ def metres_per_unit(
         usual: the unit of all files of this format, by its documentation.
 
     Raises:
-        StereocalError: nobody says the unit, file and person contradict each other, or the
-            baseline is none that two cameras can have.
+        UnitError: nobody says the unit, or the baseline is none that two cameras can have.
+        StereocalError: file and person contradict each other.
     """
     if given and stated and given != stated:
         raise StereocalError(
@@ -39,25 +54,14 @@ def metres_per_unit(
         )
     unit = given or stated or usual
     if unit is None:
-        raise StereocalError(
-            f"{source}: the file does not say the unit of its lengths. Its baseline is "
-            f"{baseline:g}: give the unit, --unit {_choice(baseline)}."
+        raise UnitError(
+            f"{source}: the file does not say the unit of its baseline, {baseline:g}", baseline
         )
     low, high = POSSIBLE_M if given or stated else USUAL_M
     if not low <= baseline * UNITS[unit] <= high:
-        raise StereocalError(
+        raise UnitError(
             f"{source}: a baseline of {baseline:g} {unit} is not plausible ({low:g} to {high:g} m "
-            f"are): give the unit of the file, --unit {_choice(baseline)}."
+            "are)",
+            baseline,
         )
     return UNITS[unit]
-
-
-def _choice(baseline: float) -> str:
-    """The units in which a baseline can be, with what it is in metres then."""
-    low, high = POSSIBLE_M
-    fitting = [
-        f"{unit} ({baseline * scale:g} m)"
-        for unit, scale in UNITS.items()
-        if low <= baseline * scale <= high
-    ]
-    return " or ".join(fitting) or "m, cm or mm; none of them is plausible"

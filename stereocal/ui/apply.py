@@ -33,6 +33,7 @@ from stereocal.points.threshold import FramePixels, choose_threshold
 from stereocal.project import Project
 from stereocal.store.application import SIDES, USES, ProjectApplication, Side, Use
 from stereocal.ui import jobs
+from stereocal.ui.given_sets import PURPOSES, given_set
 from stereocal.ui.intake import check_uploads, escape_markdown, is_new, settled, taking
 from stereocal.ui.parameter_files import sets_of
 from stereocal.ui.project import keep_settings, keeper, remembered
@@ -44,10 +45,6 @@ from stereocal.ui.wizard import ask_about_points
 OWN, FILES = "The bar's own points", "Two point files"
 RESULTS, GIVEN = "This project's results", "Parameter files"
 SET_TITLES = {"2d": "2D set", "3d": "3D set", "refined": "Refined set"}
-PURPOSES: Mapping[Use, tuple[str, str]] = {
-    "matching": ("Match with", "2d"),
-    "measuring": ("Measure with", "3d"),
-}
 INSTANT_S = 2.0
 """What is expected to take less is computed as the controls move."""
 THRESHOLD, CHOSEN = "apply_threshold", "apply_chosen"
@@ -140,7 +137,9 @@ def choose_sets(
     sets, instead = _own_sets(project, calibration) if own and calibration else ({}, [])
     for use, column in zip(USES, st.columns(2), strict=True):
         with column:
-            found.append(_own_set(project, use, sets, instead) if own else _given_set(store, use))
+            found.append(
+                _own_set(project, use, sets, instead) if own else given_set(project, store, use)
+            )
             if found[-1] is not None:
                 purpose = "matching" if use == "matching" else "reconstruction"
                 if warning := purpose_warning(found[-1], purpose):
@@ -169,24 +168,6 @@ def _own_set(
         on_change=keeper(project, key),
     )  # fmt: skip
     return sets[st.session_state[key]]
-
-
-def _given_set(store: ProjectApplication, use: Use) -> RigParameters | None:
-    title, default = PURPOSES[use]
-    kept = store.set_of(use)
-    if kept is not None:
-        st.caption(f"In use: {escape_markdown(kept[0])}")
-    upload = st.file_uploader(
-        f"{title}: parameters_{default}.json", type=["json"], key=f"upload_set_{use}",
-        help="Or parameters_refined.json, which serves both.",
-    )  # fmt: skip
-    if upload is not None and is_new(upload):
-        with taking(upload):
-            check_uploads([upload])
-            store.keep_set(use, upload.name, upload.getvalue())
-            settled()
-        st.rerun()
-    return None if kept is None else kept[1]
 
 
 def choose_gates(

@@ -61,7 +61,7 @@ def parameter_download(rig: RigParameters, key: str, file_name: str, main: bool 
     try:
         name, content = file_name, rig.dumps().encode()
         if chosen != OURS:
-            options = _dlt_options(key) if chosen == "dlt" else ExchangeOptions()
+            options = dlt_options(key) if chosen == "dlt" else ExchangeOptions()
             name, content = packed(export_files(rig, chosen, options), file_name, chosen)
             for note in export_notes(rig, chosen):
                 st.caption(escape_markdown(note))
@@ -84,7 +84,8 @@ def packed(files: dict[str, bytes], file_name: str, chosen: str) -> tuple[str, b
     return f"{stem}_{chosen}.zip", pack_zip(files)
 
 
-def _dlt_options(which: str) -> ExchangeOptions:
+def dlt_options(which: str) -> ExchangeOptions:
+    """How the pixels of DLT coefficients are counted; `which` tells the widgets apart."""
     left, right = st.columns(2)
     corner = left.selectbox(
         "Points are counted from the", CORNERS, format_func=CORNER_TITLES.__getitem__,

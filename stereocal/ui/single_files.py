@@ -29,7 +29,9 @@ def single_files(project: Project | None) -> None:
         with column:
             in_use(project, slot)
             if slot == "correspondences":
-                help_text = "Ours, or a wand file of Argus or easyWand, or points of Argus or DLTdv."
+                help_text = (
+                    "Ours, or a wand file of Argus or easyWand, or points of Argus or DLTdv."
+                )
                 upload = st.file_uploader(
                     TITLES[slot],
                     type=["csv", "txt", "h5", "hdf5", "mat"],

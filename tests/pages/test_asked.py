@@ -10,6 +10,7 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereocal.formats.dataset_files import pack_dataset
+from stereocal.formats.exchange import export_files
 from stereocal.formats.zip_files import pack_zip
 from stereocal.project import Project
 from tests.pages.test_apply import (
@@ -25,7 +26,7 @@ from tests.pages.test_apply import (
 from tests.pages.test_apply import app as app
 from tests.pages.test_apply import home as home
 from tests.rig import dataset
-from tests.test_no_silent_misreading import FOUR, INI, MAT, opencv_camera
+from tests.test_no_silent_misreading import FOUR, INI, MAT, four, opencv_camera
 from tests.test_other_programs_points import (
     FRAMES,
     hdf5_bytes_of_deeplabcut,
@@ -114,3 +115,67 @@ def test_a_table_that_is_no_wand_file_is_not_asked_about_as_one(app: AppTest) ->
     app.file_uploader(key="upload_correspondences").upload("t.csv", tracktor(0)).run()
     assert not any("looks like" in item.value for item in app.markdown)
     assert "columns" in said(app, "error") and "missing" in said(app, "error")
+
+
+def give_sets_of_another_program(app: AppTest, use: str, files: dict[str, bytes]) -> None:
+    """All files of a program at once."""
+    app.file_uploader(key=f"upload_set_{use}").set_value(
+        [(name, content, "text/plain") for name, content in files.items()]
+    ).run()
+
+
+def test_parameters_of_another_program(app: AppTest, home: Path) -> None:
+    """OpenCV's two files in millimetres, without k3: program, unit and lens are asked."""
+    begun(app)
+    give_sets_of_another_program(app, "matching", four("opencv", T=1000 * SET_2D.pose.T))
+    assert store_of(app, home).set_of("matching") is None
+    assert not said(app, "error")
+    app.selectbox(key="set_format_matching").set_value("opencv").run()
+    assert "k1 k2 p1 p2" in said(app, "info")
+    app.selectbox(key="set_lens_matching").set_value("brown").run()
+    assert "unit" in said(app, "info") and "mm (2.37 m)" in said(app, "info")
+    assert "--unit" not in said(app)
+    app.selectbox(key="set_unit_matching").set_value("mm").run()
+    assert "2.37 m apart" in said(app, "caption")
+    app.button(key="use_set_matching").click().run()
+    kept = store_of(app, home).set_of("matching")
+    assert kept is not None and kept[1].method == "imported"
+    np.testing.assert_allclose(kept[1].pose.T, SET_2D.pose.T, rtol=0, atol=1e-12)
+    assert store_of(app, home).asking("matching") is None
+
+
+def test_parameters_that_say_it_all(app: AppTest, home: Path) -> None:
+    begun(app)
+    files = export_files(SET_2D, "ros")
+    give_sets_of_another_program(app, "measuring", {"ros.zip": pack_zip(files)})
+    app.selectbox(key="set_format_measuring").set_value("kalibr").run()
+    assert said(app, "error")  # it is not Kalibr's
+    app.selectbox(key="set_format_measuring").set_value("ros").run()
+    app.button(key="use_set_measuring").click().run()
+    kept = store_of(app, home).set_of("measuring")
+    assert kept is not None
+    np.testing.assert_allclose(kept[1].pose.T, SET_2D.pose.T, rtol=0, atol=1e-9)
+
+
+def test_coefficients_need_the_image_sizes(app: AppTest, home: Path) -> None:
+    begun(app)
+    give_sets_of_another_program(app, "matching", export_files(SET_2D, "dlt"))
+    app.selectbox(key="set_format_matching").set_value("dlt").run()
+    assert "image size" in said(app, "error")
+    for which, size in (("primary", (1600, 1200)), ("secondary", (1280, 1024))):
+        for side, pixels in zip(("width", "height"), size, strict=True):
+            app.number_input(key=f"set_size_matching_{which}_{side}").set_value(pixels).run()
+    app.button(key="use_set_matching").click().run()
+    kept = store_of(app, home).set_of("matching")
+    assert kept is not None and kept[1].secondary.image_size == (1280, 1024)
+
+
+def test_a_mat_of_parameters_is_named_and_files_are_put_aside(app: AppTest, home: Path) -> None:
+    begun(app)
+    give_sets_of_another_program(app, "matching", {"stereo.mat": MAT})
+    assert "stereo.mat: this is a MATLAB file" in said(app, "error")
+    give_sets_of_another_program(app, "matching", {"a.yml": b"%YAML:1.0\n---\nM1: 5\n"})
+    app.selectbox(key="set_format_matching").set_value("opencv").run()
+    assert "not a matrix" in said(app, "error")
+    app.button(key="aside_matching").click().run()
+    assert store_of(app, home).asking("matching") is None
