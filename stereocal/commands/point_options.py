@@ -36,7 +36,10 @@ def add_point_options(parser: argparse.ArgumentParser) -> None:
     """How the files of other programs are to be read."""
     group = parser.add_argument_group("point files of other programs")
     group.add_argument(
-        "--layout", choices=(*LAYOUTS, BY_HAND), help="which program wrote both files"
+        "--layout",
+        type=str.lower,
+        choices=(*LAYOUTS, BY_HAND),
+        help="which program wrote both files",
     )
     group.add_argument(
         "--cameras", metavar="P,S", help="which camera of its file each is: 1,2 or by their names"

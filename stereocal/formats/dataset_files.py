@@ -24,8 +24,9 @@ DESCRIPTION = "dataset.json"
 TABLE = "correspondences.csv"
 LONGEST_NAME = 200
 LARGEST_DESCRIPTION = 4_000_000
-TEXTS = frozenset((".json", ".csv", ".yaml", ".yml", ".xml", ".ini", ".conf", ".mat"))
-"""The last three are named as what they are where `dataset.json` calls them cameras."""
+TEXTS = frozenset((".json", ".csv", ".yaml", ".yml", ".xml"))
+NAMED = frozenset((".ini", ".conf", ".mat"))
+"""Small ones are named as what they are where `dataset.json` calls them cameras."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +82,8 @@ def read_texts(path: Path) -> tuple[dict[str, bytes], bool]:
     """
     try:
         if path.is_dir():
-            found = list(_files_in(path, lambda name: Path(name).suffix.lower() in TEXTS))
+            known = _files_in(path, lambda name: Path(name).suffix.lower() in TEXTS | NAMED)
+            found = [file for file in known if file.suffix.lower() in TEXTS or _is_small(file)]
             limits = Limits.from_environment()
             limits.check_count(len(found), str(path))
             limits.check_size(sum(file.stat().st_size for file in found), str(path))
@@ -233,6 +235,10 @@ def pack_dataset(dataset: Dataset) -> dict[str, bytes]:
         "secondary.json": write_camera(dataset.secondary),
         TABLE: write_table(dataset.correspondences),
     }
+
+
+def _is_small(file: Path) -> bool:
+    return file.stat().st_size <= LARGEST_DESCRIPTION
 
 
 def _files_in(folder: Path, wanted: Callable[[str], bool]) -> Iterable[Path]:
