@@ -17,6 +17,7 @@ from stereocal.dataset import Dataset
 from stereocal.errors import DAMAGED, StereocalError
 from stereocal.evaluation import EvaluationSettings, Run
 from stereocal.formats.arrays import Array, read_arrays, shaped
+from stereocal.json_text import read_json
 from stereocal.protocol import BINS
 from stereocal.refined.screening import Screening
 from stereocal.summary import MethodSummary
@@ -80,7 +81,11 @@ def validation_in_summary(path: Path, dataset: Dataset) -> dict[str, dict[str, A
         StereocalError: the file cannot be read, or it says nothing of this data set.
     """
     try:
-        content = json.loads(path.read_bytes())
+        packed = path.read_bytes()
+    except OSError as error:
+        raise StereocalError(f"{path} cannot be read: {error.strerror or error}.") from error
+    content = read_json(packed, str(path))
+    try:
         known = {entry["sha256"]: entry["methods"] for entry in content["datasets"]}
         protocol = {name: content["settings"][name] for name in ("runs", "calibration_frames")}
     except DAMAGED as error:

@@ -11,8 +11,12 @@ import cv2
 
 from stereocal.formats.camera_file import read_camera
 from stereocal.formats.dataset_files import parse_zip
+from stereocal.formats.exchange import import_files
 from stereocal.formats.photograph import decode_checked, read_header
 from stereocal.formats.point_table import PointTable
+from stereocal.formats.sleap_h5 import point_text
+from stereocal.formats.stereo import ExchangeOptions
+from stereocal.formats.zip_files import unzip
 from stereocal.guarded_child import GuardedReader, Prepared
 
 cv2.setNumThreads(1)
@@ -40,8 +44,18 @@ def _table(path: Path) -> Prepared:
     return _room(path) + LARGE, lambda: PointTable(path, ("u", "v"), path.name).check()
 
 
+def _hdf5(path: Path) -> Prepared:
+    return _room(path) + LARGE, lambda: point_text(path.read_bytes(), path.name)
+
+
 def _dataset(path: Path) -> Prepared:
     return _room(path) + LARGE, lambda: parse_zip(path.read_bytes(), path.name)
+
+
+def _parameters(path: Path) -> Prepared:
+    options = ExchangeOptions(unit="m", lens_model="brown")
+    files = unzip(path.read_bytes(), path.name)
+    return _room(path), lambda: import_files(files, "opencv", options, path.name)
 
 
 def _room(path: Path) -> int:
@@ -52,7 +66,9 @@ READERS: Mapping[str, GuardedReader] = {
     "photograph": _photograph,
     "camera": _camera,
     "table": _table,
+    "hdf5": _hdf5,
     "dataset": _dataset,
+    "parameters": _parameters,
 }
 
 
@@ -63,4 +79,5 @@ def guarded_files(folder: Path) -> Iterator[tuple[str, Path]]:
     for path in sorted(folder.glob("inputs/*")):
         if path.is_file():
             yield ("dataset" if path.suffix.lower() == ".zip" else "camera"), path
+    yield from (("parameters", path) for path in sorted(folder.glob("apply/files/*.zip")))
     yield from (("table", path) for path in sorted(folder.glob("apply/files/*.parquet")))

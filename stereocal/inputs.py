@@ -86,26 +86,30 @@ def check_inputs(inputs: Inputs) -> None:
     Raises:
         TypeError: something is not what it should be.
     """
-    if not isinstance(inputs.lens_known, dict):
-        raise TypeError(inputs.lens_known)
     for mapping in (inputs.files, inputs.labels):
         if not isinstance(mapping, dict) or not all(map(can_be_shown, mapping.values())):
             raise TypeError(mapping)
-    for which, stated in inputs.lens_known.items():
-        if which not in ("primary", "secondary") or not (
-            stated is None or (len(stated) == 2 and all(map(_is_sigma, stated)))
-        ):
-            raise TypeError(stated)
     if not can_be_shown(inputs.name) or set(inputs.files) - set(inputs.labels):
         raise TypeError(inputs)
     if not all(isinstance(frame, int) for frame in inputs.exchanged):
         raise TypeError(inputs.exchanged)
+    _check_lens_known(inputs.lens_known)
     for each in fields(Inputs):
         value = getattr(inputs, each.name)
         if not each.name.endswith("_m") or value is None:
             continue
         if not isinstance(value, float | int) or abs(value) > sys.float_info.max:
             raise TypeError(each.name)
+
+
+def _check_lens_known(known: object) -> None:
+    if not isinstance(known, dict):
+        raise TypeError(known)
+    for which, stated in known.items():
+        if which not in ("primary", "secondary") or not (
+            stated is None or (len(stated) == 2 and all(map(_is_sigma, stated)))
+        ):
+            raise TypeError(stated)
 
 
 def _is_sigma(value: object) -> bool:

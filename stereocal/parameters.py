@@ -30,6 +30,7 @@ from stereocal.geometry import (
     stack_rays,
     triangulate,
 )
+from stereocal.json_text import read_json
 from stereocal.writing import write_atomically
 
 PARAMETERS_FORMAT = "stereocal-parameters/1"
@@ -183,10 +184,7 @@ class RigParameters:
     def loads(cls, text: str, source: str = "parameters") -> RigParameters:
         """As `load`, from text."""
         _check_size(len(text), source)
-        try:
-            data = json.loads(text)
-        except (ValueError, RecursionError) as error:
-            raise StereocalError(f"{source}: this is not JSON ({error}).") from error
+        data = read_json(text, source)
         if not isinstance(data, dict) or data.get("format") != PARAMETERS_FORMAT:
             found = data.get("format") if isinstance(data, dict) else None
             raise StereocalError(

@@ -279,7 +279,7 @@ class Project:
     def more_datasets(self) -> list[Dataset]:
         """The further data sets."""
         return [
-            parse_zip(self._input(file, label), label)
+            parse_zip(self._input(file, label), label, "brown")
             for label, file in self._file.read().get("more", [])
         ]
 
@@ -305,7 +305,8 @@ class Project:
     ) -> Camera | None:
         if slot not in inputs.files:
             return None
-        return read_camera(self._content(inputs, slot, fresh), inputs.labels[slot])
+        # A person was asked when the file was given.
+        return read_camera(self._content(inputs, slot, fresh), inputs.labels[slot], "brown")
 
     def _dataset(self, inputs: Inputs, fresh: Mapping[str, bytes] = _NO_FILES) -> Dataset:
         primary = self._camera(inputs, "primary", fresh)

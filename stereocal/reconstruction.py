@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,6 +19,7 @@ from stereocal.geometry import (
     stack_rays,
     triangulate_rays,
 )
+from stereocal.json_text import read_json
 from stereocal.parameters import RigParameters
 
 POSE_NAMES = (*Angles._fields, "baseline_m")
@@ -170,11 +170,13 @@ def read_world(path: str | Path) -> Pose:
         raise StereocalError(f"{path}: the file cannot be read ({error}).") from error
     try:
         if path.suffix.lower() == ".json":
-            table = np.array(json.loads(text), dtype=np.float64)
+            table = np.array(read_json(text, str(path)), dtype=np.float64)
         else:
             rows = [row for row in csv.reader(io.StringIO(text)) if any(c.strip() for c in row)]
             table = np.array(rows, dtype=np.float64)
     except (*DAMAGED, csv.Error) as error:
+        if isinstance(error, StereocalError):
+            raise
         raise StereocalError(f"{path}: this is not a 4x4 table of numbers.") from error
     if table.shape != (4, 4) or not np.array_equal(table[3], [0, 0, 0, 1]):
         raise StereocalError(

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
@@ -33,6 +33,7 @@ from stereocal.formats.point_answers import (
 )
 from stereocal.formats.point_files import read_points
 from stereocal.formats.point_table import PointTable
+from stereocal.formats.sleap_h5 import point_text
 from stereocal.formats.stereo import ExchangeOptions
 from stereocal.limits import Limits
 from stereocal.parameters import RigParameters
@@ -65,7 +66,7 @@ class Reader:
 
 
 def _tables() -> list[Reader]:
-    asked = ("point_answers", "point_layouts", "point_files", "pixel_origin")
+    asked = ("point_answers", "point_layouts", "rig_layouts", "point_files", "pixel_origin")
     table, csv = ("point_table",), ("correspondences_csv",)
     return [
         *(
@@ -79,6 +80,9 @@ def _tables() -> list[Reader]:
         Reader(
             "tables", "parquet", "Parquet", seeds.parquet, _table("t.parquet"),
             (*table, "parquet"),
+        ),
+        Reader(
+            "tables", "image", "points, HDF5", seeds.sleap, _hdf5, ("sleap_h5", "other_files")
         ),
         Reader("tables", "text", "world, table", lambda: [seeds.world("", "")], _world("w.csv")),
         Reader("JSON", "json", "world, JSON", lambda: [seeds.world("[", "]")], _world("w.json")),
@@ -115,7 +119,7 @@ def _exchange(name: str, file: str) -> Reader:
     kind = {"yml": "yaml", "yaml": "yaml", "json": "json"}.get(ending, "text")
     group = {"yaml": "YAML", "json": "JSON"}.get(kind, "other text")
     sizes = (PRIMARY.image_size, SECONDARY.image_size)
-    options = ExchangeOptions(sizes, PixelOrigin("lower-left"))
+    options = ExchangeOptions(sizes, PixelOrigin("lower-left"), unit="m", lens_model="brown")
     modules = ["exchange", "opencv_stereo" if name == "opencv" else name]
     modules += ["yaml_file"] if name in ("kalibr", "ros") else []
 
@@ -229,7 +233,10 @@ def _points(content: bytes, _: Path) -> None:
         for which in (0, 1):
             answers = first_answers(proposed, which, 1024)
             try:
-                column_names(content, proposed, "a.csv")
+                width = len(column_names(content, proposed, "a.csv"))
+                if not proposed.columns:
+                    columns = (0, 1, 2) if width > 2 else (None, 0, 1)
+                    answers = replace(answers, columns=columns)
                 chosen = answered(proposed, answers, content, "a.csv")
                 for rows in (5, None):
                     read_points(content, chosen, answers.camera, 1024, "a.csv", rows)
@@ -241,6 +248,10 @@ def _points(content: bytes, _: Path) -> None:
         bars_of(content, BarAnswers(*two, "lower-left", image_heights=(1024, 1024)), "a.csv")
     if refused and not read:
         raise refused
+
+
+def _hdf5(content: bytes, folder: Path) -> None:
+    _points(point_text(content, "a.h5"), folder)
 
 
 def _table(name: str) -> Read:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import cv2
+import h5py
 import numpy as np
 
 from stereocal.formats.camera_file import write_camera
@@ -40,6 +41,12 @@ def layouts() -> Mapping[str, Sequence[bytes]]:
             b"scorer,net,net,net\nbodyparts,nose,nose,nose\ncoords,x,y,likelihood\n"
             b"0,1.5,2.5,0.99\n1,3,4,0.1\n"
         ],
+        "sleap": [
+            b"track,frame_idx,instance.score,nose.x,nose.y,nose.score,tail.x,tail.y,tail.score\n"
+            b"track_0,0,0.9,1.5,2.5,0.9,3,4,0.8\n,1,0.9,,,,5,6,0.7\n"
+        ],
+        "tracktor": [b",frame,pos_x,pos_y,id\n0,1,1.5,2.5,0\n1,1,3,4,1\n"],
+        "argus": [b"Track 1_cam_1_x,Track 1_cam_1_y,Track 1_cam_2_x,Track 1_cam_2_y\n1,2,3,4\n"],
         "trackmate": [
             b"LABEL,ID,TRACK_ID,POSITION_X,POSITION_Y,FRAME\nLabel,Spot ID,Track ID,X,Y,Frame\n"
             b"Label,Spot ID,Track ID,X,Y,Frame\n,,,(micron),(micron),\nID1,1,0,1.5,2.5,0\n"
@@ -51,6 +58,32 @@ def layouts() -> Mapping[str, Sequence[bytes]]:
             b"a,b\n1,2\n3,4\n",
         ],
     }
+
+
+@cache
+def sleap() -> Sequence[bytes]:
+    """Analysis files: two tracks of three nodes in four frames, and a bare one.
+
+    The names have a fixed length: HDF5's library hangs on spoilt heaps of others, which only the
+    child process of the server survives.
+    """
+    names = np.array([b"nose", b"wing", b"tail"])
+    tracks = np.arange(48, dtype=np.float64).reshape(2, 2, 3, 4) + 0.25
+    tracks[1, :, :, 2] = np.nan
+    return [
+        hdf5(tracks=tracks, node_names=names, track_names=np.array([b"a", b"b"]),
+             point_scores=np.full((2, 3, 4), 0.9)),
+        hdf5(tracks=tracks[:1], node_names=names),
+    ]  # fmt: skip
+
+
+def hdf5(**arrays: Any) -> bytes:
+    """An HDF5 file of these arrays."""
+    packed = io.BytesIO()
+    with h5py.File(packed, "w", libver="latest") as file:
+        for name, values in arrays.items():
+            file[name] = values
+    return packed.getvalue()
 
 
 def points() -> Sequence[bytes]:

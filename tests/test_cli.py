@@ -223,7 +223,7 @@ BAD: dict[str, tuple[Callable[[Path], None], str]] = {
     "ends exchanged": (table(ends_exchanged), "A and B|do not meet in front"),
     "broken description": (
         text("dataset.json", "{"),
-        "dataset.json is not valid JSON",
+        "dataset.json: this is not valid JSON",
     ),
 }
 

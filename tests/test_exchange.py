@@ -378,7 +378,7 @@ class TestRefusals:
         out = tmp_path / "o"
         for words, says in (
             (["--to", "kalibr"], "k3"),
-            (["--from", "opencv"], "not a matrix"),
+            (["--from", "opencv"], "M1, M2, D1, D2 missing"),
             (["--from", "dlt", "--image-size-primary", "big"], 'image size "big"'),
             (["--to", "dlt", "--world", str(tmp_path / "none")], "cannot be read"),
         ):

@@ -301,13 +301,13 @@ class TestCameraFile:
 
     @pytest.mark.parametrize("suffix", SUFFIXES)
     def test_what_opencv_writes(self, suffix: str) -> None:
-        read = read_camera(with_storage(suffix, **NODES), "c" + suffix)
+        read = read_camera(with_storage(suffix, **NODES), "c" + suffix, "brown")
         assert equal(read, SECONDARY)
 
     @pytest.mark.parametrize("suffix", SUFFIXES)
     def test_a_byte_order_mark_and_other_line_ends(self, suffix: str) -> None:
         content = b"\xef\xbb\xbf" + with_storage(suffix, **NODES).replace(b"\n", b"\r\n")
-        assert equal(read_camera(content, "c"), SECONDARY)
+        assert equal(read_camera(content, "c", "brown"), SECONDARY)
 
     @pytest.mark.parametrize("suffix", SUFFIXES)
     @pytest.mark.parametrize(
@@ -318,7 +318,7 @@ class TestCameraFile:
             K: NODES["camera_matrix"], D: NODES["distortion_coefficients"].T.copy(),
             "width": 1280, "height": 1024,
         }  # fmt: skip
-        assert equal(read_camera(with_storage(suffix, **nodes), "c"), SECONDARY)
+        assert equal(read_camera(with_storage(suffix, **nodes), "c", "brown"), SECONDARY)
 
     def test_nodes_of_other_tools_do_no_harm(self) -> None:
         read = read_camera(OTHER_TOOL, "primary.yaml")
@@ -489,7 +489,7 @@ class TestDatasetFiles:
     def test_opencvs_camera_files(self) -> None:
         files = self.changed(cameras={"primary": "primary.json", "secondary": "right.yaml"})
         files["right.yaml"] = with_storage(".yaml", **NODES)
-        assert parse_dataset(files, "x").sha256 == NOISY.sha256
+        assert parse_dataset(files, "x", lens_model="brown").sha256 == NOISY.sha256
 
     def test_files_of_a_mac_are_ignored(self) -> None:
         files = {f"survey/{name}": content for name, content in self.files.items()}
@@ -552,7 +552,7 @@ class TestDatasetFiles:
             parse_dataset({**self.files, "dataset.json": text.encode()}, "x")
 
     def test_a_description_in_another_encoding(self) -> None:
-        with pytest.raises(StereocalError, match="not valid JSON"):
+        with pytest.raises(StereocalError, match="not a text file"):
             parse_dataset({**self.files, "dataset.json": '{"name": "Ä"}'.encode("latin-1")}, "x")
 
     @pytest.mark.parametrize(

@@ -90,8 +90,11 @@ def test_columns_chosen_by_hand() -> None:
     layout = layout_of(ODD, "odd.csv")
     assert layout.program == UNKNOWN and layout.header_rows == 1
     assert column_names(ODD, layout, "odd.csv")[1] == "2: across"
-    answers = first_answers(layout, 0)
-    assert answers.columns == (0, 1, 2)
+    proposed = first_answers(layout, 0)
+    assert proposed.columns is None
+    with pytest.raises(StereocalError, match="choose the columns"):
+        answered(layout, proposed, ODD, "odd.csv")
+    answers = replace(proposed, columns=(0, 1, 2))
     moved = replace(answers, first_pixel=0.5, px_per_unit=2.0)
     table = read_points(ODD, answered(layout, moved, ODD, "odd.csv"), "cam1")
     assert table.to_dict("list") == {

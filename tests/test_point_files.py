@@ -52,7 +52,7 @@ def test_wand_files_of_argus_and_easywand(header: str) -> None:
 @pytest.mark.parametrize(
     ("names", "program", "to_theirs"),
     [
-        ("pt{p}_cam{c}_X,pt{p}_cam{c}_Y", "DLTdv5 to 7", lambda p, h: (p[0], h - p[1])),
+        ("pt{p}_cam{c}_X,pt{p}_cam{c}_Y", "DLTdv5 to 7", lambda p, h: (p[0] + 1, h - p[1])),
         ("tail{p}_cam{c}_U,tail{p}_cam{c}_V", "DLTdv8", lambda p, _: (p[0] + 1, p[1] + 1)),
     ],
 )

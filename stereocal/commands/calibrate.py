@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 from stereocal.calibrate import METHODS, Calibration, CalibrationSettings, calibrate
-from stereocal.commands.options import add_search_options, settings_from
+from stereocal.commands.options import add_lens_model, add_search_options, settings_from
 from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
 from stereocal.evaluation_files import validation_in_summary
@@ -33,6 +33,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     command.add_argument("dataset", type=Path, help="folder or zip with dataset.json")
     command.add_argument("--out", type=Path, required=True, help="folder for the files")
     add_search_options(command)
+    add_lens_model(command)
     command.add_argument(
         "--calibration-frames",
         type=int,
@@ -67,7 +68,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
 
 def run(parsed: argparse.Namespace) -> None:
     """Calibrate, write the files, print the table, what disagrees and the verdict."""
-    dataset = read_input(parsed.dataset)
+    dataset = read_input(parsed.dataset, parsed.lens_model)
     settings = settings_from(parsed, parsed.calibration_frames)
     refined = RefineSettings() if parsed.refined else None
     calibration = calibrate(dataset, settings, refined=refined)

@@ -5,10 +5,12 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from stereocal.commands.options import add_lens_model
 from stereocal.errors import StereocalError
 from stereocal.formats.exchange import FORMATS, export, export_notes, import_parameters
 from stereocal.formats.pixel_origin import CORNERS, FLIPS, PixelOrigin
 from stereocal.formats.stereo import ExchangeOptions
+from stereocal.formats.units import UNITS
 from stereocal.parameters import RigParameters
 from stereocal.reconstruction import read_world
 
@@ -26,8 +28,17 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
         "--from", dest="origin_format", choices=tuple(FORMATS), help="read this format"
     )
     command.add_argument(
-        "--out", type=Path, required=True, help="file; folder where a format has several files"
+        "--out",
+        type=Path,
+        required=True,
+        help="folder, which is made; or a file, with its ending, where a format has one only",
     )
+    command.add_argument(
+        "--unit",
+        choices=tuple(UNITS),
+        help="with --from: the unit of the file's lengths, where it does not say it",
+    )
+    add_lens_model(command)
     dlt = command.add_argument_group("DLT coefficients")
     dlt.add_argument(
         "--image-origin", choices=CORNERS, default="upper-left", help="default: upper-left"
@@ -37,7 +48,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
         type=float,
         default=0.0,
         metavar="N",
-        help="coordinate of the centre of the first pixel: 1 for DLTdv8 (default: 0)",
+        help="coordinate of the centre of the first pixel: 1 for DLTdv (default: 0)",
     )
     dlt.add_argument(
         "--flip",
@@ -65,6 +76,8 @@ def run(parsed: argparse.Namespace) -> None:
         (_size(parsed.image_size_primary), _size(parsed.image_size_secondary)),
         PixelOrigin(parsed.image_origin, parsed.first_pixel, parsed.flip),
         None if parsed.world is None else read_world(parsed.world),
+        parsed.unit,
+        parsed.lens_model,
     )
     if parsed.to is not None:
         rig = RigParameters.load(parsed.parameters)

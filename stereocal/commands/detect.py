@@ -7,6 +7,7 @@ import tempfile
 from contextlib import ExitStack
 from pathlib import Path
 
+from stereocal.commands.options import add_lens_model
 from stereocal.commands.progress import ProgressBar, say
 from stereocal.engines import engine
 from stereocal.errors import StereocalError
@@ -30,12 +31,13 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     command.add_argument(
         "--doubtful", action="store_true", help="doubtful frames go into the table too"
     )
+    add_lens_model(command)
     command.add_argument("--workers", type=int, metavar="N", help="N processes (default: threads)")
 
 
 def run(parsed: argparse.Namespace) -> None:
     """Find the targets, say how each frame went, write the table."""
-    survey = read_survey(parsed.dataset)
+    survey = read_survey(parsed.dataset, parsed.lens_model)
     with tempfile.TemporaryDirectory(prefix="stereocal-") as store:
         with ProgressBar("photographs unpacked") as unpacking:
             photographs = photographs_in(parsed.dataset, Path(store), unpacking.show)

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from stereocal.calibrate import screened
-from stereocal.commands.options import add_search_options, settings_from
+from stereocal.commands.options import add_lens_model, add_search_options, settings_from
 from stereocal.commands.progress import ProgressBar
 from stereocal.engines import engine
 from stereocal.evaluation import EvaluationSettings, evaluate, evaluate_runs
@@ -26,6 +26,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     command.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="folders, zips")
     command.add_argument("--out", type=Path, required=True, help="folder for the two files")
     add_search_options(command)
+    add_lens_model(command)
     command.add_argument("--runs", type=int, default=100, metavar="N", help="default: 100")
     command.add_argument(
         "--calibration-frames", type=int, default=20, metavar="K", help="of each run (default: 20)"
@@ -43,7 +44,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
 
 def run(parsed: argparse.Namespace) -> None:
     """Evaluate, write summary.json and report.html, print the answer."""
-    datasets = [read_input(path) for path in parsed.datasets]
+    datasets = [read_input(path, parsed.lens_model) for path in parsed.datasets]
     settings = EvaluationSettings(
         settings_from(parsed, calibration_frames=None),
         parsed.runs,

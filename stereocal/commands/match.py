@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import argparse
+import tempfile
 from pathlib import Path
 
+from stereocal.commands.point_options import add_point_options, point_tables
 from stereocal.commands.progress import ProgressBar
 from stereocal.errors import StereocalError
-from stereocal.formats.point_table import PointTable
 from stereocal.parameters import RigParameters
 from stereocal.points.matching_files import match_tables
-from stereocal.points.pairs import POINT, Threshold
+from stereocal.points.pairs import Threshold
 
 
 def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """The options of the command."""
     command = commands.add_parser("match", help="which points of the two cameras belong together")
     command.set_defaults(run=run)
-    command.add_argument("primary", type=Path, help="frame,u,v and more; CSV or Parquet")
+    command.add_argument(
+        "primary", type=Path, help="frame,u,v and more, CSV or Parquet; with --layout, theirs"
+    )
     command.add_argument("secondary", type=Path, help="the same of the secondary camera")
     command.add_argument(
         "--parameters", type=Path, required=True, metavar="FILE", help="parameters_2d.json"
@@ -40,6 +43,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     command.add_argument(
         "--unmatched", type=Path, metavar="FILE", help="write the points without a partner here"
     )
+    add_point_options(command)
 
 
 def run(parsed: argparse.Namespace) -> None:
@@ -48,17 +52,13 @@ def run(parsed: argparse.Namespace) -> None:
     threshold = _threshold(parsed.threshold)
     if parsed.unmatched is not None and parsed.unmatched == parsed.out:
         raise StereocalError("--out and --unmatched name the same file.")
-    with ProgressBar("frames") as bar:
-        report = match_tables(
-            rig,
-            PointTable(parsed.primary, POINT),
-            PointTable(parsed.secondary, POINT),
-            parsed.out,
-            threshold,
-            tuple(parsed.depth),
-            parsed.unmatched,
-            bar.show,
-        )
+    with tempfile.TemporaryDirectory(prefix="stereocal-") as folder:
+        primary, secondary = point_tables(parsed, rig, Path(folder))
+        with ProgressBar("frames") as bar:
+            report = match_tables(
+                rig, primary, secondary, parsed.out, threshold, tuple(parsed.depth),
+                parsed.unmatched, bar.show,
+            )  # fmt: skip
     assert report is not None  # nobody cancels here
     if report.chosen is not None:
         print(report.chosen.sentence())

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 
 from stereocal.calibrate import CalibrationSettings
+from stereocal.formats.lens_model import LENS_MODELS
 from stereocal.montecarlo import SearchSettings
 
 
@@ -40,6 +41,16 @@ def add_search_options(parser: argparse.ArgumentParser) -> None:
         default=[],
         metavar="FRAME",
         help="frames to keep though they contradict the others",
+    )
+
+
+def add_lens_model(parser: argparse.ArgumentParser) -> None:
+    """What four distortion coefficients are, for files that do not say it."""
+    parser.add_argument(
+        "--lens-model",
+        choices=LENS_MODELS,
+        help="what four distortion coefficients are, where the file does not say it: brown is "
+        "OpenCV's usual k1 k2 p1 p2",
     )
 
 

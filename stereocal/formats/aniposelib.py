@@ -12,6 +12,7 @@ import numpy as np
 from stereocal.camera import Camera
 from stereocal.errors import StereocalError
 from stereocal.formats.lens_fit import lens
+from stereocal.formats.lens_model import check_lens_model
 from stereocal.formats.stereo import (
     ExchangeOptions,
     Stereo,
@@ -74,14 +75,14 @@ def read_aniposelib(files: Mapping[str, bytes], options: ExchangeOptions, source
 def _camera(
     data: Mapping[str, Any], k: int, options: ExchangeOptions, source: str
 ) -> tuple[Camera, Pose]:
-    if data.get("fisheye"):
-        raise StereocalError(f"{source}: stereocal does not know aniposelib's fisheye lens.")
+    coefficients = array_of(data.get("distortions"), (-1,), "distortions", source)
+    check_lens_model(coefficients, data.get("fisheye"), options.lens_model, source)
     which = ("primary", "secondary")[k]
     size = size_of(data.get("size"), options.image_sizes[k], which, source)
     try:
         camera = Camera(
             array_of(data.get("matrix"), (3, 3), "matrix", source),
-            array_of(data.get("distortions"), (-1,), "distortions", source),
+            coefficients,
             size,
         )
     except StereocalError as error:

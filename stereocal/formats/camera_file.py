@@ -11,7 +11,10 @@ import cv2
 from stereocal.camera import Camera
 from stereocal.compiled import FloatArray
 from stereocal.errors import StereocalError
-from stereocal.formats.file_storage import find_node, matrix_of, open_storage
+from stereocal.formats.file_storage import find_node, lens_model_of, matrix_of, open_storage
+from stereocal.formats.lens_model import LensModel, check_lens_model, five_or_more
+from stereocal.formats.other_files import refuse_other_camera
+from stereocal.json_text import read_json
 
 CAMERA_FORMAT = "stereocal-camera/1"
 LARGEST_BYTES = 4_000_000
@@ -19,6 +22,7 @@ K_NAMES = ("camera_matrix", "Camera_Matrix", "cameraMatrix", "K", "M")
 DISTORTION_NAMES = (
     "distortion_coefficients", "Distortion_Coefficients", "distCoeffs", "dist_coeffs", "D",
 )  # fmt: skip
+SIZE_NAMES = ("image_size", "imageSize", "resolution")
 WIDTH_NAMES = ("image_width", "image_Width", "width")
 HEIGHT_NAMES = ("image_height", "image_Height", "height")
 EXPECTED = (
@@ -27,23 +31,28 @@ EXPECTED = (
 )
 
 
-def read_camera(content: bytes, source: str) -> Camera:
+def read_camera(content: bytes, source: str, lens_model: LensModel | None = None) -> Camera:
     """The camera of a file, whose format is told by its content.
 
+    Args:
+        lens_model: what four coefficients are where the file does not say it.
+
     Raises:
+        FourCoefficientsError: four coefficients that may be those of a fisheye.
         StereocalError: an empty file, an unknown format, or a camera that cannot be.
     """
     if not content.strip():
         raise StereocalError(f"{source}: the file is empty.")
     if len(content) > LARGEST_BYTES:
         raise StereocalError(f"{source}: {len(content)} bytes are too many for a camera file.")
+    refuse_other_camera(content, source)
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise StereocalError(f"{source}: this is not a camera file; {EXPECTED}.") from error
     start = text.lstrip()
     if start.startswith("{"):
-        data = _json_object(text, source)
+        data = dict(read_json(text, source))
         if str(data.get("format", "")).startswith("stereocal-camera"):
             if data["format"] != CAMERA_FORMAT:
                 raise StereocalError(
@@ -51,9 +60,11 @@ def read_camera(content: bytes, source: str) -> Camera:
                     f'this version reads "{CAMERA_FORMAT}".'
                 )
             return Camera.from_json(data, source)
+        if isinstance(_first(data, K_NAMES), list):
+            return _read_plain_json(data, source, lens_model)
     elif not start.startswith(("%YAML", "<?xml")):
         raise StereocalError(f"{source}: the format of the camera file is not known; {EXPECTED}.")
-    return _read_file_storage(start, source)
+    return _read_file_storage(start, source, lens_model)
 
 
 def write_camera(camera: Camera, about: Mapping[str, Any] | None = None) -> bytes:
@@ -73,7 +84,8 @@ def write_camera(camera: Camera, about: Mapping[str, Any] | None = None) -> byte
 def write_opencv_camera(camera: Camera) -> bytes:
     """OpenCV's YAML file of a camera, as its calibration program names things.
 
-    Its format has no place for skew, which stays in the matrix, and none for uncertainties.
+    Its format has no place for skew, which stays in the matrix, and none for uncertainties. Four
+    coefficients get k3 = 0 as the fifth: four alone might be those of a fisheye.
     """
     # OpenCV 5 writes YAML 1.2 unless asked; version 4 knows only the old header and cannot ask.
     yaml = getattr(cv2, "FILE_STORAGE_FORMAT_YAML_1_0", cv2.FILE_STORAGE_FORMAT_YAML)
@@ -82,33 +94,47 @@ def write_opencv_camera(camera: Camera) -> bytes:
     storage.write("image_width", width)
     storage.write("image_height", height)
     storage.write("camera_matrix", camera.K.copy())
-    storage.write("distortion_coefficients", camera.distortion.reshape(1, -1).copy())
+    storage.write("distortion_coefficients", five_or_more(camera.distortion).reshape(1, -1))
     return str(storage.releaseAndGetString()).encode()
 
 
-def _json_object(text: str, source: str) -> dict[str, Any]:
-    try:
-        data = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise StereocalError(f"{source}: this is not valid JSON ({error}).") from error
-    return dict(data)
+def _first(data: Mapping[str, Any], names: tuple[str, ...]) -> Any:
+    return next((data[name] for name in names if name in data), None)
 
 
-def _read_file_storage(text: str, source: str) -> Camera:
+def _read_plain_json(data: Mapping[str, Any], source: str, lens_model: LensModel | None) -> Camera:
+    """A camera as nested lists, by our names or OpenCV's."""
+    size = _first(data, SIZE_NAMES) or [_first(data, WIDTH_NAMES), _first(data, HEIGHT_NAMES)]
+    distortion = _first(data, ("distortion", *DISTORTION_NAMES))
+    if distortion is None or (isinstance(size, list) and None in size):
+        what = "distortion" if distortion is None else "image_size"
+        raise StereocalError(f"{source}: {what} is missing; {EXPECTED}.")
+    named = {"K": _first(data, K_NAMES), "distortion": distortion, "image_size": size}
+    camera = Camera.from_json({**data, **named}, source)
+    stated = data.get("distortion_model", data.get("fisheye_model"))
+    check_lens_model(camera.distortion, stated, lens_model, source)
+    return camera
+
+
+def _read_file_storage(text: str, source: str, lens_model: LensModel | None) -> Camera:
     storage = open_storage(text, source)
     try:
         K = _matrix(storage, K_NAMES, source)
         distortion = _matrix(storage, DISTORTION_NAMES, source)
         width = _number(storage, WIDTH_NAMES, source)
         height = _number(storage, HEIGHT_NAMES, source)
+        stated = lens_model_of(storage)
     except cv2.error as error:
         raise StereocalError(f"{source}: a matrix in this file is damaged.") from error
     finally:
         storage.release()
+    K = K.reshape(3, 3) if K.size == 9 else K
     try:
-        return Camera(K, distortion, (int(width), int(height)))
+        camera = Camera(K, distortion, (int(width), int(height)))
     except (StereocalError, ValueError, OverflowError) as error:
         raise StereocalError(f"{source}: {error}") from error
+    check_lens_model(camera.distortion, stated, lens_model, source)
+    return camera
 
 
 def _node(storage: Any, names: tuple[str, ...], source: str) -> Any:

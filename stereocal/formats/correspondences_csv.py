@@ -114,6 +114,7 @@ class _Row:
 
 def _read_rows(reader: Reader, source: str, decimal_comma: bool) -> Table:
     columns: dict[str, int] | None = None
+    width = 0
     rows: list[_Row] = []
     problems: list[RowProblem] = []
     seen: dict[tuple[int, int], int] = {}
@@ -122,9 +123,11 @@ def _read_rows(reader: Reader, source: str, decimal_comma: bool) -> Table:
         if not any(cell.strip() for cell in cells):
             continue
         if columns is None:
-            columns = _columns_of(cells, source)
+            columns, width = _columns_of(cells, source), len(cells)
             continue
         try:
+            if any(cell.strip() for cell in cells[width:]):
+                raise _RefusedError(f"{len(cells)} cells instead of {width}")
             row = _read_row(cells, columns, reader.line_num, decimal_comma)
             key = (row.frame, row.target)
             if key in seen:

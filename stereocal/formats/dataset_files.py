@@ -13,8 +13,10 @@ from stereocal.dataset import Correspondences, Dataset
 from stereocal.errors import RefusedRowsError, StereocalError
 from stereocal.formats.camera_file import read_camera, write_camera
 from stereocal.formats.correspondences_csv import read_table, write_table
+from stereocal.formats.lens_model import LensModel
 from stereocal.formats.photograph_files import is_photograph
 from stereocal.formats.zip_files import open_zip, unzip
+from stereocal.json_text import read_json
 from stereocal.limits import Limits
 
 DATASET_FORMAT = "stereocal-dataset/1"
@@ -23,6 +25,8 @@ TABLE = "correspondences.csv"
 LONGEST_NAME = 200
 LARGEST_DESCRIPTION = 4_000_000
 TEXTS = frozenset((".json", ".csv", ".yaml", ".yml", ".xml"))
+NAMED = frozenset((".ini", ".conf", ".mat"))
+"""Small ones are named as what they are where `dataset.json` calls them cameras."""
 
 
 @dataclass(frozen=True)
@@ -47,24 +51,27 @@ class Survey:
         return Dataset(correspondences=correspondences, **vars(self))
 
 
-def read_dataset(path: str | Path) -> Dataset:
+def read_dataset(path: str | Path, lens_model: LensModel | None = None) -> Dataset:
     """Read a data set, a folder or a zip, and refuse it if any row cannot be used.
+
+    Args:
+        lens_model: what four distortion coefficients are where a camera file does not say it.
 
     Raises:
         StereocalError: one sentence that says what is wrong, and where.
     """
     files, photographs = read_texts(Path(path))
-    return parse_dataset(files, str(path), photographs)
+    return parse_dataset(files, str(path), photographs, lens_model)
 
 
-def read_survey(path: str | Path) -> Survey:
+def read_survey(path: str | Path, lens_model: LensModel | None = None) -> Survey:
     """Read a data set but for its points, which need not be there yet.
 
     Raises:
         StereocalError: as `read_dataset`.
     """
     files, _ = read_texts(Path(path))
-    return parse_survey(files, str(path))
+    return parse_survey(files, str(path), lens_model)
 
 
 def read_texts(path: Path) -> tuple[dict[str, bytes], bool]:
@@ -75,7 +82,8 @@ def read_texts(path: Path) -> tuple[dict[str, bytes], bool]:
     """
     try:
         if path.is_dir():
-            found = list(_files_in(path, lambda name: Path(name).suffix.lower() in TEXTS))
+            known = _files_in(path, lambda name: Path(name).suffix.lower() in TEXTS | NAMED)
+            found = [file for file in known if file.suffix.lower() in TEXTS or _is_small(file)]
             limits = Limits.from_environment()
             limits.check_count(len(found), str(path))
             limits.check_size(sum(file.stat().st_size for file in found), str(path))
@@ -92,7 +100,12 @@ def read_texts(path: Path) -> tuple[dict[str, bytes], bool]:
     raise StereocalError(f"{path}: there is no such folder or file.")
 
 
-def parse_dataset(files: Mapping[str, bytes], source: str, photographs: bool = False) -> Dataset:
+def parse_dataset(
+    files: Mapping[str, bytes],
+    source: str,
+    photographs: bool = False,
+    lens_model: LensModel | None = None,
+) -> Dataset:
     """The data set of files by name; they may all lie in one folder further down.
 
     Args:
@@ -101,7 +114,7 @@ def parse_dataset(files: Mapping[str, bytes], source: str, photographs: bool = F
     Raises:
         StereocalError: as `read_dataset`.
     """
-    survey = parse_survey(files, source)
+    survey = parse_survey(files, source, lens_model)
     folder, _ = find_description(files, source)
     if folder + TABLE not in files:
         if photographs or any(map(is_photograph, files)):
@@ -123,7 +136,7 @@ def parse_dataset(files: Mapping[str, bytes], source: str, photographs: bool = F
         raise StereocalError(text if text.startswith(source) else f"{source}: {text}") from error
 
 
-def parse_zip(content: bytes, source: str) -> Dataset:
+def parse_zip(content: bytes, source: str, lens_model: LensModel | None = None) -> Dataset:
     """The data set of a zip's content; photographs in it are not unpacked.
 
     Raises:
@@ -132,10 +145,12 @@ def parse_zip(content: bytes, source: str) -> Dataset:
     with open_zip(content, source) as opened:
         photographs = any(map(is_photograph, opened.names))
     files = unzip(content, source, lambda name: not is_photograph(name))
-    return parse_dataset(files, source, photographs)
+    return parse_dataset(files, source, photographs, lens_model)
 
 
-def parse_survey(files: Mapping[str, bytes], source: str) -> Survey:
+def parse_survey(
+    files: Mapping[str, bytes], source: str, lens_model: LensModel | None = None
+) -> Survey:
     """What the files tell but for the points.
 
     Raises:
@@ -151,7 +166,7 @@ def parse_survey(files: Mapping[str, bytes], source: str) -> Survey:
         name = named[which]
         if not isinstance(name, str) or folder + name not in files:
             raise StereocalError(f"{source}: the {which}'s camera file {name!r} is missing.")
-        return read_camera(files[folder + name], f"{source}: {name}")
+        return read_camera(files[folder + name], f"{source}: {name}", lens_model)
 
     return Survey(
         name=_shown(str(description.get("name") or Path(source).stem)),
@@ -193,10 +208,7 @@ def find_description(files: Mapping[str, bytes], source: str) -> tuple[str, dict
         raise StereocalError(
             f"{source}: {len(files[found[0]])} bytes are too many for a {DESCRIPTION}."
         )
-    try:
-        description = json.loads(files[found[0]].decode("utf-8-sig"))
-    except (ValueError, RecursionError) as error:
-        raise StereocalError(f"{source}: {DESCRIPTION} is not valid JSON ({error}).") from error
+    description = read_json(files[found[0]], f"{source}: {DESCRIPTION}")
     if not isinstance(description, dict) or description.get("format") != DATASET_FORMAT:
         raise StereocalError(
             f'{source}: {DESCRIPTION} must be an object with "format": "{DATASET_FORMAT}".'
@@ -223,6 +235,10 @@ def pack_dataset(dataset: Dataset) -> dict[str, bytes]:
         "secondary.json": write_camera(dataset.secondary),
         TABLE: write_table(dataset.correspondences),
     }
+
+
+def _is_small(file: Path) -> bool:
+    return file.stat().st_size <= LARGEST_DESCRIPTION
 
 
 def _files_in(folder: Path, wanted: Callable[[str], bool]) -> Iterable[Path]:

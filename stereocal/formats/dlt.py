@@ -86,7 +86,11 @@ def read_dlt(files: Mapping[str, bytes], options: ExchangeOptions, source: str) 
         K, pose = _decomposed(P, f"{name}, {which}")
         cameras.append(Camera(K, np.zeros(0), size))
         poses.append(pose)
-    return Stereo(cameras[0], cameras[1], poses[1] @ poses[0].inverse())
+    # Coefficients have no place for a unit; those of ours are known by where their world is.
+    ours = np.allclose(poses[0].R, np.eye(3), rtol=0, atol=1e-6) and np.allclose(
+        poses[0].T, [0.0, 0.0, ORIGIN_BEHIND_M], rtol=0, atol=1e-3 * ORIGIN_BEHIND_M
+    )
+    return Stereo(cameras[0], cameras[1], poses[1] @ poses[0].inverse(), "m" if ours else None)
 
 
 def _poses(stereo: Stereo, world: Pose | None) -> tuple[Pose, Pose]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from stereocal.errors import StereocalError
@@ -13,10 +13,14 @@ from stereocal.formats.colmap import read_colmap, write_colmap
 from stereocal.formats.dlt import read_dlt, write_dlt
 from stereocal.formats.kalibr import read_kalibr, write_kalibr
 from stereocal.formats.lens_fit import fewer_coefficients
+from stereocal.formats.lens_model import FourCoefficientsError
 from stereocal.formats.matlab import read_matlab, write_matlab
 from stereocal.formats.opencv_stereo import read_opencv, write_opencv
+from stereocal.formats.other_files import refuse_other_camera
 from stereocal.formats.ros import read_ros, write_ros
-from stereocal.formats.stereo import LARGEST_BYTES, ExchangeOptions, Stereo
+from stereocal.formats.stereo import LARGEST_BYTES, OUR_UNIT, ExchangeOptions, Stereo
+from stereocal.formats.units import Unit, UnitError, metres_per_unit
+from stereocal.geometry import Pose
 from stereocal.parameters import RigParameters
 from stereocal.writing import write_all
 
@@ -32,6 +36,8 @@ class ExchangeFormat:
     read: Callable[[Files, ExchangeOptions, str], Stereo]
     ignores_skew: bool = False
     without_lens: bool = False
+    unit: Unit | None = None
+    """Of all its files, by its documentation."""
     coefficients: int | None = None
     """How many of the lens it holds, where it is fewer than OpenCV's model has."""
 
@@ -40,8 +46,12 @@ FORMATS: Mapping[str, ExchangeFormat] = {
     "opencv": ExchangeFormat(
         "OpenCV (intrinsics.yml, extrinsics.yml)", write_opencv, read_opencv, ignores_skew=True
     ),
-    "kalibr": ExchangeFormat("Kalibr (camchain.yaml)", write_kalibr, read_kalibr, coefficients=4),
-    "ros": ExchangeFormat("ROS (two camera_info files)", write_ros, read_ros, ignores_skew=True),
+    "kalibr": ExchangeFormat(
+        "Kalibr (camchain.yaml)", write_kalibr, read_kalibr, unit="m", coefficients=4
+    ),
+    "ros": ExchangeFormat(
+        "ROS (two camera_info files)", write_ros, read_ros, ignores_skew=True, unit="m"
+    ),
     "matlab": ExchangeFormat(
         "MATLAB (stereoParameters)", write_matlab, read_matlab, coefficients=5
     ),
@@ -73,7 +83,8 @@ def export_files(
 def export(
     rig: RigParameters, name: str, path: str | Path, options: ExchangeOptions | None = None
 ) -> list[Path]:
-    """Write a format: a single file as `path`, or into it if it is a folder; several into a folder.
+    """Write a format: into the folder `path`, which is made; a single file as `path` if that has an
+    ending, as `dlt.csv`.
 
     Returns:
         The files that were written.
@@ -83,7 +94,7 @@ def export(
     """
     files = export_files(rig, name, options)
     path = Path(path)
-    alone = len(files) == 1 and not path.is_dir()
+    alone = len(files) == 1 and path.suffix != "" and not path.is_dir()
     placed = {path if alone else path / each: content for each, content in files.items()}
     write_all(placed)
     return list(placed)
@@ -123,13 +134,28 @@ def import_files(
     if not files:
         raise StereocalError(f"{source}: there are no files.")
     try:
-        stereo = _format(name).read(files, options or ExchangeOptions(), source)
+        stereo = _in_metres(files, _format(name), options or ExchangeOptions(), source)
+    except (FourCoefficientsError, UnitError):
+        raise
     except StereocalError as error:
         text = str(error)
         known = text.startswith(source) or any(text.startswith(each) for each in files)
         raise StereocalError(text if known else f"{source}: {text}") from error
     digest = hashlib.sha256(b"".join(files[each] for each in sorted(files))).hexdigest()
     return stereo.parameters({"format": name, "sha256": digest})
+
+
+def _in_metres(
+    files: Files, known: ExchangeFormat, options: ExchangeOptions, source: str
+) -> Stereo:
+    if len(files) == 1:
+        ((name, content),) = files.items()
+        refuse_other_camera(content, name, may_be_toml=known.read is read_aniposelib)
+    stereo = known.read(files, options, source)
+    ours = any(OUR_UNIT.encode() in content for content in files.values())
+    stated: Unit | None = "m" if ours else stereo.unit
+    scale = metres_per_unit(stereo.pose.baseline, stated, options.unit, known.unit, source)
+    return replace(stereo, pose=Pose(stereo.pose.R, scale * stereo.pose.T))
 
 
 def import_parameters(

@@ -44,7 +44,7 @@ def find_node(storage: Any, names: tuple[str, ...]) -> Any:
 
 
 def matrix_of(node: Any, name: str, source: str) -> FloatArray:
-    """The numbers of an OpenCV matrix, (rows, cols).
+    """The numbers of an OpenCV matrix, or of a plain sequence: (rows, cols), or one row.
 
     Read one by one: `FileNode.mat()` of OpenCV 5.0 writes past its memory, and ends the whole
     program, where rows or cols are missing or negative.
@@ -52,18 +52,40 @@ def matrix_of(node: Any, name: str, source: str) -> FloatArray:
     Raises:
         StereocalError: no matrix, or not of numbers.
     """
+    if node.isSeq():
+        parts = [node.at(i) for i in range(min(node.size(), MOST_VALUES))]
+        if any(part.isSeq() for part in parts):
+            table = [_row(part, name, source) for part in parts]
+            if len({len(row) for row in table}) != 1:
+                raise StereocalError(f"{source}: the rows of {name} are not equally long.")
+            return np.array(table, dtype=np.float64)
+        return np.array([_row(node, name, source)], dtype=np.float64)
     rows, cols, data = (
         node.getNode(key) if node.isMap() else None for key in ("rows", "cols", "data")
     )
     if rows is None or cols is None or data is None or not (rows.isInt() and cols.isInt()):
         raise StereocalError(f"{source}: {name} is not a matrix (!!opencv-matrix).")
     shape = (int(rows.real()), int(cols.real()))
-    values = [data.at(i) for i in range(min(data.size(), MOST_VALUES))] if data.isSeq() else []
-    if min(shape) < 0 or shape[0] * shape[1] != len(values):
+    numbers = _row(data, name, source)
+    if min(shape) < 0 or shape[0] * shape[1] != len(numbers):
         raise StereocalError(f"{source}: {name} does not hold the numbers of a matrix.")
+    return np.array(numbers, dtype=np.float64).reshape(shape)
+
+
+def lens_model_of(storage: Any) -> str | bool | None:
+    """What a file says of its lens model: its name, or whether it is a fisheye."""
+    node = storage.getNode("distortion_model")
+    if node.isString():
+        return str(node.string())
+    node = storage.getNode("fisheye_model")  # of OpenCV's calibration program
+    return bool(node.real()) if node.isInt() else None
+
+
+def _row(node: Any, name: str, source: str) -> list[float]:
+    values = [node.at(i) for i in range(min(node.size(), MOST_VALUES))] if node.isSeq() else []
     if not all(value.isInt() or value.isReal() for value in values):
         raise StereocalError(f"{source}: {name} holds something that is not a number.")
-    return np.array([value.real() for value in values], dtype=np.float64).reshape(shape)
+    return [value.real() for value in values]
 
 
 def _depth(text: str) -> int:

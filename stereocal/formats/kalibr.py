@@ -80,7 +80,9 @@ def read_kalibr(files: Mapping[str, bytes], options: ExchangeOptions, source: st
 def _camera(data: Any, k: int, options: ExchangeOptions, source: str) -> Camera:
     if not isinstance(data, dict):
         raise StereocalError(f"{source}: this is not a camera.")
-    model, distortion = data.get("camera_model"), data.get("distortion_model", "none")
+    # A lens without a model is an error, not no lens.
+    usual = "none" if data.get("distortion_coeffs") is None else "no distortion_model"
+    model, distortion = data.get("camera_model"), data.get("distortion_model", usual)
     if model != "pinhole" or distortion not in ("radtan", "none"):
         raise StereocalError(
             f"{source}: the camera is {model} with {distortion}; stereocal knows pinhole with "

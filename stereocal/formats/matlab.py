@@ -24,6 +24,7 @@ from stereocal.formats.stereo import (
     only_file,
     size_of,
 )
+from stereocal.formats.units import Unit
 from stereocal.geometry import Pose
 
 FIRST_PIXEL = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]])
@@ -67,6 +68,10 @@ def write_matlab(stereo: Stereo, _: ExchangeOptions) -> dict[str, bytes]:
     return {"stereo_parameters.m": (text + BUILD).encode()}
 
 
+WORLD_UNITS: Mapping[str, Unit] = {
+    "m": "m", "meters": "m", "cm": "cm", "centimeters": "cm", "mm": "mm", "millimeters": "mm",
+}  # fmt: skip
+_WORLD_UNITS = re.compile(r"WorldUnits['\"]?\s*[,=]\s*['\"]([^'\"]*)['\"]")
 _ASSIGNED = re.compile(r"^[ \t]*([A-Za-z]\w*)[ \t]*=[ \t]*\[([^\[\]]*)\]", re.MULTILINE)
 
 
@@ -80,15 +85,14 @@ def _without_comments(text: str) -> str:
 
 
 def read_matlab(files: Mapping[str, bytes], options: ExchangeOptions, source: str) -> Stereo:
-    """Two cameras and their pose, from a script with these assignments; lengths in metres.
+    """Two cameras and their pose, from a script with these assignments, in its WorldUnits.
 
     Raises:
-        StereocalError: an assignment is missing or damaged.
+        StereocalError: an assignment is missing or damaged, or the units are not known.
     """
     name, text = only_file(files, (".m",), source)
-    given = {
-        key: _table(body, key, name) for key, body in _ASSIGNED.findall(_without_comments(text))
-    }
+    code = _without_comments(text)
+    given = {key: _table(body, key, name) for key, body in _ASSIGNED.findall(code)}
     cameras = []
     for k, which in ((1, "primary"), (2, "secondary")):
         K = _wanted(given, f"K{k}", (3, 3), name) - FIRST_PIXEL
@@ -105,9 +109,20 @@ def read_matlab(files: Mapping[str, bytes], options: ExchangeOptions, source: st
         except StereocalError as error:
             raise StereocalError(f"{name}, {which}: {error}") from error
     R = _wanted(given, "RotationOfCamera2", (3, 3), name).T
-    return Stereo(
-        cameras[0], cameras[1], Pose(R, _wanted(given, "TranslationOfCamera2", (3,), name))
-    )
+    pose = Pose(R, _wanted(given, "TranslationOfCamera2", (3,), name))
+    return Stereo(cameras[0], cameras[1], pose, _unit_of(code, name))
+
+
+def _unit_of(code: str, source: str) -> Unit | None:
+    units = set(_WORLD_UNITS.findall(code))
+    unknown = sorted(units - set(WORLD_UNITS))
+    known = {WORLD_UNITS[unit] for unit in units & set(WORLD_UNITS)}
+    if unknown or len(known) > 1:
+        raise StereocalError(
+            f"{source}: its WorldUnits are {', '.join(sorted(units))[:60]}; write the lengths in "
+            "one of m, cm and mm."
+        )
+    return known.pop() if known else None
 
 
 def _assign(name: str, values: FloatArray) -> str:

@@ -11,7 +11,8 @@ import numpy as np
 from stereocal.camera import Camera
 from stereocal.compiled import FloatArray
 from stereocal.errors import StereocalError
-from stereocal.formats.file_storage import find_node, matrix_of, open_storage
+from stereocal.formats.file_storage import find_node, lens_model_of, matrix_of, open_storage
+from stereocal.formats.lens_model import check_lens_model, five_or_more
 from stereocal.formats.stereo import (
     ExchangeOptions,
     Stereo,
@@ -22,6 +23,7 @@ from stereocal.formats.stereo import (
     text_of,
 )
 from stereocal.geometry import Pose
+from stereocal.json_text import read_json
 
 NAMES: Mapping[str, tuple[str, ...]] = {
     "M1": ("M1", "K1", "cameraMatrix1", "camera_matrix_1", "CM1"),
@@ -79,33 +81,47 @@ def read_opencv(files: Mapping[str, bytes], options: ExchangeOptions, source: st
     """
     found: dict[str, FloatArray] = {}
     sizes: dict[int, Any] = {}
+    models: list[str | bool] = []
     for name, content in files.items():
         if name.lower().endswith((".yml", ".yaml", ".xml", ".json")):
-            _read_one(text_of(content, name).lstrip(), name, found, sizes)
+            _read_one(text_of(content, name).lstrip(), name, found, sizes, models)
     missing = [key for key in NAMES if key not in found]
     if missing:
         raise StereocalError(
             f"{source}: {', '.join(missing)} missing; OpenCV's stereo files hold M1, D1, M2, D2 "
             "(intrinsics.yml) and R, T (extrinsics.yml)."
         )
+    stated = models[0] if models else None
     cameras = []
     for k, which in ((1, "primary"), (2, "secondary")):
+        check_lens_model(found[f"D{k}"], stated, options.lens_model, f"{source}, {which}")
         size = size_of(sizes.get(k), options.image_sizes[k - 1], which, source)
         try:
-            cameras.append(Camera(found[f"M{k}"], found[f"D{k}"], size))
+            K = array_of(found[f"M{k}"], (3, 3), f"M{k}", source)
+            cameras.append(Camera(K, found[f"D{k}"], size))
         except StereocalError as error:
             raise StereocalError(f"{source}, {which}: {error}") from error
-    T = array_of(found["T"], (3,), "T", source)
-    return Stereo(cameras[0], cameras[1], Pose(found["R"], T))
+    R, T = array_of(found["R"], (3, 3), "R", source), array_of(found["T"], (3,), "T", source)
+    return Stereo(cameras[0], cameras[1], Pose(R, T))
 
 
-def _read_one(text: str, name: str, found: dict[str, FloatArray], sizes: dict[int, Any]) -> None:
+def _read_one(
+    text: str,
+    name: str,
+    found: dict[str, FloatArray],
+    sizes: dict[int, Any],
+    models: list[str | bool],
+) -> None:
+    if text.startswith("{"):
+        read_json(text, name)
     storage = open_storage(text, name)
     try:
         for key, known in NAMES.items():
             node = find_node(storage, known)
             if node is not None:
                 found[key] = matrix_of(node, key, name)
+        stated = lens_model_of(storage)
+        models += [] if stated is None else [stated]
         for k in (1, 2):
             node = find_node(storage, (f"image_size_{k}", "image_size", "imageSize"))
             if node is not None and node.isSeq() and node.size() == 2:
@@ -117,7 +133,7 @@ def _read_one(text: str, name: str, found: dict[str, FloatArray], sizes: dict[in
 
 
 def _row(coefficients: FloatArray) -> FloatArray:
-    return (coefficients if len(coefficients) else np.zeros(5))[None, :]
+    return five_or_more(coefficients)[None, :]
 
 
 def _file(said: list[str], matrices: list[tuple[str, FloatArray]], more: str = "") -> bytes:

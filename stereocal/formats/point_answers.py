@@ -15,10 +15,13 @@ from stereocal.dataset import Correspondences
 from stereocal.errors import StereocalError
 from stereocal.formats.pixel_origin import CORNERS, FLIPS, Corner, Flip, PixelOrigin
 from stereocal.formats.point_files import PointColumns, PointLayout, read_bars
-from stereocal.formats.point_layouts import first_rows, is_number, propose_layout
+from stereocal.formats.point_layouts import first_rows, propose_layout
+from stereocal.formats.rig_layouts import is_number
 
 OURS = "stereocal"
 UNKNOWN = "a program that is not known"
+ONE_CAMERA = "cam1"
+"""Of a file that names none."""
 LIKELY = 0.6
 """DeepLabCut's own limit: points less likely are often wrong."""
 
@@ -35,7 +38,8 @@ class Answers:
     px_per_unit: float = 1.0
     least_likelihood: float = 0.0
     columns: tuple[int | None, int, int] | None = None
-    """Columns of the frame (None: the rows are counted), of u and of v, where chosen by hand."""
+    """Columns of the frame (None: the rows are counted), of u and of v, where chosen by hand; None
+    where the layout says it, or nobody has chosen."""
 
     def to_json(self) -> dict[str, Any]:
         """For the project's file."""
@@ -83,14 +87,13 @@ def layout_by_hand(content: bytes, source: str) -> PointLayout:
     header = 0
     while header < len(rows) - 1 and not any(_is_value(cell) for cell in rows[header]):
         header += 1
-    layout = PointLayout(
+    return PointLayout(
         program=UNKNOWN,
-        columns=(PointColumns("cam1", "point", 0, 1),),
+        columns=(),
         header_rows=header,
         delimiter=delimiter,
         questions=("Which columns hold the number of the frame, u and v?",),
     )
-    return _with_columns(layout, rows, (0, 1, 2) if len(rows[1]) > 2 else (None, 0, 1))
 
 
 def can_choose_columns(layout: PointLayout) -> bool:
@@ -114,9 +117,8 @@ def first_answers(layout: PointLayout, which: int, image_height: int | None = No
         which: 0 for the primary camera, 1 for the secondary.
         image_height: rows of the image, where they are known.
     """
-    cameras = layout.cameras
-    columns = layout.columns[0]
-    has_likelihood = any(each.likelihood is not None for each in layout.columns)
+    cameras = layout.cameras or (ONE_CAMERA,)
+    chosen = can_choose_columns(layout) and layout.columns
     return Answers(
         camera=cameras[min(which, len(cameras) - 1)],
         corner=layout.origin.corner,
@@ -124,8 +126,8 @@ def first_answers(layout: PointLayout, which: int, image_height: int | None = No
         first_pixel=layout.origin.first_pixel,
         image_height=image_height,
         px_per_unit=layout.px_per_unit,
-        least_likelihood=LIKELY if has_likelihood else 0.0,
-        columns=(layout.frame, columns.u, columns.v) if can_choose_columns(layout) else None,
+        least_likelihood=LIKELY if layout.program == "DeepLabCut" else 0.0,
+        columns=(layout.frame, layout.columns[0].u, layout.columns[0].v) if chosen else None,
     )
 
 
@@ -133,7 +135,7 @@ def answered(layout: PointLayout, answers: Answers, content: bytes, source: str)
     """The layout with the answers in it.
 
     Raises:
-        StereocalError: one column chosen for two things.
+        StereocalError: one column chosen for two things, or none for a layout that has none.
     """
     layout = replace(
         layout,
@@ -142,6 +144,8 @@ def answered(layout: PointLayout, answers: Answers, content: bytes, source: str)
         least_likelihood=answers.least_likelihood,
     )
     if answers.columns is None:
+        if not layout.columns:
+            raise StereocalError(f"{source}: choose the columns of the frame, u and v.")
         return layout
     if len(set(answers.columns)) < 3:
         raise StereocalError(f"{source}: choose three different columns for the frame, u and v.")
@@ -166,7 +170,7 @@ def _with_columns(
         if k not in columns and name.strip() and name.strip().lower() not in ("frame", "u", "v")
     )
     return replace(
-        layout, columns=(PointColumns("cam1", "point", u, v),), frame=frame, further=further
+        layout, columns=(PointColumns(ONE_CAMERA, "point", u, v),), frame=frame, further=further
     )
 
 

@@ -9,6 +9,7 @@ are meant) stands in `questions`, for a person to answer.
 
 from __future__ import annotations
 
+import csv
 import io
 import itertools
 from dataclasses import dataclass, field
@@ -20,7 +21,7 @@ from stereocal.compiled import FloatArray
 from stereocal.dataset import Correspondences
 from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
 from stereocal.formats.pixel_origin import PixelOrigin
-from stereocal.formats.point_table import MOST_COLUMNS, is_missing, numbers_of
+from stereocal.formats.point_table import MOST_COLUMNS, is_missing, numbers_of, rows_error
 from stereocal.limits import Limits
 
 HEAD = 1_000_000
@@ -167,7 +168,7 @@ def _table(
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise StereocalError(f"{source}: this is not a text file (CSV in UTF-8).") from error
-    head = itertools.islice(io.StringIO(text[:HEAD], newline=None), layout.header_rows + 8)
+    head = list(itertools.islice(io.StringIO(text[:HEAD], newline=None), layout.header_rows + 8))
     columns = 1 + max((line.count(layout.delimiter) for line in head), default=0)
     if columns > MOST_COLUMNS:
         raise StereocalError(
@@ -185,8 +186,9 @@ def _table(
             skip_blank_lines=False,
         )
     except (pd.errors.ParserError, pd.errors.EmptyDataError) as error:
-        raise StereocalError(f"{source}: the rows cannot be read ({error}).") from error
+        raise rows_error(error, source) from error
     raw.index += layout.header_rows + 1
+    _refuse_longer(raw, head[: layout.header_rows], layout.delimiter, source)
     raw = raw[(raw != "").any(axis=1)]
     named = [layout.frame, *(index for _, index in layout.further)]
     for each in layout.columns:
@@ -198,6 +200,26 @@ def _table(
             f"{raw.shape[1]}."
         )
     return raw
+
+
+def _refuse_longer(raw: pd.DataFrame, head: list[str], delimiter: str, source: str) -> None:
+    """Refuse rows with more cells than the header: which is which, nobody knows."""
+    try:
+        named = max((len(row) for row in csv.reader(head, delimiter=delimiter)), default=0)
+    except csv.Error as error:
+        raise StereocalError(f"{source}: this is not a CSV file ({error}).") from error
+    if not named or raw.shape[1] <= named:
+        return
+    further = (raw.iloc[:, named:].fillna("") != "").to_numpy()
+    problems = [
+        RowProblem(
+            int(raw.index[row]), f"{named + 1 + np.flatnonzero(cells)[-1]} cells instead of {named}"
+        )
+        for row, cells in enumerate(further)
+        if cells.any()
+    ]
+    if problems:
+        raise RefusedRowsError(f"{source}: ", problems, "cannot be used")
 
 
 def _frames(

@@ -4,43 +4,50 @@ from __future__ import annotations
 
 import csv
 import io
-import re
-from dataclasses import replace
+from collections.abc import Callable, Mapping
+from functools import partial
 
 from stereocal.errors import StereocalError
-from stereocal.formats.pixel_origin import PixelOrigin
+from stereocal.formats.other_files import refuse_other_points
 from stereocal.formats.point_files import PointColumns, PointLayout
+from stereocal.formats.rig_layouts import argus_layout, dltdv_layout, wand_layout
 
 HEAD_BYTES = 200_000
-LOWER_LEFT = PixelOrigin("lower-left")
-ONE_BASED = PixelOrigin("upper-left", first_pixel=1.0)
-ASK_LOWER_LEFT = (
-    "Are the points counted from the lower left, v' = h - v, with the image height h? Some "
-    "programs take h - 1 or h + 1, newer ones count from the upper left."
-)
-ASK_CAMERAS = "Which of the {count} cameras are the primary and the secondary?"
-ASK_ENDS = "Which two of the {count} points are the ends A and B of the bar?"
 FRAME_NAMES = ("frame", "frames", "frame_number", "image", "t", "time", "index")
 U_NAMES = ("u", "x", "x_px", "col", "column", "position_x", "x_position", "cx", "centroid_x")
 V_NAMES = ("v", "y", "y_px", "row", "position_y", "y_position", "cy", "centroid_y")
 
 
-def propose_layout(content: bytes, source: str) -> PointLayout:
-    """The layout that the first rows of a file look like.
+def propose_layout(content: bytes, source: str, name: str | None = None) -> PointLayout:
+    """The layout that the first rows of a file look like, or the one of this name in `LAYOUTS`.
 
     Raises:
-        StereocalError: empty, no text, or like no layout that is known.
+        StereocalError: empty, no text, or like no layout that is known, or not like this one.
     """
     rows, delimiter = first_rows(content, source)
-    for guess in (_trackmate, _deeplabcut, _dltdv, _long_table, _wand):
+    for guess in LAYOUTS.values() if name is None else (LAYOUTS[name],):
         layout = guess(rows, delimiter)
+        if name == "wand":  # a person says it, whatever the header
+            layout = wand_layout(rows, delimiter, any_header=True)
         if layout is not None:
             return layout
+    first = f'its first line is "{delimiter.join(rows[0])[:100]}".'
+    if name is not None:
+        raise StereocalError(f"{source}: this is no file of the layout {name}; {first}")
     raise StereocalError(
         f"{source}: the layout is not known. stereocal reads frame,u,v tables, wand files of Argus "
-        "and easyWand (4 columns a camera), DLTdv, DeepLabCut and TrackMate; its first line is "
-        f'"{delimiter.join(rows[0])[:100]}".'
+        "and easyWand (4 columns a camera), DLTdv, Argus, DeepLabCut, SLEAP, Tracktor and "
+        f"TrackMate; {first}"
     )
+
+
+def layout_name(content: bytes, source: str) -> str | None:
+    """The name in `LAYOUTS` of the layout that a file looks like; None where it looks like none."""
+    try:
+        rows, delimiter = first_rows(content, source)
+    except StereocalError:
+        return None
+    return next((name for name, guess in LAYOUTS.items() if guess(rows, delimiter)), None)
 
 
 def first_rows(content: bytes, source: str) -> tuple[list[list[str]], str]:
@@ -53,6 +60,7 @@ def first_rows(content: bytes, source: str) -> tuple[list[list[str]], str]:
     text = head.decode("utf-8-sig", errors="replace")
     if not text.strip():
         raise StereocalError(f"{source}: the file is empty.")
+    refuse_other_points(content, source)
     if "\ufffd" in text[:-3] or "\x00" in text:
         raise StereocalError(f"{source}: this is not a text file (CSV in UTF-8).")
     lines = text.splitlines()
@@ -99,29 +107,47 @@ def _deeplabcut(rows: list[list[str]], delimiter: str) -> PointLayout | None:
     )
 
 
-def _dltdv(rows: list[list[str]], delimiter: str) -> PointLayout | None:
-    """`pt1_cam1_X,pt1_cam1_Y,...` of DLTdv5 to 7, `<name>_cam1_U,<name>_cam1_V,...` of DLTdv8."""
-    found = [re.fullmatch(r"(.+)_cam(\d+)_([XYUV])", cell.strip()) for cell in rows[0]]
+def _sleap(rows: list[list[str]], delimiter: str) -> PointLayout | None:
+    """A row for an instance: track, frame_idx, instance.score, then x, y, score of each node."""
+    names = [cell.strip() for cell in rows[0]]
     columns = [
-        PointColumns(f"cam{match[2]}", match[1], k, k + 1)
-        for k, match in enumerate(found)
-        if match is not None and match[3] in "XU" and k + 1 < len(found)
+        PointColumns(
+            "cam1",
+            node,
+            k,
+            names.index(f"{node}.y"),
+            names.index(f"{node}.score") if f"{node}.score" in names else None,
+        )
+        for k, name in enumerate(names)
+        if (node := name.removesuffix(".x")) != name and f"{node}.y" in names
     ]
-    if not columns or None in found:
+    if "frame_idx" not in names or not columns or _is_twice(names):
         return None
-    newer = any(match is not None and match[3] == "U" for match in found)
-    layout = PointLayout(
-        program="DLTdv8" if newer else "DLTdv5 to 7",
+    return PointLayout(
+        program="SLEAP",
         columns=tuple(columns),
         header_rows=1,
         delimiter=delimiter,
-        origin=ONE_BASED if newer else LOWER_LEFT,
-        zero_is_missing=True,
+        frame=names.index("frame_idx"),
+        further=(("track", names.index("track")),) if "track" in names else (),
+        questions=("How large must a point's score be to count?",),
     )
-    ask_origin = (
-        "Is the first pixel (1, 1), at the upper left, as in DLTdv8?" if newer else ASK_LOWER_LEFT
+
+
+def _tracktor(rows: list[list[str]], delimiter: str) -> PointLayout | None:
+    """`,frame,pos_x,pos_y[,id]`; the first column numbers the rows."""
+    names = [cell.strip().lower() for cell in rows[0]]
+    if not {"frame", "pos_x", "pos_y"} <= set(names) or _is_twice(names):
+        return None
+    frame, u, v = (names.index(name) for name in ("frame", "pos_x", "pos_y"))
+    return PointLayout(
+        program="Tracktor",
+        columns=(PointColumns("cam1", "point", u, v),),
+        header_rows=1,
+        delimiter=delimiter,
+        frame=frame,
+        further=tuple((name, k) for k, name in enumerate(names) if name and k not in (frame, u, v)),
     )
-    return _asking(layout, ask_origin)
 
 
 def _trackmate(rows: list[list[str]], delimiter: str) -> PointLayout | None:
@@ -162,6 +188,8 @@ def _long_table(rows: list[list[str]], delimiter: str) -> PointLayout | None:
     if frame is None or u is None or v is None:
         return None
     ours = [names[k] for k in (frame, u, v)] == ["frame", "u", "v"]
+    if _is_twice(names) and not ours:  # of ours, its reader says which
+        return None
     asked = (
         f"Are the columns {names[frame]}, {names[u]} and {names[v]} frame, u and v, with the "
         "centre of the top-left pixel at (0, 0)?"
@@ -172,47 +200,30 @@ def _long_table(rows: list[list[str]], delimiter: str) -> PointLayout | None:
         header_rows=1,
         delimiter=delimiter,
         frame=frame,
-        further=tuple((rows[0][k].strip(), k) for k in range(len(names)) if k not in (frame, u, v)),
+        further=tuple(
+            (rows[0][k].strip(), k)
+            for k in range(len(names))
+            if names[k] and k not in (frame, u, v)
+        ),
         questions=() if ours else (asked,),
     )
 
 
-def _wand(rows: list[list[str]], delimiter: str) -> PointLayout | None:
-    """4 columns a camera: x, y of end A in all cameras, then of end B; with a header or without."""
-    count = len(rows[1])
-    headed = not all(is_number(cell) for cell in rows[0])
-    if count % 4 or not count or not all(is_number(cell) for cell in rows[1]):
-        return None
-    cameras = count // 4
-    columns = tuple(
-        PointColumns(f"cam{k + 1}", end, 2 * (k + half * cameras), 2 * (k + half * cameras) + 1)
-        for half, end in enumerate("AB")
-        for k in range(cameras)
-    )
-    layout = PointLayout(
-        program="a wand file of Argus or easyWand",
-        columns=columns,
-        header_rows=int(headed),
-        delimiter=delimiter,
-        origin=LOWER_LEFT,
-        zero_is_missing=True,
-    )
-    return _asking(layout, ASK_LOWER_LEFT)
+def _is_twice(names: list[str]) -> bool:
+    """Whether two columns have one name, so that nobody knows which is meant."""
+    named = [name for name in names if name]
+    return len(set(named)) < len(named)
 
 
-def _asking(layout: PointLayout, ask_origin: str) -> PointLayout:
-    questions = [ask_origin]
-    if len(layout.cameras) > 2:
-        questions.append(ASK_CAMERAS.format(count=len(layout.cameras)))
-    if len(layout.points) > 2:
-        questions.append(ASK_ENDS.format(count=len(layout.points)))
-    return replace(layout, questions=tuple(questions))
-
-
-def is_number(text: str) -> bool:
-    """Whether a cell is empty or a number."""
-    try:
-        float(text.strip() or "nan")
-    except ValueError:
-        return False
-    return True
+LAYOUTS: Mapping[str, Callable[[list[list[str]], str], PointLayout | None]] = {
+    "trackmate": _trackmate,
+    "deeplabcut": _deeplabcut,
+    "sleap": _sleap,
+    "tracktor": _tracktor,
+    "dltdv5": partial(dltdv_layout, newer=False),
+    "dltdv8": partial(dltdv_layout, newer=True),
+    "argus": argus_layout,
+    "table": _long_table,
+    "wand": wand_layout,
+}
+"""Layouts by name, in the order in which a file is compared with them."""

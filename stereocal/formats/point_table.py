@@ -221,9 +221,7 @@ class PointTable:
                     chunk.index += 2  # line 1 names the columns
                     yield chunk
         except pd.errors.ParserError as error:
-            found = re.search(r"Expected (\d+) fields in line (\d+), saw (\d+)", str(error))
-            where = f"line {found[2]}: {found[3]} cells instead of {found[1]}" if found else error
-            raise StereocalError(f"{self.label}: 1 row cannot be used: {where}.") from error
+            raise rows_error(error, self.label) from error
         except (OSError, UnicodeDecodeError) as error:
             raise StereocalError(f"{self.label}: the file cannot be read ({error}).") from error
 
@@ -284,6 +282,13 @@ def _reason(
 
 class _OutOfOrderError(Exception):
     """The rows are not in the order of the frames."""
+
+
+def rows_error(error: ValueError, source: str) -> StereocalError:
+    """What pandas says of a row that it cannot read, with the line."""
+    found = re.search(r"Expected (\d+) fields in line (\d+), saw (\d+)", str(error))
+    where = f"line {found[2]}: {found[3]} cells instead of {found[1]}" if found else error
+    return StereocalError(f"{source}: 1 row cannot be used: {where}.")
 
 
 def numbers_of(column: pd.Series[Any], decimal_comma: bool) -> FloatArray:

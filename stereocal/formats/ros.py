@@ -11,6 +11,7 @@ from stereocal.camera import Camera
 from stereocal.compiled import FloatArray
 from stereocal.errors import StereocalError
 from stereocal.formats.lens_fit import lens
+from stereocal.formats.lens_model import check_lens_model
 from stereocal.formats.opencv_stereo import rectification
 from stereocal.formats.stereo import (
     ExchangeOptions,
@@ -89,8 +90,10 @@ def read_ros(files: Mapping[str, bytes], options: ExchangeOptions, source: str) 
 
 
 def _camera(name: str, data: Mapping[str, Any], k: int, options: ExchangeOptions) -> Camera:
-    model = data.get("distortion_model", "plumb_bob")
-    if model not in ("plumb_bob", "rational_polynomial"):
+    model = data.get("distortion_model")
+    coefficients = _numbers_of(data, "distortion_coefficients", (-1,), name)
+    check_lens_model(coefficients, model, options.lens_model, name)
+    if model not in (None, "plumb_bob", "rational_polynomial"):
         raise StereocalError(
             f"{name}: the lens model {model} is not known; stereocal knows plumb_bob and "
             "rational_polynomial."
@@ -99,7 +102,7 @@ def _camera(name: str, data: Mapping[str, Any], k: int, options: ExchangeOptions
     which = ("primary", "secondary")[k]
     return Camera(
         _numbers_of(data, "camera_matrix", (3, 3), name),
-        _numbers_of(data, "distortion_coefficients", (-1,), name),
+        coefficients,
         size_of(None if None in size else size, options.image_sizes[k], which, name),
     )
 

@@ -13,12 +13,16 @@ from stereocal.camera import Camera
 from stereocal.compiled import FloatArray
 from stereocal.errors import StereocalError
 from stereocal.formats.arrays import LARGEST
+from stereocal.formats.lens_model import LensModel
 from stereocal.formats.pixel_origin import PixelOrigin
+from stereocal.formats.units import Unit
 from stereocal.geometry import Pose
 from stereocal.parameters import RigParameters
 
 LARGEST_BYTES = 4_000_000
 ImageSize = tuple[int, int]
+OUR_UNIT = "lengths in metres"
+"""In all files that stereocal writes, but for DLT coefficients."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,6 +32,8 @@ class Stereo:
     primary: Camera
     secondary: Camera
     pose: Pose
+    unit: Unit | None = None
+    """What a file says that it has its lengths in; None where it does not."""
 
     @classmethod
     def of(cls, rig: RigParameters) -> Stereo:
@@ -57,13 +63,17 @@ class ExchangeOptions:
     """Pixels of DLT coefficients."""
     world: Pose | None = None
     """`world_from_primary` of DLT coefficients; None is the primary's frame."""
+    unit: Unit | None = None
+    """Of the file's lengths; when reading only."""
+    lens_model: LensModel | None = None
+    """What four coefficients are, for files that do not say it; when reading only."""
 
 
 def header(mark: str, *lines: str) -> str:
     """Comment lines that say what the file means."""
     said = [
         f"Written by stereocal {stereocal.__version__}.",
-        "x_secondary = R x_primary + T; lengths in metres, image coordinates in pixels.",
+        f"x_secondary = R x_primary + T; {OUR_UNIT}, image coordinates in pixels.",
         *lines,
     ]
     return "".join(f"{mark} {line}\n" for line in said)

@@ -21,6 +21,17 @@ class _PlainLoader(yaml.SafeLoader):  # type: ignore[misc]  # the package has no
             raise yaml.YAMLError("aliases are not read")
         return super().compose_node(parent, index)
 
+    def construct_mapping(self, node: Any, deep: bool = False) -> Any:
+        """Its base takes the last of two equal keys."""
+        keys = [key.value for key, _ in node.value if isinstance(key, yaml.ScalarNode)]
+        if len(set(keys)) < len(keys):
+            twice = next(key for k, key in enumerate(keys) if key in keys[:k])
+            line = node.start_mark.line + 1
+            raise yaml.YAMLError(
+                f'the key "{twice[:60]}" stands twice in what begins in line {line}'
+            )
+        return super().construct_mapping(node, deep)
+
 
 def read_mapping(content: bytes, source: str) -> dict[str, Any]:
     """The mapping that a YAML file holds.

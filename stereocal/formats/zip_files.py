@@ -33,7 +33,15 @@ class OpenZip:
     def __init__(self, archive: zipfile.ZipFile, source: str) -> None:
         self._archive = archive
         self._source = source
-        self._members = {item.filename: item for item in archive.infolist() if not item.is_dir()}
+        self._members: dict[str, zipfile.ZipInfo] = {}
+        for item in archive.infolist():
+            if item.filename in self._members:
+                raise StereocalError(
+                    f"{source}: two files of the zip are called {item.filename!r}; pack it anew, "
+                    "with the one that is meant."
+                )
+            if not item.is_dir():
+                self._members[item.filename] = item
 
     @property
     def names(self) -> list[str]:

@@ -25,10 +25,13 @@ from typing import Any, Literal
 import pandas as pd
 
 from stereocal.errors import DAMAGED, StereocalError, can_be_shown
+from stereocal.formats.other_files import refuse_other_camera
 from stereocal.formats.parquet import PARQUET
 from stereocal.formats.point_answers import OURS, Answers, answered, layout_of
 from stereocal.formats.point_files import read_points
 from stereocal.formats.point_table import PointTable
+from stereocal.formats.sleap_h5 import point_text
+from stereocal.formats.zip_files import pack_zip, unzip
 from stereocal.locking import locked
 from stereocal.parameters import RigParameters
 from stereocal.pieces import Pieces
@@ -44,7 +47,7 @@ from stereocal.writing import flush_folder, make_folder, write_atomically
 STORE_FORMAT = "stereocal-apply/1"
 Side = Literal["primary", "secondary"]
 SIDES: tuple[Side, Side] = ("primary", "secondary")
-Asked = Literal["primary", "secondary", "bars"]
+Asked = Literal["primary", "secondary", "bars", "matching", "measuring"]
 Use = Literal["matching", "measuring"]
 USES: tuple[Use, Use] = ("matching", "measuring")
 _AGAIN = "give the points and the parameter files of this page again"
@@ -101,6 +104,7 @@ class ProjectApplication:
             StereocalError: it holds no points, or rows that cannot be used; nothing has changed.
         """
         parquet = Path(label).suffix.lower() in PARQUET
+        content = content if parquet else point_text(content, label)
         if parquet or layout_of(content, label).program == OURS:
             stored = self._store(content, ".parquet" if parquet else ".csv")
             self._keep_points(side, label, stored, stored, None)
@@ -174,6 +178,24 @@ class ProjectApplication:
         stored = self._store(content, ".json")
         with self._changed() as state:
             state["sets"][use] = [label, stored]
+            state["asking"].pop(use, None)
+
+    def offer_set(self, use: Use, files: Mapping[str, bytes]) -> None:
+        """Take over a parameter file; ask about the files of any other program.
+
+        Raises:
+            StereocalError: they are none; nothing has changed.
+        """
+        (label, content), *more = files.items()
+        if not more and label.lower().endswith(".json"):
+            self.keep_set(use, label, content)
+            return
+        if not more:
+            refuse_other_camera(content, label, may_be_toml=True)
+            files = unzip(content, label) if label.lower().endswith(".zip") else files
+        stored = self._store(pack_zip(files), ".zip")
+        with self._changed() as state:
+            state["asking"][use] = [", ".join([label, *(name for name, _ in more)]), stored]
 
     def set_of(self, use: Use) -> tuple[str, RigParameters] | None:
         """Name and content of a parameter file."""

@@ -12,6 +12,7 @@ from pathlib import Path
 from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import read_dataset
+from stereocal.formats.lens_model import LensModel
 from stereocal.formats.zip_files import OpenZip, open_zip
 from stereocal.project import Project
 from stereocal.store.folders import UNCHANGING, new_project_folder
@@ -92,8 +93,11 @@ def unpack_project(
     return Project(new_project_folder(home, fill))
 
 
-def read_input(path: Path) -> Dataset:
+def read_input(path: Path, lens_model: LensModel | None = None) -> Dataset:
     """The data set of a folder or zip: one with `dataset.json`, or a project.
+
+    Args:
+        lens_model: as for `read_dataset`; in a project, a person has said it.
 
     Raises:
         StereocalError: neither, or one that cannot be used; says what to do.
@@ -106,7 +110,7 @@ def read_input(path: Path) -> Dataset:
         if holds_project:
             with tempfile.TemporaryDirectory() as home:
                 return _complete(unpack_project(path, path.name, Path(home)), path.name)
-    return read_dataset(path)
+    return read_dataset(path, lens_model)
 
 
 def _complete(project: Project, name: str) -> Dataset:

@@ -11,6 +11,7 @@ import streamlit as st
 from stereocal.calibrate import Calibration
 from stereocal.errors import StereocalError
 from stereocal.figures import describe_pair_errors, plot_pair_errors
+from stereocal.formats.other_files import is_hdf5
 from stereocal.formats.parquet import PARQUET
 from stereocal.formats.point_table import PointTable
 from stereocal.guarded import server_guard
@@ -32,6 +33,7 @@ from stereocal.project import Project
 from stereocal.store.application import SIDES, USES, ProjectApplication, Side, Use
 from stereocal.ui import jobs
 from stereocal.ui.fields import Field, number, one_of, setting, yes_or_no
+from stereocal.ui.given_sets import PURPOSES, given_set
 from stereocal.ui.intake import check_uploads, escape_markdown, is_new, settled, taking
 from stereocal.ui.parameter_files import sets_of
 from stereocal.ui.refined import refined_for
@@ -42,10 +44,6 @@ from stereocal.ui.wizard import ask_about_points
 OWN, FILES = "The bar's own points", "Two point files"
 RESULTS, GIVEN = "This project's results", "Parameter files"
 SET_TITLES = {"2d": "2D set", "3d": "3D set", "refined": "Refined set"}
-PURPOSES: Mapping[Use, tuple[str, str]] = {
-    "matching": ("Match with", "2d"),
-    "measuring": ("Measure with", "3d"),
-}
 INSTANT_S = 2.0
 """What is expected to take less is computed as the controls move."""
 THRESHOLD = "apply_threshold"
@@ -91,10 +89,10 @@ def _take_points(store: ProjectApplication, side: Side) -> None:
             again = callback(store.ask_again)
             st.button("Read it differently", key=f"again_{side}", on_click=again, args=(side,))
     upload = st.file_uploader(
-        f"Points of the {side} camera", type=["csv", "txt", "tsv", "parquet"],
+        f"Points of the {side} camera", type=["csv", "txt", "tsv", "parquet", "h5", "hdf5", "mat"],
         key=f"upload_points_{side}",
         help="A table frame,u,v with further columns, or a file of Argus, easyWand, DLTdv, "
-        "DeepLabCut, TrackMate or another program.",
+        "DeepLabCut (CSV), SLEAP (CSV or analysis HDF5), Tracktor, TrackMate or another program.",
     )  # fmt: skip
     if upload is not None and is_new(upload):
         with taking(upload):
@@ -103,6 +101,8 @@ def _take_points(store: ProjectApplication, side: Side) -> None:
                 content = upload.getvalue()
                 if upload.name.lower().endswith(PARQUET):
                     server_guard().check_content("table", content, upload.name, PARQUET[0])
+                elif is_hdf5(content):
+                    server_guard().check_content("hdf5", content, upload.name)
                 store.offer_points(side, upload.name, content)
             settled()
         st.rerun()
@@ -125,7 +125,9 @@ def choose_sets(
     sets, instead = _own_sets(project, calibration) if own and calibration else ({}, [])
     for use, column in zip(USES, st.columns(2), strict=True):
         with column:
-            found.append(_own_set(project, use, sets, instead) if own else _given_set(store, use))
+            found.append(
+                _own_set(project, use, sets, instead) if own else given_set(project, store, use)
+            )
             if found[-1] is not None:
                 purpose = "matching" if use == "matching" else "reconstruction"
                 if warning := purpose_warning(found[-1], purpose):
@@ -150,24 +152,6 @@ def _own_set(
     chosen = setting(project, f"apply_{use}", default, one_of(list(sets)))
     st.selectbox(title, list(sets), format_func=SET_TITLES.__getitem__, **chosen.widget())
     return sets[chosen.value()]
-
-
-def _given_set(store: ProjectApplication, use: Use) -> RigParameters | None:
-    title, default = PURPOSES[use]
-    kept = store.set_of(use)
-    if kept is not None:
-        st.caption(f"In use: {escape_markdown(kept[0])}")
-    upload = st.file_uploader(
-        f"{title}: parameters_{default}.json", type=["json"], key=f"upload_set_{use}",
-        help="Or parameters_refined.json, which serves both.",
-    )  # fmt: skip
-    if upload is not None and is_new(upload):
-        with taking(upload):
-            check_uploads([upload])
-            store.keep_set(use, upload.name, upload.getvalue())
-            settled()
-        st.rerun()
-    return None if kept is None else kept[1]
 
 
 def choose_gates(

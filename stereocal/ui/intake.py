@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import pandas as pd
 import streamlit as st
 
 from stereocal.dataset import Dataset
 from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
+from stereocal.formats.camera_file import read_camera
 from stereocal.formats.correspondences_csv import read_table, write_table
 from stereocal.formats.dataset_files import (
     TABLE,
@@ -21,12 +20,16 @@ from stereocal.formats.dataset_files import (
     parse_dataset,
     parse_survey,
 )
+from stereocal.formats.lens_model import FourCoefficientsError, LensModel
+from stereocal.formats.other_files import is_hdf5
 from stereocal.formats.photograph_files import (
     is_photograph,
     keep_photograph,
     of_the_bar,
     unpack_photographs,
 )
+from stereocal.formats.sleap_h5 import point_text
+from stereocal.formats.units import UNITS as UNITS
 from stereocal.formats.zip_files import unzip
 from stereocal.guarded import server_guard
 from stereocal.inputs import Slot
@@ -37,6 +40,10 @@ from stereocal.store.room import check_room
 from stereocal.ui import jobs
 from stereocal.ui.fields import Field, one_of, setting
 from stereocal.ui.project import noted, project_to_write
+from stereocal.ui.refusal import ask_lens
+from stereocal.ui.refusal import refuse as refuse
+from stereocal.ui.refusal import settled as settled
+from stereocal.ui.refusal import show_refusal as show_refusal
 from stereocal.ui.texts import escape_markdown as escape_markdown
 from stereocal.ui.uploads import Upload as Upload
 from stereocal.ui.uploads import check_dropped, let_go
@@ -48,7 +55,9 @@ TITLES: Mapping[Slot, str] = {
 }
 PHOTOGRAPHS = "Photographs"
 GIVEN_AS = ("Single files", PHOTOGRAPHS, "A zip", "A folder")
-_REFUSED, _SEEN = "refused", "uploads_seen"
+CAMERA_KINDS = ["json", "yaml", "yml", "xml", "ini", "conf", "mat"]
+"""Endings of camera files; the last three are named as what they are, with what to do."""
+_SEEN = "uploads_seen"
 Unpack = Callable[[Path], Mapping[str, Path]]
 """Puts the photographs of a data set into a folder: names to files."""
 
@@ -122,48 +131,26 @@ def take_file(slot: Slot, upload: Upload | None) -> None:
         content = upload.getvalue()
         if slot != "correspondences":
             server_guard().check_content("camera", content, upload.name)
-        _try_files({slot: (upload.name, content)})
+            _try_camera(slot, upload.name, content)
+        else:
+            if is_hdf5(content):
+                server_guard().check_content("hdf5", content, upload.name)
+            _try_files({slot: (upload.name, point_text(content, upload.name))})
     st.rerun()
 
 
-def show_refusal() -> None:
-    """What was refused last and why, until something is accepted."""
-    refused: _Refusal | None = st.session_state.get(_REFUSED)
-    if refused is None:
-        return
-    st.error(f"{escape_markdown(refused.sentence)}\n\nWhat was loaded before is unchanged.")
-    if refused.problems:
-        rows = [(problem.line, problem.reason) for problem in refused.problems]
-        st.dataframe(
-            pd.DataFrame(rows, columns=["Line", "Refused because"]),
-            hide_index=True,
-            height=min(38 + 35 * len(rows), 250),
-        )
-    if refused.retry is not None and refused.left:
-        label = f"Leave these rows out and use the other {refused.left}"
-        st.button(label, on_click=refused.retry, key="use_rest")
+def _try_camera(slot: Slot, name: str, content: bytes) -> None:
+    """Take over a camera file; where it may be a fisheye's, ask."""
 
+    def take() -> None:
+        _try_files({slot: (name, content)})
 
-@dataclass(frozen=True)
-class _Refusal:
-    sentence: str
-    problems: Sequence[RowProblem]
-    left: int
-    """How many rows could be used."""
-    retry: Callable[[], None] | None
-
-
-def refuse(
-    error: StereocalError,
-    rest: tuple[bytes, int] = (b"", 0),
-    retry: Callable[[], None] | None = None,
-) -> None:
-    problems = error.problems if isinstance(error, RefusedRowsError) else ()
-    st.session_state[_REFUSED] = _Refusal(str(error), problems, rest[1], retry)
-
-
-def settled() -> None:
-    st.session_state.pop(_REFUSED, None)
+    try:
+        read_camera(content, name)
+    except FourCoefficientsError as error:
+        ask_lens(error, name, take)
+    else:
+        take()
 
 
 def _rows_but(content: bytes, problems: Sequence[RowProblem]) -> tuple[bytes, int]:
@@ -173,12 +160,14 @@ def _rows_but(content: bytes, problems: Sequence[RowProblem]) -> tuple[bytes, in
     return write_table(left), len(left)
 
 
-def _try_dataset(files: Mapping[str, bytes], source: str, unpack: Unpack) -> None:
+def _try_dataset(
+    files: Mapping[str, bytes], source: str, unpack: Unpack, lens_model: LensModel | None = None
+) -> None:
     """Take over a data set; if rows of it are refused, offer to go on without them."""
     try:
         project = project_to_write()
         with noted(project):
-            with_photographs = give_dataset(project, files, source, unpack)
+            with_photographs = give_dataset(project, files, source, unpack, lens_model)
         if with_photographs:
             given_as(project, PHOTOGRAPHS).set(PHOTOGRAPHS)
         settled()
@@ -186,7 +175,9 @@ def _try_dataset(files: Mapping[str, bytes], source: str, unpack: Unpack) -> Non
         folder, _ = find_description(files, source)
         rest = _rows_but(files[folder + TABLE], error.problems)
         without = {**files, folder + TABLE: rest[0]}
-        refuse(error, rest, lambda: _try_dataset(without, source, unpack))
+        refuse(error, rest[1], lambda: _try_dataset(without, source, unpack, lens_model))
+    except FourCoefficientsError as error:
+        ask_lens(error, source, lambda: _try_dataset(files, source, unpack, "brown"))
     except StereocalError as error:
         refuse(error)
 
@@ -205,7 +196,7 @@ def _try_files(files: dict[Slot, tuple[str, bytes]]) -> None:
             return
         name, (rest, left) = table[0], _rows_but(table[1], error.problems)
         again: dict[Slot, tuple[str, bytes]] = {**files, "correspondences": (name, rest)}
-        refuse(error, (rest, left), lambda: _try_files(again))
+        refuse(error, left, lambda: _try_files(again))
     except StereocalError as error:
         refuse(error)
 
@@ -215,6 +206,7 @@ def give_dataset(
     files: Mapping[str, bytes],
     source: str,
     unpack: Unpack = lambda _store: {},
+    lens_model: LensModel | None = None,
 ) -> bool:
     """Put a whole data set into a project, in place of what it held.
 
@@ -231,9 +223,9 @@ def give_dataset(
     slots: dict[Slot, str] = {"primary": "", "secondary": ""}
     survey: Survey | Dataset
     if photographs and folder + TABLE not in files:
-        survey = parse_survey(files, source)
+        survey = parse_survey(files, source, lens_model)
     else:
-        survey = parse_dataset(files, source)
+        survey = parse_dataset(files, source, lens_model=lens_model)
         slots["correspondences"] = TABLE
     slots |= {slot: description["cameras"][slot] for slot in slots if slot != "correspondences"}
     kept = store.give(

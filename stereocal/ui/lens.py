@@ -22,6 +22,7 @@ from stereocal.store.state import DamagedError
 from stereocal.ui import jobs
 from stereocal.ui.fields import number, one_of, setting, some_of, yes_or_no
 from stereocal.ui.intake import (
+    CAMERA_KINDS,
     Upload,
     check_uploads,
     escape_markdown,
@@ -90,7 +91,7 @@ def from_file(project: Project | None, which: Which) -> None:
     in_use(project, which)
     upload = st.file_uploader(
         f"Camera file, {which}: stereocal's JSON, or OpenCV's YAML, XML or JSON",
-        type=["json", "yaml", "yml", "xml"], key=f"upload_lens_{which}",
+        type=CAMERA_KINDS, key=f"upload_lens_{which}",
     )  # fmt: skip
     take_file(which, upload)
 

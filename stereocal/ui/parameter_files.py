@@ -66,7 +66,7 @@ def parameter_download(
     try:
         name, content = file_name, rig.dumps().encode()
         if chosen != OURS:
-            options = _dlt_options(project, key) if chosen == "dlt" else ExchangeOptions()
+            options = dlt_options(project, key) if chosen == "dlt" else ExchangeOptions()
             name, content = packed(export_files(rig, chosen, options), file_name, chosen)
             for note in export_notes(rig, chosen):
                 st.caption(escape_markdown(note))
@@ -89,7 +89,8 @@ def packed(files: dict[str, bytes], file_name: str, chosen: str) -> tuple[str, b
     return f"{stem}_{chosen}.zip", pack_zip(files)
 
 
-def _dlt_options(project: Project, which: str) -> ExchangeOptions:
+def dlt_options(project: Project, which: str) -> ExchangeOptions:
+    """How the pixels of DLT coefficients are counted; `which` tells the widgets apart."""
     left, right = st.columns(2)
     corner = left.selectbox(
         "Points are counted from the", CORNERS, format_func=CORNER_TITLES.__getitem__,
@@ -99,7 +100,7 @@ def _dlt_options(project: Project, which: str) -> ExchangeOptions:
     first = right.number_input(
         "First pixel", 0.0, 1.0, step=0.5,
         **setting(project, f"dlt_first_{which}", 0.0, number(0.0, 1.0)).widget(),
-        help="Coordinate of the centre of the first pixel: 1 for DLTdv8.",
+        help="Coordinate of the centre of the first pixel: 1 for DLTdv, 0 for Argus and easyWand.",
     )  # fmt: skip
     return ExchangeOptions(origin=PixelOrigin(corner, first))
 

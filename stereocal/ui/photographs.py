@@ -19,6 +19,7 @@ from stereocal.store.photographs import ProjectPhotographs
 from stereocal.ui import jobs
 from stereocal.ui.fields import one_of, setting
 from stereocal.ui.intake import (
+    CAMERA_KINDS,
     GIVEN_AS,
     PHOTOGRAPHS,
     TITLES,
@@ -112,9 +113,9 @@ def _camera_files(project: Project) -> None:
             in_use(project, slot)
     with st.expander("Camera files", expanded=not all(readable(lambda: project.cameras) or ())):
         for slot, column in zip(LENSES, st.columns(2), strict=True):
-            kinds = ["json", "yaml", "yml", "xml"]
+            key = f"upload_{slot}"
             with column:
-                take_file(slot, st.file_uploader(TITLES[slot], type=kinds, key=f"upload_{slot}"))
+                take_file(slot, st.file_uploader(TITLES[slot], type=CAMERA_KINDS, key=key))
         st.page_link("pages/cameras.py", label="Or make them from photographs of a board")
 
 

@@ -9,6 +9,7 @@ from stereocal.formats.point_answers import holds_bars
 from stereocal.project import Project
 from stereocal.store.application import ProjectApplication
 from stereocal.ui.intake import (
+    CAMERA_KINDS,
     TITLES,
     Upload,
     check_uploads,
@@ -28,14 +29,19 @@ def single_files(project: Project | None) -> None:
         with column:
             in_use(project, slot)
             if slot == "correspondences":
-                help_text = "Ours, or a wand file of Argus or easyWand, or of DLTdv."
+                help_text = (
+                    "Ours, or a wand file of Argus or easyWand, or points of Argus or DLTdv."
+                )
                 upload = st.file_uploader(
-                    TITLES[slot], type=["csv", "txt"], key=f"upload_{slot}", help=help_text
+                    TITLES[slot],
+                    type=["csv", "txt", "h5", "hdf5", "mat"],
+                    key=f"upload_{slot}",
+                    help=help_text,
                 )
                 _take_table(upload)
             else:
-                kinds = ["json", "yaml", "yml", "xml"]
-                take_file(slot, st.file_uploader(TITLES[slot], type=kinds, key=f"upload_{slot}"))
+                key = f"upload_{slot}"
+                take_file(slot, st.file_uploader(TITLES[slot], type=CAMERA_KINDS, key=key))
     st.download_button(
         "Template for the table", TEMPLATE, "correspondences.csv", "text/csv", on_click="ignore",
         icon=":material/download:",

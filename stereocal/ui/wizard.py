@@ -35,7 +35,9 @@ from stereocal.ui.texts import escaped_table
 from stereocal.ui.told import callback
 
 PREVIEW_ROWS = 5
-COUNTED = "none: the rows are counted"
+COUNTED = -1
+"""In place of the frame's column; None is what nobody has chosen yet."""
+COUNTED_TITLE = "none: the rows are counted"
 FLIP_TITLES = {"h": "h − v (most programs)", "h-1": "h − 1 − v", "h+1": "h + 1 − v"}
 
 
@@ -57,6 +59,10 @@ def ask_about_points(store: ProjectApplication, side: Side, image_height: int | 
                 by_hand = layout_by_hand(content, label)
                 form = _Form(store.project, f"wizard_{side}_hand", by_hand)
             answers = _point_form(form, side, content, label, image_height)
+            if answers.columns is None and not form.layout.columns:
+                st.info("Choose the columns: this file does not say which is which.")
+                _aside(store, side)
+                return
             if answers.corner == "lower-left" and answers.image_height is None:
                 st.info("Give the image height: the points are counted from the lower left.")
                 _aside(store, side)
@@ -139,7 +145,7 @@ def _point_form(
     corner, flip, first_pixel = _origin(form, first.corner)
     height = _height(form, "image_height", "Image height (px)", first.image_height, corner)
     per_unit, likelihood = 1.0, 0.0
-    if layout.program == "TrackMate" or columns is not None:
+    if layout.program == "TrackMate" or can_choose_columns(layout):
         per_unit = st.number_input(
             "Pixels per unit of the file", 1e-9, format="%.6g",
             **form.field("px_per_unit", first.px_per_unit, number(1e-9)),
@@ -180,23 +186,29 @@ def _bar_form(form: _Form) -> BarAnswers:
 
 def _columns(
     form: _Form, content: bytes, label: str, first: Answers
-) -> tuple[int | None, int, int]:
+) -> tuple[int | None, int, int] | None:
+    """The columns as chosen; None until all three are."""
     names = column_names(content, form.layout, label)
-    frame, u, v = first.columns or (None, 0, 1)
+    start: tuple[int | None, ...] = (None, None, None)
+    if first.columns is not None:
+        start = tuple(COUNTED if at is None else at for at in first.columns)
     numbers = range(len(names))
     chosen: list[int | None] = []
     for column, (name, default) in zip(
-        st.columns(3), (("frame", frame), ("u", u), ("v", v)), strict=True
+        st.columns(3), zip(("frame", "u", "v"), start, strict=True), strict=True
     ):
-        options = [None, *numbers] if name == "frame" else list(numbers)
+        options = [COUNTED, *numbers] if name == "frame" else list(numbers)
         chosen.append(
             column.selectbox(
-                f"Column of {name}", options,
-                format_func=lambda at: COUNTED if at is None else names[at],
+                f"Column of {name}", options, index=None, placeholder="choose",
+                format_func=lambda at: COUNTED_TITLE if at == COUNTED else names[at],
                 **form.field(name, default, one_of(options)),
             )
         )  # fmt: skip
-    return chosen[0], int(chosen[1] or 0), int(chosen[2] or 0)
+    frame, u, v = chosen
+    if frame is None or u is None or v is None:
+        return None
+    return None if frame == COUNTED else frame, u, v
 
 
 def _origin(
@@ -210,7 +222,7 @@ def _origin(
     )  # fmt: skip
     pixel = middle.number_input(
         "The first pixel's centre is at", step=0.5,
-        help="0 here and in OpenCV, 1 in MATLAB and DLTdv8, 0.5 in COLMAP.",
+        help="0 here and in OpenCV, 1 in MATLAB and DLTdv, 0.5 in COLMAP.",
         **form.field("first_pixel", float(start), number(-math.inf)),
     )  # fmt: skip
     flip: Flip = "h"

@@ -296,7 +296,7 @@ def dltdv(height: tuple[int, int] = (1200, 1024)) -> bytes:
         for end in (0, 1):
             for view, high in zip((first, second), height, strict=True):
                 u, v = view[2 * k + end]
-                cells += [repr(float(u)), repr(float(high - v))]
+                cells += [repr(float(u + 1)), repr(float(high - v))]
         lines.append(",".join(cells))
     return "\n".join(lines).encode()
 
@@ -339,13 +339,14 @@ def test_wizard_of_a_table_with_unknown_columns(app: AppTest, home: Path) -> Non
     }
     give_points(app, csv(odd["primary"]), csv(odd["secondary"]))
     for side in ("primary", "secondary"):
-        # Four columns of numbers look like a wand file.
-        app.toggle(key=f"wizard_{side}_by_hand").set_value(True).run()
-        app.selectbox(key=f"wizard_{side}_hand_u").set_value(3).run()
-        app.selectbox(key=f"wizard_{side}_hand_v").set_value(3).run()
+        for name in ("frame", "u", "v"):
+            chosen = app.selectbox(key=f"wizard_{side}_{name}")
+            assert chosen.value is None  # nothing is proposed of a table that is not known
+            assert "Choose the columns" in said(app, "info")
+            chosen.set_value({"frame": 0, "u": 3, "v": 3}[name]).run()
         assert "choose three different columns" in said(app, "error")
-        app.selectbox(key=f"wizard_{side}_hand_v").set_value(2).run()
-        app.number_input(key=f"wizard_{side}_hand_first_pixel").set_value(1.0).run()
+        app.selectbox(key=f"wizard_{side}_v").set_value(2).run()
+        app.number_input(key=f"wizard_{side}_first_pixel").set_value(1.0).run()
         app.button(key=f"use_{side}").click().run()
     pairs, _ = written(app, home)
     assert len(pairs) == 90 and "weight_primary" in pairs

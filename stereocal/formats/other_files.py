@@ -1,0 +1,83 @@
+"""Files of kinds that no reader takes, told by their content and named as what they are."""
+
+from __future__ import annotations
+
+import re
+
+from stereocal.errors import StereocalError
+
+HDF5 = b"\x89HDF\r\n\x1a\n"
+DEEPLABCUT = b"df_with_missing"
+"""The name of its table."""
+MATLAB = b"MATLAB "
+SECTION = re.compile(r"\[\s*([A-Za-z][^\[\]{}\"',]*)\]")
+OUR_JSON = (
+    '{"K": [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], "distortion": [k1, k2, p1, p2, k3], '
+    '"image_size": [width, height]}'
+)
+MATLAB_CAMERA = (
+    's = struct("K", c.K - [0 0 1; 0 0 1; 0 0 0], "distortion", [c.RadialDistortion(1:2) '
+    'c.TangentialDistortion c.RadialDistortion(3:end)], "distortion_model", "plumb_bob", '
+    '"image_size", flip(c.ImageSize)); writelines(jsonencode(s), "camera.json")'
+)
+
+
+def is_hdf5(content: bytes) -> bool:
+    """Whether it is an HDF5 file."""
+    return content.startswith(HDF5)
+
+
+def is_matlab(content: bytes) -> bool:
+    """Whether it is a .mat file: version 7.3 is HDF5 behind a header of its own."""
+    return content.startswith(MATLAB) and b"MAT-file" in content[:128]
+
+
+def refuse_other_camera(content: bytes, source: str, may_be_toml: bool = False) -> None:
+    """Name a .mat or an .ini that is given as a camera or as parameters.
+
+    Args:
+        may_be_toml: whether TOML is welcome, which begins like an INI file.
+
+    Raises:
+        StereocalError: it is one; says how to make a file that is read.
+    """
+    if is_matlab(content):
+        raise StereocalError(
+            f"{source}: this is a MATLAB file (.mat), which is not read. For a camera, in MATLAB, "
+            f"with c its cameraParameters: {MATLAB_CAMERA}"
+        )
+    section = None if may_be_toml else _ini_section(content)
+    if section is not None:
+        raise StereocalError(
+            f"{source}: this is an INI file (its first section is [{section}]), which is not read. "
+            f"Write the numbers of each camera into a JSON file: {OUR_JSON}"
+        )
+
+
+def refuse_other_points(content: bytes, source: str) -> None:
+    """Name a binary file that is given as points.
+
+    Raises:
+        StereocalError: it is one; says what to give instead.
+    """
+    if is_matlab(content):
+        raise StereocalError(
+            f"{source}: this is a MATLAB file (.mat), which is not read as points: save the points "
+            "as CSV (in easyWand and DLTdv: export)."
+        )
+    if is_hdf5(content) and DEEPLABCUT in content:
+        raise StereocalError(
+            f"{source}: this is an HDF5 file of DeepLabCut, which is not read: it may hold code, "
+            "which a reader would run. Give the CSV file that DeepLabCut writes beside it "
+            "(save_as_csv=True, or deeplabcut.analyze_videos_converth5_to_csv)."
+        )
+
+
+def _ini_section(content: bytes) -> str | None:
+    """The first section of an INI file; None for any other file."""
+    text = content[:10_000].decode("utf-8-sig", errors="replace")
+    for line in map(str.strip, text.splitlines()):
+        if line and not line.startswith(("#", ";")):
+            found = SECTION.fullmatch(line)
+            return None if found is None else found[1].strip()[:40]
+    return None

@@ -1,0 +1,116 @@
+"""SLEAP's analysis HDF5 (`tracks`, `node_names`), turned into its CSV table."""
+
+from __future__ import annotations
+
+import io
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from stereocal.compiled import FloatArray
+from stereocal.errors import DAMAGED, StereocalError
+from stereocal.formats.other_files import is_hdf5, refuse_other_points
+from stereocal.formats.point_files import MOST_CELLS
+from stereocal.limits import Limits
+
+ARRAYS = {
+    "tracks": (4, "f", True),
+    "node_names": (1, "OS", True),
+    "track_names": (1, "OS", False),
+    "point_scores": (3, "f", False),
+}
+"""Number of axes, kinds of values, and whether it must be there."""
+
+
+def point_text(content: bytes, source: str) -> bytes:
+    """A point file as text: HDF5 as its table, all else as it is.
+
+    Raises:
+        StereocalError: HDF5 of another program, damaged, or h5py is not installed.
+    """
+    if not is_hdf5(content):
+        return content
+    refuse_other_points(content, source)
+    Limits.from_environment().check_size(len(content), source)
+    try:
+        import h5py
+    except ImportError as error:
+        raise StereocalError(
+            f"{source}: this is an HDF5 file. To read one of SLEAP, the package h5py is needed, "
+            "which is not installed: pip install h5py, or give the CSV that SLEAP exports."
+        ) from error
+    try:
+        with h5py.File(io.BytesIO(content), "r") as file:
+            found = {name: _array(file, name, len(content), source) for name in ARRAYS}
+    except (*DAMAGED, RuntimeError) as error:
+        if isinstance(error, StereocalError):
+            raise
+        raise StereocalError(f"{source}: this HDF5 file is damaged ({error}).") from error
+    tracks, names, tracked, scores = found.values()
+    return _table(tracks, _texts(names), _texts(() if tracked is None else tracked), scores, source)
+
+
+def _array(file: Any, name: str, size: int, source: str) -> Any:
+    """An array of the file itself, of `size` bytes; never one of another file that a link names.
+
+    Returns:
+        None where it is not there and need not be.
+
+    Raises:
+        StereocalError: there is none, or not such a one.
+    """
+    import h5py
+
+    axes, kinds, needed = ARRAYS[name]
+    link = file.get(name, getlink=True)  # "in" would follow it
+    if link is None and not needed:
+        return None
+    found = file[name] if isinstance(link, h5py.HardLink) else None
+    if not isinstance(found, h5py.Dataset) or found.external or found.is_virtual:
+        raise StereocalError(
+            f"{source}: this is an HDF5 file without {name!r}, so not an analysis file of SLEAP "
+            "(Export Analysis HDF5): give the points as CSV."
+        )
+    if found.ndim != axes or found.size > MOST_CELLS or found.dtype.kind not in kinds:
+        raise StereocalError(
+            f"{source}: {name!r} has the shape {found.shape} of {found.dtype}, which no analysis "
+            "file of SLEAP has."
+        )
+    Limits.from_environment().check_swelling(size, found.size * found.dtype.itemsize, source)
+    return found[()]
+
+
+def _texts(names: Any) -> list[str]:
+    return [
+        name.decode("utf-8", "replace") if isinstance(name, bytes) else str(name) for name in names
+    ]
+
+
+def _table(tracks: Any, nodes: list[str], tracked: list[str], scores: Any, source: str) -> bytes:
+    """`tracks` has the shape (tracks, 2, nodes, frames), `scores` (tracks, nodes, frames)."""
+    count, _, parts, frames = tracks.shape
+    expected = (count, 2, len(nodes), frames)
+    scored = scores is not None and scores.shape == (count, parts, frames)
+    if tracks.shape != expected or tracks.dtype.kind != "f" or (scores is not None and not scored):
+        raise StereocalError(
+            f"{source}: 'tracks' has the shape {tracks.shape}; an analysis file of SLEAP has "
+            f"(tracks, 2, nodes, frames), here {expected}."
+        )
+    seen = np.isfinite(tracks).all(axis=1).any(axis=1)  # tracks, frames
+    frame, track = np.nonzero(seen.T)
+    Limits.from_environment().check_rows(len(frame), source)
+    columns: dict[str, Any] = {
+        "track": [tracked[k] if k < len(tracked) else f"track_{k}" for k in track],
+        "frame_idx": frame,
+    }
+    for node, name in enumerate(nodes):
+        for axis, suffix in enumerate("xy"):
+            columns[f"{name}.{suffix}"] = _values(tracks[track, axis, node, frame])
+        if scored:
+            columns[f"{name}.score"] = _values(scores[track, node, frame])
+    return pd.DataFrame(columns).to_csv(index=False, lineterminator="\n").encode()
+
+
+def _values(values: Any) -> FloatArray:
+    return np.asarray(values, dtype=np.float64)

@@ -1,0 +1,149 @@
+"""Parameter files on the Apply page: ours at once, those of other programs after some questions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import streamlit as st
+
+from stereocal.errors import StereocalError
+from stereocal.formats.exchange import FORMATS, import_files
+from stereocal.formats.lens_model import FourCoefficientsError, LensModel
+from stereocal.formats.stereo import ExchangeOptions, ImageSize
+from stereocal.formats.units import UNITS, Unit, UnitError
+from stereocal.formats.zip_files import unzip
+from stereocal.guarded import server_guard
+from stereocal.parameters import RigParameters
+from stereocal.project import Project
+from stereocal.store.application import ProjectApplication, Use
+from stereocal.ui.fields import number, one_of, setting
+from stereocal.ui.intake import check_uploads, escape_markdown, is_new, refuse, settled, taking
+from stereocal.ui.parameter_files import dlt_options
+from stereocal.ui.told import callback
+
+PURPOSES: Mapping[Use, tuple[str, str]] = {
+    "matching": ("Match with", "2d"),
+    "measuring": ("Measure with", "3d"),
+}
+KINDS = ["json", "zip", "yml", "yaml", "xml", "toml", "m", "csv", "txt", "ini", "conf", "mat"]
+STATED = "as the file says"
+UNIT_TITLES: Mapping[Unit | None, str] = {None: STATED, **{unit: unit for unit in UNITS}}
+LENS_TITLES: Mapping[LensModel | None, str] = {
+    None: STATED,
+    "brown": "k1 k2 p1 p2: the usual lens",
+    "fisheye": "k1 k2 k3 k4: a fisheye",
+}
+
+
+def given_set(project: Project, store: ProjectApplication, use: Use) -> RigParameters | None:
+    """The parameter set of a file; None while there is none."""
+    title, default = PURPOSES[use]
+    kept = store.set_of(use)
+    if kept is not None:
+        st.caption(f"In use: {escape_markdown(kept[0])}")
+    uploads = st.file_uploader(
+        f"{title}: parameters_{default}.json", type=KINDS, key=f"upload_set_{use}",
+        accept_multiple_files=True,
+        help="Or parameters_refined.json, which serves both; or the files of another program, all "
+        "of them at once or as a zip.",
+    )  # fmt: skip
+    fresh = [upload for upload in uploads if is_new(upload)]
+    if fresh:
+        with taking(*fresh):
+            check_uploads(fresh)
+            files = {upload.name: upload.getvalue() for upload in fresh}
+            store.offer_set(use, files)
+            settled()
+        st.rerun()
+    _ask_about_set(project, store, use)
+    return None if kept is None else kept[1]
+
+
+def _ask_about_set(project: Project, store: ProjectApplication, use: Use) -> None:
+    """The questions about parameters of another program, if some wait for answers."""
+    asked = store.asking(use)
+    if asked is None:
+        return
+    label, content = asked
+    with st.container(border=True):
+        st.markdown(f"**{escape_markdown(label)}**: parameters of another program.")
+        name = st.selectbox(
+            "Which program?", list(FORMATS), index=None,
+            format_func=lambda each: FORMATS[each].title, placeholder="choose",
+            **_answer(project, f"set_format_{use}", None, list(FORMATS)),
+        )  # fmt: skip
+        options = _options(project, use, name)
+        rig: RigParameters | None = None
+        try:
+            server_guard().check_content("parameters", content, label, ".zip")
+            files = unzip(content, label)
+            rig = None if name is None else import_files(files, name, options, label)
+        except (FourCoefficientsError, UnitError) as error:
+            st.info(escape_markdown(error.question))
+        except StereocalError as error:
+            st.error(escape_markdown(str(error)))
+        if rig is not None:
+            st.caption(f"The cameras are {rig.pose.baseline:.4g} m apart.")
+            st.button(
+                "Use these parameters", type="primary", key=f"use_set_{use}", on_click=_use,
+                args=(store, use, label, rig),
+            )  # fmt: skip
+        st.button(
+            "Put the files aside", key=f"aside_{use}", on_click=callback(store.forget_question),
+            args=(use,),
+        )  # fmt: skip
+
+
+def _options(project: Project, use: Use, name: str | None) -> ExchangeOptions:
+    left, right = st.columns(2)
+    unit = left.selectbox(
+        "Its lengths are in", list(UNIT_TITLES), format_func=UNIT_TITLES.__getitem__,
+        **_answer(project, f"set_unit_{use}", None, list(UNIT_TITLES)),
+    )  # fmt: skip
+    lens = right.selectbox(
+        "Four distortion coefficients are", list(LENS_TITLES),
+        format_func=LENS_TITLES.__getitem__,
+        **_answer(project, f"set_lens_{use}", None, list(LENS_TITLES)),
+    )  # fmt: skip
+    options = ExchangeOptions(unit=unit, lens_model=lens)
+    if name == "dlt":
+        options = replace(options, origin=dlt_options(project, f"set_{use}").origin)
+    if name not in ("dlt", "opencv"):  # the others say it
+        return options
+    sizes = [
+        _size(project, f"set_size_{use}_{which}", which, camera and camera.image_size)
+        for which, camera in zip(("primary", "secondary"), project.cameras, strict=True)
+    ]
+    return replace(options, image_sizes=(sizes[0], sizes[1]))
+
+
+def _answer(project: Project, key: str, usual: Any, options: Sequence[Any]) -> dict[str, Any]:
+    """Key and callback of a question, whose answer this tab keeps."""
+    return setting(project, key, usual, one_of(options), tabs_own=True).widget()
+
+
+def _size(project: Project, key: str, which: str, known: ImageSize | None) -> ImageSize | None:
+    """The image size of a camera, where the file does not say it."""
+    sides: list[int | None] = []
+    for k, (column, side) in enumerate(zip(st.columns(2), ("width", "height"), strict=True)):
+        start = None if known is None else known[k]
+        field = setting(project, f"{key}_{side}", start, number(1, or_none=True), tabs_own=True)
+        sides.append(
+            column.number_input(
+                f"Image {side}, {which} (px)", min_value=1, value=None, step=1,
+                placeholder=STATED, **field.widget(),
+            )
+        )  # fmt: skip
+    width, height = sides
+    return None if width is None or height is None else (width, height)
+
+
+@callback
+def _use(store: ProjectApplication, use: Use, label: str, rig: RigParameters) -> None:
+    try:
+        store.keep_set(use, label, rig.dumps().encode())
+        settled()
+    except StereocalError as error:
+        refuse(error)

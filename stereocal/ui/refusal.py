@@ -1,0 +1,70 @@
+"""What was refused last, and why, with what can be done about it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import pandas as pd
+import streamlit as st
+
+from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
+from stereocal.formats.lens_model import FourCoefficientsError, fisheye_refused
+from stereocal.ui.texts import escape_markdown
+
+_REFUSED = "refused"
+
+
+def show_refusal() -> None:
+    """What was refused last and why, until something is accepted."""
+    refused: _Refusal | None = st.session_state.get(_REFUSED)
+    if refused is None:
+        return
+    st.error(f"{escape_markdown(refused.sentence)}\n\nWhat was loaded before is unchanged.")
+    if refused.problems:
+        rows = [(problem.line, problem.reason) for problem in refused.problems]
+        st.dataframe(
+            pd.DataFrame(rows, columns=["Line", "Refused because"]),
+            hide_index=True,
+            height=min(38 + 35 * len(rows), 250),
+        )
+    for key, (label, use) in zip(("use_rest", "use_other"), refused.ways.items(), strict=False):
+        st.button(label, on_click=use, key=key)
+
+
+@dataclass(frozen=True)
+class _Refusal:
+    sentence: str
+    problems: Sequence[RowProblem]
+    ways: Mapping[str, Callable[[], None]]
+    """What can be done about it, by the button's label; two at most."""
+
+
+def refuse(error: StereocalError, left: int = 0, retry: Callable[[], None] | None = None) -> None:
+    """Say on the page what was refused.
+
+    Args:
+        left: how many rows could be used.
+        retry: uses these.
+    """
+    problems = error.problems if isinstance(error, RefusedRowsError) else ()
+    label = f"Leave these rows out and use the other {left}"
+    ways = {label: retry} if retry is not None and left else {}
+    st.session_state[_REFUSED] = _Refusal(str(error), problems, ways)
+
+
+def settled() -> None:
+    """Forget what was refused: something was accepted."""
+    st.session_state.pop(_REFUSED, None)
+
+
+def ask_lens(error: FourCoefficientsError, source: str, use: Callable[[], None]) -> None:
+    """Ask what four distortion coefficients are; nothing is taken over before the answer."""
+    st.session_state[_REFUSED] = _Refusal(
+        f"{error.question} Which are they?",
+        (),
+        {
+            "k1 k2 p1 p2: the usual lens": use,
+            "k1 k2 k3 k4: a fisheye": lambda: refuse(fisheye_refused(source)),
+        },
+    )
