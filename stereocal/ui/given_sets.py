@@ -113,7 +113,7 @@ def _options(project: Project, use: Use, name: str | None) -> ExchangeOptions:
     if name not in ("dlt", "opencv"):  # the others say it
         return options
     sizes = [
-        _size(project, f"set_size_{use}_{which}", which, camera and camera.image_size)
+        _size(project, f"set_size_{use}_{which}", which, camera.image_size if camera else None)
         for which, camera in zip(("primary", "secondary"), project.cameras, strict=True)
     ]
     return replace(options, image_sizes=(sizes[0], sizes[1]))
