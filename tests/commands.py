@@ -49,6 +49,11 @@ def started(*arguments: str | Path, **environment: str) -> Iterator[subprocess.P
                 process.kill()
 
 
+def sentences(said: str) -> list[str]:
+    """The lines of stderr, but for the one that a command says when it compiles, once."""
+    return [line for line in said.splitlines() if not line.startswith("Compiling once")]
+
+
 def tables(folder: Path) -> dict[str, Path]:
     """Parameters and points of the sample field, to match and to measure, as files."""
     dataset = read_dataset(FIELD)

@@ -14,6 +14,7 @@ import pytest
 
 from stereocal.cli import main
 from stereocal.parameters import RigParameters
+from tests.commands import sentences
 
 FIELD = Path(__file__).parents[1] / "sample_data" / "field"
 
@@ -239,7 +240,7 @@ def test_bad_input_is_one_sentence_exit_2_and_no_file(
     printed = capsys.readouterr()
     assert printed.out == ""
     assert re.search(sentence, printed.err), printed.err
-    assert printed.err.count("\n") == 1
+    assert len(sentences(printed.err)) == 1
     assert not out.exists() or not any(out.iterdir())
 
 
