@@ -20,7 +20,13 @@ from stereocal.corners.candidates import FLIPS, LEVEL, SCORE, candidates
 from stereocal.corners.fit import Corner, fit_corner
 from stereocal.corners.light import Light, prepare
 from stereocal.corners.model import ALL
-from stereocal.corners.refusals import Reason, doubts_of, why_none, why_refused
+from stereocal.corners.refusals import (
+    RUNNER_UP_DOUBTFUL,
+    Reason,
+    doubts_of,
+    why_none,
+    why_refused,
+)
 
 State = Literal["found", "doubtful", "refused"]
 
@@ -29,6 +35,9 @@ FITS = 20
 """So many of the best candidates are fitted at full size."""
 MUCH_LESS = 0.6
 """Once two are found, candidates with less than this part of their score are left."""
+ALTERNATIVE, MOST_ALTERNATIVES = 0.4, 12
+"""Where the best pair is in doubt, the other frames choose among pairs of boards with more than
+this part of its score: less than `RUNNER_UP_DOUBTFUL`, that the right pair be one of them."""
 NEAR = 1.5
 """Corners of a larger chessboard lie within so many times twice their square."""
 SMALLEST_QUALITY = 0.45
@@ -54,6 +63,9 @@ class Detection:
     """One sentence for each."""
     sentence: str
     """What a person should know: the refusal, or the doubts; empty where all is well."""
+    alternatives: tuple[Detection, ...] = ()
+    """Where more than two boards look like targets: each pair of boards that may be the targets, as
+    if there were no other, the best first. Empty where the best pair stands out."""
 
     @property
     def state(self) -> State:
@@ -85,12 +97,16 @@ def detect_targets(image: npt.NDArray[Any]) -> Detection:
         return refusal(size, *why_none(light, corners, chess))
     score, pair = pairs[0]
     runner_up = pairs[1][0] / score if len(pairs) > 1 else 0.0
+    alternatives: tuple[Detection, ...] = ()
+    if runner_up > RUNNER_UP_DOUBTFUL:
+        likely = [one for one in pairs[:MOST_ALTERNATIVES] if one[0] > ALTERNATIVE * score]
+        alternatives = tuple(_as_if_alone(size, light, *one) for one in likely)
     refused = why_refused(pair, runner_up)
     if refused is not None:
-        return refusal(size, *refused)
-    first, second = _in_order(*pair)
-    doubts = doubts_of((first, second), light, score, runner_up)
-    return Detection(size, (first, second), score, None, doubts, " ".join(doubts))
+        return replace(refusal(size, *refused), alternatives=alternatives)
+    found = _in_order(*pair)
+    doubts = doubts_of(found, light, score, runner_up)
+    return Detection(size, found, score, None, doubts, " ".join(doubts), alternatives)
 
 
 def corner_near(
@@ -133,6 +149,18 @@ def corner_near(
 def refusal(size: tuple[int, int], reason: Reason, sentence: str) -> Detection:
     """A photograph without targets."""
     return Detection(size, None, 0.0, reason, (), sentence)
+
+
+def _as_if_alone(
+    size: tuple[int, int], light: Light, score: float, pair: tuple[Corner, Corner]
+) -> Detection:
+    """A pair of boards, without a look at the others; one to be refused is doubtful at least."""
+    found = _in_order(*pair)
+    refused = why_refused(found, 0.0)
+    doubts = dict.fromkeys(
+        [*([refused[1]] if refused else []), *doubts_of(found, light, score, 0.0)]
+    )
+    return Detection(size, found, score, None, tuple(doubts), " ".join(doubts))
 
 
 def _fitted(light: Light, row: FloatArray) -> Corner | None:

@@ -164,7 +164,11 @@ def same_detections(first: Detection, second: Detection) -> bool:
             a, b = (np.asarray(getattr(corner, field.name)) for corner in (one, other))
             if a.tobytes() != b.tobytes() or a.dtype != b.dtype:
                 return False
-    rest = [field.name for field in fields(Detection) if field.name != "targets"]
+    for choice, its in zip(first.alternatives, second.alternatives, strict=True):
+        if not same_detections(choice, its):
+            return False
+    own = ("targets", "alternatives")
+    rest = [field.name for field in fields(Detection) if field.name not in own]
     return all(getattr(first, name) == getattr(second, name) for name in rest)
 
 

@@ -17,15 +17,7 @@ def pack_detection(found: Detection) -> bytes | None:
     """The detection; None for a photograph that could not be read: it may be another time."""
     if found.reason == "unreadable":
         return None
-    content = {
-        "image_size": found.image_size,
-        "targets": found.targets and [_corner_json(corner) for corner in found.targets],
-        "score": found.score,
-        "reason": found.reason,
-        "doubts": found.doubts,
-        "sentence": found.sentence,
-    }
-    return json.dumps(content).encode()
+    return json.dumps(_detection_json(found)).encode()
 
 
 def unpack_detection(content: bytes) -> Detection:
@@ -34,7 +26,22 @@ def unpack_detection(content: bytes) -> Detection:
     Raises:
         KeyError, TypeError, ValueError: the content is damaged.
     """
-    data = json.loads(content)
+    return _detection(json.loads(content))
+
+
+def _detection_json(found: Detection) -> dict[str, Any]:
+    return {
+        "image_size": found.image_size,
+        "targets": found.targets and [_corner_json(corner) for corner in found.targets],
+        "score": found.score,
+        "reason": found.reason,
+        "doubts": found.doubts,
+        "sentence": found.sentence,
+        "alternatives": [_detection_json(one) for one in found.alternatives],
+    }
+
+
+def _detection(data: dict[str, Any]) -> Detection:
     width, height = data["image_size"]
     targets = data["targets"]
     if targets is not None:
@@ -45,6 +52,7 @@ def unpack_detection(content: bytes) -> Detection:
     return Detection(
         (int(width), int(height)), targets, float(data["score"]), data["reason"],
         tuple(str(doubt) for doubt in data["doubts"]), str(data["sentence"]),
+        tuple(_detection(one) for one in data["alternatives"]),
     )  # fmt: skip
 
 

@@ -134,7 +134,14 @@ def _refined(E: FloatArray, rays: FloatArray) -> Pose | None:
 
 
 def _distances(E: FloatArray, rays: FloatArray) -> FloatArray:
-    """(2, f): Sampson distances, root mean square over the targets of a frame, normalised units.
+    """(2, f): Sampson distances, root mean square over the targets of a frame, normalised units."""
+    distances: npt.NDArray[np.float64] = np.sqrt((sampson(E, rays) ** 2).mean(axis=-1))
+    return distances
+
+
+def sampson(E: FloatArray, rays: FloatArray) -> FloatArray:
+    """(...,): signed Sampson distances of pairs (..., 4), x and y of both cameras, of which it has
+    the units: those of one coordinate's error.
 
     Hartley and Zisserman (2004), Multiple View Geometry, equation 11.9.
     """
@@ -142,7 +149,6 @@ def _distances(E: FloatArray, rays: FloatArray) -> FloatArray:
     p = np.concatenate([rays[..., :2], one], axis=-1)
     q = np.concatenate([rays[..., 2:], one], axis=-1)
     lines, back = p @ E.T, q @ E
-    residual = (q * lines).sum(axis=-1)
     slope = (lines[..., :2] ** 2).sum(axis=-1) + (back[..., :2] ** 2).sum(axis=-1)
-    distances: npt.NDArray[np.float64] = np.sqrt((residual**2 / slope).mean(axis=-1))
+    distances: npt.NDArray[np.float64] = (q * lines).sum(axis=-1) / np.sqrt(slope)
     return distances

@@ -6,6 +6,7 @@ the right labels both targets lie on the epipolar lines of their twins (`epipola
 exchange A and B in both cameras changes nothing.
 
 Where the bar lies along an epipolar line both ways fit; then the length of the bar decides.
+Where a photograph shows more boards than two, the frames that are sure tell which (`choosing`).
 """
 
 from __future__ import annotations
@@ -22,14 +23,13 @@ from stereocal.compiled import FloatArray
 from stereocal.corners.fit import Corner
 from stereocal.dataset import TARGETS
 from stereocal.detection import Detection
+from stereocal.frames.choosing import SMALLEST_EXCESS_PX, choose_boards
 from stereocal.frames.epipolar_labels import FEWEST_FRAMES, EpipolarLabels, compare_labels
 from stereocal.outliers import outlying
 
 Truth = npt.NDArray[np.bool_]
 FrameState = Literal["agreed", "swapped", "doubtful", "outlying", "unchecked", "refused"]
 
-SMALLEST_EXCESS_PX = 0.15
-"""No frame is outlying, and no labels are ruled out, for less."""
 SAME_LENGTH, OTHER_LENGTH = 0.1, 0.3
 """Logarithms of the length of the bar against the median, with the right and the wrong labels."""
 
@@ -78,7 +78,7 @@ def label_targets(
     cameras: tuple[Camera, Camera],
     seed: int = 0,
 ) -> Labelling:
-    """Make the labels of the two cameras agree.
+    """Make the labels of the two cameras agree, and choose among boards where there are too many.
 
     Args:
         primary, secondary: detections by frame number.
@@ -86,6 +86,33 @@ def label_targets(
 
     No frame is left out: one without two targets in each camera has a report and no pairs.
     """
+    labelling = _labelled(primary, secondary, cameras, seed)
+    open_frames = {
+        frame: (primary[frame], secondary[frame])
+        for frame in primary.keys() & secondary.keys()
+        if primary[frame].alternatives or secondary[frame].alternatives
+    }
+    if not open_frames:
+        return labelling
+    sure = np.array([[p.primary.centre, p.secondary.centre] for p in labelling.pairs if p.sure])
+    chosen = choose_boards(sure.reshape(-1, 2, 2, 2), open_frames, cameras)
+    first = {**primary, **{frame: one.primary for frame, one in chosen.items()}}
+    second = {**secondary, **{frame: one.secondary for frame, one in chosen.items()}}
+    labelling = _labelled(first, second, cameras, seed)
+    said = {frame: one.sentence for frame, one in chosen.items()}
+    reports = [
+        replace(one, sentence=f"{one.sentence} {said.get(one.frame, '')}".strip())
+        for one in labelling.frames
+    ]
+    return Labelling(labelling.pairs, tuple(reports))
+
+
+def _labelled(
+    primary: Mapping[int, Detection],
+    secondary: Mapping[int, Detection],
+    cameras: tuple[Camera, Camera],
+    seed: int,
+) -> Labelling:
     corners = {
         frame: (first, second)
         for frame in sorted(primary.keys() & secondary.keys())

@@ -1,0 +1,284 @@
+"""Which boards are the targets where a photograph shows more than two: the other frames tell.
+
+The frames that are sure give the epipolar geometry and the length of the bar, in units of the
+baseline. Of the choices that a frame leaves (a pair of boards in each camera, labelled in either
+way) the right one must fit both within the errors, and every other must be clearly off.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from stereocal.camera import Camera
+from stereocal.compiled import BoolArray, FloatArray
+from stereocal.detection import Detection
+from stereocal.errors import StereocalError
+from stereocal.essential import calibrate_essential
+from stereocal.frames.epipolar_labels import sampson
+from stereocal.frames.pairing import CAMERAS
+from stereocal.geometry import Angles, Pose, triangulate_rays
+from stereocal.outliers import MAD_TO_SIGMA
+
+FEWEST_SURE = 8
+"""Frames: 16 distances less 5 angles tell the noise to 21 %. With fewer, noise and scatter of the
+length are too uncertain to rule a choice out."""
+FITS = 4.0
+"""The right choice is within so many standard errors."""
+CLEARLY_OFF = 2.0
+"""Every other is off by so many times what the right one may be."""
+SMALLEST_EXCESS_PX = 0.15
+"""No frame is outlying, and no labels or boards are ruled out, for less."""
+SMALLEST_LENGTH = 0.005
+"""The same for lengths, as a fraction."""
+LARGEST_PX, LARGEST_LENGTH = 1.0, 0.05
+"""Where the sure frames, too near to each other or all alike, leave more open they tell nothing:
+chance would fit too often."""
+SAME_PLACE_PX = 3.0
+"""A board so near, in both cameras, to one of another frame stands still, as the cameras do."""
+STEP = 1e-6
+"""Of differences, radians and normalised coordinates."""
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """A frame with too many boards, after the other frames were asked."""
+
+    primary: Detection
+    secondary: Detection
+    sentence: str
+    """What was chosen, or why nothing was."""
+
+
+def choose_boards(
+    sure: FloatArray,
+    open_frames: Mapping[int, tuple[Detection, Detection]],
+    cameras: tuple[Camera, Camera],
+) -> dict[int, Chosen]:
+    """Choose the targets in frames with alternatives.
+
+    Args:
+        sure: (n, 2, 2, 2): of n sure frames the raw pixels: target, camera, (u, v).
+        open_frames: primary and secondary detection of each frame to decide on, by its number.
+
+    Returns for each of these frames the detections: the chosen ones, or the old ones where the
+    sure frames do not decide.
+    """
+    focal = float(np.mean([np.sqrt(c.K[0, 0] * c.K[1, 1]) for c in cameras]))
+    rays = np.concatenate([_undistorted(cameras[i], sure[:, :, i]) for i in range(2)], axis=-1)
+    expected = None if len(sure) < FEWEST_SURE else _expect(rays, focal)
+    seen = {frame: [_places(one) for one in both] for frame, both in open_frames.items()}
+    chosen = {}
+    for frame, both in open_frames.items():
+        elsewhere = [
+            np.concatenate(
+                [sure[:, :, i].reshape(-1, 2), *(its[i] for f, its in seen.items() if f != frame)]
+            )
+            for i in range(2)
+        ]
+        chosen[frame] = _choose(expected, len(sure), both, cameras, elsewhere)
+    return chosen
+
+
+@dataclass(frozen=True, eq=False)
+class _Expected:
+    """What the sure frames expect of another one."""
+
+    angles: FloatArray
+    covariance: FloatArray
+    """(5, 5), radians^2."""
+    noise: float
+    """Of one coordinate, normalised units."""
+    log_length: float
+    """Of the bar, per baseline."""
+    spread: float
+    """Robust standard deviation of it."""
+    focal_px: float
+
+    def off(self, rays: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """How far k choices (k, 2, 4) are off, per what is allowed; and what is allowed.
+
+        Returns (k,), infinite behind a camera, and (k, 2): pixels from the epipolar line, and
+        fraction of the length.
+        """
+        values = _values(self.angles, rays)
+        values[:, 2] -= self.log_length
+        by_angles = _derivatives(lambda d: _values(self.angles + d, rays), 5)
+        by_place = _derivatives(lambda d: _values(self.angles, rays + d.reshape(2, 4)), 8)
+        variance = np.einsum("kvi,ij,kvj->kv", by_angles, self.covariance, by_angles)
+        variance += self.noise**2 * (by_place**2).sum(axis=2)
+        variance[:, 2] += self.spread**2
+        smallest = SMALLEST_EXCESS_PX / self.focal_px
+        limits = np.maximum(FITS * np.sqrt(variance), [smallest, smallest, SMALLEST_LENGTH])
+        off = np.nan_to_num(np.abs(values) / limits, nan=np.inf).max(axis=1)
+        return off, np.column_stack([limits[:, :2].max(axis=1) * self.focal_px, limits[:, 2]])
+
+    def leaves_an_end(self, rays: FloatArray, left: list[FloatArray], limit_px: float) -> bool:
+        """Whether a board beside a choice (2, 4) may be an end of the bar, the other being one of
+        the choice: one camera alone sees it, near enough to have the bar's length.
+
+        Args:
+            left: of each camera the normalised points (m, 2) of boards that move.
+        """
+        pose = Pose.from_angles(Angles(*self.angles.tolist()), 1.0)
+        ends = triangulate_rays(pose.R, pose.T, rays.T.copy())
+        apart = np.array([[np.hstack([p, q]) for q in left[1]] for p in left[0]])
+        apart = np.abs(sampson(pose.essential, apart.reshape(len(left[0]), len(left[1]), 4)))
+        alone = ~(apart < limit_px / self.focal_px)
+        longest = (1 + LARGEST_LENGTH) * np.exp(self.log_length)
+        for i, eye, R in ((0, np.zeros(3), np.eye(3)), (1, pose.inverse().T, pose.R.T)):
+            for point in left[i][alone.all(axis=1 - i)]:
+                sight = R @ [*point, 1.0]
+                away = np.linalg.norm(np.cross(ends - eye, sight), axis=1) / np.linalg.norm(sight)
+                if (away < longest).any():
+                    return True
+        return False
+
+
+def _expect(rays: FloatArray, focal_px: float) -> _Expected | None:
+    """What sure frames with rays (n, 2, 4) expect; None where they determine nothing."""
+    pairs = rays.reshape(-1, 4)
+    try:
+        angles = np.array(calibrate_essential(pairs.T.copy(), 1.0).pose.angles)
+        values = _values(angles, rays)
+        residuals = values[:, :2].ravel()
+        noise = np.sqrt(residuals @ residuals / (len(residuals) - 5))
+        J = _derivatives(lambda d: _values(angles + d, rays), 5)[:, :2].reshape(-1, 5)
+        covariance = noise**2 * np.linalg.inv(J.T @ J)
+    except (StereocalError, np.linalg.LinAlgError):
+        return None
+    lengths = values[np.isfinite(values[:, 2]), 2]
+    if len(lengths) < FEWEST_SURE:
+        return None
+    usual = float(np.median(lengths))
+    spread = MAD_TO_SIGMA * float(np.median(np.abs(lengths - usual)))
+    return _Expected(angles, covariance, float(noise), usual, spread, focal_px)
+
+
+def _choose(
+    expected: _Expected | None,
+    sure: int,
+    both: tuple[Detection, Detection],
+    cameras: tuple[Camera, Camera],
+    elsewhere: list[FloatArray],
+) -> Chosen:
+    """Decide on one frame; `elsewhere` holds of each camera the boards (m, 2) of all others, px."""
+    pairs = [one.alternatives or (one,) for one in both]
+    if not all(one.targets for one in (*pairs[0], *pairs[1])):
+        return Chosen(*both, "")  # one photograph shows no pair at all
+    if expected is None:
+        few = f"; there are {sure}, and {FEWEST_SURE} are needed" if sure < FEWEST_SURE else ""
+        return Chosen(*both, f"The sure frames do not tell which boards are the targets{few}.")
+    ends = [_ends(cameras[i], pairs[i]) for i in range(2)]
+    choices = [
+        (i, j, way)
+        for i, j in itertools.product(range(len(pairs[0])), range(len(pairs[1])))
+        for way in (1, -1)
+    ]
+    rays = np.array([np.hstack([ends[0][i], ends[1][j][::way]]) for i, j, way in choices])
+    off, limits = expected.off(rays)
+    best = int(np.argmin(off))
+    i, j, way = choices[best]
+    chosen = pairs[0][i], pairs[1][j]
+    objections = {
+        "No choice of boards fits the other frames.": off[best] > 1.0,
+        "More than one choice of boards fits the other frames.": (
+            np.delete(off, best) <= CLEARLY_OFF
+        ).any(),
+        "The sure frames are too much alike to tell which boards are the targets.": (
+            limits[best] > [LARGEST_PX, LARGEST_LENGTH]
+        ).any(),
+        "Of the two boards that fit, one stands still and the other moves.": (
+            _one_stands_still(_centres(chosen[0]), _centres(chosen[1])[::way], elsewhere)
+        ),
+        "A target may be hidden: a board near those that fit is seen by one camera only.": (
+            expected.leaves_an_end(
+                rays[best], _left_over(both, chosen, elsewhere, cameras), limits[best, 0]
+            )
+        ),
+    }
+    why = next((said for said, true in objections.items() if true), None)
+    if why is not None:
+        return Chosen(*both, why)
+    return Chosen(*chosen, f"Chosen among {_boards(both)} by the other frames.")
+
+
+def _one_stands_still(first: FloatArray, second: FloatArray, elsewhere: list[FloatArray]) -> bool:
+    """Whether one of two boards is at the same place in another frame, and not the other.
+
+    A bar at rest has both there. A board of the background stands there in every frame, and may be
+    as far from one target as the other is, which something hides.
+    """
+    still = _is_still(first, elsewhere[0]) & _is_still(second, elsewhere[1])
+    return bool(still[0] != still[1])
+
+
+def _left_over(
+    both: tuple[Detection, Detection],
+    chosen: tuple[Detection, Detection],
+    elsewhere: list[FloatArray],
+    cameras: tuple[Camera, Camera],
+) -> list[FloatArray]:
+    """Of each camera the boards (m, 2) that were not chosen and move, normalised."""
+    left = []
+    for i, camera in enumerate(cameras):
+        places = _places(both[i])
+        known = np.vstack([_centres(chosen[i]), elsewhere[i]])
+        left.append(_undistorted(camera, places[~_is_still(places, known)]))
+    return left
+
+
+def _is_still(centres: FloatArray, elsewhere: FloatArray) -> BoolArray:
+    """(m,): for each of m boards whether another frame has one at the same place, px."""
+    away = np.linalg.norm(elsewhere[:, None] - centres, axis=2).min(axis=0)
+    return np.asarray(away < SAME_PLACE_PX)
+
+
+def _places(detection: Detection) -> FloatArray:
+    """(m, 2): raw pixels of all boards that may be targets."""
+    found = [_centres(one) for one in (detection, *detection.alternatives)]
+    return np.unique(np.concatenate(found), axis=0)
+
+
+def _centres(pair: Detection) -> FloatArray:
+    """(2, 2): raw pixels of the two boards; (0, 2) without any."""
+    return np.array([corner.centre for corner in pair.targets or ()]).reshape(-1, 2)
+
+
+def _boards(both: tuple[Detection, Detection]) -> str:
+    """How many boards each photograph with alternatives shows, in words."""
+    return " and ".join(
+        f"{len(_places(one))} boards in the {name}"
+        for name, one in zip(CAMERAS, both, strict=True)
+        if one.alternatives
+    )
+
+
+def _ends(camera: Camera, pairs: tuple[Detection, ...]) -> FloatArray:
+    """(p, 2, 2): normalised points of both boards of each pair."""
+    return _undistorted(camera, np.array([_centres(pair) for pair in pairs]))
+
+
+def _undistorted(camera: Camera, pixels: FloatArray) -> FloatArray:
+    """(..., 2): normalised points of raw pixels (..., 2)."""
+    return camera.undistort(pixels.reshape(-1, 2)).reshape(pixels.shape)
+
+
+def _values(angles: FloatArray, rays: FloatArray) -> FloatArray:
+    """(k, 3): Sampson distances of both targets, logarithm of the bar's length per baseline."""
+    pose = Pose.from_angles(Angles(*angles.tolist()), 1.0)
+    points = triangulate_rays(pose.R, pose.T, rays.reshape(-1, 4).T.copy()).reshape(-1, 2, 3)
+    length = np.linalg.norm(points[:, 0] - points[:, 1], axis=1)
+    with np.errstate(divide="ignore"):
+        return np.column_stack([sampson(pose.essential, rays), np.log(length)])
+
+
+def _derivatives(function: Callable[[FloatArray], FloatArray], unknowns: int) -> FloatArray:
+    """(k, 3, unknowns): central differences of a function that gives (k, 3)."""
+    steps = STEP * np.eye(unknowns)
+    with np.errstate(invalid="ignore"):
+        each = [(function(step) - function(-step)) / (2 * STEP) for step in steps]
+    return np.stack(each, axis=-1)
