@@ -11,11 +11,9 @@ import cv2
 
 from stereocal.formats.camera_file import read_camera
 from stereocal.formats.dataset_files import parse_zip
-from stereocal.formats.exchange import import_files
 from stereocal.formats.photograph import decode_checked, read_header
 from stereocal.formats.point_table import PointTable
 from stereocal.formats.sleap_h5 import point_text
-from stereocal.formats.stereo import ExchangeOptions
 from stereocal.formats.zip_files import unzip
 from stereocal.guarded_child import GuardedReader, Prepared
 
@@ -53,6 +51,10 @@ def _dataset(path: Path) -> Prepared:
 
 
 def _parameters(path: Path) -> Prepared:
+    # Not with the others: it takes 0.4 s of the start of every child, and is seldom needed.
+    from stereocal.formats.exchange import import_files
+    from stereocal.formats.stereo import ExchangeOptions
+
     options = ExchangeOptions(unit="m", lens_model="brown")
     files = unzip(path.read_bytes(), path.name)
     return _room(path), lambda: import_files(files, "opencv", options, path.name)
