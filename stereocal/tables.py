@@ -153,16 +153,29 @@ def left_out_line(screening: Screening) -> str:
 
 def why_not_trusted(calibration: Calibration) -> str:
     """What keeps a result from being one to rely on; empty where nothing does."""
-    screening = calibration.screening
-    found = []
-    if screening.share > MOST_LEFT_OUT:
-        found.append(
-            f"{percent(screening.share)} % of the frames contradict the others and were left out."
-        )
     dataset = calibration.dataset.of_frames(_tested(calibration))
     error = errors_of(dataset, calibration.methods["3d"].pose).p95_length
-    if error > POOR_LENGTH:
-        found.append(f"5 % of the bars come out more than {percent(error)} % wrong in length.")
+    return _not_trusted([calibration.screening], error)
+
+
+def why_validation_not_trusted(
+    summaries: Mapping[Method, MethodSummary], screenings: Sequence[Screening]
+) -> str:
+    """The same of a validation, by the set that measures best on the held-out frames."""
+    errors = [found.reconstruction.p95 for found in summaries.values()]
+    known = [error for error in errors if math.isfinite(error)]
+    return _not_trusted(screenings, min(known, default=math.nan))
+
+
+def _not_trusted(screenings: Sequence[Screening], p95_length: float) -> str:
+    found = [
+        f"{percent(each.share)} % of the frames of {each.given.name} contradict the others and "
+        "were left out."
+        for each in screenings
+        if each.share > MOST_LEFT_OUT
+    ]
+    if p95_length > POOR_LENGTH:
+        found.append(f"5 % of the bars come out more than {percent(p95_length)} % wrong in length.")
     return " ".join(found)
 
 

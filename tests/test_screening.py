@@ -167,6 +167,25 @@ def test_on_the_command_line(
     assert main(["calibrate", str(folder), "--out", str(out), "--all-frames"]) == 2
 
 
+def test_uncertainties_on_the_command_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "data"
+    folder.mkdir()
+    wrong = replace(rig.dataset(25, noise_px=0.2), baseline_m=1.03 * rig.BASELINE_M)
+    for name, content in pack_dataset(wrong).items():
+        (folder / name).write_bytes(content)
+    common = ["calibrate", str(folder), "--out", str(tmp_path / "out"), "--runs", "0"]
+    assert main(common) == 0
+    said = capsys.readouterr().out
+    assert "of the baseline up to" in said
+    assert main([*common, "--baseline-sigma", "0.005", "--distance-sigma", "0.0005"]) == 0
+    said = capsys.readouterr().out
+    assert "of the baseline up to" not in said
+    assert "Baseline and distance between the targets do not go together" in said
+    assert main([*common, "--baseline-sigma", "-1"]) == 2
+
+
 def test_frames_that_lie_together_accuse_the_lens() -> None:
     """100 frames, the distortion of the primary flipped: named in 2 of the first 6 rigs."""
     together = 0

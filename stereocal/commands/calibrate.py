@@ -8,7 +8,13 @@ from pathlib import Path
 from typing import Literal
 
 from stereocal.calibrate import METHODS, Calibration, CalibrationSettings, calibrate
-from stereocal.commands.options import add_lens_model, add_search_options, settings_from
+from stereocal.commands.options import (
+    add_lens_model,
+    add_search_options,
+    settings_from,
+    with_sigmas,
+)
+from stereocal.commands.progress import ProgressBar
 from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
 from stereocal.evaluation_files import validation_in_summary
@@ -19,7 +25,7 @@ from stereocal.refined.uncertainty import standard_errors
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.refined.verdict import run_splits, verdict
 from stereocal.store.carry import read_input
-from stereocal.tables import left_out_line, listed, why_not_trusted
+from stereocal.tables import answer, left_out_line, listed, why_not_trusted
 from stereocal.writing import write_all
 
 FILES: dict[Literal["2d", "3d"], str] = {"2d": "parameters_2d.json", "3d": "parameters_3d.json"}
@@ -68,7 +74,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
 
 def run(parsed: argparse.Namespace) -> None:
     """Calibrate, write the files, print the table, what disagrees and the verdict."""
-    dataset = read_input(parsed.dataset, parsed.lens_model)
+    dataset = with_sigmas(read_input(parsed.dataset, parsed.lens_model), parsed)
     settings = settings_from(parsed, parsed.calibration_frames)
     refined = RefineSettings() if parsed.refined else None
     calibration = calibrate(dataset, settings, refined=refined)
@@ -98,6 +104,7 @@ def run(parsed: argparse.Namespace) -> None:
     if calibration.screening.left_out:
         print(left_out_line(calibration.screening))
     print(table_of(calibration))
+    print(answer(calibration))
     if calibration.refined is not None:
         print(refined_lines(calibration.refined))
     if caution := why_not_trusted(calibration):
@@ -130,7 +137,8 @@ def verdict_line(
 ) -> str:
     """The verdict of so many random splits, or why there is none."""
     try:
-        found = run_splits(dataset, settings, refined, runs)
+        with ProgressBar("random splits") as bar:
+            found = run_splits(dataset, settings, refined, runs, progress=bar.show)
         assert found is not None  # nobody cancels here
         return f"Verdict of {runs} random splits: {verdict(found).text}"
     except StereocalError as error:

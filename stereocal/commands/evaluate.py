@@ -6,7 +6,12 @@ import argparse
 from pathlib import Path
 
 from stereocal.calibrate import screened
-from stereocal.commands.options import add_lens_model, add_search_options, settings_from
+from stereocal.commands.options import (
+    add_lens_model,
+    add_search_options,
+    settings_from,
+    with_sigmas,
+)
 from stereocal.commands.progress import ProgressBar
 from stereocal.engines import engine
 from stereocal.evaluation import EvaluationSettings, evaluate, evaluate_runs
@@ -15,7 +20,7 @@ from stereocal.refined.unknowns import RefineSettings
 from stereocal.report import report_html
 from stereocal.store.carry import read_input
 from stereocal.summary import summarise_all
-from stereocal.tables import left_out_line, validation_answer
+from stereocal.tables import left_out_line, validation_answer, why_validation_not_trusted
 from stereocal.writing import write_all
 
 
@@ -44,7 +49,9 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
 
 def run(parsed: argparse.Namespace) -> None:
     """Evaluate, write summary.json and report.html, print the answer."""
-    datasets = [read_input(path, parsed.lens_model) for path in parsed.datasets]
+    datasets = [
+        with_sigmas(read_input(path, parsed.lens_model), parsed) for path in parsed.datasets
+    ]
     settings = EvaluationSettings(
         settings_from(parsed, calibration_frames=None),
         parsed.runs,
@@ -72,6 +79,8 @@ def run(parsed: argparse.Namespace) -> None:
     for screening in screenings:
         if screening.left_out:
             print(f"{screening.given.name}: {left_out_line(screening)}")
+    if caution := why_validation_not_trusted(pooled, screenings):
+        print(f"Do not rely on this result: {caution}")
     print(validation_answer(pooled))
     for path in (parsed.out / "summary.json", parsed.out / "report.html"):
         print(f"wrote {path}")

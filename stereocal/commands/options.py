@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 
 from stereocal.calibrate import CalibrationSettings
+from stereocal.dataset import Dataset
 from stereocal.formats.lens_model import LENS_MODELS
 from stereocal.montecarlo import SearchSettings
 
@@ -52,6 +54,30 @@ def add_lens_model(parser: argparse.ArgumentParser) -> None:
         help="what four distortion coefficients are, where the file does not say it: brown is "
         "OpenCV's usual k1 k2 p1 p2",
     )
+    for option, what in (
+        ("--baseline-sigma", "the baseline"),
+        ("--distance-sigma", "the distance between the targets"),
+    ):
+        parser.add_argument(
+            option, type=float, metavar="S", help=f"how well {what} is known: its standard error, m"
+        )
+
+
+def with_sigmas(dataset: Dataset, parsed: argparse.Namespace) -> Dataset:
+    """The data set with the standard errors of its lengths as the options state them.
+
+    Raises:
+        StereocalError: one that is not above 0.
+    """
+    stated = {
+        name: value
+        for name, value in (
+            ("baseline_sigma_m", parsed.baseline_sigma),
+            ("target_distance_sigma_m", parsed.distance_sigma),
+        )
+        if value is not None
+    }
+    return replace(dataset, **stated) if stated else dataset
 
 
 def settings_from(

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import streamlit as st
 
+from stereocal.calibrate import Method
 from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
 from stereocal.evaluation import EvaluationSettings, evaluate
@@ -30,8 +31,13 @@ from stereocal.project import Project
 from stereocal.refined.screening import Screening
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.report import report_html
-from stereocal.summary import summarise_all
-from stereocal.tables import left_out_line, validation_answer, validation_table
+from stereocal.summary import MethodSummary, summarise_all
+from stereocal.tables import (
+    left_out_line,
+    validation_answer,
+    validation_table,
+    why_validation_not_trusted,
+)
 from stereocal.ui import jobs
 from stereocal.ui.fields import Field, number, one_of, setting, yes_or_no
 from stereocal.ui.forms import search_form, search_values, settings_of
@@ -198,16 +204,8 @@ def show_evaluation(
         pooled.pop("refined", None)
         for own in by_dataset.values():
             own.pop("refined", None)
-    screenings: list[Screening] = []
-    used = {dataset.sha256: dataset for dataset in datasets}
-    if all(digest in used for digest in evaluation.sha256):
-        shown_sets = [used[digest] for digest in evaluation.sha256]
-        screenings = screenings_of(shown_sets, evaluation.settings.calibration)
-    for screening in screenings:
-        if screening.left_out:
-            line = f"{screening.given.name}: {left_out_line(screening)}"
-            st.warning(escape_markdown(line))
-    st.success(validation_answer(pooled))
+    screenings = _screenings(evaluation, datasets)
+    _show_answer(pooled, screenings)
     panels = ["All three", *COLUMNS.values()]
     shown = setting(project, "columns", panels[0], one_of(panels), tabs_own=True)
     wide = st.segmented_control("Show", panels, required=True, **shown.widget())
@@ -228,6 +226,29 @@ def show_evaluation(
     if screenings:
         _downloads(screenings, evaluation, pooled, by_dataset)
     st.caption(f"Made with: {describe_protocol(evaluation)}")
+
+
+def _screenings(evaluation: Evaluation, datasets: Sequence[Dataset]) -> list[Screening]:
+    """Of the data sets that were validated; none where these are not there any more."""
+    used = {dataset.sha256: dataset for dataset in datasets}
+    if not all(digest in used for digest in evaluation.sha256):
+        return []
+    validated = [used[digest] for digest in evaluation.sha256]
+    return screenings_of(validated, evaluation.settings.calibration)
+
+
+def _show_answer(
+    summaries: Mapping[Method, MethodSummary], screenings: Sequence[Screening]
+) -> None:
+    """The answer; in green only where it can be relied on."""
+    for screening in screenings:
+        if screening.left_out:
+            line = f"{screening.given.name}: {left_out_line(screening)}"
+            st.warning(escape_markdown(line))
+    caution = why_validation_not_trusted(summaries, screenings)
+    if caution:
+        st.error(escape_markdown(f"Do not rely on this result: {caution}"))
+    (st.info if caution else st.success)(validation_answer(summaries))
 
 
 def describe_protocol(evaluation: Evaluation) -> str:
