@@ -110,7 +110,7 @@ class TestWorldFile:
     @pytest.mark.parametrize(
         ("text", "says"),
         [
-            ("", "last row is 0 0 0 1|not a 4x4"),
+            ("", "last row is 0 0 0 1|not a 4x4|not valid JSON"),
             ("[[1,2],[3,4]]", "needs a 4x4"),
             ('{"R": 1}', "not a 4x4 table"),
             (json.dumps((2 * np.eye(4)).tolist()), "last row"),
