@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -238,11 +239,12 @@ def _downloads(
     left, right = st.columns(2)
     settings = evaluation.settings
     left.download_button(
-        "Download report.html", report_html(pooled, by_dataset, datasets, settings), "report.html",
-        "text/html", on_click="ignore", icon=":material/download:", key="download_report",
+        "Download report.html", partial(report_html, pooled, by_dataset, datasets, settings),
+        "report.html", "text/html", on_click="ignore", icon=":material/download:",
+        key="download_report",
     )  # fmt: skip
     right.download_button(
-        "Download summary.json", summary_json(pooled, by_dataset, datasets, settings),
+        "Download summary.json", partial(summary_json, pooled, by_dataset, datasets, settings),
         "summary.json", "application/json", on_click="ignore", icon=":material/download:",
         key="download_summary",
     )  # fmt: skip
