@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -271,11 +272,11 @@ def _downloads(
     left, right = st.columns(2)
     about = ([each.given for each in screenings], evaluation.settings, screenings)
     left.download_button(
-        "Download report.html", report_html(pooled, by_dataset, *about), "report.html", "text/html",
-        on_click="ignore", icon=":material/download:", key="download_report",
+        "Download report.html", partial(report_html, pooled, by_dataset, *about), "report.html",
+        "text/html", on_click="ignore", icon=":material/download:", key="download_report",
     )  # fmt: skip
     right.download_button(
-        "Download summary.json", summary_json(pooled, by_dataset, *about),
+        "Download summary.json", partial(summary_json, pooled, by_dataset, *about),
         "summary.json", "application/json", on_click="ignore", icon=":material/download:",
         key="download_summary",
     )  # fmt: skip
