@@ -23,6 +23,7 @@ from stereocal.geometry import Pose, epipolar_distances, triangulate, triangulat
 from stereocal.montecarlo import SearchSettings
 from stereocal.refine import RefinedResult, refine
 from stereocal.refined.disagreement import what_disagrees
+from stereocal.refined.screening import screen
 from stereocal.refined.unknowns import RefineSettings
 
 FOLDER = os.environ.get("STEREOCAL_REAL_DATA")
@@ -125,13 +126,13 @@ def test_the_recordings_are_those(recordings: Dataset) -> None:
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_the_2d_set_matches(odd: Dataset, calibrations: list[Calibration], seed: int) -> None:
-    """Measured: 0.433 to 0.437 px."""
+    """Measured: 0.433 px."""
     assert epipolar_rms(odd, calibrations[seed], "2d") <= 0.46
 
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_the_3d_set_measures(odd: Dataset, calibrations: list[Calibration], seed: int) -> None:
-    """Measured: 0.226 to 0.230 %."""
+    """Measured: 0.229 to 0.231 %."""
     assert length_error(odd, calibrations[seed], "3d") <= 0.0025
 
 
@@ -142,7 +143,7 @@ def test_neither_does_the_others_work(
     found = calibrations[seed]
     lengths = length_error(odd, found, "2d") / length_error(odd, found, "3d")
     distances = epipolar_rms(odd, found, "3d") / epipolar_rms(odd, found, "2d")
-    # Measured: 4.9 to 5.0 times worse, and 2.8 to 44 times by seed: the lengths hardly feel one
+    # Measured: 5.1 to 5.2 times worse, and 3.5 to 23 times by seed: the lengths hardly feel one
     # direction of the angles.
     assert lengths >= 3.0
     assert distances >= 2.5
@@ -155,10 +156,10 @@ def refined(recordings: Dataset) -> RefinedResult:
 
 
 def test_one_refined_set_matches_and_measures(odd: Dataset, refined: RefinedResult) -> None:
-    """Measured: 0.371 px and 0.137 %, with the default settings."""
+    """Measured: 0.372 px and 0.137 %, with the default settings."""
     own = refined.apply(odd)
-    assert epipolar_rms_of(own, refined.pose) <= 0.42
-    assert length_error_of(own, refined.pose) <= 0.0020
+    assert epipolar_rms_of(own, refined.pose) <= 0.38
+    assert length_error_of(own, refined.pose) <= 0.0015
 
 
 def test_it_measures_the_middle_marker_best(
@@ -170,6 +171,20 @@ def test_it_measures_the_middle_marker_best(
         other = middle_errors(odd, found.pose)
         assert own[0] < other[0]
         assert own[1] < other[1]
+
+
+def test_the_frames_left_out_are_bad_detections(
+    recordings: Dataset, calibrations: list[Calibration]
+) -> None:
+    """15 of 205 (even) and 22 of all 409; docs/wrong_input.md says what they are.
+
+    Points of other frames beside them fit, so nothing accuses the lens.
+    """
+    assert len(calibrations[0].screening.left_out) <= 17
+    whole = screen(recordings)
+    assert len(whole.left_out) <= 28
+    assert whole.together == ""
+    assert whole.exchanged == ()
 
 
 def test_the_typed_baseline_is_doubted(recordings: Dataset) -> None:
