@@ -33,7 +33,7 @@ FEWEST_FRAMES = 8
 
 TOGETHER = 0.003
 """Frames left out lie together where chance would put them so in one of so many recordings; there
-are three ways to lie together, so sound recordings are accused in 1 %."""
+are four ways to lie together, so sound recordings are accused in 1 %."""
 FEWEST_TOGETHER = 3
 NEIGHBOURS = 5
 ALIKE = 0.1
@@ -127,12 +127,18 @@ def _together(fit: RefinedResult, out: BoolArray) -> str:
     first = out & ~np.append(False, out[:-1])
     if np.count_nonzero(first) < FEWEST_TOGETHER:
         return ""
-    if _higher(_from_centre(fit), first, ~out) and _like_neighbours(fit, out):
-        return (
-            "The frames left out lie farther from the centre of the images than the others, and "
-            "the frames beside them are off in the same way: that is a lens distortion that does "
-            "not fit, rather than an error of these frames. Calibrate the lenses again."
-        )
+    depth = fit.places_m[:, :, 2].mean(axis=1)
+    for values, where, cause in (
+        (_from_centre(fit), "farther from the centre of the images", "a lens distortion"),
+        (depth, "farther away", "a lens or a baseline"),
+        (-depth, "nearer", "a lens or a baseline"),
+    ):
+        if _higher(values, first, ~out) and _like_neighbours(fit, out):
+            return (
+                f"The frames left out lie {where} than the others, and the frames beside them are "
+                f"off in the same way: that is {cause} that does not fit, rather than an error of "
+                "these frames. Calibrate the lenses again."
+            )
     if _higher(_speed(fit), first, ~out):
         return (
             "The frames left out are those in which the bar moved fast: that is two cameras that "
