@@ -94,6 +94,7 @@ def test_same_numbers_under_another_name_are_not_shared() -> None:
 CACHES = {
     "jobs._pool": "threads; work and answers go by the project's id",
     "jobs._jobs": "by the project's id",
+    "uploads.watch_uploads": "by the session's id, which the server gives out",
     "project.warm_up": "a thread, which knows no project",
     "review._shown": "by the digest of the photograph's content, in its file's name",
     "apply.whole_table": "by the file's path, below the project's folder",
