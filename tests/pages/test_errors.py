@@ -95,7 +95,7 @@ CACHES = {
     "jobs._pool": "threads; work and answers go by the project's id",
     "jobs._jobs": "by the project's id",
     "screening._screened": "by all numbers, the name, the notes and the settings",
-    "uploads.watch_uploads": "a thread, which knows no project",
+    "uploads.watch_uploads": "by the session's id, which the server gives out",
     "warm_up.warm_up": "a thread, which knows no project",
     "review._shown": "by the digest of the photograph's content, in its file's name",
     "apply.whole_table": "by the file's path, below the project's folder",
