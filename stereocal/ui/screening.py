@@ -94,12 +94,20 @@ def _put_back(field: Field) -> None:
 
 @callback
 def _exchange(project: Project, frame: int) -> None:
-    """Exchange A and B in the secondary image: in the review of photographs, else in the table."""
+    exchange(project, frame)
+    st.session_state[_AGAIN] = True
+
+
+def exchange(project: Project, frame: int) -> None:
+    """Exchange A and B in the secondary image: in the review of photographs, else in the table.
+
+    Raises:
+        StereocalError: it cannot be kept.
+    """
     if project.inputs.labels.get("correspondences") == TABLE_LABEL:
         change_review(ProjectPhotographs(project), lambda review: swap(review, frame, 1))
     else:
         project.exchange_targets(frame)
-    st.session_state[_AGAIN] = True
 
 
 def _key(dataset: Dataset, settings: CalibrationSettings) -> str:

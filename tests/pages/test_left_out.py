@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -9,9 +10,12 @@ from streamlit.testing.v1 import AppTest
 
 from stereocal.formats.dataset_files import pack_dataset, read_dataset
 from stereocal.project import Project
+from stereocal.store.review import read_review
+from stereocal.ui.screening import exchange
 from tests.pages.test_pages import FIELD, messages, project_of, zipped
 from tests.pages.test_pages import app as app
 from tests.pages.test_pages import home as home
+from tests.pages.test_review import found_frames, new_store
 
 BAD = 7
 
@@ -87,3 +91,16 @@ def test_validation_is_without_it(app: AppTest, project: Project) -> None:
     assert evaluation is not None
     assert f"frame {BAD}" in messages(app)
     assert app.slider(key="validate_frames").max == 22  # 24 frames, 2 to test with
+
+
+def test_of_photographs_the_review_exchanges_it(home: Path) -> None:
+    """So it is undone there, and the contact sheet shows it."""
+    store = new_store(home)
+    frames = found_frames(store.project.folder)
+    store.keep_frames(frames[:2])
+    before = read_review(store).frame(frames[0].frame)
+    exchange(store.project, before.frame)
+    review = read_review(store)
+    assert review.frame(before.frame) == replace(before.swapped(1), reviewed=True)
+    assert len(review.edits) == 1
+    assert store.project.inputs.exchanged == []
