@@ -7,13 +7,12 @@ and the step would shrink at nearly every rejection; `minimum_moves=1` is the pa
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass
 
 import numpy as np
 
 from stereocal import costs
-from stereocal.compiled import FloatArray, compiled
+from stereocal.compiled import FloatArray, clock, compiled, plain
 from stereocal.errors import StereocalError
 from stereocal.geometry import Angles, Pose, fill_pose
 
@@ -96,7 +95,8 @@ class Problem:
 
     def cost(self, pose: Pose) -> float:
         """The cost of a pose; NaN if a point cannot be reconstructed in front of both cameras."""
-        return costs.cost(self.kind, pose.R, pose.T, self.rays, self.reference, self.pixel_scale)
+        R, T = plain(pose.R), plain(pose.T)
+        return costs.cost(self.kind, R, T, self.rays, self.reference, self.pixel_scale)
 
 
 def minimise(
@@ -116,7 +116,7 @@ def minimise(
     Raises:
         StereocalError: the cost cannot be computed at the start.
     """
-    started = time.perf_counter()
+    started = clock()
     initial_cost = problem.cost(start)
     if not np.isfinite(initial_cost):
         raise StereocalError(
@@ -125,7 +125,7 @@ def minimise(
     sequence = seed or np.random.SeedSequence(settings.seed)
     angles = np.array(start.angles)
     cost, evaluations, stopped = _run(problem, start, settings, sequence, angles, 0)[:3]
-    seconds = time.perf_counter() - started
+    seconds = clock() - started
     record = None
     if trace:
         again = np.array(start.angles)

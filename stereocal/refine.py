@@ -11,7 +11,6 @@ least squares over the others.
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -19,7 +18,7 @@ import cv2
 import numpy as np
 
 from stereocal.camera import Camera
-from stereocal.compiled import BoolArray, FloatArray, IntArray
+from stereocal.compiled import BoolArray, FloatArray, IntArray, clock
 from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
 from stereocal.essential import calibrate_essential, choose_pose
@@ -131,7 +130,7 @@ def refine(
         StereocalError: too few points, no scale, or nothing that fits.
     """
     settings = with_lens_priors(settings or RefineSettings(), dataset)
-    began = time.perf_counter()
+    began = clock()
     found: Solve | None = None
     rays = dataset.rays if rows is None else np.ascontiguousarray(dataset.rays[:, rows])
     for pose in _starts(dataset, rays, start, settings):
@@ -145,7 +144,7 @@ def refine(
             "The refined method found no position of the cameras that fits: check that points, "
             "targets and camera files are not exchanged."
         )
-    return _result(found, rows, time.perf_counter() - began)
+    return _result(found, rows, clock() - began)
 
 
 def _starts(
