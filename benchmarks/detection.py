@@ -87,7 +87,7 @@ def bound(case: Case) -> FloatArray:
     pixels = window(grey, p[0], p[1], along / lengths[:, None], lengths / 2, 1)
     frame, rows = np.empty(FRAME), np.empty((ALL + 1, len(pixels)))
     fill_frame(p, 1.0, 1, frame)
-    fill_rows(p, frame, pixels, rows)
+    fill_rows(p, frame, pixels, 0, len(pixels), rows)
     J = rows[:CORE].T
     inverse: FloatArray = np.asarray(np.linalg.inv(J.T @ J), dtype=np.float64)[:2, :2]
     return inverse * (case.noise**2 + 1 / 12)

@@ -16,8 +16,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from stereocal.compiled import FloatArray, compiled
-from stereocal.geometry import midpoint, reprojection_shift
+from stereocal.compiled import FloatArray, compiled, internal
+from stereocal.geometry import bar_length, midpoint, reprojection_shift
 
 REPROJECTION = 0
 DISTANCE = 1
@@ -41,41 +41,36 @@ def cost(
     return points_cost(R, T, rays, reference)
 
 
-@compiled
+@internal
 def reprojection_cost(
     R: FloatArray, T: FloatArray, rays: FloatArray, pixel_scale: FloatArray
 ) -> float:
     """Sum of the reprojection errors over all pairs and both cameras, in pixels."""
     total = 0.0
-    xp, yp, xs, ys = rays[0], rays[1], rays[2], rays[3]
     for k in range(rays.shape[1]):
-        first, second = reprojection_shift(R, T, xp[k], yp[k], xs[k], ys[k], pixel_scale)
+        first, second, _ = reprojection_shift(
+            R, T, rays[0, k], rays[1, k], rays[2, k], rays[3, k], pixel_scale
+        )
         total += first + second
     return total
 
 
-@compiled
+@internal
 def distance_cost(R: FloatArray, T: FloatArray, rays: FloatArray, distances: FloatArray) -> float:
     """Sum over bars of the difference between measured and reconstructed length, in metres."""
     total = 0.0
-    xp, yp, xs, ys = rays[0], rays[1], rays[2], rays[3]
     m = distances.shape[1]
     for k in range(m):
-        ax, ay, az, _, _, _ = midpoint(R, T, xp[k], yp[k], xs[k], ys[k])
-        j = k + m
-        bx, by, bz, _, _, _ = midpoint(R, T, xp[j], yp[j], xs[j], ys[j])
-        length = np.sqrt((ax - bx) ** 2 + (ay - by) ** 2 + (az - bz) ** 2)
-        total += abs(distances[0, k] - length)
+        total += abs(distances[0, k] - bar_length(R, T, rays, k, k + m))
     return total
 
 
-@compiled
+@internal
 def points_cost(R: FloatArray, T: FloatArray, rays: FloatArray, points: FloatArray) -> float:
     """Sum over points of the distance between known and reconstructed place, in metres."""
     total = 0.0
-    xp, yp, xs, ys = rays[0], rays[1], rays[2], rays[3]
     for k in range(rays.shape[1]):
-        x, y, z, _, _, _ = midpoint(R, T, xp[k], yp[k], xs[k], ys[k])
+        x, y, z, _, _, _ = midpoint(R, T, rays[0, k], rays[1, k], rays[2, k], rays[3, k])
         total += np.sqrt(
             (x - points[0, k]) ** 2 + (y - points[1, k]) ** 2 + (z - points[2, k]) ** 2
         )

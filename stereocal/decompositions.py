@@ -1,20 +1,17 @@
 """Small decompositions for compiled code.
 
-LAPACK does these too, but its numba bindings take 13 s to compile, and called from NumPy they hold
-the interpreter's lock, so that the runs of a validation could not share the cores.
+LAPACK does these too, but numba takes longer to compile a call of it: 5 s for `np.linalg.solve`,
+1.5 s for `np.linalg.qr`. The singular values are LAPACK's, with 1 s and 0.2 s for each further use.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from stereocal.compiled import FloatArray, compiled
-
-MOST_SWEEPS = 60
-"""One-sided Jacobi converges quadratically; 9 columns need 6 to 10 sweeps."""
+from stereocal.compiled import FloatArray, internal
 
 
-@compiled
+@internal
 def triangle(columns: FloatArray) -> FloatArray:
     """R of the QR decomposition, by Householder reflections.
 
@@ -47,102 +44,65 @@ def triangle(columns: FloatArray) -> FloatArray:
     return R
 
 
-@compiled
-def singular_vectors(A: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Singular value decomposition `A = U diag(s) V.T` by one-sided Jacobi (Hestenes 1958).
-
-    Args:
-        A: (n, m).
-
-    Returns:
-        `(U diag(s)).T` (m, n), s (m,), `V.T` (m, m), the largest singular value first. Small
-        singular values are as accurate as large ones.
-    """
-    m = A.shape[1]
-    W, V = A.T.copy(), np.eye(m)
-    for _ in range(MOST_SWEEPS):
-        turned = False
-        for i in range(m - 1):
-            for j in range(i + 1, m):
-                ii, jj, ij = _dot(W[i], W[i]), _dot(W[j], W[j]), _dot(W[i], W[j])
-                if abs(ij) <= 1e-16 * np.sqrt(ii * jj):
-                    continue
-                turned = True
-                half_cotangent = 0.5 * (jj - ii) / ij
-                tangent = 1.0 / (abs(half_cotangent) + np.sqrt(1.0 + half_cotangent**2))
-                if half_cotangent < 0.0:
-                    tangent = -tangent
-                cosine = 1.0 / np.sqrt(1.0 + tangent * tangent)
-                _turn(W[i], W[j], cosine, cosine * tangent)
-                _turn(V[i], V[j], cosine, cosine * tangent)
-        if not turned:
-            break
-    s = np.empty(m)
-    for i in range(m):
-        s[i] = np.sqrt(_dot(W[i], W[i]))
-    order = np.argsort(-s)
-    return W[order], s[order], V[order]
-
-
-@compiled
-def _dot(a: FloatArray, b: FloatArray) -> float:
+@internal
+def is_finite(A: FloatArray) -> bool:
+    """Whether no entry (n, m) is NaN or infinite: of others, LAPACK says so by an exception."""
     total = 0.0
-    for k in range(len(a)):
-        total += a[k] * b[k]
-    return total
+    for i in range(A.shape[0]):
+        for j in range(A.shape[1]):
+            total += abs(A[i, j])
+    return bool(total < np.inf)
 
 
-@compiled
-def _turn(a: FloatArray, b: FloatArray, cosine: float, sine: float) -> None:
-    for k in range(len(a)):
-        a[k], b[k] = cosine * a[k] - sine * b[k], sine * a[k] + cosine * b[k]
-
-
-@compiled
+@internal
 def solve_positive(A: FloatArray, b: FloatArray) -> bool:
     """Solve `A x = b` in place on `b`, with Cholesky's factor in place on `A` (n, n).
 
     Returns:
         False where A is not positive definite; A and b then hold nothing of use.
     """
-    n = len(b)
-    if not factor(A, n):
+    if not factor(A, 0.0):
         return False
-    forward(A, b, n)
-    backward(A, b, n)
+    forward(A, b)
+    backward(A, b)
     return True
 
 
-@compiled
-def factor(A: FloatArray, n: int) -> bool:
-    """Cholesky's lower factor of the first n rows, in place; false if A is not positive."""
-    for j in range(n):
+@internal
+def factor(A: FloatArray, least: float) -> bool:
+    """Cholesky's lower factor of A (n, n), in place; false if A is not positive.
+
+    Args:
+        least: so much of each diagonal entry must be left when the columns before it are taken out.
+    """
+    for j in range(len(A)):
+        before = A[j, j]
         for k in range(j):
             A[j, j] -= A[j, k] * A[j, k]
-        if not A[j, j] > 0.0:
+        if not A[j, j] > least * before:
             return False
         A[j, j] = np.sqrt(A[j, j])
         scale = 1.0 / A[j, j]
-        for i in range(j + 1, n):
+        for i in range(j + 1, len(A)):
             for k in range(j):
                 A[i, j] -= A[i, k] * A[j, k]
             A[i, j] *= scale
     return True
 
 
-@compiled
-def forward(L: FloatArray, b: FloatArray, n: int) -> None:
+@internal
+def forward(L: FloatArray, b: FloatArray) -> None:
     """Solve L y = b in place."""
-    for i in range(n):
+    for i in range(len(L)):
         for k in range(i):
             b[i] -= L[i, k] * b[k]
         b[i] /= L[i, i]
 
 
-@compiled
-def backward(L: FloatArray, b: FloatArray, n: int) -> None:
+@internal
+def backward(L: FloatArray, b: FloatArray) -> None:
     """Solve L^T y = b in place."""
-    for i in range(n - 1, -1, -1):
-        for k in range(i + 1, n):
+    for i in range(len(L) - 1, -1, -1):
+        for k in range(i + 1, len(L)):
             b[i] -= L[k, i] * b[k]
         b[i] /= L[i, i]

@@ -17,8 +17,8 @@ import cv2
 import numpy as np
 
 from stereocal.compilations import clock
-from stereocal.compiled import FloatArray, compiled
-from stereocal.decompositions import singular_vectors, solve_positive, triangle
+from stereocal.compiled import FloatArray, compiled, internal
+from stereocal.decompositions import is_finite, solve_positive, triangle
 from stereocal.errors import StereocalError
 from stereocal.geometry import Angles, Pose, fill_essential, fill_pose, midpoint
 
@@ -82,12 +82,12 @@ def calibrate_essential(
             "The points do not determine how the cameras stand: they lie too close together, or "
             "all alike. Spread the bar over the whole view and over different depths."
         )
-    found = []
+    found, conditions = [], _conditions(rays)
     for E in candidates:
         R, t, in_front = choose_pose(E, rays)
         if in_front:
             pose = Pose(R, t)
-            found.append((in_front, _sum_of_squares(pose, rays), pose))
+            found.append((in_front, _sum_of_squares(pose, conditions), pose))
     if not found:
         raise StereocalError(
             "No position of the cameras has the points in front of both. Check that the points of "
@@ -99,7 +99,7 @@ def calibrate_essential(
     if solver == "constrained":
         angles, more, converged = constrain(np.array(pose.angles), rays)
         pose = Pose.from_angles(Angles(*angles.tolist()), 1.0)
-        cost = _sum_of_squares(pose, rays)
+        cost = _sum_of_squares(pose, conditions)
         evaluations += more
         stop_reason = "converged" if converged else "the largest number of rounds was reached"
     pose = Pose(pose.R, baseline * pose.T)
@@ -127,8 +127,15 @@ def _best(
     return min(ties, key=lambda tie: tie[0])
 
 
-def _sum_of_squares(pose: Pose, rays: FloatArray) -> float:
-    return float(np.sum((pose.essential.ravel() @ _coefficients(rays)) ** 2))
+def _sum_of_squares(pose: Pose, conditions: FloatArray) -> float:
+    return float(np.sum((pose.essential.ravel() @ conditions) ** 2))
+
+
+def _conditions(rays: FloatArray) -> FloatArray:
+    """(9, n): the residuals are `E.ravel() @ _conditions(rays)`."""
+    p, q = np.ones((3, rays.shape[1])), np.ones((3, rays.shape[1]))
+    p[:2], q[:2] = rays[:2], rays[2:]
+    return (q[:, None] * p).reshape(9, -1)
 
 
 def _five_point(rays: FloatArray) -> list[FloatArray]:
@@ -136,7 +143,7 @@ def _five_point(rays: FloatArray) -> list[FloatArray]:
 
     None where the pairs give fewer than 5 conditions, such as one pair given five times.
     """
-    singular = np.linalg.svd(_coefficients(rays), compute_uv=False)
+    singular = np.linalg.svd(_conditions(rays), compute_uv=False)
     if singular[MINIMUM_PAIRS - 1] < 1e-12 * singular[0]:
         return []
     candidates: list[FloatArray] = []
@@ -155,29 +162,50 @@ def linear_essential(rays: FloatArray) -> FloatArray:
 
     NaN where the points do not determine it.
     """
-    normalised, u, v, a = np.empty_like(rays), np.empty(2), np.empty(2), np.empty(2)
-    for camera in range(2):
-        own = rays[2 * camera : 2 * camera + 2]
-        u[camera], v[camera] = own[0].mean(), own[1].mean()
-        squares = (own[0] - u[camera]) ** 2 + (own[1] - v[camera]) ** 2
-        a[camera] = 1.0 / np.sqrt(0.5 * squares.mean())  # mean square 1 along each axis
-        normalised[2 * camera] = a[camera] * (own[0] - u[camera])
-        normalised[2 * camera + 1] = a[camera] * (own[1] - v[camera])
-    _, singular, vt = singular_vectors(triangle(_coefficients(normalised)))
-    E = np.full((3, 3), np.nan)
-    if not singular[7] >= 1e-12 * singular[0]:
+    normalised, middle, scale = np.empty(rays.shape), np.zeros(4), np.empty(4)
+    _normalise(rays, normalised, middle, scale)
+    r, E = triangle(_coefficients(normalised)), np.full((3, 3), np.nan)
+    if not is_finite(r):
         return E
-    F = vt[8].copy().reshape(3, 3)
-    # Back to the rays as they were: first the columns (primary), then the rows (secondary).
-    F[:, 2] -= a[0] * (u[0] * F[:, 0] + v[0] * F[:, 1])
-    F[:, :2] *= a[0]
-    F[2] -= a[1] * (u[1] * F[0] + v[1] * F[1])
-    F[:2] *= a[1]
-    U, singular, vt = singular_vectors(F)
+    _, singular, vt = np.linalg.svd(r)
+    if singular[7] < 1e-12 * singular[0]:
+        return E
+    # Back to the rays as they were: F = N_secondary^T G N_primary.
+    F = np.empty((3, 3))
+    for i in range(3):
+        for j in range(2):
+            F[i, j] = scale[j] * vt[8, 3 * i + j]
+        F[i, 2] = vt[8, 3 * i + 2] - middle[0] * F[i, 0] - middle[1] * F[i, 1]
+    for j in range(3):
+        F[0, j] *= scale[2]
+        F[1, j] *= scale[3]
+        F[2, j] -= middle[2] * F[0, j] + middle[3] * F[1, j]
+    u, singular, vt = np.linalg.svd(F)
+    if singular[1] < 1e-12 * singular[0]:
+        return E
     for i in range(3):
         for j in range(3):
-            E[i, j] = U[0, i] / singular[0] * vt[0, j] + U[1, i] / singular[1] * vt[1, j]
+            E[i, j] = u[i, 0] * vt[0, j] + u[i, 1] * vt[1, j]
     return E
+
+
+@internal
+def _normalise(
+    rays: FloatArray, normalised: FloatArray, middle: FloatArray, scale: FloatArray
+) -> None:
+    """Write `scale * (rays - middle)`: mean 0, and mean square 1 along each axis of a camera."""
+    n = rays.shape[1]
+    for camera in range(2):
+        square = 0.0
+        for row in range(2 * camera, 2 * camera + 2):
+            for k in range(n):
+                middle[row] += rays[row, k] / n
+            for k in range(n):
+                square += (rays[row, k] - middle[row]) ** 2
+        for row in range(2 * camera, 2 * camera + 2):
+            scale[row] = 1.0 / np.sqrt(0.5 * square / n)
+            for k in range(n):
+                normalised[row, k] = scale[row] * (rays[row, k] - middle[row])
 
 
 @compiled
@@ -186,30 +214,33 @@ def choose_pose(E: FloatArray, rays: FloatArray) -> tuple[FloatArray, FloatArray
 
     Returns R, the unit vector t, and how many points are in front.
     """
-    U, singular, vt = singular_vectors(E)
-    u, v = U[:2] / singular[:2].reshape(2, 1), vt[:2]
-    normal_u, normal_v = _cross(u[0], u[1]), _cross(v[0], v[1])
-    best_R, best_t, most = np.eye(3), normal_u, -1
-    for turn in (1.0, -1.0):
-        R = np.empty((3, 3))
-        for i in range(3):
-            for j in range(3):
-                R[i, j] = turn * (u[1, i] * v[0, j] - u[0, i] * v[1, j]) + normal_u[i] * normal_v[j]
-        for sign in (1.0, -1.0):
-            t = sign * normal_u
-            in_front = 0
-            for k in range(rays.shape[1]):
-                z = midpoint(R, t, rays[0, k], rays[1, k], rays[2, k], rays[3, k])[2]
-                in_front += 0 if np.isnan(z) else 1
-            if in_front > most:
-                best_R, best_t, most = R, t, in_front
-    return best_R, best_t, most
+    u, _, vt = np.linalg.svd(E)
+    for i in range(3):  # the third vectors, so that both are right-handed
+        j, k = (i + 1) % 3, (i + 2) % 3
+        u[i, 2] = u[j, 0] * u[k, 1] - u[k, 0] * u[j, 1]
+        vt[2, i] = vt[0, j] * vt[1, k] - vt[0, k] * vt[1, j]
+    R, t, best, most = np.empty((3, 3)), np.empty(3), 0, -1
+    for pose in range(5):  # the four, and the best of them again
+        fill_candidate(u, vt, pose if pose < 4 else best, R, t)
+        in_front = 0
+        for k in range(rays.shape[1]):
+            z = midpoint(R, t, rays[0, k], rays[1, k], rays[2, k], rays[3, k])[2]
+            in_front += 0 if np.isnan(z) else 1
+        if in_front > most:
+            best, most = pose, in_front
+    return R, t, most
 
 
-@compiled
-def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    x, y, z = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-    return np.array([x, y, z])
+@internal
+def fill_candidate(
+    u: FloatArray, vt: FloatArray, number: int, R: FloatArray, t: FloatArray
+) -> None:
+    """Write one of the four poses of an essential matrix `u diag(1, 1, 0) vt`."""
+    turn, sign = 1.0 - (number & 2), 1.0 - 2.0 * (number & 1)
+    for i in range(3):
+        t[i] = sign * u[i, 2]
+        for j in range(3):
+            R[i, j] = turn * (u[i, 1] * vt[0, j] - u[i, 0] * vt[1, j]) + u[i, 2] * vt[2, j]
 
 
 @compiled
@@ -223,93 +254,79 @@ def constrain(start: FloatArray, rays: FloatArray) -> tuple[FloatArray, int, boo
     Returns the angles, the evaluations, and whether it converged.
     """
     r = triangle(_coefficients(rays))
-    angles = start.copy()
-    residual = _times(r, _essential(angles))
-    cost, damping, evaluations = (residual**2).sum(), 1e-4, 1
-    J = _jacobian(r, angles)
+    angles, trial, step = start.copy(), start.copy(), np.empty(5)
+    errors, tried, J, A = np.empty(9), np.empty(9), np.empty((5, 9)), np.empty((5, 5))
+    cost, damping, evaluations = _fill_errors(r, angles, errors), 1e-4, 1
+    _fill_slopes(r, angles, J)
     while evaluations < MOST_ROUNDS and damping < 1e12:
-        solved, step = _damped_step(J, residual, damping)
-        candidate = _times(r, _essential(angles + step))
+        for i in range(5):
+            step[i] = 0.0
+            for k in range(9):
+                step[i] -= J[i, k] * errors[k]
+            for j in range(5):
+                A[i, j] = 0.0
+                for k in range(9):
+                    A[i, j] += J[i, k] * J[j, k]
+            A[i, i] *= 1.0 + damping
+        solved = solve_positive(A, step)
+        largest = 0.0
+        for i in range(5):
+            trial[i] = angles[i] + step[i]
+            largest = max(largest, abs(step[i]))
+        found = _fill_errors(r, trial, tried)
         evaluations += 1
-        small = np.abs(step).max() < SMALLEST_STEP
-        if solved and (candidate**2).sum() < cost:
-            angles, residual = angles + step, candidate
-            cost = (residual**2).sum()
-            J = _jacobian(r, angles)
+        if solved and found < cost:
+            angles, trial, errors, tried, cost = trial, angles, tried, errors, found
+            _fill_slopes(r, angles, J)
             damping *= 0.1
-        elif solved and small:
+        elif solved and largest < SMALLEST_STEP:
             return angles, evaluations, True
         else:
             damping *= 10.0
     return angles, evaluations, False
 
 
-@compiled
-def _jacobian(r: FloatArray, angles: FloatArray) -> FloatArray:
-    """Derivatives of `r @ vec(E)` by the angles, (5, 9)."""
-    J = np.empty((5, 9))
-    derivatives = _essential_derivatives(angles)
-    for i in range(5):
-        J[i] = _times(r, derivatives[i])
-    return J
-
-
-@compiled
-def _damped_step(J: FloatArray, residual: FloatArray, damping: float) -> tuple[bool, FloatArray]:
-    """Marquardt's step, (5,), and whether there is one."""
-    A, step = np.empty((5, 5)), np.empty(5)
-    for i in range(5):
-        step[i] = -(J[i] * residual).sum()
-        for j in range(5):
-            A[i, j] = (J[i] * J[j]).sum()
-        A[i, i] *= 1.0 + damping
-    return solve_positive(A, step), step
-
-
-@compiled
-def _times(r: FloatArray, E: FloatArray) -> FloatArray:
-    """`r @ E.ravel()` for an upper triangle (9, 9)."""
-    value = np.zeros(9)
-    for i in range(9):
-        for j in range(i, 9):
-            value[i] += r[i, j] * E[j // 3, j % 3]
-    return value
-
-
-@compiled
-def _coefficients(rays: FloatArray) -> FloatArray:
-    """(9, n): the residuals are `E.ravel() @ _coefficients(rays)`."""
-    coefficients = np.ones((9, rays.shape[1]))
-    for i in range(3):
-        for j in range(3):
-            if i < 2:
-                coefficients[3 * i + j] *= rays[2 + i]
-            if j < 2:
-                coefficients[3 * i + j] *= rays[j]
-    return coefficients
-
-
-@compiled
-def _essential(angles: FloatArray) -> FloatArray:
-    """E of five angles, (3, 3)."""
-    R, T, E = np.empty((3, 3)), np.empty(3), np.empty((3, 3))
-    fill_pose(angles, 1.0, R, T)
-    fill_essential(R, T, E)
-    return E
-
-
-@compiled
-def _essential_derivatives(angles: FloatArray) -> FloatArray:
-    """The derivatives of E by the five angles, (5, 3, 3).
+@internal
+def _fill_slopes(r: FloatArray, angles: FloatArray, J: FloatArray) -> None:
+    """Write the derivatives of the 9 errors by the five angles, (5, 9).
 
     E is a sum of products of sines and cosines of each angle once, and of terms without it. Half
     the difference between a quarter turn ahead and a quarter turn back is the derivative of all of
     them.
     """
-    derivatives = np.empty((5, 3, 3))
+    turned, ahead, back = angles.copy(), np.empty(9), np.empty(9)
     for i in range(5):
-        ahead, back = angles.copy(), angles.copy()
-        ahead[i] += 0.5 * np.pi
-        back[i] -= 0.5 * np.pi
-        derivatives[i] = 0.5 * (_essential(ahead) - _essential(back))
-    return derivatives
+        turned[i] = angles[i] + 0.5 * np.pi
+        _fill_errors(r, turned, ahead)
+        turned[i] = angles[i] - 0.5 * np.pi
+        _fill_errors(r, turned, back)
+        turned[i] = angles[i]
+        for k in range(9):
+            J[i, k] = 0.5 * (ahead[k] - back[k])
+
+
+@internal
+def _fill_errors(r: FloatArray, angles: FloatArray, errors: FloatArray) -> float:
+    """Write `r @ E.ravel()` of an upper triangle (9, 9) and five angles; returns its square."""
+    R, T, E = np.empty((3, 3)), np.empty(3), np.empty((3, 3))
+    fill_pose(angles, 1.0, R, T)
+    fill_essential(R, T, E)
+    square = 0.0
+    for i in range(9):
+        errors[i] = 0.0
+        for j in range(i, 9):
+            errors[i] += r[i, j] * E[j // 3, j % 3]
+        square += errors[i] * errors[i]
+    return square
+
+
+@internal
+def _coefficients(rays: FloatArray) -> FloatArray:
+    """As `_conditions`, in compiled code."""
+    coefficients = np.empty((9, rays.shape[1]))
+    for k in range(rays.shape[1]):
+        for i in range(3):
+            row = rays[2 + i, k] if i < 2 else 1.0
+            for j in range(3):
+                coefficients[3 * i + j, k] = row * (rays[j, k] if j < 2 else 1.0)
+    return coefficients

@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from stereocal.compiled import FloatArray, compiled, inlined
+from stereocal.compiled import FloatArray, compiled, inlined, plain
 from stereocal.errors import StereocalError
 
 FARTHEST_M = 1e12
@@ -93,12 +93,13 @@ class Pose:
             StereocalError: the angles are not defined: a pitch of +-90 degrees, or one camera
                 straight ahead of the other.
         """
-        if is_degenerate(self.R, self.T):
+        R, T = plain(self.R), plain(self.T)
+        if is_degenerate(R, T):
             raise StereocalError(
                 "The rig cannot be described by the five angles: one camera stands straight ahead "
                 "of the other, or is pitched by 90 degrees. Move one camera aside."
             )
-        return Angles(*angles_of(self.R, self.T))
+        return Angles(*angles_of(R, T))
 
     def __matmul__(self, other: Pose) -> Pose:
         """`c_from_b @ b_from_a` is `c_from_a`."""
@@ -117,7 +118,7 @@ class Pose:
     def essential(self) -> FloatArray:
         """`E = [t]x R` with |t| = 1, shape (3, 3) (paper, eq. 4)."""
         E = np.empty((3, 3))
-        fill_essential(self.R, self.T, E)
+        fill_essential(plain(self.R), plain(self.T), E)
         return E
 
 
@@ -209,15 +210,27 @@ def midpoint(
     return x1, y1, z1, x2, y2, z2
 
 
-@compiled
+@inlined
+def bar_length(R: FloatArray, T: FloatArray, rays: FloatArray, a: int, b: int) -> float:
+    """Distance between the midpoints of two pairs of `rays` (4, n); NaN where one has none."""
+    ax, ay, az, _, _, _ = midpoint(R, T, rays[0, a], rays[1, a], rays[2, a], rays[3, a])
+    bx, by, bz, _, _, _ = midpoint(R, T, rays[0, b], rays[1, b], rays[2, b], rays[3, b])
+    length: float = np.sqrt((ax - bx) ** 2 + (ay - by) ** 2 + (az - bz) ** 2)
+    return length
+
+
 def triangulate_rays(R: FloatArray, T: FloatArray, rays: FloatArray) -> FloatArray:
     """Midpoints of n pairs in the primary frame, shape (n, 3); NaN where there is none."""
     points = np.empty((rays.shape[1], 3))
-    xp, yp, xs, ys = rays[0], rays[1], rays[2], rays[3]
-    for k in range(rays.shape[1]):
-        x, y, z, _, _, _ = midpoint(R, T, xp[k], yp[k], xs[k], ys[k])
-        points[k, 0], points[k, 1], points[k, 2] = x, y, z
+    _fill_points(plain(R), plain(T), plain(rays), points)
     return points
+
+
+@compiled
+def _fill_points(R: FloatArray, T: FloatArray, rays: FloatArray, points: FloatArray) -> None:
+    for k in range(rays.shape[1]):
+        x, y, z, _, _, _ = midpoint(R, T, rays[0, k], rays[1, k], rays[2, k], rays[3, k])
+        points[k, 0], points[k, 1], points[k, 2] = x, y, z
 
 
 @inlined
@@ -229,10 +242,11 @@ def reprojection_shift(
     xs: float,
     ys: float,
     pixel_scale: FloatArray,
-) -> tuple[float, float]:
+) -> tuple[float, float, float]:
     """E2D(1) and E2D(2) of one pair in pixels: point against reprojected midpoint (paper, eq. 6).
 
-    `pixel_scale` has a row (fx, skew, fy) for each camera: the part of K that acts on differences.
+    Also returns the midpoint's depth Z in the primary frame. `pixel_scale` has a row
+    (fx, skew, fy) for each camera: the part of K that acts on differences.
     """
     x1, y1, z1, x2, y2, z2 = midpoint(R, T, xp, yp, xs, ys)
     dx, dy = x1 / z1 - xp, y1 / z1 - yp
@@ -240,20 +254,26 @@ def reprojection_shift(
     first = np.sqrt(u * u + v * v)
     dx, dy = x2 / z2 - xs, y2 / z2 - ys
     u, v = pixel_scale[1, 0] * dx + pixel_scale[1, 1] * dy, pixel_scale[1, 2] * dy
-    return first, np.sqrt(u * u + v * v)
+    return first, np.sqrt(u * u + v * v), z1
 
 
-@compiled
 def reprojection_errors_of_rays(
     R: FloatArray, T: FloatArray, rays: FloatArray, pixel_scale: FloatArray
 ) -> FloatArray:
     """E2D(1) and E2D(2) of n pairs in pixels, shape (n, 2); NaN where there is no point."""
     errors = np.empty((rays.shape[1], 2))
-    xp, yp, xs, ys = rays[0], rays[1], rays[2], rays[3]
-    for k in range(rays.shape[1]):
-        first, second = reprojection_shift(R, T, xp[k], yp[k], xs[k], ys[k], pixel_scale)
-        errors[k, 0], errors[k, 1] = first, second
+    _fill_errors(plain(R), plain(T), plain(rays), plain(pixel_scale), errors)
     return errors
+
+
+@compiled
+def _fill_errors(
+    R: FloatArray, T: FloatArray, rays: FloatArray, pixel_scale: FloatArray, errors: FloatArray
+) -> None:
+    for k in range(rays.shape[1]):
+        errors[k, 0], errors[k, 1], _ = reprojection_shift(
+            R, T, rays[0, k], rays[1, k], rays[2, k], rays[3, k], pixel_scale
+        )
 
 
 def stack_rays(primary: npt.ArrayLike, secondary: npt.ArrayLike) -> FloatArray:

@@ -13,7 +13,7 @@ import numpy as np
 
 from stereocal import costs
 from stereocal.compilations import clock
-from stereocal.compiled import FloatArray, compiled
+from stereocal.compiled import FloatArray, compiled, plain
 from stereocal.errors import StereocalError
 from stereocal.geometry import Angles, Pose, fill_pose
 
@@ -96,7 +96,8 @@ class Problem:
 
     def cost(self, pose: Pose) -> float:
         """The cost of a pose; NaN if a point cannot be reconstructed in front of both cameras."""
-        return costs.cost(self.kind, pose.R, pose.T, self.rays, self.reference, self.pixel_scale)
+        R, T = plain(pose.R), plain(pose.T)
+        return costs.cost(self.kind, R, T, self.rays, self.reference, self.pixel_scale)
 
 
 def minimise(

@@ -9,14 +9,14 @@ from __future__ import annotations
 import numpy as np
 
 from stereocal import costs
-from stereocal.compiled import CountArray, FloatArray, IntArray, compiled
+from stereocal.compiled import CountArray, FloatArray, IntArray, compiled, internal
 from stereocal.essential import LINEAR_PAIRS, choose_pose, constrain, linear_essential
 from stereocal.geometry import (
     angles_of,
+    bar_length,
     fill_essential,
     fill_pose,
     is_degenerate,
-    midpoint,
     reprojection_shift,
 )
 from stereocal.montecarlo import search
@@ -59,33 +59,37 @@ def calibrate_rays(
     if rays.shape[1] < LINEAR_PAIRS:
         return False
     E = linear_essential(rays)
-    if np.isnan(E).any():
+    if np.isnan(E[0, 0]):
         return False
-    R, t, in_front = choose_pose(E, rays)
-    if in_front == 0 or is_degenerate(R, t):
+    R, T, in_front = choose_pose(E, rays)
+    if in_front == 0 or is_degenerate(R, T):
         return False
-    start = np.array(angles_of(R, t))
+    start, no_trace = np.empty(5), np.empty((3, 0))
+    fill_angles(R, T, start)
     if constrained:
         start = constrain(start, rays)[0]
-    T = np.empty(3)
     fill_pose(start, baseline, R, T)
     if is_degenerate(R, T):
         return False
-    for own_kind, own_rays in ((costs.REPROJECTION, rays), (kind, measured_rays)):
-        if not np.isfinite(costs.cost(own_kind, R, T, own_rays, reference, pixel_scale)):
-            return False
-    # The angles as the pose has them: pitch and delta within a quarter turn.
-    angles[:] = np.array(angles_of(R, T))
-    no_trace = np.empty((3, 0))
-    search(
-        costs.REPROJECTION, angles[1], baseline, rays, reference, pixel_scale, of_2d,
-        steps[0], steps[1], steps[2], steps[3], moves[0], moves[1], no_trace,
-    )  # fmt: skip
-    search(
-        kind, angles[2], baseline, measured_rays, reference, pixel_scale, of_3d,
-        steps[0], steps[1], steps[2], steps[3], moves[0], moves[1], no_trace,
-    )  # fmt: skip
+    for method in range(3):
+        # The angles as the pose has them: pitch and delta within a quarter turn.
+        fill_angles(R, T, angles[method])
+        if method > 0:
+            cost, _, _ = search(
+                costs.REPROJECTION if method == 1 else kind, angles[method], baseline,
+                rays if method == 1 else measured_rays, reference, pixel_scale,
+                of_2d if method == 1 else of_3d,
+                steps[0], steps[1], steps[2], steps[3], moves[0], moves[1], no_trace,
+            )  # fmt: skip
+            if not np.isfinite(cost):
+                return False
     return True
+
+
+@internal
+def fill_angles(R: FloatArray, T: FloatArray, angles: FloatArray) -> None:
+    """Write the five angles of a pose."""
+    angles[0], angles[1], angles[2], angles[3], angles[4] = angles_of(R, T)
 
 
 @compiled
@@ -116,7 +120,6 @@ def validate_rays(
     """
     R, T, E = np.empty((3, 3)), np.empty(3), np.empty((3, 3))
     bars = len(distances)
-    xp, yp, xs, ys = bar_rays[0], bar_rays[1], bar_rays[2], bar_rays[3]
     for method in range(len(angles)):
         fill_pose(angles[method], baseline, R, T)
         fill_essential(R, T, E)
@@ -124,11 +127,7 @@ def validate_rays(
             R, T, E, rays, pixel_scale, partners, counts[method], nans[method]
         )
         for k in range(bars):
-            a = midpoint(R, T, xp[k], yp[k], xs[k], ys[k])
-            j = k + bars
-            b = midpoint(R, T, xp[j], yp[j], xs[j], ys[j])
-            length = np.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
-            lengths[method, k] = length / distances[k]
+            lengths[method, k] = bar_length(R, T, bar_rays, k, k + bars) / distances[k]
 
 
 @compiled
@@ -156,7 +155,7 @@ def count_pairs(
             j = partners[i, k]
             label = CORRECT if i == j else WRONG
             counts[RESIDUAL, label, bin_of(abs(xs[j] * a + ys[j] * b + c))] += 1
-            first, second = reprojection_shift(R, T, xp[i], yp[i], xs[j], ys[j], pixel_scale)
+            first, second, _ = reprojection_shift(R, T, xp[i], yp[i], xs[j], ys[j], pixel_scale)
             error = 0.5 * (first + second)
             if np.isnan(error):
                 nans[label] += 1
@@ -167,7 +166,7 @@ def count_pairs(
     return total / known
 
 
-@compiled
+@internal
 def bin_of(value: float) -> int:
     if np.isnan(value):
         return ABOVE

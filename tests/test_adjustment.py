@@ -8,27 +8,34 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
+from stereocal import decompositions
 from stereocal.camera import Camera
 from stereocal.compiled import FloatArray
-from stereocal.decompositions import backward, factor, forward
 from stereocal.geometry import fill_pose
-from stereocal.refined.adjustment import loss, sums
+from stereocal.refined import adjustment, bar_fit, distortion
+from stereocal.refined.adjustment import sums
 from stereocal.refined.bar_fit import (
     ALL,
     BAR,
     BASELINE,
+    ERRORS,
     OWN,
     PRIMARY,
     RESIDUALS,
     SECONDARY,
     SHARED,
-    fill_motions,
-    residuals_of,
 )
-from stereocal.refined.distortion import bend, lens_terms
+from stereocal.refined.distortion import lens_terms
 from stereocal.refined.solve import Solve, lenses_of
 from stereocal.refined.unknowns import LensPrior, RefineSettings, unknowns_of
 from tests import rig
+from tests.machine_code import machine_code
+
+backward, factor = machine_code(decompositions.backward), machine_code(decompositions.factor)
+forward, loss = machine_code(decompositions.forward), machine_code(adjustment.loss)
+fill_motions, residuals_of = machine_code(bar_fit.fill_motions), machine_code(bar_fit.residuals_of)
+shared_slopes = machine_code(bar_fit.shared_slopes)
+bend = machine_code(distortion.bend)
 
 LENSES = {
     "five": [-0.21, 0.17, 0.0009, -0.0013, -0.06],
@@ -50,37 +57,42 @@ def truth() -> FloatArray:
 
 
 def frame_of(q: FloatArray, x: FloatArray, pixels: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Residuals and slopes of one frame, as `residuals_of` writes them."""
+    """Residuals and slopes of one frame."""
     R, T, motions = np.empty((3, 3)), np.empty(3), np.empty((6, 3))
     fill_pose(q[:5], q[BASELINE], R, T)
     fill_motions(q, R, motions)
-    r, J = np.empty(RESIDUALS), np.empty((ALL, RESIDUALS))
-    s = residuals_of(
-        q, R, T, motions, lenses_of(rig.dataset(5)), pixels, rig.BAR_M, 4.0, 900.0, x, True, r, J
-    )
-    assert s == pytest.approx(float(r @ r), rel=1e-12)
-    return r, J
+    slopes, J = np.empty((8, 4)), np.empty((ALL + 1, RESIDUALS))
+    lenses = lenses_of(rig.dataset(5))
+    s = residuals_of(q, R, T, lenses, pixels, rig.BAR_M, 4.0, 900.0, x, slopes, J)
+    shared_slopes(R, motions, pixels, rig.BAR_M, 4.0, 900.0, x, slopes, J)
+    assert s == pytest.approx(float(J[ERRORS] @ J[ERRORS]), rel=1e-12)
+    return J[ERRORS], J[:ALL]
+
+
+def bending(camera: Camera) -> FloatArray:
+    """The lens as `bend` reads it."""
+    return np.array([[0.0, *lens_terms(camera)]])
 
 
 @pytest.mark.parametrize("name", LENSES)
 def test_bend_is_opencvs_model(name: str) -> None:
     camera = Camera(np.eye(3), np.array(LENSES[name]), (100, 100))
     points = np.random.default_rng(1).uniform(-0.5, 0.5, (50, 2))
-    mine = np.array([bend(x, y, lens_terms(camera))[:2] for x, y in points])
+    mine = np.array([bend(x, y, bending(camera), 0)[:2] for x, y in points])
     # OpenCV's projectPoints of the same model; measured: 1.1e-16.
     np.testing.assert_allclose(mine, camera.distort(points), rtol=0, atol=1e-13)
 
 
 @pytest.mark.parametrize("name", LENSES)
 def test_slopes_of_bend(name: str) -> None:
-    terms = lens_terms(Camera(np.eye(3), np.array(LENSES[name]), (100, 100)))
+    terms = bending(Camera(np.eye(3), np.array(LENSES[name]), (100, 100)))
     for x, y in np.random.default_rng(2).uniform(-0.5, 0.5, (20, 2)):
         h = 1e-6
-        along_x = (np.array(bend(x + h, y, terms)[:2]) - bend(x - h, y, terms)[:2]) / (2 * h)
-        along_y = (np.array(bend(x, y + h, terms)[:2]) - bend(x, y - h, terms)[:2]) / (2 * h)
+        along_x = (np.array(bend(x + h, y, terms, 0)[:2]) - bend(x - h, y, terms, 0)[:2]) / (2 * h)
+        along_y = (np.array(bend(x, y + h, terms, 0)[:2]) - bend(x, y - h, terms, 0)[:2]) / (2 * h)
         # Central differences of step 1e-6: 1e-10 of rounding.
         expected = [along_x[0], along_y[0], along_x[1], along_y[1]]
-        np.testing.assert_allclose(bend(x, y, terms)[2:], expected, atol=1e-8)
+        np.testing.assert_allclose(bend(x, y, terms, 0)[2:], expected, atol=1e-8)
 
 
 @given(seed=rig.SEEDS)
@@ -112,13 +124,14 @@ def test_an_unseen_target_and_one_behind_a_camera() -> None:
     R, T, motions = np.empty((3, 3)), np.empty(3), np.empty((6, 3))
     fill_pose(q[:5], q[BASELINE], R, T)
     fill_motions(q, R, motions)
-    r, J = np.empty(RESIDUALS), np.empty((ALL, RESIDUALS))
+    slopes, J = np.empty((8, 4)), np.empty((ALL + 1, RESIDUALS))
     lenses = lenses_of(rig.dataset(5))
-    residuals_of(q, R, T, motions, lenses, pixels, np.nan, 1.0, 0.0, x, True, r, J)
-    assert not r[4:].any()
+    residuals_of(q, R, T, lenses, pixels, np.nan, 1.0, 0.0, x, slopes, J)
+    shared_slopes(R, motions, pixels, np.nan, 1.0, 0.0, x, slopes, J)
+    assert J[:, :4].any()
     assert not J[:, 4:].any()
     x[2] = -1.0
-    s = residuals_of(q, R, T, motions, lenses, pixels, np.nan, 1.0, 0.0, x, True, r, J)
+    s = residuals_of(q, R, T, lenses, pixels, np.nan, 1.0, 0.0, x, slopes, J)
     assert s == np.inf
 
 
@@ -129,12 +142,12 @@ def test_cholesky(seed: int, n: int) -> None:
     root = rng.normal(size=(n, n)) + 3 * np.eye(n)
     A, b = root @ root.T, rng.normal(size=n)
     L, x = A.copy(), b.copy()
-    assert factor(L, n)
-    forward(L, x, n)
-    backward(L, x, n)
+    assert factor(L, 0.0)
+    forward(L, x)
+    backward(L, x)
     np.testing.assert_allclose(A @ x, b, atol=1e-8 * np.linalg.cond(A))
     A[0, 0] = -1.0
-    assert not factor(A, n)
+    assert not factor(A, 0.0)
 
 
 @given(limit=st.floats(1.0, 100.0), s=st.floats(0.0, 200.0))
@@ -165,17 +178,13 @@ def test_the_result_is_scipys_of_the_whole_problem() -> None:
 
     def whole(z: FloatArray) -> FloatArray:
         q = unknowns.origin + unknowns.M @ z[:k]
-        R, T, motions = np.empty((3, 3)), np.empty(3), np.empty((6, 3))
+        R, T = np.empty((3, 3)), np.empty(3)
         fill_pose(q[:5], q[BASELINE], R, T)
-        fill_motions(q, R, motions)
         found = [z[:k][free] / unknowns.sigma[free]]
         for f, x in enumerate(z[k:].reshape(-1, OWN)):
-            r, J = np.empty(RESIDUALS), np.empty((ALL, RESIDUALS))
-            residuals_of(
-                q, R, T, motions, lenses, solve.pixels[f], rig.BAR_M, 1 / 0.3, 1000.0, x, False,
-                r, J,
-            )  # fmt: skip
-            found.append(r)
+            slopes, J = np.empty((8, 4)), np.empty((ALL + 1, RESIDUALS))
+            residuals_of(q, R, T, lenses, solve.pixels[f], rig.BAR_M, 1 / 0.3, 1000.0, x, slopes, J)
+            found.append(J[ERRORS])
         return np.concatenate(found)
 
     start = np.concatenate([np.zeros(k), rig.bar_ends(15).ravel()])

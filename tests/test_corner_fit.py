@@ -26,7 +26,7 @@ PARAMETERS = np.array(
 def grey_level(p: FloatArray, x: float, y: float, samples: int) -> tuple[float, FloatArray]:
     frame, rows = np.empty(FRAME), np.empty((ALL + 1, 1))
     fill_frame(p, 15.0, samples, frame)
-    fill_rows(p, frame, np.array([[x, y, 0.0]]), rows)
+    fill_rows(p, frame, np.array([[x, y, 0.0]]), 0, 1, rows)
     return float(rows[ALL, 0]), rows[:ALL, 0]
 
 

@@ -11,9 +11,12 @@ from stereocal import costs
 from stereocal.compiled import FloatArray
 from stereocal.geometry import Pose, triangulate_rays
 from tests import reference
+from tests.machine_code import machine_code
 from tests.rig import PRIMARY, RIG, SECONDARY, SEEDS, bar_ends, random_rig, rays_of
 
 NOTHING = np.empty((0, 0))
+reprojection_cost = machine_code(costs.reprojection_cost)
+distance_cost, points_cost = machine_code(costs.distance_cost), machine_code(costs.points_cost)
 SCALE = np.array([PRIMARY.pixel_scale, SECONDARY.pixel_scale])
 
 
@@ -43,20 +46,20 @@ def test_compiled_costs_equal_plain_numpy(seed: int, bars: int) -> None:
     pose, points, rays = made
     R, T = pose.R, pose.T
     np.testing.assert_allclose(
-        costs.reprojection_cost(R, T, rays, SCALE),
+        reprojection_cost(R, T, rays, SCALE),
         reference.reprojection_cost(R, T, rays, SCALE),
         rtol=RELATIVE,
     )
     # A bar never as long as the points are apart, so that no cost is a difference near zero.
     lengths = 0.5 * np.linalg.norm(points[:bars] - points[bars:], axis=1)[None, :]
     np.testing.assert_allclose(
-        costs.distance_cost(R, T, rays, lengths),
+        distance_cost(R, T, rays, lengths),
         reference.distance_cost(R, T, rays, lengths),
         rtol=RELATIVE,
     )
     known = np.ascontiguousarray(points.T) + 0.1
     np.testing.assert_allclose(
-        costs.points_cost(R, T, rays, known),
+        points_cost(R, T, rays, known),
         reference.points_cost(R, T, rays, known),
         rtol=RELATIVE,
     )
@@ -80,9 +83,9 @@ def test_one_search_serves_all_costs() -> None:
     lengths, known = np.full((1, 6), 0.8), bar_ends(6).T.copy()
     R, T = RIG.R, RIG.T
     for kind, held, expected in (
-        (costs.REPROJECTION, NOTHING, costs.reprojection_cost(R, T, rays, SCALE)),
-        (costs.DISTANCE, lengths, costs.distance_cost(R, T, rays, lengths)),
-        (costs.POINTS, known, costs.points_cost(R, T, rays, known)),
+        (costs.REPROJECTION, NOTHING, reprojection_cost(R, T, rays, SCALE)),
+        (costs.DISTANCE, lengths, distance_cost(R, T, rays, lengths)),
+        (costs.POINTS, known, points_cost(R, T, rays, known)),
     ):
         # The same sum, which the compiler may order another way: 1e-15.
         assert costs.cost(kind, R, T, rays, held, SCALE) == pytest.approx(expected, rel=1e-13)
@@ -97,9 +100,9 @@ def test_exact_points_cost_nothing() -> None:
     lengths = np.linalg.norm(points[:12] - points[12:], axis=1)[None, :]
     # Sums over 24 pairs of rounding: of 1000 px, and of 10 m.
     # Measured: 1.5e-11 px, 8e-14 m and 3e-13 m.
-    assert costs.reprojection_cost(R, T, rays, SCALE) < 1e-9
-    assert costs.distance_cost(R, T, rays, lengths) < 1e-11
-    assert costs.points_cost(R, T, rays, points.T.copy()) < 1e-11
+    assert reprojection_cost(R, T, rays, SCALE) < 1e-9
+    assert distance_cost(R, T, rays, lengths) < 1e-11
+    assert points_cost(R, T, rays, points.T.copy()) < 1e-11
 
 
 @pytest.mark.parametrize("lost", [0, 5, 11])
@@ -120,10 +123,10 @@ def test_a_point_behind_a_camera_makes_every_cost_nan(lost: int) -> None:
 def test_each_ingredient_counts() -> None:
     """Skew, both focal lengths and both cameras act on the 2D cost."""
     rays = rays_of(RIG, bar_ends(6)) + np.random.default_rng(0).normal(0, 1e-3, (4, 12))
-    whole = costs.reprojection_cost(RIG.R, RIG.T, rays, SCALE)
+    whole = reprojection_cost(RIG.R, RIG.T, rays, SCALE)
     for row in range(2):
         for column in range(3):
             changed = SCALE.copy()
             changed[row, column] += 50.0
-            other = costs.reprojection_cost(RIG.R, RIG.T, rays, changed)
+            other = reprojection_cost(RIG.R, RIG.T, rays, changed)
             assert abs(other / whole - 1) > 1e-4

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from stereocal.compiled import FloatArray, compiled
+from stereocal.compiled import FloatArray, compiled, internal
 
 GreyImage = npt.NDArray[np.float32]
 
@@ -35,7 +35,7 @@ def arm_quality(arms: FloatArray, cut: int, blur: float) -> float:
     return best * max(worst, ONE_LONG) * min(1.0, shortest / (LONG * blur))
 
 
-@compiled
+@internal
 def _sample(image: GreyImage, x: float, y: float) -> float:
     """Grey level between the pixels; NaN outside the image."""
     height, width = image.shape
@@ -49,7 +49,7 @@ def _sample(image: GreyImage, x: float, y: float) -> float:
     return grey
 
 
-@compiled
+@internal
 def _profile(
     image: GreyImage,
     start: FloatArray,
@@ -81,7 +81,7 @@ def _profile(
     return seen.size
 
 
-@compiled
+@internal
 def _turned(seen: FloatArray) -> bool:
     """Whether the difference is evenly the other way round: the next square of a chessboard."""
     if not seen.size:
@@ -93,7 +93,7 @@ def _turned(seen: FloatArray) -> bool:
     return abs(mean + 1.0) < 0.35 and square - mean * mean < 0.35**2
 
 
-@compiled
+@internal
 def _arm(
     image: GreyImage, start: FloatArray, along: FloatArray, side: FloatArray, length: float
 ) -> tuple[float, bool, bool]:

@@ -13,7 +13,7 @@ import math
 import cv2
 import numpy as np
 
-from stereocal.compiled import FloatArray, compiled
+from stereocal.compiled import FloatArray, compiled, internal
 from stereocal.corners.arms import GreyImage, arm_quality, follow
 from stereocal.corners.fit import plausible, window
 from stereocal.corners.model import ALL, CORE
@@ -52,7 +52,7 @@ COLUMNS = ALL + 3
 """Of a candidate: the parameters, its score, flips, and the level."""
 
 
-@compiled
+@internal
 def _saddle(image: GreyImage, y: int, strength: GreyImage) -> None:
     """Fills -det(Hessian) of one row, (w,), by second differences; its ends stay."""
     for x in range(1, image.shape[1] - 1):
@@ -63,7 +63,7 @@ def _saddle(image: GreyImage, y: int, strength: GreyImage) -> None:
         strength[x] = xy * xy * np.float32(0.0625) - xx * yy
 
 
-@compiled
+@internal
 def _crossings(ring: FloatArray, middle: float, edges: FloatArray) -> bool:
     """Whether a ring changes sign four times; then the angles (4,), in order."""
     n, count = ring.size, 0
@@ -78,14 +78,15 @@ def _crossings(ring: FloatArray, middle: float, edges: FloatArray) -> bool:
     return count == 4
 
 
-@compiled
+@internal
 def _ring(image: GreyImage, x: int, y: int, ring: FloatArray, p: FloatArray) -> bool:
     """Whether a ring looks like that of an X-corner; then p is the start of its fit."""
-    n = ring.size
+    n, darkest, brightest = ring.size, math.inf, -math.inf
     for i in range(n):
         ring[i] = image[y + RING[i, 1], x + RING[i, 0]]
-    middle = 0.5 * (ring.min() + ring.max())
-    if 2.0 * (ring.max() - middle) < SMALLEST_CONTRAST:
+        darkest, brightest = min(darkest, ring[i]), max(brightest, ring[i])
+    middle = 0.5 * (darkest + brightest)
+    if brightest - darkest < SMALLEST_CONTRAST:
         return False
     edges = np.empty(4)
     if not _crossings(ring, middle, edges):
@@ -104,7 +105,8 @@ def _ring(image: GreyImage, x: int, y: int, ring: FloatArray, p: FloatArray) -> 
         if RING_ANGLES[i] > edges[0]:
             bright = ring[i] > middle
             break
-    p[:] = 0.0
+    for i in range(p.size):
+        p[i] = 0.0
     p[0], p[1] = x, y
     p[2] = first - 0.5 * math.pi if bright else first + 0.5 * math.pi
     p[3] = second + 0.5 * math.pi
@@ -112,7 +114,7 @@ def _ring(image: GreyImage, x: int, y: int, ring: FloatArray, p: FloatArray) -> 
     return True
 
 
-@compiled
+@internal
 def _likeness(image: GreyImage, x: int, y: int, p: FloatArray) -> float:
     """Correlation of 9x9 pixels with a crossing whose edges are ramps of 4 px."""
     cos1, sin1, cos2, sin2 = math.cos(p[2]), math.sin(p[2]), math.cos(p[3]), math.sin(p[3])
@@ -157,10 +159,17 @@ def _starts(image: GreyImage, weakest: float) -> FloatArray:
                 found[n, ALL] = _likeness(image, x, y, found[n])
                 n += 1
                 if n == found.shape[0]:
-                    larger = np.empty((2 * n, ALL + 1))
-                    larger[:n] = found
-                    found = larger
+                    found = _doubled(found)
     return found[:n]
+
+
+@internal
+def _doubled(rows: FloatArray) -> FloatArray:
+    larger = np.empty((2 * rows.shape[0], rows.shape[1]))
+    for i in range(rows.shape[0]):
+        for j in range(rows.shape[1]):
+            larger[i, j] = rows[i, j]
+    return larger
 
 
 @compiled
@@ -171,20 +180,22 @@ def _screen(level: GreyImage, starts: FloatArray, scores: FloatArray) -> None:
     """
     along, half = np.empty((2, 2)), np.full(2, HALF_WINDOW)
     penalty, before = np.zeros(ALL), np.empty(ALL)
-    scores[:] = 0.0
+    # numba compiles once more for each constant that is given as it stands.
+    size, rounds, samples, stride = int(CORE), int(ROUNDS), 0, 1
     left = MOST
     for i in range(starts.shape[0]):
         if left == 0:
             break
         left -= 1
         p = starts[i]
-        before[:] = p
+        for a in range(ALL):
+            before[a] = p[a]
         along[0, 0], along[0, 1] = -math.sin(p[2]), math.cos(p[2])
         along[1, 0], along[1, 1] = -math.sin(p[3]), math.cos(p[3])
-        pixels = window(level, p[0], p[1], along, half, 1)
+        pixels = window(level, p[0], p[1], along, half, stride)
         if pixels.shape[0] < 3 * CORE:
             continue
-        cost, _ = minimise(pixels, p, CORE, HALF_WINDOW, 0, penalty, ROUNDS, TOLERANCE_PX)
+        cost, _ = minimise(pixels, p, size, HALF_WINDOW, samples, penalty, rounds, TOLERANCE_PX)
         if not plausible(p, before, 3.0) or 2.0 * abs(p[6]) < SMALLEST_CONTRAST:
             continue
         explained = 1.0 - cost / max(np.var(pixels[:, 2]) * pixels.shape[0], 1e-9)

@@ -109,22 +109,24 @@ def _crossing(h: float, k: float, frame: FloatArray) -> tuple[float, float, floa
 
 
 @compiled
-def fill_rows(p: FloatArray, frame: FloatArray, pixels: FloatArray, rows: FloatArray) -> None:
-    """The model at many pixels: its derivatives and its errors.
+def fill_rows(
+    p: FloatArray, frame: FloatArray, pixels: FloatArray, first: int, count: int, rows: FloatArray
+) -> None:
+    """The model at `count` pixels from the first one: its derivatives and its errors.
 
     Args:
         p: (13,).
         frame: from `fill_frame`.
         pixels: (n, 3): u, v, grey level.
-        rows: (14, n) or more columns; filled with the derivatives of the grey level by the 13
+        rows: (14, count) or more columns; filled with the derivatives of the grey level by the 13
             parameters, and last with the model's grey level less that of the pixel.
     """
     cos1, sin1, cos2, sin2 = frame[0], frame[1], frame[2], frame[3]
     sharp, by_angle = frame[7], frame[8]
     per_radius, over_area = frame[FRAME - 2], frame[FRAME - 1] > 1.0
     u, v, contrast, bent1, bent2 = p[0], p[1], p[6], p[7], p[8]
-    for n in range(pixels.shape[0]):
-        x, y = pixels[n, 0] - u, pixels[n, 1] - v
+    for n in range(count):
+        x, y = pixels[first + n, 0] - u, pixels[first + n, 1] - v
         gx, gy = x * per_radius, y * per_radius
         f, by_u, by_v, by_1, by_2 = 0.0, 0.0, 0.0, 0.0, 0.0
         by_blur, bend1, bend2, share = 0.0, 0.0, 0.0, 1.0
@@ -162,4 +164,4 @@ def fill_rows(p: FloatArray, frame: FloatArray, pixels: FloatArray, rows: FloatA
         rows[2, n], rows[3, n], rows[4, n] = share * by_1, share * by_2, share * by_blur
         rows[5, n], rows[6, n], rows[7, n], rows[8, n] = 1.0, f, share * bend1, share * bend2
         rows[9, n], rows[10, n], rows[11, n], rows[12, n] = gx, gy, gx * f, gy * f
-        rows[13, n] = p[5] + p[9] * gx + p[10] * gy + half * f - pixels[n, 2]
+        rows[13, n] = p[5] + p[9] * gx + p[10] * gy + half * f - pixels[first + n, 2]

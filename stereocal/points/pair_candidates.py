@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from stereocal.compiled import FloatArray, IntArray, compiled
-from stereocal.geometry import midpoint, reprojection_shift
+from stereocal.compiled import FloatArray, IntArray, compiled, internal, plain
+from stereocal.geometry import reprojection_shift
 
 
-@compiled
 def pairs_within(
     R: FloatArray,
     T: FloatArray,
@@ -35,27 +34,48 @@ def pairs_within(
         (n, 2) least and second least error of each primary point over all pairs, inf where there is
         none; then (m, 2) the same of each secondary point.
     """
-    n, m = len(primary), len(secondary)
-    capacity = 4 * m + 16
-    first, second = np.empty(capacity, np.int64), np.empty(capacity, np.int64)
-    errors = np.empty(capacity)
-    of_primary, of_secondary = np.full((n, 2), np.inf), np.full((m, 2), np.inf)
-    xs, ys = secondary[:, 0].copy(), secondary[:, 1].copy()
+    of_primary = np.full((len(primary), 2), np.inf)
+    of_secondary = np.full((len(secondary), 2), np.inf)
+    found = _pairs_within(
+        plain(R), plain(T), plain(primary), plain(secondary.T), plain(pixel_scale), float(gate),
+        float(near), float(far), of_primary, of_secondary,
+    )  # fmt: skip
+    rows = found[:, :2].astype(np.int64)
+    return rows[:, 0], rows[:, 1], found[:, 2].copy(), of_primary, of_secondary
+
+
+@compiled
+def _pairs_within(
+    R: FloatArray,
+    T: FloatArray,
+    primary: FloatArray,
+    secondary: FloatArray,
+    pixel_scale: FloatArray,
+    gate: float,
+    near: float,
+    far: float,
+    of_primary: FloatArray,
+    of_secondary: FloatArray,
+) -> FloatArray:
+    """(k, 3): row of the primary, row of the secondary, and error of each pair; fills the rest.
+
+    `secondary` is (2, m) here, so that its points lie side by side in memory.
+    """
+    n, m = len(primary), secondary.shape[1]
+    found = np.empty((4 * m + 16, 3))
     row = np.empty(m)
     count = 0
     for i in range(n):
         xp, yp = primary[i, 0], primary[i, 1]
         # Apart from the sorting below, so that this loop uses vector instructions.
         for j in range(m):
-            _, _, z, _, _, _ = midpoint(R, T, xp, yp, xs[j], ys[j])
-            one, two = reprojection_shift(R, T, xp, yp, xs[j], ys[j], pixel_scale)
+            one, two, z = reprojection_shift(
+                R, T, xp, yp, secondary[0, j], secondary[1, j], pixel_scale
+            )
             keep = 1.0 if (z >= near) & (z <= far) else np.nan
             row[j] = 0.5 * (one + two) * keep
-        if count + m > len(errors):
-            larger = 2 * len(errors) + m
-            first, second, errors = (
-                _enlarged(first, larger), _enlarged(second, larger), _enlarged(errors, larger)
-            )  # fmt: skip
+        if count + m > len(found):
+            found = _enlarged(found, count, 2 * len(found) + m)
         least, next_least = np.inf, np.inf
         for j in range(m):
             error = row[j]
@@ -68,14 +88,16 @@ def pairs_within(
                 if error < of_secondary[j, 0]:
                     of_secondary[j, 1], of_secondary[j, 0] = of_secondary[j, 0], error
             if error <= gate:
-                first[count], second[count], errors[count] = i, j, error
+                found[count, 0], found[count, 1], found[count, 2] = i, j, error
                 count += 1
         of_primary[i, 0], of_primary[i, 1] = least, next_least
-    return first[:count], second[:count], errors[:count], of_primary, of_secondary
+    return _enlarged(found, count, count)
 
 
-@compiled
-def _enlarged(values, size):  # type: ignore[no-untyped-def]
-    larger = np.empty(size, values.dtype)
-    larger[: len(values)] = values
+@internal
+def _enlarged(found: FloatArray, count: int, size: int) -> FloatArray:
+    larger = np.empty((size, 3))
+    for k in range(count):
+        for i in range(3):
+            larger[k, i] = found[k, i]
     return larger

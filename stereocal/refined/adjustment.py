@@ -10,12 +10,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from stereocal.compiled import FloatArray, compiled
+from stereocal.compiled import FloatArray, compiled, internal
 from stereocal.decompositions import backward, factor, forward
 from stereocal.geometry import fill_pose, midpoint
 from stereocal.refined.bar_fit import (
     ALL,
-    EPSILON,
+    BASELINE,
+    ERRORS,
     OWN,
     RESIDUALS,
     SHARED,
@@ -24,6 +25,7 @@ from stereocal.refined.bar_fit import (
     normal_matrix,
     residuals_of,
     settle,
+    shared_slopes,
 )
 
 CONVERGED = 1e-9
@@ -32,7 +34,7 @@ ROUGHLY = 1e-2
 """The same while the limit still comes down: a tenth of a standard error."""
 
 
-@compiled
+@internal
 def loss(s: float, limit: float) -> tuple[float, float]:
     """Tukey's biweight rho(s) of a sum of squares, and its slope, the frame's weight.
 
@@ -72,88 +74,82 @@ def sums(
         distances: (n,), NaN without a bar.
     """
     R, T, motions = np.empty((3, 3)), np.empty(3), np.empty((6, 3))
-    fill_pose(q[: EPSILON + 1], q[5], R, T)
+    fill_pose(q, q[BASELINE], R, T)
     fill_motions(q, R, motions)
-    r, J, V = np.empty(RESIDUALS), np.empty((ALL, RESIDUALS)), np.empty((OWN, OWN))
-    Y = np.empty((SHARED + 1, OWN))
-    H[:, :] = 0.0
-    g[:] = 0.0
+    slopes, J, V = np.empty((8, 4)), np.empty((ALL + 1, RESIDUALS)), np.empty((OWN, OWN))
+    x, Y = np.empty(OWN), np.empty((SHARED + 1, OWN))
+    for i in range(SHARED):
+        g[i] = 0.0
+        for j in range(SHARED):
+            H[i, j] = 0.0
     cost = 0.0
     for f in range(len(pixels)):
-        x = places[f]
         own = 0.0 if np.isnan(distances[f]) else length_weight
-        if np.isnan(x).any():
-            start(R, T, rays[f], x)
-        s = settle(q, R, T, motions, lenses, pixels[f], distances[f], weight, own, x, r, J, V)
+        start(R, T, rays, places, f, x)
+        seen = pixels[f]
+        s = settle(q, R, T, lenses, seen, distances[f], weight, own, x, slopes, J, V)
         misfits[f] = s
         rho, w = loss(s, limits[f])
         cost += rho
-        if not s < np.inf:
-            x[:] = np.nan
-        elif w > 0.0:
-            residuals_of(
-                q, R, T, motions, lenses, pixels[f], distances[f], weight, own, x, True, r, J
-            )
-            normal_matrix(J, pixels[f], 0.0, V)
-            if factor(V, OWN):
-                eliminate(J, r, V, w, Y, H, g)
+        if w > 0.0 and s < np.inf:
+            shared_slopes(R, motions, seen, distances[f], weight, own, x, slopes, J)
+            normal_matrix(J, seen, V)
+            if factor(V, 0.0):
+                eliminate(J, V, w, Y, H, g)
+        for i in range(OWN):
+            places[f, i] = x[i] if s < np.inf else np.nan
     for i in range(SHARED):
         for j in range(i):
             H[j, i] = H[i, j]
     return cost
 
 
-@compiled
-def start(R: FloatArray, T: FloatArray, rays: FloatArray, x: FloatArray) -> None:
-    """Midpoints of the targets seen; far in front of the camera for one that was not."""
+@internal
+def start(
+    R: FloatArray, T: FloatArray, rays: FloatArray, places: FloatArray, f: int, x: FloatArray
+) -> None:
+    """Write the places of a frame; where there are none, midpoints of the targets seen.
+
+    A target that was not seen starts 1 m in front of the camera.
+    """
+    known = 0.0
+    for i in range(OWN):
+        x[i] = places[f, i]
+        known += x[i]
+    if not np.isnan(known):
+        return
     for target in range(2):
         at = 3 * target
-        if np.isnan(rays[target, 0]):
-            x[at], x[at + 1], x[at + 2] = 0.0, 0.0, 1.0
-        else:
+        x[at], x[at + 1], x[at + 2] = 0.0, 0.0, 1.0
+        if not np.isnan(rays[f, target, 0]):
             x[at], x[at + 1], x[at + 2], _, _, _ = midpoint(
-                R, T, rays[target, 0], rays[target, 1], rays[target, 2], rays[target, 3]
+                R, T, rays[f, target, 0], rays[f, target, 1], rays[f, target, 2], rays[f, target, 3]
             )
 
 
-@compiled
+@internal
 def eliminate(
-    J: FloatArray,
-    r: FloatArray,
-    L: FloatArray,
-    w: float,
-    Y: FloatArray,
-    H: FloatArray,
-    g: FloatArray,
+    J: FloatArray, L: FloatArray, w: float, Y: FloatArray, H: FloatArray, g: FloatArray
 ) -> None:
     """Add w times the Schur complement of a frame to H (lower half) and g.
 
     With J_x J_x^T = L L^T and y = L^-1 J_x J_q^T: H = J_q J_q^T - y^T y.
     """
-    for j in range(SHARED):
-        for i in range(OWN):
-            Y[j, i] = descent(J, i, J[OWN + j])
-        forward(L, Y[j], OWN)
-    z = Y[SHARED]
-    for i in range(OWN):
-        z[i] = descent(J, i, r)
-    forward(L, z, OWN)
-    for i in range(SHARED):
-        a, y = J[OWN + i], Y[i]
-        for j in range(i + 1):
-            b = J[OWN + j]
+    for i in range(SHARED + 1):  # the unknowns, and last the residuals
+        for j in range(OWN):
+            Y[i, j] = descent(J, j, OWN + i)
+        forward(L, Y[i])
+    for i in range(SHARED + 1):
+        for j in range(min(i + 1, SHARED)):
             total = 0.0
             for k in range(RESIDUALS):
-                total += a[k] * b[k]
+                total += J[OWN + i, k] * J[OWN + j, k]
             for k in range(OWN):
-                total -= y[k] * Y[j, k]
-            H[i, j] += w * total
-        total = 0.0
-        for k in range(RESIDUALS):
-            total += a[k] * r[k]
-        for k in range(OWN):
-            total -= y[k] * z[k]
-        g[i] += w * total
+                total -= Y[i, k] * Y[j, k]
+            if i < SHARED:
+                H[i, j] += w * total
+            else:
+                g[j] += w * total
 
 
 @compiled
@@ -180,52 +176,63 @@ def adjust(
     The prior of p is normal about 0 with the given precision (0: none). Returns the cost with the
     priors, the number of steps tried, and whether it converged.
     """
-    k = len(p)
-    q, g = np.empty(SHARED), np.empty(SHARED)
-    trial_p, trial_places, trial_misfits = np.empty(k), places.copy(), misfits.copy()
-    trial_H, trial_g = np.empty((SHARED, SHARED)), np.empty(SHARED)
-    A, L, b, d = np.empty((k, k)), np.empty((k, k)), np.empty(k), np.empty(k)
-    fill_shared(origin, M, p, q)
-    cost = sums(
-        q, lenses, pixels, rays, distances, weight, length_weight, limits, places, misfits, H, g
-    ) + prior_cost(p, precision)
-    damping = 1e-5
-    for step in range(1, most_steps + 1):
-        normal_equations(H, g, M, p, precision, A, b)
-        L[:, :] = A
-        for i in range(k):
-            L[i, i] *= 1.0 + damping
-        if not factor(L, k):
-            return cost, step, False
-        d[:] = b
-        forward(L, d, k)
-        gain = 0.0
-        for i in range(k):
-            gain += d[i] * d[i]
-        backward(L, d, k)
-        for i in range(k):
-            trial_p[i] = p[i] - d[i]
+    k, gain, cost, damping = len(p), np.inf, np.inf, 1e-5
+    q, g, trial_g = np.empty(SHARED), np.empty(SHARED), np.empty(SHARED)
+    trial_p, trial_places, trial_misfits = p.copy(), places.copy(), misfits.copy()
+    trial_H, A, d = np.empty((SHARED, SHARED)), np.empty((k, k)), np.empty(k)
+    for step in range(most_steps + 1):
         fill_shared(origin, M, trial_p, q)
-        trial_places[:, :] = places
         trial = sums(
             q, lenses, pixels, rays, distances, weight, length_weight, limits, trial_places,
             trial_misfits, trial_H, trial_g,
         ) + prior_cost(trial_p, precision)  # fmt: skip
-        if trial <= cost:
+        if trial <= cost or step == 0:
             cost = trial
-            p[:], places[:, :], misfits[:] = trial_p, trial_places, trial_misfits
-            H[:, :], g[:] = trial_H, trial_g
-            damping *= 0.05
+            copy(trial_places, places)
+            copy(trial_H, H)
+            copy_row(trial_misfits, misfits)
+            copy_row(trial_g, g)
+            copy_row(trial_p, p)
             if gain < tolerance:
                 return cost, step, True
+            if step > 0:
+                damping *= 0.05
         else:
             if gain < 1e-6:  # rounding, or the error that is left in the places
                 return cost, step, True
+            copy(places, trial_places)
             damping = max(20.0 * damping, 1e-4)
+        normal_equations(H, g, M, p, precision, A, d)
+        for i in range(k):
+            A[i, i] *= 1.0 + damping
+        if not factor(A, 0.0):
+            return cost, step + 1, False
+        forward(A, d)
+        gain = 0.0
+        for i in range(k):
+            gain += d[i] * d[i]
+        backward(A, d)
+        for i in range(k):
+            trial_p[i] = p[i] - d[i]
     return cost, most_steps, False
 
 
-@compiled
+@internal
+def copy(given: FloatArray, into: FloatArray) -> None:
+    """Write all of a 2D array into another: an assignment of slices takes a second to compile."""
+    for i in range(given.shape[0]):
+        for j in range(given.shape[1]):
+            into[i, j] = given[i, j]
+
+
+@internal
+def copy_row(given: FloatArray, into: FloatArray) -> None:
+    """The same of a 1D array."""
+    for i in range(len(given)):
+        into[i] = given[i]
+
+
+@internal
 def fill_shared(origin: FloatArray, M: FloatArray, p: FloatArray, q: FloatArray) -> None:
     """q = origin + M p."""
     for i in range(SHARED):
@@ -234,7 +241,7 @@ def fill_shared(origin: FloatArray, M: FloatArray, p: FloatArray, q: FloatArray)
             q[i] += M[i, j] * p[j]
 
 
-@compiled
+@internal
 def prior_cost(p: FloatArray, precision: FloatArray) -> float:
     """Sum of the squared deviations from the stated values, in standard deviations."""
     total = 0.0
@@ -243,7 +250,7 @@ def prior_cost(p: FloatArray, precision: FloatArray) -> float:
     return total
 
 
-@compiled
+@internal
 def normal_equations(
     H: FloatArray,
     g: FloatArray,
@@ -284,27 +291,27 @@ def length_innovations(
     stated one, in metres. Column 1: its variance from the noise of the pixels, in square metres:
     l^T (J_x J_x^T)^-1 l, where l is the slope of the length. NaN where there is no bar.
     """
-    R, T, motions = np.empty((3, 3)), np.empty(3), np.empty((6, 3))
-    fill_pose(q[: EPSILON + 1], q[5], R, T)
-    fill_motions(q, R, motions)
-    r, J, V = np.empty(RESIDUALS), np.empty((ALL, RESIDUALS)), np.empty((OWN, OWN))
+    R, T, x = np.empty((3, 3)), np.empty(3), np.empty(OWN)
+    fill_pose(q, q[BASELINE], R, T)
+    slopes, J, V = np.empty((8, 4)), np.empty((ALL + 1, RESIDUALS)), np.empty((OWN, OWN))
     slope = np.empty(OWN)
-    found[:, :] = np.nan
     for f in range(len(pixels)):
-        if np.isnan(distances[f]) or np.isnan(places[f]).any():
+        found[f, 0] = found[f, 1] = np.nan
+        for i in range(OWN):
+            x[i] = places[f, i]
+        seen = pixels[f]
+        s = residuals_of(q, R, T, lenses, seen, distances[f], weight, 1.0, x, slopes, J)
+        if not s < np.inf:  # also where there is no bar, and where there are no places
             continue
-        s = residuals_of(
-            q, R, T, motions, lenses, pixels[f], distances[f], weight, 1.0, places[f], False, r, J
-        )
-        if not s < np.inf:
-            continue
-        slope[:] = J[:OWN, 8]
-        J[:OWN, 8] = 0.0
-        normal_matrix(J, pixels[f], 0.0, V)
-        if factor(V, OWN):
-            forward(V, slope, OWN)
-            found[f, 0] = r[8]
-            found[f, 1] = (slope * slope).sum()
+        for i in range(OWN):
+            slope[i] = J[i, 8]
+            J[i, 8] = 0.0
+        normal_matrix(J, seen, V)
+        if factor(V, 0.0):
+            forward(V, slope)
+            found[f, 0], found[f, 1] = J[ERRORS, 8], 0.0
+            for i in range(OWN):
+                found[f, 1] += slope[i] * slope[i]
 
 
 @compiled
@@ -316,16 +323,18 @@ def point_slopes(
     In units of 1 / `weight` pixels. NaN behind a camera.
     """
     R, T, motions = np.empty((3, 3)), np.empty(3), np.empty((6, 3))
-    fill_pose(q[: EPSILON + 1], q[5], R, T)
+    fill_pose(q, q[BASELINE], R, T)
     fill_motions(q, R, motions)
-    r, J, x = np.empty(RESIDUALS), np.empty((ALL, RESIDUALS)), np.zeros(OWN)
+    work, J, x = np.empty((8, 4)), np.empty((ALL + 1, RESIDUALS)), np.zeros(OWN)
     pixels = np.full((2, 4), np.nan)
-    pixels[0] = 0.0
+    for i in range(4):
+        pixels[0, i] = 0.0
     for k in range(len(points)):
-        x[:3] = points[k]
-        s = residuals_of(q, R, T, motions, lenses, pixels, 0.0, weight, 0.0, x, True, r, J)
-        for i in range(4):
-            for j in range(3):
-                slopes[k, j, i] = J[j, i] if s < np.inf else np.nan
-            for j in range(SHARED):
-                slopes[k, 3 + j, i] = J[OWN + j, i] if s < np.inf else np.nan
+        for j in range(3):
+            x[j] = points[k, j]
+        s = residuals_of(q, R, T, lenses, pixels, 0.0, weight, 0.0, x, work, J)
+        shared_slopes(R, motions, pixels, 0.0, weight, 0.0, x, work, J)
+        for j in range(3 + SHARED):
+            row = j if j < 3 else OWN + j - 3
+            for i in range(4):
+                slopes[k, j, i] = J[row, i] if s < np.inf else np.nan

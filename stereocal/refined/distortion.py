@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from stereocal.camera import Camera
-from stereocal.compiled import FloatArray, compiled
+from stereocal.compiled import FloatArray, internal
 
 TERMS = 22
 """k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4, whether the sensor is tilted, and its 3x3 map."""
@@ -38,9 +38,16 @@ def _tilt(tau_x: float, tau_y: float) -> FloatArray:
     return tilt
 
 
-@compiled
-def bend(x: float, y: float, terms: FloatArray) -> tuple[float, float, float, float, float, float]:
-    """The bent point (x', y') of a straight one, and dx'/dx, dx'/dy, dy'/dx, dy'/dy."""
+@internal
+def bend(
+    x: float, y: float, lenses: FloatArray, camera: int
+) -> tuple[float, float, float, float, float, float]:
+    """The bent point (x', y') of a straight one, and dx'/dx, dx'/dy, dy'/dx, dy'/dy.
+
+    Args:
+        lenses: (2, 23): of each camera the skew, which bends nothing, then `lens_terms`.
+    """
+    terms = lenses[camera, 1:]
     k1, k2, p1, p2, k3 = terms[0], terms[1], terms[2], terms[3], terms[4]
     k4, k5, k6 = terms[5], terms[6], terms[7]
     s1, s2, s3, s4 = terms[8], terms[9], terms[10], terms[11]

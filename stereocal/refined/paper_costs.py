@@ -12,7 +12,7 @@ import numpy as np
 
 from stereocal.compiled import FloatArray, IntArray, compiled
 from stereocal.geometry import fill_pose, midpoint
-from stereocal.refined.bar_fit import BASELINE, EPSILON, PRIMARY, SECONDARY
+from stereocal.refined.bar_fit import BASELINE, PRIMARY, SECONDARY
 from stereocal.refined.distortion import bend
 
 MOST_BENDS = 20
@@ -29,14 +29,14 @@ def straighten(
     for camera in range(2):
         at = PRIMARY if camera == 0 else SECONDARY
         fx, fy, cx, cy = q[at], q[at + 1], q[at + 2], q[at + 3]
-        skew, terms = lenses[camera, 0], lenses[camera, 1:]
+        skew = lenses[camera, 0]
         for k in range(len(pixels)):
             by = (pixels[k, 2 * camera + 1] - cy) / fy
             bx = (pixels[k, 2 * camera] - cx - skew * by) / fx
             x, y = rays[2 * camera, k], rays[2 * camera + 1, k]
             error = np.inf
             for _ in range(MOST_BENDS):
-                u, v, xx, xy, yx, yy = bend(x, y, terms)
+                u, v, xx, xy, yx, yy = bend(x, y, lenses, camera)
                 scale = 1.0 / (xx * yy - xy * yx)
                 du, dv = u - bx, v - by
                 x -= scale * (yy * du - xy * dv)
@@ -63,7 +63,7 @@ def fill_errors(
 ) -> None:
     """Write all errors: 4 of each of n pairs in pixels (e_primary, e_secondary), then m lengths."""
     R, T = np.empty((3, 3)), np.empty(3)
-    fill_pose(q[: EPSILON + 1], q[BASELINE], R, T)
+    fill_pose(q, q[BASELINE], R, T)
     n = rays.shape[1]
     points = np.empty((n, 3))
     for k in range(n):
