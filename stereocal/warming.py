@@ -19,7 +19,7 @@ from stereocal.refined.unknowns import RefineSettings
 def compile_all(sample: Path) -> None:
     """Compile, or read from the cache, what the pages use.
 
-    The very first time takes a minute of CPU time.
+    The very first time takes about half a minute of CPU time.
 
     Args:
         sample: a data set.
