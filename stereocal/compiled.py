@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import functools
+import hashlib
+import inspect
+import re
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, Generic, ParamSpec, TypeVar
 
 import numba
@@ -20,6 +24,9 @@ BoolArray = npt.NDArray[np.bool_]
 P = ParamSpec("P")
 T = TypeVar("T")
 
+
+_PACKAGE = Path(__file__).parent
+_IMPORTED = re.compile(rf"^from ({_PACKAGE.name}[.\w]*) import ([\w, ]*)", re.MULTILINE)
 
 FAST_MATH = {"contract", "nsz", "arcp", "reassoc"}
 """Sums may be reordered, so that loops over points use vector instructions; NaN stays NaN."""
@@ -69,7 +76,27 @@ def _decorated(function: Callable[P, T], **options: bool) -> Callable[P, T]:
     decorated: Callable[P, T] = numba.njit(
         cache=True, nogil=True, error_model="numpy", fastmath=FAST_MATH, **every
     )(function)
+    # numba itself trusts what is on disk for as long as the function's own file is the same.
+    kept: Any = decorated
+    kept._cache._cache_file._source_stamp = _stamp(Path(inspect.getfile(function)))
     return decorated
+
+
+@functools.cache
+def _stamp(path: Path) -> str:
+    """A digest of a file and of all of this package that it imports, directly or not.
+
+    Compiled code holds a copy of what it calls and the constants it reads, also of other files.
+    """
+    seen, left = {path}, [path]
+    while left:
+        for module, names in _IMPORTED.findall(left.pop().read_text(encoding="utf-8")):
+            of_module = _PACKAGE.parent.joinpath(*module.split("."))
+            inside = [of_module / f"{name.strip()}.py" for name in names.split(",")]
+            new = {each for each in (of_module.with_suffix(".py"), *inside) if each.is_file()}
+            left += new - seen
+            seen |= new
+    return hashlib.sha256(b"".join(each.read_bytes() for each in sorted(seen))).hexdigest()
 
 
 def plain(array: FloatArray) -> FloatArray:

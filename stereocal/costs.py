@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from stereocal.compiled import FloatArray, compiled, internal
+from stereocal.compiled import FloatArray, compiled, inlined
 from stereocal.geometry import bar_length, midpoint, reprojection_shift
 
 REPROJECTION = 0
@@ -41,7 +41,7 @@ def cost(
     return points_cost(R, T, rays, reference)
 
 
-@internal
+@inlined
 def reprojection_cost(
     R: FloatArray, T: FloatArray, rays: FloatArray, pixel_scale: FloatArray
 ) -> float:
@@ -55,7 +55,7 @@ def reprojection_cost(
     return total
 
 
-@internal
+@inlined
 def distance_cost(R: FloatArray, T: FloatArray, rays: FloatArray, distances: FloatArray) -> float:
     """Sum over bars of the difference between measured and reconstructed length, in metres."""
     total = 0.0
@@ -65,7 +65,7 @@ def distance_cost(R: FloatArray, T: FloatArray, rays: FloatArray, distances: Flo
     return total
 
 
-@internal
+@inlined
 def points_cost(R: FloatArray, T: FloatArray, rays: FloatArray, points: FloatArray) -> float:
     """Sum over points of the distance between known and reconstructed place, in metres."""
     total = 0.0

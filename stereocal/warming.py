@@ -24,7 +24,7 @@ Progress = Callable[[int, int], None]
 def compile_all(progress: Progress | None = None) -> int:
     """Compile, or read from the cache, what the pages use.
 
-    From nothing this takes a minute of CPU time, from the cache 2 s.
+    From nothing this takes half a minute of CPU time, from the cache 2 s.
 
     Args:
         progress: called with the number of functions compiled and to compile, first when one
