@@ -13,7 +13,8 @@ from typing import Any
 import numba
 import numpy as np
 
-from stereocal.compiled import clock, internal, plain
+from stereocal.compilations import clock
+from stereocal.compiled import internal, plain
 
 ROOT = Path(__file__).parents[1]
 ASK = """
