@@ -6,12 +6,11 @@ import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
 from benchmarks import vectorised
 from stereocal import costs
-from stereocal.compiled import FloatArray
+from stereocal.compiled import FloatArray, compiled
 from stereocal.dataset import Dataset
 from stereocal.essential import calibrate_essential
 from stereocal.geometry import Pose, fill_pose
@@ -69,7 +68,7 @@ class Case:
         return plain_search(self.plain, self.pose, SEARCH_SETTINGS)
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def repeat_cost(
     kind: int,
     R: FloatArray,
