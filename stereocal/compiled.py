@@ -77,8 +77,9 @@ def _decorated(function: Callable[P, T], **options: bool) -> Callable[P, T]:
         cache=True, nogil=True, error_model="numpy", fastmath=FAST_MATH, **every
     )(function)
     # numba itself trusts what is on disk for as long as the function's own file is the same.
-    kept: Any = decorated
-    kept._cache._cache_file._source_stamp = _stamp(Path(inspect.getfile(function)))
+    on_disk = getattr(getattr(decorated, "_cache", None), "_cache_file", None)
+    if on_disk is not None:  # None with NUMBA_DISABLE_JIT
+        on_disk._source_stamp = _stamp(Path(inspect.getfile(function)))
     return decorated
 
 
