@@ -21,7 +21,8 @@ from stereocal.camera import Camera
 from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
 from stereocal.refine import refine
-from stereocal.refined.disagreement import what_could_not_be_told, what_disagrees
+from stereocal.refined.disagreement import what_disagrees
+from stereocal.refined.stated_inputs import what_could_not_be_told
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.simulate import Scene, lens_off_by
 from stereocal.tables import why_not_trusted

@@ -10,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from stereocal import checks, costs
+from stereocal.blame import doubts_about, why_nothing_fits
 from stereocal.compiled import BoolArray, FloatArray, IntArray
 from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
@@ -17,11 +18,10 @@ from stereocal.essential import EssentialResult, Solver, calibrate_essential
 from stereocal.geometry import Pose, reprojection_errors_of_rays
 from stereocal.montecarlo import Problem, SearchSettings, Trace, minimise
 from stereocal.parameters import RigParameters, inputs_of
-from stereocal.readings import check_reading, contradiction, fit_at, fit_of, wrongly_given
+from stereocal.readings import check_reading, fit_at
 from stereocal.refine import RefinedResult, refine
 from stereocal.refined.screening import Screening, screen, unscreened
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.refined.weakness import weakness
 
 Method = Literal["essential", "2d", "3d", "refined"]
 METHODS: tuple[Method, ...] = ("essential", "2d", "3d")
@@ -37,7 +37,6 @@ POOR_LENGTH = 0.05
 """A set that measures 5 % of the bars worse than this is not one to measure with."""
 MOST_LEFT_OUT = 0.2
 """Where more frames than this contradict the others, the others may be the wrong ones."""
-MOST_NAMED = 10
 COST_UNITS: Mapping[Method, str] = {"essential": "", "2d": "px", "3d": "m", "refined": ""}
 
 
@@ -268,7 +267,8 @@ def calibrate(
             method, found.pose, found.cost, found.evaluations, found.stop_reason, found.seconds,
             found.trace,
         )  # fmt: skip
-    warnings += _doubts(chosen, results["3d"].pose, screening)
+    poor = errors_of(chosen, results["3d"].pose).p95_length > POOR_LENGTH
+    warnings += doubts_about(chosen, screening, poor)
     fourth = None
     if refined is not None:
         say("refined")
@@ -311,40 +311,7 @@ def _essential(
                 return start
         except StereocalError as error:
             failure = failure or f"{error} "
-    raise StereocalError(failure + _why_nothing_fits(dataset, fit or screen(dataset).fit))
-
-
-def _why_nothing_fits(dataset: Dataset, fit: RefinedResult | None) -> str:
-    """What is wrong with data that no pose of the cameras explains, as far as they tell."""
-    given = fit_of(dataset)
-    if given.lengths_agree:
-        return contradiction(dataset, given)
-    if fit is not None:
-        bad = fit.frames[fit.outlying & np.isin(fit.frames, dataset.correspondences.frames)]
-        if len(bad):
-            named = ", ".join(str(frame) for frame in bad[:MOST_NAMED])
-            return f"Frames that contradict the others are among them ({named}): leave them out."
-        if not np.isfinite(given.px):
-            given = fit_at(fit.apply(dataset), fit.pose)
-    return (
-        wrongly_given(dataset, given)
-        or (weakness(fit) if fit is not None else "")
-        or contradiction(dataset, given)
-    )
-
-
-def _doubts(dataset: Dataset, measuring: Pose, screening: Screening) -> list[str]:
-    """What speaks against a result though there is one, a sentence each."""
-    found = []
-    if screening.failure:
-        found.append(f"No frame could be held against the others: {screening.failure}")
-    if screening.together:
-        found.append(screening.together)
-    if screening.fit is not None and (why := weakness(screening.fit)):
-        found.append(why)
-    elif errors_of(dataset, measuring).p95_length > POOR_LENGTH:
-        found.append(wrongly_given(dataset) or contradiction(dataset))
-    return found
+    raise StereocalError(failure + why_nothing_fits(dataset, fit or screen(dataset).fit))
 
 
 def reprojection_problem(dataset: Dataset, rows: BoolArray | None = None) -> Problem:

@@ -11,12 +11,8 @@ from benchmarks.refined_rigs import Misjudged, random_scene, stated
 from benchmarks.refined_truth import accusations
 from stereocal.dataset import Dataset
 from stereocal.refine import refine
-from stereocal.refined.disagreement import (
-    ACCUSED,
-    _as_normal,
-    what_could_not_be_told,
-    what_disagrees,
-)
+from stereocal.refined.disagreement import ACCUSED, _as_normal, what_disagrees
+from stereocal.refined.stated_inputs import what_could_not_be_told
 from stereocal.refined.unknowns import FIXED_LENS, LensPrior, RefineSettings
 from tests import rig
 

@@ -19,8 +19,9 @@ from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
 from stereocal.evaluation_files import validation_in_summary
 from stereocal.refine import RefinedResult
-from stereocal.refined.disagreement import Input, what_could_not_be_told, what_disagrees
+from stereocal.refined.disagreement import what_disagrees
 from stereocal.refined.file import refined_parameters
+from stereocal.refined.stated_inputs import Input, what_could_not_be_told
 from stereocal.refined.uncertainty import standard_errors
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.refined.verdict import run_splits, verdict

@@ -11,7 +11,7 @@ from stereocal.geometry import Angles
 from stereocal.parameters import RigParameters, inputs_of
 from stereocal.refine import RefinedResult
 from stereocal.refined.bar_fit import BAR
-from stereocal.refined.disagreement import Input
+from stereocal.refined.stated_inputs import Input
 from stereocal.refined.uncertainty import LENS, standard_errors
 
 COVARIANCE_OF = (

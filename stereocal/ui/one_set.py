@@ -26,9 +26,9 @@ from stereocal.figures.style import count
 from stereocal.geometry import Pose
 from stereocal.project import Project
 from stereocal.refine import RefinedResult
-from stereocal.refined.disagreement import Input, what_could_not_be_told
 from stereocal.refined.file import refined_parameters
 from stereocal.refined.screening import Screening
+from stereocal.refined.stated_inputs import Input, what_could_not_be_told
 from stereocal.refined.tradeoff import TradeOff, costs_of
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.refined.verdict import held_out, verdict

@@ -11,7 +11,8 @@ from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
 from stereocal.project import Project
 from stereocal.refine import RefinedResult, refine
-from stereocal.refined.disagreement import Input, what_disagrees
+from stereocal.refined.disagreement import what_disagrees
+from stereocal.refined.stated_inputs import Input
 from stereocal.refined.tradeoff import TradeOff, trade_off
 from stereocal.refined.uncertainty import AccuracyMap, accuracy_map
 from stereocal.refined.unknowns import (
