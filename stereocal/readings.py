@@ -293,8 +293,11 @@ def _lengths_sentence(dataset: Dataset, scale: float) -> str:
     )
     for size, unit in ((1000.0, "millimetres"), (100.0, "centimetres")):
         if size / 2 < factor < size * 2:
-            what = "distance" if larger else "baseline"
-            hint = f"The {what} looks like {unit}. Give both in metres."
+            one, other = ("distance", "baseline") if larger else ("baseline", "distance")
+            hint = (
+                f"The {one} looks like {unit}, or the {other} is {size:g} times too small. Give "
+                "both in metres."
+            )
     return (
         f"The distance between the targets is given as {stated:g} m and the baseline as "
         f"{dataset.baseline_m:g} m, but with this baseline the images say a distance of "

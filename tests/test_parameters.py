@@ -40,7 +40,7 @@ PARAMETERS = RigParameters(
 KEYS = [
     "format", "purpose", "method", "convention", "units", "pixel_origin", "cameras", "R", "T", "E",
     "angles", "baseline_m", "triangulation", "matching_threshold_px", "cost", "validation",
-    "settings", "inputs", "software", "created",
+    "settings", "inputs", "frames_left_out", "software", "created",
 ]  # fmt: skip
 
 

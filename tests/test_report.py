@@ -95,7 +95,7 @@ def test_data_settings_angles_and_versions_are_in_it(
     assert "<td>25</td><td>50</td><td>25</td><td>4.5 m</td><td>0.9 m</td>" in report
     for name, value in SETTINGS.to_json().items():
         shown = {True: "yes", False: "no"}[value] if isinstance(value, bool) else str(value)
-        shown = "none" if value is None else shown
+        shown = "none" if value is None or value == [] else shown
         assert f'<th scope="row">{SETTING_NAMES[name]}</th><td>{shown}</td>' in report
     found = summaries["3d"]
     for mean, spread in zip(found.angle_means.flat, found.angle_spreads.flat, strict=True):
