@@ -42,7 +42,7 @@ except StereocalError as error:
     st.stop()
 try:
     st.header("Verdict", divider="gray")
-    show_verdict(dataset, kept, evaluation)
+    show_verdict(screening, evaluation)
     st.header("What disagrees", divider="gray")
     show_disagreement(inputs)
     show_frames_left_out(screening, result)

@@ -33,7 +33,14 @@ from stereocal.refined.tradeoff import TradeOff, costs_of
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.refined.verdict import held_out, verdict
 from stereocal.summary import figures_of_set, summarise
-from stereocal.tables import digits, left_out_line, parameters_table, percent, refined_table
+from stereocal.tables import (
+    digits,
+    left_out_line,
+    parameters_table,
+    percent,
+    refined_table,
+    why_validation_not_trusted,
+)
 from stereocal.ui.fields import number, one_of, setting, yes_or_no
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.refined import calibrated, curves_of, inputs_of, map_of
@@ -45,12 +52,13 @@ MOST_NAMED = 12
 """Frames left out that are named on the page."""
 
 
-def show_verdict(dataset: Dataset, kept: Dataset, evaluation: Evaluation | None) -> None:
-    """The answer, from the runs of the last validation of these data.
+def show_verdict(screening: Screening, evaluation: Evaluation | None) -> None:
+    """The answer, from the runs of the last validation of these data; green if it can be relied on.
 
     Args:
-        kept: the data set without the frames left out, of which the runs were made.
+        screening: of the data set; the runs were made without the frames left out.
     """
+    dataset, kept = screening.given, screening.dataset
     if (
         evaluation is None
         or list(evaluation.sha256) != [dataset.sha256]
@@ -64,7 +72,10 @@ def show_verdict(dataset: Dataset, kept: Dataset, evaluation: Evaluation | None)
     except StereocalError as error:
         st.info(escape_markdown(str(error)))
         return
-    {"one": st.success, "two": st.success, "few": st.info}[answer.kind](answer.text)
+    caution = why_validation_not_trusted(summarise(evaluation.runs), [screening])
+    if caution:
+        st.error(escape_markdown(f"Do not rely on this result: {caution}"))
+    (st.info if caution or answer.kind == "few" else st.success)(answer.text)
     st.caption(
         f"From {len(evaluation.runs[0])} random splits, {frames} frames fitted and the others "
         "tested, the same as on the page Validate. Times: error of the refined set over that of "

@@ -74,7 +74,7 @@ def test_a_baseline_typed_wrong_is_named(app: AppTest, home: Path) -> None:
     app.selectbox(key="baseline_m_known").set_value("Tape").run()
     one_set(app)
     said = messages(app)
-    assert "the measured baseline is 4.4" in said and "not 4.700" in said
+    assert "the measured baseline is 4.50" in said and "not 4.700" in said
 
 
 def test_the_refined_set_can_serve_a_purpose(app: AppTest, home: Path) -> None:
@@ -117,8 +117,7 @@ def test_a_bad_frame_is_named_though_the_papers_sets_fail_over_it(app: AppTest, 
     rows[at] = ",".join([*cells[:3], str(float(cells[3]) + 300), *cells[4:]])
     project.give({"correspondences": ("c.csv", "\n".join(rows).encode())})
     one_set(app)
-    assert "Left out: frame 5, which contradicts the others." in messages(app)
-    assert " 5 (" in messages(app)
+    assert "frame 5, which contradicts the others" in messages(app)
     assert len(app.table) >= 1  # the parameters are there all the same
 
 
