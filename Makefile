@@ -26,7 +26,7 @@ benchmark: $(VENV)/.dev
 	$(BIN)/python -m pytest benchmarks --benchmark-enable
 	$(BIN)/python -m benchmarks.ratios
 
-# Known vulnerabilities of everything that requirements.txt brings; asks pypi.org.
+# Known vulnerabilities of everything that requirements.txt brings; asks the package index.
 audit: $(VENV)/.run
 	$(PYTHON) -m venv $(VENV)/audit
 	$(VENV)/audit/bin/python -m pip install --quiet pip-audit

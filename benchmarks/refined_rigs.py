@@ -19,7 +19,7 @@ FRAMES = 25
 
 @dataclass(frozen=True)
 class Misjudged:
-    """Standard deviations of what is stated: the issue's figures by default; 0 is exact."""
+    """Standard deviations of what is stated: a careful field day's by default; 0 is exact."""
 
     baseline_m: float = 0.005
     bar_m: float = 0.0005

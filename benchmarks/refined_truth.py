@@ -181,7 +181,7 @@ def against_the_paper(rigs: int, noise_px: float, seed: int) -> FloatArray:
 
 
 def print_coverage(rigs: int) -> None:
-    """Coverage of the issue's uncertainties, of the defaults, and with exact lenses."""
+    """Coverage with stated uncertainties, with the defaults, and with exact lenses."""
     known = Misjudged()
     exact = replace(known, focal=0.0, centre_px=0.0)
     default = Misjudged(baseline_m=0.023, bar_m=0.00087, focal=0.01, centre_px=10.0)
