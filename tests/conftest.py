@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
+import signal
+
 from hypothesis import settings
+
+# A shell that starts the tests in the background has them ignore Ctrl-C, and so would every command
+# that they start.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # No deadline: a first call may compile. The same examples in every run: a failure is a change.
 settings.register_profile("stereocal", deadline=None, derandomize=True)
