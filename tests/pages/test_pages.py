@@ -228,7 +228,7 @@ def test_distance_in_wrong_unit_is_said_when_calibrating(app: AppTest) -> None:
     app.number_input(key="target_distance_m_value").set_value(900.0).run()
     app.switch_page("pages/calibrate.py").run()
     app.button(key="run").click().run()
-    assert "larger than the baseline allows" in messages(app)
+    assert "The distance looks like millimetres" in messages(app)
 
 
 @pytest.mark.parametrize("address", ["0" * 32, "../../etc", "x"])
