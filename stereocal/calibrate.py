@@ -242,7 +242,7 @@ def calibrate(
     say("screening")
     screening = screened(dataset, settings)
     kept = screening.dataset
-    frames = _draw_frames(kept, settings.calibration_frames, of_split)
+    frames = _draw_frames(screening, settings.calibration_frames, of_split)
     chosen = _only(kept, frames)
     checks.check_points(chosen)
     reconstruction = reconstruction_problem(chosen, settings.known_points)
@@ -372,14 +372,16 @@ def errors_of(dataset: Dataset, pose: Pose, left_out: Collection[int] = ()) -> E
     )
 
 
-def _draw_frames(dataset: Dataset, count: int | None, seed: np.random.SeedSequence) -> IntArray:
-    frames = dataset.correspondences.frames
-    if count is None or count == len(frames):
-        return frames
-    if count > len(frames):
+def _draw_frames(screening: Screening, count: int | None, seed: np.random.SeedSequence) -> IntArray:
+    """So many of the frames that are left, or all of them where that is fewer than were given."""
+    given = len(screening.given.correspondences.frames)
+    frames = screening.dataset.correspondences.frames
+    if count is not None and count > given:
         raise StereocalError(
-            f"{count} calibration frames are wanted, but the data set has {len(frames)}."
+            f"{count} calibration frames are wanted, but the data set has {given}."
         )
+    if count is None or count >= len(frames):
+        return frames
     rng = np.random.Generator(np.random.PCG64(seed))
     return np.sort(rng.choice(frames, count, replace=False))
 

@@ -124,6 +124,13 @@ def test_a_frame_can_be_put_back(exchanged: Dataset) -> None:
     assert 5 in found.frames
 
 
+def test_fewer_are_left_than_were_to_calibrate_with(exchanged: Dataset) -> None:
+    found = calibrate(exchanged, CalibrationSettings(calibration_frames=24))
+    assert len(found.frames) == 23
+    with pytest.raises(StereocalError, match="has 25"):
+        calibrate(exchanged, CalibrationSettings(calibration_frames=26))
+
+
 def test_the_refined_method_is_not_needed(exchanged: Dataset) -> None:
     assert calibrate(exchanged, refined=None).screening.left_out == BAD
     nothing = RefineSettings(baseline_sigma_m=np.inf, distance_sigma_m=np.inf)
