@@ -215,14 +215,6 @@ class Dataset:
         """The same data set with the given frames only."""
         return replace(self, correspondences=self.correspondences.of_frames(frames))
 
-    def with_cameras_exchanged(self) -> Dataset:
-        """The same points with the two camera files the other way round.
-
-        Raises:
-            StereocalError: points then lie outside their image.
-        """
-        return replace(self, primary=self.secondary, secondary=self.primary)
-
     def with_targets_exchanged(self, frames: npt.ArrayLike) -> Dataset:
         """The same with A and B exchanged in the secondary image of the given frames.
 

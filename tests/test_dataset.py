@@ -163,18 +163,23 @@ class TestDataset:
         )
         np.testing.assert_array_equal(EXACT.pixel_scale[1], [1190.6, 2.3, 1171.9])
 
-    def test_cameras_exchanged(self) -> None:
-        """Only the cameras: the primary's points would leave the smaller image."""
-        inside = EXACT.of_frames([1, 3])
-        other = inside.with_cameras_exchanged()
-        assert other.primary is SECONDARY
-        assert other.secondary is PRIMARY
-        assert other.correspondences is inside.correspondences
-        points = np.array(correspondences(3).primary)
-        points[0] = 1500.0, 1100.0
-        wide = replace(EXACT, correspondences=changed(primary=points))
-        with pytest.raises(StereocalError, match="outside"):
-            wide.with_cameras_exchanged()
+    def test_targets_exchanged(self) -> None:
+        """Of the frames asked for, in the secondary image alone; twice is as before."""
+        sound = EXACT.correspondences
+        once = EXACT.with_targets_exchanged([2, 3])
+        rows = once.correspondences
+        np.testing.assert_array_equal(rows.primary, sound.primary)
+        a, b = sound.bars[1]
+        np.testing.assert_array_equal(rows.secondary[[a, b]], sound.secondary[[b, a]])
+        np.testing.assert_array_equal(
+            rows.secondary[rows.frame == 1], sound.secondary[sound.frame == 1]
+        )
+        twice = once.with_targets_exchanged([2, 3])
+        assert twice.sha256 == EXACT.sha256 != once.sha256
+
+    def test_a_frame_with_one_target_is_not_exchanged(self) -> None:
+        alone = replace(EXACT, correspondences=EXACT.correspondences.where(np.arange(12) > 0))
+        assert alone.with_targets_exchanged([1]).sha256 == alone.sha256
 
     def test_the_digest_is_of_the_numbers(self) -> None:
         assert dataset(6).sha256 == EXACT.sha256
