@@ -23,16 +23,16 @@ def why_nothing_fits(dataset: Dataset, fit: RefinedResult | None) -> str:
     Args:
         fit: the robust fit of all frames, where there is one.
     """
-    given = fit_of(dataset)
-    if given.lengths_agree:
-        return contradiction(dataset, given)
     if fit is not None:
         bad = fit.frames[fit.outlying & np.isin(fit.frames, dataset.correspondences.frames)]
         if len(bad):
             named = ", ".join(str(frame) for frame in bad[:MOST_NAMED])
             return f"Frames that contradict the others are among them ({named}): leave them out."
-        if not np.isfinite(given.px):
-            given = fit_at(fit.apply(dataset), fit.pose)
+    given = fit_of(dataset)
+    if given.scale_alone_is_off:
+        return contradiction(dataset, given)
+    if fit is not None and not np.isfinite(given.px):
+        given = fit_at(fit.apply(dataset), fit.pose)
     return (
         wrongly_given(dataset, given)
         or (weakness(fit) if fit is not None else "")

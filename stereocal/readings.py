@@ -44,7 +44,7 @@ UNUSABLE = 1e3
 """Worse than any logarithm of a misfit."""
 
 LENGTHS_AGREE = 0.05
-"""Bars whose lengths come out wrong by one and the same factor, within this."""
+"""Lengths that agree within this: with each other, or with what was stated."""
 
 
 @dataclass(frozen=True)
@@ -57,9 +57,9 @@ class Fit:
     """Stated over reconstructed length of the bar; 1 when baseline and bar agree."""
 
     @property
-    def lengths_agree(self) -> bool:
-        """Whether all bars come out wrong by one and the same factor, or right."""
-        return self.spread < LENGTHS_AGREE
+    def scale_alone_is_off(self) -> bool:
+        """Whether all bars come out wrong by one and the same factor."""
+        return bool(self.spread < LENGTHS_AGREE < abs(np.log(self.scale)))
 
     def gains_of(self, other: Fit) -> tuple[float, float]:
         """How many times better another reading fits, in the images and in the lengths."""
@@ -247,7 +247,7 @@ def contradiction(dataset: Dataset, given: Fit | None = None) -> str:
     The measured lengths are accused where the images are content and all bars come out wrong alike.
     """
     given = given or fit_of(dataset)
-    if given.lengths_agree:
+    if given.scale_alone_is_off:
         return _lengths_sentence(dataset, given.scale)
     twice = (
         " Both cameras were given the same lens: if they are not of one kind, one file is wrong."

@@ -12,6 +12,7 @@ import pytest
 from benchmarks.ordinary_path import rig as random_rig
 from benchmarks.ordinary_path import with_frames_exchanged, with_points_off
 from benchmarks.refined_truth import turned
+from stereocal.blame import why_nothing_fits
 from stereocal.calibrate import CalibrationSettings, calibrate
 from stereocal.calibration_files import pack_calibration, unpack_calibration
 from stereocal.cli import main
@@ -19,6 +20,7 @@ from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import pack_dataset
 from stereocal.parameters import RigParameters
+from stereocal.readings import LENGTHS_AGREE, fit_of
 from stereocal.refined.screening import FEWEST_FRAMES, screen
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.simulate import observe, place_bars
@@ -122,6 +124,18 @@ def test_a_frame_can_be_put_back(exchanged: Dataset) -> None:
     found = calibrate(data, CalibrationSettings(frames_put_back=(5,)))
     assert found.screening.left_out == BAD
     assert 5 in found.frames
+
+
+def test_a_bad_frame_among_them_is_named_before_any_length() -> None:
+    """One point off by 15 px: the bars agree with each other, and look as if they were to blame."""
+    sound = rig.dataset(25, noise_px=0.2)
+    secondary = sound.correspondences.secondary.copy()
+    secondary[8] += 15.0
+    data = replace(sound, correspondences=replace(sound.correspondences, secondary=secondary))
+    assert fit_of(data).spread < LENGTHS_AGREE
+    said = why_nothing_fits(data, screen(data).fit)
+    assert "(5)" in said
+    assert "baseline" not in said
 
 
 def test_fewer_are_left_than_were_to_calibrate_with(exchanged: Dataset) -> None:
