@@ -6,6 +6,7 @@ import io
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ from stereocal.formats.arrays import Array, read_arrays, shaped
 from stereocal.json_text import read_json
 from stereocal.protocol import BINS
 from stereocal.refined.screening import Screening
-from stereocal.summary import MethodSummary
+from stereocal.summary import MethodSummary, summarise
 
 SUMMARY_FORMAT = "stereocal-summary/1"
 METHOD_COUNTS = (3, 4)
@@ -116,6 +117,11 @@ class Evaluation:
     """Of the data sets, in order."""
     sha256: Sequence[str]
     """Of the data sets, in order."""
+
+    @cached_property
+    def summaries(self) -> dict[Method, MethodSummary]:
+        """The figures by method, all data sets pooled; made once."""
+        return summarise(self.runs)
 
 
 def pack_evaluation(evaluation: Evaluation) -> bytes:

@@ -32,7 +32,7 @@ from stereocal.refined.stated_inputs import Input, what_could_not_be_told
 from stereocal.refined.tradeoff import TradeOff, costs_of
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.refined.verdict import held_out, verdict
-from stereocal.summary import figures_of_set, summarise
+from stereocal.summary import figures_of_set
 from stereocal.tables import (
     digits,
     left_out_line,
@@ -72,7 +72,7 @@ def show_verdict(screening: Screening, evaluation: Evaluation | None) -> None:
     except StereocalError as error:
         st.info(escape_markdown(str(error)))
         return
-    caution = why_validation_not_trusted(summarise(evaluation.runs), [screening])
+    caution = why_validation_not_trusted(evaluation.summaries, [screening])
     if caution:
         st.error(escape_markdown(f"Do not rely on this result: {caution}"))
     (st.info if caution or answer.kind == "few" else st.success)(answer.text)
@@ -218,7 +218,7 @@ def show_parameters(
     )
     figures: dict[str, dict[str, Any]] = {}
     if evaluation is not None and list(evaluation.sha256) == [screening.given.sha256]:
-        figures = validation_figures(summarise(evaluation.runs), evaluation.settings)
+        figures = validation_figures(evaluation.summaries, evaluation.settings)
     content = refined_parameters(result, inputs, figures.get("refined"), screening.left_out).dumps()
     st.download_button(
         "Download parameters_refined.json", content, "parameters_refined.json",

@@ -17,7 +17,6 @@ from stereocal.parameters import RigParameters
 from stereocal.project import Project
 from stereocal.refine import RefinedResult
 from stereocal.refined.file import refined_parameters
-from stereocal.summary import summarise
 from stereocal.ui.fields import number, one_of, setting
 from stereocal.ui.intake import escape_markdown
 
@@ -30,7 +29,7 @@ def figures_for(calibration: Calibration, evaluation: Evaluation | None) -> dict
     """Figures of the last validation by method, if it is one of these data."""
     if evaluation is None or list(evaluation.sha256) != [calibration.dataset.sha256]:
         return {}
-    return dict(validation_figures(summarise(evaluation.runs), evaluation.settings))
+    return dict(validation_figures(evaluation.summaries, evaluation.settings))
 
 
 def sets_of(
