@@ -85,19 +85,15 @@ def _with_lens(data: Dataset, which: str, change: Callable[[Camera], Camera]) ->
     return replace(data, primary=camera) if which == "primary" else replace(data, secondary=camera)
 
 
-def _flipped(camera: Camera) -> Camera:
+def flipped(camera: Camera) -> Camera:
+    """The lens with all distortion of the other sign."""
     return replace(camera, distortion=-camera.distortion)
 
 
-def _of_half_the_image(camera: Camera) -> Camera:
+def scaled(camera: Camera, factor: float) -> Camera:
+    """The lens as it would be for an image so many times as large."""
     K = camera.K.copy()
-    K[:2] *= 0.5
-    return replace(camera, K=K)
-
-
-def _of_twice_the_image(camera: Camera) -> Camera:
-    K = camera.K.copy()
-    K[:2] *= 2.0
+    K[:2] *= factor
     return replace(camera, K=K)
 
 
@@ -124,16 +120,16 @@ WRONG: dict[str, Mistake] = {
         ("primary focal",), 9,
     ),
     "distortion sign, primary": Mistake(
-        lambda d: _with_lens(d, "primary", _flipped), ("primary camera's distortion",), 9
+        lambda d: _with_lens(d, "primary", flipped), ("primary camera's distortion",), 9
     ),
     "distortion sign, secondary": Mistake(
-        lambda d: _with_lens(d, "secondary", _flipped), ("secondary camera's distortion",), 7
+        lambda d: _with_lens(d, "secondary", flipped), ("secondary camera's distortion",), 7
     ),
     "K of half the image": Mistake(
-        lambda d: _with_lens(d, "primary", _of_half_the_image), ("primary camera's lens",), 9
+        lambda d: _with_lens(d, "primary", lambda c: scaled(c, 0.5)), ("primary camera's lens",), 9
     ),
     "K of twice the image": Mistake(
-        lambda d: _with_lens(d, "secondary", _of_twice_the_image),
+        lambda d: _with_lens(d, "secondary", lambda c: scaled(c, 2.0)),
         ("secondary camera's matrix K",), 9,
     ),
 }  # fmt: skip

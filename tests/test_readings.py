@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.ordinary_path import WRONG, said_of
+from benchmarks.ordinary_path import WRONG, flipped, said_of, scaled
 from benchmarks.ordinary_path import rig as random_rig
 from stereocal.calibrate import calibrate
 from stereocal.camera import Camera
@@ -16,16 +16,6 @@ from stereocal.errors import StereocalError
 from stereocal.readings import check_reading, fit_of, wrongly_given
 
 SOUND = random_rig(3)[1]
-
-
-def flipped(camera: Camera) -> Camera:
-    return replace(camera, distortion=-camera.distortion)
-
-
-def scaled(camera: Camera, factor: float) -> Camera:
-    K = camera.K.copy()
-    K[:2] *= factor
-    return replace(camera, K=K)
 
 
 def given(name: str) -> Dataset:

@@ -128,12 +128,13 @@ def _together(fit: RefinedResult, out: BoolArray) -> str:
     if np.count_nonzero(first) < FEWEST_TOGETHER:
         return ""
     depth = fit.places_m[:, :, 2].mean(axis=1)
-    for values, where, cause in (
+    places = (
         (_from_centre(fit), "farther from the centre of the images", "a lens distortion"),
         (depth, "farther away", "a lens or a baseline"),
         (-depth, "nearer", "a lens or a baseline"),
-    ):
-        if _higher(values, first, ~out) and _like_neighbours(fit, out):
+    )
+    for values, where, cause in places if _like_neighbours(fit, out) else ():
+        if _higher(values, first, ~out):
             return (
                 f"The frames left out lie {where} than the others, and the frames beside them are "
                 f"off in the same way: that is {cause} that does not fit, rather than an error of "
