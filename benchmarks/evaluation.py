@@ -17,11 +17,8 @@ import numpy as np
 
 from benchmarks import vectorised
 from benchmarks.cases import plain_search
-from stereocal.calibrate import (
-    CalibrationSettings,
-    reconstruction_problem,
-    reprojection_problem,
-)
+from stereocal.calibration.methods import CalibrationSettings
+from stereocal.calibration.problems import reconstruction_problem, reprojection_problem
 from stereocal.compiled import FloatArray
 from stereocal.dataset import Dataset
 from stereocal.essential import Solver

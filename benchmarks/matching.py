@@ -18,7 +18,7 @@ from pathlib import Path
 import pandas as pd
 
 from benchmarks.flock import FlockFrame, flock, parameter_sets
-from stereocal.calibrate import CalibrationSettings
+from stereocal.calibration.methods import CalibrationSettings
 from stereocal.engines import engine
 from stereocal.errors import StereocalError
 from stereocal.essential import Solver

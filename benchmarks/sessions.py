@@ -31,7 +31,7 @@ import numpy as np
 
 from benchmarks.client import Session
 from benchmarks.server import MemoryWatch, Server
-from stereocal.calibrate import CalibrationSettings, calibrate
+from stereocal.calibration.methods import CalibrationSettings
 from stereocal.dataset import Dataset
 from stereocal.evaluation import EvaluationSettings, evaluate
 from stereocal.evaluation_files import summary_json, validation_figures
@@ -46,6 +46,7 @@ from stereocal.store.photographs import TABLE_LABEL
 from stereocal.summary import summarise, summarise_all
 from stereocal.synthetic.photographs import BarSettings, photograph_bars, place_visible_bars
 from stereocal.synthetic.rendering import PhotographSettings
+from stereocal.workflow import calibrate
 from tests.bar_photographs import BOARD_M, DEPTHS_M, small
 
 FRAMES, PHOTOGRAPHED = 25, 14

@@ -7,8 +7,6 @@ is first used: all together take half a second, `import stereocal` alone takes 1
 from __future__ import annotations
 
 import importlib
-import sys
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from stereocal.compile_cache import use_writable_cache
@@ -16,7 +14,7 @@ from stereocal.compile_cache import use_writable_cache
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from stereocal.calibrate import CalibrationSettings, calibrate
+    from stereocal.calibration.methods import CalibrationSettings
     from stereocal.camera import Camera
     from stereocal.dataset import Correspondences, Dataset
     from stereocal.errors import StereocalError
@@ -27,16 +25,17 @@ if TYPE_CHECKING:
     from stereocal.parameters import RigParameters
     from stereocal.points.pairs import match
     from stereocal.points.reconstruction_files import reconstruct
+    from stereocal.workflow import calibrate
 
 _MODULES = {
-    "CalibrationSettings": "calibrate",
+    "CalibrationSettings": "calibration.methods",
     "Camera": "camera",
     "Correspondences": "dataset",
     "Dataset": "dataset",
     "Pose": "geometry",
     "RigParameters": "parameters",
     "StereocalError": "errors",
-    "calibrate": "calibrate",
+    "calibrate": "workflow",
     "export": "formats.exchange",
     "import_parameters": "formats.exchange",
     "match": "points.pairs",
@@ -74,13 +73,4 @@ def __dir__() -> list[str]:
     return sorted({*globals(), *__all__})
 
 
-class _Package(ModuleType):
-    """Importing a module puts it into its package; `calibrate` is to stay the function."""
-
-    def __setattr__(self, name: str, value: object) -> None:
-        if not (name in _MODULES and isinstance(value, ModuleType)):
-            super().__setattr__(name, value)
-
-
-sys.modules[__name__].__class__ = _Package
 use_writable_cache()  # before anything is compiled

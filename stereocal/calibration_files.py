@@ -8,11 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from stereocal.calibrate import METHODS, Calibration, CalibrationSettings, Method, MethodResult
+from stereocal.calibration.methods import METHODS, CalibrationSettings, Method
+from stereocal.calibration.results import MethodResult
 from stereocal.dataset import Dataset
 from stereocal.errors import DAMAGED, StereocalError
 from stereocal.geometry import Pose
 from stereocal.montecarlo import Trace
+from stereocal.refined.results import Calibration
 from stereocal.refined.screening import Screening
 
 CALIBRATION_FORMAT = "stereocal-project/1"

@@ -22,12 +22,8 @@ from typing import Any
 
 import numpy as np
 
-from stereocal.calibrate import (
-    METHODS,
-    CalibrationSettings,
-    reconstruction_problem,
-    reprojection_problem,
-)
+from stereocal.calibration.methods import METHODS, CalibrationSettings
+from stereocal.calibration.problems import reconstruction_problem, reprojection_problem
 from stereocal.checks import check_points
 from stereocal.compiled import BoolArray, CountArray, FloatArray, IntArray
 from stereocal.dataset import Dataset

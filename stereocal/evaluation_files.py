@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 import stereocal
-from stereocal.calibrate import Method
+from stereocal.calibration.methods import Method
 from stereocal.dataset import Dataset
 from stereocal.errors import DAMAGED, StereocalError
 from stereocal.evaluation import EvaluationSettings, Run

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from stereocal.calibrate import Calibration, Method
+from stereocal.calibration.methods import Method
 from stereocal.compiled import FloatArray, IntArray
+from stereocal.refined.results import Calibration
 
 SPREADS = 6.0
 """A frame stands out beyond the median by so many robust standard deviations (1.4826 MAD)."""

@@ -24,7 +24,6 @@ from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import Any, Literal
 
-from stereocal.calibrate import Calibration
 from stereocal.calibration_files import pack_calibration, unpack_calibration
 from stereocal.camera import Camera
 from stereocal.dataset import Dataset, check_length, points_outside
@@ -34,6 +33,7 @@ from stereocal.formats.camera_file import read_camera
 from stereocal.formats.correspondences_csv import read_table
 from stereocal.formats.dataset_files import parse_zip
 from stereocal.inputs import Inputs, Slot, check_inputs, checked_inputs
+from stereocal.refined.results import Calibration
 from stereocal.store.folders import is_id, new_project_folder, own_file
 from stereocal.store.room import check_room
 from stereocal.store.state import PROJECT_FILE, StateFile, changing, read_if_there

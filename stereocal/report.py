@@ -18,7 +18,7 @@ import scipy
 from plotly.offline import get_plotlyjs
 
 import stereocal
-from stereocal.calibrate import ALL_METHODS, METHOD_NAMES, Method
+from stereocal.calibration.methods import ALL_METHODS, METHOD_NAMES, Method
 from stereocal.dataset import Dataset
 from stereocal.evaluation import EvaluationSettings
 from stereocal.figures.comparison import describe_comparison, plot_comparison

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from scipy.special import stdtrit
 
-from stereocal.calibrate import ALL_METHODS, Method
+from stereocal.calibration.methods import ALL_METHODS, Method
 from stereocal.compiled import FloatArray, IntArray
 from stereocal.errors import StereocalError
 from stereocal.evaluation import Run

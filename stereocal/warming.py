@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from stereocal.calibrate import calibrate
 from stereocal.compilations import compilations
 from stereocal.evaluation import EvaluationSettings, evaluate_runs
 from stereocal.frames.search import compile_detection
@@ -15,6 +14,7 @@ from stereocal.refined.tradeoff import trade_off
 from stereocal.refined.uncertainty import accuracy_map
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.simulate import simulate_field
+from stereocal.workflow import calibrate
 
 FUNCTIONS = 98
 """So many are compiled where nothing is in the cache; tests/test_warming.py counts them."""

@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
-from stereocal.calibrate import calibrate
 from stereocal.compiled import FloatArray
 from stereocal.formats.dataset_files import read_dataset
+from stereocal.workflow import calibrate
 
 ROOT = Path(__file__).parents[1]
 FIELD = ROOT / "sample_data" / "field"

@@ -10,7 +10,7 @@ from pathlib import Path
 import plotly.graph_objects as go
 
 from stereocal import figures
-from stereocal.calibrate import METHODS, CalibrationSettings, Method, calibrate
+from stereocal.calibration.methods import METHODS, CalibrationSettings, Method
 from stereocal.camera import Camera
 from stereocal.evaluation import EvaluationSettings, evaluate
 from stereocal.formats.dataset_files import read_dataset
@@ -23,6 +23,7 @@ from stereocal.refined.tradeoff import costs_of, trade_off
 from stereocal.refined.uncertainty import accuracy_map
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.summary import summarise_all
+from stereocal.workflow import calibrate
 from tests.lens import search
 from tests.rig import BAR_M
 from tests.test_apply_figures import (

@@ -16,7 +16,8 @@ from typing import Any
 import cv2
 import numpy as np
 
-from stereocal.calibrate import CalibrationSettings, calibrate, errors_of
+from stereocal.calibration.methods import CalibrationSettings
+from stereocal.calibration.results import errors_of
 from stereocal.dataset import SOURCES, Dataset
 from stereocal.errors import StereocalError
 from stereocal.evaluation import EvaluationSettings, evaluate
@@ -42,6 +43,7 @@ from stereocal.store.projects import recent_projects
 from stereocal.store.review import change_review, read_review
 from stereocal.store.thumbnails import thumbnail
 from stereocal.summary import summarise
+from stereocal.workflow import calibrate
 from tests.lens import PATTERN, AtOnce, views
 from tests.rig import BAR_M, BASELINE_M, PRIMARY, SECONDARY, correspondences
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from stereocal.calibrate import calibrate, reconstruction_problem
+from stereocal.calibration.problems import reconstruction_problem
 from stereocal.checks import (
     check_in_front,
     check_points,
@@ -18,6 +18,7 @@ from stereocal.compiled import FloatArray
 from stereocal.dataset import Correspondences, Dataset
 from stereocal.errors import StereocalError
 from stereocal.geometry import Angles, Pose
+from stereocal.workflow import calibrate
 from tests.rig import BAR_M, PRIMARY, RIG, SECONDARY, correspondences, dataset
 
 SOUND = dataset(20, noise_px=0.3)

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from stereocal.calibrate import METHODS
+from stereocal.calibration.methods import METHODS
 from stereocal.cli import main
 from stereocal.parameters import RigParameters
 from tests.commands import sentences

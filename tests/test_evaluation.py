@@ -14,12 +14,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stereocal.calibrate import (
-    METHODS,
-    CalibrationSettings,
-    reconstruction_problem,
-    reprojection_problem,
-)
+from stereocal.calibration.methods import METHODS, CalibrationSettings
+from stereocal.calibration.problems import reconstruction_problem, reprojection_problem
 from stereocal.compiled import FloatArray
 from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stereocal.calibrate import METHODS
+from stereocal.calibration.methods import METHODS
 from stereocal.engines import engine
 from stereocal.errors import StereocalError
 from stereocal.evaluation import EvaluationSettings, Run, evaluate

@@ -14,7 +14,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stereocal.calibrate import Calibration, CalibrationSettings, Method, calibrate, errors_of
+from stereocal.calibration.methods import CalibrationSettings, Method
+from stereocal.calibration.results import errors_of
 from stereocal.compiled import FloatArray
 from stereocal.dataset import Dataset
 from stereocal.formats.camera_file import read_camera
@@ -23,8 +24,10 @@ from stereocal.geometry import Pose, epipolar_distances, triangulate, triangulat
 from stereocal.montecarlo import SearchSettings
 from stereocal.refine import RefinedResult, refine
 from stereocal.refined.disagreement import what_disagrees
+from stereocal.refined.results import Calibration
 from stereocal.refined.screening import screen
 from stereocal.refined.unknowns import RefineSettings
+from stereocal.workflow import calibrate
 
 FOLDER = os.environ.get("STEREOCAL_REAL_DATA")
 pytestmark = [

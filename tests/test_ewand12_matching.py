@@ -13,11 +13,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from stereocal.calibrate import Calibration, CalibrationSettings, calibrate
+from stereocal.calibration.methods import CalibrationSettings
 from stereocal.montecarlo import SearchSettings
 from stereocal.parameters import RigParameters
 from stereocal.points.pairs import Threshold, match
 from stereocal.points.reconstruction_files import reconstruct
+from stereocal.refined.results import Calibration
+from stereocal.workflow import calibrate
 from tests.test_ewand12 import FOLDER, SEEDS, pytestmark, recordings
 
 __all__ = ["pytestmark", "recordings"]

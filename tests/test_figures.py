@@ -7,7 +7,7 @@ import numpy as np
 import plotly.graph_objects as go
 import pytest
 
-from stereocal.calibrate import METHODS, Calibration, CalibrationSettings, calibrate
+from stereocal.calibration.methods import METHODS, CalibrationSettings
 from stereocal.errors import StereocalError
 from stereocal.figures import (
     METHOD_COLOURS,
@@ -27,6 +27,8 @@ from stereocal.figures.traces import MOST_DRAWN, drawn_moves
 from stereocal.geometry import Pose, triangulate_rays
 from stereocal.montecarlo import Trace
 from stereocal.outliers import frame_reprojection_px
+from stereocal.refined.results import Calibration
+from stereocal.workflow import calibrate
 from tests import rig
 from tests.test_outliers import MIXED_UP, make_calibration, with_errors
 

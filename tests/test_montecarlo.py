@@ -11,7 +11,7 @@ import pytest
 from scipy.optimize import minimize
 
 from stereocal import costs
-from stereocal.calibrate import reconstruction_problem, reprojection_problem
+from stereocal.calibration.problems import reconstruction_problem, reprojection_problem
 from stereocal.compiled import FloatArray
 from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError

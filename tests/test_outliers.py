@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from stereocal.calibrate import Calibration, CalibrationSettings, Errors, calibrate
+from stereocal.calibration.methods import CalibrationSettings
+from stereocal.calibration.results import Errors
 from stereocal.outliers import (
     bar_frames,
     frame_reprojection_px,
@@ -16,6 +17,8 @@ from stereocal.outliers import (
     outlying_frames,
     reprojection_outliers,
 )
+from stereocal.refined.results import Calibration
+from stereocal.workflow import calibrate
 from tests import rig
 
 MIXED_UP = 11

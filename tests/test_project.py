@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stereocal.calibrate import CalibrationSettings, calibrate
+from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
 from stereocal.project import Project
 from stereocal.store.folders import default_home
+from stereocal.workflow import calibrate
 
 FIELD = Path(__file__).parents[1] / "sample_data" / "field"
 

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import pytest
 
-from stereocal.calibrate import calibrate
 from stereocal.errors import StereocalError
 from stereocal.project import Project
 from stereocal.store.projects import (
@@ -22,6 +21,7 @@ from stereocal.store.projects import (
     removed_projects,
 )
 from stereocal.store.sweep import sweep
+from stereocal.workflow import calibrate
 from tests.test_project import filled
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stereocal.calibrate import Method
+from stereocal.calibration.methods import Method
 from stereocal.figures import (
     describe_accuracy,
     describe_disagreement,

@@ -13,7 +13,7 @@ from benchmarks.ordinary_path import rig as random_rig
 from benchmarks.ordinary_path import with_frames_exchanged, with_points_off
 from benchmarks.refined_truth import turned
 from stereocal.blame import why_nothing_fits
-from stereocal.calibrate import CalibrationSettings, calibrate
+from stereocal.calibration.methods import CalibrationSettings
 from stereocal.calibration_files import pack_calibration, unpack_calibration
 from stereocal.cli import main
 from stereocal.dataset import Dataset
@@ -25,6 +25,7 @@ from stereocal.refined.screening import FEWEST_FRAMES, screen
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.simulate import observe, place_bars
 from stereocal.tables import left_out_line, why_not_trusted
+from stereocal.workflow import calibrate
 from tests import rig
 
 BAD = (3, 17)

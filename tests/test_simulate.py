@@ -9,13 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stereocal.calibrate import (
-    METHODS,
-    CalibrationSettings,
-    calibrate,
-    reconstruction_problem,
-    reprojection_problem,
-)
+from stereocal.calibration.methods import METHODS, CalibrationSettings
+from stereocal.calibration.problems import reconstruction_problem, reprojection_problem
 from stereocal.camera import Camera
 from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
@@ -40,6 +35,7 @@ from stereocal.simulate import (
     truth_of,
     write_field,
 )
+from stereocal.workflow import calibrate
 
 SHIPPED = Path(__file__).parents[1] / "sample_data" / "field"
 SEEDS = range(5)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from stereocal.calibrate import METHODS, Method
+from stereocal.calibration.methods import METHODS, Method
 from stereocal.compiled import FloatArray
 from stereocal.errors import StereocalError
 from stereocal.evaluation import Run

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from benchmarks.refined_rigs import Misjudged, random_scene, stated
-from stereocal.calibrate import calibrate
 from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
 from stereocal.parameters import RigParameters
@@ -17,6 +16,7 @@ from stereocal.refined.paper_costs import fill_errors, slopes_of_errors, straigh
 from stereocal.refined.solve import lenses_of
 from stereocal.refined.tradeoff import TradeOff, costs_of, trade_off
 from stereocal.refined.unknowns import RefineSettings, unknowns_of
+from stereocal.workflow import calibrate
 from tests import rig
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import plotly.graph_objects as go
 import pytest
 
-from stereocal.calibrate import METHODS, CalibrationSettings, Method
+from stereocal.calibration.methods import METHODS, CalibrationSettings, Method
 from stereocal.errors import StereocalError
 from stereocal.evaluation import EvaluationSettings, evaluate
 from stereocal.figures import (

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from benchmarks.refined_rigs import Misjudged, random_scene, stated
-from stereocal.calibrate import CalibrationSettings, errors_of
+from stereocal.calibration.methods import CalibrationSettings
+from stereocal.calibration.results import errors_of
 from stereocal.errors import StereocalError
 from stereocal.evaluation import EvaluationSettings, evaluate_run, split
 from stereocal.geometry import Angles, Pose

@@ -25,7 +25,8 @@ from stereocal.warming import compile_all
 data = Path(sys.argv[1])
 compile_all()
 
-from stereocal.calibrate import CalibrationSettings, calibrate
+from stereocal.calibration.methods import CalibrationSettings
+from stereocal.workflow import calibrate
 from stereocal.detection import corner_near, detect_targets
 from stereocal.evaluation import EvaluationSettings, count_set, evaluate_runs
 from stereocal.formats.dataset_files import read_dataset
@@ -83,7 +84,7 @@ def test_nothing_that_a_page_does_compiles_anything_more() -> None:
 
 FROM_NOTHING = """
 import json, sys, time
-from stereocal.calibrate import calibrate
+from stereocal.workflow import calibrate
 from stereocal.compilations import compilations
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.simulate import simulate_field

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from benchmarks.peers.solution import Peer, Solution
-from stereocal.calibrate import reconstruction_problem, reprojection_problem
+from stereocal.calibration.problems import reconstruction_problem, reprojection_problem
 from stereocal.dataset import Dataset
 from stereocal.essential import calibrate_essential
 from stereocal.montecarlo import Problem, SearchSettings, minimise

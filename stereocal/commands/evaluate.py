@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from stereocal.calibrate import screened
 from stereocal.commands.options import (
     add_lens_model,
     add_search_options,
@@ -16,6 +15,7 @@ from stereocal.commands.progress import ProgressBar
 from stereocal.engines import engine
 from stereocal.evaluation import EvaluationSettings, evaluate, evaluate_runs
 from stereocal.evaluation_files import summary_json, unique_names
+from stereocal.refined.screening import screened
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.report import report_html
 from stereocal.store.carry import read_input

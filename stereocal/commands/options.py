@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from dataclasses import replace
 
-from stereocal.calibrate import CalibrationSettings
+from stereocal.calibration.methods import CalibrationSettings
 from stereocal.dataset import Dataset
 from stereocal.formats.lens_model import LENS_MODELS
 from stereocal.montecarlo import SearchSettings

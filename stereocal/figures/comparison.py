@@ -9,7 +9,7 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from stereocal.calibrate import ALL_METHODS, Method
+from stereocal.calibration.methods import ALL_METHODS, Method
 from stereocal.compiled import FloatArray
 from stereocal.figures.style import METHOD_COLOURS, METHOD_NAMES, METHOD_SYMBOLS, count, finish
 from stereocal.summary import Estimate, MethodSummary, best_methods

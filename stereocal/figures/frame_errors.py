@@ -9,7 +9,7 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from stereocal.calibrate import METHODS, Calibration, Method
+from stereocal.calibration.methods import METHODS, Method
 from stereocal.compiled import FloatArray, IntArray
 from stereocal.figures.style import (
     METHOD_COLOURS,
@@ -28,6 +28,7 @@ from stereocal.outliers import (
     outlying_frames,
     reprojection_outliers,
 )
+from stereocal.refined.results import Calibration
 
 HEIGHT = 600
 LOG_BEYOND = 30.0

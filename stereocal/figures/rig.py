@@ -12,7 +12,8 @@ import numpy as np
 import numpy.typing as npt
 import plotly.graph_objects as go
 
-from stereocal.calibrate import METHODS, Calibration, Errors, Method
+from stereocal.calibration.methods import METHODS, Method
+from stereocal.calibration.results import Errors
 from stereocal.camera import Camera
 from stereocal.compiled import FloatArray
 from stereocal.dataset import TARGETS, Dataset
@@ -28,6 +29,7 @@ from stereocal.figures.style import (
     finish,
 )
 from stereocal.geometry import Pose, triangulate_rays
+from stereocal.refined.results import Calibration
 
 HEIGHT = 520
 FRUSTUM_OF_DEPTH = 0.15

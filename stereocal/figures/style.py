@@ -10,8 +10,8 @@ from collections.abc import Mapping
 
 import plotly.graph_objects as go
 
-from stereocal.calibrate import METHOD_NAMES as METHOD_NAMES
-from stereocal.calibrate import Method
+from stereocal.calibration.methods import METHOD_NAMES as METHOD_NAMES
+from stereocal.calibration.methods import Method
 
 METHOD_COLOURS: Mapping[Method, str] = {
     "essential": "#7F7F7F",

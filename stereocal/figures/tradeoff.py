@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import plotly.graph_objects as go
 
-from stereocal.calibrate import ALL_METHODS, Method
+from stereocal.calibration.methods import ALL_METHODS, Method
 from stereocal.compiled import FloatArray
 from stereocal.figures.style import (
     METHOD_COLOURS,

@@ -16,6 +16,7 @@ from functools import cached_property
 import numpy as np
 from scipy.stats import mannwhitneyu
 
+from stereocal.calibration.methods import CalibrationSettings
 from stereocal.compiled import BoolArray, FloatArray
 from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
@@ -38,6 +39,9 @@ FEWEST_TOGETHER = 3
 NEIGHBOURS = 5
 ALIKE = 0.1
 """Kept points near one left out have so large a part of its residual where the lens is wrong."""
+
+MOST_LEFT_OUT = 0.2
+"""Where more frames than this contradict the others, the others may be the wrong ones."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,3 +218,8 @@ def _like_neighbours(fit: RefinedResult, out: BoolArray) -> bool:
         nearest = kept[np.argsort(distance)[:NEIGHBOURS]]
         ratios.append(np.median(signed[nearest]) / signed[worst])
     return bool(np.median(ratios) > ALIKE)
+
+
+def screened(dataset: Dataset, settings: CalibrationSettings) -> Screening:
+    """Which frames of a data set to leave out, as the settings say."""
+    return unscreened(dataset) if settings.all_frames else screen(dataset, settings.frames_put_back)

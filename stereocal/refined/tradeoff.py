@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from stereocal.calibrate import reconstruction_problem, reprojection_problem
+from stereocal.calibration.problems import reconstruction_problem, reprojection_problem
 from stereocal.camera import Camera
 from stereocal.compiled import FloatArray
 from stereocal.dataset import Dataset

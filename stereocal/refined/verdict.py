@@ -16,7 +16,7 @@ from typing import Literal
 import numpy as np
 from scipy.special import stdtrit
 
-from stereocal.calibrate import ALL_METHODS, CalibrationSettings, Method
+from stereocal.calibration.methods import ALL_METHODS, CalibrationSettings, Method
 from stereocal.compiled import FloatArray
 from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError

@@ -8,7 +8,6 @@ from pathlib import Path
 import pandas as pd
 import streamlit as st
 
-from stereocal.calibrate import Calibration
 from stereocal.errors import StereocalError
 from stereocal.figures import describe_pair_errors, plot_pair_errors
 from stereocal.formats.other_files import is_hdf5
@@ -30,6 +29,7 @@ from stereocal.points.nearest import nearest_errors
 from stereocal.points.pairs import POINT
 from stereocal.points.threshold import FramePixels, choose_threshold
 from stereocal.project import Project
+from stereocal.refined.results import Calibration
 from stereocal.store.application import SIDES, USES, ProjectApplication, Side, Use
 from stereocal.ui import jobs
 from stereocal.ui.fields import Field, number, one_of, setting, yes_or_no

@@ -7,7 +7,7 @@ from typing import Any
 
 import streamlit as st
 
-from stereocal.calibrate import CalibrationSettings
+from stereocal.calibration.methods import CalibrationSettings
 from stereocal.dataset import Dataset
 from stereocal.montecarlo import SearchSettings
 from stereocal.project import Project

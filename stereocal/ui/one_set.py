@@ -7,7 +7,7 @@ from typing import Any
 
 import streamlit as st
 
-from stereocal.calibrate import Calibration, Method
+from stereocal.calibration.methods import Method
 from stereocal.camera import Camera
 from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
@@ -27,6 +27,7 @@ from stereocal.geometry import Pose
 from stereocal.project import Project
 from stereocal.refine import RefinedResult
 from stereocal.refined.file import refined_parameters
+from stereocal.refined.results import Calibration
 from stereocal.refined.screening import Screening
 from stereocal.refined.stated_inputs import Input, what_could_not_be_told
 from stereocal.refined.tradeoff import TradeOff, costs_of

@@ -6,7 +6,6 @@ from typing import Any, Literal
 
 import streamlit as st
 
-from stereocal.calibrate import Calibration
 from stereocal.errors import StereocalError
 from stereocal.evaluation_files import Evaluation, validation_figures
 from stereocal.formats.exchange import FORMATS, export_files, export_notes
@@ -17,6 +16,7 @@ from stereocal.parameters import RigParameters
 from stereocal.project import Project
 from stereocal.refine import RefinedResult
 from stereocal.refined.file import refined_parameters
+from stereocal.refined.results import Calibration
 from stereocal.ui.fields import number, one_of, setting
 from stereocal.ui.intake import escape_markdown
 

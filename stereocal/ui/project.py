@@ -10,11 +10,11 @@ from pathlib import Path
 
 import streamlit as st
 
-from stereocal.calibrate import Calibration
 from stereocal.errors import StereocalError
 from stereocal.evaluation_files import Evaluation
 from stereocal.inputs import Inputs, Slot
 from stereocal.project import Project
+from stereocal.refined.results import Calibration
 from stereocal.store.folders import default_home
 from stereocal.store.photographs import TABLE_LABEL
 from stereocal.store.projects import bring_back, removed_at

@@ -7,7 +7,7 @@ from collections.abc import Collection
 import plotly.graph_objects as go
 import streamlit as st
 
-from stereocal.calibrate import METHOD_NAMES, METHODS, Calibration
+from stereocal.calibration.methods import METHOD_NAMES, METHODS
 from stereocal.commands.calibrate import FILES, REFINED
 from stereocal.dataset import Dataset
 from stereocal.evaluation_files import Evaluation
@@ -23,6 +23,7 @@ from stereocal.formats.dataset_files import pack_dataset
 from stereocal.formats.zip_files import pack_zip
 from stereocal.project import Project
 from stereocal.refine import RefinedResult
+from stereocal.refined.results import Calibration
 from stereocal.tables import answer, results_table, why_not_trusted
 from stereocal.ui.fields import one_of, setting
 from stereocal.ui.intake import escape_markdown

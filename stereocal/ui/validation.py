@@ -9,7 +9,7 @@ from typing import Any
 
 import streamlit as st
 
-from stereocal.calibrate import Method
+from stereocal.calibration.methods import Method
 from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
 from stereocal.evaluation import EvaluationSettings, evaluate

@@ -13,7 +13,7 @@ import pytest
 from streamlit import config
 from streamlit.testing.v1 import AppTest
 
-from stereocal.calibrate import CalibrationSettings
+from stereocal.calibration.methods import CalibrationSettings
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.project import Project
 from stereocal.refined.unknowns import RefineSettings
