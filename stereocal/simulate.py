@@ -9,9 +9,7 @@ measured) are apart, so that a wrong lens or a misread length is one argument of
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,9 +18,7 @@ from stereocal.camera import Camera
 from stereocal.compiled import FloatArray
 from stereocal.dataset import Correspondences, Dataset
 from stereocal.errors import StereocalError
-from stereocal.formats.dataset_files import pack_dataset
 from stereocal.geometry import Angles, Pose
-from stereocal.writing import write_atomically
 
 TRUTH_FORMAT = "stereocal-truth/1"
 TRUTH = "truth.json"
@@ -225,19 +221,6 @@ def simulate_field(seed: int) -> tuple[Scene, Dataset]:
     given = replace(Given.exact(scene), baseline_m=FIELD_BASELINE_M, target_distance_m=FIELD_BAR_M)
     notes = f"Synthetic, seed {seed}; the truth is in {TRUTH}."
     return scene, observe(scene, rng, FIELD_NOISE_PX, "field", given, notes)
-
-
-def write_field(folder: Path, seed: int) -> None:
-    """Write the sample field as a data set folder, with its truth beside it.
-
-    Raises:
-        StereocalError: the folder cannot be written to.
-    """
-    scene, dataset = simulate_field(seed)
-    truth = truth_of(scene, FIELD_NOISE_PX, seed)
-    files = {**pack_dataset(dataset), TRUTH: (json.dumps(truth, indent=2) + "\n").encode()}
-    for name, content in files.items():
-        write_atomically(folder / name, content)
 
 
 def truth_of(scene: Scene, noise_px: float, seed: int) -> dict[str, Any]:

@@ -10,6 +10,7 @@ import pytest
 
 from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import read_dataset
+from stereocal.formats.simulated import write_nineteen
 from stereocal.synthetic.nineteen import (
     BAR_SIGMA_M,
     BARS_M,
@@ -17,7 +18,6 @@ from stereocal.synthetic.nineteen import (
     BASELINES_M,
     NOISE_PX,
     simulate_nineteen,
-    write_nineteen,
 )
 
 SHIPPED = Path(__file__).parents[1] / "sample_data" / "nineteen"

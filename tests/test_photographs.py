@@ -16,6 +16,7 @@ from stereocal.commands import simulate as simulate_command
 from stereocal.compiled import FloatArray
 from stereocal.errors import StereocalError
 from stereocal.formats.camera_file import read_camera
+from stereocal.formats.simulated import describing_files, write_photographs
 from stereocal.simulate import FIELD_BAR_M, Rig, Scene, field_rig
 from stereocal.synthetic.backgrounds import WALL_M, outdoors
 from stereocal.synthetic.photographs import (
@@ -27,13 +28,7 @@ from stereocal.synthetic.photographs import (
     place_visible_bars,
 )
 from stereocal.synthetic.rendering import Photograph, PhotographSettings
-from stereocal.synthetic.sample_photographs import (
-    JPEG_QUALITY,
-    describing_files,
-    jpeg,
-    prepare_photographs,
-    write_photographs,
-)
+from stereocal.synthetic.sample_photographs import JPEG_QUALITY, jpeg, prepare_photographs
 from tests.test_simulate import assert_same_numbers
 
 SHIPPED = Path(__file__).parents[1] / "sample_data" / "photographs"

@@ -16,6 +16,7 @@ from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
 from stereocal.essential import Solver
 from stereocal.formats.dataset_files import read_dataset
+from stereocal.formats.simulated import write_field
 from stereocal.geometry import Angles, Pose
 from stereocal.montecarlo import minimise
 from stereocal.simulate import (
@@ -33,7 +34,6 @@ from stereocal.simulate import (
     place_bars,
     simulate_field,
     truth_of,
-    write_field,
 )
 from stereocal.workflow import calibrate
 

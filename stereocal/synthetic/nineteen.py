@@ -7,9 +7,7 @@ as it does not in the field. Baseline and bar are read anew for each data set.
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
@@ -17,7 +15,6 @@ from stereocal.camera import Camera
 from stereocal.compiled import FloatArray
 from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
-from stereocal.formats.dataset_files import pack_dataset
 from stereocal.geometry import Angles, Pose
 from stereocal.simulate import (
     TRUTH,
@@ -28,9 +25,7 @@ from stereocal.simulate import (
     lens_off_by,
     observe,
     place_bars,
-    truth_of,
 )
-from stereocal.writing import write_atomically
 
 DATASETS = 19
 FRAMES = 25
@@ -49,19 +44,6 @@ POSE_SPREAD_RAD = 0.01
 """Each rig is set up by hand: standard deviation of each of its five angles."""
 PIXEL_DECIMALS = 3
 """Image points are rounded to 0.001 px, far below the noise: the tables are half as long."""
-
-
-def write_nineteen(folder: Path, seed: int, datasets: int = DATASETS, frames: int = FRAMES) -> None:
-    """Write the data sets as the folders `01`, `02`, ... with `truth.json` in each.
-
-    Raises:
-        StereocalError: no data sets or frames, or the folder cannot be written to.
-    """
-    for number, (scene, dataset) in enumerate(simulate_nineteen(seed, datasets, frames), start=1):
-        truth = truth_of(scene, NOISE_PX, seed)
-        files = {**pack_dataset(dataset), TRUTH: (json.dumps(truth, indent=1) + "\n").encode()}
-        for name, content in files.items():
-            write_atomically(folder / f"{number:02d}" / name, content)
 
 
 def simulate_nineteen(

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import cv2
@@ -13,18 +11,14 @@ import numpy as np
 
 from stereocal.camera import Camera
 from stereocal.errors import StereocalError
-from stereocal.formats.dataset_files import TABLE, pack_dataset
 from stereocal.geometry import Angles, Pose
 from stereocal.simulate import (
     FIELD_BAR_M,
     FIELD_BASELINE_M,
     FIELD_FRAMES,
-    TRUTH,
-    Given,
     Rig,
     Scene,
     field_rig,
-    observe,
     truth_of,
 )
 from stereocal.synthetic.backgrounds import indoors, outdoors
@@ -42,7 +36,6 @@ from stereocal.synthetic.photographs import (
     place_visible_bars,
 )
 from stereocal.synthetic.rendering import Photograph, PhotographSettings, chessboard
-from stereocal.writing import write_atomically
 
 JPEG_QUALITY = 80
 """Of the photographs of the bar; what it costs is in sample_data/README.md."""
@@ -52,8 +45,6 @@ POSE_SPREAD_RAD = 0.01
 FOCAL_SPREAD = 0.005
 CENTRE_SPREAD_PX = 15.0
 """Standard deviations of the rig's angles and lenses about those of `field_rig`."""
-
-Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,42 +112,6 @@ def drawn_rig(rng: np.random.Generator) -> Rig:
     return Rig(cameras[0], cameras[1], pose)
 
 
-def write_photographs(
-    folder: Path,
-    seed: int,
-    frames: int = FIELD_FRAMES,
-    boards: int = LENS_PHOTOGRAPHS,
-    progress: Progress = lambda _done, _total: None,
-) -> None:
-    """Write the data set: `primary/0001.jpg` and so on, `boards_primary/`, and the truth.
-
-    There is no table of points: they are to be found in the photographs.
-
-    Args:
-        progress: called with the photographs written so far and in all.
-
-    Raises:
-        StereocalError: the folder cannot be written to.
-    """
-    field = prepare_photographs(seed, frames, boards)
-    for name, content in describing_files(field).items():
-        write_atomically(folder / name, content)
-    total = 2 * (frames + boards)
-    done = 0
-    for pair in field.pairs():
-        for which, image in (("primary", pair.primary), ("secondary", pair.secondary)):
-            name = f"{pair.frame:04d}.jpg"
-            write_atomically(folder / which / name, jpeg(image, JPEG_QUALITY))
-        done += 2
-        progress(done, total)
-    for which in field.cameras:
-        for number, image in enumerate(field.board_photographs(which), start=1):
-            name = f"{number:04d}.jpg"
-            write_atomically(folder / f"boards_{which}" / name, jpeg(image, JPEG_QUALITY_BOARDS))
-            done += 1
-            progress(done, total)
-
-
 def jpeg(image: Photograph, quality: int) -> bytes:
     """A grey JPEG file.
 
@@ -167,17 +122,6 @@ def jpeg(image: Photograph, quality: int) -> bytes:
         raise StereocalError("A JPEG holds 8 bits a pixel; keep photographs of more bits as PNG.")
     options = [cv2.IMWRITE_JPEG_QUALITY, quality, cv2.IMWRITE_JPEG_OPTIMIZE, 1]
     return bytes(cv2.imencode(".jpg", image, options)[1])
-
-
-def describing_files(field: PhotographedField) -> dict[str, bytes]:
-    """`dataset.json`, the two camera files and `truth.json`."""
-    given = replace(
-        Given.exact(field.scene), baseline_m=FIELD_BASELINE_M, target_distance_m=FIELD_BAR_M
-    )
-    notes = f"Synthetic photographs, seed {field.seed}; the truth is in {TRUTH}."
-    exact = observe(field.scene, np.random.default_rng(0), 0.0, "photographs", given, notes)
-    files = {name: content for name, content in pack_dataset(exact).items() if name != TABLE}
-    return {**files, TRUTH: (json.dumps(true_of_photographs(field), indent=2) + "\n").encode()}
 
 
 def true_of_photographs(field: PhotographedField) -> dict[str, Any]:
