@@ -19,7 +19,6 @@ import pandas as pd
 
 from benchmarks.flock import FlockFrame, flock, parameter_sets
 from stereocal.calibration.methods import CalibrationSettings
-from stereocal.engines import engine
 from stereocal.errors import StereocalError
 from stereocal.essential import Solver
 from stereocal.evaluation import EvaluationSettings, evaluate
@@ -30,6 +29,7 @@ from stereocal.points.matching_files import match_tables
 from stereocal.points.threshold import choose_threshold
 from stereocal.summary import summarise_all
 from stereocal.synthetic.nineteen import simulate_nineteen
+from stereocal.system.executors import engine
 
 COUNTS = (10, 100, 300, 1000)
 THRESHOLDS = (0.3, 1.0, 3.0, 10.0, 40.0)

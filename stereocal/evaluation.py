@@ -31,10 +31,10 @@ from stereocal.errors import StereocalError
 from stereocal.essential import calibrate_essential
 from stereocal.geometry import Angles, Pose
 from stereocal.montecarlo import minimise
-from stereocal.pieces import Pieces, Task, each_finished
 from stereocal.protocol import BINS, calibrate_rays, validate_rays
 from stereocal.refine import refine
 from stereocal.refined.unknowns import RefineSettings
+from stereocal.system.tasks import Pieces, Task, each_finished
 
 MOST_PARTNERS = 99
 MINIMUM_VALIDATION_FRAMES = 2

@@ -17,11 +17,11 @@ from stereocal.calibration.methods import Method
 from stereocal.dataset import Dataset
 from stereocal.errors import DAMAGED, StereocalError
 from stereocal.evaluation import EvaluationSettings, Run
-from stereocal.formats.arrays import Array, read_arrays, shaped
-from stereocal.json_text import read_json
 from stereocal.protocol import BINS
 from stereocal.refined.screening import Screening
 from stereocal.summary import MethodSummary, summarise
+from stereocal.system.arrays import Array, read_arrays, shaped
+from stereocal.system.json_text import read_json
 
 SUMMARY_FORMAT = "stereocal-summary/1"
 METHOD_COUNTS = (3, 4)

@@ -11,11 +11,11 @@ import cv2
 
 from stereocal.formats.camera_file import read_camera
 from stereocal.formats.dataset_files import parse_zip
-from stereocal.formats.photograph import decode_checked, read_header
 from stereocal.formats.point_table import PointTable
 from stereocal.formats.sleap_h5 import point_text
-from stereocal.formats.zip_files import unzip
-from stereocal.guarded_child import GuardedReader, Prepared
+from stereocal.system.guarded_child import GuardedReader, Prepared
+from stereocal.system.photograph import decode_checked, read_header
+from stereocal.system.zip_files import unzip
 
 cv2.setNumThreads(1)
 # Arrow's other pools set aside more addresses than are allowed here.

@@ -32,7 +32,7 @@ from stereocal.compiled import FloatArray, IntArray
 from stereocal.errors import StereocalError
 from stereocal.lens.board_pattern import BoardPattern
 from stereocal.lens.boards import BoardSearch, BoardView
-from stereocal.pieces import Pieces, Task, each_finished
+from stereocal.system.tasks import Pieces, Task, each_finished
 
 PARAMETERS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
 FEWEST_VIEWS = 3

@@ -30,8 +30,8 @@ from stereocal.geometry import (
     stack_rays,
     triangulate,
 )
-from stereocal.json_text import read_json
-from stereocal.writing import write_atomically
+from stereocal.system.atomic_files import write_atomically
+from stereocal.system.json_text import read_json
 
 PARAMETERS_FORMAT = "stereocal-parameters/1"
 PURPOSES = {"2d": "matching", "3d": "reconstruction", "refined": "both", "imported": "both"}

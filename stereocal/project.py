@@ -38,7 +38,7 @@ from stereocal.store.folders import is_id, new_project_folder, own_file
 from stereocal.store.room import check_room
 from stereocal.store.state import PROJECT_FILE, StateFile, changing, read_if_there
 from stereocal.store.unused import forget_files
-from stereocal.writing import write_all, write_atomically
+from stereocal.system.atomic_files import write_all, write_atomically
 
 PROJECT_FORMAT = "stereocal-project/1"
 PATIENCE = 3

@@ -19,8 +19,8 @@ from stereocal.geometry import (
     stack_rays,
     triangulate_rays,
 )
-from stereocal.json_text import read_json
 from stereocal.parameters import RigParameters
+from stereocal.system.json_text import read_json
 
 POSE_NAMES = (*Angles._fields, "baseline_m")
 RAY_STEP = 1e-6

@@ -18,8 +18,6 @@ from stereocal.formats.camera_file import read_camera, write_camera, write_openc
 from stereocal.formats.correspondences_csv import read_table
 from stereocal.formats.dataset_files import parse_dataset, parse_zip, read_dataset
 from stereocal.formats.exchange import export_files, import_files
-from stereocal.formats.photograph import read_photograph
-from stereocal.formats.photograph_files import unpack_photographs
 from stereocal.formats.pixel_origin import PixelOrigin
 from stereocal.formats.point_answers import (
     BarAnswers,
@@ -35,12 +33,14 @@ from stereocal.formats.point_files import read_points
 from stereocal.formats.point_table import PointTable
 from stereocal.formats.sleap_h5 import point_text
 from stereocal.formats.stereo import ExchangeOptions
-from stereocal.limits import Limits
 from stereocal.parameters import RigParameters
 from stereocal.project import Project
 from stereocal.reconstruction import read_world
 from stereocal.store.parts import Parts
 from stereocal.store.server import ServerSettings
+from stereocal.system.limits import Limits
+from stereocal.system.photograph import read_photograph
+from stereocal.system.photograph_files import unpack_photographs
 from stereocal.ui.picker import pick_of
 from tests import hostile_seeds as seeds
 from tests.hostile_projects import FILES, dataset_zip, project_zip, read_inner, read_project_zip

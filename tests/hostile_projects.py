@@ -25,8 +25,6 @@ from stereocal.evaluation_files import Evaluation
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.correspondences_csv import write_table
 from stereocal.formats.dataset_files import pack_dataset
-from stereocal.formats.photograph_files import keep_photograph
-from stereocal.formats.zip_files import pack_zip
 from stereocal.frames.frame import Centre, Frame
 from stereocal.frames.review import place
 from stereocal.intrinsics import LensSettings, calibrate_lens
@@ -43,6 +41,8 @@ from stereocal.store.projects import recent_projects
 from stereocal.store.review import change_review, read_review
 from stereocal.store.thumbnails import thumbnail
 from stereocal.summary import summarise
+from stereocal.system.photograph_files import keep_photograph
+from stereocal.system.zip_files import pack_zip
 from stereocal.workflow import calibrate
 from tests.lens import PATTERN, AtOnce, views
 from tests.rig import BAR_M, BASELINE_M, PRIMARY, SECONDARY, correspondences

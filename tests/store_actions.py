@@ -13,9 +13,7 @@ from pathlib import Path
 from stereocal.dataset import Dataset
 from stereocal.evaluation_files import Evaluation
 from stereocal.formats.dataset_files import pack_dataset, read_dataset
-from stereocal.formats.photograph_files import keep_photograph
 from stereocal.formats.point_answers import first_answers, layout_of
-from stereocal.formats.zip_files import pack_zip
 from stereocal.frames.review import choose, undo
 from stereocal.inputs import Slot
 from stereocal.points.application import Application, unlabelled
@@ -29,6 +27,8 @@ from stereocal.store.photographs import ProjectPhotographs
 from stereocal.store.projects import STATES, bring_back, duplicate, folders_in, remove
 from stereocal.store.review import change_review, read_review
 from stereocal.store.sweep import DAY_S, sweep
+from stereocal.system.photograph_files import keep_photograph
+from stereocal.system.zip_files import pack_zip
 from tests.pages.stored_projects import FULL, placed
 
 FIELD = Path(__file__).parents[1] / "sample_data" / "field"

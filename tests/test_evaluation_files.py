@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from stereocal.calibration.methods import METHODS
-from stereocal.engines import engine
 from stereocal.errors import StereocalError
 from stereocal.evaluation import EvaluationSettings, Run, evaluate
 from stereocal.evaluation_files import (
@@ -24,6 +23,7 @@ from stereocal.evaluation_files import (
 )
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.summary import summarise
+from stereocal.system.executors import engine
 
 FIELD = Path(__file__).parents[1] / "sample_data" / "field"
 SETTINGS = EvaluationSettings(runs=6, calibration_frames=20)

@@ -10,7 +10,7 @@ from concurrent.futures import CancelledError, as_completed
 
 import pytest
 
-from stereocal.fair_pool import FairPool
+from stereocal.system.fair_pool import FairPool
 
 
 class Gate:

@@ -24,8 +24,8 @@ from stereocal.errors import RefusedRowsError, StereocalError
 from stereocal.formats.camera_file import read_camera, write_camera
 from stereocal.formats.correspondences_csv import TEMPLATE, read_table, write_table
 from stereocal.formats.dataset_files import pack_dataset, parse_dataset, read_dataset, read_survey
-from stereocal.formats.zip_files import unzip
 from stereocal.parameters import RigParameters
+from stereocal.system.zip_files import unzip
 from tests.rig import PRIMARY, SECONDARY, correspondences, dataset
 
 HEADER = "frame,target,u_primary,v_primary,u_secondary,v_secondary"

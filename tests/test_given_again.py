@@ -13,12 +13,12 @@ from stereocal.camera import Camera
 from stereocal.errors import StereocalError
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.correspondences_csv import read_table
-from stereocal.formats.photograph_files import keep_photograph
 from stereocal.frames.review import choose
 from stereocal.inputs import Slot
 from stereocal.project import Project
 from stereocal.store.photographs import ProjectPhotographs
 from stereocal.store.review import change_review, read_review
+from stereocal.system.photograph_files import keep_photograph
 from tests.store_actions import placed_full
 
 

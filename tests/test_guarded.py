@@ -18,8 +18,8 @@ import pytest
 from stereocal import guarded_readers
 from stereocal.errors import StereocalError
 from stereocal.formats.camera_file import write_camera, write_opencv_camera
-from stereocal.guarded import Guard
 from stereocal.guarded_readers import guarded_files
+from stereocal.system.guarded import Guard
 from tests.rig import PRIMARY
 
 SLOW = 60.0
@@ -114,7 +114,7 @@ def test_many_at_once(guard: Guard, tmp_path: Path) -> None:
 SERVER = """
 import sys, threading
 from pathlib import Path
-from stereocal.guarded import Guard
+from stereocal.system.guarded import Guard
 guard = Guard("tests.deadly", least_seconds=60)
 guard.check("fine", Path(sys.argv[1]), "a")
 child = guard._free.get()

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from stereocal.errors import StereocalError
-from stereocal.formats.arrays import read_arrays
+from stereocal.system.arrays import read_arrays
 from tests.hostile import readers
 from tests.hostile_projects import FILES
 from tests.hostile_seeds import parquet

@@ -16,14 +16,14 @@ import pytest
 from stereocal.errors import LONGEST, StereocalError
 from stereocal.formats.correspondences_csv import TEMPLATE, read_table
 from stereocal.formats.dataset_files import read_dataset
-from stereocal.formats.photograph import read_photograph
-from stereocal.formats.photograph_files import photographs_in
 from stereocal.formats.point_files import read_points
 from stereocal.formats.point_layouts import propose_layout
 from stereocal.formats.point_table import PointTable
-from stereocal.formats.zip_files import open_zip
-from stereocal.limits import VARIABLES, Limits
 from stereocal.parameters import RigParameters
+from stereocal.system.limits import VARIABLES, Limits
+from stereocal.system.photograph import read_photograph
+from stereocal.system.photograph_files import photographs_in
+from stereocal.system.zip_files import open_zip
 
 POINTS = b"frame,u,v\n" + b"1,2,3\n" * 30
 

@@ -26,12 +26,12 @@ from stereocal.formats.exchange import FORMATS, export, export_files, import_fil
 from stereocal.formats.lens_model import FourCoefficientsError
 from stereocal.formats.stereo import ExchangeOptions
 from stereocal.formats.units import UNITS, Unit
-from stereocal.formats.zip_files import unzip
 from stereocal.geometry import Pose
 from stereocal.parameters import RigParameters
 from stereocal.project import Project
 from stereocal.reconstruction import read_world
 from stereocal.store.carry import read_input
+from stereocal.system.zip_files import unzip
 from tests.rig import BASELINE_M, PRIMARY, RIG, SECONDARY, dataset
 from tests.test_exchange import PLAIN, RICHEST, SIZES
 

@@ -19,7 +19,6 @@ from stereocal.detection import Detection, detect_targets, refusal
 from stereocal.errors import StereocalError
 from stereocal.evaluation import EvaluationSettings, Run, evaluate_runs
 from stereocal.evaluation_files import pack_runs, unpack_runs
-from stereocal.formats.photograph import read_photograph
 from stereocal.frames.detection_file import pack_detection, unpack_detection
 from stereocal.lens.board_pattern import BoardPattern
 from stereocal.lens.boards import BoardView, Refused, find_board
@@ -27,6 +26,7 @@ from stereocal.lens.files import pack_board, pack_draws, unpack_board, unpack_dr
 from stereocal.points.blocks import TableBlock, pack_block, unpack_block
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.store.parts import Parts
+from stereocal.system.photograph import read_photograph
 from tests import rig
 
 SAMPLES = Path(__file__).parents[1] / "sample_data" / "photographs"

@@ -17,7 +17,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stereocal.errors import StereocalError
-from stereocal.formats.photograph import (
+from stereocal.system.photograph import (
     decode_photograph,
     photograph_header,
     read_header,
@@ -260,7 +260,7 @@ def test_nothing_is_written_to_the_terminal() -> None:
     profile = png_of([chunks[0], (b"iCCP", b"x\0\0" + zlib.compress(b"junk")), *chunks[1:]])
     strange = tiff().replace(struct.pack("<HHI", 339, 3, 1), struct.pack("<HHI", 60123, 3, 1))
     code = (
-        "import sys\nfrom stereocal.formats.photograph import decode_photograph\n"
+        "import sys\nfrom stereocal.system.photograph import decode_photograph\n"
         "for content in map(bytes.fromhex, sys.stdin.read().split()):\n"
         "    try:\n        decode_photograph(content, 'a')\n"
         "    except ValueError as error:\n        print(error)\n"

@@ -13,15 +13,15 @@ import numpy as np
 import pytest
 
 from stereocal.errors import StereocalError
-from stereocal.formats.photograph import read_photograph
-from stereocal.formats.photograph_files import (
+from stereocal.system.photograph import read_photograph
+from stereocal.system.photograph_files import (
     is_photograph,
     keep_photograph,
     of_the_bar,
     photographs_in,
     unpack_photographs,
 )
-from stereocal.formats.zip_files import open_zip
+from stereocal.system.zip_files import open_zip
 
 
 def png(seed: int, width: int = 40, height: int = 30) -> bytes:

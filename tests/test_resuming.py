@@ -16,7 +16,6 @@ import pytest
 from stereocal.dataset import Dataset
 from stereocal.evaluation import EvaluationSettings, evaluate
 from stereocal.evaluation_files import pack_runs, unpack_runs
-from stereocal.formats.photograph import read_photograph
 from stereocal.frames.detection_file import pack_detection, unpack_detection
 from stereocal.frames.series import detect_series
 from stereocal.intrinsics import LensSettings, calibrate_lens
@@ -35,6 +34,7 @@ from stereocal.points.application import PAIRS, POINTS, Application, Points, app
 from stereocal.points.blocks import pack_block, unpack_block
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.store.parts import Parts
+from stereocal.system.photograph import read_photograph
 from tests import lens as lens_scene
 from tests import rig
 from tests.test_parts import same_detections, same_runs

@@ -8,8 +8,6 @@ from pathlib import Path
 import pytest
 
 from stereocal.errors import StereocalError
-from stereocal.formats.photograph_files import keep_photograph, unpack_photographs
-from stereocal.formats.zip_files import pack_zip
 from stereocal.project import Project
 from stereocal.store.application import ProjectApplication
 from stereocal.store.carry import pack_project, unpack_project
@@ -20,6 +18,8 @@ from stereocal.store.projects import duplicate
 from stereocal.store.room import size_of
 from stereocal.store.sweep import sweep
 from stereocal.store.unused import free_unused
+from stereocal.system.photograph_files import keep_photograph, unpack_photographs
+from stereocal.system.zip_files import pack_zip
 from tests.store_actions import check_whole, more_data, placed_full, state_of
 
 

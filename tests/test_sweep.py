@@ -11,7 +11,6 @@ from pathlib import Path
 import pytest
 
 from stereocal.errors import StereocalError
-from stereocal.formats.photograph_files import keep_photograph
 from stereocal.locking import FileLock, locked
 from stereocal.project import Project
 from stereocal.store.jobs import begin
@@ -20,6 +19,7 @@ from stereocal.store.photographs import ProjectPhotographs
 from stereocal.store.projects import bring_back, changed_at, recent_projects, remove
 from stereocal.store.sweep import DAY_S, MARKS, sweep
 from stereocal.store.unused import free_unused
+from stereocal.system.photograph_files import keep_photograph
 
 YEAR_S = 365.25 * DAY_S
 NOW = time.time()

@@ -30,7 +30,7 @@ from stereocal.workflow import calibrate
 from stereocal.detection import corner_near, detect_targets
 from stereocal.evaluation import EvaluationSettings, count_set, evaluate_runs
 from stereocal.formats.dataset_files import read_dataset
-from stereocal.formats.photograph import read_photograph
+from stereocal.system.photograph import read_photograph
 from stereocal.points.application import sample_frames, unlabelled
 from stereocal.points.nearest import nearest_errors
 from stereocal.points.threshold import choose_threshold

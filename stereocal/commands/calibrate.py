@@ -27,9 +27,9 @@ from stereocal.refined.uncertainty import standard_errors
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.refined.verdict import run_splits, verdict
 from stereocal.store.carry import read_input
+from stereocal.system.atomic_files import write_all
 from stereocal.tables import answer, left_out_line, listed, why_not_trusted
 from stereocal.workflow import calibrate
-from stereocal.writing import write_all
 
 FILES: dict[Literal["2d", "3d"], str] = {"2d": "parameters_2d.json", "3d": "parameters_3d.json"}
 REFINED = "parameters_refined.json"

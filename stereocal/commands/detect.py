@@ -9,15 +9,15 @@ from pathlib import Path
 
 from stereocal.commands.options import add_lens_model
 from stereocal.commands.progress import ProgressBar, say
-from stereocal.engines import engine
 from stereocal.errors import StereocalError
 from stereocal.formats.correspondences_csv import write_table
 from stereocal.formats.dataset_files import read_survey
-from stereocal.formats.photograph_files import of_the_bar, photographs_in
 from stereocal.frames.frame import correspondences_of, describe_frames, report_line
 from stereocal.frames.pairing import Pairing, pair_names
 from stereocal.frames.search import compile_detection, detect_frames
-from stereocal.writing import write_atomically
+from stereocal.system.atomic_files import write_atomically
+from stereocal.system.executors import engine
+from stereocal.system.photograph_files import of_the_bar, photographs_in
 
 
 def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:

@@ -7,16 +7,16 @@ import tempfile
 from pathlib import Path
 
 from stereocal.commands.progress import ProgressBar
-from stereocal.engines import engine
 from stereocal.formats.camera_file import write_camera, write_opencv_camera
-from stereocal.formats.photograph_files import Photographs, photographs_in
 from stereocal.intrinsics import LensCalibration, LensSettings, calibrate_lens
 from stereocal.lens.board_pattern import BoardPattern
 from stereocal.lens.boards import BoardSearch, find_boards
 from stereocal.lens.files import about
 from stereocal.lens.quality import advice, hint
 from stereocal.lens.tables import LENS_COLUMNS, lens_answer, lens_rows
-from stereocal.writing import write_atomically
+from stereocal.system.atomic_files import write_atomically
+from stereocal.system.executors import engine
+from stereocal.system.photograph_files import Photographs, photographs_in
 
 OPENCV_SUFFIXES = (".yml", ".yaml")
 

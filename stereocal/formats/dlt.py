@@ -16,9 +16,9 @@ from scipy.linalg import rq
 from stereocal.camera import Camera
 from stereocal.compiled import FloatArray
 from stereocal.errors import StereocalError
-from stereocal.formats.arrays import LARGEST
 from stereocal.formats.stereo import ExchangeOptions, Stereo, array_of, number, only_file, size_of
 from stereocal.geometry import Pose
+from stereocal.system.arrays import LARGEST
 
 ORIGIN_BEHIND_M = 1e-6
 """The last entry of P is the depth of the world's origin, 0 for a camera at the origin, and

@@ -22,7 +22,7 @@ from stereocal.formats.stereo import LARGEST_BYTES, OUR_UNIT, ExchangeOptions, S
 from stereocal.formats.units import Unit, UnitError, metres_per_unit
 from stereocal.geometry import Pose
 from stereocal.parameters import RigParameters
-from stereocal.writing import write_all
+from stereocal.system.atomic_files import write_all
 
 Files = Mapping[str, bytes]
 

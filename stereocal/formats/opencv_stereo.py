@@ -23,7 +23,7 @@ from stereocal.formats.stereo import (
     text_of,
 )
 from stereocal.geometry import Pose
-from stereocal.json_text import read_json
+from stereocal.system.json_text import read_json
 
 NAMES: Mapping[str, tuple[str, ...]] = {
     "M1": ("M1", "K1", "cameraMatrix1", "camera_matrix_1", "CM1"),

@@ -9,7 +9,7 @@ from typing import Any
 import pandas as pd
 
 from stereocal.errors import DAMAGED, StereocalError
-from stereocal.limits import Limits
+from stereocal.system.limits import Limits
 
 PARQUET = (".parquet", ".pq")
 BLOCK_ROWS = 100_000

@@ -22,7 +22,7 @@ from stereocal.dataset import Correspondences
 from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
 from stereocal.formats.pixel_origin import PixelOrigin
 from stereocal.formats.point_table import MOST_COLUMNS, is_missing, numbers_of, rows_error
-from stereocal.limits import Limits
+from stereocal.system.limits import Limits
 
 HEAD = 1_000_000
 MOST_CELLS = 100_000_000

@@ -28,7 +28,7 @@ import pandas as pd
 from stereocal.compiled import FloatArray, IntArray
 from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
 from stereocal.formats.parquet import PARQUET, block_rows, parquet_chunks, parquet_names
-from stereocal.limits import Limits
+from stereocal.system.limits import Limits
 
 MOST_COLUMNS = 2_000
 LONGEST_HEADER = 1_000_000

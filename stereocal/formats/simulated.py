@@ -31,7 +31,7 @@ from stereocal.synthetic.sample_photographs import (
     prepare_photographs,
     true_of_photographs,
 )
-from stereocal.writing import write_atomically
+from stereocal.system.atomic_files import write_atomically
 
 Progress = Callable[[int, int], None]
 

@@ -10,7 +10,7 @@ from typing import Any
 import pandas as pd
 
 from stereocal.formats.parquet import PARQUET, parquet_library
-from stereocal.writing import write_in_parts
+from stereocal.system.atomic_files import write_in_parts
 
 ROWS_AT_ONCE = 50_000
 

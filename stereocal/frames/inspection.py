@@ -8,9 +8,9 @@ from concurrent.futures import Executor, as_completed
 from pathlib import Path
 
 from stereocal.errors import StereocalError
-from stereocal.formats.photograph import photograph_header
-from stereocal.formats.photograph_files import Photographs
 from stereocal.frames.pairing import CAMERAS, Pair
+from stereocal.system.photograph import photograph_header
+from stereocal.system.photograph_files import Photographs
 
 Size = tuple[int, int]
 Progress = Callable[[int, int], None]

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from stereocal.detection import Detection, detect_targets, refusal
 from stereocal.errors import StereocalError
-from stereocal.pieces import Pieces
+from stereocal.system.tasks import Pieces
 
 Read = Callable[[Path], npt.NDArray[Any]]
 

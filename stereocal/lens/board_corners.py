@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stereocal.compiled import BoolArray, FloatArray, IntArray
-from stereocal.formats.photograph import GreyImage
+from stereocal.system.photograph import GreyImage
 
 LARGE_PX = 1400
 """Photographs with a longer side are first searched at half their size."""

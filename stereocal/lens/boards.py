@@ -20,11 +20,11 @@ import numpy as np
 
 from stereocal.compiled import FloatArray, IntArray
 from stereocal.errors import StereocalError
-from stereocal.formats.photograph import GreyImage, read_photograph
-from stereocal.formats.photograph_files import Photographs
 from stereocal.lens.board_corners import eight_bits, find_charuco, find_chessboard, refine
 from stereocal.lens.board_pattern import BoardPattern
-from stereocal.pieces import Pieces, Task, each_finished
+from stereocal.system.photograph import GreyImage, read_photograph
+from stereocal.system.photograph_files import Photographs
+from stereocal.system.tasks import Pieces, Task, each_finished
 
 NARROWEST_PX = 5.0
 """Nearer than this the corners run into each other: the board is edge-on or far away."""

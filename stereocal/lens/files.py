@@ -11,10 +11,10 @@ import numpy as np
 
 from stereocal.compiled import FloatArray
 from stereocal.errors import DAMAGED, StereocalError
-from stereocal.formats.arrays import read_arrays, shaped
 from stereocal.intrinsics import PARAMETERS, LensCalibration, LensSettings
 from stereocal.lens.board_pattern import BoardPattern
 from stereocal.lens.boards import BoardSearch, BoardView, Refused
+from stereocal.system.arrays import read_arrays, shaped
 
 RESULT_FORMAT = "stereocal-lens/1"
 MOST_PIXELS = 1_000_000

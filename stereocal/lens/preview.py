@@ -10,9 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from stereocal.camera import Camera
-from stereocal.formats.photograph import read_photograph
 from stereocal.lens.board_corners import eight_bits
 from stereocal.lens.boards import BoardView
+from stereocal.system.photograph import read_photograph
 
 WIDTH = 900
 ORANGE_BGR = (0, 159, 230)

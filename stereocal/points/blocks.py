@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from stereocal.compiled import FloatArray
-from stereocal.pieces import Pieces
+from stereocal.system.tasks import Pieces
 
 B = TypeVar("B")
 

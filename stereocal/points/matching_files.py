@@ -22,7 +22,6 @@ from stereocal.matching import (
     threshold_of,
 )
 from stereocal.parameters import RigParameters
-from stereocal.pieces import Pieces
 from stereocal.points.blocks import TableBlock, in_order
 from stereocal.points.pairs import (
     PAIR_COLUMNS,
@@ -34,6 +33,7 @@ from stereocal.points.pairs import (
     pixels_of,
 )
 from stereocal.points.threshold import FramePixels, ThresholdChoice, choose_threshold, sample_of
+from stereocal.system.tasks import Pieces
 
 LOST_COLUMNS = ("camera", "frame", "u", "v")
 OTHER_IMAGES = 0.2

@@ -31,10 +31,8 @@ from stereocal.formats.point_answers import OURS, Answers, answered, layout_of
 from stereocal.formats.point_files import read_points
 from stereocal.formats.point_table import PointTable
 from stereocal.formats.sleap_h5 import point_text
-from stereocal.formats.zip_files import pack_zip, unzip
 from stereocal.locking import locked
 from stereocal.parameters import RigParameters
-from stereocal.pieces import Pieces
 from stereocal.points.application import PAIRS, POINTS, Application, Outcome, Points, apply_sets
 from stereocal.points.blocks import TableBlock
 from stereocal.points.pairs import POINT
@@ -42,7 +40,9 @@ from stereocal.project import Project
 from stereocal.store.folders import own_file
 from stereocal.store.room import check_room
 from stereocal.store.state import DamagedError, StateFile, changing, forget, read_if_there
-from stereocal.writing import flush_folder, make_folder, write_atomically
+from stereocal.system.atomic_files import flush_folder, make_folder, write_atomically
+from stereocal.system.tasks import Pieces
+from stereocal.system.zip_files import pack_zip, unzip
 
 STORE_FORMAT = "stereocal-apply/1"
 Side = Literal["primary", "secondary"]

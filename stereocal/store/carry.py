@@ -13,13 +13,13 @@ from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.formats.lens_model import LensModel
-from stereocal.formats.zip_files import OpenZip, open_zip
 from stereocal.project import Project
 from stereocal.store.folders import UNCHANGING, new_project_folder
 from stereocal.store.jobs import JOBS
 from stereocal.store.room import check_whole
 from stereocal.store.state import PROJECT_FILE, changing
-from stereocal.writing import write_in_parts
+from stereocal.system.atomic_files import write_in_parts
+from stereocal.system.zip_files import OpenZip, open_zip
 
 MADE_AGAIN = ("thumbnails", JOBS)
 """Folders whose files are made again when they are needed, or belong to the server's work."""

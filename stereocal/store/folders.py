@@ -13,7 +13,7 @@ from pathlib import Path
 
 from stereocal.errors import StereocalError
 from stereocal.locking import locked
-from stereocal.writing import flush_folder, flush_tree, make_folder
+from stereocal.system.atomic_files import flush_folder, flush_tree, make_folder
 
 WAITING = ".new."
 """How the name of a project's folder begins while it is not complete."""

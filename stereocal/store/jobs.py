@@ -33,7 +33,7 @@ import stereocal
 from stereocal.errors import DAMAGED, LONGEST, StereocalError, can_be_shown
 from stereocal.locking import FileLock
 from stereocal.store.parts import Parts
-from stereocal.writing import make_folder, write_atomically
+from stereocal.system.atomic_files import make_folder, write_atomically
 
 T = TypeVar("T")
 JOBS = "jobs"

@@ -23,7 +23,7 @@ from stereocal.project import Project
 from stereocal.store.folders import own_file
 from stereocal.store.state import StateFile, changing, flush_stored, forget, read_if_there
 from stereocal.store.unused import forget_files
-from stereocal.writing import write_atomically
+from stereocal.system.atomic_files import write_atomically
 
 STORE_FORMAT = "stereocal-boards/1"
 Which = Literal["primary", "secondary"]

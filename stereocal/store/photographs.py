@@ -25,7 +25,7 @@ from stereocal.store.pair_rows import row_of, with_new
 from stereocal.store.photograph_list import PhotographList
 from stereocal.store.state import DamagedError, changing, flush_stored, read_if_there
 from stereocal.store.unused import forget_files
-from stereocal.writing import write_atomically
+from stereocal.system.atomic_files import write_atomically
 
 TABLE_LABEL = "targets found in the photographs"
 

@@ -17,7 +17,7 @@ from stereocal.project import Project
 from stereocal.store.folders import UNCHANGING, is_id, new_project_folder, private_folder
 from stereocal.store.room import check_whole, size_of
 from stereocal.store.state import PROJECT_FILE, changing
-from stereocal.writing import flush_folder
+from stereocal.system.atomic_files import flush_folder
 
 HELD_STAYS = os.name == "nt"
 """Windows does not move a folder with an open file in it, such as the one that carries its lock."""

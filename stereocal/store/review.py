@@ -14,7 +14,7 @@ from stereocal.frames.frame import Frame
 from stereocal.frames.review import REVIEW_FORMAT, Edit, Review, pack_edits, unpack_edits
 from stereocal.store.photographs import ProjectPhotographs
 from stereocal.store.state import changing, read_if_there
-from stereocal.writing import write_atomically
+from stereocal.system.atomic_files import write_atomically
 
 EDITS = "edits.json"
 

@@ -12,7 +12,7 @@ from typing import Any
 
 from stereocal.errors import DAMAGED, StereocalError
 from stereocal.locking import locked
-from stereocal.writing import flush_folder, write_atomically
+from stereocal.system.atomic_files import flush_folder, write_atomically
 
 PROJECT_FILE = "project.json"
 """What makes a folder a project."""

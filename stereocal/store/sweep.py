@@ -17,7 +17,7 @@ from stereocal.errors import DAMAGED, StereocalError
 from stereocal.store.left_over import remove_left_over
 from stereocal.store.projects import changed_at, folders_in, remove
 from stereocal.store.unused import free_unused
-from stereocal.writing import flush_folder, write_atomically
+from stereocal.system.atomic_files import flush_folder, write_atomically
 
 DAY_S = 86_400.0
 MARKS = "too-old.json"

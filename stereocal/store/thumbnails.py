@@ -8,11 +8,11 @@ from dataclasses import asdict
 from pathlib import Path
 
 from stereocal.errors import StereocalError
-from stereocal.formats.photograph import GreyImage, read_photograph
 from stereocal.frames.frame import Frame
 from stereocal.frames.thumbnails import side_by_side, tile
 from stereocal.store.photographs import ProjectPhotographs
-from stereocal.writing import write_atomically
+from stereocal.system.atomic_files import write_atomically
+from stereocal.system.photograph import GreyImage, read_photograph
 
 
 def thumbnail(store: ProjectPhotographs, frame: Frame) -> bytes:

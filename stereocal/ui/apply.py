@@ -13,7 +13,6 @@ from stereocal.figures import describe_pair_errors, plot_pair_errors
 from stereocal.formats.other_files import is_hdf5
 from stereocal.formats.parquet import PARQUET
 from stereocal.formats.point_table import PointTable
-from stereocal.guarded import server_guard
 from stereocal.matching import ANY_DEPTH, check_depths, purpose_warning
 from stereocal.parameters import RigParameters
 from stereocal.points.application import (
@@ -31,6 +30,7 @@ from stereocal.points.threshold import FramePixels, choose_threshold
 from stereocal.project import Project
 from stereocal.refined.results import Calibration
 from stereocal.store.application import SIDES, USES, ProjectApplication, Side, Use
+from stereocal.system.guarded import server_guard
 from stereocal.ui import jobs
 from stereocal.ui.fields import Field, number, one_of, setting, yes_or_no
 from stereocal.ui.given_sets import PURPOSES, given_set

@@ -22,21 +22,21 @@ from stereocal.formats.dataset_files import (
 )
 from stereocal.formats.lens_model import FourCoefficientsError, LensModel
 from stereocal.formats.other_files import is_hdf5
-from stereocal.formats.photograph_files import (
+from stereocal.formats.sleap_h5 import point_text
+from stereocal.formats.units import UNITS as UNITS
+from stereocal.inputs import Slot
+from stereocal.project import Project
+from stereocal.store.photographs import ProjectPhotographs
+from stereocal.store.room import check_room
+from stereocal.system.guarded import server_guard
+from stereocal.system.limits import Limits
+from stereocal.system.photograph_files import (
     is_photograph,
     keep_photograph,
     of_the_bar,
     unpack_photographs,
 )
-from stereocal.formats.sleap_h5 import point_text
-from stereocal.formats.units import UNITS as UNITS
-from stereocal.formats.zip_files import unzip
-from stereocal.guarded import server_guard
-from stereocal.inputs import Slot
-from stereocal.limits import Limits
-from stereocal.project import Project
-from stereocal.store.photographs import ProjectPhotographs
-from stereocal.store.room import check_room
+from stereocal.system.zip_files import unzip
 from stereocal.ui import jobs
 from stereocal.ui.fields import Field, one_of, setting
 from stereocal.ui.project import noted, project_to_write

@@ -17,12 +17,12 @@ from typing import Any, Literal, ParamSpec, TypeVar
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.fair_pool import FairPool
 from stereocal.project import Project
 from stereocal.store import jobs as kept_jobs
 from stereocal.store.jobs import KeptJob, Record
 from stereocal.store.parts import Parts
 from stereocal.store.server import ServerSettings
+from stereocal.system.fair_pool import FairPool
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.told import callback
 from stereocal.ui.warm_up import warm_up

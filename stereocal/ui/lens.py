@@ -10,8 +10,6 @@ from pathlib import Path
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.formats.photograph import SUFFIXES
-from stereocal.formats.photograph_files import unpack_photographs
 from stereocal.intrinsics import LensSettings, calibrate_lens
 from stereocal.lens.board_pattern import DICTIONARIES, BoardPattern
 from stereocal.lens.boards import BoardSearch, find_boards
@@ -19,6 +17,8 @@ from stereocal.lens.files import pack_board, pack_draws, unpack_board, unpack_dr
 from stereocal.project import Project
 from stereocal.store.lens import WHICH, ProjectLens, Which
 from stereocal.store.state import DamagedError
+from stereocal.system.photograph import SUFFIXES
+from stereocal.system.photograph_files import unpack_photographs
 from stereocal.ui import jobs
 from stereocal.ui.fields import number, one_of, setting, some_of, yes_or_no
 from stereocal.ui.intake import (

@@ -8,14 +8,14 @@ from pathlib import Path
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.formats.photograph import SUFFIXES
-from stereocal.formats.photograph_files import unpack_photographs
 from stereocal.frames.detection_file import pack_detection, unpack_detection
 from stereocal.frames.pairing import CAMERAS, Pair
 from stereocal.frames.search import STAGES, detect_frames
 from stereocal.inputs import Slot
 from stereocal.project import Project
 from stereocal.store.photographs import ProjectPhotographs
+from stereocal.system.photograph import SUFFIXES
+from stereocal.system.photograph_files import unpack_photographs
 from stereocal.ui import jobs
 from stereocal.ui.fields import one_of, setting
 from stereocal.ui.intake import (

@@ -12,7 +12,6 @@ from pathlib import Path
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.guarded import server_guard
 from stereocal.guarded_readers import guarded_files
 from stereocal.project import Project
 from stereocal.store.carry import pack_project, unpack_project
@@ -29,6 +28,7 @@ from stereocal.store.projects import (
 )
 from stereocal.store.room import MB, size_of
 from stereocal.store.server import ServerSettings
+from stereocal.system.guarded import server_guard
 from stereocal.ui.intake import check_uploads, escape_markdown, is_new, taking
 from stereocal.ui.project import (
     bring_project_back,

@@ -20,10 +20,10 @@ from stereocal.figures import (
     plot_traces,
 )
 from stereocal.formats.dataset_files import pack_dataset
-from stereocal.formats.zip_files import pack_zip
 from stereocal.project import Project
 from stereocal.refine import RefinedResult
 from stereocal.refined.results import Calibration
+from stereocal.system.zip_files import pack_zip
 from stereocal.tables import answer, results_table, why_not_trusted
 from stereocal.ui.fields import one_of, setting
 from stereocal.ui.intake import escape_markdown

@@ -11,7 +11,6 @@ from stereocal.dataset import TARGETS
 from stereocal.errors import StereocalError
 from stereocal.figures.style import TARGET_COLOURS, TARGET_SYMBOLS
 from stereocal.formats.correspondences_csv import write_table
-from stereocal.formats.photograph import read_photograph
 from stereocal.frames.frame import Frame, correspondences_of, name_in
 from stereocal.frames.pairing import CAMERAS
 from stereocal.frames.review import (
@@ -31,6 +30,7 @@ from stereocal.frames.review_words import centres_table, describe_residuals, des
 from stereocal.frames.thumbnails import eight_bits
 from stereocal.store.photographs import ProjectPhotographs
 from stereocal.store.review import change_review, read_review, undo_lost
+from stereocal.system.photograph import read_photograph
 from stereocal.ui.contact_sheet import BADGES, show_contact_sheet
 from stereocal.ui.fields import Field, one_of, setting, yes_or_no
 from stereocal.ui.intake import escape_markdown

@@ -8,11 +8,11 @@ from pathlib import Path
 
 from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import pack_dataset, read_dataset
-from stereocal.formats.photograph_files import Photographs, keep_photograph, photographs_in
 from stereocal.project import Project
 from stereocal.store.folders import default_home
 from stereocal.store.lens import WHICH, ProjectLens
 from stereocal.store.room import check_room
+from stereocal.system.photograph_files import Photographs, keep_photograph, photographs_in
 from stereocal.ui.intake import give_dataset, refuse, settled
 from stereocal.ui.jobs import pool
 from stereocal.ui.project import SAMPLE, project_to_write

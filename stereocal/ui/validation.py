@@ -27,12 +27,12 @@ from stereocal.figures import (
     plot_validation,
 )
 from stereocal.formats.dataset_files import read_dataset
-from stereocal.guarded import server_guard
 from stereocal.project import Project
 from stereocal.refined.screening import Screening
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.report import report_html
 from stereocal.summary import MethodSummary, summarise_all
+from stereocal.system.guarded import server_guard
 from stereocal.tables import (
     left_out_line,
     validation_answer,

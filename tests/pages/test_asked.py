@@ -11,8 +11,8 @@ from streamlit.testing.v1 import AppTest
 
 from stereocal.formats.dataset_files import pack_dataset
 from stereocal.formats.exchange import export_files
-from stereocal.formats.zip_files import pack_zip
 from stereocal.project import Project
+from stereocal.system.zip_files import pack_zip
 from tests.pages.test_apply import (
     SET_2D,
     SET_3D,

@@ -9,8 +9,8 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from stereocal.environment import number_given
 from stereocal.errors import StereocalError
+from stereocal.system.environment import number_given
 
 MB = 1e6
 FREE_SWELLING = 10_000_000

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import IO
 
 from stereocal.errors import StereocalError
-from stereocal.limits import Limits
+from stereocal.system.limits import Limits
 
 PIECE = 1 << 20
 LISTED_BYTES = 3_300

@@ -10,14 +10,14 @@ import numpy as np
 import numpy.typing as npt
 
 from stereocal.errors import StereocalError
-from stereocal.formats.photograph_headers import (
+from stereocal.system.limits import Limits
+from stereocal.system.photograph_headers import (
     PNG_SIGNATURE,
     Header,
     UnsoundError,
     parse_header,
     png_chunks,
 )
-from stereocal.limits import Limits
 
 GreyImage = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 

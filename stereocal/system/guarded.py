@@ -26,7 +26,7 @@ from functools import cache
 from pathlib import Path
 
 from stereocal.errors import StereocalError
-from stereocal.guarded_child import FAILED, MEMORY, READY, SURVIVED
+from stereocal.system.guarded_child import FAILED, MEMORY, READY, SURVIVED
 
 READERS = "stereocal.guarded_readers"
 CHILDREN = 2
@@ -142,7 +142,7 @@ class Guard:
 class _Child:
     def __init__(self, readers: str) -> None:
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "stereocal.guarded_child", readers],
+            [sys.executable, "-m", "stereocal.system.guarded_child", readers],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,

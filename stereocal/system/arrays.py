@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stereocal.errors import DAMAGED, StereocalError
-from stereocal.formats.zip_files import unzip
+from stereocal.system.zip_files import unzip
 
 Array = npt.NDArray[Any]
 HEAD = re.compile(

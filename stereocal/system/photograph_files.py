@@ -14,12 +14,12 @@ from contextlib import suppress
 from pathlib import Path, PurePosixPath
 
 from stereocal.errors import StereocalError
-from stereocal.formats.photograph import SUFFIXES
-from stereocal.formats.zip_files import open_zip
-from stereocal.limits import Limits
 from stereocal.locking import FileLock
 from stereocal.store.room import check_room
-from stereocal.writing import make_folder
+from stereocal.system.atomic_files import make_folder
+from stereocal.system.limits import Limits
+from stereocal.system.photograph import SUFFIXES
+from stereocal.system.zip_files import open_zip
 
 Photographs = Mapping[str, Path]
 """Names as the person has them, with folders and forward slashes, to files on disk."""
