@@ -22,10 +22,10 @@ import cv2
 import numpy as np
 
 from benchmarks.clutter import Found, Truth
-from stereocal.compiled import FloatArray
 from stereocal.detection import Detection, detect_targets
 from stereocal.frames.labelling import Labelling, label_targets
-from stereocal.geometry import Pose
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import Pose
 from stereocal.simulate import Rig, field_rig
 from stereocal.synthetic.photographs import (
     BarSettings,

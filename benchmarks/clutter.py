@@ -18,10 +18,10 @@ from typing import Any
 import cv2
 import numpy as np
 
-from stereocal.camera import Camera
-from stereocal.compiled import FloatArray
 from stereocal.detection import Detection, detect_targets
 from stereocal.frames.labelling import Labelling, label_targets
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray
 from stereocal.simulate import field_rig
 from stereocal.synthetic.backgrounds import outdoors
 from stereocal.synthetic.photographs import BarSettings, photograph_bars, place_visible_bars

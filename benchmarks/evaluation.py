@@ -19,11 +19,11 @@ from benchmarks import vectorised
 from benchmarks.cases import plain_search
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.calibration.problems import reconstruction_problem, reprojection_problem
-from stereocal.compiled import FloatArray
-from stereocal.dataset import Dataset
 from stereocal.essential import Solver
 from stereocal.evaluation import EvaluationSettings, evaluate, evaluate_runs, split
-from stereocal.geometry import Pose
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.geometry import Pose
 from stereocal.summary import summarise
 from stereocal.synthetic.nineteen import simulate_nineteen
 

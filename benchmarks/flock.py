@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stereocal.calibration.methods import CalibrationSettings
-from stereocal.compiled import FloatArray, IntArray
 from stereocal.essential import Solver
-from stereocal.parameters import RigParameters
+from stereocal.rig.compiled import FloatArray, IntArray
+from stereocal.rig.parameters import RigParameters
 from stereocal.simulate import FIELD_DEPTHS_M, Rig, place_bars
 from stereocal.synthetic.nineteen import simulate_nineteen
 from stereocal.workflow import calibrate

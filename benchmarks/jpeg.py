@@ -15,7 +15,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.special import erf
 
-from stereocal.compiled import FloatArray
+from stereocal.rig.compiled import FloatArray
 from stereocal.synthetic.rendering import Photograph
 from stereocal.synthetic.sample_photographs import jpeg, prepare_photographs
 

@@ -13,11 +13,11 @@ from concurrent.futures import ThreadPoolExecutor
 import cv2
 import numpy as np
 
-from stereocal.camera import Camera
-from stereocal.compiled import FloatArray
 from stereocal.intrinsics import PARAMETERS, LensSettings, calibrate_lens
 from stereocal.lens.board_pattern import BoardPattern
 from stereocal.lens.boards import BoardSearch, BoardView
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray
 from stereocal.simulate import field_rig
 from stereocal.synthetic.board_series import draw_board_poses, true_corners
 

@@ -24,9 +24,9 @@ from stereocal.essential import Solver
 from stereocal.evaluation import EvaluationSettings, evaluate
 from stereocal.formats.point_table import PointTable
 from stereocal.matching import ANY_DEPTH, match_points
-from stereocal.parameters import RigParameters
 from stereocal.points.matching_files import match_tables
 from stereocal.points.threshold import choose_threshold
+from stereocal.rig.parameters import RigParameters
 from stereocal.summary import summarise_all
 from stereocal.synthetic.nineteen import simulate_nineteen
 from stereocal.system.executors import engine

@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stereocal.dataset import Dataset
-from stereocal.geometry import Angles, Pose
 from stereocal.refined.unknowns import LensPrior, RefineSettings
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.geometry import Angles, Pose
 from stereocal.simulate import Given, Rig, Scene, lens_off_by, observe, place_bars
 from tests import rig
 

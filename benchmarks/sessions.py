@@ -32,7 +32,6 @@ import numpy as np
 from benchmarks.client import Session
 from benchmarks.server import MemoryWatch, Server
 from stereocal.calibration.methods import CalibrationSettings
-from stereocal.dataset import Dataset
 from stereocal.evaluation import EvaluationSettings, evaluate
 from stereocal.evaluation_files import summary_json, validation_figures
 from stereocal.formats.camera_file import read_camera, write_camera
@@ -41,6 +40,7 @@ from stereocal.frames.frame import correspondences_of
 from stereocal.frames.pairing import pair_names
 from stereocal.frames.search import detect_frames
 from stereocal.refined.unknowns import RefineSettings
+from stereocal.rig.dataset import Dataset
 from stereocal.simulate import FIELD_BAR_M, Rig, field_rig, observe, place_bars
 from stereocal.store.photographs import TABLE_LABEL
 from stereocal.summary import summarise, summarise_all

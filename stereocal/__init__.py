@@ -9,22 +9,22 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from stereocal.compile_cache import use_writable_cache
+from stereocal.rig.compile_cache import use_writable_cache
 
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from stereocal.calibration.methods import CalibrationSettings
-    from stereocal.camera import Camera
-    from stereocal.dataset import Correspondences, Dataset
     from stereocal.errors import StereocalError
     from stereocal.formats.camera_file import read_camera
     from stereocal.formats.dataset_files import read_dataset
     from stereocal.formats.exchange import export, import_parameters
-    from stereocal.geometry import Pose
-    from stereocal.parameters import RigParameters
     from stereocal.points.pairs import match
     from stereocal.points.reconstruction_files import reconstruct
+    from stereocal.rig.camera import Camera
+    from stereocal.rig.dataset import Correspondences, Dataset
+    from stereocal.rig.geometry import Pose
+    from stereocal.rig.parameters import RigParameters
     from stereocal.workflow import calibrate
 
 _MODULES = {

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from stereocal.dataset import Dataset
 from stereocal.readings import contradiction, fit_at, fit_of, wrongly_given
 from stereocal.refine import RefinedResult
 from stereocal.refined.screening import Screening
 from stereocal.refined.weakness import weakness
+from stereocal.rig.dataset import Dataset
 
 MOST_NAMED = 10
 

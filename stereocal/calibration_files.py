@@ -10,12 +10,12 @@ import numpy as np
 
 from stereocal.calibration.methods import METHODS, CalibrationSettings, Method
 from stereocal.calibration.results import MethodResult
-from stereocal.dataset import Dataset
 from stereocal.errors import DAMAGED, StereocalError
-from stereocal.geometry import Pose
 from stereocal.montecarlo import Trace
 from stereocal.refined.results import Calibration
 from stereocal.refined.screening import Screening
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.geometry import Pose
 
 CALIBRATION_FORMAT = "stereocal-project/1"
 LONGEST_TRACE = 50_000

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from stereocal.compiled import BoolArray
-from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
 from stereocal.essential import MINIMUM_PAIRS
-from stereocal.geometry import Pose, triangulate_rays
+from stereocal.rig.compiled import BoolArray
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.geometry import Pose, triangulate_rays
 
 SMALLEST_SPREAD = 0.01
 """Points within 1 % of the image's diagonal are in one place: they fix no angle."""

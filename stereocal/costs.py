@@ -16,8 +16,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from stereocal.compiled import FloatArray, compiled, inlined
-from stereocal.geometry import bar_length, midpoint, reprojection_shift
+from stereocal.rig.compiled import FloatArray, compiled, inlined
+from stereocal.rig.geometry import bar_length, midpoint, reprojection_shift
 
 REPROJECTION = 0
 DISTANCE = 1

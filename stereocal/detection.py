@@ -15,7 +15,6 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from stereocal.compiled import FloatArray
 from stereocal.corners.candidates import FLIPS, LEVEL, SCORE, candidates
 from stereocal.corners.fit import Corner, fit_corner
 from stereocal.corners.light import Light, prepare
@@ -27,6 +26,7 @@ from stereocal.corners.refusals import (
     why_none,
     why_refused,
 )
+from stereocal.rig.compiled import FloatArray
 
 State = Literal["found", "doubtful", "refused"]
 

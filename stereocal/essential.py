@@ -16,11 +16,11 @@ from typing import Literal
 import cv2
 import numpy as np
 
-from stereocal.compilations import clock
-from stereocal.compiled import FloatArray, compiled, internal
-from stereocal.decompositions import is_finite, solve_positive, triangle
 from stereocal.errors import StereocalError
-from stereocal.geometry import Angles, Pose, fill_essential, fill_pose, midpoint
+from stereocal.rig.compilations import clock
+from stereocal.rig.compiled import FloatArray, compiled, internal
+from stereocal.rig.decompositions import is_finite, solve_positive, triangle
+from stereocal.rig.geometry import Angles, Pose, fill_essential, fill_pose, midpoint
 
 Solver = Literal["constrained", "linear"]
 MINIMUM_PAIRS = 5

@@ -25,15 +25,15 @@ import numpy as np
 from stereocal.calibration.methods import METHODS, CalibrationSettings
 from stereocal.calibration.problems import reconstruction_problem, reprojection_problem
 from stereocal.checks import check_points
-from stereocal.compiled import BoolArray, CountArray, FloatArray, IntArray
-from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
 from stereocal.essential import calibrate_essential
-from stereocal.geometry import Angles, Pose
 from stereocal.montecarlo import minimise
 from stereocal.protocol import BINS, calibrate_rays, validate_rays
 from stereocal.refine import refine
 from stereocal.refined.unknowns import RefineSettings
+from stereocal.rig.compiled import BoolArray, CountArray, FloatArray, IntArray
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.geometry import Angles, Pose
 from stereocal.system.tasks import Pieces, Task, each_finished
 
 MOST_PARTNERS = 99

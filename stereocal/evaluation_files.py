@@ -14,11 +14,11 @@ import numpy as np
 
 import stereocal
 from stereocal.calibration.methods import Method
-from stereocal.dataset import Dataset
 from stereocal.errors import DAMAGED, StereocalError
 from stereocal.evaluation import EvaluationSettings, Run
 from stereocal.protocol import BINS
 from stereocal.refined.screening import Screening
+from stereocal.rig.dataset import Dataset
 from stereocal.summary import MethodSummary, summarise
 from stereocal.system.arrays import Array, read_arrays, shaped
 from stereocal.system.json_text import read_json

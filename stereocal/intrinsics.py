@@ -27,11 +27,11 @@ from functools import cached_property
 import cv2
 import numpy as np
 
-from stereocal.camera import Camera, LensUncertainty
-from stereocal.compiled import FloatArray, IntArray
 from stereocal.errors import StereocalError
 from stereocal.lens.board_pattern import BoardPattern
 from stereocal.lens.boards import BoardSearch, BoardView
+from stereocal.rig.camera import Camera, LensUncertainty
+from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.system.tasks import Pieces, Task, each_finished
 
 PARAMETERS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")

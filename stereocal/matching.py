@@ -20,10 +20,10 @@ from scipy.optimize import linear_sum_assignment
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components, min_weight_full_bipartite_matching
 
-from stereocal.compiled import FloatArray, IntArray
 from stereocal.errors import StereocalError
-from stereocal.parameters import RigParameters
 from stereocal.points.pair_candidates import pairs_within
+from stereocal.rig.compiled import FloatArray, IntArray
+from stereocal.rig.parameters import RigParameters
 
 ANY_DEPTH = (0.0, float("inf"))
 

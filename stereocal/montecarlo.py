@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from stereocal import costs
-from stereocal.compilations import clock
-from stereocal.compiled import FloatArray, compiled, plain
 from stereocal.errors import StereocalError
-from stereocal.geometry import Angles, Pose, fill_pose
+from stereocal.rig.compilations import clock
+from stereocal.rig.compiled import FloatArray, compiled, plain
+from stereocal.rig.geometry import Angles, Pose, fill_pose
 
 STEP_TOO_SMALL = "the step fell below its smallest size"
 OUT_OF_MOVES = "the largest number of moves was reached"

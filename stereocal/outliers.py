@@ -6,8 +6,8 @@ import numpy as np
 import numpy.typing as npt
 
 from stereocal.calibration.methods import Method
-from stereocal.compiled import FloatArray, IntArray
 from stereocal.refined.results import Calibration
+from stereocal.rig.compiled import FloatArray, IntArray
 
 SPREADS = 6.0
 """A frame stands out beyond the median by so many robust standard deviations (1.4826 MAD)."""

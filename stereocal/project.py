@@ -25,8 +25,6 @@ from pathlib import Path
 from typing import Any, Literal
 
 from stereocal.calibration_files import pack_calibration, unpack_calibration
-from stereocal.camera import Camera
-from stereocal.dataset import Dataset, check_length, points_outside
 from stereocal.errors import RefusedRowsError, StereocalError
 from stereocal.evaluation_files import Evaluation, pack_evaluation, unpack_evaluation
 from stereocal.formats.camera_file import read_camera
@@ -34,6 +32,8 @@ from stereocal.formats.correspondences_csv import read_table
 from stereocal.formats.dataset_files import parse_zip
 from stereocal.inputs import Inputs, Slot, check_inputs, checked_inputs
 from stereocal.refined.results import Calibration
+from stereocal.rig.camera import Camera
+from stereocal.rig.dataset import Dataset, check_length, points_outside
 from stereocal.store.folders import is_id, new_project_folder, own_file
 from stereocal.store.room import check_room
 from stereocal.store.state import PROJECT_FILE, StateFile, changing, read_if_there

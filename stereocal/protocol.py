@@ -9,9 +9,10 @@ from __future__ import annotations
 import numpy as np
 
 from stereocal import costs
-from stereocal.compiled import CountArray, FloatArray, IntArray, compiled, internal
 from stereocal.essential import LINEAR_PAIRS, choose_pose, constrain, linear_essential
-from stereocal.geometry import (
+from stereocal.montecarlo import search
+from stereocal.rig.compiled import CountArray, FloatArray, IntArray, compiled, internal
+from stereocal.rig.geometry import (
     angles_of,
     bar_length,
     fill_essential,
@@ -19,7 +20,6 @@ from stereocal.geometry import (
     is_degenerate,
     reprojection_shift,
 )
-from stereocal.montecarlo import search
 
 LOWEST, HIGHEST, FINE = -12.0, 6.0, 0.02
 """Range of the fine bins in log10, and their width."""

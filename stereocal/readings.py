@@ -15,11 +15,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from stereocal.camera import Camera
-from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
 from stereocal.essential import calibrate_essential
-from stereocal.geometry import Pose, reprojection_errors_of_rays
+from stereocal.rig.camera import Camera
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.geometry import Pose, reprojection_errors_of_rays
 
 BARS_TO_TELL = 10
 """Five angles fit the lengths of five bars, and five pairs, whatever the cameras."""

@@ -10,16 +10,16 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from stereocal.compiled import FloatArray
 from stereocal.errors import DAMAGED, StereocalError
-from stereocal.geometry import (
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import (
     Angles,
     Pose,
     reprojection_errors_of_rays,
     stack_rays,
     triangulate_rays,
 )
-from stereocal.parameters import RigParameters
+from stereocal.rig.parameters import RigParameters
 from stereocal.system.json_text import read_json
 
 POSE_NAMES = (*Angles._fields, "baseline_m")

@@ -17,16 +17,16 @@ from functools import cached_property
 import cv2
 import numpy as np
 
-from stereocal.camera import Camera
-from stereocal.compilations import clock
-from stereocal.compiled import BoolArray, FloatArray, IntArray
-from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
 from stereocal.essential import calibrate_essential, choose_pose
-from stereocal.geometry import Angles, Pose, residuals
 from stereocal.refined.bar_fit import BAR, BASELINE, EPSILON, PRIMARY, SECONDARY
 from stereocal.refined.solve import Noise, Solve, lenses_of
 from stereocal.refined.unknowns import RefineSettings, Unknowns, camera_of, with_lens_priors
+from stereocal.rig.camera import Camera
+from stereocal.rig.compilations import clock
+from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.geometry import Angles, Pose, residuals
 
 OUT_OF_STEPS = "the largest number of steps was reached"
 UNBELIEVABLE_PX = 30.0

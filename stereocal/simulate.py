@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from stereocal.camera import Camera
-from stereocal.compiled import FloatArray
-from stereocal.dataset import Correspondences, Dataset
 from stereocal.errors import StereocalError
-from stereocal.geometry import Angles, Pose
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.dataset import Correspondences, Dataset
+from stereocal.rig.geometry import Angles, Pose
 
 TRUTH_FORMAT = "stereocal-truth/1"
 TRUTH = "truth.json"

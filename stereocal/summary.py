@@ -17,7 +17,6 @@ import numpy as np
 from scipy.special import stdtrit
 
 from stereocal.calibration.methods import ALL_METHODS, Method
-from stereocal.compiled import FloatArray, IntArray
 from stereocal.errors import StereocalError
 from stereocal.evaluation import Run
 from stereocal.protocol import (
@@ -31,6 +30,7 @@ from stereocal.protocol import (
     RESIDUAL,
     WRONG,
 )
+from stereocal.rig.compiled import FloatArray, IntArray
 
 BOOTSTRAPS = 1000
 INTERVAL = (2.5, 97.5)

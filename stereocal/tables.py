@@ -10,14 +10,14 @@ import pandas as pd
 
 from stereocal.calibration.methods import ALL_METHODS, COST_UNITS, METHOD_NAMES, METHODS, Method
 from stereocal.calibration.results import POOR_LENGTH, errors_of
-from stereocal.compiled import IntArray
-from stereocal.dataset import Dataset
-from stereocal.parameters import RigParameters
 from stereocal.refine import RefinedResult
 from stereocal.refined.bar_fit import BAR
 from stereocal.refined.results import Calibration
 from stereocal.refined.screening import MOST_LEFT_OUT, Screening
 from stereocal.refined.uncertainty import standard_errors
+from stereocal.rig.compiled import IntArray
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.parameters import RigParameters
 from stereocal.summary import Estimate, MethodSummary, best_methods
 
 LENS_TITLES = {

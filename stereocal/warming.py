@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from stereocal.compilations import compilations
 from stereocal.evaluation import EvaluationSettings, evaluate_runs
 from stereocal.frames.search import compile_detection
 from stereocal.matching import match_points
@@ -13,6 +12,7 @@ from stereocal.refined.disagreement import what_disagrees
 from stereocal.refined.tradeoff import trade_off
 from stereocal.refined.uncertainty import accuracy_map
 from stereocal.refined.unknowns import RefineSettings
+from stereocal.rig.compilations import compilations
 from stereocal.simulate import simulate_field
 from stereocal.workflow import calibrate
 

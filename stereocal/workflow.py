@@ -11,8 +11,6 @@ from stereocal.blame import doubts_about, why_nothing_fits
 from stereocal.calibration.methods import CalibrationSettings, Method
 from stereocal.calibration.problems import reconstruction_problem, reprojection_problem
 from stereocal.calibration.results import POOR_LENGTH, MethodResult, errors_of
-from stereocal.compiled import IntArray
-from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
 from stereocal.essential import EssentialResult, calibrate_essential
 from stereocal.montecarlo import Problem, minimise
@@ -21,6 +19,8 @@ from stereocal.refine import refine
 from stereocal.refined.results import Calibration
 from stereocal.refined.screening import Screening, screen, screened
 from stereocal.refined.unknowns import RefineSettings
+from stereocal.rig.compiled import IntArray
+from stereocal.rig.dataset import Dataset
 
 
 def calibrate(

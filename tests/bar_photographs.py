@@ -10,7 +10,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from stereocal.camera import Camera
+from stereocal.rig.camera import Camera
 from stereocal.simulate import Rig, field_rig
 from stereocal.synthetic.photographs import (
     BarSettings,

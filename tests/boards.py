@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from stereocal.compiled import FloatArray
+from stereocal.rig.compiled import FloatArray
 from stereocal.synthetic.rendering import Photograph
 
 

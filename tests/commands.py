@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from stereocal.compiled import FloatArray
 from stereocal.formats.dataset_files import read_dataset
+from stereocal.rig.compiled import FloatArray
 from stereocal.workflow import calibrate
 
 ROOT = Path(__file__).parents[1]

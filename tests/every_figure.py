@@ -11,10 +11,8 @@ import plotly.graph_objects as go
 
 from stereocal import figures
 from stereocal.calibration.methods import METHODS, CalibrationSettings, Method
-from stereocal.camera import Camera
 from stereocal.evaluation import EvaluationSettings, evaluate
 from stereocal.formats.dataset_files import read_dataset
-from stereocal.geometry import Pose
 from stereocal.intrinsics import LensSettings, calibrate_lens
 from stereocal.points.lengths import check_lengths
 from stereocal.refine import refine
@@ -22,6 +20,8 @@ from stereocal.refined.disagreement import what_disagrees
 from stereocal.refined.tradeoff import costs_of, trade_off
 from stereocal.refined.uncertainty import accuracy_map
 from stereocal.refined.unknowns import RefineSettings
+from stereocal.rig.camera import Camera
+from stereocal.rig.geometry import Pose
 from stereocal.summary import summarise_all
 from stereocal.workflow import calibrate
 from tests.lens import search

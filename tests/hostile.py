@@ -33,9 +33,9 @@ from stereocal.formats.point_files import read_points
 from stereocal.formats.point_table import PointTable
 from stereocal.formats.sleap_h5 import point_text
 from stereocal.formats.stereo import ExchangeOptions
-from stereocal.parameters import RigParameters
 from stereocal.project import Project
 from stereocal.reconstruction import read_world
+from stereocal.rig.parameters import RigParameters
 from stereocal.store.parts import Parts
 from stereocal.store.server import ServerSettings
 from stereocal.system.limits import Limits

@@ -18,7 +18,6 @@ import numpy as np
 
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.calibration.results import errors_of
-from stereocal.dataset import SOURCES, Dataset
 from stereocal.errors import StereocalError
 from stereocal.evaluation import EvaluationSettings, evaluate
 from stereocal.evaluation_files import Evaluation
@@ -29,9 +28,10 @@ from stereocal.frames.frame import Centre, Frame
 from stereocal.frames.review import place
 from stereocal.intrinsics import LensSettings, calibrate_lens
 from stereocal.lens.boards import BoardSearch
-from stereocal.parameters import RigParameters
 from stereocal.points.application import Application
 from stereocal.project import Project
+from stereocal.rig.dataset import SOURCES, Dataset
+from stereocal.rig.parameters import RigParameters
 from stereocal.store.application import SIDES, USES, ProjectApplication
 from stereocal.store.carry import pack_project, unpack_project
 from stereocal.store.jobs import JOB_FORMAT, interrupted

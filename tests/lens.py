@@ -10,11 +10,11 @@ from typing import Any
 import cv2
 import numpy as np
 
-from stereocal.camera import Camera
-from stereocal.compiled import FloatArray
-from stereocal.geometry import Pose
 from stereocal.lens.board_pattern import BoardPattern
 from stereocal.lens.boards import BoardSearch, BoardView
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import Pose
 from stereocal.synthetic.board_series import draw_board_poses
 from stereocal.synthetic.rendering import (
     Board,

@@ -9,9 +9,9 @@ from functools import cached_property, lru_cache
 import cv2
 import numpy as np
 
-from stereocal.camera import Camera
-from stereocal.compiled import FloatArray
-from stereocal.geometry import Angles, Pose
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import Angles, Pose
 from stereocal.simulate import Rig
 from stereocal.synthetic.board_series import draw_board_poses, photograph_boards
 from stereocal.synthetic.photographs import BarSettings, photograph_bars, place_visible_bars

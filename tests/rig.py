@@ -6,10 +6,10 @@ import numpy as np
 import numpy.typing as npt
 from hypothesis import strategies as st
 
-from stereocal.camera import Camera
-from stereocal.compiled import FloatArray
-from stereocal.dataset import Correspondences, Dataset
-from stereocal.geometry import Angles, Pose, stack_rays
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.dataset import Correspondences, Dataset
+from stereocal.rig.geometry import Angles, Pose, stack_rays
 
 PRIMARY = Camera(
     K=np.array([[1480.3, 0.0, 811.4], [0.0, 1502.7, 577.2], [0.0, 0.0, 1.0]]),

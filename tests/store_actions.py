@@ -10,7 +10,6 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
-from stereocal.dataset import Dataset
 from stereocal.evaluation_files import Evaluation
 from stereocal.formats.dataset_files import pack_dataset, read_dataset
 from stereocal.formats.point_answers import first_answers, layout_of
@@ -19,6 +18,7 @@ from stereocal.inputs import Slot
 from stereocal.points.application import Application, unlabelled
 from stereocal.project import Project
 from stereocal.refined.results import Calibration
+from stereocal.rig.dataset import Dataset
 from stereocal.store.application import SIDES, ProjectApplication
 from stereocal.store.carry import pack_project, unpack_project
 from stereocal.store.folders import private_folder

@@ -8,10 +8,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
-from stereocal import decompositions
-from stereocal.camera import Camera
-from stereocal.compiled import FloatArray
-from stereocal.geometry import fill_pose
 from stereocal.refined import adjustment, bar_fit, distortion
 from stereocal.refined.adjustment import sums
 from stereocal.refined.bar_fit import (
@@ -28,6 +24,10 @@ from stereocal.refined.bar_fit import (
 from stereocal.refined.distortion import lens_terms
 from stereocal.refined.solve import Solve, lenses_of
 from stereocal.refined.unknowns import LensPrior, RefineSettings, unknowns_of
+from stereocal.rig import decompositions
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import fill_pose
 from tests import rig
 from tests.machine_code import machine_code
 

@@ -21,11 +21,11 @@ from stereocal.figures import (
 )
 from stereocal.figures.matches import MOST_NUMBERS
 from stereocal.figures.measured import MOST_DRAWN, in_view
-from stereocal.parameters import RigParameters
 from stereocal.points.lengths import check_lengths
 from stereocal.points.nearest import NearestErrors, nearest_errors
 from stereocal.points.pairs import match, pixels_of
 from stereocal.points.reconstruction_files import reconstruct
+from stereocal.rig.parameters import RigParameters
 from tests.rig import BAR_M, PRIMARY, RIG, SECONDARY, bar_ends, images
 
 SET = RigParameters("2d", PRIMARY, SECONDARY, RIG, 1.0, {}, {}, matching_threshold_px=0.8)

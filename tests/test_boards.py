@@ -13,12 +13,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stereocal.compiled import FloatArray
 from stereocal.errors import StereocalError
-from stereocal.geometry import Pose
 from stereocal.lens.board_corners import eight_bits, in_order, squares_all_around
 from stereocal.lens.board_pattern import BoardPattern
 from stereocal.lens.boards import BoardView, Refused, find_board, find_boards
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import Pose
 from stereocal.synthetic.rendering import Board, Photograph
 from tests.lens import PATTERN, AtOnce, corners_of, facing, names, photographed, png, write_boards
 

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stereocal.camera import Camera
-from stereocal.compiled import FloatArray
 from stereocal.errors import StereocalError
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray
 from tests.rig import PRIMARY, SECONDARY
 
 K = np.array([[1190.6, 2.3, 612.8], [0.0, 1171.9, 530.1], [0.0, 0.0, 1.0]])

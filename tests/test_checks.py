@@ -14,10 +14,10 @@ from stereocal.checks import (
     scale_is_plausible,
     warnings_about,
 )
-from stereocal.compiled import FloatArray
-from stereocal.dataset import Correspondences, Dataset
 from stereocal.errors import StereocalError
-from stereocal.geometry import Angles, Pose
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.dataset import Correspondences, Dataset
+from stereocal.rig.geometry import Angles, Pose
 from stereocal.workflow import calibrate
 from tests.rig import BAR_M, PRIMARY, RIG, SECONDARY, correspondences, dataset
 

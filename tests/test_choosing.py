@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 
 from benchmarks.choosing import small_rig, taken
-from stereocal.compiled import FloatArray
 from stereocal.detection import Detection, refusal
 from stereocal.frames.choosing import FEWEST_SURE, choose_boards
 from stereocal.frames.frame import report_line
 from stereocal.frames.labelling import label_targets
 from stereocal.frames.pairing import Pair
 from stereocal.frames.search import detect_frames
+from stereocal.rig.compiled import FloatArray
 from tests import rig
 from tests.test_labelling import CAMERAS, detection
 

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from stereocal.cli import main
-from stereocal.parameters import RigParameters
+from stereocal.rig.parameters import RigParameters
 from tests.commands import sentences
 
 FIELD = Path(__file__).parents[1] / "sample_data" / "field"

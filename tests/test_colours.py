@@ -13,7 +13,6 @@ import numpy as np
 import plotly.graph_objects as go
 import pytest
 
-from stereocal.compiled import FloatArray
 from stereocal.figures.style import (
     CORRECT_COLOUR,
     GRID_3D,
@@ -24,6 +23,7 @@ from stereocal.figures.style import (
     TARGET_SYMBOLS,
     WRONG_COLOUR,
 )
+from stereocal.rig.compiled import FloatArray
 from tests.every_figure import every_figure
 
 PAGES = {"light": "#FFFFFF", "dark": "#12181E"}

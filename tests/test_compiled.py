@@ -13,8 +13,8 @@ from typing import Any
 import numba
 import numpy as np
 
-from stereocal.compilations import clock
-from stereocal.compiled import internal, plain
+from stereocal.rig.compilations import clock
+from stereocal.rig.compiled import internal, plain
 
 ROOT = Path(__file__).parents[1]
 ASK = """

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal, norm
 
-from stereocal.camera import Camera
-from stereocal.compiled import FloatArray
 from stereocal.corners.fit import Corner
 from stereocal.corners.model import ALL, FRAME, fill_frame, fill_rows
 from stereocal.detection import corner_near
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray
 from stereocal.synthetic.photographs import facing
 from stereocal.synthetic.rendering import PhotographSettings, Placed, photograph, x_corner_board
 from tests.boards import Board, picture

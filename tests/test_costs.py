@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stereocal import costs
-from stereocal.compiled import FloatArray
-from stereocal.geometry import Pose, triangulate_rays
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import Pose, triangulate_rays
 from tests import reference
 from tests.machine_code import machine_code
 from tests.rig import PRIMARY, RIG, SECONDARY, SEEDS, bar_ends, random_rig, rays_of

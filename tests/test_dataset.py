@@ -8,9 +8,9 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from stereocal.camera import Camera
-from stereocal.dataset import Correspondences, Dataset, points_outside
 from stereocal.errors import RefusedRowsError, StereocalError
+from stereocal.rig.camera import Camera
+from stereocal.rig.dataset import Correspondences, Dataset, points_outside
 from tests.rig import BAR_M, PRIMARY, SECONDARY, correspondences, dataset
 
 EXACT = dataset(6)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stereocal import decompositions
+from stereocal.rig import decompositions
 from tests.machine_code import machine_code
 from tests.rig import SEEDS
 

@@ -9,7 +9,6 @@ from hypothesis import given, settings
 from scipy.optimize import approx_fprime, least_squares
 
 from stereocal import costs
-from stereocal.compiled import FloatArray
 from stereocal.errors import StereocalError
 from stereocal.essential import (
     Solver,
@@ -21,8 +20,9 @@ from stereocal.essential import (
     constrain,
     linear_essential,
 )
-from stereocal.geometry import Angles, Pose, angles_of, residuals
 from stereocal.montecarlo import Problem
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import Angles, Pose, angles_of, residuals
 from tests.machine_code import machine_code
 from tests.rig import ANGLES, ANY_ANGLES, BASELINE_M, RIG, SEEDS, bar_ends, dataset, rays_of
 

@@ -10,7 +10,7 @@ import pytest
 
 from stereocal.calibration.methods import METHODS
 from stereocal.cli import main
-from stereocal.parameters import RigParameters
+from stereocal.rig.parameters import RigParameters
 from tests.commands import sentences
 
 SAMPLES = Path(__file__).parents[1] / "sample_data"

@@ -16,8 +16,6 @@ import pytest
 
 from stereocal.calibration.methods import METHODS, CalibrationSettings
 from stereocal.calibration.problems import reconstruction_problem, reprojection_problem
-from stereocal.compiled import FloatArray
-from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
 from stereocal.essential import Solver, calibrate_essential
 from stereocal.evaluation import (
@@ -32,7 +30,6 @@ from stereocal.evaluation import (
 from stereocal.formats.camera_file import read_camera
 from stereocal.formats.correspondences_csv import read_table
 from stereocal.formats.dataset_files import read_dataset
-from stereocal.geometry import Angles, Pose
 from stereocal.protocol import (
     ABOVE,
     BELOW,
@@ -46,6 +43,9 @@ from stereocal.protocol import (
     count_pairs,
 )
 from stereocal.refined.unknowns import RefineSettings
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.geometry import Angles, Pose
 from stereocal.summary import figures_of_set, summarise
 from tests import reference, rig
 

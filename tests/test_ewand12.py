@@ -16,17 +16,17 @@ import pytest
 
 from stereocal.calibration.methods import CalibrationSettings, Method
 from stereocal.calibration.results import errors_of
-from stereocal.compiled import FloatArray
-from stereocal.dataset import Dataset
 from stereocal.formats.camera_file import read_camera
 from stereocal.formats.correspondences_csv import read_table
-from stereocal.geometry import Pose, epipolar_distances, triangulate, triangulate_rays
 from stereocal.montecarlo import SearchSettings
 from stereocal.refine import RefinedResult, refine
 from stereocal.refined.disagreement import what_disagrees
 from stereocal.refined.results import Calibration
 from stereocal.refined.screening import screen
 from stereocal.refined.unknowns import RefineSettings
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.geometry import Pose, epipolar_distances, triangulate, triangulate_rays
 from stereocal.workflow import calibrate
 
 FOLDER = os.environ.get("STEREOCAL_REAL_DATA")

@@ -15,10 +15,10 @@ import pytest
 
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.montecarlo import SearchSettings
-from stereocal.parameters import RigParameters
 from stereocal.points.pairs import Threshold, match
 from stereocal.points.reconstruction_files import reconstruct
 from stereocal.refined.results import Calibration
+from stereocal.rig.parameters import RigParameters
 from stereocal.workflow import calibrate
 from tests.test_ewand12 import FOLDER, SEEDS, pytestmark, recordings
 

@@ -13,9 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stereocal.camera import Camera
 from stereocal.cli import main
-from stereocal.compiled import FloatArray
 from stereocal.errors import StereocalError
 from stereocal.formats.exchange import (
     FORMATS,
@@ -28,8 +26,10 @@ from stereocal.formats.exchange import (
 from stereocal.formats.lens_fit import fewer_coefficients
 from stereocal.formats.pixel_origin import Flip, PixelOrigin
 from stereocal.formats.stereo import ExchangeOptions
-from stereocal.geometry import Angles, Pose
-from stereocal.parameters import RigParameters
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import Angles, Pose
+from stereocal.rig.parameters import RigParameters
 from tests.rig import ANY_ANGLES, PRIMARY, RIG, SECONDARY, bar_ends, images
 
 POINTS = bar_ends(30)

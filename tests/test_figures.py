@@ -24,10 +24,10 @@ from stereocal.figures import (
     plot_traces,
 )
 from stereocal.figures.traces import MOST_DRAWN, drawn_moves
-from stereocal.geometry import Pose, triangulate_rays
 from stereocal.montecarlo import Trace
 from stereocal.outliers import frame_reprojection_px
 from stereocal.refined.results import Calibration
+from stereocal.rig.geometry import Pose, triangulate_rays
 from stereocal.workflow import calibrate
 from tests import rig
 from tests.test_outliers import MIXED_UP, make_calibration, with_errors

@@ -18,13 +18,13 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 
-from stereocal.camera import Camera
-from stereocal.dataset import Correspondences
 from stereocal.errors import RefusedRowsError, StereocalError
 from stereocal.formats.camera_file import read_camera, write_camera
 from stereocal.formats.correspondences_csv import TEMPLATE, read_table, write_table
 from stereocal.formats.dataset_files import pack_dataset, parse_dataset, read_dataset, read_survey
-from stereocal.parameters import RigParameters
+from stereocal.rig.camera import Camera
+from stereocal.rig.dataset import Correspondences
+from stereocal.rig.parameters import RigParameters
 from stereocal.system.zip_files import unzip
 from tests.rig import PRIMARY, SECONDARY, correspondences, dataset
 

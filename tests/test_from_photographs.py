@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from stereocal.camera import Camera, LensUncertainty
 from stereocal.cli import main
 from stereocal.formats.camera_file import read_camera
-from stereocal.parameters import RigParameters
 from stereocal.refine import refine
 from stereocal.refined.uncertainty import standard_errors
 from stereocal.refined.unknowns import LensPrior, RefineSettings, lens_prior
+from stereocal.rig.camera import Camera, LensUncertainty
+from stereocal.rig.parameters import RigParameters
 from tests import rig
 from tests.bar_photographs import write
 from tests.photographed_rig import BAR_M, BASELINE_M, RIG, photographed_rig, true_values

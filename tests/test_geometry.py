@@ -10,10 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from stereocal.camera import Camera
-from stereocal.compiled import FloatArray
 from stereocal.errors import StereocalError
-from stereocal.geometry import (
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import (
     Angles,
     Pose,
     epipolar_distances,

@@ -9,13 +9,13 @@ from typing import Any
 
 import pytest
 
-from stereocal.camera import Camera
 from stereocal.errors import StereocalError
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.correspondences_csv import read_table
 from stereocal.frames.review import choose
 from stereocal.inputs import Slot
 from stereocal.project import Project
+from stereocal.rig.camera import Camera
 from stereocal.store.photographs import ProjectPhotographs
 from stereocal.store.review import change_review, read_review
 from stereocal.system.photograph_files import keep_photograph

@@ -12,10 +12,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from stereocal.camera import Camera
-from stereocal.compiled import FloatArray
 from stereocal.errors import StereocalError
-from stereocal.geometry import Pose
 from stereocal.intrinsics import (
     FEWEST_VIEWS,
     LensCalibration,
@@ -27,6 +24,9 @@ from stereocal.lens.boards import BoardSearch, Refused
 from stereocal.lens.files import about, pack_lens, pack_search, unpack_lens, unpack_search
 from stereocal.lens.quality import FIELD_CELLS, advice, coverage, hint, residual_field
 from stereocal.lens.tables import lens_answer, lens_rows, with_error
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import Pose
 from stereocal.synthetic.rendering import chessboard_corners, turned
 from tests.lens import PATTERN, SMALL, SQUARES, TRUE, AtOnce, search, views
 

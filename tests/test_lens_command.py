@@ -13,11 +13,11 @@ import cv2
 import numpy as np
 import pytest
 
-from stereocal.camera import Camera, LensUncertainty
 from stereocal.cli import main
 from stereocal.errors import StereocalError
 from stereocal.formats.camera_file import read_camera, write_camera, write_opencv_camera
 from stereocal.formats.dataset_files import pack_dataset, parse_dataset
+from stereocal.rig.camera import Camera, LensUncertainty
 from tests import rig
 from tests.lens import TRUE, write_boards
 

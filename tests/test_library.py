@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import stereocal
-from stereocal.parameters import RigParameters
+from stereocal.rig.parameters import RigParameters
 
 ROOT = Path(__file__).parents[1]
 

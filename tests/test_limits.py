@@ -19,7 +19,7 @@ from stereocal.formats.dataset_files import read_dataset
 from stereocal.formats.point_files import read_points
 from stereocal.formats.point_layouts import propose_layout
 from stereocal.formats.point_table import PointTable
-from stereocal.parameters import RigParameters
+from stereocal.rig.parameters import RigParameters
 from stereocal.system.limits import VARIABLES, Limits
 from stereocal.system.photograph import read_photograph
 from stereocal.system.photograph_files import photographs_in

@@ -11,13 +11,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stereocal import matching
-from stereocal.compiled import FloatArray
 from stereocal.errors import StereocalError
-from stereocal.geometry import Angles, Pose
 from stereocal.matching import assign, match_points, purpose_warning, refuse_different_rigs
-from stereocal.parameters import RigParameters
 from stereocal.points.pair_candidates import pairs_within
 from stereocal.points.threshold import choose_threshold, sample_of
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import Angles, Pose
+from stereocal.rig.parameters import RigParameters
 from tests.rig import ANGLES, BASELINE_M, PRIMARY, RIG, SECONDARY, SEEDS, images
 
 RIG_2D = RigParameters("2d", PRIMARY, SECONDARY, RIG, 1.0, {}, {}, matching_threshold_px=0.8)

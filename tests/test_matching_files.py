@@ -15,10 +15,10 @@ from stereocal.cli import main
 from stereocal.errors import StereocalError
 from stereocal.formats import parquet
 from stereocal.formats.point_table import PointTable
-from stereocal.parameters import RigParameters
 from stereocal.points.matching_files import match_tables
 from stereocal.points.pairs import PAIR_COLUMNS, match
 from stereocal.points.reconstruction_files import reconstruct
+from stereocal.rig.parameters import RigParameters
 from tests.commands import sentences
 from tests.rig import PRIMARY, RIG, SECONDARY, images
 

@@ -12,11 +12,8 @@ from scipy.optimize import minimize
 
 from stereocal import costs
 from stereocal.calibration.problems import reconstruction_problem, reprojection_problem
-from stereocal.compiled import FloatArray
-from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
 from stereocal.essential import calibrate_essential
-from stereocal.geometry import Angles, Pose
 from stereocal.montecarlo import (
     OUT_OF_MOVES,
     STEP_TOO_SMALL,
@@ -25,6 +22,9 @@ from stereocal.montecarlo import (
     Trace,
     minimise,
 )
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.geometry import Angles, Pose
 from tests.rig import ANGLES, BASELINE_M, RIG, SECONDARY, bar_ends, dataset, rays_of
 
 NOISY = dataset(20, noise_px=0.4)

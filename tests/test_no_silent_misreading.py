@@ -16,7 +16,6 @@ import numpy as np
 import pytest
 
 from stereocal.cli import main
-from stereocal.compiled import FloatArray
 from stereocal.errors import RefusedRowsError, StereocalError
 from stereocal.evaluation_files import validation_in_summary
 from stereocal.formats.camera_file import read_camera, write_camera, write_opencv_camera
@@ -26,10 +25,11 @@ from stereocal.formats.exchange import FORMATS, export, export_files, import_fil
 from stereocal.formats.lens_model import FourCoefficientsError
 from stereocal.formats.stereo import ExchangeOptions
 from stereocal.formats.units import UNITS, Unit
-from stereocal.geometry import Pose
-from stereocal.parameters import RigParameters
 from stereocal.project import Project
 from stereocal.reconstruction import read_world
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import Pose
+from stereocal.rig.parameters import RigParameters
 from stereocal.store.carry import read_input
 from stereocal.system.zip_files import unzip
 from tests.rig import BASELINE_M, PRIMARY, RIG, SECONDARY, dataset

@@ -15,7 +15,6 @@ import pandas as pd
 import pytest
 
 from stereocal.cli import main
-from stereocal.compiled import FloatArray
 from stereocal.errors import RefusedRowsError, StereocalError
 from stereocal.formats.point_answers import (
     UNKNOWN,
@@ -29,6 +28,7 @@ from stereocal.formats.point_files import read_bars, read_points
 from stereocal.formats.point_layouts import LAYOUTS, layout_name, propose_layout
 from stereocal.formats.sleap_h5 import point_text
 from stereocal.project import Project
+from stereocal.rig.compiled import FloatArray
 from stereocal.store.application import ProjectApplication
 from tests.hostile_seeds import hdf5
 from tests.rig import PRIMARY, SECONDARY, bar_ends, images

@@ -15,8 +15,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stereocal.errors import StereocalError
-from stereocal.geometry import Angles, Pose
-from stereocal.parameters import RigParameters
+from stereocal.rig.geometry import Angles, Pose
+from stereocal.rig.parameters import RigParameters
 from tests.rig import (
     ANGLES,
     ANY_ANGLES,

@@ -13,10 +13,10 @@ import pytest
 
 from stereocal import cli
 from stereocal.commands import simulate as simulate_command
-from stereocal.compiled import FloatArray
 from stereocal.errors import StereocalError
 from stereocal.formats.camera_file import read_camera
 from stereocal.formats.simulated import describing_files, write_photographs
+from stereocal.rig.compiled import FloatArray
 from stereocal.simulate import FIELD_BAR_M, Rig, Scene, field_rig
 from stereocal.synthetic.backgrounds import WALL_M, outdoors
 from stereocal.synthetic.photographs import (

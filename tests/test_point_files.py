@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from stereocal.compiled import FloatArray
 from stereocal.errors import StereocalError
 from stereocal.formats.pixel_origin import PixelOrigin
 from stereocal.formats.point_files import PointLayout, read_bars, read_points
 from stereocal.formats.point_layouts import propose_layout
+from stereocal.rig.compiled import FloatArray
 from tests.rig import bar_ends, images
 
 FIRST, SECOND = images(bar_ends(6))

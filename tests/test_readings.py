@@ -9,10 +9,10 @@ import pytest
 
 from benchmarks.ordinary_path import WRONG, flipped, said_of, scaled
 from benchmarks.ordinary_path import rig as random_rig
-from stereocal.camera import Camera
-from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
 from stereocal.readings import check_reading, fit_of, wrongly_given
+from stereocal.rig.camera import Camera
+from stereocal.rig.dataset import Dataset
 from stereocal.workflow import calibrate
 
 SOUND = random_rig(3)[1]

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stereocal.compiled import FloatArray
 from stereocal.errors import StereocalError
-from stereocal.geometry import Angles, Pose
-from stereocal.parameters import RigParameters
 from stereocal.reconstruction import read_world, reconstruct_points
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import Angles, Pose
+from stereocal.rig.parameters import RigParameters
 from tests.rig import ANGLES, BASELINE_M, PRIMARY, RIG, SECONDARY, bar_ends, images
 
 RIG_3D = RigParameters("3d", PRIMARY, SECONDARY, RIG, 1.0, {}, {})

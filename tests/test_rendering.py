@@ -11,11 +11,11 @@ from numpy.polynomial.legendre import leggauss
 from scipy.ndimage import gaussian_filter
 from scipy.special import erf
 
-from stereocal.camera import Camera
-from stereocal.compiled import FloatArray
 from stereocal.errors import StereocalError
-from stereocal.geometry import Pose
 from stereocal.lens.board_corners import refine
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import Pose
 from stereocal.simulate import field_rig
 from stereocal.synthetic.board_series import (
     CHARUCO_MARKER,

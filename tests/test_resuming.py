@@ -13,7 +13,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from stereocal.dataset import Dataset
 from stereocal.evaluation import EvaluationSettings, evaluate
 from stereocal.evaluation_files import pack_runs, unpack_runs
 from stereocal.frames.detection_file import pack_detection, unpack_detection
@@ -28,11 +27,12 @@ from stereocal.lens.files import (
     unpack_board,
     unpack_draws,
 )
-from stereocal.parameters import RigParameters
 from stereocal.points import matching_files
 from stereocal.points.application import PAIRS, POINTS, Application, Points, apply_sets
 from stereocal.points.blocks import pack_block, unpack_block
 from stereocal.refined.unknowns import RefineSettings
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.parameters import RigParameters
 from stereocal.store.parts import Parts
 from stereocal.system.photograph import read_photograph
 from tests import lens as lens_scene

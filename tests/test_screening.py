@@ -16,13 +16,13 @@ from stereocal.blame import why_nothing_fits
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.calibration_files import pack_calibration, unpack_calibration
 from stereocal.cli import main
-from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import pack_dataset
-from stereocal.parameters import RigParameters
 from stereocal.readings import LENGTHS_AGREE, fit_of
 from stereocal.refined.screening import FEWEST_FRAMES, screen
 from stereocal.refined.unknowns import RefineSettings
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.parameters import RigParameters
 from stereocal.simulate import observe, place_bars
 from stereocal.tables import left_out_line, why_not_trusted
 from stereocal.workflow import calibrate

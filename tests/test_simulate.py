@@ -11,14 +11,14 @@ import pytest
 
 from stereocal.calibration.methods import METHODS, CalibrationSettings
 from stereocal.calibration.problems import reconstruction_problem, reprojection_problem
-from stereocal.camera import Camera
-from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
 from stereocal.essential import Solver
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.formats.simulated import write_field
-from stereocal.geometry import Angles, Pose
 from stereocal.montecarlo import minimise
+from stereocal.rig.camera import Camera
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.geometry import Angles, Pose
 from stereocal.simulate import (
     FIELD_BAR_M,
     FIELD_BASELINE_M,

@@ -9,10 +9,10 @@ import pytest
 from scipy.stats import norm
 
 from stereocal.calibration.methods import METHODS, Method
-from stereocal.compiled import FloatArray
 from stereocal.errors import StereocalError
 from stereocal.evaluation import Run
 from stereocal.protocol import ABOVE, BELOW, BINS, CORRECT, FINE, LOWEST, REPROJECTION, WRONG
+from stereocal.rig.compiled import FloatArray
 from stereocal.summary import (
     BOOTSTRAPS,
     MethodSummary,

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from benchmarks.refined_rigs import Misjudged, random_scene, stated
-from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
-from stereocal.parameters import RigParameters
 from stereocal.refine import refine
 from stereocal.refined.paper_costs import fill_errors, slopes_of_errors, straighten
 from stereocal.refined.solve import lenses_of
 from stereocal.refined.tradeoff import TradeOff, costs_of, trade_off
 from stereocal.refined.unknowns import RefineSettings, unknowns_of
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.parameters import RigParameters
 from stereocal.workflow import calibrate
 from tests import rig
 

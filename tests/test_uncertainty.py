@@ -7,9 +7,7 @@ import pytest
 
 from benchmarks.refined_rigs import Misjudged, fixed_lenses
 from benchmarks.refined_truth import deviations, over_bound
-from stereocal.compiled import FloatArray
 from stereocal.errors import StereocalError
-from stereocal.geometry import Angles, Pose, triangulate
 from stereocal.refine import RefinedResult, refine
 from stereocal.refined.uncertainty import (
     accuracy_map,
@@ -20,6 +18,8 @@ from stereocal.refined.uncertainty import (
     standard_errors,
 )
 from stereocal.refined.unknowns import RefineSettings
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import Angles, Pose, triangulate
 from tests import rig
 
 KNOWN = Misjudged()

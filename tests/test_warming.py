@@ -12,7 +12,7 @@ from pathlib import Path
 
 from numba.core.compiler_lock import global_compiler_lock
 
-from stereocal.compilations import clock
+from stereocal.rig.compilations import clock
 from stereocal.warming import FUNCTIONS
 
 ROOT = Path(__file__).parents[1]
@@ -85,7 +85,7 @@ def test_nothing_that_a_page_does_compiles_anything_more() -> None:
 FROM_NOTHING = """
 import json, sys, time
 from stereocal.workflow import calibrate
-from stereocal.compilations import compilations
+from stereocal.rig.compilations import compilations
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.simulate import simulate_field
 from stereocal.warming import compile_all

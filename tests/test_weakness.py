@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from benchmarks.ordinary_path import rig as random_rig
-from stereocal.camera import Camera
-from stereocal.compiled import FloatArray
-from stereocal.dataset import Dataset
-from stereocal.geometry import Angles, Pose
 from stereocal.refined.screening import screen
 from stereocal.refined.weakness import weakness
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.geometry import Angles, Pose
 from stereocal.simulate import Rig, Scene, observe, place_bars
 from tests import rig
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from stereocal import costs
-from stereocal.compiled import BoolArray
-from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
 from stereocal.montecarlo import Problem
+from stereocal.rig.compiled import BoolArray
+from stereocal.rig.dataset import Dataset
 
 
 def reprojection_problem(dataset: Dataset, rows: BoolArray | None = None) -> Problem:

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from stereocal.calibration.methods import Method
-from stereocal.compiled import BoolArray, FloatArray
-from stereocal.dataset import Dataset
-from stereocal.geometry import Pose, reprojection_errors_of_rays
 from stereocal.montecarlo import Trace
+from stereocal.rig.compiled import BoolArray, FloatArray
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.geometry import Pose, reprojection_errors_of_rays
 
 POOR_LENGTH = 0.05
 """A set that measures 5 % of the bars worse than this is not one to measure with."""

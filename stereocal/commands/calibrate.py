@@ -15,7 +15,6 @@ from stereocal.commands.options import (
     with_sigmas,
 )
 from stereocal.commands.progress import ProgressBar
-from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
 from stereocal.evaluation_files import validation_in_summary
 from stereocal.refine import RefinedResult
@@ -26,6 +25,7 @@ from stereocal.refined.stated_inputs import Input, what_could_not_be_told
 from stereocal.refined.uncertainty import standard_errors
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.refined.verdict import run_splits, verdict
+from stereocal.rig.dataset import Dataset
 from stereocal.store.carry import read_input
 from stereocal.system.atomic_files import write_all
 from stereocal.tables import answer, left_out_line, listed, why_not_trusted

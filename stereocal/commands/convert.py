@@ -11,8 +11,8 @@ from stereocal.formats.exchange import FORMATS, export, export_notes, import_par
 from stereocal.formats.pixel_origin import CORNERS, FLIPS, PixelOrigin
 from stereocal.formats.stereo import ExchangeOptions
 from stereocal.formats.units import UNITS
-from stereocal.parameters import RigParameters
 from stereocal.reconstruction import read_world
+from stereocal.rig.parameters import RigParameters
 
 
 def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:

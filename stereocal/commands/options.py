@@ -6,9 +6,9 @@ import argparse
 from dataclasses import replace
 
 from stereocal.calibration.methods import CalibrationSettings
-from stereocal.dataset import Dataset
 from stereocal.formats.lens_model import LENS_MODELS
 from stereocal.montecarlo import SearchSettings
+from stereocal.rig.dataset import Dataset
 
 
 def add_search_options(parser: argparse.ArgumentParser) -> None:

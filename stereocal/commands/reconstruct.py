@@ -8,9 +8,9 @@ from pathlib import Path
 from stereocal.commands.progress import ProgressBar
 from stereocal.formats.point_table import PointTable
 from stereocal.matching import refuse_different_rigs
-from stereocal.parameters import RigParameters
 from stereocal.points.reconstruction_files import PIXELS, reconstruct_table
 from stereocal.reconstruction import read_world
+from stereocal.rig.parameters import RigParameters
 
 
 def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from stereocal.compiled import FloatArray, compiled, internal
+from stereocal.rig.compiled import FloatArray, compiled, internal
 
 GreyImage = npt.NDArray[np.float32]
 

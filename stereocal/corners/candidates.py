@@ -13,11 +13,11 @@ import math
 import cv2
 import numpy as np
 
-from stereocal.compiled import FloatArray, compiled, internal
 from stereocal.corners.arms import GreyImage, arm_quality, follow
 from stereocal.corners.fit import plausible, window
 from stereocal.corners.model import ALL, CORE
 from stereocal.corners.solver import minimise
+from stereocal.rig.compiled import FloatArray, compiled, internal
 
 LEVELS = 5
 """Each half the size of the one before: the last one sees edges with a blur of 20 px."""

@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stereocal.compiled import FloatArray, compiled
 from stereocal.corners.arms import GreyImage, arm_quality, follow
 from stereocal.corners.model import ALL, CORE, CURVATURE_SIGMA, GRADIENT_SIGMA
 from stereocal.corners.solver import minimise, spread
+from stereocal.rig.compiled import FloatArray, compiled
 
 INSIDE = 0.96
 """The window reaches so far along each arm, less one blur: boards in perspective are no

@@ -25,7 +25,7 @@ import math
 
 import numpy as np
 
-from stereocal.compiled import FloatArray, compiled, inlined
+from stereocal.rig.compiled import FloatArray, compiled, inlined
 
 CORE, ALL = 7, 13
 FRAME = 17

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from stereocal.compiled import FloatArray, compiled, internal
 from stereocal.corners.model import ALL, FRAME, fill_frame, fill_rows
-from stereocal.decompositions import backward, factor, forward
+from stereocal.rig.compiled import FloatArray, compiled, internal
+from stereocal.rig.decompositions import backward, factor, forward
 
 CHUNK = 64
 SMALLEST_PIVOT = 1e-14

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 import plotly.graph_objects as go
 
-from stereocal.compiled import FloatArray
 from stereocal.figures.style import FAINT, NEUTRAL, WRONG_COLOUR, finish
 from stereocal.refined.disagreement import ACCUSED
 from stereocal.refined.stated_inputs import Input
+from stereocal.rig.compiled import FloatArray
 from stereocal.tables import digits
 
 ROW, FRAME = 44, 100

@@ -10,7 +10,6 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from stereocal.calibration.methods import METHODS, Method
-from stereocal.compiled import FloatArray, IntArray
 from stereocal.figures.style import (
     METHOD_COLOURS,
     METHOD_NAMES,
@@ -29,6 +28,7 @@ from stereocal.outliers import (
     reprojection_outliers,
 )
 from stereocal.refined.results import Calibration
+from stereocal.rig.compiled import FloatArray, IntArray
 
 HEIGHT = 600
 LOG_BEYOND = 30.0

@@ -14,9 +14,6 @@ import plotly.graph_objects as go
 
 from stereocal.calibration.methods import METHODS, Method
 from stereocal.calibration.results import Errors
-from stereocal.camera import Camera
-from stereocal.compiled import FloatArray
-from stereocal.dataset import TARGETS, Dataset
 from stereocal.errors import StereocalError
 from stereocal.figures.space import set_scene, upright
 from stereocal.figures.style import (
@@ -28,8 +25,11 @@ from stereocal.figures.style import (
     count,
     finish,
 )
-from stereocal.geometry import Pose, triangulate_rays
 from stereocal.refined.results import Calibration
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.dataset import TARGETS, Dataset
+from stereocal.rig.geometry import Pose, triangulate_rays
 
 HEIGHT = 520
 FRUSTUM_OF_DEPTH = 0.15

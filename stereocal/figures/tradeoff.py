@@ -8,7 +8,6 @@ import numpy as np
 import plotly.graph_objects as go
 
 from stereocal.calibration.methods import ALL_METHODS, Method
-from stereocal.compiled import FloatArray
 from stereocal.figures.style import (
     METHOD_COLOURS,
     METHOD_NAMES,
@@ -17,6 +16,7 @@ from stereocal.figures.style import (
     finish,
 )
 from stereocal.refined.tradeoff import TradeOff, TradeOffPoint
+from stereocal.rig.compiled import FloatArray
 from stereocal.tables import digits
 
 HEIGHT = 520

@@ -9,7 +9,6 @@ from typing import Any
 import cv2
 import numpy as np
 
-from stereocal.camera import Camera
 from stereocal.errors import StereocalError
 from stereocal.formats.lens_fit import lens
 from stereocal.formats.lens_model import check_lens_model
@@ -22,7 +21,8 @@ from stereocal.formats.stereo import (
     only_file,
     size_of,
 )
-from stereocal.geometry import Pose
+from stereocal.rig.camera import Camera
+from stereocal.rig.geometry import Pose
 
 
 def write_aniposelib(stereo: Stereo, _: ExchangeOptions) -> dict[str, bytes]:

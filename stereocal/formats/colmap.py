@@ -13,8 +13,6 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from stereocal.camera import Camera
-from stereocal.compiled import FloatArray
 from stereocal.errors import StereocalError
 from stereocal.formats.lens_fit import lens
 from stereocal.formats.stereo import (
@@ -27,7 +25,9 @@ from stereocal.formats.stereo import (
     refuse_skew,
     text_of,
 )
-from stereocal.geometry import Pose
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import Pose
 
 FIRST_PIXEL = 0.5
 MODELS: Mapping[str, tuple[str, ...]] = {

@@ -13,11 +13,11 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.linalg import rq
 
-from stereocal.camera import Camera
-from stereocal.compiled import FloatArray
 from stereocal.errors import StereocalError
 from stereocal.formats.stereo import ExchangeOptions, Stereo, array_of, number, only_file, size_of
-from stereocal.geometry import Pose
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import Pose
 from stereocal.system.arrays import LARGEST
 
 ORIGIN_BEHIND_M = 1e-6

@@ -20,8 +20,8 @@ from stereocal.formats.other_files import refuse_other_camera
 from stereocal.formats.ros import read_ros, write_ros
 from stereocal.formats.stereo import LARGEST_BYTES, OUR_UNIT, ExchangeOptions, Stereo
 from stereocal.formats.units import Unit, UnitError, metres_per_unit
-from stereocal.geometry import Pose
-from stereocal.parameters import RigParameters
+from stereocal.rig.geometry import Pose
+from stereocal.rig.parameters import RigParameters
 from stereocal.system.atomic_files import write_all
 
 Files = Mapping[str, bytes]

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from stereocal.camera import Camera
-from stereocal.compiled import FloatArray
 from stereocal.errors import StereocalError
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray
 
 COEFFICIENT_NAMES = (
     "k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tx", "ty",

@@ -11,8 +11,6 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from stereocal.camera import Camera
-from stereocal.compiled import FloatArray
 from stereocal.errors import StereocalError
 from stereocal.formats.lens_fit import lens
 from stereocal.formats.stereo import (
@@ -25,7 +23,9 @@ from stereocal.formats.stereo import (
     size_of,
 )
 from stereocal.formats.units import Unit
-from stereocal.geometry import Pose
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import Pose
 
 FIRST_PIXEL = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]])
 BUILD = """try  % R2022b and later

@@ -8,8 +8,6 @@ from typing import Any
 import cv2
 import numpy as np
 
-from stereocal.camera import Camera
-from stereocal.compiled import FloatArray
 from stereocal.errors import StereocalError
 from stereocal.formats.file_storage import find_node, lens_model_of, matrix_of, open_storage
 from stereocal.formats.lens_model import check_lens_model, five_or_more
@@ -22,7 +20,9 @@ from stereocal.formats.stereo import (
     size_of,
     text_of,
 )
-from stereocal.geometry import Pose
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import Pose
 from stereocal.system.json_text import read_json
 
 NAMES: Mapping[str, tuple[str, ...]] = {

@@ -25,9 +25,9 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from stereocal.compiled import FloatArray, IntArray
 from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
 from stereocal.formats.parquet import PARQUET, block_rows, parquet_chunks, parquet_names
+from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.system.limits import Limits
 
 MOST_COLUMNS = 2_000

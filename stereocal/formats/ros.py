@@ -7,8 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from stereocal.camera import Camera
-from stereocal.compiled import FloatArray
 from stereocal.errors import StereocalError
 from stereocal.formats.lens_fit import lens
 from stereocal.formats.lens_model import check_lens_model
@@ -22,7 +20,9 @@ from stereocal.formats.stereo import (
     size_of,
 )
 from stereocal.formats.yaml_file import read_mapping
-from stereocal.geometry import Pose
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import Pose
 
 
 def write_ros(stereo: Stereo, _: ExchangeOptions) -> dict[str, bytes]:

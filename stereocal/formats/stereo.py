@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 
 import stereocal
-from stereocal.camera import Camera
-from stereocal.compiled import FloatArray
 from stereocal.errors import StereocalError
 from stereocal.formats.lens_model import LensModel
 from stereocal.formats.pixel_origin import PixelOrigin
 from stereocal.formats.units import Unit
-from stereocal.geometry import Pose
-from stereocal.parameters import RigParameters
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import Pose
+from stereocal.rig.parameters import RigParameters
 from stereocal.system.arrays import LARGEST
 
 LARGEST_BYTES = 4_000_000

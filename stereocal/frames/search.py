@@ -10,15 +10,15 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from stereocal.camera import Camera
 from stereocal.corners.fit import Corner
-from stereocal.dataset import TARGETS
 from stereocal.detection import Detection, detect_targets, refusal
 from stereocal.frames.frame import Centre, CentrePair, Frame, State
 from stereocal.frames.inspection import Progress, look_through, wrong_sizes
 from stereocal.frames.labelling import FrameLabels, LabelledPair, label_targets
 from stereocal.frames.pairing import CAMERAS, Pair
 from stereocal.frames.series import detect_series
+from stereocal.rig.camera import Camera
+from stereocal.rig.dataset import TARGETS
 from stereocal.system.photograph import GreyImage, read_photograph
 from stereocal.system.photograph_files import Photographs
 from stereocal.system.tasks import Pieces

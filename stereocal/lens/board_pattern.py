@@ -8,8 +8,8 @@ from functools import cached_property
 
 import numpy as np
 
-from stereocal.compiled import FloatArray
 from stereocal.errors import StereocalError
+from stereocal.rig.compiled import FloatArray
 
 DICTIONARIES = tuple(
     f"DICT_{bits}_{count}"

@@ -18,10 +18,10 @@ from pathlib import Path
 
 import numpy as np
 
-from stereocal.compiled import FloatArray, IntArray
 from stereocal.errors import StereocalError
 from stereocal.lens.board_corners import eight_bits, find_charuco, find_chessboard, refine
 from stereocal.lens.board_pattern import BoardPattern
+from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.system.photograph import GreyImage, read_photograph
 from stereocal.system.photograph_files import Photographs
 from stereocal.system.tasks import Pieces, Task, each_finished

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from stereocal.compiled import FloatArray
 from stereocal.errors import DAMAGED, StereocalError
 from stereocal.intrinsics import PARAMETERS, LensCalibration, LensSettings
 from stereocal.lens.board_pattern import BoardPattern
 from stereocal.lens.boards import BoardSearch, BoardView, Refused
+from stereocal.rig.compiled import FloatArray
 from stereocal.system.arrays import read_arrays, shaped
 
 RESULT_FORMAT = "stereocal-lens/1"

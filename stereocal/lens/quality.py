@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stereocal.camera import Camera
-from stereocal.compiled import FloatArray, IntArray
 from stereocal.intrinsics import PARAMETERS, LensCalibration
 from stereocal.lens.boards import BoardSearch
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray, IntArray
 
 COVERAGE_CELLS = 10
 FIELD_CELLS = (16, 12)

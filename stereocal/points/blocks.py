@@ -13,7 +13,7 @@ from typing import TypeVar
 import numpy as np
 import pandas as pd
 
-from stereocal.compiled import FloatArray
+from stereocal.rig.compiled import FloatArray
 from stereocal.system.tasks import Pieces
 
 B = TypeVar("B")

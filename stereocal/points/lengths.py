@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from stereocal.compiled import FloatArray, IntArray
-from stereocal.dataset import check_length
 from stereocal.errors import StereocalError
+from stereocal.rig.compiled import FloatArray, IntArray
+from stereocal.rig.dataset import check_length
 
 MOST_LABELS = 500
 """A column with more different values is a measurement, not a name."""

@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from stereocal.camera import Camera
 from stereocal.errors import RowProblem, StereocalError
 from stereocal.formats.point_table import Contents, PointTable
 from stereocal.formats.table_writer import CancelledError, open_table
@@ -21,7 +20,6 @@ from stereocal.matching import (
     purpose_warning,
     threshold_of,
 )
-from stereocal.parameters import RigParameters
 from stereocal.points.blocks import TableBlock, in_order
 from stereocal.points.pairs import (
     PAIR_COLUMNS,
@@ -33,6 +31,8 @@ from stereocal.points.pairs import (
     pixels_of,
 )
 from stereocal.points.threshold import FramePixels, ThresholdChoice, choose_threshold, sample_of
+from stereocal.rig.camera import Camera
+from stereocal.rig.parameters import RigParameters
 from stereocal.system.tasks import Pieces
 
 LOST_COLUMNS = ("camera", "frame", "u", "v")

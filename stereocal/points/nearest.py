@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stereocal.compiled import FloatArray
 from stereocal.matching import ANY_DEPTH, check_depths
-from stereocal.parameters import RigParameters
 from stereocal.points.pair_candidates import pairs_within
 from stereocal.points.threshold import FramePixels
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.parameters import RigParameters
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from stereocal.compiled import FloatArray, IntArray, compiled, internal, plain
-from stereocal.geometry import reprojection_shift
+from stereocal.rig.compiled import FloatArray, IntArray, compiled, internal, plain
+from stereocal.rig.geometry import reprojection_shift
 
 
 def pairs_within(

@@ -9,11 +9,11 @@ from typing import Any, Literal
 import numpy as np
 import pandas as pd
 
-from stereocal.compiled import FloatArray
 from stereocal.errors import StereocalError
 from stereocal.matching import ANY_DEPTH, match_points, threshold_of
-from stereocal.parameters import RigParameters
 from stereocal.points.threshold import choose_threshold, sample_of
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.parameters import RigParameters
 
 POINT = ("u", "v")
 PAIR_COLUMNS = (

@@ -14,12 +14,12 @@ import pandas as pd
 from stereocal.errors import RowProblem, StereocalError
 from stereocal.formats.point_table import PointTable
 from stereocal.formats.table_writer import CancelledError, open_table
-from stereocal.geometry import Pose
 from stereocal.matching import purpose_warning
-from stereocal.parameters import RigParameters
 from stereocal.points.blocks import TableBlock, in_order
 from stereocal.points.pairs import ERROR_DECIMALS
 from stereocal.reconstruction import noise_of_file, reconstruct_points
+from stereocal.rig.geometry import Pose
+from stereocal.rig.parameters import RigParameters
 from stereocal.system.tasks import Pieces
 
 PIXELS = ("u_primary", "v_primary", "u_secondary", "v_secondary")

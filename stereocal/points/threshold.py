@@ -29,11 +29,11 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import erf
 
-from stereocal.compiled import FloatArray
 from stereocal.errors import StereocalError
 from stereocal.matching import ANY_DEPTH, check_depths
-from stereocal.parameters import RigParameters
 from stereocal.points.pair_candidates import pairs_within
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.parameters import RigParameters
 
 SAMPLE_FRAMES = 20
 SAMPLE_POINTS = 2000

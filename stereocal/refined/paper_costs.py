@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from stereocal.compiled import FloatArray, IntArray, compiled
-from stereocal.geometry import fill_pose, midpoint
 from stereocal.refined.bar_fit import BASELINE, PRIMARY, SECONDARY
 from stereocal.refined.distortion import bend
+from stereocal.rig.compiled import FloatArray, IntArray, compiled
+from stereocal.rig.geometry import fill_pose, midpoint
 
 MOST_BENDS = 20
 

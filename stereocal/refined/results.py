@@ -11,11 +11,11 @@ import numpy as np
 
 from stereocal.calibration.methods import CalibrationSettings, Method
 from stereocal.calibration.results import Errors, MethodResult, errors_of
-from stereocal.compiled import IntArray
-from stereocal.dataset import Dataset
-from stereocal.parameters import RigParameters, inputs_of
 from stereocal.refine import RefinedResult
 from stereocal.refined.screening import Screening
+from stereocal.rig.compiled import IntArray
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.parameters import RigParameters, inputs_of
 
 
 @dataclass(frozen=True, eq=False)

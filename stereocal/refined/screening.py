@@ -17,13 +17,13 @@ import numpy as np
 from scipy.stats import mannwhitneyu
 
 from stereocal.calibration.methods import CalibrationSettings
-from stereocal.compiled import BoolArray, FloatArray
-from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
-from stereocal.geometry import residuals
 from stereocal.refine import RefinedResult, refine
 from stereocal.refined.solve import Solve
 from stereocal.refined.unknowns import LensPrior, RefineSettings
+from stereocal.rig.compiled import BoolArray, FloatArray
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.geometry import residuals
 
 WIDE = RefineSettings(primary=LensPrior(0.05, 50.0), secondary=LensPrior(0.05, 50.0))
 WIDE_LENGTHS = 0.1

@@ -17,11 +17,11 @@ import numpy as np
 from scipy.special import stdtrit
 
 from stereocal.calibration.methods import ALL_METHODS, CalibrationSettings, Method
-from stereocal.compiled import FloatArray
-from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
 from stereocal.evaluation import EvaluationSettings, Run, evaluate_run
 from stereocal.refined.unknowns import RefineSettings
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.dataset import Dataset
 
 TOLERANCE = 0.10
 """One set does both jobs where it is at most so much worse in each than that job's own set."""

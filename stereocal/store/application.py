@@ -32,11 +32,11 @@ from stereocal.formats.point_files import read_points
 from stereocal.formats.point_table import PointTable
 from stereocal.formats.sleap_h5 import point_text
 from stereocal.locking import locked
-from stereocal.parameters import RigParameters
 from stereocal.points.application import PAIRS, POINTS, Application, Outcome, Points, apply_sets
 from stereocal.points.blocks import TableBlock
 from stereocal.points.pairs import POINT
 from stereocal.project import Project
+from stereocal.rig.parameters import RigParameters
 from stereocal.store.folders import own_file
 from stereocal.store.room import check_room
 from stereocal.store.state import DamagedError, StateFile, changing, forget, read_if_there

@@ -9,11 +9,11 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
-from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.formats.lens_model import LensModel
 from stereocal.project import Project
+from stereocal.rig.dataset import Dataset
 from stereocal.store.folders import UNCHANGING, new_project_folder
 from stereocal.store.jobs import JOBS
 from stereocal.store.room import check_whole

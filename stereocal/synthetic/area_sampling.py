@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from stereocal.compiled import FloatArray, compiled, inlined
+from stereocal.rig.compiled import FloatArray, compiled, inlined
 
 SAMPLES = 233
 """Samples of a part of a pixel where more than two cells meet; a Fibonacci number."""

@@ -12,9 +12,9 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from stereocal.camera import Camera
-from stereocal.compiled import FloatArray
-from stereocal.geometry import Pose
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import Pose
 from stereocal.simulate import Rig
 from stereocal.synthetic.rays import ray_splines
 from stereocal.synthetic.rendering import Picture, Placed, blurred, chessboard, paint, turned

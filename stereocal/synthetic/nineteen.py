@@ -11,11 +11,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from stereocal.camera import Camera
-from stereocal.compiled import FloatArray
-from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
-from stereocal.geometry import Angles, Pose
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.geometry import Angles, Pose
 from stereocal.simulate import (
     TRUTH,
     Given,

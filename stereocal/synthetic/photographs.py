@@ -14,9 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stereocal.compiled import FloatArray
 from stereocal.errors import StereocalError
-from stereocal.geometry import Pose
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import Pose
 from stereocal.simulate import FIELD_DEPTHS_M, MOST_ROUNDS, Rig, Scene, place_bars
 from stereocal.synthetic.rendering import (
     Board,

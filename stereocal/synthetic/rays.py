@@ -6,9 +6,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import RectBivariateSpline
 
-from stereocal.camera import Camera
-from stereocal.compiled import FloatArray
 from stereocal.errors import StereocalError
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray
 
 NODE_PX = 16.0
 """Spacing of the pixels whose rays are computed by Newton's method; a cubic spline joins them. It

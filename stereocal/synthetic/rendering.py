@@ -16,10 +16,10 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereocal.camera import Camera
-from stereocal.compiled import FloatArray
 from stereocal.errors import StereocalError
-from stereocal.geometry import Pose
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import Pose
 from stereocal.synthetic.area_sampling import (
     BLUR_REACH,
     fill_parts,

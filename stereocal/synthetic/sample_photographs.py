@@ -9,9 +9,9 @@ from typing import Any
 import cv2
 import numpy as np
 
-from stereocal.camera import Camera
 from stereocal.errors import StereocalError
-from stereocal.geometry import Angles, Pose
+from stereocal.rig.camera import Camera
+from stereocal.rig.geometry import Angles, Pose
 from stereocal.simulate import (
     FIELD_BAR_M,
     FIELD_BASELINE_M,

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereocal.compiled import FloatArray
+from stereocal.rig.compiled import FloatArray
 
 Grey = npt.NDArray[np.uint8]
 

@@ -14,7 +14,6 @@ from stereocal.formats.other_files import is_hdf5
 from stereocal.formats.parquet import PARQUET
 from stereocal.formats.point_table import PointTable
 from stereocal.matching import ANY_DEPTH, check_depths, purpose_warning
-from stereocal.parameters import RigParameters
 from stereocal.points.application import (
     STAGES,
     Application,
@@ -29,6 +28,7 @@ from stereocal.points.pairs import POINT
 from stereocal.points.threshold import FramePixels, choose_threshold
 from stereocal.project import Project
 from stereocal.refined.results import Calibration
+from stereocal.rig.parameters import RigParameters
 from stereocal.store.application import SIDES, USES, ProjectApplication, Side, Use
 from stereocal.system.guarded import server_guard
 from stereocal.ui import jobs

@@ -13,8 +13,8 @@ from stereocal.formats.exchange import FORMATS, import_files
 from stereocal.formats.lens_model import FourCoefficientsError, LensModel
 from stereocal.formats.stereo import ExchangeOptions, ImageSize
 from stereocal.formats.units import UNITS, Unit, UnitError
-from stereocal.parameters import RigParameters
 from stereocal.project import Project
+from stereocal.rig.parameters import RigParameters
 from stereocal.store.application import ProjectApplication, Use
 from stereocal.system.guarded import server_guard
 from stereocal.system.zip_files import unzip

@@ -9,7 +9,6 @@ from typing import Any
 
 import streamlit as st
 
-from stereocal.dataset import Dataset
 from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
 from stereocal.formats.camera_file import read_camera
 from stereocal.formats.correspondences_csv import read_table, write_table
@@ -26,6 +25,7 @@ from stereocal.formats.sleap_h5 import point_text
 from stereocal.formats.units import UNITS as UNITS
 from stereocal.inputs import Slot
 from stereocal.project import Project
+from stereocal.rig.dataset import Dataset
 from stereocal.store.photographs import ProjectPhotographs
 from stereocal.store.room import check_room
 from stereocal.system.guarded import server_guard

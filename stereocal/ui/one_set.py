@@ -8,8 +8,6 @@ from typing import Any
 import streamlit as st
 
 from stereocal.calibration.methods import Method
-from stereocal.camera import Camera
-from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
 from stereocal.evaluation import count_set
 from stereocal.evaluation_files import Evaluation, validation_figures
@@ -23,7 +21,6 @@ from stereocal.figures import (
 )
 from stereocal.figures.accuracy import Quantity
 from stereocal.figures.style import count
-from stereocal.geometry import Pose
 from stereocal.project import Project
 from stereocal.refine import RefinedResult
 from stereocal.refined.file import refined_parameters
@@ -33,6 +30,9 @@ from stereocal.refined.stated_inputs import Input, what_could_not_be_told
 from stereocal.refined.tradeoff import TradeOff, costs_of
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.refined.verdict import held_out, verdict
+from stereocal.rig.camera import Camera
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.geometry import Pose
 from stereocal.summary import figures_of_set
 from stereocal.tables import (
     digits,

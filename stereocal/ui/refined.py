@@ -7,7 +7,6 @@ import json
 import streamlit as st
 
 from stereocal.calibration.methods import CalibrationSettings
-from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
 from stereocal.project import Project
 from stereocal.refine import RefinedResult, refine
@@ -19,6 +18,7 @@ from stereocal.refined.uncertainty import AccuracyMap, accuracy_map
 from stereocal.refined.unknowns import (
     RefineSettings,
 )
+from stereocal.rig.dataset import Dataset
 from stereocal.ui import jobs
 from stereocal.ui.fields import Field, number, setting
 from stereocal.ui.known import describe_known

@@ -9,7 +9,6 @@ import streamlit as st
 
 from stereocal.calibration.methods import METHOD_NAMES, METHODS
 from stereocal.commands.calibrate import FILES, REFINED
-from stereocal.dataset import Dataset
 from stereocal.evaluation_files import Evaluation
 from stereocal.figures import (
     describe_frame_errors,
@@ -23,6 +22,7 @@ from stereocal.formats.dataset_files import pack_dataset
 from stereocal.project import Project
 from stereocal.refine import RefinedResult
 from stereocal.refined.results import Calibration
+from stereocal.rig.dataset import Dataset
 from stereocal.system.zip_files import pack_zip
 from stereocal.tables import answer, results_table, why_not_trusted
 from stereocal.ui.fields import one_of, setting

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import streamlit as st
 
-from stereocal.dataset import TARGETS
 from stereocal.errors import StereocalError
 from stereocal.figures.style import TARGET_COLOURS, TARGET_SYMBOLS
 from stereocal.formats.correspondences_csv import write_table
@@ -28,6 +27,7 @@ from stereocal.frames.review import (
 )
 from stereocal.frames.review_words import centres_table, describe_residuals, describe_use
 from stereocal.frames.thumbnails import eight_bits
+from stereocal.rig.dataset import TARGETS
 from stereocal.store.photographs import ProjectPhotographs
 from stereocal.store.review import change_review, read_review, undo_lost
 from stereocal.system.photograph import read_photograph

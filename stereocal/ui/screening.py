@@ -9,11 +9,11 @@ from dataclasses import replace
 import streamlit as st
 
 from stereocal.calibration.methods import CalibrationSettings
-from stereocal.dataset import Dataset
 from stereocal.frames.review import swap
 from stereocal.project import Project
 from stereocal.refined.results import Calibration
 from stereocal.refined.screening import Screening, screened
+from stereocal.rig.dataset import Dataset
 from stereocal.store.photographs import TABLE_LABEL, ProjectPhotographs
 from stereocal.store.review import change_review
 from stereocal.tables import left_out_line

@@ -10,7 +10,6 @@ from typing import Any
 import streamlit as st
 
 from stereocal.calibration.methods import Method
-from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
 from stereocal.evaluation import EvaluationSettings, evaluate
 from stereocal.evaluation_files import (
@@ -31,6 +30,7 @@ from stereocal.project import Project
 from stereocal.refined.screening import Screening
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.report import report_html
+from stereocal.rig.dataset import Dataset
 from stereocal.summary import MethodSummary, summarise_all
 from stereocal.system.guarded import server_guard
 from stereocal.tables import (

@@ -13,7 +13,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from stereocal.cli import main
-from stereocal.parameters import RigParameters
+from stereocal.rig.parameters import RigParameters
 from tests.browser.conftest import LONGEST_MS
 from tests.rig import PRIMARY, RIG, SECONDARY, images
 

@@ -10,10 +10,10 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from stereocal.formats.camera_file import read_camera
-from stereocal.parameters import RigParameters
 from stereocal.project import Project
 from stereocal.refine import refine
 from stereocal.refined.uncertainty import standard_errors
+from stereocal.rig.parameters import RigParameters
 from tests.bar_photographs import write
 from tests.browser.conftest import LONGEST_MS
 from tests.photographed_rig import BAR_M, BASELINE_M, RIG, photographed_rig, true_values

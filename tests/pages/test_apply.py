@@ -15,9 +15,9 @@ from streamlit.testing.v1 import AppTest
 
 from stereocal.cli import main
 from stereocal.formats.exchange import FORMATS
-from stereocal.parameters import RigParameters
 from stereocal.points.application import PAIRS, POINTS
 from stereocal.project import Project
+from stereocal.rig.parameters import RigParameters
 from stereocal.store.application import ProjectApplication, Side
 from stereocal.store.carry import pack_project, unpack_project
 from stereocal.ui import apply as apply_page

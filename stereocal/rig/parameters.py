@@ -17,11 +17,11 @@ import numpy.typing as npt
 import scipy
 
 import stereocal
-from stereocal.camera import Camera
-from stereocal.compiled import FloatArray, IntArray
-from stereocal.dataset import Dataset
 from stereocal.errors import DAMAGED, StereocalError
-from stereocal.geometry import (
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray, IntArray
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.geometry import (
     Angles,
     Pose,
     epipolar_distances,

@@ -21,8 +21,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from stereocal.compiled import FloatArray, compiled, inlined, plain
 from stereocal.errors import StereocalError
+from stereocal.rig.compiled import FloatArray, compiled, inlined, plain
 
 FARTHEST_M = 1e12
 ROTATION_TOLERANCE = 1e-6

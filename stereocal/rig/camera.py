@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereocal.compiled import FloatArray
 from stereocal.errors import StereocalError
+from stereocal.rig.compiled import FloatArray
 
 LARGEST_SIDE = 1_000_000
 MOST = 1e9

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from stereocal.compiled import FloatArray, internal
+from stereocal.rig.compiled import FloatArray, internal
 
 
 @internal

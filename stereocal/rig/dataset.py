@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from stereocal.camera import Camera
-from stereocal.compiled import BoolArray, FloatArray, IntArray
 from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
-from stereocal.geometry import Pose, stack_rays, triangulate_rays
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
+from stereocal.rig.geometry import Pose, stack_rays, triangulate_rays
 
 TARGETS = ("A", "B")
 SOURCES = ("detected", "corrected", "manual")
