@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks import vectorised
-from stereocal import costs
-from stereocal.essential import calibrate_essential
-from stereocal.montecarlo import Problem, SearchSettings, minimise
+from stereocal.calibration import costs
+from stereocal.calibration.essential import calibrate_essential
+from stereocal.calibration.montecarlo import Problem, SearchSettings, minimise
 from stereocal.rig.compiled import FloatArray, compiled
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose, fill_pose

@@ -17,9 +17,9 @@ import numpy as np
 
 from benchmarks import vectorised
 from benchmarks.cases import plain_search
+from stereocal.calibration.essential import Solver
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.calibration.problems import reconstruction_problem, reprojection_problem
-from stereocal.essential import Solver
 from stereocal.evaluation import EvaluationSettings, evaluate, evaluate_runs, split
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset

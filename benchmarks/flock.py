@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from stereocal.calibration.essential import Solver
 from stereocal.calibration.methods import CalibrationSettings
-from stereocal.essential import Solver
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.parameters import RigParameters
 from stereocal.simulate import FIELD_DEPTHS_M, Rig, place_bars

@@ -18,9 +18,9 @@ from pathlib import Path
 import pandas as pd
 
 from benchmarks.flock import FlockFrame, flock, parameter_sets
+from stereocal.calibration.essential import Solver
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
-from stereocal.essential import Solver
 from stereocal.evaluation import EvaluationSettings, evaluate
 from stereocal.formats.point_table import PointTable
 from stereocal.matching import ANY_DEPTH, match_points

@@ -26,7 +26,7 @@ from scipy.optimize import least_squares
 from scipy.sparse import lil_matrix
 
 from benchmarks.refined_rigs import Misjudged, random_scene, stated
-from stereocal.essential import calibrate_essential
+from stereocal.calibration.essential import calibrate_essential
 from stereocal.refine import refine
 from stereocal.refined.bar_fit import BAR, BASELINE, OWN, PRIMARY, SECONDARY
 from stereocal.refined.solve import Solve

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from stereocal.calibration.methods import METHODS, CalibrationSettings, Method
+from stereocal.calibration.montecarlo import Trace
 from stereocal.calibration.results import MethodResult
 from stereocal.errors import DAMAGED, StereocalError
-from stereocal.montecarlo import Trace
 from stereocal.refined.results import Calibration
 from stereocal.refined.screening import Screening
 from stereocal.rig.dataset import Dataset

@@ -22,12 +22,12 @@ from typing import Any
 
 import numpy as np
 
+from stereocal.calibration.checks import check_points
+from stereocal.calibration.essential import calibrate_essential
 from stereocal.calibration.methods import METHODS, CalibrationSettings
+from stereocal.calibration.montecarlo import minimise
 from stereocal.calibration.problems import reconstruction_problem, reprojection_problem
-from stereocal.checks import check_points
 from stereocal.errors import StereocalError
-from stereocal.essential import calibrate_essential
-from stereocal.montecarlo import minimise
 from stereocal.protocol import BINS, calibrate_rays, validate_rays
 from stereocal.refine import refine
 from stereocal.refined.unknowns import RefineSettings

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from stereocal import costs
-from stereocal.essential import LINEAR_PAIRS, choose_pose, constrain, linear_essential
-from stereocal.montecarlo import search
+from stereocal.calibration import costs
+from stereocal.calibration.essential import LINEAR_PAIRS, choose_pose, constrain, linear_essential
+from stereocal.calibration.montecarlo import search
 from stereocal.rig.compiled import CountArray, FloatArray, IntArray, compiled, internal
 from stereocal.rig.geometry import (
     angles_of,

@@ -17,8 +17,8 @@ from functools import cached_property
 import cv2
 import numpy as np
 
+from stereocal.calibration.essential import calibrate_essential, choose_pose
 from stereocal.errors import StereocalError
-from stereocal.essential import calibrate_essential, choose_pose
 from stereocal.refined.bar_fit import BAR, BASELINE, EPSILON, PRIMARY, SECONDARY
 from stereocal.refined.solve import Noise, Solve, lenses_of
 from stereocal.refined.unknowns import RefineSettings, Unknowns, camera_of, with_lens_priors

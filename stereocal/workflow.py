@@ -6,15 +6,15 @@ from collections.abc import Callable
 
 import numpy as np
 
-from stereocal import checks
 from stereocal.blame import doubts_about, why_nothing_fits
+from stereocal.calibration import checks
+from stereocal.calibration.essential import EssentialResult, calibrate_essential
 from stereocal.calibration.methods import CalibrationSettings, Method
+from stereocal.calibration.montecarlo import Problem, minimise
 from stereocal.calibration.problems import reconstruction_problem, reprojection_problem
+from stereocal.calibration.readings import check_reading, fit_at
 from stereocal.calibration.results import POOR_LENGTH, MethodResult, errors_of
 from stereocal.errors import StereocalError
-from stereocal.essential import EssentialResult, calibrate_essential
-from stereocal.montecarlo import Problem, minimise
-from stereocal.readings import check_reading, fit_at
 from stereocal.refine import refine
 from stereocal.refined.results import Calibration
 from stereocal.refined.screening import Screening, screen, screened

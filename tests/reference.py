@@ -2,7 +2,7 @@
 
 Nothing here is taken from `stereocal.rig.geometry`: a point is found by solving for the place nearest
 to both rays, not by the closed form, and it is projected by the paper's matrices. Shapes as in
-`stereocal.costs`: `rays` is (4, n) with rows x_primary, y_primary, x_secondary, y_secondary,
+`stereocal.calibration.costs`: `rays` is (4, n) with rows x_primary, y_primary, x_secondary, y_secondary,
 `pixel_scale` is (2, 3) with a row fx, skew, fy for each camera. Lengths in metres.
 """
 

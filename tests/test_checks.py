@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from stereocal.calibration.problems import reconstruction_problem
-from stereocal.checks import (
+from stereocal.calibration.checks import (
     check_in_front,
     check_points,
     scale_is_plausible,
     warnings_about,
 )
+from stereocal.calibration.problems import reconstruction_problem
 from stereocal.errors import StereocalError
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Correspondences, Dataset

@@ -120,7 +120,7 @@ def test_a_folder_that_others_prepared_is_not_used(
 
 
 def test_a_numba_that_was_imported_before_is_told(installed: Path, tmp_path: Path) -> None:
-    code = "import numba; import stereocal.costs; print(numba.config.CACHE_DIR)"
+    code = "import numba; import stereocal.calibration.costs; print(numba.config.CACHE_DIR)"
     found = python(
         installed, "-c", code, HOME=folder(tmp_path, "home", 0o555),
         TMPDIR=folder(tmp_path, "temporary"),

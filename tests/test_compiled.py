@@ -19,7 +19,7 @@ from stereocal.rig.compiled import internal, plain
 ROOT = Path(__file__).parents[1]
 ASK = """
 import numpy as np
-from stereocal import costs
+from stereocal.calibration import costs
 rays = np.array([[0.0], [0.0], [-0.5], [0.0]])
 R, T, scale = np.eye(3), np.array([-1.0, 0.0, 0.0]), np.ones((2, 3))
 print(costs.cost(costs.POINTS, R, T, rays, np.zeros((3, 1)), scale))

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stereocal import costs
+from stereocal.calibration import costs
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose, triangulate_rays
 from tests import reference

@@ -8,9 +8,8 @@ import pytest
 from hypothesis import given, settings
 from scipy.optimize import approx_fprime, least_squares
 
-from stereocal import costs
-from stereocal.errors import StereocalError
-from stereocal.essential import (
+from stereocal.calibration import costs
+from stereocal.calibration.essential import (
     Solver,
     _conditions,
     _fill_slopes,
@@ -20,7 +19,8 @@ from stereocal.essential import (
     constrain,
     linear_essential,
 )
-from stereocal.montecarlo import Problem
+from stereocal.calibration.montecarlo import Problem
+from stereocal.errors import StereocalError
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Angles, Pose, angles_of, residuals
 from tests.machine_code import machine_code

@@ -14,10 +14,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from stereocal.calibration.essential import Solver, calibrate_essential
 from stereocal.calibration.methods import METHODS, CalibrationSettings
 from stereocal.calibration.problems import reconstruction_problem, reprojection_problem
 from stereocal.errors import StereocalError
-from stereocal.essential import Solver, calibrate_essential
 from stereocal.evaluation import (
     MOST_PARTNERS,
     EvaluationSettings,

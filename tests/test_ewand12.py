@@ -15,10 +15,10 @@ import numpy as np
 import pytest
 
 from stereocal.calibration.methods import CalibrationSettings, Method
+from stereocal.calibration.montecarlo import SearchSettings
 from stereocal.calibration.results import errors_of
 from stereocal.formats.camera_file import read_camera
 from stereocal.formats.correspondences_csv import read_table
-from stereocal.montecarlo import SearchSettings
 from stereocal.refine import RefinedResult, refine
 from stereocal.refined.disagreement import what_disagrees
 from stereocal.refined.results import Calibration

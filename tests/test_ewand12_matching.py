@@ -14,7 +14,7 @@ import pandas as pd
 import pytest
 
 from stereocal.calibration.methods import CalibrationSettings
-from stereocal.montecarlo import SearchSettings
+from stereocal.calibration.montecarlo import SearchSettings
 from stereocal.points.pairs import Threshold, match
 from stereocal.points.reconstruction_files import reconstruct
 from stereocal.refined.results import Calibration

@@ -8,6 +8,7 @@ import plotly.graph_objects as go
 import pytest
 
 from stereocal.calibration.methods import METHODS, CalibrationSettings
+from stereocal.calibration.montecarlo import Trace
 from stereocal.errors import StereocalError
 from stereocal.figures import (
     METHOD_COLOURS,
@@ -24,7 +25,6 @@ from stereocal.figures import (
     plot_traces,
 )
 from stereocal.figures.traces import MOST_DRAWN, drawn_moves
-from stereocal.montecarlo import Trace
 from stereocal.outliers import frame_reprojection_px
 from stereocal.refined.results import Calibration
 from stereocal.rig.geometry import Pose, triangulate_rays

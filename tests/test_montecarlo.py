@@ -10,11 +10,9 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from stereocal import costs
-from stereocal.calibration.problems import reconstruction_problem, reprojection_problem
-from stereocal.errors import StereocalError
-from stereocal.essential import calibrate_essential
-from stereocal.montecarlo import (
+from stereocal.calibration import costs
+from stereocal.calibration.essential import calibrate_essential
+from stereocal.calibration.montecarlo import (
     OUT_OF_MOVES,
     STEP_TOO_SMALL,
     Problem,
@@ -22,6 +20,8 @@ from stereocal.montecarlo import (
     Trace,
     minimise,
 )
+from stereocal.calibration.problems import reconstruction_problem, reprojection_problem
+from stereocal.errors import StereocalError
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose

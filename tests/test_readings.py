@@ -9,8 +9,8 @@ import pytest
 
 from benchmarks.ordinary_path import WRONG, flipped, said_of, scaled
 from benchmarks.ordinary_path import rig as random_rig
+from stereocal.calibration.readings import check_reading, fit_of, wrongly_given
 from stereocal.errors import StereocalError
-from stereocal.readings import check_reading, fit_of, wrongly_given
 from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import Dataset
 from stereocal.workflow import calibrate

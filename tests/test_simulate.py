@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from stereocal.calibration.essential import Solver
 from stereocal.calibration.methods import METHODS, CalibrationSettings
+from stereocal.calibration.montecarlo import minimise
 from stereocal.calibration.problems import reconstruction_problem, reprojection_problem
 from stereocal.errors import StereocalError
-from stereocal.essential import Solver
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.formats.simulated import write_field
-from stereocal.montecarlo import minimise
 from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose

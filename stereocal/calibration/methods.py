@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
+from stereocal.calibration.essential import Solver
+from stereocal.calibration.montecarlo import SearchSettings
 from stereocal.errors import StereocalError
-from stereocal.essential import Solver
-from stereocal.montecarlo import SearchSettings
 
 Method = Literal["essential", "2d", "3d", "refined"]
 METHODS: tuple[Method, ...] = ("essential", "2d", "3d")

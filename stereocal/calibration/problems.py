@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from stereocal import costs
+from stereocal.calibration import costs
+from stereocal.calibration.montecarlo import Problem
 from stereocal.errors import StereocalError
-from stereocal.montecarlo import Problem
 from stereocal.rig.compiled import BoolArray
 from stereocal.rig.dataset import Dataset
 

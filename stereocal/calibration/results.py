@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stereocal.calibration.methods import Method
-from stereocal.montecarlo import Trace
+from stereocal.calibration.montecarlo import Trace
 from stereocal.rig.compiled import BoolArray, FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose, reprojection_errors_of_rays

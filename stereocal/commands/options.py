@@ -6,8 +6,8 @@ import argparse
 from dataclasses import replace
 
 from stereocal.calibration.methods import CalibrationSettings
+from stereocal.calibration.montecarlo import SearchSettings
 from stereocal.formats.lens_model import LENS_MODELS
-from stereocal.montecarlo import SearchSettings
 from stereocal.rig.dataset import Dataset
 
 

@@ -7,8 +7,8 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from stereocal.calibration.methods import COST_UNITS, Method
+from stereocal.calibration.montecarlo import Trace
 from stereocal.figures.style import METHOD_COLOURS, METHOD_NAMES, NEUTRAL, finish, sentence_only
-from stereocal.montecarlo import Trace
 from stereocal.refined.results import Calibration
 from stereocal.rig.compiled import FloatArray, IntArray
 

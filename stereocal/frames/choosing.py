@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stereocal.calibration.essential import calibrate_essential
 from stereocal.detection import Detection
 from stereocal.errors import StereocalError
-from stereocal.essential import calibrate_essential
 from stereocal.frames.epipolar_labels import sampson
 from stereocal.frames.pairing import CAMERAS
 from stereocal.outliers import MAD_TO_SIGMA

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from stereocal.calibration.essential import calibrate_essential, linear_essential
 from stereocal.errors import StereocalError
-from stereocal.essential import calibrate_essential, linear_essential
 from stereocal.rig.compiled import FloatArray, plain
 from stereocal.rig.geometry import Pose, triangulate_rays
 

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from stereocal.calibration.essential import MINIMUM_PAIRS, calibrate_essential
 from stereocal.errors import StereocalError
-from stereocal.essential import MINIMUM_PAIRS, calibrate_essential
 from stereocal.frames.frame import Frame, correspondences_of
 from stereocal.rig.camera import Camera
 from stereocal.rig.geometry import epipolar_distances, stack_rays

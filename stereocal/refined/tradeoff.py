@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
+from stereocal.calibration.essential import calibrate_essential
 from stereocal.calibration.problems import reconstruction_problem, reprojection_problem
 from stereocal.errors import StereocalError
-from stereocal.essential import calibrate_essential
 from stereocal.refined.bar_fit import BASELINE, EPSILON, PRIMARY, SECONDARY
 from stereocal.refined.paper_costs import fill_errors, slopes_of_errors, straighten, weigh
 from stereocal.refined.solve import lenses_of

@@ -8,7 +8,7 @@ from typing import Any
 import streamlit as st
 
 from stereocal.calibration.methods import CalibrationSettings
-from stereocal.montecarlo import SearchSettings
+from stereocal.calibration.montecarlo import SearchSettings
 from stereocal.project import Project
 from stereocal.rig.dataset import Dataset
 from stereocal.ui.fields import Field, number, one_of, setting, yes_or_no

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from stereocal.calibration.essential import MINIMUM_PAIRS
 from stereocal.errors import StereocalError
-from stereocal.essential import MINIMUM_PAIRS
 from stereocal.rig.compiled import BoolArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose, triangulate_rays

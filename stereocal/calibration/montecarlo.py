@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stereocal import costs
+from stereocal.calibration import costs
 from stereocal.errors import StereocalError
 from stereocal.rig.compilations import clock
 from stereocal.rig.compiled import FloatArray, compiled, plain

@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+from stereocal.calibration.essential import calibrate_essential
 from stereocal.errors import StereocalError
-from stereocal.essential import calibrate_essential
 from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose, reprojection_errors_of_rays
