@@ -17,8 +17,8 @@ import numpy as np
 from benchmarks.refined_rigs import Misjudged, random_scene, stated
 from benchmarks.refined_truth import turned
 from stereocal.errors import StereocalError
-from stereocal.refine import refine
 from stereocal.refined.disagreement import what_disagrees
+from stereocal.refined.refine import refine
 from stereocal.refined.results import Calibration
 from stereocal.refined.stated_inputs import what_could_not_be_told
 from stereocal.refined.unknowns import RefineSettings

@@ -27,8 +27,8 @@ from scipy.sparse import lil_matrix
 
 from benchmarks.refined_rigs import Misjudged, random_scene, stated
 from stereocal.calibration.essential import calibrate_essential
-from stereocal.refine import refine
 from stereocal.refined.bar_fit import BAR, BASELINE, OWN, PRIMARY, SECONDARY
+from stereocal.refined.refine import refine
 from stereocal.refined.solve import Solve
 from stereocal.refined.unknowns import LensPrior, RefineSettings, Unknowns, unknowns_of
 from stereocal.rig.camera import Camera

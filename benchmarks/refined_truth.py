@@ -26,8 +26,8 @@ from benchmarks.refined_rigs import (
     stated,
 )
 from stereocal.calibration.results import errors_of
-from stereocal.refine import RefinedResult, refine
 from stereocal.refined.disagreement import what_disagrees
+from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.uncertainty import distance_sigmas, length_slopes
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.compiled import FloatArray

@@ -29,7 +29,7 @@ from stereocal.calibration.montecarlo import minimise
 from stereocal.calibration.problems import reconstruction_problem, reprojection_problem
 from stereocal.errors import StereocalError
 from stereocal.protocol import BINS, calibrate_rays, validate_rays
-from stereocal.refine import refine
+from stereocal.refined.refine import refine
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.compiled import BoolArray, CountArray, FloatArray, IntArray
 from stereocal.rig.dataset import Dataset

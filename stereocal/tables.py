@@ -10,8 +10,8 @@ import pandas as pd
 
 from stereocal.calibration.methods import ALL_METHODS, COST_UNITS, METHOD_NAMES, METHODS, Method
 from stereocal.calibration.results import POOR_LENGTH, errors_of
-from stereocal.refine import RefinedResult
 from stereocal.refined.bar_fit import BAR
+from stereocal.refined.refine import RefinedResult
 from stereocal.refined.results import Calibration
 from stereocal.refined.screening import MOST_LEFT_OUT, Screening
 from stereocal.refined.uncertainty import standard_errors

@@ -7,8 +7,8 @@ from collections.abc import Callable
 from stereocal.evaluation import EvaluationSettings, evaluate_runs
 from stereocal.frames.search import compile_detection
 from stereocal.matching import match_points
-from stereocal.refine import refine
 from stereocal.refined.disagreement import what_disagrees
+from stereocal.refined.refine import refine
 from stereocal.refined.tradeoff import trade_off
 from stereocal.refined.uncertainty import accuracy_map
 from stereocal.refined.unknowns import RefineSettings

@@ -6,7 +6,6 @@ from collections.abc import Callable
 
 import numpy as np
 
-from stereocal.blame import doubts_about, why_nothing_fits
 from stereocal.calibration import checks
 from stereocal.calibration.essential import EssentialResult, calibrate_essential
 from stereocal.calibration.methods import CalibrationSettings, Method
@@ -15,7 +14,8 @@ from stereocal.calibration.problems import reconstruction_problem, reprojection_
 from stereocal.calibration.readings import check_reading, fit_at
 from stereocal.calibration.results import POOR_LENGTH, MethodResult, errors_of
 from stereocal.errors import StereocalError
-from stereocal.refine import refine
+from stereocal.refined.blame import doubts_about, why_nothing_fits
+from stereocal.refined.refine import refine
 from stereocal.refined.results import Calibration
 from stereocal.refined.screening import Screening, screen, screened
 from stereocal.refined.unknowns import RefineSettings

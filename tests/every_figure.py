@@ -15,8 +15,8 @@ from stereocal.evaluation import EvaluationSettings, evaluate
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.intrinsics import LensSettings, calibrate_lens
 from stereocal.points.lengths import check_lengths
-from stereocal.refine import refine
 from stereocal.refined.disagreement import what_disagrees
+from stereocal.refined.refine import refine
 from stereocal.refined.tradeoff import costs_of, trade_off
 from stereocal.refined.uncertainty import accuracy_map
 from stereocal.refined.unknowns import RefineSettings

@@ -9,8 +9,8 @@ import pytest
 
 from benchmarks.refined_rigs import Misjudged, random_scene, stated
 from benchmarks.refined_truth import accusations
-from stereocal.refine import refine
 from stereocal.refined.disagreement import ACCUSED, _as_normal, what_disagrees
+from stereocal.refined.refine import refine
 from stereocal.refined.stated_inputs import what_could_not_be_told
 from stereocal.refined.unknowns import FIXED_LENS, LensPrior, RefineSettings
 from stereocal.rig.dataset import Dataset

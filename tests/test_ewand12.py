@@ -19,8 +19,8 @@ from stereocal.calibration.montecarlo import SearchSettings
 from stereocal.calibration.results import errors_of
 from stereocal.formats.camera_file import read_camera
 from stereocal.formats.correspondences_csv import read_table
-from stereocal.refine import RefinedResult, refine
 from stereocal.refined.disagreement import what_disagrees
+from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.results import Calibration
 from stereocal.refined.screening import screen
 from stereocal.refined.unknowns import RefineSettings

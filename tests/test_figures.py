@@ -25,7 +25,7 @@ from stereocal.figures import (
     plot_traces,
 )
 from stereocal.figures.traces import MOST_DRAWN, drawn_moves
-from stereocal.outliers import frame_reprojection_px
+from stereocal.refined.outliers import frame_reprojection_px
 from stereocal.refined.results import Calibration
 from stereocal.rig.geometry import Pose, triangulate_rays
 from stereocal.workflow import calibrate

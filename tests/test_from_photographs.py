@@ -12,7 +12,7 @@ import pytest
 
 from stereocal.cli import main
 from stereocal.formats.camera_file import read_camera
-from stereocal.refine import refine
+from stereocal.refined.refine import refine
 from stereocal.refined.uncertainty import standard_errors
 from stereocal.refined.unknowns import LensPrior, RefineSettings, lens_prior
 from stereocal.rig.camera import Camera, LensUncertainty

@@ -7,7 +7,7 @@ import pytest
 
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.calibration.results import Errors
-from stereocal.outliers import (
+from stereocal.refined.outliers import (
     bar_frames,
     frame_reprojection_px,
     held_out,

@@ -10,7 +10,7 @@ import pytest
 from benchmarks.refined_rigs import Misjudged, fixed_lenses, random_scene, spoiled, stated
 from benchmarks.refined_truth import against_the_paper, turned, with_gross_errors
 from stereocal.errors import StereocalError
-from stereocal.refine import refine
+from stereocal.refined.refine import refine
 from stereocal.refined.solve import ASSUMED, ESTIMATED, GIVEN, scatter_of
 from stereocal.refined.unknowns import FIXED_LENS, LensPrior, RefineSettings
 from stereocal.rig.geometry import Angles, Pose

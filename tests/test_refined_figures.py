@@ -19,8 +19,8 @@ from stereocal.figures import (
 )
 from stereocal.figures.accuracy import Quantity
 from stereocal.formats.dataset_files import read_dataset
-from stereocal.refine import RefinedResult, refine
 from stereocal.refined.disagreement import ACCUSED, what_disagrees
+from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.tradeoff import TradeOff, trade_off
 from stereocal.refined.uncertainty import AccuracyMap, accuracy_map
 from stereocal.refined.unknowns import FIXED_LENS, RefineSettings

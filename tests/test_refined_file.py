@@ -9,9 +9,9 @@ import pytest
 
 from benchmarks.refined_rigs import Misjudged, random_scene, spoiled, stated
 from stereocal.errors import StereocalError
-from stereocal.refine import RefinedResult, refine
 from stereocal.refined.disagreement import what_disagrees
 from stereocal.refined.file import COVARIANCE_OF, refined_parameters
+from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.uncertainty import standard_errors
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.parameters import RigParameters

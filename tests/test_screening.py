@@ -12,13 +12,13 @@ import pytest
 from benchmarks.ordinary_path import rig as random_rig
 from benchmarks.ordinary_path import with_frames_exchanged, with_points_off
 from benchmarks.refined_truth import turned
-from stereocal.blame import why_nothing_fits
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.calibration.readings import LENGTHS_AGREE, fit_of
 from stereocal.calibration_files import pack_calibration, unpack_calibration
 from stereocal.cli import main
 from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import pack_dataset
+from stereocal.refined.blame import why_nothing_fits
 from stereocal.refined.screening import FEWEST_FRAMES, screen
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset

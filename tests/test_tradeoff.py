@@ -9,8 +9,8 @@ import pytest
 
 from benchmarks.refined_rigs import Misjudged, random_scene, stated
 from stereocal.errors import StereocalError
-from stereocal.refine import refine
 from stereocal.refined.paper_costs import fill_errors, slopes_of_errors, straighten
+from stereocal.refined.refine import refine
 from stereocal.refined.solve import lenses_of
 from stereocal.refined.tradeoff import TradeOff, costs_of, trade_off
 from stereocal.refined.unknowns import RefineSettings, unknowns_of

@@ -8,7 +8,7 @@ import pytest
 from benchmarks.refined_rigs import Misjudged, fixed_lenses
 from benchmarks.refined_truth import deviations, over_bound
 from stereocal.errors import StereocalError
-from stereocal.refine import RefinedResult, refine
+from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.uncertainty import (
     accuracy_map,
     distance_sigmas,

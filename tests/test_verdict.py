@@ -12,7 +12,7 @@ from stereocal.calibration.methods import CalibrationSettings
 from stereocal.calibration.results import errors_of
 from stereocal.errors import StereocalError
 from stereocal.evaluation import EvaluationSettings, evaluate_run, split
-from stereocal.refine import refine
+from stereocal.refined.refine import refine
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.refined.verdict import HeldOut, held_out, run_splits, verdict
 from stereocal.rig.geometry import Angles, Pose

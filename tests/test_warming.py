@@ -35,7 +35,7 @@ from stereocal.points.application import sample_frames, unlabelled
 from stereocal.points.nearest import nearest_errors
 from stereocal.points.threshold import choose_threshold
 from stereocal.reconstruction import reconstruct_points
-from stereocal.refine import refine
+from stereocal.refined.refine import refine
 from stereocal.refined.disagreement import what_disagrees
 from stereocal.refined.tradeoff import costs_of, trade_off
 from stereocal.refined.uncertainty import accuracy_map

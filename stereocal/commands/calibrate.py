@@ -17,9 +17,9 @@ from stereocal.commands.options import (
 from stereocal.commands.progress import ProgressBar
 from stereocal.errors import StereocalError
 from stereocal.evaluation_files import validation_in_summary
-from stereocal.refine import RefinedResult
 from stereocal.refined.disagreement import what_disagrees
 from stereocal.refined.file import refined_parameters
+from stereocal.refined.refine import RefinedResult
 from stereocal.refined.results import Calibration
 from stereocal.refined.stated_inputs import Input, what_could_not_be_told
 from stereocal.refined.uncertainty import standard_errors

@@ -8,7 +8,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from stereocal.figures.style import NEUTRAL, finish, sentence_only
-from stereocal.refine import RefinedResult
+from stereocal.refined.refine import RefinedResult
 from stereocal.refined.uncertainty import AccuracyMap
 from stereocal.rig.compiled import FloatArray
 

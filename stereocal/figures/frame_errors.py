@@ -18,7 +18,7 @@ from stereocal.figures.style import (
     count,
     finish,
 )
-from stereocal.outliers import (
+from stereocal.refined.outliers import (
     bar_frames,
     frame_reprojection_px,
     held_out,

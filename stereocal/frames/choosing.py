@@ -18,7 +18,7 @@ from stereocal.detection import Detection
 from stereocal.errors import StereocalError
 from stereocal.frames.epipolar_labels import sampson
 from stereocal.frames.pairing import CAMERAS
-from stereocal.outliers import MAD_TO_SIGMA
+from stereocal.refined.outliers import MAD_TO_SIGMA
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import BoolArray, FloatArray
 from stereocal.rig.geometry import Angles, Pose, triangulate_rays

@@ -22,7 +22,7 @@ from stereocal.corners.fit import Corner
 from stereocal.detection import Detection
 from stereocal.frames.choosing import SMALLEST_EXCESS_PX, choose_boards
 from stereocal.frames.epipolar_labels import FEWEST_FRAMES, EpipolarLabels, compare_labels
-from stereocal.outliers import outlying
+from stereocal.refined.outliers import outlying
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import TARGETS

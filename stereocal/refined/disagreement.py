@@ -25,8 +25,8 @@ import numpy as np
 from scipy.special import ndtri_exp
 
 from stereocal.errors import StereocalError
-from stereocal.refine import RefinedResult, refine
 from stereocal.refined.bar_fit import BAR, BASELINE, PRIMARY, SECONDARY, SHARED
+from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.stated_inputs import LENGTHS, Input, advice_on, doubt, pair_advice
 from stereocal.refined.unknowns import (
     LensPrior,

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from stereocal.refine import RefinedResult
 from stereocal.refined.bar_fit import BAR
+from stereocal.refined.refine import RefinedResult
 from stereocal.refined.stated_inputs import Input
 from stereocal.refined.uncertainty import LENS, standard_errors
 from stereocal.rig.geometry import Angles

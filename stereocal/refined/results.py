@@ -11,7 +11,7 @@ import numpy as np
 
 from stereocal.calibration.methods import CalibrationSettings, Method
 from stereocal.calibration.results import Errors, MethodResult, errors_of
-from stereocal.refine import RefinedResult
+from stereocal.refined.refine import RefinedResult
 from stereocal.refined.screening import Screening
 from stereocal.rig.compiled import IntArray
 from stereocal.rig.dataset import Dataset

@@ -18,7 +18,7 @@ from scipy.stats import mannwhitneyu
 
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
-from stereocal.refine import RefinedResult, refine
+from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.solve import Solve
 from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.rig.compiled import BoolArray, FloatArray

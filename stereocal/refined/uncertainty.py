@@ -15,9 +15,9 @@ import numpy as np
 import numpy.typing as npt
 
 from stereocal.errors import StereocalError
-from stereocal.refine import RefinedResult
 from stereocal.refined.adjustment import point_slopes
 from stereocal.refined.bar_fit import BASELINE, PRIMARY, SECONDARY, SHARED
+from stereocal.refined.refine import RefinedResult
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import BoolArray, FloatArray
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from stereocal.refine import RefinedResult
 from stereocal.refined.bar_fit import EPSILON
+from stereocal.refined.refine import RefinedResult
 from stereocal.rig.compiled import FloatArray
 
 LOOSE = np.radians(3.0)

@@ -22,8 +22,8 @@ from stereocal.figures import (
 from stereocal.figures.accuracy import Quantity
 from stereocal.figures.style import count
 from stereocal.project import Project
-from stereocal.refine import RefinedResult
 from stereocal.refined.file import refined_parameters
+from stereocal.refined.refine import RefinedResult
 from stereocal.refined.results import Calibration
 from stereocal.refined.screening import Screening
 from stereocal.refined.stated_inputs import Input, what_could_not_be_told

@@ -12,8 +12,8 @@ from stereocal.formats.exchange import FORMATS, export_files, export_notes
 from stereocal.formats.pixel_origin import CORNERS, PixelOrigin
 from stereocal.formats.stereo import ExchangeOptions
 from stereocal.project import Project
-from stereocal.refine import RefinedResult
 from stereocal.refined.file import refined_parameters
+from stereocal.refined.refine import RefinedResult
 from stereocal.refined.results import Calibration
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.zip_files import pack_zip

@@ -9,8 +9,8 @@ import streamlit as st
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
 from stereocal.project import Project
-from stereocal.refine import RefinedResult, refine
 from stereocal.refined.disagreement import what_disagrees
+from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.results import Calibration
 from stereocal.refined.stated_inputs import Input
 from stereocal.refined.tradeoff import TradeOff, trade_off

@@ -20,7 +20,7 @@ from stereocal.figures import (
 )
 from stereocal.formats.dataset_files import pack_dataset
 from stereocal.project import Project
-from stereocal.refine import RefinedResult
+from stereocal.refined.refine import RefinedResult
 from stereocal.refined.results import Calibration
 from stereocal.rig.dataset import Dataset
 from stereocal.system.zip_files import pack_zip

@@ -11,7 +11,7 @@ from playwright.sync_api import Page, expect
 
 from stereocal.formats.camera_file import read_camera
 from stereocal.project import Project
-from stereocal.refine import refine
+from stereocal.refined.refine import refine
 from stereocal.refined.uncertainty import standard_errors
 from stereocal.rig.parameters import RigParameters
 from tests.bar_photographs import write

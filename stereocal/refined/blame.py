@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from stereocal.calibration.readings import contradiction, fit_at, fit_of, wrongly_given
-from stereocal.refine import RefinedResult
+from stereocal.refined.refine import RefinedResult
 from stereocal.refined.screening import Screening
 from stereocal.refined.weakness import weakness
 from stereocal.rig.dataset import Dataset
