@@ -21,13 +21,13 @@ from benchmarks.flock import FlockFrame, flock, parameter_sets
 from stereocal.calibration.essential import Solver
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
-from stereocal.evaluation import EvaluationSettings, evaluate
+from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
+from stereocal.evaluation.summary import summarise_all
 from stereocal.formats.point_table import PointTable
 from stereocal.matching import ANY_DEPTH, match_points
 from stereocal.points.matching_files import match_tables
 from stereocal.points.threshold import choose_threshold
 from stereocal.rig.parameters import RigParameters
-from stereocal.summary import summarise_all
 from stereocal.synthetic.nineteen import simulate_nineteen
 from stereocal.system.executors import engine
 

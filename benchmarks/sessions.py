@@ -32,7 +32,8 @@ import numpy as np
 from benchmarks.client import Session
 from benchmarks.server import MemoryWatch, Server
 from stereocal.calibration.methods import CalibrationSettings
-from stereocal.evaluation import EvaluationSettings, evaluate
+from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
+from stereocal.evaluation.summary import summarise, summarise_all
 from stereocal.evaluation_files import summary_json, validation_figures
 from stereocal.formats.camera_file import read_camera, write_camera
 from stereocal.formats.correspondences_csv import read_table, write_table
@@ -43,7 +44,6 @@ from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
 from stereocal.simulate import FIELD_BAR_M, Rig, field_rig, observe, place_bars
 from stereocal.store.photographs import TABLE_LABEL
-from stereocal.summary import summarise, summarise_all
 from stereocal.synthetic.photographs import BarSettings, photograph_bars, place_visible_bars
 from stereocal.synthetic.rendering import PhotographSettings
 from stereocal.workflow import calibrate

@@ -15,11 +15,11 @@ import numpy as np
 import stereocal
 from stereocal.calibration.methods import Method
 from stereocal.errors import DAMAGED, StereocalError
-from stereocal.evaluation import EvaluationSettings, Run
-from stereocal.protocol import BINS
+from stereocal.evaluation.evaluate import EvaluationSettings, Run
+from stereocal.evaluation.protocol import BINS
+from stereocal.evaluation.summary import MethodSummary, summarise
 from stereocal.refined.screening import Screening
 from stereocal.rig.dataset import Dataset
-from stereocal.summary import MethodSummary, summarise
 from stereocal.system.arrays import Array, read_arrays, shaped
 from stereocal.system.json_text import read_json
 

@@ -19,13 +19,13 @@ from plotly.offline import get_plotlyjs
 
 import stereocal
 from stereocal.calibration.methods import ALL_METHODS, METHOD_NAMES, Method
-from stereocal.evaluation import EvaluationSettings
+from stereocal.evaluation.evaluate import EvaluationSettings
+from stereocal.evaluation.summary import BOOTSTRAPS, MethodSummary
 from stereocal.figures.comparison import describe_comparison, plot_comparison
 from stereocal.figures.validation import COLUMNS, describe_validation, plot_validation
 from stereocal.refined.screening import Screening
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles
-from stereocal.summary import BOOTSTRAPS, MethodSummary
 from stereocal.tables import (
     ANGLE_TITLES,
     contents_table,

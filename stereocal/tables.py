@@ -10,6 +10,7 @@ import pandas as pd
 
 from stereocal.calibration.methods import ALL_METHODS, COST_UNITS, METHOD_NAMES, METHODS, Method
 from stereocal.calibration.results import POOR_LENGTH, errors_of
+from stereocal.evaluation.summary import Estimate, MethodSummary, best_methods
 from stereocal.refined.bar_fit import BAR
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.results import Calibration
@@ -18,7 +19,6 @@ from stereocal.refined.uncertainty import standard_errors
 from stereocal.rig.compiled import IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import RigParameters
-from stereocal.summary import Estimate, MethodSummary, best_methods
 
 LENS_TITLES = {
     "fx": "Focal length fx",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from stereocal.evaluation import EvaluationSettings, evaluate_runs
+from stereocal.evaluation.evaluate import EvaluationSettings, evaluate_runs
 from stereocal.frames.search import compile_detection
 from stereocal.matching import match_points
 from stereocal.refined.disagreement import what_disagrees

@@ -11,7 +11,8 @@ import plotly.graph_objects as go
 
 from stereocal import figures
 from stereocal.calibration.methods import METHODS, CalibrationSettings, Method
-from stereocal.evaluation import EvaluationSettings, evaluate
+from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
+from stereocal.evaluation.summary import summarise_all
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.intrinsics import LensSettings, calibrate_lens
 from stereocal.points.lengths import check_lengths
@@ -22,7 +23,6 @@ from stereocal.refined.uncertainty import accuracy_map
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import Camera
 from stereocal.rig.geometry import Pose
-from stereocal.summary import summarise_all
 from stereocal.workflow import calibrate
 from tests.lens import search
 from tests.rig import BAR_M

@@ -19,7 +19,8 @@ import numpy as np
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.calibration.results import errors_of
 from stereocal.errors import StereocalError
-from stereocal.evaluation import EvaluationSettings, evaluate
+from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
+from stereocal.evaluation.summary import summarise
 from stereocal.evaluation_files import Evaluation
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.correspondences_csv import write_table
@@ -40,7 +41,6 @@ from stereocal.store.photographs import ProjectPhotographs
 from stereocal.store.projects import recent_projects
 from stereocal.store.review import change_review, read_review
 from stereocal.store.thumbnails import thumbnail
-from stereocal.summary import summarise
 from stereocal.system.photograph_files import keep_photograph
 from stereocal.system.zip_files import pack_zip
 from stereocal.workflow import calibrate

@@ -18,7 +18,7 @@ from stereocal.calibration.essential import Solver, calibrate_essential
 from stereocal.calibration.methods import METHODS, CalibrationSettings
 from stereocal.calibration.problems import reconstruction_problem, reprojection_problem
 from stereocal.errors import StereocalError
-from stereocal.evaluation import (
+from stereocal.evaluation.evaluate import (
     MOST_PARTNERS,
     EvaluationSettings,
     Run,
@@ -27,10 +27,7 @@ from stereocal.evaluation import (
     evaluate_run,
     split,
 )
-from stereocal.formats.camera_file import read_camera
-from stereocal.formats.correspondences_csv import read_table
-from stereocal.formats.dataset_files import read_dataset
-from stereocal.protocol import (
+from stereocal.evaluation.protocol import (
     ABOVE,
     BELOW,
     BINS,
@@ -42,11 +39,14 @@ from stereocal.protocol import (
     WRONG,
     count_pairs,
 )
+from stereocal.evaluation.summary import figures_of_set, summarise
+from stereocal.formats.camera_file import read_camera
+from stereocal.formats.correspondences_csv import read_table
+from stereocal.formats.dataset_files import read_dataset
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose
-from stereocal.summary import figures_of_set, summarise
 from tests import reference, rig
 
 NINETEEN = Path(__file__).parents[1] / "sample_data" / "nineteen"
@@ -423,7 +423,7 @@ def test_a_refined_method_that_finds_nothing_has_no_values(
     def refuse(*_: object) -> None:
         raise StereocalError("nothing fits")
 
-    monkeypatch.setattr("stereocal.evaluation.refine", refuse)
+    monkeypatch.setattr("stereocal.evaluation.evaluate.refine", refuse)
     run = evaluate_run(field, replace(FEW, refined=RefineSettings()), 0, 3)
     assert run.nans[3].tolist() == [90, 10]
     assert np.isnan(run.lengths[3]).all()

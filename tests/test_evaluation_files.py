@@ -12,7 +12,8 @@ import pytest
 
 from stereocal.calibration.methods import METHODS
 from stereocal.errors import StereocalError
-from stereocal.evaluation import EvaluationSettings, Run, evaluate
+from stereocal.evaluation.evaluate import EvaluationSettings, Run, evaluate
+from stereocal.evaluation.summary import summarise
 from stereocal.evaluation_files import (
     Evaluation,
     pack_evaluation,
@@ -22,7 +23,6 @@ from stereocal.evaluation_files import (
     validation_figures,
 )
 from stereocal.formats.dataset_files import read_dataset
-from stereocal.summary import summarise
 from stereocal.system.executors import engine
 
 FIELD = Path(__file__).parents[1] / "sample_data" / "field"

@@ -230,7 +230,7 @@ import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from stereocal.evaluation import EvaluationSettings, evaluate
+from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
 from stereocal.evaluation_files import Evaluation, pack_runs, unpack_runs
 from stereocal.project import Project
 from stereocal.refined.unknowns import RefineSettings

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from stereocal.corners.fit import Corner
 from stereocal.detection import Detection, detect_targets, refusal
 from stereocal.errors import StereocalError
-from stereocal.evaluation import EvaluationSettings, Run, evaluate_runs
+from stereocal.evaluation.evaluate import EvaluationSettings, Run, evaluate_runs
 from stereocal.evaluation_files import pack_runs, unpack_runs
 from stereocal.frames.detection_file import pack_detection, unpack_detection
 from stereocal.lens.board_pattern import BoardPattern

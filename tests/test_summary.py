@@ -10,10 +10,18 @@ from scipy.stats import norm
 
 from stereocal.calibration.methods import METHODS, Method
 from stereocal.errors import StereocalError
-from stereocal.evaluation import Run
-from stereocal.protocol import ABOVE, BELOW, BINS, CORRECT, FINE, LOWEST, REPROJECTION, WRONG
-from stereocal.rig.compiled import FloatArray
-from stereocal.summary import (
+from stereocal.evaluation.evaluate import Run
+from stereocal.evaluation.protocol import (
+    ABOVE,
+    BELOW,
+    BINS,
+    CORRECT,
+    FINE,
+    LOWEST,
+    REPROJECTION,
+    WRONG,
+)
+from stereocal.evaluation.summary import (
     BOOTSTRAPS,
     MethodSummary,
     _fcp,
@@ -21,6 +29,7 @@ from stereocal.summary import (
     best_methods,
     summarise,
 )
+from stereocal.rig.compiled import FloatArray
 
 STUDIES = 400
 

@@ -11,7 +11,8 @@ import pytest
 
 from stereocal.calibration.methods import METHODS, CalibrationSettings, Method
 from stereocal.errors import StereocalError
-from stereocal.evaluation import EvaluationSettings, evaluate
+from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
+from stereocal.evaluation.summary import Estimate, MethodSummary, Pdf, best_methods, summarise
 from stereocal.figures import (
     METHOD_COLOURS,
     METHOD_NAMES,
@@ -21,7 +22,6 @@ from stereocal.figures import (
     plot_validation,
 )
 from stereocal.formats.dataset_files import read_dataset
-from stereocal.summary import Estimate, MethodSummary, Pdf, best_methods, summarise
 from stereocal.tables import percent, validation_answer, validation_table
 
 SAMPLE = Path(__file__).parents[1] / "sample_data" / "field"

@@ -11,7 +11,7 @@ from benchmarks.refined_rigs import Misjudged, random_scene, stated
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.calibration.results import errors_of
 from stereocal.errors import StereocalError
-from stereocal.evaluation import EvaluationSettings, evaluate_run, split
+from stereocal.evaluation.evaluate import EvaluationSettings, evaluate_run, split
 from stereocal.refined.refine import refine
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.refined.verdict import HeldOut, held_out, run_splits, verdict

@@ -10,9 +10,9 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from stereocal.calibration.methods import ALL_METHODS, Method
+from stereocal.evaluation.summary import Estimate, MethodSummary, best_methods
 from stereocal.figures.style import METHOD_COLOURS, METHOD_NAMES, METHOD_SYMBOLS, count, finish
 from stereocal.rig.compiled import FloatArray
-from stereocal.summary import Estimate, MethodSummary, best_methods
 from stereocal.tables import interval, percent
 
 COMPARISON_HEIGHT = 700

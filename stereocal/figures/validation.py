@@ -11,6 +11,13 @@ from plotly.subplots import make_subplots
 
 from stereocal.calibration.methods import ALL_METHODS, Method
 from stereocal.errors import StereocalError
+from stereocal.evaluation.summary import (
+    ACCEPTABLE,
+    Discrimination,
+    MethodSummary,
+    Pdf,
+    best_methods,
+)
 from stereocal.figures.style import (
     CORRECT_COLOUR,
     FILLS,
@@ -20,13 +27,6 @@ from stereocal.figures.style import (
     WRONG_COLOUR,
     count,
     finish,
-)
-from stereocal.summary import (
-    ACCEPTABLE,
-    Discrimination,
-    MethodSummary,
-    Pdf,
-    best_methods,
 )
 from stereocal.tables import digits, interval, percent
 

@@ -18,7 +18,7 @@ from scipy.special import stdtrit
 
 from stereocal.calibration.methods import ALL_METHODS, CalibrationSettings, Method
 from stereocal.errors import StereocalError
-from stereocal.evaluation import EvaluationSettings, Run, evaluate_run
+from stereocal.evaluation.evaluate import EvaluationSettings, Run, evaluate_run
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset

@@ -9,7 +9,8 @@ import streamlit as st
 
 from stereocal.calibration.methods import Method
 from stereocal.errors import StereocalError
-from stereocal.evaluation import count_set
+from stereocal.evaluation.evaluate import count_set
+from stereocal.evaluation.summary import figures_of_set
 from stereocal.evaluation_files import Evaluation, validation_figures
 from stereocal.figures import (
     describe_accuracy,
@@ -33,7 +34,6 @@ from stereocal.refined.verdict import held_out, verdict
 from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
-from stereocal.summary import figures_of_set
 from stereocal.tables import (
     digits,
     left_out_line,

@@ -11,7 +11,8 @@ import streamlit as st
 
 from stereocal.calibration.methods import Method
 from stereocal.errors import StereocalError
-from stereocal.evaluation import EvaluationSettings, evaluate
+from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
+from stereocal.evaluation.summary import MethodSummary, summarise_all
 from stereocal.evaluation_files import (
     Evaluation,
     pack_runs,
@@ -31,7 +32,6 @@ from stereocal.refined.screening import Screening
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.report import report_html
 from stereocal.rig.dataset import Dataset
-from stereocal.summary import MethodSummary, summarise_all
 from stereocal.system.guarded import server_guard
 from stereocal.tables import (
     left_out_line,

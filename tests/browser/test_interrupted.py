@@ -13,7 +13,7 @@ from urllib.parse import parse_qs, urlsplit
 import pytest
 from playwright.sync_api import Page, expect
 
-from stereocal.evaluation import evaluate
+from stereocal.evaluation.evaluate import evaluate
 from stereocal.project import Project
 from tests.browser.conftest import LONGEST_MS, served
 from tests.test_parts import same_runs

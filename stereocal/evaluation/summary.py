@@ -18,8 +18,8 @@ from scipy.special import stdtrit
 
 from stereocal.calibration.methods import ALL_METHODS, Method
 from stereocal.errors import StereocalError
-from stereocal.evaluation import Run
-from stereocal.protocol import (
+from stereocal.evaluation.evaluate import Run
+from stereocal.evaluation.protocol import (
     ABOVE,
     BELOW,
     BINS,

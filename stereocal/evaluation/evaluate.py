@@ -28,7 +28,7 @@ from stereocal.calibration.methods import METHODS, CalibrationSettings
 from stereocal.calibration.montecarlo import minimise
 from stereocal.calibration.problems import reconstruction_problem, reprojection_problem
 from stereocal.errors import StereocalError
-from stereocal.protocol import BINS, calibrate_rays, validate_rays
+from stereocal.evaluation.protocol import BINS, calibrate_rays, validate_rays
 from stereocal.refined.refine import refine
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.compiled import BoolArray, CountArray, FloatArray, IntArray
