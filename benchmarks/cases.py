@@ -15,7 +15,7 @@ from stereocal.calibration.montecarlo import Problem, SearchSettings, minimise
 from stereocal.rig.compiled import FloatArray, compiled
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose, fill_pose
-from stereocal.simulate import Scene, simulate_field
+from stereocal.simulation.simulate import Scene, simulate_field
 from tests import reference
 
 PlainCost = Callable[[FloatArray, FloatArray], float]

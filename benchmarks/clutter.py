@@ -22,10 +22,10 @@ from stereocal.detection import Detection, detect_targets
 from stereocal.frames.labelling import Labelling, label_targets
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
-from stereocal.simulate import field_rig
-from stereocal.synthetic.backgrounds import outdoors
-from stereocal.synthetic.photographs import BarSettings, photograph_bars, place_visible_bars
-from stereocal.synthetic.rendering import PhotographSettings
+from stereocal.simulation.backgrounds import outdoors
+from stereocal.simulation.photographs import BarSettings, photograph_bars, place_visible_bars
+from stereocal.simulation.rendering import PhotographSettings
+from stereocal.simulation.simulate import field_rig
 
 PER_SCENE = 10
 """Pairs of one background: the geometry of all of them tells A and B apart."""

@@ -18,7 +18,7 @@ from stereocal.corners.fit import window
 from stereocal.corners.model import ALL, CORE, FRAME, fill_frame, fill_rows
 from stereocal.detection import corner_near
 from stereocal.rig.compiled import FloatArray
-from stereocal.synthetic.rendering import Photograph
+from stereocal.simulation.rendering import Photograph
 from tests.boards import Board, picture, plane_to_image
 
 RENDERS = 200

@@ -25,7 +25,7 @@ from stereocal.evaluation.summary import summarise
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
-from stereocal.synthetic.nineteen import simulate_nineteen
+from stereocal.simulation.nineteen import simulate_nineteen
 
 TURNS = 7
 PLAIN_RUNS = 2

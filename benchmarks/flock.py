@@ -11,8 +11,8 @@ from stereocal.calibration.essential import Solver
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.parameters import RigParameters
-from stereocal.simulate import FIELD_DEPTHS_M, Rig, place_bars
-from stereocal.synthetic.nineteen import simulate_nineteen
+from stereocal.simulation.nineteen import simulate_nineteen
+from stereocal.simulation.simulate import FIELD_DEPTHS_M, Rig, place_bars
 from stereocal.workflow import calibrate
 
 NOISE_PX = 0.3

@@ -26,7 +26,7 @@ from stereocal.frames.frame import Centre, Frame
 from stereocal.frames.review import Review, choose, place, swap, target_meant, undo
 from stereocal.project import Project
 from stereocal.rig.dataset import Dataset
-from stereocal.simulate import FIELD_BAR_M, field_rig, observe, place_bars
+from stereocal.simulation.simulate import FIELD_BAR_M, field_rig, observe, place_bars
 from stereocal.store.photographs import ProjectPhotographs
 from stereocal.store.review import read_review
 from stereocal.system.zip_files import pack_zip

@@ -18,8 +18,8 @@ from stereocal.lens.board_pattern import BoardPattern
 from stereocal.lens.boards import BoardSearch, BoardView
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
-from stereocal.simulate import field_rig
-from stereocal.synthetic.board_series import draw_board_poses, true_corners
+from stereocal.simulation.board_series import draw_board_poses, true_corners
+from stereocal.simulation.simulate import field_rig
 
 PATTERN = BoardPattern(18, 12, 0.03)
 CASES = ((50, 20), (30, 20), (25, 20))

@@ -28,7 +28,7 @@ from stereocal.matching import ANY_DEPTH, match_points
 from stereocal.points.matching_files import match_tables
 from stereocal.points.threshold import choose_threshold
 from stereocal.rig.parameters import RigParameters
-from stereocal.synthetic.nineteen import simulate_nineteen
+from stereocal.simulation.nineteen import simulate_nineteen
 from stereocal.system.executors import engine
 
 COUNTS = (10, 100, 300, 1000)

@@ -18,10 +18,10 @@ import cv2
 import numpy as np
 
 from stereocal.frames.series import detect_series
-from stereocal.simulate import field_rig
-from stereocal.synthetic.backgrounds import outdoors
-from stereocal.synthetic.photographs import BarSettings, photograph_bars, place_visible_bars
-from stereocal.synthetic.rendering import PhotographSettings
+from stereocal.simulation.backgrounds import outdoors
+from stereocal.simulation.photographs import BarSettings, photograph_bars, place_visible_bars
+from stereocal.simulation.rendering import PhotographSettings
+from stereocal.simulation.simulate import field_rig
 from stereocal.system.executors import engine
 from stereocal.system.photograph import read_photograph
 

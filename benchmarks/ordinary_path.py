@@ -24,7 +24,7 @@ from stereocal.refined.stated_inputs import what_could_not_be_told
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import Dataset
-from stereocal.simulate import Scene, lens_off_by
+from stereocal.simulation.simulate import Scene, lens_off_by
 from stereocal.tables import why_not_trusted
 from stereocal.workflow import calibrate
 

@@ -9,7 +9,7 @@ import numpy as np
 from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose
-from stereocal.simulate import Given, Rig, Scene, lens_off_by, observe, place_bars
+from stereocal.simulation.simulate import Given, Rig, Scene, lens_off_by, observe, place_bars
 from tests import rig
 
 BAR_M = 0.87

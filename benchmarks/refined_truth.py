@@ -32,7 +32,7 @@ from stereocal.refined.uncertainty import distance_sigmas, length_slopes
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
-from stereocal.simulate import Given, Scene, field_rig, lens_off_by, observe, place_bars
+from stereocal.simulation.simulate import Given, Scene, field_rig, lens_off_by, observe, place_bars
 from stereocal.workflow import calibrate
 
 NAMES = ("yaw", "pitch", "roll", "delta", "epsilon", "baseline", "held-out distance")

@@ -42,10 +42,10 @@ from stereocal.frames.pairing import pair_names
 from stereocal.frames.search import detect_frames
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
-from stereocal.simulate import FIELD_BAR_M, Rig, field_rig, observe, place_bars
+from stereocal.simulation.photographs import BarSettings, photograph_bars, place_visible_bars
+from stereocal.simulation.rendering import PhotographSettings
+from stereocal.simulation.simulate import FIELD_BAR_M, Rig, field_rig, observe, place_bars
 from stereocal.store.photographs import TABLE_LABEL
-from stereocal.synthetic.photographs import BarSettings, photograph_bars, place_visible_bars
-from stereocal.synthetic.rendering import PhotographSettings
 from stereocal.workflow import calibrate
 from tests.bar_photographs import BOARD_M, DEPTHS_M, small
 

@@ -13,7 +13,7 @@ from stereocal.refined.tradeoff import trade_off
 from stereocal.refined.uncertainty import accuracy_map
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.compilations import compilations
-from stereocal.simulate import simulate_field
+from stereocal.simulation.simulate import simulate_field
 from stereocal.workflow import calibrate
 
 FUNCTIONS = 98

@@ -15,8 +15,8 @@ from stereocal.lens.boards import BoardSearch, BoardView
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
-from stereocal.synthetic.board_series import draw_board_poses
-from stereocal.synthetic.rendering import (
+from stereocal.simulation.board_series import draw_board_poses
+from stereocal.simulation.rendering import (
     Board,
     Photograph,
     PhotographSettings,

@@ -19,7 +19,7 @@ from stereocal.lens.board_pattern import BoardPattern
 from stereocal.lens.boards import BoardView, Refused, find_board, find_boards
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
-from stereocal.synthetic.rendering import Board, Photograph
+from stereocal.simulation.rendering import Board, Photograph
 from tests.lens import PATTERN, AtOnce, corners_of, facing, names, photographed, png, write_boards
 
 TELLABLE = BoardPattern(8, 5, 0.03)

@@ -14,8 +14,8 @@ from stereocal.corners.model import ALL, FRAME, fill_frame, fill_rows
 from stereocal.detection import corner_near
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
-from stereocal.synthetic.photographs import facing
-from stereocal.synthetic.rendering import PhotographSettings, Placed, photograph, x_corner_board
+from stereocal.simulation.photographs import facing
+from stereocal.simulation.rendering import PhotographSettings, Placed, photograph, x_corner_board
 from tests.boards import Board, picture
 
 PARAMETERS = np.array(

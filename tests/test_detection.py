@@ -15,10 +15,10 @@ import pytest
 from stereocal.detection import Detection, detect_targets
 from stereocal.errors import StereocalError
 from stereocal.frames.series import detect_series
-from stereocal.simulate import field_rig
-from stereocal.synthetic.backgrounds import outdoors
-from stereocal.synthetic.photographs import BarSettings, photograph_bars, place_visible_bars
-from stereocal.synthetic.rendering import Photograph, PhotographSettings
+from stereocal.simulation.backgrounds import outdoors
+from stereocal.simulation.photographs import BarSettings, photograph_bars, place_visible_bars
+from stereocal.simulation.rendering import Photograph, PhotographSettings
+from stereocal.simulation.simulate import field_rig
 from tests.boards import Board, paint
 
 SIZE = (700, 400)

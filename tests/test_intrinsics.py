@@ -27,7 +27,7 @@ from stereocal.lens.tables import lens_answer, lens_rows, with_error
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
-from stereocal.synthetic.rendering import chessboard_corners, turned
+from stereocal.simulation.rendering import chessboard_corners, turned
 from tests.lens import PATTERN, SMALL, SQUARES, TRUE, AtOnce, search, views
 
 FEW = LensSettings(subset=12, repeats=20)

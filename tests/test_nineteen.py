@@ -11,7 +11,7 @@ import pytest
 from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.formats.simulated import write_nineteen
-from stereocal.synthetic.nineteen import (
+from stereocal.simulation.nineteen import (
     BAR_SIGMA_M,
     BARS_M,
     BASELINE_SIGMA_M,

@@ -17,9 +17,8 @@ from stereocal.errors import StereocalError
 from stereocal.formats.camera_file import read_camera
 from stereocal.formats.simulated import describing_files, write_photographs
 from stereocal.rig.compiled import FloatArray
-from stereocal.simulate import FIELD_BAR_M, Rig, Scene, field_rig
-from stereocal.synthetic.backgrounds import WALL_M, outdoors
-from stereocal.synthetic.photographs import (
+from stereocal.simulation.backgrounds import WALL_M, outdoors
+from stereocal.simulation.photographs import (
     APART,
     BarSettings,
     facing,
@@ -27,8 +26,9 @@ from stereocal.synthetic.photographs import (
     place_boards,
     place_visible_bars,
 )
-from stereocal.synthetic.rendering import Photograph, PhotographSettings
-from stereocal.synthetic.sample_photographs import JPEG_QUALITY, jpeg, prepare_photographs
+from stereocal.simulation.rendering import Photograph, PhotographSettings
+from stereocal.simulation.sample_photographs import JPEG_QUALITY, jpeg, prepare_photographs
+from stereocal.simulation.simulate import FIELD_BAR_M, Rig, Scene, field_rig
 from tests.test_simulate import assert_same_numbers
 
 SHIPPED = Path(__file__).parents[1] / "sample_data" / "photographs"

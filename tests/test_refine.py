@@ -14,7 +14,7 @@ from stereocal.refined.refine import refine
 from stereocal.refined.solve import ASSUMED, ESTIMATED, GIVEN, scatter_of
 from stereocal.refined.unknowns import FIXED_LENS, LensPrior, RefineSettings
 from stereocal.rig.geometry import Angles, Pose
-from stereocal.simulate import Given, lens_off_by, observe
+from stereocal.simulation.simulate import Given, lens_off_by, observe
 from tests import rig
 
 KNOWN = Misjudged()

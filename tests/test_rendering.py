@@ -16,8 +16,7 @@ from stereocal.lens.board_corners import refine
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
-from stereocal.simulate import field_rig
-from stereocal.synthetic.board_series import (
+from stereocal.simulation.board_series import (
     CHARUCO_MARKER,
     LENS_SQUARE_M,
     LENS_SQUARES,
@@ -26,7 +25,7 @@ from stereocal.synthetic.board_series import (
     photograph_boards,
     true_corners,
 )
-from stereocal.synthetic.rendering import (
+from stereocal.simulation.rendering import (
     Board,
     PhotographSettings,
     Picture,
@@ -39,6 +38,7 @@ from stereocal.synthetic.rendering import (
     turned,
     x_corner_board,
 )
+from stereocal.simulation.simulate import field_rig
 from tests.rig import PRIMARY
 
 NO_NOISE = PhotographSettings(vignetting=0.0, full_well_e=np.inf, read_noise=0.0, bits=16)

@@ -23,7 +23,7 @@ from stereocal.refined.screening import FEWEST_FRAMES, screen
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import RigParameters
-from stereocal.simulate import observe, place_bars
+from stereocal.simulation.simulate import observe, place_bars
 from stereocal.tables import left_out_line, why_not_trusted
 from stereocal.workflow import calibrate
 from tests import rig

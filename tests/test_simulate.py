@@ -19,7 +19,7 @@ from stereocal.formats.simulated import write_field
 from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose
-from stereocal.simulate import (
+from stereocal.simulation.simulate import (
     FIELD_BAR_M,
     FIELD_BASELINE_M,
     FIELD_DEPTHS_M,

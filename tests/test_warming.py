@@ -87,7 +87,7 @@ import json, sys, time
 from stereocal.workflow import calibrate
 from stereocal.rig.compilations import compilations
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.simulate import simulate_field
+from stereocal.simulation.simulate import simulate_field
 from stereocal.warming import compile_all
 
 heard, steps = [], []

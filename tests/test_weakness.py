@@ -12,7 +12,7 @@ from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose
-from stereocal.simulate import Rig, Scene, observe, place_bars
+from stereocal.simulation.simulate import Rig, Scene, observe, place_bars
 from tests import rig
 
 

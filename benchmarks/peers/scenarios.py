@@ -15,7 +15,7 @@ from stereocal.formats.camera_file import read_camera
 from stereocal.formats.correspondences_csv import read_table
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
-from stereocal.simulate import Given, place_bars
+from stereocal.simulation.simulate import Given, place_bars
 
 FRAMES = 25
 TEST_FRAMES = 50

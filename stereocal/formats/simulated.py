@@ -10,7 +10,17 @@ from pathlib import Path
 import numpy as np
 
 from stereocal.formats.dataset_files import TABLE, pack_dataset
-from stereocal.simulate import (
+from stereocal.simulation.board_series import LENS_PHOTOGRAPHS
+from stereocal.simulation.nineteen import DATASETS, FRAMES, NOISE_PX, simulate_nineteen
+from stereocal.simulation.sample_photographs import (
+    JPEG_QUALITY,
+    JPEG_QUALITY_BOARDS,
+    PhotographedField,
+    jpeg,
+    prepare_photographs,
+    true_of_photographs,
+)
+from stereocal.simulation.simulate import (
     FIELD_BAR_M,
     FIELD_BASELINE_M,
     FIELD_FRAMES,
@@ -20,16 +30,6 @@ from stereocal.simulate import (
     observe,
     simulate_field,
     truth_of,
-)
-from stereocal.synthetic.board_series import LENS_PHOTOGRAPHS
-from stereocal.synthetic.nineteen import DATASETS, FRAMES, NOISE_PX, simulate_nineteen
-from stereocal.synthetic.sample_photographs import (
-    JPEG_QUALITY,
-    JPEG_QUALITY_BOARDS,
-    PhotographedField,
-    jpeg,
-    prepare_photographs,
-    true_of_photographs,
 )
 from stereocal.system.atomic_files import write_atomically
 

@@ -16,7 +16,7 @@ from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose
-from stereocal.simulate import (
+from stereocal.simulation.simulate import (
     TRUTH,
     Given,
     Rig,

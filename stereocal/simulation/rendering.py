@@ -20,14 +20,14 @@ from stereocal.errors import StereocalError
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
-from stereocal.synthetic.area_sampling import (
+from stereocal.simulation.area_sampling import (
     BLUR_REACH,
     fill_parts,
     pixel_weights,
     sample_offsets,
     sum_parts,
 )
-from stereocal.synthetic.rays import on_plane, ray_splines
+from stereocal.simulation.rays import on_plane, ray_splines
 
 Picture = npt.NDArray[np.float32]
 """(height, width) grey levels before the sensor, 255 being full scale."""

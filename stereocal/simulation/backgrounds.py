@@ -15,10 +15,10 @@ import numpy as np
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
-from stereocal.simulate import Rig
-from stereocal.synthetic.rays import ray_splines
-from stereocal.synthetic.rendering import Picture, Placed, blurred, chessboard, paint, turned
-from stereocal.synthetic.scenery import Canvas, clouded, paint_scenery
+from stereocal.simulation.rays import ray_splines
+from stereocal.simulation.rendering import Picture, Placed, blurred, chessboard, paint, turned
+from stereocal.simulation.scenery import Canvas, clouded, paint_scenery
+from stereocal.simulation.simulate import Rig
 
 WALL_M = 40.0
 """Distance of the painted wall."""

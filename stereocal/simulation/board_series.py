@@ -11,7 +11,7 @@ from stereocal.errors import StereocalError
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
-from stereocal.synthetic.rendering import (
+from stereocal.simulation.rendering import (
     Board,
     Photograph,
     PhotographSettings,

@@ -12,7 +12,22 @@ import numpy as np
 from stereocal.errors import StereocalError
 from stereocal.rig.camera import Camera
 from stereocal.rig.geometry import Angles, Pose
-from stereocal.simulate import (
+from stereocal.simulation.backgrounds import indoors, outdoors
+from stereocal.simulation.board_series import (
+    LENS_PHOTOGRAPHS,
+    LENS_SQUARE_M,
+    LENS_SQUARES,
+    draw_board_poses,
+    photograph_boards,
+)
+from stereocal.simulation.photographs import (
+    BarSettings,
+    PhotographPair,
+    photograph_bars,
+    place_visible_bars,
+)
+from stereocal.simulation.rendering import Photograph, PhotographSettings, chessboard
+from stereocal.simulation.simulate import (
     FIELD_BAR_M,
     FIELD_BASELINE_M,
     FIELD_FRAMES,
@@ -21,21 +36,6 @@ from stereocal.simulate import (
     field_rig,
     truth_of,
 )
-from stereocal.synthetic.backgrounds import indoors, outdoors
-from stereocal.synthetic.board_series import (
-    LENS_PHOTOGRAPHS,
-    LENS_SQUARE_M,
-    LENS_SQUARES,
-    draw_board_poses,
-    photograph_boards,
-)
-from stereocal.synthetic.photographs import (
-    BarSettings,
-    PhotographPair,
-    photograph_bars,
-    place_visible_bars,
-)
-from stereocal.synthetic.rendering import Photograph, PhotographSettings, chessboard
 
 JPEG_QUALITY = 80
 """Of the photographs of the bar; what it costs is in sample_data/README.md."""

@@ -17,8 +17,7 @@ import numpy as np
 from stereocal.errors import StereocalError
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
-from stereocal.simulate import FIELD_DEPTHS_M, MOST_ROUNDS, Rig, Scene, place_bars
-from stereocal.synthetic.rendering import (
+from stereocal.simulation.rendering import (
     Board,
     Photograph,
     PhotographSettings,
@@ -28,7 +27,8 @@ from stereocal.synthetic.rendering import (
     turned,
     x_corner_board,
 )
-from stereocal.synthetic.scenery import GROUND_M
+from stereocal.simulation.scenery import GROUND_M
+from stereocal.simulation.simulate import FIELD_DEPTHS_M, MOST_ROUNDS, Rig, Scene, place_bars
 
 VISIBLE_MARGIN_PX = 110.0
 """No target nearer than this to the edge of an image: a 0.18 m board at 8 m reaches 113 px when it
