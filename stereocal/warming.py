@@ -9,11 +9,11 @@ from stereocal.frames.search import compile_detection
 from stereocal.matching import match_points
 from stereocal.refined.disagreement import what_disagrees
 from stereocal.refined.refine import refine
-from stereocal.refined.tradeoff import trade_off
 from stereocal.refined.uncertainty import accuracy_map
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.compilations import compilations
 from stereocal.simulation.simulate import simulate_field
+from stereocal.verdict.tradeoff import trade_off
 from stereocal.workflow import calibrate
 
 FUNCTIONS = 98

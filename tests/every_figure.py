@@ -18,11 +18,11 @@ from stereocal.intrinsics import LensSettings, calibrate_lens
 from stereocal.points.lengths import check_lengths
 from stereocal.refined.disagreement import what_disagrees
 from stereocal.refined.refine import refine
-from stereocal.refined.tradeoff import costs_of, trade_off
 from stereocal.refined.uncertainty import accuracy_map
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import Camera
 from stereocal.rig.geometry import Pose
+from stereocal.verdict.tradeoff import costs_of, trade_off
 from stereocal.workflow import calibrate
 from tests.lens import search
 from tests.rig import BAR_M

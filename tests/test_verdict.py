@@ -14,8 +14,8 @@ from stereocal.errors import StereocalError
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate_run, split
 from stereocal.refined.refine import refine
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.refined.verdict import HeldOut, held_out, run_splits, verdict
 from stereocal.rig.geometry import Angles, Pose
+from stereocal.verdict.verdict import HeldOut, held_out, run_splits, verdict
 from tests import rig
 
 

@@ -37,7 +37,7 @@ from stereocal.points.threshold import choose_threshold
 from stereocal.reconstruction import reconstruct_points
 from stereocal.refined.refine import refine
 from stereocal.refined.disagreement import what_disagrees
-from stereocal.refined.tradeoff import costs_of, trade_off
+from stereocal.verdict.tradeoff import costs_of, trade_off
 from stereocal.refined.uncertainty import accuracy_map
 from stereocal.refined.unknowns import FIXED_LENS, RefineSettings
 

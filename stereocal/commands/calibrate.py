@@ -24,11 +24,11 @@ from stereocal.refined.results import Calibration
 from stereocal.refined.stated_inputs import Input, what_could_not_be_told
 from stereocal.refined.uncertainty import standard_errors
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.refined.verdict import run_splits, verdict
 from stereocal.rig.dataset import Dataset
 from stereocal.store.carry import read_input
 from stereocal.system.atomic_files import write_all
 from stereocal.tables import answer, left_out_line, listed, why_not_trusted
+from stereocal.verdict.verdict import run_splits, verdict
 from stereocal.workflow import calibrate
 
 FILES: dict[Literal["2d", "3d"], str] = {"2d": "parameters_2d.json", "3d": "parameters_3d.json"}

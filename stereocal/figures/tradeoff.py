@@ -15,9 +15,9 @@ from stereocal.figures.style import (
     NEUTRAL,
     finish,
 )
-from stereocal.refined.tradeoff import TradeOff, TradeOffPoint
 from stereocal.rig.compiled import FloatArray
 from stereocal.tables import digits
+from stereocal.verdict.tradeoff import TradeOff, TradeOffPoint
 
 HEIGHT = 520
 NAMES = {"fixed": "Lenses as given", "freed": "Lenses freed"}

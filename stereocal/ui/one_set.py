@@ -28,9 +28,7 @@ from stereocal.refined.refine import RefinedResult
 from stereocal.refined.results import Calibration
 from stereocal.refined.screening import Screening
 from stereocal.refined.stated_inputs import Input, what_could_not_be_told
-from stereocal.refined.tradeoff import TradeOff, costs_of
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.refined.verdict import held_out, verdict
 from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
@@ -47,6 +45,8 @@ from stereocal.ui.intake import escape_markdown
 from stereocal.ui.refined import calibrated, curves_of, inputs_of, map_of
 from stereocal.ui.results import show_figure
 from stereocal.ui.validation import kept_protocol
+from stereocal.verdict.tradeoff import TradeOff, costs_of
+from stereocal.verdict.verdict import held_out, verdict
 
 FIXED, FREED = "As given", "Freed"
 MOST_NAMED = 12

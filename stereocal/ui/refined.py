@@ -13,7 +13,6 @@ from stereocal.refined.disagreement import what_disagrees
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.results import Calibration
 from stereocal.refined.stated_inputs import Input
-from stereocal.refined.tradeoff import TradeOff, trade_off
 from stereocal.refined.uncertainty import AccuracyMap, accuracy_map
 from stereocal.refined.unknowns import (
     RefineSettings,
@@ -23,6 +22,7 @@ from stereocal.ui import jobs
 from stereocal.ui.fields import Field, number, setting
 from stereocal.ui.known import describe_known
 from stereocal.ui.texts import escape_markdown
+from stereocal.verdict.tradeoff import TradeOff, trade_off
 from stereocal.workflow import calibrate
 
 

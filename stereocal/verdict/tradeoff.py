@@ -18,7 +18,6 @@ from stereocal.calibration.essential import calibrate_essential
 from stereocal.calibration.problems import reconstruction_problem, reprojection_problem
 from stereocal.errors import StereocalError
 from stereocal.refined.bar_fit import BASELINE, EPSILON, PRIMARY, SECONDARY
-from stereocal.refined.paper_costs import fill_errors, slopes_of_errors, straighten, weigh
 from stereocal.refined.solve import lenses_of
 from stereocal.refined.unknowns import FIXED_LENS, RefineSettings, Unknowns, camera_of, unknowns_of
 from stereocal.rig.camera import Camera
@@ -26,6 +25,7 @@ from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.parameters import RigParameters, inputs_of
+from stereocal.verdict.paper_costs import fill_errors, slopes_of_errors, straighten, weigh
 
 POINTS = 25
 FARTHEST = 3.0
