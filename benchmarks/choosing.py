@@ -22,7 +22,7 @@ import cv2
 import numpy as np
 
 from benchmarks.clutter import Found, Truth
-from stereocal.detection import Detection, detect_targets
+from stereocal.detection.detect import Detection, detect_targets
 from stereocal.frames.labelling import Labelling, label_targets
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose

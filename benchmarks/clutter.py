@@ -18,7 +18,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from stereocal.detection import Detection, detect_targets
+from stereocal.detection.detect import Detection, detect_targets
 from stereocal.frames.labelling import Labelling, label_targets
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray

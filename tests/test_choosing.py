@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from benchmarks.choosing import small_rig, taken
-from stereocal.detection import Detection, refusal
+from stereocal.detection.detect import Detection, refusal
 from stereocal.frames.choosing import FEWEST_SURE, choose_boards
 from stereocal.frames.frame import report_line
 from stereocal.frames.labelling import label_targets

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal, norm
 
-from stereocal.corners.fit import Corner
-from stereocal.corners.model import ALL, FRAME, fill_frame, fill_rows
-from stereocal.detection import corner_near
+from stereocal.detection.corner_model import ALL, FRAME, fill_frame, fill_rows
+from stereocal.detection.detect import corner_near
+from stereocal.detection.fit import Corner
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.simulation.photographs import facing

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from stereocal.detection import Detection, detect_targets
+from stereocal.detection.detect import Detection, detect_targets
 from stereocal.errors import StereocalError
 from stereocal.frames.series import detect_series
 from stereocal.simulation.backgrounds import outdoors

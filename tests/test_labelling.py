@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from stereocal.corners.fit import Corner
-from stereocal.detection import Detection, refusal
+from stereocal.detection.detect import Detection, refusal
+from stereocal.detection.fit import Corner
 from stereocal.frames.labelling import Labelling, label_targets
 from tests import rig
 

@@ -14,8 +14,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stereocal.corners.fit import Corner
-from stereocal.detection import Detection, detect_targets, refusal
+from stereocal.detection.detect import Detection, detect_targets, refusal
+from stereocal.detection.fit import Corner
 from stereocal.errors import StereocalError
 from stereocal.evaluation.evaluate import EvaluationSettings, Run, evaluate_runs
 from stereocal.evaluation_files import pack_runs, unpack_runs

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stereocal.calibration.essential import calibrate_essential
-from stereocal.detection import Detection
+from stereocal.detection.detect import Detection
 from stereocal.errors import StereocalError
 from stereocal.frames.epipolar_labels import sampson
 from stereocal.frames.pairing import CAMERAS

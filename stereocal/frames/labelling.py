@@ -18,8 +18,8 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from stereocal.corners.fit import Corner
-from stereocal.detection import Detection
+from stereocal.detection.detect import Detection
+from stereocal.detection.fit import Corner
 from stereocal.frames.choosing import SMALLEST_EXCESS_PX, choose_boards
 from stereocal.frames.epipolar_labels import FEWEST_FRAMES, EpipolarLabels, compare_labels
 from stereocal.refined.outliers import outlying

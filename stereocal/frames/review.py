@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy.typing as npt
 
-from stereocal.detection import corner_near
+from stereocal.detection.detect import corner_near
 from stereocal.errors import DAMAGED, StereocalError
 from stereocal.frames.frame import Centre, Frame, frame_from_json, name_in
 from stereocal.rig.dataset import TARGETS

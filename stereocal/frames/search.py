@@ -10,8 +10,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from stereocal.corners.fit import Corner
-from stereocal.detection import Detection, detect_targets, refusal
+from stereocal.detection.detect import Detection, detect_targets, refusal
+from stereocal.detection.fit import Corner
 from stereocal.frames.frame import Centre, CentrePair, Frame, State
 from stereocal.frames.inspection import Progress, look_through, wrong_sizes
 from stereocal.frames.labelling import FrameLabels, LabelledPair, label_targets

@@ -10,7 +10,7 @@ from typing import Any
 import cv2
 import numpy.typing as npt
 
-from stereocal.detection import Detection, detect_targets, refusal
+from stereocal.detection.detect import Detection, detect_targets, refusal
 from stereocal.errors import StereocalError
 from stereocal.system.tasks import Pieces
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from stereocal.corners.model import ALL, FRAME, fill_frame, fill_rows
+from stereocal.detection.corner_model import ALL, FRAME, fill_frame, fill_rows
 from stereocal.rig.compiled import FloatArray, compiled, internal
 from stereocal.rig.decompositions import backward, factor, forward
 

@@ -7,9 +7,9 @@ from typing import Literal
 import cv2
 import numpy as np
 
-from stereocal.corners.arms import GreyImage
-from stereocal.corners.fit import Corner
-from stereocal.corners.light import Light
+from stereocal.detection.edges import GreyImage
+from stereocal.detection.fit import Corner
+from stereocal.detection.intensity import Light
 
 Reason = Literal[
     "too few candidates", "ambiguous", "saturated", "blurred", "cut by the border", "unreadable"

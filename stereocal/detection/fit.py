@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stereocal.corners.arms import GreyImage, arm_quality, follow
-from stereocal.corners.model import ALL, CORE, CURVATURE_SIGMA, GRADIENT_SIGMA
-from stereocal.corners.solver import minimise, spread
+from stereocal.detection.corner_model import ALL, CORE, CURVATURE_SIGMA, GRADIENT_SIGMA
+from stereocal.detection.edges import GreyImage, arm_quality, follow
+from stereocal.detection.solver import minimise, spread
 from stereocal.rig.compiled import FloatArray, compiled
 
 INSIDE = 0.96

@@ -15,11 +15,11 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from stereocal.corners.candidates import FLIPS, LEVEL, SCORE, candidates
-from stereocal.corners.fit import Corner, fit_corner
-from stereocal.corners.light import Light, prepare
-from stereocal.corners.model import ALL
-from stereocal.corners.refusals import (
+from stereocal.detection.candidates import FLIPS, LEVEL, SCORE, candidates
+from stereocal.detection.corner_model import ALL
+from stereocal.detection.fit import Corner, fit_corner
+from stereocal.detection.intensity import Light, prepare
+from stereocal.detection.refusals import (
     RUNNER_UP_DOUBTFUL,
     Reason,
     doubts_of,

@@ -13,10 +13,10 @@ import math
 import cv2
 import numpy as np
 
-from stereocal.corners.arms import GreyImage, arm_quality, follow
-from stereocal.corners.fit import plausible, window
-from stereocal.corners.model import ALL, CORE
-from stereocal.corners.solver import minimise
+from stereocal.detection.corner_model import ALL, CORE
+from stereocal.detection.edges import GreyImage, arm_quality, follow
+from stereocal.detection.fit import plausible, window
+from stereocal.detection.solver import minimise
 from stereocal.rig.compiled import FloatArray, compiled, internal
 
 LEVELS = 5

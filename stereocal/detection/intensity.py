@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from stereocal.corners.arms import GreyImage
+from stereocal.detection.edges import GreyImage
 from stereocal.errors import StereocalError
 
 LIGHT = 255.0
