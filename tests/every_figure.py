@@ -14,7 +14,7 @@ from stereocal.calibration.methods import METHODS, CalibrationSettings, Method
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
 from stereocal.evaluation.summary import summarise_all
 from stereocal.formats.dataset_files import read_dataset
-from stereocal.intrinsics import LensSettings, calibrate_lens
+from stereocal.intrinsics.calibrate_lens import LensSettings, calibrate_lens
 from stereocal.points.lengths import check_lengths
 from stereocal.refined.disagreement import what_disagrees
 from stereocal.refined.refine import refine

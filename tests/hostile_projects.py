@@ -27,8 +27,8 @@ from stereocal.formats.correspondences_csv import write_table
 from stereocal.formats.dataset_files import pack_dataset
 from stereocal.frames.frame import Centre, Frame
 from stereocal.frames.review import place
-from stereocal.intrinsics import LensSettings, calibrate_lens
-from stereocal.lens.boards import BoardSearch
+from stereocal.intrinsics.boards import BoardSearch
+from stereocal.intrinsics.calibrate_lens import LensSettings, calibrate_lens
 from stereocal.points.application import Application
 from stereocal.project import Project
 from stereocal.rig.dataset import SOURCES, Dataset

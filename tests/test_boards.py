@@ -14,9 +14,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stereocal.errors import StereocalError
-from stereocal.lens.board_corners import eight_bits, in_order, squares_all_around
-from stereocal.lens.board_pattern import BoardPattern
-from stereocal.lens.boards import BoardView, Refused, find_board, find_boards
+from stereocal.intrinsics.board_corners import eight_bits, in_order, squares_all_around
+from stereocal.intrinsics.board_pattern import BoardPattern
+from stereocal.intrinsics.boards import BoardView, Refused, find_board, find_boards
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.simulation.rendering import Board, Photograph

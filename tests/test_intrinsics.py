@@ -13,17 +13,17 @@ import pytest
 from scipy.optimize import least_squares
 
 from stereocal.errors import StereocalError
-from stereocal.intrinsics import (
+from stereocal.intrinsics.boards import BoardSearch, Refused
+from stereocal.intrinsics.calibrate_lens import (
     FEWEST_VIEWS,
     LensCalibration,
     LensSettings,
     calibrate_lens,
     solve,
 )
-from stereocal.lens.boards import BoardSearch, Refused
-from stereocal.lens.files import about, pack_lens, pack_search, unpack_lens, unpack_search
-from stereocal.lens.quality import FIELD_CELLS, advice, coverage, hint, residual_field
-from stereocal.lens.tables import lens_answer, lens_rows, with_error
+from stereocal.intrinsics.files import about, pack_lens, pack_search, unpack_lens, unpack_search
+from stereocal.intrinsics.quality import FIELD_CELLS, advice, coverage, hint, residual_field
+from stereocal.intrinsics.tables import lens_answer, lens_rows, with_error
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose

@@ -18,9 +18,9 @@ from stereocal.figures import (
     plot_view_errors,
 )
 from stereocal.figures.lens import arrow_scale
-from stereocal.intrinsics import LensCalibration
-from stereocal.lens.preview import preview
-from stereocal.lens.quality import largest_shift_px, residual_field
+from stereocal.intrinsics.calibrate_lens import LensCalibration
+from stereocal.intrinsics.preview import preview
+from stereocal.intrinsics.quality import largest_shift_px, residual_field
 from tests.lens import SMALL, facing, photographed, png, search
 from tests.test_intrinsics import FEW, calibrated, moved, usual
 

@@ -20,9 +20,9 @@ from stereocal.errors import StereocalError
 from stereocal.evaluation.evaluate import EvaluationSettings, Run, evaluate_runs
 from stereocal.evaluation_files import pack_runs, unpack_runs
 from stereocal.frames.detection_file import pack_detection, unpack_detection
-from stereocal.lens.board_pattern import BoardPattern
-from stereocal.lens.boards import BoardView, Refused, find_board
-from stereocal.lens.files import pack_board, pack_draws, unpack_board, unpack_draws
+from stereocal.intrinsics.board_pattern import BoardPattern
+from stereocal.intrinsics.boards import BoardView, Refused, find_board
+from stereocal.intrinsics.files import pack_board, pack_draws, unpack_board, unpack_draws
 from stereocal.points.blocks import TableBlock, pack_block, unpack_block
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.store.parts import Parts

@@ -12,7 +12,7 @@ from scipy.ndimage import gaussian_filter
 from scipy.special import erf
 
 from stereocal.errors import StereocalError
-from stereocal.lens.board_corners import refine
+from stereocal.intrinsics.board_corners import refine
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose

@@ -17,9 +17,9 @@ from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
 from stereocal.evaluation_files import pack_runs, unpack_runs
 from stereocal.frames.detection_file import pack_detection, unpack_detection
 from stereocal.frames.series import detect_series
-from stereocal.intrinsics import LensSettings, calibrate_lens
-from stereocal.lens.boards import BoardView, Refused, find_boards
-from stereocal.lens.files import (
+from stereocal.intrinsics.boards import BoardView, Refused, find_boards
+from stereocal.intrinsics.calibrate_lens import LensSettings, calibrate_lens
+from stereocal.intrinsics.files import (
     pack_board,
     pack_draws,
     pack_lens,

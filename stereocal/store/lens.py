@@ -16,9 +16,9 @@ from typing import Any, Literal
 
 from stereocal.errors import StereocalError, can_be_shown
 from stereocal.formats.camera_file import write_camera
-from stereocal.intrinsics import LensCalibration
-from stereocal.lens.boards import BoardSearch
-from stereocal.lens.files import about, pack_lens, pack_search, unpack_lens, unpack_search
+from stereocal.intrinsics.boards import BoardSearch
+from stereocal.intrinsics.calibrate_lens import LensCalibration
+from stereocal.intrinsics.files import about, pack_lens, pack_search, unpack_lens, unpack_search
 from stereocal.project import Project
 from stereocal.store.folders import own_file
 from stereocal.store.state import StateFile, changing, flush_stored, forget, read_if_there

@@ -10,10 +10,10 @@ from pathlib import Path
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.intrinsics import LensSettings, calibrate_lens
-from stereocal.lens.board_pattern import DICTIONARIES, BoardPattern
-from stereocal.lens.boards import BoardSearch, find_boards
-from stereocal.lens.files import pack_board, pack_draws, unpack_board, unpack_draws
+from stereocal.intrinsics.board_pattern import DICTIONARIES, BoardPattern
+from stereocal.intrinsics.boards import BoardSearch, find_boards
+from stereocal.intrinsics.calibrate_lens import LensSettings, calibrate_lens
+from stereocal.intrinsics.files import pack_board, pack_draws, unpack_board, unpack_draws
 from stereocal.project import Project
 from stereocal.store.lens import WHICH, ProjectLens, Which
 from stereocal.store.state import DamagedError

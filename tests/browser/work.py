@@ -8,7 +8,7 @@ from pathlib import Path
 from stereocal.formats.camera_file import write_camera
 from stereocal.frames.pairing import pair_names
 from stereocal.frames.search import detect_frames
-from stereocal.intrinsics import LensSettings, calibrate_lens
+from stereocal.intrinsics.calibrate_lens import LensSettings, calibrate_lens
 from stereocal.project import Project
 from stereocal.store.lens import ProjectLens
 from stereocal.store.photographs import ProjectPhotographs

@@ -6,8 +6,8 @@ import math
 
 import pandas as pd
 
-from stereocal.intrinsics import PARAMETERS, LensCalibration
-from stereocal.lens.quality import coverage, turned_count
+from stereocal.intrinsics.calibrate_lens import PARAMETERS, LensCalibration
+from stereocal.intrinsics.quality import coverage, turned_count
 
 LENS_COLUMNS = ("parameter", "median", "standard error", "spread of draws", "all at once")
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stereocal.intrinsics import PARAMETERS, LensCalibration
-from stereocal.lens.boards import BoardSearch
+from stereocal.intrinsics.boards import BoardSearch
+from stereocal.intrinsics.calibrate_lens import PARAMETERS, LensCalibration
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray, IntArray
 

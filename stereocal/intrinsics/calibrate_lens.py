@@ -28,8 +28,8 @@ import cv2
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.lens.board_pattern import BoardPattern
-from stereocal.lens.boards import BoardSearch, BoardView
+from stereocal.intrinsics.board_pattern import BoardPattern
+from stereocal.intrinsics.boards import BoardSearch, BoardView
 from stereocal.rig.camera import Camera, LensUncertainty
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.system.tasks import Pieces, Task, each_finished

@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereocal.lens.board_corners import eight_bits
-from stereocal.lens.boards import BoardView
+from stereocal.intrinsics.board_corners import eight_bits
+from stereocal.intrinsics.boards import BoardView
 from stereocal.rig.camera import Camera
 from stereocal.system.photograph import read_photograph
 

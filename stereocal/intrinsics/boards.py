@@ -19,8 +19,8 @@ from pathlib import Path
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.lens.board_corners import eight_bits, find_charuco, find_chessboard, refine
-from stereocal.lens.board_pattern import BoardPattern
+from stereocal.intrinsics.board_corners import eight_bits, find_charuco, find_chessboard, refine
+from stereocal.intrinsics.board_pattern import BoardPattern
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.system.photograph import GreyImage, read_photograph
 from stereocal.system.photograph_files import Photographs

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from stereocal.errors import DAMAGED, StereocalError
-from stereocal.intrinsics import PARAMETERS, LensCalibration, LensSettings
-from stereocal.lens.board_pattern import BoardPattern
-from stereocal.lens.boards import BoardSearch, BoardView, Refused
+from stereocal.intrinsics.board_pattern import BoardPattern
+from stereocal.intrinsics.boards import BoardSearch, BoardView, Refused
+from stereocal.intrinsics.calibrate_lens import PARAMETERS, LensCalibration, LensSettings
 from stereocal.rig.compiled import FloatArray
 from stereocal.system.arrays import read_arrays, shaped
 
