@@ -23,10 +23,10 @@ from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
 from stereocal.evaluation.summary import summarise_all
-from stereocal.formats.point_table import PointTable
-from stereocal.matching import ANY_DEPTH, match_points
-from stereocal.points.matching_files import match_tables
-from stereocal.points.threshold import choose_threshold
+from stereocal.matching.matching import ANY_DEPTH, match_points
+from stereocal.matching.matching_files import match_tables
+from stereocal.matching.point_table import PointTable
+from stereocal.matching.threshold import choose_threshold
 from stereocal.rig.parameters import RigParameters
 from stereocal.simulation.nineteen import simulate_nineteen
 from stereocal.system.executors import engine

@@ -3,7 +3,7 @@
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.points.application import Application
+from stereocal.matching.application import Application
 from stereocal.store.application import ProjectApplication
 from stereocal.ui.apply import bring_up_to_date, choose_gates, choose_points, choose_sets
 from stereocal.ui.apply_results import show_application

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from stereocal.formats.camera_file import read_camera
     from stereocal.formats.dataset_files import read_dataset
     from stereocal.formats.exchange import export, import_parameters
-    from stereocal.points.pairs import match
-    from stereocal.points.reconstruction_files import reconstruct
+    from stereocal.matching.pairs import match
+    from stereocal.matching.reconstruction_files import reconstruct
     from stereocal.rig.camera import Camera
     from stereocal.rig.dataset import Correspondences, Dataset
     from stereocal.rig.geometry import Pose

@@ -11,8 +11,8 @@ import cv2
 
 from stereocal.formats.camera_file import read_camera
 from stereocal.formats.dataset_files import parse_zip
-from stereocal.formats.point_table import PointTable
 from stereocal.formats.sleap_h5 import point_text
+from stereocal.matching.point_table import PointTable
 from stereocal.system.guarded_child import GuardedReader, Prepared
 from stereocal.system.photograph import decode_checked, read_header
 from stereocal.system.zip_files import unzip

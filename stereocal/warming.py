@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate_runs
 from stereocal.frames.search import compile_detection
-from stereocal.matching import match_points
+from stereocal.matching.matching import match_points
 from stereocal.refined.disagreement import what_disagrees
 from stereocal.refined.refine import refine
 from stereocal.refined.uncertainty import accuracy_map

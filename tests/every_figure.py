@@ -15,7 +15,7 @@ from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
 from stereocal.evaluation.summary import summarise_all
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.intrinsics.calibrate_lens import LensSettings, calibrate_lens
-from stereocal.points.lengths import check_lengths
+from stereocal.matching.lengths import check_lengths
 from stereocal.refined.disagreement import what_disagrees
 from stereocal.refined.refine import refine
 from stereocal.refined.uncertainty import accuracy_map

@@ -30,11 +30,11 @@ from stereocal.formats.point_answers import (
     layout_of,
 )
 from stereocal.formats.point_files import read_points
-from stereocal.formats.point_table import PointTable
 from stereocal.formats.sleap_h5 import point_text
 from stereocal.formats.stereo import ExchangeOptions
+from stereocal.matching.point_table import PointTable
+from stereocal.matching.reconstruction import read_world
 from stereocal.project import Project
-from stereocal.reconstruction import read_world
 from stereocal.rig.parameters import RigParameters
 from stereocal.store.parts import Parts
 from stereocal.store.server import ServerSettings

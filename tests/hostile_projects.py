@@ -29,7 +29,7 @@ from stereocal.frames.frame import Centre, Frame
 from stereocal.frames.review import place
 from stereocal.intrinsics.boards import BoardSearch
 from stereocal.intrinsics.calibrate_lens import LensSettings, calibrate_lens
-from stereocal.points.application import Application
+from stereocal.matching.application import Application
 from stereocal.project import Project
 from stereocal.rig.dataset import SOURCES, Dataset
 from stereocal.rig.parameters import RigParameters

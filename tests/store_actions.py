@@ -15,7 +15,7 @@ from stereocal.formats.dataset_files import pack_dataset, read_dataset
 from stereocal.formats.point_answers import first_answers, layout_of
 from stereocal.frames.review import choose, undo
 from stereocal.inputs import Slot
-from stereocal.points.application import Application, unlabelled
+from stereocal.matching.application import Application, unlabelled
 from stereocal.project import Project
 from stereocal.refined.results import Calibration
 from stereocal.rig.dataset import Dataset

@@ -21,10 +21,10 @@ from stereocal.figures import (
 )
 from stereocal.figures.matches import MOST_NUMBERS
 from stereocal.figures.measured import MOST_DRAWN, in_view
-from stereocal.points.lengths import check_lengths
-from stereocal.points.nearest import NearestErrors, nearest_errors
-from stereocal.points.pairs import match, pixels_of
-from stereocal.points.reconstruction_files import reconstruct
+from stereocal.matching.lengths import check_lengths
+from stereocal.matching.nearest import NearestErrors, nearest_errors
+from stereocal.matching.pairs import match, pixels_of
+from stereocal.matching.reconstruction_files import reconstruct
 from stereocal.rig.parameters import RigParameters
 from tests.rig import BAR_M, PRIMARY, RIG, SECONDARY, bar_ends, images
 

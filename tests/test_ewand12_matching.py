@@ -15,8 +15,8 @@ import pytest
 
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.calibration.montecarlo import SearchSettings
-from stereocal.points.pairs import Threshold, match
-from stereocal.points.reconstruction_files import reconstruct
+from stereocal.matching.pairs import Threshold, match
+from stereocal.matching.reconstruction_files import reconstruct
 from stereocal.refined.results import Calibration
 from stereocal.rig.parameters import RigParameters
 from stereocal.workflow import calibrate

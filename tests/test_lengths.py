@@ -21,7 +21,7 @@ from stereocal.formats.point_answers import (
     layout_of,
 )
 from stereocal.formats.point_files import read_points
-from stereocal.points.lengths import check_lengths, has_two_a_frame, label_columns
+from stereocal.matching.lengths import check_lengths, has_two_a_frame, label_columns
 
 
 def points(*rows: tuple[int, float, str]) -> pd.DataFrame:

@@ -18,7 +18,7 @@ from stereocal.formats.correspondences_csv import TEMPLATE, read_table
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.formats.point_files import read_points
 from stereocal.formats.point_layouts import propose_layout
-from stereocal.formats.point_table import PointTable
+from stereocal.matching.point_table import PointTable
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.limits import VARIABLES, Limits
 from stereocal.system.photograph import read_photograph

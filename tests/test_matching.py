@@ -10,11 +10,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stereocal import matching
 from stereocal.errors import StereocalError
-from stereocal.matching import assign, match_points, purpose_warning, refuse_different_rigs
-from stereocal.points.pair_candidates import pairs_within
-from stereocal.points.threshold import choose_threshold, sample_of
+from stereocal.matching import matching
+from stereocal.matching.matching import (
+    assign,
+    match_points,
+    purpose_warning,
+    refuse_different_rigs,
+)
+from stereocal.matching.pair_candidates import pairs_within
+from stereocal.matching.threshold import choose_threshold, sample_of
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.parameters import RigParameters

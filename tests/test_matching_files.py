@@ -13,11 +13,11 @@ import pytest
 
 from stereocal.cli import main
 from stereocal.errors import StereocalError
-from stereocal.formats import parquet
-from stereocal.formats.point_table import PointTable
-from stereocal.points.matching_files import match_tables
-from stereocal.points.pairs import PAIR_COLUMNS, match
-from stereocal.points.reconstruction_files import reconstruct
+from stereocal.matching import parquet
+from stereocal.matching.matching_files import match_tables
+from stereocal.matching.pairs import PAIR_COLUMNS, match
+from stereocal.matching.point_table import PointTable
+from stereocal.matching.reconstruction_files import reconstruct
 from stereocal.rig.parameters import RigParameters
 from tests.commands import sentences
 from tests.rig import PRIMARY, RIG, SECONDARY, images
@@ -179,8 +179,8 @@ class TestMatch:
     ) -> None:
         """Five times the frames, hardly more memory."""
         monkeypatch.setattr(parquet, "BLOCK_ROWS", 200)
-        monkeypatch.setattr("stereocal.formats.table_writer.ROWS_AT_ONCE", 200)
-        monkeypatch.setattr("stereocal.points.matching_files.BLOCK_ROWS", 200)
+        monkeypatch.setattr("stereocal.matching.table_writer.ROWS_AT_ONCE", 200)
+        monkeypatch.setattr("stereocal.matching.matching_files.BLOCK_ROWS", 200)
         peaks = []
         for frames in (20, 25, 125):
             for side, table in zip("ps", tables(frames), strict=True):

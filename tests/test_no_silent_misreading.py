@@ -25,8 +25,8 @@ from stereocal.formats.exchange import FORMATS, export, export_files, import_fil
 from stereocal.formats.lens_model import FourCoefficientsError
 from stereocal.formats.stereo import ExchangeOptions
 from stereocal.formats.units import UNITS, Unit
+from stereocal.matching.reconstruction import read_world
 from stereocal.project import Project
-from stereocal.reconstruction import read_world
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters

@@ -23,7 +23,7 @@ from stereocal.frames.detection_file import pack_detection, unpack_detection
 from stereocal.intrinsics.board_pattern import BoardPattern
 from stereocal.intrinsics.boards import BoardView, Refused, find_board
 from stereocal.intrinsics.files import pack_board, pack_draws, unpack_board, unpack_draws
-from stereocal.points.blocks import TableBlock, pack_block, unpack_block
+from stereocal.matching.blocks import TableBlock, pack_block, unpack_block
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.store.parts import Parts
 from stereocal.system.photograph import read_photograph

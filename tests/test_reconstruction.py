@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from stereocal.errors import StereocalError
-from stereocal.reconstruction import read_world, reconstruct_points
+from stereocal.matching.reconstruction import read_world, reconstruct_points
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.parameters import RigParameters

@@ -27,9 +27,9 @@ from stereocal.intrinsics.files import (
     unpack_board,
     unpack_draws,
 )
-from stereocal.points import matching_files
-from stereocal.points.application import PAIRS, POINTS, Application, Points, apply_sets
-from stereocal.points.blocks import pack_block, unpack_block
+from stereocal.matching import matching_files
+from stereocal.matching.application import PAIRS, POINTS, Application, Points, apply_sets
+from stereocal.matching.blocks import pack_block, unpack_block
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import RigParameters
@@ -220,7 +220,7 @@ def test_matching_and_measuring(
     executor: Counting, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     work = scattered(tmp_path)
-    monkeypatch.setattr("stereocal.formats.parquet.BLOCK_ROWS", 500)
+    monkeypatch.setattr("stereocal.matching.parquet.BLOCK_ROWS", 500)
     folders = [tmp_path / name for name in ("plain", "whole", "stopped", "again")]
     for folder in folders:
         folder.mkdir()

@@ -31,10 +31,10 @@ from stereocal.detection.detect import corner_near, detect_targets
 from stereocal.evaluation.evaluate import EvaluationSettings, count_set, evaluate_runs
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.system.photograph import read_photograph
-from stereocal.points.application import sample_frames, unlabelled
-from stereocal.points.nearest import nearest_errors
-from stereocal.points.threshold import choose_threshold
-from stereocal.reconstruction import reconstruct_points
+from stereocal.matching.application import sample_frames, unlabelled
+from stereocal.matching.nearest import nearest_errors
+from stereocal.matching.threshold import choose_threshold
+from stereocal.matching.reconstruction import reconstruct_points
 from stereocal.refined.refine import refine
 from stereocal.refined.disagreement import what_disagrees
 from stereocal.verdict.tradeoff import costs_of, trade_off

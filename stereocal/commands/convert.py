@@ -11,7 +11,7 @@ from stereocal.formats.exchange import FORMATS, export, export_notes, import_par
 from stereocal.formats.pixel_origin import CORNERS, FLIPS, PixelOrigin
 from stereocal.formats.stereo import ExchangeOptions
 from stereocal.formats.units import UNITS
-from stereocal.reconstruction import read_world
+from stereocal.matching.reconstruction import read_world
 from stereocal.rig.parameters import RigParameters
 
 

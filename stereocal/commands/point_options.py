@@ -19,9 +19,9 @@ from stereocal.formats.point_answers import (
 )
 from stereocal.formats.point_files import PointLayout, read_points
 from stereocal.formats.point_layouts import LAYOUTS, first_rows, layout_name, propose_layout
-from stereocal.formats.point_table import PointTable
 from stereocal.formats.sleap_h5 import point_text
-from stereocal.points.pairs import POINT
+from stereocal.matching.pairs import POINT
+from stereocal.matching.point_table import PointTable
 from stereocal.rig.camera import Camera
 from stereocal.rig.parameters import RigParameters
 

@@ -10,7 +10,7 @@ import plotly.graph_objects as go
 
 from stereocal.figures.space import set_scene, upright
 from stereocal.figures.style import METHOD_COLOURS, NEUTRAL, count, finish, sentence_only
-from stereocal.points.lengths import LengthCheck
+from stereocal.matching.lengths import LengthCheck
 from stereocal.rig.compiled import BoolArray, FloatArray
 
 HEIGHT = 580

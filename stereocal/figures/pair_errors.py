@@ -14,7 +14,7 @@ from stereocal.figures.style import (
     finish,
     sentence_only,
 )
-from stereocal.points.nearest import NearestErrors
+from stereocal.matching.nearest import NearestErrors
 from stereocal.rig.compiled import FloatArray
 
 HEIGHT = 340

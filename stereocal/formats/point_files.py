@@ -19,7 +19,7 @@ import pandas as pd
 
 from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
 from stereocal.formats.pixel_origin import PixelOrigin
-from stereocal.formats.point_table import MOST_COLUMNS, is_missing, numbers_of, rows_error
+from stereocal.matching.point_table import MOST_COLUMNS, is_missing, numbers_of, rows_error
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Correspondences
 from stereocal.system.limits import Limits

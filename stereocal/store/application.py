@@ -26,15 +26,15 @@ import pandas as pd
 
 from stereocal.errors import DAMAGED, StereocalError, can_be_shown
 from stereocal.formats.other_files import refuse_other_camera
-from stereocal.formats.parquet import PARQUET
 from stereocal.formats.point_answers import OURS, Answers, answered, layout_of
 from stereocal.formats.point_files import read_points
-from stereocal.formats.point_table import PointTable
 from stereocal.formats.sleap_h5 import point_text
 from stereocal.locking import locked
-from stereocal.points.application import PAIRS, POINTS, Application, Outcome, Points, apply_sets
-from stereocal.points.blocks import TableBlock
-from stereocal.points.pairs import POINT
+from stereocal.matching.application import PAIRS, POINTS, Application, Outcome, Points, apply_sets
+from stereocal.matching.blocks import TableBlock
+from stereocal.matching.pairs import POINT
+from stereocal.matching.parquet import PARQUET
+from stereocal.matching.point_table import PointTable
 from stereocal.project import Project
 from stereocal.rig.parameters import RigParameters
 from stereocal.store.folders import own_file

@@ -11,10 +11,7 @@ import streamlit as st
 from stereocal.errors import StereocalError
 from stereocal.figures import describe_pair_errors, plot_pair_errors
 from stereocal.formats.other_files import is_hdf5
-from stereocal.formats.parquet import PARQUET
-from stereocal.formats.point_table import PointTable
-from stereocal.matching import ANY_DEPTH, check_depths, purpose_warning
-from stereocal.points.application import (
+from stereocal.matching.application import (
     STAGES,
     Application,
     Outcome,
@@ -22,10 +19,13 @@ from stereocal.points.application import (
     sample_frames,
     unlabelled,
 )
-from stereocal.points.blocks import pack_block, unpack_block
-from stereocal.points.nearest import nearest_errors
-from stereocal.points.pairs import POINT
-from stereocal.points.threshold import FramePixels, choose_threshold
+from stereocal.matching.blocks import pack_block, unpack_block
+from stereocal.matching.matching import ANY_DEPTH, check_depths, purpose_warning
+from stereocal.matching.nearest import nearest_errors
+from stereocal.matching.pairs import POINT
+from stereocal.matching.parquet import PARQUET
+from stereocal.matching.point_table import PointTable
+from stereocal.matching.threshold import FramePixels, choose_threshold
 from stereocal.project import Project
 from stereocal.refined.results import Calibration
 from stereocal.rig.parameters import RigParameters

@@ -19,9 +19,9 @@ from stereocal.figures import (
     plot_points,
 )
 from stereocal.figures.measured import Colour
-from stereocal.points.application import PAIRS, POINTS, Application, Outcome, agreement
-from stereocal.points.lengths import check_lengths, has_two_a_frame, label_columns
-from stereocal.points.pairs import pixels_of
+from stereocal.matching.application import PAIRS, POINTS, Application, Outcome, agreement
+from stereocal.matching.lengths import check_lengths, has_two_a_frame, label_columns
+from stereocal.matching.pairs import pixels_of
 from stereocal.project import Project
 from stereocal.store.application import ProjectApplication
 from stereocal.store.folders import own_file

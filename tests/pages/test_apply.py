@@ -15,7 +15,7 @@ from streamlit.testing.v1 import AppTest
 
 from stereocal.cli import main
 from stereocal.formats.exchange import FORMATS
-from stereocal.points.application import PAIRS, POINTS
+from stereocal.matching.application import PAIRS, POINTS
 from stereocal.project import Project
 from stereocal.rig.parameters import RigParameters
 from stereocal.store.application import ProjectApplication, Side

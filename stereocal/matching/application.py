@@ -17,13 +17,13 @@ import numpy as np
 import pandas as pd
 
 from stereocal.errors import StereocalError
-from stereocal.formats.point_table import PointTable
-from stereocal.matching import ANY_DEPTH, refuse_different_rigs
-from stereocal.points.blocks import TableBlock
-from stereocal.points.matching_files import match_tables
-from stereocal.points.pairs import POINT, pixels_of
-from stereocal.points.reconstruction_files import PIXELS, reconstruct_table
-from stereocal.points.threshold import FramePixels, sample_of
+from stereocal.matching.blocks import TableBlock
+from stereocal.matching.matching import ANY_DEPTH, refuse_different_rigs
+from stereocal.matching.matching_files import match_tables
+from stereocal.matching.pairs import POINT, pixels_of
+from stereocal.matching.point_table import PointTable
+from stereocal.matching.reconstruction_files import PIXELS, reconstruct_table
+from stereocal.matching.threshold import FramePixels, sample_of
 from stereocal.rig.dataset import TARGETS, Correspondences
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.tasks import Pieces

@@ -9,7 +9,7 @@ from typing import Any
 
 import pandas as pd
 
-from stereocal.formats.parquet import PARQUET, parquet_library
+from stereocal.matching.parquet import PARQUET, parquet_library
 from stereocal.system.atomic_files import write_in_parts
 
 ROWS_AT_ONCE = 50_000

@@ -10,8 +10,8 @@ import numpy as np
 import pandas as pd
 
 from stereocal.errors import StereocalError
-from stereocal.matching import ANY_DEPTH, match_points, threshold_of
-from stereocal.points.threshold import choose_threshold, sample_of
+from stereocal.matching.matching import ANY_DEPTH, match_points, threshold_of
+from stereocal.matching.threshold import choose_threshold, sample_of
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.parameters import RigParameters
 

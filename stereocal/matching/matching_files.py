@@ -12,16 +12,14 @@ import numpy as np
 import pandas as pd
 
 from stereocal.errors import RowProblem, StereocalError
-from stereocal.formats.point_table import Contents, PointTable
-from stereocal.formats.table_writer import CancelledError, open_table
-from stereocal.matching import (
+from stereocal.matching.blocks import TableBlock, in_order
+from stereocal.matching.matching import (
     ANY_DEPTH,
     check_depths,
     purpose_warning,
     threshold_of,
 )
-from stereocal.points.blocks import TableBlock, in_order
-from stereocal.points.pairs import (
+from stereocal.matching.pairs import (
     PAIR_COLUMNS,
     POINT,
     FurtherNames,
@@ -30,7 +28,9 @@ from stereocal.points.pairs import (
     match_frame,
     pixels_of,
 )
-from stereocal.points.threshold import FramePixels, ThresholdChoice, choose_threshold, sample_of
+from stereocal.matching.point_table import Contents, PointTable
+from stereocal.matching.table_writer import CancelledError, open_table
+from stereocal.matching.threshold import FramePixels, ThresholdChoice, choose_threshold, sample_of
 from stereocal.rig.camera import Camera
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.tasks import Pieces

@@ -26,7 +26,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
-from stereocal.formats.parquet import PARQUET, block_rows, parquet_chunks, parquet_names
+from stereocal.matching.parquet import PARQUET, block_rows, parquet_chunks, parquet_names
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.system.limits import Limits
 

@@ -30,8 +30,8 @@ import numpy.typing as npt
 from scipy.special import erf
 
 from stereocal.errors import StereocalError
-from stereocal.matching import ANY_DEPTH, check_depths
-from stereocal.points.pair_candidates import pairs_within
+from stereocal.matching.matching import ANY_DEPTH, check_depths
+from stereocal.matching.pair_candidates import pairs_within
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.parameters import RigParameters
 

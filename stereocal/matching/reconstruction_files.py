@@ -12,12 +12,12 @@ import numpy as np
 import pandas as pd
 
 from stereocal.errors import RowProblem, StereocalError
-from stereocal.formats.point_table import PointTable
-from stereocal.formats.table_writer import CancelledError, open_table
-from stereocal.matching import purpose_warning
-from stereocal.points.blocks import TableBlock, in_order
-from stereocal.points.pairs import ERROR_DECIMALS
-from stereocal.reconstruction import noise_of_file, reconstruct_points
+from stereocal.matching.blocks import TableBlock, in_order
+from stereocal.matching.matching import purpose_warning
+from stereocal.matching.pairs import ERROR_DECIMALS
+from stereocal.matching.point_table import PointTable
+from stereocal.matching.reconstruction import noise_of_file, reconstruct_points
+from stereocal.matching.table_writer import CancelledError, open_table
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.tasks import Pieces

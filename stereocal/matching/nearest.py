@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stereocal.matching import ANY_DEPTH, check_depths
-from stereocal.points.pair_candidates import pairs_within
-from stereocal.points.threshold import FramePixels
+from stereocal.matching.matching import ANY_DEPTH, check_depths
+from stereocal.matching.pair_candidates import pairs_within
+from stereocal.matching.threshold import FramePixels
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.parameters import RigParameters
 

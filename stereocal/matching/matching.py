@@ -21,7 +21,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components, min_weight_full_bipartite_matching
 
 from stereocal.errors import StereocalError
-from stereocal.points.pair_candidates import pairs_within
+from stereocal.matching.pair_candidates import pairs_within
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.parameters import RigParameters
 
