@@ -34,9 +34,9 @@ from benchmarks.server import MemoryWatch, Server
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
 from stereocal.evaluation.summary import summarise, summarise_all
-from stereocal.evaluation_files import summary_json, validation_figures
 from stereocal.formats.camera_file import read_camera, write_camera
 from stereocal.formats.correspondences_csv import read_table, write_table
+from stereocal.formats.evaluation_files import summary_json, validation_figures
 from stereocal.frames.frame import correspondences_of
 from stereocal.frames.pairing import pair_names
 from stereocal.frames.search import detect_frames

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from stereocal.errors import StereocalError
     from stereocal.formats.camera_file import read_camera
     from stereocal.formats.dataset_files import read_dataset
-    from stereocal.formats.exchange import export, import_parameters
+    from stereocal.formats.exchange.exchange import export, import_parameters
     from stereocal.matching.pairs import match
     from stereocal.matching.reconstruction_files import reconstruct
     from stereocal.rig.camera import Camera

@@ -26,10 +26,10 @@ from typing import Any, Literal
 
 from stereocal.calibration_files import pack_calibration, unpack_calibration
 from stereocal.errors import RefusedRowsError, StereocalError
-from stereocal.evaluation_files import Evaluation, pack_evaluation, unpack_evaluation
 from stereocal.formats.camera_file import read_camera
 from stereocal.formats.correspondences_csv import read_table
 from stereocal.formats.dataset_files import parse_zip
+from stereocal.formats.evaluation_files import Evaluation, pack_evaluation, unpack_evaluation
 from stereocal.inputs import Inputs, Slot, check_inputs, checked_inputs
 from stereocal.refined.results import Calibration
 from stereocal.rig.camera import Camera

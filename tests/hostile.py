@@ -17,7 +17,8 @@ from stereocal.errors import StereocalError
 from stereocal.formats.camera_file import read_camera, write_camera, write_opencv_camera
 from stereocal.formats.correspondences_csv import read_table
 from stereocal.formats.dataset_files import parse_dataset, parse_zip, read_dataset
-from stereocal.formats.exchange import export_files, import_files
+from stereocal.formats.exchange.exchange import export_files, import_files
+from stereocal.formats.exchange.stereo import ExchangeOptions
 from stereocal.formats.pixel_origin import PixelOrigin
 from stereocal.formats.point_answers import (
     BarAnswers,
@@ -31,7 +32,6 @@ from stereocal.formats.point_answers import (
 )
 from stereocal.formats.point_files import read_points
 from stereocal.formats.sleap_h5 import point_text
-from stereocal.formats.stereo import ExchangeOptions
 from stereocal.matching.point_table import PointTable
 from stereocal.matching.reconstruction import read_world
 from stereocal.project import Project

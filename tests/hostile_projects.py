@@ -21,10 +21,10 @@ from stereocal.calibration.results import errors_of
 from stereocal.errors import StereocalError
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
 from stereocal.evaluation.summary import summarise
-from stereocal.evaluation_files import Evaluation
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.correspondences_csv import write_table
 from stereocal.formats.dataset_files import pack_dataset
+from stereocal.formats.evaluation_files import Evaluation
 from stereocal.frames.frame import Centre, Frame
 from stereocal.frames.review import place
 from stereocal.intrinsics.boards import BoardSearch

@@ -10,8 +10,8 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
-from stereocal.evaluation_files import Evaluation
 from stereocal.formats.dataset_files import pack_dataset, read_dataset
+from stereocal.formats.evaluation_files import Evaluation
 from stereocal.formats.point_answers import first_answers, layout_of
 from stereocal.frames.review import choose, undo
 from stereocal.inputs import Slot

@@ -14,7 +14,8 @@ from stereocal.calibration.methods import METHODS
 from stereocal.errors import StereocalError
 from stereocal.evaluation.evaluate import EvaluationSettings, Run, evaluate
 from stereocal.evaluation.summary import summarise
-from stereocal.evaluation_files import (
+from stereocal.formats.dataset_files import read_dataset
+from stereocal.formats.evaluation_files import (
     Evaluation,
     pack_evaluation,
     summary_json,
@@ -22,7 +23,6 @@ from stereocal.evaluation_files import (
     unpack_evaluation,
     validation_figures,
 )
-from stereocal.formats.dataset_files import read_dataset
 from stereocal.system.executors import engine
 
 FIELD = Path(__file__).parents[1] / "sample_data" / "field"

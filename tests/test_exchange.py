@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from stereocal.cli import main
 from stereocal.errors import StereocalError
-from stereocal.formats.exchange import (
+from stereocal.formats.exchange.exchange import (
     FORMATS,
     export,
     export_files,
@@ -23,9 +23,9 @@ from stereocal.formats.exchange import (
     import_files,
     import_parameters,
 )
-from stereocal.formats.lens_fit import fewer_coefficients
+from stereocal.formats.exchange.lens_fit import fewer_coefficients
+from stereocal.formats.exchange.stereo import ExchangeOptions
 from stereocal.formats.pixel_origin import Flip, PixelOrigin
-from stereocal.formats.stereo import ExchangeOptions
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Angles, Pose

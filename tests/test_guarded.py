@@ -15,10 +15,10 @@ import cv2
 import numpy as np
 import pytest
 
-from stereocal import guarded_readers
 from stereocal.errors import StereocalError
+from stereocal.formats import guarded_readers
 from stereocal.formats.camera_file import write_camera, write_opencv_camera
-from stereocal.guarded_readers import guarded_files
+from stereocal.formats.guarded_readers import guarded_files
 from stereocal.system.guarded import Guard
 from tests.rig import PRIMARY
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from stereocal.errors import StereocalError
-from stereocal.evaluation_files import unpack_evaluation
+from stereocal.formats.evaluation_files import unpack_evaluation
 from stereocal.store import jobs
 from stereocal.store.carry import pack_project, unpack_project
 from stereocal.store.projects import bring_back, duplicate, remove
@@ -231,7 +231,7 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
-from stereocal.evaluation_files import Evaluation, pack_runs, unpack_runs
+from stereocal.formats.evaluation_files import Evaluation, pack_runs, unpack_runs
 from stereocal.project import Project
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.store import jobs

@@ -18,7 +18,7 @@ from stereocal.detection.detect import Detection, detect_targets, refusal
 from stereocal.detection.fit import Corner
 from stereocal.errors import StereocalError
 from stereocal.evaluation.evaluate import EvaluationSettings, Run, evaluate_runs
-from stereocal.evaluation_files import pack_runs, unpack_runs
+from stereocal.formats.evaluation_files import pack_runs, unpack_runs
 from stereocal.frames.detection_file import pack_detection, unpack_detection
 from stereocal.intrinsics.board_pattern import BoardPattern
 from stereocal.intrinsics.boards import BoardView, Refused, find_board

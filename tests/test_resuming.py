@@ -14,7 +14,7 @@ import pandas as pd
 import pytest
 
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
-from stereocal.evaluation_files import pack_runs, unpack_runs
+from stereocal.formats.evaluation_files import pack_runs, unpack_runs
 from stereocal.frames.detection_file import pack_detection, unpack_detection
 from stereocal.frames.series import detect_series
 from stereocal.intrinsics.boards import BoardView, Refused, find_boards

@@ -16,7 +16,7 @@ from stereocal.commands.options import (
 )
 from stereocal.commands.progress import ProgressBar
 from stereocal.errors import StereocalError
-from stereocal.evaluation_files import validation_in_summary
+from stereocal.formats.evaluation_files import validation_in_summary
 from stereocal.refined.disagreement import what_disagrees
 from stereocal.refined.file import refined_parameters
 from stereocal.refined.refine import RefinedResult

@@ -14,7 +14,7 @@ from stereocal.commands.options import (
 from stereocal.commands.progress import ProgressBar
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate, evaluate_runs
 from stereocal.evaluation.summary import summarise_all
-from stereocal.evaluation_files import summary_json, unique_names
+from stereocal.formats.evaluation_files import summary_json, unique_names
 from stereocal.refined.screening import screened
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.report import report_html

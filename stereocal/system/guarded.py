@@ -28,7 +28,7 @@ from pathlib import Path
 from stereocal.errors import StereocalError
 from stereocal.system.guarded_child import FAILED, MEMORY, READY, SURVIVED
 
-READERS = "stereocal.guarded_readers"
+READERS = "stereocal.formats.guarded_readers"
 CHILDREN = 2
 """So that a slow file of one session does not hold up the others."""
 LEAST_SECONDS = 10.0

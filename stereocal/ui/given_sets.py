@@ -9,9 +9,9 @@ from typing import Any
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.formats.exchange import FORMATS, import_files
+from stereocal.formats.exchange.exchange import FORMATS, import_files
+from stereocal.formats.exchange.stereo import ExchangeOptions, ImageSize
 from stereocal.formats.lens_model import FourCoefficientsError, LensModel
-from stereocal.formats.stereo import ExchangeOptions, ImageSize
 from stereocal.formats.units import UNITS, Unit, UnitError
 from stereocal.project import Project
 from stereocal.rig.parameters import RigParameters

@@ -11,7 +11,6 @@ from stereocal.calibration.methods import Method
 from stereocal.errors import StereocalError
 from stereocal.evaluation.evaluate import count_set
 from stereocal.evaluation.summary import figures_of_set
-from stereocal.evaluation_files import Evaluation, validation_figures
 from stereocal.figures import (
     describe_accuracy,
     describe_disagreement,
@@ -22,6 +21,7 @@ from stereocal.figures import (
 )
 from stereocal.figures.accuracy import Quantity
 from stereocal.figures.style import count
+from stereocal.formats.evaluation_files import Evaluation, validation_figures
 from stereocal.project import Project
 from stereocal.refined.file import refined_parameters
 from stereocal.refined.refine import RefinedResult

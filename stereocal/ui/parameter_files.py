@@ -7,10 +7,10 @@ from typing import Any, Literal
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.evaluation_files import Evaluation, validation_figures
-from stereocal.formats.exchange import FORMATS, export_files, export_notes
+from stereocal.formats.evaluation_files import Evaluation, validation_figures
+from stereocal.formats.exchange.exchange import FORMATS, export_files, export_notes
+from stereocal.formats.exchange.stereo import ExchangeOptions
 from stereocal.formats.pixel_origin import CORNERS, PixelOrigin
-from stereocal.formats.stereo import ExchangeOptions
 from stereocal.project import Project
 from stereocal.refined.file import refined_parameters
 from stereocal.refined.refine import RefinedResult

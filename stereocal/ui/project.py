@@ -11,7 +11,7 @@ from pathlib import Path
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.evaluation_files import Evaluation
+from stereocal.formats.evaluation_files import Evaluation
 from stereocal.inputs import Inputs, Slot
 from stereocal.project import Project
 from stereocal.refined.results import Calibration

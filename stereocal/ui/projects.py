@@ -12,7 +12,7 @@ from pathlib import Path
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.guarded_readers import guarded_files
+from stereocal.formats.guarded_readers import guarded_files
 from stereocal.project import Project
 from stereocal.store.carry import pack_project, unpack_project
 from stereocal.store.folders import default_home

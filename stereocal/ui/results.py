@@ -9,7 +9,6 @@ import streamlit as st
 
 from stereocal.calibration.methods import METHOD_NAMES, METHODS
 from stereocal.commands.calibrate import FILES, REFINED
-from stereocal.evaluation_files import Evaluation
 from stereocal.figures import (
     describe_frame_errors,
     describe_rig,
@@ -19,6 +18,7 @@ from stereocal.figures import (
     plot_traces,
 )
 from stereocal.formats.dataset_files import pack_dataset
+from stereocal.formats.evaluation_files import Evaluation
 from stereocal.project import Project
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.results import Calibration

@@ -13,13 +13,6 @@ from stereocal.calibration.methods import Method
 from stereocal.errors import StereocalError
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
 from stereocal.evaluation.summary import MethodSummary, summarise_all
-from stereocal.evaluation_files import (
-    Evaluation,
-    pack_runs,
-    summary_json,
-    unique_names,
-    unpack_runs,
-)
 from stereocal.figures import (
     describe_comparison,
     describe_validation,
@@ -27,6 +20,13 @@ from stereocal.figures import (
     plot_validation,
 )
 from stereocal.formats.dataset_files import read_dataset
+from stereocal.formats.evaluation_files import (
+    Evaluation,
+    pack_runs,
+    summary_json,
+    unique_names,
+    unpack_runs,
+)
 from stereocal.project import Project
 from stereocal.refined.screening import Screening
 from stereocal.refined.unknowns import RefineSettings

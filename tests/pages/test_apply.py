@@ -14,7 +14,7 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereocal.cli import main
-from stereocal.formats.exchange import FORMATS
+from stereocal.formats.exchange.exchange import FORMATS
 from stereocal.matching.application import PAIRS, POINTS
 from stereocal.project import Project
 from stereocal.rig.parameters import RigParameters

@@ -10,7 +10,7 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereocal.formats.dataset_files import pack_dataset
-from stereocal.formats.exchange import export_files
+from stereocal.formats.exchange.exchange import export_files
 from stereocal.project import Project
 from stereocal.system.zip_files import pack_zip
 from tests.pages.test_apply import (

@@ -10,9 +10,8 @@ import cv2
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.formats.lens_fit import lens
-from stereocal.formats.lens_model import check_lens_model
-from stereocal.formats.stereo import (
+from stereocal.formats.exchange.lens_fit import lens
+from stereocal.formats.exchange.stereo import (
     ExchangeOptions,
     Stereo,
     array_of,
@@ -21,6 +20,7 @@ from stereocal.formats.stereo import (
     only_file,
     size_of,
 )
+from stereocal.formats.lens_model import check_lens_model
 from stereocal.rig.camera import Camera
 from stereocal.rig.geometry import Pose
 

@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.formats.lens_fit import lens
-from stereocal.formats.lens_model import check_lens_model
-from stereocal.formats.opencv_stereo import rectification
-from stereocal.formats.stereo import (
+from stereocal.formats.exchange.lens_fit import lens
+from stereocal.formats.exchange.opencv_stereo import rectification
+from stereocal.formats.exchange.stereo import (
     ExchangeOptions,
     Stereo,
     array_of,
@@ -19,7 +18,8 @@ from stereocal.formats.stereo import (
     numbers,
     size_of,
 )
-from stereocal.formats.yaml_file import read_mapping
+from stereocal.formats.exchange.yaml_file import read_mapping
+from stereocal.formats.lens_model import check_lens_model
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose

@@ -12,8 +12,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.formats.lens_fit import lens
-from stereocal.formats.stereo import (
+from stereocal.formats.exchange.lens_fit import lens
+from stereocal.formats.exchange.stereo import (
     ExchangeOptions,
     Stereo,
     array_of,

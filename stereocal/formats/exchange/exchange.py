@@ -8,17 +8,17 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from stereocal.errors import StereocalError
-from stereocal.formats.aniposelib import read_aniposelib, write_aniposelib
-from stereocal.formats.colmap import read_colmap, write_colmap
-from stereocal.formats.dlt import read_dlt, write_dlt
-from stereocal.formats.kalibr import read_kalibr, write_kalibr
-from stereocal.formats.lens_fit import fewer_coefficients
+from stereocal.formats.exchange.aniposelib import read_aniposelib, write_aniposelib
+from stereocal.formats.exchange.colmap import read_colmap, write_colmap
+from stereocal.formats.exchange.dlt import read_dlt, write_dlt
+from stereocal.formats.exchange.kalibr import read_kalibr, write_kalibr
+from stereocal.formats.exchange.lens_fit import fewer_coefficients
+from stereocal.formats.exchange.matlab import read_matlab, write_matlab
+from stereocal.formats.exchange.opencv_stereo import read_opencv, write_opencv
+from stereocal.formats.exchange.ros import read_ros, write_ros
+from stereocal.formats.exchange.stereo import LARGEST_BYTES, OUR_UNIT, ExchangeOptions, Stereo
 from stereocal.formats.lens_model import FourCoefficientsError
-from stereocal.formats.matlab import read_matlab, write_matlab
-from stereocal.formats.opencv_stereo import read_opencv, write_opencv
 from stereocal.formats.other_files import refuse_other_camera
-from stereocal.formats.ros import read_ros, write_ros
-from stereocal.formats.stereo import LARGEST_BYTES, OUR_UNIT, ExchangeOptions, Stereo
 from stereocal.formats.units import Unit, UnitError, metres_per_unit
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters

@@ -14,7 +14,14 @@ import numpy as np
 from scipy.linalg import rq
 
 from stereocal.errors import StereocalError
-from stereocal.formats.stereo import ExchangeOptions, Stereo, array_of, number, only_file, size_of
+from stereocal.formats.exchange.stereo import (
+    ExchangeOptions,
+    Stereo,
+    array_of,
+    number,
+    only_file,
+    size_of,
+)
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose

@@ -9,9 +9,7 @@ import cv2
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.formats.file_storage import find_node, lens_model_of, matrix_of, open_storage
-from stereocal.formats.lens_model import check_lens_model, five_or_more
-from stereocal.formats.stereo import (
+from stereocal.formats.exchange.stereo import (
     ExchangeOptions,
     Stereo,
     array_of,
@@ -20,6 +18,8 @@ from stereocal.formats.stereo import (
     size_of,
     text_of,
 )
+from stereocal.formats.file_storage import find_node, lens_model_of, matrix_of, open_storage
+from stereocal.formats.lens_model import check_lens_model, five_or_more
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.formats.lens_fit import lens
-from stereocal.formats.stereo import (
+from stereocal.formats.exchange.lens_fit import lens
+from stereocal.formats.exchange.stereo import (
     ExchangeOptions,
     Stereo,
     array_of,
@@ -20,7 +20,7 @@ from stereocal.formats.stereo import (
     refuse_skew,
     size_of,
 )
-from stereocal.formats.yaml_file import read_mapping
+from stereocal.formats.exchange.yaml_file import read_mapping
 from stereocal.rig.camera import Camera
 from stereocal.rig.geometry import Pose
 

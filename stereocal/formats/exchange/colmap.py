@@ -14,8 +14,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from stereocal.errors import StereocalError
-from stereocal.formats.lens_fit import lens
-from stereocal.formats.stereo import (
+from stereocal.formats.exchange.lens_fit import lens
+from stereocal.formats.exchange.stereo import (
     ExchangeOptions,
     Stereo,
     array_of,
