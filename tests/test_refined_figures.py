@@ -18,12 +18,12 @@ from stereocal.figures import (
     plot_trade_off,
 )
 from stereocal.figures.accuracy import Quantity
+from stereocal.figures.tables import parameters_table, refined_table
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.refined.disagreement import ACCUSED, what_disagrees
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.uncertainty import AccuracyMap, accuracy_map
 from stereocal.refined.unknowns import FIXED_LENS, RefineSettings
-from stereocal.tables import parameters_table, refined_table
 from stereocal.verdict.tradeoff import TradeOff, trade_off
 
 FIELD = read_dataset(Path(__file__).parents[1] / "sample_data" / "field")

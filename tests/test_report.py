@@ -13,10 +13,10 @@ from stereocal import __version__
 from stereocal.evaluation.evaluate import Run, evaluate
 from stereocal.evaluation.summary import summarise
 from stereocal.figures import describe_comparison, describe_validation
+from stereocal.figures.report import SETTING_NAMES, report_html
+from stereocal.figures.tables import validation_answer, validation_table
 from stereocal.formats.dataset_files import read_dataset
-from stereocal.report import SETTING_NAMES, report_html
 from stereocal.rig.dataset import Dataset
-from stereocal.tables import validation_answer, validation_table
 from tests.test_validation_figure import SAMPLE, SETTINGS, Summaries, without_bars
 
 EVIL = "<script>alert(1)</script>"

@@ -17,6 +17,7 @@ from stereocal.calibration.readings import LENGTHS_AGREE, fit_of
 from stereocal.calibration_files import pack_calibration, unpack_calibration
 from stereocal.cli import main
 from stereocal.errors import StereocalError
+from stereocal.figures.tables import left_out_line, why_not_trusted
 from stereocal.formats.dataset_files import pack_dataset
 from stereocal.refined.blame import why_nothing_fits
 from stereocal.refined.screening import FEWEST_FRAMES, screen
@@ -24,7 +25,6 @@ from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import RigParameters
 from stereocal.simulation.simulate import observe, place_bars
-from stereocal.tables import left_out_line, why_not_trusted
 from stereocal.workflow import calibrate
 from tests import rig
 

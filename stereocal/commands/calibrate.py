@@ -16,6 +16,7 @@ from stereocal.commands.options import (
 )
 from stereocal.commands.progress import ProgressBar
 from stereocal.errors import StereocalError
+from stereocal.figures.tables import answer, left_out_line, listed, why_not_trusted
 from stereocal.formats.evaluation_files import validation_in_summary
 from stereocal.refined.disagreement import what_disagrees
 from stereocal.refined.file import refined_parameters
@@ -27,7 +28,6 @@ from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
 from stereocal.store.carry import read_input
 from stereocal.system.atomic_files import write_all
-from stereocal.tables import answer, left_out_line, listed, why_not_trusted
 from stereocal.verdict.verdict import run_splits, verdict
 from stereocal.workflow import calibrate
 

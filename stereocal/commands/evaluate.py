@@ -14,14 +14,14 @@ from stereocal.commands.options import (
 from stereocal.commands.progress import ProgressBar
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate, evaluate_runs
 from stereocal.evaluation.summary import summarise_all
+from stereocal.figures.report import report_html
+from stereocal.figures.tables import left_out_line, validation_answer, why_validation_not_trusted
 from stereocal.formats.evaluation_files import summary_json, unique_names
 from stereocal.refined.screening import screened
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.report import report_html
 from stereocal.store.carry import read_input
 from stereocal.system.atomic_files import write_all
 from stereocal.system.executors import engine
-from stereocal.tables import left_out_line, validation_answer, why_validation_not_trusted
 
 
 def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:

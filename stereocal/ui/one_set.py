@@ -21,6 +21,14 @@ from stereocal.figures import (
 )
 from stereocal.figures.accuracy import Quantity
 from stereocal.figures.style import count
+from stereocal.figures.tables import (
+    digits,
+    left_out_line,
+    parameters_table,
+    percent,
+    refined_table,
+    why_validation_not_trusted,
+)
 from stereocal.formats.evaluation_files import Evaluation, validation_figures
 from stereocal.project import Project
 from stereocal.refined.file import refined_parameters
@@ -32,14 +40,6 @@ from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
-from stereocal.tables import (
-    digits,
-    left_out_line,
-    parameters_table,
-    percent,
-    refined_table,
-    why_validation_not_trusted,
-)
 from stereocal.ui.fields import number, one_of, setting, yes_or_no
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.refined import calibrated, curves_of, inputs_of, map_of

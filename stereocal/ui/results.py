@@ -17,6 +17,7 @@ from stereocal.figures import (
     plot_rig,
     plot_traces,
 )
+from stereocal.figures.tables import answer, results_table, why_not_trusted
 from stereocal.formats.dataset_files import pack_dataset
 from stereocal.formats.evaluation_files import Evaluation
 from stereocal.project import Project
@@ -24,7 +25,6 @@ from stereocal.refined.refine import RefinedResult
 from stereocal.refined.results import Calibration
 from stereocal.rig.dataset import Dataset
 from stereocal.system.zip_files import pack_zip
-from stereocal.tables import answer, results_table, why_not_trusted
 from stereocal.ui.fields import one_of, setting
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.parameter_files import parameter_download, sets_of

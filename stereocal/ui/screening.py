@@ -9,6 +9,7 @@ from dataclasses import replace
 import streamlit as st
 
 from stereocal.calibration.methods import CalibrationSettings
+from stereocal.figures.tables import left_out_line
 from stereocal.frames.review import swap
 from stereocal.project import Project
 from stereocal.refined.results import Calibration
@@ -16,7 +17,6 @@ from stereocal.refined.screening import Screening, screened
 from stereocal.rig.dataset import Dataset
 from stereocal.store.photographs import TABLE_LABEL, ProjectPhotographs
 from stereocal.store.review import change_review
-from stereocal.tables import left_out_line
 from stereocal.ui import jobs
 from stereocal.ui.fields import Field, setting
 from stereocal.ui.intake import escape_markdown

@@ -19,6 +19,13 @@ from stereocal.figures import (
     plot_comparison,
     plot_validation,
 )
+from stereocal.figures.report import report_html
+from stereocal.figures.tables import (
+    left_out_line,
+    validation_answer,
+    validation_table,
+    why_validation_not_trusted,
+)
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.formats.evaluation_files import (
     Evaluation,
@@ -30,15 +37,8 @@ from stereocal.formats.evaluation_files import (
 from stereocal.project import Project
 from stereocal.refined.screening import Screening
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.report import report_html
 from stereocal.rig.dataset import Dataset
 from stereocal.system.guarded import server_guard
-from stereocal.tables import (
-    left_out_line,
-    validation_answer,
-    validation_table,
-    why_validation_not_trusted,
-)
 from stereocal.ui import jobs
 from stereocal.ui.fields import Field, number, one_of, setting, yes_or_no
 from stereocal.ui.forms import search_form, search_values, settings_of

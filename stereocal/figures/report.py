@@ -22,11 +22,7 @@ from stereocal.calibration.methods import ALL_METHODS, METHOD_NAMES, Method
 from stereocal.evaluation.evaluate import EvaluationSettings
 from stereocal.evaluation.summary import BOOTSTRAPS, MethodSummary
 from stereocal.figures.comparison import describe_comparison, plot_comparison
-from stereocal.figures.validation import COLUMNS, describe_validation, plot_validation
-from stereocal.refined.screening import Screening
-from stereocal.rig.dataset import Dataset
-from stereocal.rig.geometry import Angles
-from stereocal.tables import (
+from stereocal.figures.tables import (
     ANGLE_TITLES,
     contents_table,
     left_out_line,
@@ -34,6 +30,10 @@ from stereocal.tables import (
     validation_answer,
     validation_table,
 )
+from stereocal.figures.validation import COLUMNS, describe_validation, plot_validation
+from stereocal.refined.screening import Screening
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.geometry import Angles
 
 SETTING_NAMES = {
     "delta": "First size of a step, Δ (rad)",
