@@ -12,15 +12,15 @@ from pathlib import Path
 
 from numba.core.compiler_lock import global_compiler_lock
 
+from stereocal.commands.warming import FUNCTIONS
 from stereocal.rig.compilations import clock
-from stereocal.warming import FUNCTIONS
 
 ROOT = Path(__file__).parents[1]
 WORK = """
 import gc, sys
 from pathlib import Path
 from numba.core.dispatcher import Dispatcher
-from stereocal.warming import compile_all
+from stereocal.commands.warming import compile_all
 
 data = Path(sys.argv[1])
 compile_all()
@@ -88,7 +88,7 @@ from stereocal.workflow import calibrate
 from stereocal.rig.compilations import compilations
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.simulation.simulate import simulate_field
-from stereocal.warming import compile_all
+from stereocal.commands.warming import compile_all
 
 heard, steps = [], []
 dataset = simulate_field(seed=0)[1]
