@@ -10,7 +10,7 @@ all as after. A try that lost something ends the run with an error.
 
 from __future__ import annotations
 
-from tests.test_failing_disk import ACTIONS, Struck, quick_folder, strike_all
+from tests.projects.test_failing_disk import ACTIONS, Struck, quick_folder, strike_all
 
 
 def main() -> None:

@@ -29,19 +29,19 @@ if TYPE_CHECKING:
 
 _MODULES = {
     "CalibrationSettings": "calibration.methods",
-    "Camera": "camera",
-    "Correspondences": "dataset",
-    "Dataset": "dataset",
-    "Pose": "geometry",
-    "RigParameters": "parameters",
+    "Camera": "rig.camera",
+    "Correspondences": "rig.dataset",
+    "Dataset": "rig.dataset",
+    "Pose": "rig.geometry",
+    "RigParameters": "rig.parameters",
     "StereocalError": "errors",
     "calibrate": "workflow",
-    "export": "formats.exchange",
-    "import_parameters": "formats.exchange",
-    "match": "points.pairs",
+    "export": "formats.exchange.exchange",
+    "import_parameters": "formats.exchange.exchange",
+    "match": "matching.pairs",
     "read_camera": "formats.camera_file",
     "read_dataset": "formats.dataset_files",
-    "reconstruct": "points.reconstruction_files",
+    "reconstruct": "matching.reconstruction_files",
 }
 __all__ = [
     "CalibrationSettings",

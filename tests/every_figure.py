@@ -24,9 +24,7 @@ from stereocal.rig.camera import Camera
 from stereocal.rig.geometry import Pose
 from stereocal.verdict.tradeoff import costs_of, trade_off
 from stereocal.workflow import calibrate
-from tests.lens import search
-from tests.rig import BAR_M
-from tests.test_apply_figures import (
+from tests.figures.test_apply_figures import (
     NEAREST,
     PAIRS,
     POINTS,
@@ -35,6 +33,8 @@ from tests.test_apply_figures import (
     SECONDARY_TABLE,
     SIZES,
 )
+from tests.known_rig import BAR_M
+from tests.lens import search
 
 FIELD = Path(__file__).parents[1] / "sample_data" / "field"
 

@@ -1,7 +1,7 @@
 """Every reader of strangers' files, with sound files to begin from: what is fuzzed, and how.
 
 A reader takes the bytes of one file and a scratch folder. It may return, or raise `StereocalError`;
-anything else is a bug. `tests/test_hostile.py` and `benchmarks/hostile.py` both use this list.
+anything else is a bug. The tests and `benchmarks/hostile.py` both use this list.
 """
 
 from __future__ import annotations
@@ -43,9 +43,9 @@ from stereocal.system.photograph import read_photograph
 from stereocal.system.photograph_files import unpack_photographs
 from stereocal.ui.picker import pick_of
 from tests import hostile_seeds as seeds
+from tests.formats.test_exchange import RICHEST
 from tests.hostile_projects import FILES, dataset_zip, project_zip, read_inner, read_project_zip
-from tests.rig import PRIMARY, SECONDARY
-from tests.test_exchange import RICHEST
+from tests.known_rig import PRIMARY, SECONDARY
 
 Read = Callable[[bytes, Path], object]
 Seeds = Callable[[], Sequence[bytes]]

@@ -44,8 +44,8 @@ from stereocal.store.thumbnails import thumbnail
 from stereocal.system.photograph_files import keep_photograph
 from stereocal.system.zip_files import pack_zip
 from stereocal.workflow import calibrate
+from tests.known_rig import BAR_M, BASELINE_M, PRIMARY, SECONDARY, correspondences
 from tests.lens import PATTERN, AtOnce, views
-from tests.rig import BAR_M, BASELINE_M, PRIMARY, SECONDARY, correspondences
 
 FRAMES = 8
 

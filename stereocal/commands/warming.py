@@ -17,7 +17,7 @@ from stereocal.verdict.tradeoff import trade_off
 from stereocal.workflow import calibrate
 
 FUNCTIONS = 98
-"""So many are compiled where nothing is in the cache; tests/test_warming.py counts them."""
+"""So many are compiled where nothing is in the cache; test_warming.py counts them."""
 Progress = Callable[[int, int], None]
 
 

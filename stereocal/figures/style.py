@@ -1,7 +1,7 @@
 """What all figures share: colours (after Okabe and Ito), symbols, axes, legend.
 
 The colours have a contrast of at least 3:1 on white and on the dark page, and colour-blind people
-tell the methods apart (tests/test_colours.py).
+tell the methods apart (tests/figures/test_colours.py).
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ from contextlib import suppress
 from pathlib import Path
 
 VARIABLE = "NUMBA_CACHE_DIR"
-PACKAGE = Path(__file__).parent
+PACKAGE = Path(__file__).parents[1]
 
 
 def use_writable_cache(package: Path = PACKAGE) -> None:
@@ -39,7 +39,7 @@ def use_writable_cache(package: Path = PACKAGE) -> None:
 
 def _can_write_beside(package: Path) -> bool:
     """Whether all sources of a package have a `__pycache__` that can be written to."""
-    folders = [package, *(path.parent for path in package.glob("*/__init__.py"))]
+    folders = [package, *(path.parent for path in package.rglob("__init__.py"))]
     caches = [folder / "__pycache__" for folder in folders]
     return all(
         os.access(cache if cache.exists() else cache.parent, os.W_OK | os.X_OK) for cache in caches

@@ -15,7 +15,7 @@ from playwright.sync_api import Page, expect
 from stereocal.cli import main
 from stereocal.rig.parameters import RigParameters
 from tests.browser.conftest import LONGEST_MS
-from tests.rig import PRIMARY, RIG, SECONDARY, images
+from tests.known_rig import PRIMARY, RIG, SECONDARY, images
 
 pytestmark = pytest.mark.browser
 Settled = Callable[[Page], None]

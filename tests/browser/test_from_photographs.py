@@ -22,7 +22,7 @@ pytestmark = pytest.mark.browser
 Settled = Callable[[Page], None]
 BOARDS, FRAMES = 12, 14
 WITHIN = 3.5
-"""Standard errors, as in `tests.test_from_photographs`."""
+"""Standard errors, as in `tests.commands.test_from_photographs`."""
 
 
 def type_number(page: Page, key: str, value: str, settled: Settled) -> None:

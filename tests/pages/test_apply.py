@@ -21,8 +21,8 @@ from stereocal.rig.parameters import RigParameters
 from stereocal.store.application import ProjectApplication, Side
 from stereocal.store.carry import pack_project, unpack_project
 from stereocal.ui import apply as apply_page
+from tests.known_rig import PRIMARY, RIG, SECONDARY, bar_ends, images
 from tests.pages.waiting import ended
-from tests.rig import PRIMARY, RIG, SECONDARY, bar_ends, images
 
 ROOT = Path(__file__).parents[2]
 SLOW = 120

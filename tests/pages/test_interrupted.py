@@ -18,7 +18,7 @@ from tests.pages.test_pages import ROOT, SLOW, messages, open_sample, project_of
 from tests.pages.test_pages import app as app
 from tests.pages.test_pages import home as home
 from tests.pages.waiting import ended
-from tests.test_parts import same_runs
+from tests.projects.test_parts import same_runs
 
 STOPPED = "The server stopped while this ran"
 
