@@ -11,8 +11,9 @@ from stereocal.calibration.essential import Solver
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.parameters import RigParameters
+from stereocal.rig.rig import Rig
 from stereocal.simulation.nineteen import simulate_nineteen
-from stereocal.simulation.simulate import FIELD_DEPTHS_M, Rig, place_bars
+from stereocal.simulation.simulate import FIELD_DEPTHS_M, place_bars
 from stereocal.workflow import calibrate
 
 NOISE_PX = 0.3
@@ -50,7 +51,7 @@ def flock(
     birds = round(points * (1 - SPURIOUS) / (1 - MISSING))
     for _ in range(frames):
         places = place_bars(rig, rng, birds, 0.1, depths_m).ends_m[:, 0]
-        moved = rig.secondary_from_primary.apply(places)
+        moved = rig.pose.apply(places)
         sides = []
         for camera, seen in ((rig.primary, places), (rig.secondary, moved)):
             size = np.array(camera.image_size)

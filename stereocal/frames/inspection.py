@@ -8,7 +8,8 @@ from concurrent.futures import Executor, as_completed
 from pathlib import Path
 
 from stereocal.errors import StereocalError
-from stereocal.frames.pairing import CAMERAS, Pair
+from stereocal.frames.pairing import Pair
+from stereocal.rig.camera import CAMERAS
 from stereocal.system.photograph import photograph_header
 from stereocal.system.photograph_files import Photographs
 

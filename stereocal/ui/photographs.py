@@ -9,10 +9,11 @@ import streamlit as st
 
 from stereocal.errors import StereocalError
 from stereocal.frames.detection_file import pack_detection, unpack_detection
-from stereocal.frames.pairing import CAMERAS, Pair
+from stereocal.frames.pairing import Pair
 from stereocal.frames.search import STAGES, detect_frames
 from stereocal.inputs import Slot
 from stereocal.project import Project
+from stereocal.rig.camera import CAMERAS
 from stereocal.store.photographs import ProjectPhotographs
 from stereocal.system.photograph import SUFFIXES
 from stereocal.system.photograph_files import unpack_photographs

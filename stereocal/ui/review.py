@@ -11,7 +11,6 @@ from stereocal.errors import StereocalError
 from stereocal.figures.style import TARGET_COLOURS, TARGET_SYMBOLS
 from stereocal.formats.correspondences_csv import write_table
 from stereocal.frames.frame import Frame, correspondences_of, name_in
-from stereocal.frames.pairing import CAMERAS
 from stereocal.frames.review import (
     Edit,
     Review,
@@ -27,6 +26,7 @@ from stereocal.frames.review import (
 )
 from stereocal.frames.review_words import centres_table, describe_residuals, describe_use
 from stereocal.frames.thumbnails import eight_bits
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.dataset import TARGETS
 from stereocal.store.photographs import ProjectPhotographs
 from stereocal.store.review import change_review, read_review, undo_lost
