@@ -20,7 +20,7 @@ from stereocal.formats.exchange.stereo import (
     refuse_skew,
     size_of,
 )
-from stereocal.formats.exchange.yaml_file import read_mapping
+from stereocal.formats.yaml_text import read_yaml
 from stereocal.rig.camera import Camera
 from stereocal.rig.geometry import Pose
 
@@ -65,7 +65,7 @@ def read_kalibr(files: Mapping[str, bytes], options: ExchangeOptions, source: st
         StereocalError: not two cameras, another lens model, or a number is missing.
     """
     name, text = only_file(files, (".yaml", ".yml"), source)
-    data = read_mapping(text.encode(), name)
+    data = read_yaml(text, name)
     chain = sorted(key for key in data if key.startswith("cam") and key[3:].isdigit())
     if chain != ["cam0", "cam1"]:
         raise StereocalError(
