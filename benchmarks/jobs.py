@@ -25,7 +25,6 @@ from stereocal.refined.unknowns import RefineSettings
 from stereocal.store import jobs
 from stereocal.store.parts import Parts
 from stereocal.system.fair_pool import FairPool
-from stereocal.system.photograph import read_photograph
 
 SAMPLES = Path(__file__).parents[1] / "sample_data"
 WORKERS = 2
@@ -77,7 +76,8 @@ def main() -> None:
     evaluate_runs(dataset, settings, 0, [0])
     folder = SAMPLES / "photographs"
     # Names tell the content in a project's folder; here they must not be alike.
-    photographs = [*(folder / "primary").iterdir(), *(folder / "boards_primary").iterdir()][:25]
+    paths = [*(folder / "primary").iterdir(), *(folder / "boards_primary").iterdir()][:25]
+    photographs = {str(path): path for path in paths}
     with ThreadPoolExecutor(WORKERS) as threads:
         runs = [
             overhead(
@@ -91,7 +91,7 @@ def main() -> None:
         found = [
             overhead(
                 lambda progress, parts: detect_series(
-                    photographs, read_photograph, threads, progress, pieces=parts
+                    photographs, threads, progress, pieces=parts
                 ),
                 pack_detection, unpack_detection,
             )

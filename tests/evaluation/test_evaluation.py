@@ -272,6 +272,8 @@ def test_a_dask_cluster_gives_the_same(
 class Backwards(Executor):
     """Starts nothing until all is submitted, then completes the last first."""
 
+    _max_workers = 8
+
     def __init__(self) -> None:
         self.waiting: list[tuple[Future[object], object, tuple[object, ...]]] = []
 
