@@ -7,6 +7,7 @@ and offers to go on.
 from __future__ import annotations
 
 import logging
+import os
 import threading
 import time
 from collections.abc import Callable, Mapping
@@ -22,6 +23,7 @@ from stereocal.store import jobs as kept_jobs
 from stereocal.store.jobs import KeptJob, Record
 from stereocal.store.parts import Parts
 from stereocal.store.server import ServerSettings
+from stereocal.system.executors import Cluster, cluster, scheduler_of
 from stereocal.system.tasks import EndingError
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.told import callback
@@ -120,6 +122,21 @@ def pool() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(ServerSettings.from_environment().workers)
 
 
+@st.cache_resource(show_spinner=False, validate=lambda found: found.is_connected)
+def _cluster(address: str) -> Cluster:
+    return cluster(address)
+
+
+def workers() -> Executor:
+    """Where jobs are computed: the cluster that the server was given, or else its own threads.
+
+    Raises:
+        StereocalError: the cluster cannot be reached, or cannot be used.
+    """
+    address = scheduler_of(os.environ)
+    return pool() if address is None else _cluster(address)
+
+
 def compute(function: Callable[P, T], /, *arguments: P.args, **named: P.kwargs) -> T:
     """What a page computes while it is drawn, in the pool: many sessions make no more threads."""
     return pool().submit(function, *arguments, **named).result()
@@ -171,6 +188,7 @@ def _drive(job: Job, run: Callable[[Job], bool]) -> None:
     kept, state = job.kept, "failed"
     assert kept is not None
     try:
+        job.executor = workers()  # here, since a cluster may take seconds to answer
         ended = "done" if run(job) else "cancelled"
         kept.end()
         state = ended

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -12,14 +11,12 @@ from stereocal.cli import main
 from stereocal.errors import StereocalError
 from stereocal.system.executors import SCHEDULER, cluster, scheduler_of
 from tests import lens
+from tests.dask_cluster import QUIET
+from tests.dask_cluster import scheduler as scheduler
 from tests.terminal import FIELD, ROOT, tables
 
 PHOTOGRAPHS = ROOT / "sample_data" / "photographs"
-pytestmark = [
-    pytest.mark.filterwarnings("ignore::DeprecationWarning:(distributed|dask|tornado|zict).*"),
-    pytest.mark.filterwarnings("ignore::ResourceWarning"),
-    pytest.mark.filterwarnings("ignore:Port .* is already in use:UserWarning"),
-]
+pytestmark = QUIET
 
 
 @pytest.fixture(scope="module")
@@ -76,17 +73,6 @@ def test_processes(
 ) -> None:
     """Of evaluate in tests/commands/test_evaluate_command.py."""
     assert written(name, commands[name], tmp_path, "--workers", "2") == by_threads[name]
-
-
-@pytest.fixture(scope="module")
-def scheduler() -> Iterator[str]:
-    """The address of a cluster: a scheduler and two workers, each a process of its own."""
-    distributed = pytest.importorskip("distributed")
-    with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
-    ) as started:
-        assert started.scheduler_address.startswith("tcp://")
-        yield started.scheduler_address
 
 
 @pytest.mark.parametrize("name", OUT)

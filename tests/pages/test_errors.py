@@ -93,6 +93,7 @@ def test_same_numbers_under_another_name_are_not_shared() -> None:
 
 CACHES = {
     "jobs.pool": "threads, which know no project",
+    "jobs._cluster": "threads of a cluster, which know no project",
     "jobs._jobs": "by the project's id",
     "screening._screened": "by all numbers, the name, the notes and the settings",
     "uploads.watch_uploads": "by the session's id, which the server gives out",
