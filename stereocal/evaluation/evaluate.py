@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import closing
 from dataclasses import dataclass, field, fields, replace
@@ -34,7 +34,7 @@ from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.compiled import BoolArray, CountArray, FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose
-from stereocal.system.tasks import Pieces, Task, each_finished
+from stereocal.system.tasks import Pieces, Progress, StoppedError, Task, run_tasks
 
 MOST_PARTNERS = 99
 MINIMUM_VALIDATION_FRAMES = 2
@@ -255,7 +255,7 @@ def evaluate(
     datasets: Sequence[Dataset],
     settings: EvaluationSettings,
     executor: Executor,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
     cancelled: Callable[[], bool] | None = None,
     chunk: int = 10,
     pieces: Pieces[list[Run]] | None = None,
@@ -264,7 +264,7 @@ def evaluate(
 
     Args:
         progress: called with the runs done and the runs in all.
-        cancelled: asked after each chunk of runs; if true, what is left is dropped.
+        cancelled: asked while they are computed; if true, what is left is dropped.
         pieces: chunks that were finished before, and where more are kept.
 
     Returns:
@@ -275,27 +275,28 @@ def evaluate(
     """
     for dataset in datasets:
         check_split(dataset, settings.calibration_frames)
-    tasks: dict[str, Task[list[Run]]] = {}
+    tasks = _tasks(datasets, settings, chunk)
+    total = settings.runs * len(datasets)
+    by_dataset: list[list[Run]] = [[] for _ in datasets]
+    try:
+        with closing(run_tasks(tasks, executor, total, progress, cancelled, pieces)) as finished:
+            for task, of_chunk in finished:
+                _, _, number, _ = task.arguments
+                by_dataset[number] += of_chunk
+    except StoppedError:
+        return None
+    return by_dataset
+
+
+def _tasks(
+    datasets: Sequence[Dataset], settings: EvaluationSettings, chunk: int
+) -> Iterator[Task[list[Run]]]:
     for number, dataset in enumerate(datasets):
         of_dataset = _key(dataset, settings, number)
         for first in range(0, settings.runs, chunk):
             runs = range(first, min(first + chunk, settings.runs))
             key = f"{of_dataset} {runs.start}-{runs.stop}"
-            tasks[key] = (evaluate_runs, (dataset, settings, number, runs))
-    found: dict[str, list[Run]] = {}
-    done, total = 0, settings.runs * len(datasets)
-    with closing(each_finished(executor, tasks, pieces)) as finished:
-        for key, of_chunk in finished:
-            found[key] = of_chunk
-            done += len(of_chunk)
-            if progress:
-                progress(done, total)
-            if cancelled and cancelled():
-                return None
-    by_dataset: list[list[Run]] = [[] for _ in datasets]
-    for key, (_, (_, _, number, _)) in tasks.items():
-        by_dataset[number] += found[key]
-    return by_dataset
+            yield Task(key, evaluate_runs, (dataset, settings, number, runs), len(runs))
 
 
 def _key(dataset: Dataset, settings: EvaluationSettings, number: int) -> str:

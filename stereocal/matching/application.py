@@ -119,7 +119,7 @@ def apply_sets(
     """Write `pairs.csv` and `points.csv` into a folder; None if it was cancelled.
 
     Args:
-        executor: threads that compute blocks of both tables.
+        executor: computes blocks of both tables; None does it here.
         pieces: blocks of this very work that were finished before, and where more are kept.
 
     Raises:

@@ -288,7 +288,7 @@ def bring_up_to_date(project: Project, store: ProjectApplication, work: Applicat
     elif work.expected_seconds <= INSTANT_S:
         try:
             with st.spinner("Matching and measuring."):
-                _run(store, work, jobs.on_page(project, STAGES))
+                _run(store, work, jobs.on_page(STAGES))
         except StereocalError as error:
             st.error(escape_markdown(str(error)))
     elif not (jobs.is_running(project, "apply") or jobs.can_go_on(job)):

@@ -143,7 +143,7 @@ def bring_up_to_date(
         if settings.runs * frames / 25 <= INSTANT:
             try:
                 with st.spinner("Validating."):
-                    _validate(project, datasets, settings, jobs.on_page(project, STAGES))
+                    _validate(project, datasets, settings, jobs.on_page(STAGES))
             except StereocalError as error:
                 st.error(escape_markdown(str(error)))
         elif not (jobs.is_running(project, "evaluation") or jobs.can_go_on(work)):

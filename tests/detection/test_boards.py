@@ -261,9 +261,9 @@ class TestManyPhotographs:
         seen: list[tuple[int, int]] = []
         found = find_boards(
             photographs(folder), PATTERN, AtOnce(), lambda *at: seen.append(at),
-            lambda: len(seen) == 2,
+            lambda: len(seen) >= 2,
         )  # fmt: skip
-        assert found is None and seen == [(1, 5), (2, 5)]
+        assert found is None and seen[:2] == [(1, 5), (2, 5)]
 
     def test_unusable_files_are_named_and_the_others_go_on(
         self, folder: Path, tmp_path: Path

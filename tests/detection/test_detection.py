@@ -172,25 +172,21 @@ def test_the_bar_in_the_field_among_clutter() -> None:
             assert off < 0.06  # the stated sigmas are 0.005 to 0.02 px
 
 
-def read(path: Path) -> npt.NDArray[Any]:
-    if path.name == "broken":
-        raise StereocalError("broken is no photograph.")
-    return np.asarray(np.load(path))
-
-
 def test_many_photographs_in_order_with_progress_and_cancel(
     usual: Photograph, tmp_path: Path
 ) -> None:
-    empty, good = tmp_path / "empty.npy", tmp_path / "good.npy"
-    np.save(empty, np.zeros((50, 50), np.uint8))
-    np.save(good, usual)
-    paths = [good, tmp_path / "broken", *[empty] * 30, good]
+    empty, good = tmp_path / "empty.png", tmp_path / "good.png"
+    cv2.imwrite(str(empty), np.zeros((50, 50), np.uint8))
+    cv2.imwrite(str(good), usual)
+    paths = [good, tmp_path / "none", *[empty] * 30, good]
+    photographs = {f"{number} {path.name}": path for number, path in enumerate(paths)}
     steps: list[tuple[int, int]] = []
     with ThreadPoolExecutor(2) as threads:
-        found = detect_series(paths, read, threads, lambda done, of: steps.append((done, of)))
-        assert found is not None
-        assert [d.state for d in found] == ["found", *["refused"] * 31, "found"]
-        assert (found[1].reason, found[1].sentence) == ("unreadable", "broken is no photograph.")
+        found = detect_series(photographs, threads, lambda done, of: steps.append((done, of)))
+        assert found is not None and list(found) == list(photographs)
+        assert [d.state for d in found.values()] == ["found", *["refused"] * 31, "found"]
+        missing = found["1 none"]
+        assert missing.reason == "unreadable" and missing.sentence.startswith("1 none cannot be")
         assert steps == [(i + 1, len(paths)) for i in range(len(paths))]
-        assert detect_series(paths, read, threads, cancelled=lambda: True) is None
-        assert detect_series([], read, threads) == []
+        assert detect_series(photographs, threads, cancelled=lambda: True) is None
+        assert detect_series({}, threads) == {}

@@ -249,28 +249,10 @@ def test_processes_give_the_same(pair_of_sets: list[Dataset], by_hand: list[list
         assert same(evaluate(pair_of_sets, FEW, processes, chunk=3), by_hand)
 
 
-@pytest.mark.filterwarnings("ignore::DeprecationWarning:(distributed|dask|tornado|zict).*")
-@pytest.mark.filterwarnings("ignore::ResourceWarning")
-@pytest.mark.filterwarnings("ignore:Port .* is already in use:UserWarning")
-def test_a_dask_cluster_gives_the_same(
-    pair_of_sets: list[Dataset], by_hand: list[list[Run]]
-) -> None:
-    """A scheduler and two workers, each a process of its own."""
-    distributed = pytest.importorskip("distributed")
-    with (
-        distributed.LocalCluster(
-            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
-        ) as cluster,
-        distributed.Client(cluster.scheduler_address) as client,
-    ):
-        assert len(client.scheduler_info()["workers"]) == 2
-        assert cluster.scheduler_address.startswith("tcp://")
-        with client.get_executor() as executor:
-            assert same(evaluate(pair_of_sets, FEW, executor, chunk=3), by_hand)
-
-
 class Backwards(Executor):
     """Starts nothing until all is submitted, then completes the last first."""
+
+    _max_workers = 8
 
     def __init__(self) -> None:
         self.waiting: list[tuple[Future[object], object, tuple[object, ...]]] = []

@@ -138,11 +138,11 @@ def test_progress_counts_every_photograph_of_both_stages(
     assert seen == [(stage, i, 14 if i else 0) for stage in STAGES for i in range(15)]
 
 
-def test_sizes_without_a_camera_file(tmp_path: Path, pool: ThreadPoolExecutor) -> None:
+def test_sizes_without_a_camera_file(tmp_path: Path) -> None:
     files = {f"left{i}.png": png(np.zeros((40, 60), np.uint8)) for i in (1, 2, 3)}
     files |= {f"right{i}.png": png(np.zeros((20 + i, 60), np.uint8)) for i in (1, 1, 3)}
     files["left3.png"] = png(np.zeros((40, 50), np.uint8))
-    looked = look_through(on_disk(files, tmp_path), pool, lambda *_: None, lambda: False)
+    looked = look_through(on_disk(files, tmp_path), lambda *_: None, lambda: False)
     assert looked is not None
     sizes, problems = looked
     assert sizes["left1.png"] == (60, 40) and not problems

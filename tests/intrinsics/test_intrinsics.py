@@ -158,9 +158,9 @@ class TestDraws:
     def test_progress_and_cancel(self) -> None:
         seen: list[tuple[int, int]] = []
         lens = calibrate_lens(
-            search(14, seed=1), FEW, AtOnce(), lambda *at: seen.append(at), lambda: len(seen) == 2
+            search(14, seed=1), FEW, AtOnce(), lambda *at: seen.append(at), lambda: len(seen) >= 2
         )
-        assert lens is None and seen == [(5, 20), (10, 20)]
+        assert lens is None and seen[:2] == [(0, 20), (5, 20)]
 
     def test_held_coefficients_are_0_and_sure(self) -> None:
         settings = dataclasses.replace(FEW, fix_k3=True, zero_tangential=True)
