@@ -34,7 +34,7 @@ NO_READERS = {
     "room": "measures",
     "simulated": "writes",
     "state": "read through the project's files",
-    "stereo": "shared by the exchange formats",
+    "options": "shared by the exchange formats",
     "sweep": "looks at dates",
     "table_writer": "writes",
     "units": "multiplies",
