@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import cv2
 import numpy as np
@@ -35,7 +35,20 @@ elif hasattr(cv2, "setLogLevel"):
     cv2.setLogLevel(0)
 
 
-def read_photograph(path: Path, name: str | None = None) -> GreyImage:
+class FileContent(Protocol):
+    """A file that is read when its turn comes: a path, or one that a project holds."""
+
+    @property
+    def name(self) -> str:
+        """Of a project's file, the same for the same content alone."""
+
+    def read_bytes(self) -> bytes:
+        """The content."""
+
+    def __hash__(self) -> int: ...
+
+
+def read_photograph(path: FileContent, name: str | None = None) -> GreyImage:
     """The photograph in a file: PNG, JPEG, TIFF, BMP or PGM, by its content, not by its name.
 
     Args:
@@ -80,7 +93,7 @@ def decode_checked(content: bytes, header: Header, name: str) -> GreyImage:
     return np.ascontiguousarray(image)
 
 
-def photograph_header(path: Path, name: str | None = None) -> Header:
+def photograph_header(path: FileContent, name: str | None = None) -> Header:
     """Format and size of the photograph in a file, which is looked through and not decoded.
 
     Raises:
@@ -104,9 +117,10 @@ def read_header(content: bytes, name: str) -> Header:
     return header
 
 
-def _content_of(path: Path, name: str) -> bytes:
+def _content_of(path: FileContent, name: str) -> bytes:
     try:
-        Limits.from_environment().check_size(path.stat().st_size, name)
+        if isinstance(path, Path):
+            Limits.from_environment().check_size(path.stat().st_size, name)
         return path.read_bytes()
     except OSError as error:
         raise StereocalError(f"{name} cannot be read: {error.strerror or error}.") from error

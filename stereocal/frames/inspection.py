@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, as_completed
-from pathlib import Path
 
 from stereocal.errors import StereocalError
-from stereocal.formats.photograph import photograph_header
+from stereocal.formats.photograph import FileContent, photograph_header
 from stereocal.formats.photograph_files import Photographs
 from stereocal.frames.pairing import CAMERAS, Pair
 
@@ -76,7 +75,7 @@ def wrong_sizes(
     return problems
 
 
-def _look(path: Path, name: str) -> Size | str:
+def _look(path: FileContent, name: str) -> Size | str:
     try:
         return photograph_header(path, name).size
     except StereocalError as error:

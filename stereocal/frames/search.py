@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from functools import partial
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -14,7 +13,7 @@ from stereocal.camera import Camera
 from stereocal.corners.fit import Corner
 from stereocal.dataset import TARGETS
 from stereocal.detection import Detection, detect_targets, refusal
-from stereocal.formats.photograph import GreyImage, read_photograph
+from stereocal.formats.photograph import FileContent, GreyImage, read_photograph
 from stereocal.formats.photograph_files import Photographs
 from stereocal.frames.frame import Centre, CentrePair, Frame, State
 from stereocal.frames.inspection import Progress, look_through, wrong_sizes
@@ -104,7 +103,7 @@ def compile_detection() -> None:
     detect_targets(cv2.GaussianBlur(photograph, (0, 0), 1.0))
 
 
-def _read(names: Mapping[Path, str], path: Path) -> GreyImage:
+def _read(names: Mapping[FileContent, str], path: FileContent) -> GreyImage:
     """The photograph at `path`, which messages call by the person's name for it."""
     return read_photograph(path, names[path])
 

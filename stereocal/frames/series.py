@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
-from pathlib import Path
 from typing import Any
 
 import cv2
@@ -12,16 +11,17 @@ import numpy.typing as npt
 
 from stereocal.detection import Detection, detect_targets, refusal
 from stereocal.errors import StereocalError
+from stereocal.formats.photograph import FileContent
 from stereocal.pieces import Pieces
 
-Read = Callable[[Path], npt.NDArray[Any]]
+Read = Callable[[FileContent], npt.NDArray[Any]]
 
 AHEAD = 16
 """Photographs that are handed to the workers before the first is done; each worker holds one."""
 
 
 def detect_series(
-    paths: Sequence[Path],
+    paths: Sequence[FileContent],
     read: Read,
     executor: Executor,
     progress: Callable[[int, int], None] | None = None,
@@ -68,7 +68,7 @@ def detect_series(
     return [detection for detection in found if detection is not None]
 
 
-def detect_path(path: Path, read: Read) -> Detection:
+def detect_path(path: FileContent, read: Read) -> Detection:
     """The detection of one photograph on disk."""
     cv2.setNumThreads(1)  # the executor already uses all cores
     try:

@@ -14,13 +14,12 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import closing
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
 from stereocal.compiled import FloatArray, IntArray
 from stereocal.errors import StereocalError
-from stereocal.formats.photograph import GreyImage, read_photograph
+from stereocal.formats.photograph import FileContent, GreyImage, read_photograph
 from stereocal.formats.photograph_files import Photographs
 from stereocal.lens.board_corners import eight_bits, find_charuco, find_chessboard, refine
 from stereocal.lens.board_pattern import BoardPattern
@@ -172,12 +171,12 @@ def find_boards(
     return BoardSearch(pattern, views, refused)
 
 
-def find_board_in_file(path: Path, pattern: BoardPattern, name: str) -> BoardView | Refused:
+def find_board_in_file(path: FileContent, pattern: BoardPattern, name: str) -> BoardView | Refused:
     """The board in the photograph of a file: the piece of work that an executor gets."""
     try:
-        image = read_photograph(path)
+        image = read_photograph(path, name)
     except StereocalError as error:
-        reason = str(error).removeprefix(f"{path.name}: ").replace(path.name, name)
+        reason = str(error).removeprefix(f"{name}: ")
         return Refused(name, reason.rstrip("."))
     return find_board(image, pattern, name)
 
@@ -220,7 +219,7 @@ def _check_size(
             )
 
 
-def _other_size(path: Path, pattern: BoardPattern, larger: bool) -> str | None:
+def _other_size(path: FileContent, pattern: BoardPattern, larger: bool) -> str | None:
     """The size of the board in a photograph, if it is off by one from the one expected.
 
     Args:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import cv2
@@ -10,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stereocal.camera import Camera
-from stereocal.formats.photograph import read_photograph
+from stereocal.formats.photograph import FileContent, read_photograph
 from stereocal.lens.board_corners import eight_bits
 from stereocal.lens.boards import BoardView
 
@@ -18,7 +17,7 @@ WIDTH = 900
 ORANGE_BGR = (0, 159, 230)
 
 
-def preview(path: Path, camera: Camera, view: BoardView | None) -> tuple[bytes, bytes]:
+def preview(path: FileContent, camera: Camera, view: BoardView | None) -> tuple[bytes, bytes]:
     """Two JPEG: as photographed, with the found corners marked; and as without distortion.
 
     The second has the same K, so that only the distortion differs.

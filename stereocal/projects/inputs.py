@@ -1,0 +1,120 @@
+"""What a person has given to a project: files and measured lengths."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from stereocal.camera import Camera, LensUncertainty
+from stereocal.errors import can_be_shown
+
+Slot = Literal["primary", "secondary", "correspondences"]
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """What a person has given so far; None where nothing was."""
+
+    name: str = ""
+    baseline_m: float | None = None
+    target_distance_m: float | None = None
+    baseline_sigma_m: float | None = None
+    """Standard deviation of the baseline, as stated; None where nothing was."""
+    target_distance_sigma_m: float | None = None
+    lens_known: Mapping[str, Sequence[float | None] | None] = field(default_factory=dict)
+    """Camera to the standard deviations that a person states: a part of the focal length, pixels of
+    the centre, which count once both are there. None: not stated, whatever the camera's file says.
+    A camera that is not there: as its file says."""
+    files: Mapping[str, str] = field(default_factory=dict)
+    """Slot to the SHA-256 of its file."""
+    labels: Mapping[str, str] = field(default_factory=dict)
+    """Slot to the name that the person's file had."""
+    exchanged: list[int] = field(default_factory=list)
+    """Frames of the table whose targets a person has exchanged in the secondary image."""
+    put_back: list[int] = field(default_factory=list)
+    """Frames of the table that contradict the others and that a person uses all the same."""
+
+    def known(self, which: Literal["primary", "secondary"], camera: Camera) -> Camera:
+        """A camera with the uncertainty that was stated, in place of its file's.
+
+        The standard errors of the distortion stay as the file says, else they are 0.
+
+        Raises:
+            StereocalError: a number below 0.
+        """
+        if which not in self.lens_known:
+            return camera
+        stated = self.lens_known[which]
+        if stated is None or None in stated:
+            return replace(camera, uncertainty=None)
+        focal, centre = (float(value) for value in stated if value is not None)
+        own = camera.uncertainty
+        distortion = own.distortion if own else np.zeros_like(camera.distortion)
+        fx, fy = focal * camera.K[0, 0], focal * camera.K[1, 1]
+        return replace(camera, uncertainty=LensUncertainty(fx, fy, centre, centre, distortion))
+
+    @property
+    def missing(self) -> list[str]:
+        """What is still needed, in words."""
+        named = {
+            "correspondences": "the table of points",
+            "primary": "the primary camera's file",
+            "secondary": "the secondary camera's file",
+        }
+        lacking = [words for slot, words in named.items() if slot not in self.files]
+        lacking += ["the baseline"] * (self.baseline_m is None)
+        lacking += ["the distance between the targets"] * (self.target_distance_m is None)
+        return lacking
+
+
+def checked_inputs(data: Mapping[str, Any]) -> Inputs:
+    """The inputs that a file says.
+
+    Raises:
+        TypeError: something is not what it should be.
+    """
+    inputs = Inputs(**data)
+    check_inputs(inputs)
+    return inputs
+
+
+def check_inputs(inputs: Inputs) -> None:
+    """Make sure of what a file says.
+
+    Raises:
+        TypeError: something is not what it should be.
+    """
+    for mapping in (inputs.files, inputs.labels):
+        if not isinstance(mapping, dict) or not all(map(can_be_shown, mapping.values())):
+            raise TypeError(mapping)
+    if not can_be_shown(inputs.name) or set(inputs.files) - set(inputs.labels):
+        raise TypeError(inputs)
+    if not all(isinstance(frame, int) for frame in (*inputs.exchanged, *inputs.put_back)):
+        raise TypeError(inputs)
+    _check_lens_known(inputs.lens_known)
+    for each in fields(Inputs):
+        value = getattr(inputs, each.name)
+        if not each.name.endswith("_m") or value is None:
+            continue
+        if not isinstance(value, float | int) or abs(value) > sys.float_info.max:
+            raise TypeError(each.name)
+
+
+def _check_lens_known(known: object) -> None:
+    if not isinstance(known, dict):
+        raise TypeError(known)
+    for which, stated in known.items():
+        if which not in ("primary", "secondary") or not (
+            stated is None or (len(stated) == 2 and all(map(_is_sigma, stated)))
+        ):
+            raise TypeError(stated)
+
+
+def _is_sigma(value: object) -> bool:
+    if value is None:
+        return True
+    return isinstance(value, float | int) and 0 <= value <= sys.float_info.max

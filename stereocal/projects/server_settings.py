@@ -1,0 +1,52 @@
+"""Settings of the one who runs the server, from the environment; docs/deploy.md lists them."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from stereocal.environment import number_given
+
+MOST_WORKERS = 1000
+
+
+@dataclass(frozen=True)
+class ServerSettings:
+    """What differs between a person's own computer and a server that many people use."""
+
+    shared: bool = False
+    """STEREOCAL_SHARED=1: nobody sees a list of projects; a project is found by its address."""
+    keep_days: float = math.inf
+    """STEREOCAL_KEEP_DAYS: projects that nobody has changed for longer are removed."""
+    undo_days: float = 30.0
+    """STEREOCAL_UNDO_DAYS: so long a removed project can be brought back."""
+    project_mb: float = math.inf
+    """STEREOCAL_PROJECT_MB: what one project may take on disk, in millions of bytes."""
+    download_mb: float = 2000.0
+    """STEREOCAL_DOWNLOAD_MB: the largest project that is packed for a browser, which takes as much
+    memory as its zip while its page is open."""
+    uploads_mb: float = 1000.0
+    """STEREOCAL_UPLOADS_MB: what uploads may take in memory until they are stored, together."""
+    workers: int = field(default_factory=lambda: os.cpu_count() or 1)
+    """STEREOCAL_WORKERS: so many tasks are computed at once, for all sessions together."""
+
+    @classmethod
+    def from_environment(cls, environment: Mapping[str, str] | None = None) -> ServerSettings:
+        """The settings of this server; what is not given keeps its default.
+
+        Raises:
+            StereocalError: a value that is no number, or below 0; fewer than 1 worker.
+        """
+        given = os.environ if environment is None else environment
+        cores = os.cpu_count() or 1
+        return cls(
+            shared=number_given(given, "STEREOCAL_SHARED", 0.0) > 0,
+            keep_days=number_given(given, "STEREOCAL_KEEP_DAYS", cls.keep_days),
+            undo_days=number_given(given, "STEREOCAL_UNDO_DAYS", cls.undo_days),
+            project_mb=number_given(given, "STEREOCAL_PROJECT_MB", cls.project_mb),
+            download_mb=number_given(given, "STEREOCAL_DOWNLOAD_MB", cls.download_mb),
+            uploads_mb=number_given(given, "STEREOCAL_UPLOADS_MB", cls.uploads_mb),
+            workers=int(min(number_given(given, "STEREOCAL_WORKERS", cores, 1.0), MOST_WORKERS)),
+        )

@@ -1,0 +1,177 @@
+"""A project on disk: every change whole or not at all, and nothing lost."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stereocal.calibrate import CalibrationSettings, calibrate
+from stereocal.errors import StereocalError
+from stereocal.projects.folders import default_home
+from stereocal.projects.project import Project
+
+FIELD = Path(__file__).parents[2] / "sample_data" / "field"
+
+
+def filled(home: Path) -> Project:
+    project = Project.create(home)
+    content = {name: (FIELD / name).read_bytes() for name in ("primary.json", "secondary.json")}
+    project.give(
+        {
+            "primary": ("primary.json", content["primary.json"]),
+            "secondary": ("secondary.json", content["secondary.json"]),
+            "correspondences": ("points.csv", (FIELD / "correspondences.csv").read_bytes()),
+        },
+        baseline_m=4.5,
+        target_distance_m=0.9,
+    )
+    return project
+
+
+def test_id_is_unguessable_and_nothing_else_opens(tmp_path: Path) -> None:
+    ids = {Project.create(tmp_path).id for _ in range(20)}
+    assert len(ids) == 20 and all(len(name) == 32 for name in ids)
+    for bad in ("", "../..", "A" * 32, "0" * 31, "0" * 32, f"{'0' * 32}\n", f"../{'0' * 29}"):
+        with pytest.raises(StereocalError, match="project"):
+            Project.open(tmp_path, bad)
+
+
+def test_what_is_given_comes_back_in_another_process_of_mind(tmp_path: Path) -> None:
+    project = filled(tmp_path)
+    again = Project.open(tmp_path, project.id)
+    dataset = again.dataset
+    assert dataset is not None and dataset.baseline_m == 4.5
+    assert len(dataset.correspondences) == 50
+    assert again.inputs.missing == []
+
+
+def test_missing_parts_are_named_until_complete(tmp_path: Path) -> None:
+    project = Project.create(tmp_path)
+    assert len(project.inputs.missing) == 5
+    project.give({}, baseline_m=4.5)
+    project.give({"primary": ("p.json", (FIELD / "primary.json").read_bytes())})
+    assert project.inputs.missing == [
+        "the table of points", "the secondary camera's file", "the distance between the targets",
+    ]  # fmt: skip
+    assert project.dataset is None
+
+
+@pytest.mark.parametrize(
+    ("slot", "content", "sentence"),
+    [
+        ("primary", b"", "the file is empty"),
+        ("correspondences", b"frame,target\n1,A\n", "missing"),
+        (
+            "correspondences",
+            b"frame,target,u_primary,v_primary,u_secondary,v_secondary\n1,A,9999,1,1,1\n",
+            "outside",
+        ),
+    ],
+)
+def test_bad_file_leaves_the_project_as_it_was(
+    slot: str, content: bytes, sentence: str, tmp_path: Path
+) -> None:
+    project = filled(tmp_path)
+    before = project.dataset
+    with pytest.raises(StereocalError, match=sentence):
+        project.give({slot: ("bad", content)})  # type: ignore[dict-item]
+    with pytest.raises(StereocalError, match="above 0"):
+        project.give({}, baseline_m=-1.0)
+    after = project.dataset
+    assert before is not None and after is not None and before.sha256 == after.sha256
+
+
+def test_result_survives_with_settings_and_trace(tmp_path: Path) -> None:
+    project = filled(tmp_path)
+    dataset = project.dataset
+    assert dataset is not None and project.calibration is None
+    made = calibrate(dataset, CalibrationSettings(calibration_frames=20), trace=True)
+    project.keep_calibration(made, project.inputs)
+    back = Project.open(tmp_path, project.id).calibration
+    assert back is not None
+    assert back.settings == made.settings and back.dataset.sha256 == dataset.sha256
+    np.testing.assert_array_equal(back.frames, made.frames)
+    for method, found in made.methods.items():
+        np.testing.assert_array_equal(back.methods[method].pose.R, found.pose.R)
+        assert back.methods[method].cost == found.cost
+    trace, kept = made.methods["2d"].trace, back.methods["2d"].trace
+    assert trace is not None and kept is not None
+    np.testing.assert_array_equal(trace.cost, kept.cost)
+    np.testing.assert_array_equal(trace.ratio, kept.ratio)
+
+
+def test_result_keeps_the_data_it_was_made_from(tmp_path: Path) -> None:
+    project = filled(tmp_path)
+    dataset = project.dataset
+    assert dataset is not None
+    project.keep_calibration(calibrate(dataset), project.inputs)
+    project.give({}, baseline_m=4.6)
+    kept = project.calibration
+    assert kept is not None and kept.dataset.sha256 == dataset.sha256
+    assert project.dataset is not None and project.dataset.sha256 != dataset.sha256
+
+
+def test_result_is_kept_with_the_inputs_it_was_made_from_not_with_later_ones(
+    tmp_path: Path,
+) -> None:
+    project = filled(tmp_path)
+    inputs, dataset = project.inputs, project.dataset
+    assert dataset is not None
+    made = calibrate(dataset)
+    project.give({}, baseline_m=4.6)  # another tab, meanwhile
+    project.keep_calibration(made, inputs)
+    kept = project.calibration
+    assert kept is not None and kept.dataset.baseline_m == 4.5
+
+
+def test_point_outside_is_found_as_soon_as_table_and_camera_are_there(tmp_path: Path) -> None:
+    project = Project.create(tmp_path)
+    table = b"frame,target,u_primary,v_primary,u_secondary,v_secondary\n1,A,9999,1,1,1\n"
+    project.give({"correspondences": ("points.csv", table)})
+    with pytest.raises(StereocalError, match=r"line 2: .* outside the 2336x1728 px image"):
+        project.give({"primary": ("p.json", (FIELD / "primary.json").read_bytes())})
+
+
+def test_settings_are_remembered(tmp_path: Path) -> None:
+    project = Project.create(tmp_path)
+    project.keep_settings({"seed": 3})
+    project.keep_settings({"delta": 2e-3})
+    assert Project.open(tmp_path, project.id).settings == {"seed": 3, "delta": 2e-3}
+
+
+def test_failed_write_leaves_the_old_file_and_no_rubbish(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    project = filled(tmp_path)
+    before = sorted(path.name for path in project.folder.rglob("*"))
+
+    def full(_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", full)
+    with pytest.raises(StereocalError, match="No space left"):
+        project.give({}, baseline_m=5.0)
+    assert sorted(path.name for path in project.folder.rglob("*")) == before
+    assert project.inputs.baseline_m == 4.5
+
+
+def test_damaged_or_foreign_project_is_said(tmp_path: Path) -> None:
+    project = filled(tmp_path)
+    (project.folder / "calibration.json").write_text("{}")
+    with pytest.raises(StereocalError, match="calibrate again"):
+        _ = project.calibration
+    (project.folder / "project.json").write_text(json.dumps({"format": "stereocal-project/9"}))
+    with pytest.raises(StereocalError, match=r"newer version of stereocal \(stereocal-project/9\)"):
+        Project.open(tmp_path, project.id)
+
+
+def test_home_is_a_setting(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("STEREOCAL_HOME", str(tmp_path))
+    assert default_home() == tmp_path
+    monkeypatch.delenv("STEREOCAL_HOME")
+    assert default_home().name == "stereocal"
+    assert os.fspath(default_home()).startswith(os.fspath(Path.home())) or "XDG" in os.environ
