@@ -45,7 +45,7 @@ $(VENV)/.dev: requirements-dev.txt $(VENV)/.run
 	@touch $@
 
 # Done once, and again after a change of the sources: then the first page does not wait for it.
-$(VENV)/.compiled: $(VENV)/.run $(wildcard stereocal/*.py stereocal/*/*.py)
+$(VENV)/.compiled: $(VENV)/.run $(wildcard stereocal/*.py stereocal/*/*.py stereocal/*/*/*.py)
 	$(BIN)/python -m stereocal compile
 	@touch $@
 

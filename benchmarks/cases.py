@@ -9,13 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks import vectorised
-from stereocal import costs
-from stereocal.compiled import FloatArray, compiled
-from stereocal.dataset import Dataset
-from stereocal.essential import calibrate_essential
-from stereocal.geometry import Pose, fill_pose
-from stereocal.montecarlo import Problem, SearchSettings, minimise
-from stereocal.simulate import Scene, simulate_field
+from stereocal.calibration import costs
+from stereocal.calibration.essential import calibrate_essential
+from stereocal.calibration.montecarlo import Problem, SearchSettings, minimise
+from stereocal.rig.compiled import FloatArray, compiled
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.geometry import Pose, fill_pose
+from stereocal.simulation.simulate import Scene, simulate_field
 from tests import reference
 
 PlainCost = Callable[[FloatArray, FloatArray], float]

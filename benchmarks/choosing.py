@@ -22,25 +22,25 @@ import cv2
 import numpy as np
 
 from benchmarks.clutter import Found, Truth
-from stereocal.compiled import FloatArray
-from stereocal.detection import Detection, detect_targets
+from stereocal.detection.detect import Detection, detect_targets
 from stereocal.frames.labelling import Labelling, label_targets
-from stereocal.geometry import Pose
-from stereocal.simulate import Rig, field_rig
-from stereocal.synthetic.photographs import (
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import Pose
+from stereocal.simulation.photographs import (
     BarSettings,
     PhotographPair,
     facing,
     place_boards,
     place_visible_bars,
 )
-from stereocal.synthetic.rendering import (
+from stereocal.simulation.rendering import (
     PhotographSettings,
     Picture,
     Placed,
     photograph,
     x_corner_board,
 )
+from stereocal.simulation.simulate import Rig, field_rig
 from tests.bar_photographs import BAR_M, BOARD_M, DEPTHS_M, small
 
 KINDS = ("clutter", "second board", "on the line", "at its length", "hidden")

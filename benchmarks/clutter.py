@@ -18,14 +18,14 @@ from typing import Any
 import cv2
 import numpy as np
 
-from stereocal.camera import Camera
-from stereocal.compiled import FloatArray
-from stereocal.detection import Detection, detect_targets
+from stereocal.detection.detect import Detection, detect_targets
 from stereocal.frames.labelling import Labelling, label_targets
-from stereocal.simulate import field_rig
-from stereocal.synthetic.backgrounds import outdoors
-from stereocal.synthetic.photographs import BarSettings, photograph_bars, place_visible_bars
-from stereocal.synthetic.rendering import PhotographSettings
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray
+from stereocal.simulation.backgrounds import outdoors
+from stereocal.simulation.photographs import BarSettings, photograph_bars, place_visible_bars
+from stereocal.simulation.rendering import PhotographSettings
+from stereocal.simulation.simulate import field_rig
 
 PER_SCENE = 10
 """Pairs of one background: the geometry of all of them tells A and B apart."""

@@ -40,7 +40,7 @@ with TemporaryDirectory() as out:
     "everything": """
 import sys
 from pathlib import Path
-from stereocal.warming import compile_all
+from stereocal.commands.warming import compile_all
 compile_all(Path(sys.argv[1]))
 """,
 }

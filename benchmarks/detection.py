@@ -14,11 +14,11 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from stereocal.compiled import FloatArray
-from stereocal.corners.fit import window
-from stereocal.corners.model import ALL, CORE, FRAME, fill_frame, fill_rows
-from stereocal.detection import corner_near
-from stereocal.synthetic.rendering import Photograph
+from stereocal.detection.corner_model import ALL, CORE, FRAME, fill_frame, fill_rows
+from stereocal.detection.detect import corner_near
+from stereocal.detection.fit import window
+from stereocal.rig.compiled import FloatArray
+from stereocal.simulation.rendering import Photograph
 from tests.boards import Board, picture, plane_to_image
 
 RENDERS = 200

@@ -17,18 +17,15 @@ import numpy as np
 
 from benchmarks import vectorised
 from benchmarks.cases import plain_search
-from stereocal.calibrate import (
-    CalibrationSettings,
-    reconstruction_problem,
-    reprojection_problem,
-)
-from stereocal.compiled import FloatArray
-from stereocal.dataset import Dataset
-from stereocal.essential import Solver
-from stereocal.evaluation import EvaluationSettings, evaluate, evaluate_runs, split
-from stereocal.geometry import Pose
-from stereocal.summary import summarise
-from stereocal.synthetic.nineteen import simulate_nineteen
+from stereocal.calibration.essential import Solver
+from stereocal.calibration.methods import CalibrationSettings
+from stereocal.calibration.problems import reconstruction_problem, reprojection_problem
+from stereocal.evaluation.evaluate import EvaluationSettings, evaluate, evaluate_runs, split
+from stereocal.evaluation.summary import summarise
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.geometry import Pose
+from stereocal.simulation.nineteen import simulate_nineteen
 
 TURNS = 7
 PLAIN_RUNS = 2

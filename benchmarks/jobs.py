@@ -16,16 +16,16 @@ from typing import Any
 
 import numpy as np
 
-from stereocal.evaluation import EvaluationSettings, evaluate, evaluate_runs
-from stereocal.evaluation_files import pack_runs, unpack_runs
-from stereocal.fair_pool import FairPool
+from stereocal.evaluation.evaluate import EvaluationSettings, evaluate, evaluate_runs
 from stereocal.formats.dataset_files import read_dataset
-from stereocal.formats.photograph import read_photograph
+from stereocal.formats.evaluation_files import pack_runs, unpack_runs
 from stereocal.frames.detection_file import pack_detection, unpack_detection
 from stereocal.frames.series import detect_series
+from stereocal.projects import jobs
+from stereocal.projects.jobs import Parts
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.store import jobs
-from stereocal.store.parts import Parts
+from stereocal.system.fair_pool import FairPool
+from stereocal.system.photograph import read_photograph
 
 SAMPLES = Path(__file__).parents[1] / "sample_data"
 WORKERS = 2

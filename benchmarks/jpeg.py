@@ -15,9 +15,9 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.special import erf
 
-from stereocal.compiled import FloatArray
-from stereocal.synthetic.rendering import Photograph
-from stereocal.synthetic.sample_photographs import jpeg, prepare_photographs
+from stereocal.rig.compiled import FloatArray
+from stereocal.simulation.rendering import Photograph
+from stereocal.simulation.sample_photographs import jpeg, prepare_photographs
 
 QUALITIES = (95, 90, 85, 80, 75, 60)
 WINDOW = 0.22

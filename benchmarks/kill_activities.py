@@ -19,17 +19,17 @@ import cv2
 import numpy as np
 
 from benchmarks.client import Session
-from stereocal.dataset import Dataset
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.correspondences_csv import write_table
 from stereocal.formats.dataset_files import DESCRIPTION, pack_dataset
-from stereocal.formats.zip_files import pack_zip
 from stereocal.frames.frame import Centre, Frame
 from stereocal.frames.review import Review, choose, place, swap, target_meant, undo
-from stereocal.project import Project
-from stereocal.simulate import FIELD_BAR_M, field_rig, observe, place_bars
-from stereocal.store.photographs import ProjectPhotographs
-from stereocal.store.review import read_review
+from stereocal.projects.photographs import ProjectPhotographs
+from stereocal.projects.project import Project
+from stereocal.projects.review import read_review
+from stereocal.rig.dataset import Dataset
+from stereocal.simulation.simulate import FIELD_BAR_M, field_rig, observe, place_bars
+from stereocal.system.zip_files import pack_zip
 from tests.bar_photographs import bar_set
 
 Item = tuple[str, ...]

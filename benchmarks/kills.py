@@ -36,8 +36,8 @@ from benchmarks.kill_activities import (
 from benchmarks.server import Server
 from stereocal.errors import StereocalError
 from stereocal.formats.camera_file import write_camera
-from stereocal.project import Project
-from stereocal.store.projects import duplicate, recent_projects
+from stereocal.projects.home import duplicate, recent_projects
+from stereocal.projects.project import Project
 from tests.bar_photographs import BAR_M, bar_set
 
 WRONG = ("cannot be read", "damaged", "another version", "no project at this address", "unforeseen")

@@ -13,13 +13,13 @@ from concurrent.futures import ThreadPoolExecutor
 import cv2
 import numpy as np
 
-from stereocal.camera import Camera
-from stereocal.compiled import FloatArray
-from stereocal.intrinsics import PARAMETERS, LensSettings, calibrate_lens
-from stereocal.lens.board_pattern import BoardPattern
-from stereocal.lens.boards import BoardSearch, BoardView
-from stereocal.simulate import field_rig
-from stereocal.synthetic.board_series import draw_board_poses, true_corners
+from stereocal.intrinsics.board_pattern import BoardPattern
+from stereocal.intrinsics.boards import BoardSearch, BoardView
+from stereocal.intrinsics.calibrate_lens import PARAMETERS, LensSettings, calibrate_lens
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray
+from stereocal.simulation.board_series import draw_board_poses, true_corners
+from stereocal.simulation.simulate import field_rig
 
 PATTERN = BoardPattern(18, 12, 0.03)
 CASES = ((50, 20), (30, 20), (25, 20))

@@ -18,18 +18,18 @@ from pathlib import Path
 import pandas as pd
 
 from benchmarks.flock import FlockFrame, flock, parameter_sets
-from stereocal.calibrate import CalibrationSettings
-from stereocal.engines import engine
+from stereocal.calibration.essential import Solver
+from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
-from stereocal.essential import Solver
-from stereocal.evaluation import EvaluationSettings, evaluate
-from stereocal.formats.point_table import PointTable
-from stereocal.matching import ANY_DEPTH, match_points
-from stereocal.parameters import RigParameters
-from stereocal.points.matching_files import match_tables
-from stereocal.points.threshold import choose_threshold
-from stereocal.summary import summarise_all
-from stereocal.synthetic.nineteen import simulate_nineteen
+from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
+from stereocal.evaluation.summary import summarise_all
+from stereocal.matching.matching import ANY_DEPTH, match_points
+from stereocal.matching.matching_files import match_tables
+from stereocal.matching.point_table import PointTable
+from stereocal.matching.threshold import choose_threshold
+from stereocal.rig.parameters import RigParameters
+from stereocal.simulation.nineteen import simulate_nineteen
+from stereocal.system.executors import engine
 
 COUNTS = (10, 100, 300, 1000)
 THRESHOLDS = (0.3, 1.0, 3.0, 10.0, 40.0)

@@ -17,13 +17,13 @@ from tempfile import TemporaryDirectory
 import cv2
 import numpy as np
 
-from stereocal.engines import engine
-from stereocal.formats.photograph import read_photograph
 from stereocal.frames.series import detect_series
-from stereocal.simulate import field_rig
-from stereocal.synthetic.backgrounds import outdoors
-from stereocal.synthetic.photographs import BarSettings, photograph_bars, place_visible_bars
-from stereocal.synthetic.rendering import PhotographSettings
+from stereocal.simulation.backgrounds import outdoors
+from stereocal.simulation.photographs import BarSettings, photograph_bars, place_visible_bars
+from stereocal.simulation.rendering import PhotographSettings
+from stereocal.simulation.simulate import field_rig
+from stereocal.system.executors import engine
+from stereocal.system.photograph import read_photograph
 
 COUNTS = (50, 500)
 ENGINES = {"threads": None, "processes": 2}

@@ -16,16 +16,17 @@ import numpy as np
 
 from benchmarks.refined_rigs import Misjudged, random_scene, stated
 from benchmarks.refined_truth import turned
-from stereocal.calibrate import Calibration, calibrate
-from stereocal.camera import Camera
-from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
-from stereocal.refine import refine
+from stereocal.figures.tables import why_not_trusted
 from stereocal.refined.disagreement import what_disagrees
+from stereocal.refined.refine import refine
+from stereocal.refined.results import Calibration
 from stereocal.refined.stated_inputs import what_could_not_be_told
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.simulate import Scene, lens_off_by
-from stereocal.tables import why_not_trusted
+from stereocal.rig.camera import Camera
+from stereocal.rig.dataset import Dataset
+from stereocal.simulation.simulate import Scene, lens_off_by
+from stereocal.workflow import calibrate
 
 KNOWN = Misjudged()
 SEED = 71

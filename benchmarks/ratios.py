@@ -15,7 +15,7 @@ from collections.abc import Callable
 import numpy as np
 
 from benchmarks.cases import Case, cost_cases, search_cases
-from stereocal.compiled import FloatArray
+from stereocal.rig.compiled import FloatArray
 
 TURNS = 31
 SEARCH_TURNS = 11

@@ -26,15 +26,15 @@ from scipy.optimize import least_squares
 from scipy.sparse import lil_matrix
 
 from benchmarks.refined_rigs import Misjudged, random_scene, stated
-from stereocal.camera import Camera
-from stereocal.compiled import FloatArray
-from stereocal.dataset import Dataset
-from stereocal.essential import calibrate_essential
-from stereocal.geometry import Angles, Pose, stack_rays, triangulate_rays
-from stereocal.refine import refine
+from stereocal.calibration.essential import calibrate_essential
 from stereocal.refined.bar_fit import BAR, BASELINE, OWN, PRIMARY, SECONDARY
+from stereocal.refined.refine import refine
 from stereocal.refined.solve import Solve
 from stereocal.refined.unknowns import LensPrior, RefineSettings, Unknowns, unknowns_of
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.geometry import Angles, Pose, stack_rays, triangulate_rays
 
 SIGMA_PX, SCATTER_M = 0.2, 0.001
 TURNS = 9

@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stereocal.dataset import Dataset
-from stereocal.geometry import Angles, Pose
 from stereocal.refined.unknowns import LensPrior, RefineSettings
-from stereocal.simulate import Given, Rig, Scene, lens_off_by, observe, place_bars
-from tests import rig
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.geometry import Angles, Pose
+from stereocal.simulation.simulate import Given, Rig, Scene, lens_off_by, observe, place_bars
+from tests import known_rig as rig
 
 BAR_M = 0.87
 DEPTHS_M = (4.0, 10.0)

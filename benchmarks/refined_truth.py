@@ -25,14 +25,15 @@ from benchmarks.refined_rigs import (
     spoiled,
     stated,
 )
-from stereocal.calibrate import calibrate, errors_of
-from stereocal.compiled import FloatArray
-from stereocal.geometry import Pose
-from stereocal.refine import RefinedResult, refine
+from stereocal.calibration.results import errors_of
 from stereocal.refined.disagreement import what_disagrees
+from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.uncertainty import distance_sigmas, length_slopes
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.simulate import Given, Scene, field_rig, lens_off_by, observe, place_bars
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import Pose
+from stereocal.simulation.simulate import Given, Scene, field_rig, lens_off_by, observe, place_bars
+from stereocal.workflow import calibrate
 
 NAMES = ("yaw", "pitch", "roll", "delta", "epsilon", "baseline", "held-out distance")
 

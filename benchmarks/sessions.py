@@ -31,21 +31,22 @@ import numpy as np
 
 from benchmarks.client import Session
 from benchmarks.server import MemoryWatch, Server
-from stereocal.calibrate import CalibrationSettings, calibrate
-from stereocal.dataset import Dataset
-from stereocal.evaluation import EvaluationSettings, evaluate
-from stereocal.evaluation_files import summary_json, validation_figures
+from stereocal.calibration.methods import CalibrationSettings
+from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
+from stereocal.evaluation.summary import summarise, summarise_all
 from stereocal.formats.camera_file import read_camera, write_camera
 from stereocal.formats.correspondences_csv import read_table, write_table
+from stereocal.formats.evaluation_files import summary_json, validation_figures
 from stereocal.frames.frame import correspondences_of
 from stereocal.frames.pairing import pair_names
 from stereocal.frames.search import detect_frames
+from stereocal.projects.photographs import TABLE_LABEL
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.simulate import FIELD_BAR_M, Rig, field_rig, observe, place_bars
-from stereocal.store.photographs import TABLE_LABEL
-from stereocal.summary import summarise, summarise_all
-from stereocal.synthetic.photographs import BarSettings, photograph_bars, place_visible_bars
-from stereocal.synthetic.rendering import PhotographSettings
+from stereocal.rig.dataset import Dataset
+from stereocal.simulation.photographs import BarSettings, photograph_bars, place_visible_bars
+from stereocal.simulation.rendering import PhotographSettings
+from stereocal.simulation.simulate import FIELD_BAR_M, Rig, field_rig, observe, place_bars
+from stereocal.workflow import calibrate
 from tests.bar_photographs import BOARD_M, DEPTHS_M, small
 
 FRAMES, PHOTOGRAPHED = 25, 14

@@ -18,10 +18,10 @@ from unittest import mock
 
 import numpy as np
 
-from stereocal.formats.photograph_files import keep_photograph
-from stereocal.project import Project
-from stereocal.store.photographs import ProjectPhotographs
-from stereocal.store.projects import changed_at, folders_in, recent_projects
+from stereocal.projects.home import changed_at, folders_in, recent_projects
+from stereocal.projects.photographs import ProjectPhotographs
+from stereocal.projects.project import Project
+from stereocal.system.photograph_files import keep_photograph
 
 REPEATS = 5
 PHOTOGRAPHS, SIZE = 200, 1_000_000

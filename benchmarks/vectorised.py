@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import least_squares
 
-from stereocal.compiled import FloatArray
-from stereocal.geometry import Angles, Pose, angles_of
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import Angles, Pose, angles_of
 
 
 def triangulate(R: FloatArray, T: FloatArray, rays: FloatArray) -> FloatArray:

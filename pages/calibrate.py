@@ -2,7 +2,6 @@
 
 import streamlit as st
 
-from stereocal.calibrate import calibrate
 from stereocal.errors import StereocalError
 from stereocal.ui import jobs
 from stereocal.ui.forms import settings_form, settings_of
@@ -14,6 +13,7 @@ from stereocal.ui.refined import refined_for
 from stereocal.ui.results import show_result
 from stereocal.ui.screening import calibrate_again, show_exchanged
 from stereocal.ui.status import describe_settings, staleness
+from stereocal.workflow import calibrate
 
 need_frame()
 st.title("Calibrate")

@@ -4,7 +4,7 @@ import streamlit as st
 
 from stereocal.errors import StereocalError
 from stereocal.figures import describe_coverage, plot_coverage
-from stereocal.tables import contents_table
+from stereocal.figures.tables import contents_table
 from stereocal.ui.frame import need_frame
 from stereocal.ui.intake import escape_markdown, show_refusal, take_dataset
 from stereocal.ui.known import length_known, lenses_known

@@ -7,42 +7,41 @@ is first used: all together take half a second, `import stereocal` alone takes 1
 from __future__ import annotations
 
 import importlib
-import sys
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-from stereocal.compile_cache import use_writable_cache
+from stereocal.rig.compile_cache import use_writable_cache
 
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from stereocal.calibrate import CalibrationSettings, calibrate
-    from stereocal.camera import Camera
-    from stereocal.dataset import Correspondences, Dataset
+    from stereocal.calibration.methods import CalibrationSettings
     from stereocal.errors import StereocalError
     from stereocal.formats.camera_file import read_camera
     from stereocal.formats.dataset_files import read_dataset
-    from stereocal.formats.exchange import export, import_parameters
-    from stereocal.geometry import Pose
-    from stereocal.parameters import RigParameters
-    from stereocal.points.pairs import match
-    from stereocal.points.reconstruction_files import reconstruct
+    from stereocal.formats.exchange.exchange import export, import_parameters
+    from stereocal.matching.pairs import match
+    from stereocal.matching.reconstruction_files import reconstruct
+    from stereocal.rig.camera import Camera
+    from stereocal.rig.dataset import Correspondences, Dataset
+    from stereocal.rig.geometry import Pose
+    from stereocal.rig.parameters import RigParameters
+    from stereocal.workflow import calibrate
 
 _MODULES = {
-    "CalibrationSettings": "calibrate",
-    "Camera": "camera",
-    "Correspondences": "dataset",
-    "Dataset": "dataset",
-    "Pose": "geometry",
-    "RigParameters": "parameters",
+    "CalibrationSettings": "calibration.methods",
+    "Camera": "rig.camera",
+    "Correspondences": "rig.dataset",
+    "Dataset": "rig.dataset",
+    "Pose": "rig.geometry",
+    "RigParameters": "rig.parameters",
     "StereocalError": "errors",
-    "calibrate": "calibrate",
-    "export": "formats.exchange",
-    "import_parameters": "formats.exchange",
-    "match": "points.pairs",
+    "calibrate": "workflow",
+    "export": "formats.exchange.exchange",
+    "import_parameters": "formats.exchange.exchange",
+    "match": "matching.pairs",
     "read_camera": "formats.camera_file",
     "read_dataset": "formats.dataset_files",
-    "reconstruct": "points.reconstruction_files",
+    "reconstruct": "matching.reconstruction_files",
 }
 __all__ = [
     "CalibrationSettings",
@@ -74,13 +73,4 @@ def __dir__() -> list[str]:
     return sorted({*globals(), *__all__})
 
 
-class _Package(ModuleType):
-    """Importing a module puts it into its package; `calibrate` is to stay the function."""
-
-    def __setattr__(self, name: str, value: object) -> None:
-        if not (name in _MODULES and isinstance(value, ModuleType)):
-            super().__setattr__(name, value)
-
-
-sys.modules[__name__].__class__ = _Package
 use_writable_cache()  # before anything is compiled

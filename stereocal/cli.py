@@ -18,8 +18,8 @@ from stereocal.commands import (
     simulate,
 )
 from stereocal.commands.progress import say
-from stereocal.compilations import compilations
 from stereocal.errors import StereocalError
+from stereocal.rig.compilations import compilations
 
 COMMANDS = (
     calibrate, evaluate, detect, intrinsics, match, reconstruct, convert, simulate, compiling

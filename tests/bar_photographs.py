@@ -10,15 +10,15 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from stereocal.camera import Camera
-from stereocal.simulate import Rig, field_rig
-from stereocal.synthetic.photographs import (
+from stereocal.rig.camera import Camera
+from stereocal.simulation.photographs import (
     BarSettings,
     PhotographPair,
     photograph_bars,
     place_visible_bars,
 )
-from stereocal.synthetic.rendering import PhotographSettings
+from stereocal.simulation.rendering import PhotographSettings
+from stereocal.simulation.simulate import Rig, field_rig
 
 SHRINK = 4
 BOARD_M, BAR_M, DEPTHS_M = 0.3, 0.9, (6.0, 9.0)

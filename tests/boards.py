@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from stereocal.compiled import FloatArray
-from stereocal.synthetic.rendering import Photograph
+from stereocal.rig.compiled import FloatArray
+from stereocal.simulation.rendering import Photograph
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 
 from stereocal.errors import StereocalError
-from stereocal.guarded_child import GuardedReader, Prepared
+from stereocal.system.guarded_child import GuardedReader, Prepared
 
 
 def _eat(_: Path) -> None:

@@ -10,22 +10,21 @@ from pathlib import Path
 import plotly.graph_objects as go
 
 from stereocal import figures
-from stereocal.calibrate import METHODS, CalibrationSettings, Method, calibrate
-from stereocal.camera import Camera
-from stereocal.evaluation import EvaluationSettings, evaluate
+from stereocal.calibration.methods import METHODS, CalibrationSettings, Method
+from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
+from stereocal.evaluation.summary import summarise_all
 from stereocal.formats.dataset_files import read_dataset
-from stereocal.geometry import Pose
-from stereocal.intrinsics import LensSettings, calibrate_lens
-from stereocal.points.lengths import check_lengths
-from stereocal.refine import refine
+from stereocal.intrinsics.calibrate_lens import LensSettings, calibrate_lens
+from stereocal.matching.lengths import check_lengths
 from stereocal.refined.disagreement import what_disagrees
-from stereocal.refined.tradeoff import costs_of, trade_off
+from stereocal.refined.refine import refine
 from stereocal.refined.uncertainty import accuracy_map
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.summary import summarise_all
-from tests.lens import search
-from tests.rig import BAR_M
-from tests.test_apply_figures import (
+from stereocal.rig.camera import Camera
+from stereocal.rig.geometry import Pose
+from stereocal.verdict.tradeoff import costs_of, trade_off
+from stereocal.workflow import calibrate
+from tests.figures.test_apply_figures import (
     NEAREST,
     PAIRS,
     POINTS,
@@ -34,6 +33,8 @@ from tests.test_apply_figures import (
     SECONDARY_TABLE,
     SIZES,
 )
+from tests.known_rig import BAR_M
+from tests.lens import search
 
 FIELD = Path(__file__).parents[1] / "sample_data" / "field"
 

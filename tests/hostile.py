@@ -1,7 +1,7 @@
 """Every reader of strangers' files, with sound files to begin from: what is fuzzed, and how.
 
 A reader takes the bytes of one file and a scratch folder. It may return, or raise `StereocalError`;
-anything else is a bug. `tests/test_hostile.py` and `benchmarks/hostile.py` both use this list.
+anything else is a bug. The tests and `benchmarks/hostile.py` both use this list.
 """
 
 from __future__ import annotations
@@ -17,9 +17,8 @@ from stereocal.errors import StereocalError
 from stereocal.formats.camera_file import read_camera, write_camera, write_opencv_camera
 from stereocal.formats.correspondences_csv import read_table
 from stereocal.formats.dataset_files import parse_dataset, parse_zip, read_dataset
-from stereocal.formats.exchange import export_files, import_files
-from stereocal.formats.photograph import read_photograph
-from stereocal.formats.photograph_files import unpack_photographs
+from stereocal.formats.exchange.exchange import export_files, import_files
+from stereocal.formats.exchange.stereo import ExchangeOptions
 from stereocal.formats.pixel_origin import PixelOrigin
 from stereocal.formats.point_answers import (
     BarAnswers,
@@ -32,20 +31,21 @@ from stereocal.formats.point_answers import (
     layout_of,
 )
 from stereocal.formats.point_files import read_points
-from stereocal.formats.point_table import PointTable
 from stereocal.formats.sleap_h5 import point_text
-from stereocal.formats.stereo import ExchangeOptions
-from stereocal.limits import Limits
-from stereocal.parameters import RigParameters
-from stereocal.project import Project
-from stereocal.reconstruction import read_world
-from stereocal.store.parts import Parts
-from stereocal.store.server import ServerSettings
+from stereocal.matching.point_table import PointTable
+from stereocal.matching.reconstruction import read_world
+from stereocal.projects.jobs import Parts
+from stereocal.projects.project import Project
+from stereocal.projects.server_settings import ServerSettings
+from stereocal.rig.parameters import RigParameters
+from stereocal.system.limits import Limits
+from stereocal.system.photograph import read_photograph
+from stereocal.system.photograph_files import unpack_photographs
 from stereocal.ui.picker import pick_of
 from tests import hostile_seeds as seeds
+from tests.formats.test_exchange import RICHEST
 from tests.hostile_projects import FILES, dataset_zip, project_zip, read_inner, read_project_zip
-from tests.rig import PRIMARY, SECONDARY
-from tests.test_exchange import RICHEST
+from tests.known_rig import PRIMARY, SECONDARY
 
 Read = Callable[[bytes, Path], object]
 Seeds = Callable[[], Sequence[bytes]]

@@ -16,34 +16,36 @@ from typing import Any
 import cv2
 import numpy as np
 
-from stereocal.calibrate import CalibrationSettings, calibrate, errors_of
-from stereocal.dataset import SOURCES, Dataset
+from stereocal.calibration.methods import CalibrationSettings
+from stereocal.calibration.results import errors_of
 from stereocal.errors import StereocalError
-from stereocal.evaluation import EvaluationSettings, evaluate
-from stereocal.evaluation_files import Evaluation
+from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
+from stereocal.evaluation.summary import summarise
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.correspondences_csv import write_table
 from stereocal.formats.dataset_files import pack_dataset
-from stereocal.formats.photograph_files import keep_photograph
-from stereocal.formats.zip_files import pack_zip
+from stereocal.formats.evaluation_files import Evaluation
 from stereocal.frames.frame import Centre, Frame
 from stereocal.frames.review import place
-from stereocal.intrinsics import LensSettings, calibrate_lens
-from stereocal.lens.boards import BoardSearch
-from stereocal.parameters import RigParameters
-from stereocal.points.application import Application
-from stereocal.project import Project
-from stereocal.store.application import SIDES, USES, ProjectApplication
-from stereocal.store.carry import pack_project, unpack_project
-from stereocal.store.jobs import JOB_FORMAT, interrupted
-from stereocal.store.lens import WHICH, ProjectLens
-from stereocal.store.photographs import ProjectPhotographs
-from stereocal.store.projects import recent_projects
-from stereocal.store.review import change_review, read_review
-from stereocal.store.thumbnails import thumbnail
-from stereocal.summary import summarise
+from stereocal.intrinsics.boards import BoardSearch
+from stereocal.intrinsics.calibrate_lens import LensSettings, calibrate_lens
+from stereocal.matching.application import Application
+from stereocal.projects.application import SIDES, USES, ProjectApplication
+from stereocal.projects.archive import pack_project, unpack_project
+from stereocal.projects.home import recent_projects
+from stereocal.projects.jobs import JOB_FORMAT, interrupted
+from stereocal.projects.lens import WHICH, ProjectLens
+from stereocal.projects.photographs import ProjectPhotographs
+from stereocal.projects.project import Project
+from stereocal.projects.review import change_review, read_review
+from stereocal.projects.thumbnails import thumbnail
+from stereocal.rig.dataset import SOURCES, Dataset
+from stereocal.rig.parameters import RigParameters
+from stereocal.system.photograph_files import keep_photograph
+from stereocal.system.zip_files import pack_zip
+from stereocal.workflow import calibrate
+from tests.known_rig import BAR_M, BASELINE_M, PRIMARY, SECONDARY, correspondences
 from tests.lens import PATTERN, AtOnce, views
-from tests.rig import BAR_M, BASELINE_M, PRIMARY, SECONDARY, correspondences
 
 FRAMES = 8
 

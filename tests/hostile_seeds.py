@@ -16,9 +16,9 @@ import h5py
 import numpy as np
 
 from stereocal.formats.camera_file import write_camera
-from stereocal.store.parts import Parts
-from tests.rig import PRIMARY
-from tests.test_point_files import wand
+from stereocal.projects.jobs import Parts
+from tests.formats.test_point_files import wand
+from tests.known_rig import PRIMARY
 
 FIELD = Path(__file__).parents[1] / "sample_data" / "field"
 

@@ -10,13 +10,13 @@ from typing import Any
 import cv2
 import numpy as np
 
-from stereocal.camera import Camera
-from stereocal.compiled import FloatArray
-from stereocal.geometry import Pose
-from stereocal.lens.board_pattern import BoardPattern
-from stereocal.lens.boards import BoardSearch, BoardView
-from stereocal.synthetic.board_series import draw_board_poses
-from stereocal.synthetic.rendering import (
+from stereocal.intrinsics.board_pattern import BoardPattern
+from stereocal.intrinsics.boards import BoardSearch, BoardView
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import Pose
+from stereocal.simulation.board_series import draw_board_poses
+from stereocal.simulation.rendering import (
     Board,
     Photograph,
     PhotographSettings,

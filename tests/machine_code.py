@@ -8,7 +8,7 @@ from typing import ParamSpec, TypeVar
 
 import numba
 
-from stereocal.compiled import FAST_MATH
+from stereocal.rig.compiled import FAST_MATH
 
 P = ParamSpec("P")
 T = TypeVar("T")

@@ -9,13 +9,13 @@ from functools import cached_property, lru_cache
 import cv2
 import numpy as np
 
-from stereocal.camera import Camera
-from stereocal.compiled import FloatArray
-from stereocal.geometry import Angles, Pose
-from stereocal.simulate import Rig
-from stereocal.synthetic.board_series import draw_board_poses, photograph_boards
-from stereocal.synthetic.photographs import BarSettings, photograph_bars, place_visible_bars
-from stereocal.synthetic.rendering import PhotographSettings, chessboard
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import Angles, Pose
+from stereocal.simulation.board_series import draw_board_poses, photograph_boards
+from stereocal.simulation.photographs import BarSettings, photograph_bars, place_visible_bars
+from stereocal.simulation.rendering import PhotographSettings, chessboard
+from stereocal.simulation.simulate import Rig
 
 BASELINE_M, BAR_M, BOARD_M = 1.2, 0.6, 0.2
 CORNERS, SQUARE_M = (11, 8), 0.03

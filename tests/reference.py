@@ -1,16 +1,16 @@
 """The paper's costs in plain NumPy, as an independent check of the compiled ones.
 
-Nothing here is taken from `stereocal.geometry`: a point is found by solving for the place nearest
-to both rays, not by the closed form, and it is projected by the paper's matrices. Shapes as in
-`stereocal.costs`: `rays` is (4, n) with rows x_primary, y_primary, x_secondary, y_secondary,
-`pixel_scale` is (2, 3) with a row fx, skew, fy for each camera. Lengths in metres.
+Nothing here is taken from `stereocal.rig.geometry`: a point is found by solving for the point
+nearest to both rays, not by the closed form, and it is projected by the paper's matrices. Shapes as
+in `stereocal.calibration.costs`: `rays` is (4, n) with rows x_primary, y_primary, x_secondary,
+y_secondary, `pixel_scale` is (2, 3) with a row fx, skew, fy for each camera. Lengths in metres.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from stereocal.compiled import FloatArray
+from stereocal.rig.compiled import FloatArray
 
 SMALLEST_SINE = 1e-7
 """Rays closer than this to parallel have no crossing (the documented limit of `geometry`)."""

@@ -10,25 +10,24 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
-from stereocal.calibrate import Calibration
-from stereocal.dataset import Dataset
-from stereocal.evaluation_files import Evaluation
 from stereocal.formats.dataset_files import pack_dataset, read_dataset
-from stereocal.formats.photograph_files import keep_photograph
+from stereocal.formats.evaluation_files import Evaluation
 from stereocal.formats.point_answers import first_answers, layout_of
-from stereocal.formats.zip_files import pack_zip
 from stereocal.frames.review import choose, undo
-from stereocal.inputs import Slot
-from stereocal.points.application import Application, unlabelled
-from stereocal.project import Project
-from stereocal.store.application import SIDES, ProjectApplication
-from stereocal.store.carry import pack_project, unpack_project
-from stereocal.store.folders import private_folder
-from stereocal.store.lens import WHICH, ProjectLens
-from stereocal.store.photographs import ProjectPhotographs
-from stereocal.store.projects import STATES, bring_back, duplicate, folders_in, remove
-from stereocal.store.review import change_review, read_review
-from stereocal.store.sweep import DAY_S, sweep
+from stereocal.matching.application import Application, unlabelled
+from stereocal.projects.application import SIDES, ProjectApplication
+from stereocal.projects.archive import pack_project, unpack_project
+from stereocal.projects.folders import private_folder
+from stereocal.projects.home import DAY_S, STATES, bring_back, duplicate, folders_in, remove, sweep
+from stereocal.projects.inputs import Slot
+from stereocal.projects.lens import WHICH, ProjectLens
+from stereocal.projects.photographs import ProjectPhotographs
+from stereocal.projects.project import Project
+from stereocal.projects.review import change_review, read_review
+from stereocal.refined.results import Calibration
+from stereocal.rig.dataset import Dataset
+from stereocal.system.photograph_files import keep_photograph
+from stereocal.system.zip_files import pack_zip
 from tests.pages.stored_projects import FULL, placed
 
 FIELD = Path(__file__).parents[1] / "sample_data" / "field"

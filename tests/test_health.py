@@ -17,7 +17,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.commands import ROOT
+from tests.terminal import ROOT
 
 DOCKERFILE = (ROOT / "Dockerfile").read_text()
 

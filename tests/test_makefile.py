@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.commands import ROOT
+from tests.terminal import ROOT
 
 if shutil.which("make") is None:
     pytest.skip("no make on this computer", allow_module_level=True)

@@ -13,10 +13,10 @@ from aniposelib.cameras import CameraGroup
 
 from benchmarks.peers import opencv
 from benchmarks.peers.solution import Peer, Solution
-from stereocal.camera import Camera
-from stereocal.compiled import FloatArray
-from stereocal.dataset import Dataset
-from stereocal.geometry import triangulate_rays
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.geometry import triangulate_rays
 
 
 def solve(dataset: Dataset) -> Solution:

@@ -16,8 +16,8 @@ from caliscope.core.constraints import ConstraintSet, DistanceConstraint
 from caliscope.core.point_data import ImagePoints
 
 from benchmarks.peers.solution import Peer, Solution
-from stereocal.camera import Camera
-from stereocal.dataset import Dataset
+from stereocal.rig.camera import Camera
+from stereocal.rig.dataset import Dataset
 
 SIGMA_M = 0.002
 """Caliscope's own default for a measured distance."""

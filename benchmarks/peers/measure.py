@@ -13,8 +13,8 @@ import numpy as np
 
 from benchmarks.peers.scenarios import Task
 from benchmarks.peers.solution import Peer, Solution
-from stereocal.compiled import FloatArray
-from stereocal.geometry import epipolar_distances, triangulate
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import epipolar_distances, triangulate
 
 LIMIT_S = 10.0
 """CPU time after which a solve is broken off."""

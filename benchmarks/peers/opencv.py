@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from benchmarks.peers.solution import THRESHOLD_PX, NoSolutionError, Peer, Solution
-from stereocal.dataset import Dataset
+from stereocal.rig.dataset import Dataset
 
 
 def solve(dataset: Dataset) -> Solution:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from benchmarks.peers.solution import Peer, Solution
-from stereocal.calibrate import reconstruction_problem, reprojection_problem
-from stereocal.dataset import Dataset
-from stereocal.essential import calibrate_essential
-from stereocal.montecarlo import Problem, SearchSettings, minimise
-from stereocal.refine import refine
+from stereocal.calibration.essential import calibrate_essential
+from stereocal.calibration.montecarlo import Problem, SearchSettings, minimise
+from stereocal.calibration.problems import reconstruction_problem, reprojection_problem
+from stereocal.refined.refine import refine
 from stereocal.refined.unknowns import FIXED_LENS, RefineSettings
+from stereocal.rig.dataset import Dataset
 
 HELD = RefineSettings(primary=FIXED_LENS, secondary=FIXED_LENS)
 

@@ -8,9 +8,9 @@ import numpy as np
 import poselib
 
 from benchmarks.peers.solution import THRESHOLD_PX, NoSolutionError, Peer, Solution
-from stereocal.camera import Camera
-from stereocal.compiled import FloatArray
-from stereocal.dataset import Dataset
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.dataset import Dataset
 
 
 def solve(dataset: Dataset) -> Solution:

@@ -6,8 +6,8 @@ import numpy as np
 import pycolmap
 
 from benchmarks.peers.solution import THRESHOLD_PX, NoSolutionError, Peer, Solution
-from stereocal.camera import Camera
-from stereocal.dataset import Dataset
+from stereocal.rig.camera import Camera
+from stereocal.rig.dataset import Dataset
 
 
 def solve(dataset: Dataset) -> Solution:

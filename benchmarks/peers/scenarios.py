@@ -11,11 +11,11 @@ import numpy as np
 
 from benchmarks.peers.solution import Solution
 from benchmarks.refined_rigs import BAR_M, DEPTHS_M, Misjudged, random_scene, spoiled, stated
-from stereocal.compiled import FloatArray
-from stereocal.dataset import Dataset
 from stereocal.formats.camera_file import read_camera
 from stereocal.formats.correspondences_csv import read_table
-from stereocal.simulate import Given, place_bars
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.dataset import Dataset
+from stereocal.simulation.simulate import Given, place_bars
 
 FRAMES = 25
 TEST_FRAMES = 50

@@ -18,9 +18,9 @@ from scipy.sparse import lil_matrix
 
 from benchmarks.peers import opencv
 from benchmarks.peers.solution import Peer, Solution
-from stereocal.camera import Camera
-from stereocal.compiled import FloatArray
-from stereocal.dataset import Dataset
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.dataset import Dataset
 
 SIGMA_PX = 0.3
 SIGMA_BAR = 0.001

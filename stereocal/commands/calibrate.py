@@ -7,7 +7,7 @@ import math
 from pathlib import Path
 from typing import Literal
 
-from stereocal.calibrate import METHODS, Calibration, CalibrationSettings, calibrate
+from stereocal.calibration.methods import METHODS, CalibrationSettings
 from stereocal.commands.options import (
     add_lens_model,
     add_search_options,
@@ -15,19 +15,21 @@ from stereocal.commands.options import (
     with_sigmas,
 )
 from stereocal.commands.progress import ProgressBar
-from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
-from stereocal.evaluation_files import validation_in_summary
-from stereocal.refine import RefinedResult
+from stereocal.figures.tables import answer, left_out_line, listed, why_not_trusted
+from stereocal.formats.evaluation_files import validation_in_summary
+from stereocal.projects.archive import read_input
 from stereocal.refined.disagreement import what_disagrees
 from stereocal.refined.file import refined_parameters
+from stereocal.refined.refine import RefinedResult
+from stereocal.refined.results import Calibration
 from stereocal.refined.stated_inputs import Input, what_could_not_be_told
 from stereocal.refined.uncertainty import standard_errors
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.refined.verdict import run_splits, verdict
-from stereocal.store.carry import read_input
-from stereocal.tables import answer, left_out_line, listed, why_not_trusted
-from stereocal.writing import write_all
+from stereocal.rig.dataset import Dataset
+from stereocal.system.atomic_files import write_all
+from stereocal.verdict.verdict import run_splits, verdict
+from stereocal.workflow import calibrate
 
 FILES: dict[Literal["2d", "3d"], str] = {"2d": "parameters_2d.json", "3d": "parameters_3d.json"}
 REFINED = "parameters_refined.json"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from stereocal.commands.progress import ProgressBar
-from stereocal.warming import compile_all
+from stereocal.commands.warming import compile_all
 
 
 def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:

@@ -7,12 +7,12 @@ from pathlib import Path
 
 from stereocal.commands.options import add_lens_model
 from stereocal.errors import StereocalError
-from stereocal.formats.exchange import FORMATS, export, export_notes, import_parameters
+from stereocal.formats.exchange.exchange import FORMATS, export, export_notes, import_parameters
+from stereocal.formats.exchange.stereo import ExchangeOptions
 from stereocal.formats.pixel_origin import CORNERS, FLIPS, PixelOrigin
-from stereocal.formats.stereo import ExchangeOptions
 from stereocal.formats.units import UNITS
-from stereocal.parameters import RigParameters
-from stereocal.reconstruction import read_world
+from stereocal.matching.reconstruction import read_world
+from stereocal.rig.parameters import RigParameters
 
 
 def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:

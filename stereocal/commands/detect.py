@@ -9,15 +9,15 @@ from pathlib import Path
 
 from stereocal.commands.options import add_lens_model
 from stereocal.commands.progress import ProgressBar, say
-from stereocal.engines import engine
 from stereocal.errors import StereocalError
 from stereocal.formats.correspondences_csv import write_table
 from stereocal.formats.dataset_files import read_survey
-from stereocal.formats.photograph_files import of_the_bar, photographs_in
 from stereocal.frames.frame import correspondences_of, describe_frames, report_line
 from stereocal.frames.pairing import Pairing, pair_names
 from stereocal.frames.search import compile_detection, detect_frames
-from stereocal.writing import write_atomically
+from stereocal.system.atomic_files import write_atomically
+from stereocal.system.executors import engine
+from stereocal.system.photograph_files import of_the_bar, photographs_in
 
 
 def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -41,16 +41,16 @@ def run(parsed: argparse.Namespace) -> None:
     with tempfile.TemporaryDirectory(prefix="stereocal-") as store:
         with ProgressBar("photographs unpacked") as unpacking:
             photographs = photographs_in(parsed.dataset, Path(store), unpacking.show)
-        photographs = of_the_bar(photographs)
-        pairing = pair_names(photographs)
-        say(f"{len(photographs)} photographs. {pairing.sentence}")
+        photographs_of_bar = of_the_bar(photographs)
+        pairing = pair_names(photographs_of_bar)
+        say(f"{len(photographs_of_bar)} photographs. {pairing.sentence}")
         _refuse_unclear(pairing, str(parsed.dataset))
         if parsed.workers:  # so that the processes do not all compile the same
             compile_detection()
         with engine(parsed.workers) as executor, ExitStack() as stack:
             bars: list[ProgressBar] = []
             frames = detect_frames(
-                pairing.pairs, photographs, (survey.primary, survey.secondary), executor,
+                pairing.pairs, photographs_of_bar, (survey.primary, survey.secondary), executor,
                 begin=lambda stage: bars.append(stack.enter_context(ProgressBar(stage))),
                 progress=lambda done, total: bars[-1].show(done, total),
             )  # fmt: skip

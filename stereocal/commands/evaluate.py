@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from stereocal.calibrate import screened
 from stereocal.commands.options import (
     add_lens_model,
     add_search_options,
@@ -13,15 +12,16 @@ from stereocal.commands.options import (
     with_sigmas,
 )
 from stereocal.commands.progress import ProgressBar
-from stereocal.engines import engine
-from stereocal.evaluation import EvaluationSettings, evaluate, evaluate_runs
-from stereocal.evaluation_files import summary_json, unique_names
+from stereocal.evaluation.evaluate import EvaluationSettings, evaluate, evaluate_runs
+from stereocal.evaluation.summary import summarise_all
+from stereocal.figures.report import report_html
+from stereocal.figures.tables import left_out_line, validation_answer, why_validation_not_trusted
+from stereocal.formats.evaluation_files import summary_json, unique_names
+from stereocal.projects.archive import read_input
+from stereocal.refined.screening import screened
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.report import report_html
-from stereocal.store.carry import read_input
-from stereocal.summary import summarise_all
-from stereocal.tables import left_out_line, validation_answer, why_validation_not_trusted
-from stereocal.writing import write_all
+from stereocal.system.atomic_files import write_all
+from stereocal.system.executors import engine
 
 
 def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:

@@ -7,16 +7,16 @@ import tempfile
 from pathlib import Path
 
 from stereocal.commands.progress import ProgressBar
-from stereocal.engines import engine
 from stereocal.formats.camera_file import write_camera, write_opencv_camera
-from stereocal.formats.photograph_files import Photographs, photographs_in
-from stereocal.intrinsics import LensCalibration, LensSettings, calibrate_lens
-from stereocal.lens.board_pattern import BoardPattern
-from stereocal.lens.boards import BoardSearch, find_boards
-from stereocal.lens.files import about
-from stereocal.lens.quality import advice, hint
-from stereocal.lens.tables import LENS_COLUMNS, lens_answer, lens_rows
-from stereocal.writing import write_atomically
+from stereocal.intrinsics.board_pattern import BoardPattern
+from stereocal.intrinsics.boards import BoardSearch, find_boards
+from stereocal.intrinsics.calibrate_lens import LensCalibration, LensSettings, calibrate_lens
+from stereocal.intrinsics.files import about
+from stereocal.intrinsics.quality import advice, hint
+from stereocal.intrinsics.tables import LENS_COLUMNS, lens_answer, lens_rows
+from stereocal.system.atomic_files import write_atomically
+from stereocal.system.executors import engine
+from stereocal.system.photograph_files import Photographs, photographs_in
 
 OPENCV_SUFFIXES = (".yml", ".yaml")
 
@@ -78,7 +78,7 @@ def _photographs(sources: list[Path], store: Path, leave_out: list[str]) -> Phot
     found: dict[str, Path] = {}
     for source in sources:
         if source.is_file() and source.suffix.lower() != ".zip":
-            own: Photographs = {source.name: source}
+            own = {source.name: source}
         else:
             own = photographs_in(source, store)
         for name, path in own.items():

@@ -9,9 +9,9 @@ from pathlib import Path
 from stereocal.commands.point_options import add_point_options, point_tables
 from stereocal.commands.progress import ProgressBar
 from stereocal.errors import StereocalError
-from stereocal.parameters import RigParameters
-from stereocal.points.matching_files import match_tables
-from stereocal.points.pairs import Threshold
+from stereocal.matching.matching_files import match_tables
+from stereocal.matching.pairs import Threshold
+from stereocal.rig.parameters import RigParameters
 
 
 def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:

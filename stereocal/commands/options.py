@@ -5,10 +5,10 @@ from __future__ import annotations
 import argparse
 from dataclasses import replace
 
-from stereocal.calibrate import CalibrationSettings
-from stereocal.dataset import Dataset
+from stereocal.calibration.methods import CalibrationSettings
+from stereocal.calibration.montecarlo import SearchSettings
 from stereocal.formats.lens_model import LENS_MODELS
-from stereocal.montecarlo import SearchSettings
+from stereocal.rig.dataset import Dataset
 
 
 def add_search_options(parser: argparse.ArgumentParser) -> None:

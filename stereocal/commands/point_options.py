@@ -6,7 +6,6 @@ import argparse
 from dataclasses import replace
 from pathlib import Path
 
-from stereocal.camera import Camera
 from stereocal.errors import StereocalError
 from stereocal.formats.pixel_origin import CORNERS, FLIPS
 from stereocal.formats.point_answers import (
@@ -20,10 +19,11 @@ from stereocal.formats.point_answers import (
 )
 from stereocal.formats.point_files import PointLayout, read_points
 from stereocal.formats.point_layouts import LAYOUTS, first_rows, layout_name, propose_layout
-from stereocal.formats.point_table import PointTable
 from stereocal.formats.sleap_h5 import point_text
-from stereocal.parameters import RigParameters
-from stereocal.points.pairs import POINT
+from stereocal.matching.pairs import POINT
+from stereocal.matching.point_table import PointTable
+from stereocal.rig.camera import Camera
+from stereocal.rig.parameters import RigParameters
 
 BY_HAND = "columns"
 COUNTED = "-"

@@ -6,11 +6,11 @@ import argparse
 from pathlib import Path
 
 from stereocal.commands.progress import ProgressBar
-from stereocal.formats.point_table import PointTable
-from stereocal.matching import refuse_different_rigs
-from stereocal.parameters import RigParameters
-from stereocal.points.reconstruction_files import PIXELS, reconstruct_table
-from stereocal.reconstruction import read_world
+from stereocal.matching.matching import refuse_different_rigs
+from stereocal.matching.point_table import PointTable
+from stereocal.matching.reconstruction import read_world
+from stereocal.matching.reconstruction_files import PIXELS, reconstruct_table
+from stereocal.rig.parameters import RigParameters
 
 
 def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:

@@ -7,9 +7,7 @@ from pathlib import Path
 
 from stereocal.commands.progress import ProgressBar
 from stereocal.errors import StereocalError
-from stereocal.simulate import write_field
-from stereocal.synthetic.nineteen import write_nineteen
-from stereocal.synthetic.sample_photographs import write_photographs
+from stereocal.formats.simulated import write_field, write_nineteen, write_photographs
 
 
 def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:

@@ -7,10 +7,10 @@ from typing import Literal
 import numpy as np
 import plotly.graph_objects as go
 
-from stereocal.compiled import FloatArray
 from stereocal.figures.style import NEUTRAL, finish, sentence_only
-from stereocal.refine import RefinedResult
+from stereocal.refined.refine import RefinedResult
 from stereocal.refined.uncertainty import AccuracyMap
+from stereocal.rig.compiled import FloatArray
 
 HEIGHT = 560
 Quantity = Literal["distance", "point"]

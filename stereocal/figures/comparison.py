@@ -9,11 +9,11 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from stereocal.calibrate import ALL_METHODS, Method
-from stereocal.compiled import FloatArray
+from stereocal.calibration.methods import ALL_METHODS, Method
+from stereocal.evaluation.summary import Estimate, MethodSummary, best_methods
 from stereocal.figures.style import METHOD_COLOURS, METHOD_NAMES, METHOD_SYMBOLS, count, finish
-from stereocal.summary import Estimate, MethodSummary, best_methods
-from stereocal.tables import interval, percent
+from stereocal.figures.tables import interval, percent
+from stereocal.rig.compiled import FloatArray
 
 COMPARISON_HEIGHT = 700
 LONGEST_NAME = 20

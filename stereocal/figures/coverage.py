@@ -6,9 +6,6 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from stereocal.camera import Camera
-from stereocal.compiled import FloatArray
-from stereocal.dataset import TARGETS, Dataset
 from stereocal.figures.style import (
     FAINT,
     NEUTRAL,
@@ -17,6 +14,9 @@ from stereocal.figures.style import (
     count,
     finish,
 )
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.dataset import TARGETS, Dataset
 
 HEIGHT = 440
 GRID_CELLS = 4

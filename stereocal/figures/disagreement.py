@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 import plotly.graph_objects as go
 
-from stereocal.compiled import FloatArray
 from stereocal.figures.style import FAINT, NEUTRAL, WRONG_COLOUR, finish
+from stereocal.figures.tables import digits
 from stereocal.refined.disagreement import ACCUSED
 from stereocal.refined.stated_inputs import Input
-from stereocal.tables import digits
+from stereocal.rig.compiled import FloatArray
 
 ROW, FRAME = 44, 100
 NAMES = {

@@ -9,8 +9,7 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from stereocal.calibrate import METHODS, Calibration, Method
-from stereocal.compiled import FloatArray, IntArray
+from stereocal.calibration.methods import METHODS, Method
 from stereocal.figures.style import (
     METHOD_COLOURS,
     METHOD_NAMES,
@@ -19,7 +18,7 @@ from stereocal.figures.style import (
     count,
     finish,
 )
-from stereocal.outliers import (
+from stereocal.refined.outliers import (
     bar_frames,
     frame_reprojection_px,
     held_out,
@@ -28,6 +27,8 @@ from stereocal.outliers import (
     outlying_frames,
     reprojection_outliers,
 )
+from stereocal.refined.results import Calibration
+from stereocal.rig.compiled import FloatArray, IntArray
 
 HEIGHT = 600
 LOG_BEYOND = 30.0

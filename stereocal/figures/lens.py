@@ -7,9 +7,9 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from stereocal.figures.style import FAINT, NEUTRAL, count, finish
-from stereocal.intrinsics import PARAMETERS, LensCalibration
-from stereocal.lens.quality import coverage, residual_field
-from stereocal.lens.tables import with_error
+from stereocal.intrinsics.calibrate_lens import PARAMETERS, LensCalibration
+from stereocal.intrinsics.quality import coverage, residual_field
+from stereocal.intrinsics.tables import with_error
 
 BLUE, ORANGE = "#1F83C4", "#D55E00"
 BAND = "rgba(213,94,0,0.22)"

@@ -7,8 +7,8 @@ import pandas as pd
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from stereocal.compiled import BoolArray, FloatArray
 from stereocal.figures.style import NEUTRAL, count, finish
+from stereocal.rig.compiled import BoolArray, FloatArray
 
 HEIGHT = 480
 MOST_NUMBERS = 40

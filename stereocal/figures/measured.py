@@ -8,10 +8,10 @@ import numpy as np
 import pandas as pd
 import plotly.graph_objects as go
 
-from stereocal.compiled import BoolArray, FloatArray
 from stereocal.figures.space import set_scene, upright
 from stereocal.figures.style import METHOD_COLOURS, NEUTRAL, count, finish, sentence_only
-from stereocal.points.lengths import LengthCheck
+from stereocal.matching.lengths import LengthCheck
+from stereocal.rig.compiled import BoolArray, FloatArray
 
 HEIGHT = 580
 MOST_DRAWN = 20_000

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import plotly.graph_objects as go
 
-from stereocal.compiled import FloatArray
 from stereocal.figures.style import (
     CORRECT_COLOUR,
     FILLS,
@@ -15,7 +14,8 @@ from stereocal.figures.style import (
     finish,
     sentence_only,
 )
-from stereocal.points.nearest import NearestErrors
+from stereocal.matching.nearest import NearestErrors
+from stereocal.rig.compiled import FloatArray
 
 HEIGHT = 340
 BINS_PER_DECADE = 10

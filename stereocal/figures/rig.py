@@ -12,10 +12,8 @@ import numpy as np
 import numpy.typing as npt
 import plotly.graph_objects as go
 
-from stereocal.calibrate import METHODS, Calibration, Errors, Method
-from stereocal.camera import Camera
-from stereocal.compiled import FloatArray
-from stereocal.dataset import TARGETS, Dataset
+from stereocal.calibration.methods import METHODS, Method
+from stereocal.calibration.results import Errors
 from stereocal.errors import StereocalError
 from stereocal.figures.space import set_scene, upright
 from stereocal.figures.style import (
@@ -27,7 +25,11 @@ from stereocal.figures.style import (
     count,
     finish,
 )
-from stereocal.geometry import Pose, triangulate_rays
+from stereocal.refined.results import Calibration
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.dataset import TARGETS, Dataset
+from stereocal.rig.geometry import Pose, triangulate_rays
 
 HEIGHT = 520
 FRUSTUM_OF_DEPTH = 0.15

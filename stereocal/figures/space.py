@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import plotly.graph_objects as go
 
-from stereocal.compiled import FloatArray
 from stereocal.figures.style import GRID_3D, TRANSPARENT
+from stereocal.rig.compiled import FloatArray
 
 EYE_OF_DIAGONAL = 1.4
 """Distance of the eye, as a part of the scene's diagonal: it fits narrow screens too."""

@@ -1,7 +1,7 @@
 """What all figures share: colours (after Okabe and Ito), symbols, axes, legend.
 
 The colours have a contrast of at least 3:1 on white and on the dark page, and colour-blind people
-tell the methods apart (tests/test_colours.py).
+tell the methods apart (tests/figures/test_colours.py).
 """
 
 from __future__ import annotations
@@ -10,8 +10,8 @@ from collections.abc import Mapping
 
 import plotly.graph_objects as go
 
-from stereocal.calibrate import METHOD_NAMES as METHOD_NAMES
-from stereocal.calibrate import Method
+from stereocal.calibration.methods import METHOD_NAMES as METHOD_NAMES
+from stereocal.calibration.methods import Method
 
 METHOD_COLOURS: Mapping[Method, str] = {
     "essential": "#7F7F7F",

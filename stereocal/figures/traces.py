@@ -6,10 +6,11 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from stereocal.calibrate import COST_UNITS, Calibration, Method
-from stereocal.compiled import FloatArray, IntArray
+from stereocal.calibration.methods import COST_UNITS, Method
+from stereocal.calibration.montecarlo import Trace
 from stereocal.figures.style import METHOD_COLOURS, METHOD_NAMES, NEUTRAL, finish, sentence_only
-from stereocal.montecarlo import Trace
+from stereocal.refined.results import Calibration
+from stereocal.rig.compiled import FloatArray, IntArray
 
 HEIGHT = 760
 MOST_DRAWN = 2000

@@ -7,8 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import plotly.graph_objects as go
 
-from stereocal.calibrate import ALL_METHODS, Method
-from stereocal.compiled import FloatArray
+from stereocal.calibration.methods import ALL_METHODS, Method
 from stereocal.figures.style import (
     METHOD_COLOURS,
     METHOD_NAMES,
@@ -16,8 +15,9 @@ from stereocal.figures.style import (
     NEUTRAL,
     finish,
 )
-from stereocal.refined.tradeoff import TradeOff, TradeOffPoint
-from stereocal.tables import digits
+from stereocal.figures.tables import digits
+from stereocal.rig.compiled import FloatArray
+from stereocal.verdict.tradeoff import TradeOff, TradeOffPoint
 
 HEIGHT = 520
 NAMES = {"fixed": "Lenses as given", "freed": "Lenses freed"}

@@ -9,8 +9,15 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from stereocal.calibrate import ALL_METHODS, Method
+from stereocal.calibration.methods import ALL_METHODS, Method
 from stereocal.errors import StereocalError
+from stereocal.evaluation.summary import (
+    ACCEPTABLE,
+    Discrimination,
+    MethodSummary,
+    Pdf,
+    best_methods,
+)
 from stereocal.figures.style import (
     CORRECT_COLOUR,
     FILLS,
@@ -21,14 +28,7 @@ from stereocal.figures.style import (
     count,
     finish,
 )
-from stereocal.summary import (
-    ACCEPTABLE,
-    Discrimination,
-    MethodSummary,
-    Pdf,
-    best_methods,
-)
-from stereocal.tables import digits, interval, percent
+from stereocal.figures.tables import digits, interval, percent
 
 ROW_HEIGHT = 300
 COLUMNS = ("residual", "reprojection", "reconstruction")

@@ -8,13 +8,13 @@ from typing import Any
 
 import cv2
 
-from stereocal.camera import Camera
-from stereocal.compiled import FloatArray
 from stereocal.errors import StereocalError
 from stereocal.formats.file_storage import find_node, lens_model_of, matrix_of, open_storage
 from stereocal.formats.lens_model import LensModel, check_lens_model, five_or_more
 from stereocal.formats.other_files import refuse_other_camera
-from stereocal.json_text import read_json
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray
+from stereocal.system.json_text import read_json
 
 CAMERA_FORMAT = "stereocal-camera/1"
 LARGEST_BYTES = 4_000_000

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stereocal.dataset import SOURCES, TARGETS, UNKNOWN_SOURCE, Correspondences
 from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
-from stereocal.limits import Limits
+from stereocal.rig.dataset import SOURCES, TARGETS, UNKNOWN_SOURCE, Correspondences
+from stereocal.system.limits import Limits
 
 if TYPE_CHECKING:
     from _csv import Reader

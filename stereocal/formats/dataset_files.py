@@ -8,16 +8,16 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from stereocal.camera import Camera
-from stereocal.dataset import Correspondences, Dataset
 from stereocal.errors import RefusedRowsError, StereocalError
 from stereocal.formats.camera_file import read_camera, write_camera
 from stereocal.formats.correspondences_csv import read_table, write_table
 from stereocal.formats.lens_model import LensModel
-from stereocal.formats.photograph_files import is_photograph
-from stereocal.formats.zip_files import open_zip, unzip
-from stereocal.json_text import read_json
-from stereocal.limits import Limits
+from stereocal.rig.camera import Camera
+from stereocal.rig.dataset import Correspondences, Dataset
+from stereocal.system.json_text import read_json
+from stereocal.system.limits import Limits
+from stereocal.system.photograph_files import is_photograph
+from stereocal.system.zip_files import open_zip, unzip
 
 DATASET_FORMAT = "stereocal-dataset/1"
 DESCRIPTION = "dataset.json"

@@ -8,8 +8,8 @@ from typing import Any
 import cv2
 import numpy as np
 
-from stereocal.compiled import FloatArray
 from stereocal.errors import StereocalError
+from stereocal.rig.compiled import FloatArray
 
 MOST_VALUES = 100
 DEEPEST = 50

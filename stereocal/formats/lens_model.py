@@ -10,8 +10,8 @@ from typing import Literal
 
 import numpy as np
 
-from stereocal.compiled import FloatArray
 from stereocal.errors import StereocalError
+from stereocal.rig.compiled import FloatArray
 
 LensModel = Literal["brown", "fisheye"]
 LENS_MODELS: tuple[LensModel, ...] = ("brown", "fisheye")

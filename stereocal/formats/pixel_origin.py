@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from stereocal.compiled import FloatArray
+from stereocal.rig.compiled import FloatArray
 
 Corner = Literal["upper-left", "lower-left"]
 CORNERS: tuple[Corner, ...] = ("upper-left", "lower-left")

@@ -11,12 +11,12 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from stereocal.dataset import Correspondences
 from stereocal.errors import StereocalError
 from stereocal.formats.pixel_origin import CORNERS, FLIPS, Corner, Flip, PixelOrigin
 from stereocal.formats.point_files import PointColumns, PointLayout, read_bars
 from stereocal.formats.point_layouts import first_rows, propose_layout
 from stereocal.formats.rig_layouts import is_number
+from stereocal.rig.dataset import Correspondences
 
 OURS = "stereocal"
 UNKNOWN = "a program that is not known"

@@ -17,12 +17,12 @@ from dataclasses import dataclass, field
 import numpy as np
 import pandas as pd
 
-from stereocal.compiled import FloatArray
-from stereocal.dataset import Correspondences
 from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
 from stereocal.formats.pixel_origin import PixelOrigin
-from stereocal.formats.point_table import MOST_COLUMNS, is_missing, numbers_of, rows_error
-from stereocal.limits import Limits
+from stereocal.matching.point_table import MOST_COLUMNS, is_missing, numbers_of, rows_error
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.dataset import Correspondences
+from stereocal.system.limits import Limits
 
 HEAD = 1_000_000
 MOST_CELLS = 100_000_000

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from stereocal.compiled import FloatArray
 from stereocal.errors import DAMAGED, StereocalError
 from stereocal.formats.other_files import is_hdf5, refuse_other_points
 from stereocal.formats.point_files import MOST_CELLS
-from stereocal.limits import Limits
+from stereocal.rig.compiled import FloatArray
+from stereocal.system.limits import Limits
 
 ARRAYS = {
     "tracks": (4, "f", True),

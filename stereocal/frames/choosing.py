@@ -13,15 +13,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stereocal.camera import Camera
-from stereocal.compiled import BoolArray, FloatArray
-from stereocal.detection import Detection
+from stereocal.calibration.essential import calibrate_essential
+from stereocal.detection.detect import Detection
 from stereocal.errors import StereocalError
-from stereocal.essential import calibrate_essential
 from stereocal.frames.epipolar_labels import sampson
 from stereocal.frames.pairing import CAMERAS
-from stereocal.geometry import Angles, Pose, triangulate_rays
-from stereocal.outliers import MAD_TO_SIGMA
+from stereocal.refined.outliers import MAD_TO_SIGMA
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import BoolArray, FloatArray
+from stereocal.rig.geometry import Angles, Pose, triangulate_rays
 
 FEWEST_SURE = 8
 """Frames: 16 distances less 5 angles tell the noise to 21 %. With fewer, noise and scatter of the

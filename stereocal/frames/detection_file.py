@@ -8,9 +8,9 @@ from typing import Any, get_args
 
 import numpy as np
 
-from stereocal.corners.fit import Corner
-from stereocal.corners.refusals import Reason
-from stereocal.detection import Detection
+from stereocal.detection.detect import Detection
+from stereocal.detection.fit import Corner
+from stereocal.detection.refusals import Reason
 
 
 def pack_detection(found: Detection) -> bytes | None:

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from stereocal.compiled import FloatArray, plain
+from stereocal.calibration.essential import calibrate_essential, linear_essential
 from stereocal.errors import StereocalError
-from stereocal.essential import calibrate_essential, linear_essential
-from stereocal.geometry import Pose, triangulate_rays
+from stereocal.rig.compiled import FloatArray, plain
+from stereocal.rig.geometry import Pose, triangulate_rays
 
 FEWEST_FRAMES = 6
 """12 pairs for 5 angles: fewer leave other labels that fit as well."""

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from stereocal.camera import Camera
+from stereocal.calibration.essential import MINIMUM_PAIRS, calibrate_essential
 from stereocal.errors import StereocalError
-from stereocal.essential import MINIMUM_PAIRS, calibrate_essential
 from stereocal.frames.frame import Frame, correspondences_of
-from stereocal.geometry import epipolar_distances, stack_rays
+from stereocal.rig.camera import Camera
+from stereocal.rig.geometry import epipolar_distances, stack_rays
 
 
 def epipolar_residuals_px(

@@ -11,9 +11,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
-from stereocal.dataset import SOURCES, TARGETS, Correspondences
 from stereocal.errors import DAMAGED, StereocalError, can_be_shown
 from stereocal.frames.pairing import CAMERAS
+from stereocal.rig.dataset import SOURCES, TARGETS, Correspondences
 
 LARGEST_PX = 1_000_000
 FRAMES_FORMAT = "stereocal-frames/1"

@@ -7,9 +7,9 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, as_completed
 
 from stereocal.errors import StereocalError
-from stereocal.formats.photograph import FileContent, photograph_header
-from stereocal.formats.photograph_files import Photographs
 from stereocal.frames.pairing import CAMERAS, Pair
+from stereocal.system.photograph import FileContent, photograph_header
+from stereocal.system.photograph_files import Photographs
 
 Size = tuple[int, int]
 Progress = Callable[[int, int], None]

@@ -18,14 +18,14 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from stereocal.camera import Camera
-from stereocal.compiled import FloatArray
-from stereocal.corners.fit import Corner
-from stereocal.dataset import TARGETS
-from stereocal.detection import Detection
+from stereocal.detection.detect import Detection
+from stereocal.detection.fit import Corner
 from stereocal.frames.choosing import SMALLEST_EXCESS_PX, choose_boards
 from stereocal.frames.epipolar_labels import FEWEST_FRAMES, EpipolarLabels, compare_labels
-from stereocal.outliers import outlying
+from stereocal.refined.outliers import outlying
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.dataset import TARGETS
 
 Truth = npt.NDArray[np.bool_]
 FrameState = Literal["agreed", "swapped", "doubtful", "outlying", "unchecked", "refused"]

@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy.typing as npt
 
-from stereocal.dataset import TARGETS
-from stereocal.detection import corner_near
+from stereocal.detection.detect import corner_near
 from stereocal.errors import DAMAGED, StereocalError
 from stereocal.frames.frame import Centre, Frame, frame_from_json, name_in
+from stereocal.rig.dataset import TARGETS
 
 REVIEW_FORMAT = "stereocal-review/1"
 SAME_PLACE_PX = 1.0

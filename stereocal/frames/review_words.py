@@ -6,13 +6,13 @@ from collections.abc import Sequence
 
 import pandas as pd
 
-from stereocal.camera import Camera
-from stereocal.dataset import TARGETS
 from stereocal.errors import StereocalError
 from stereocal.frames.epipolar_residuals import epipolar_residuals_px
 from stereocal.frames.frame import Centre, Frame
 from stereocal.frames.pairing import CAMERAS
 from stereocal.frames.review import is_open
+from stereocal.rig.camera import Camera
+from stereocal.rig.dataset import TARGETS
 
 PLACED_BY = {
     "detected": "found",

@@ -9,18 +9,18 @@ from functools import partial
 import cv2
 import numpy as np
 
-from stereocal.camera import Camera
-from stereocal.corners.fit import Corner
-from stereocal.dataset import TARGETS
-from stereocal.detection import Detection, detect_targets, refusal
-from stereocal.formats.photograph import FileContent, GreyImage, read_photograph
-from stereocal.formats.photograph_files import Photographs
+from stereocal.detection.detect import Detection, detect_targets, refusal
+from stereocal.detection.fit import Corner
 from stereocal.frames.frame import Centre, CentrePair, Frame, State
 from stereocal.frames.inspection import Progress, look_through, wrong_sizes
 from stereocal.frames.labelling import FrameLabels, LabelledPair, label_targets
 from stereocal.frames.pairing import CAMERAS, Pair
 from stereocal.frames.series import detect_series
-from stereocal.pieces import Pieces
+from stereocal.rig.camera import Camera
+from stereocal.rig.dataset import TARGETS
+from stereocal.system.photograph import FileContent, GreyImage, read_photograph
+from stereocal.system.photograph_files import Photographs
+from stereocal.system.tasks import Pieces
 
 STAGES = ("photographs looked through", "photographs searched for targets")
 NOTHING: CentrePair = (None, None)

@@ -9,10 +9,10 @@ from typing import Any
 import cv2
 import numpy.typing as npt
 
-from stereocal.detection import Detection, detect_targets, refusal
+from stereocal.detection.detect import Detection, detect_targets, refusal
 from stereocal.errors import StereocalError
-from stereocal.formats.photograph import FileContent
-from stereocal.pieces import Pieces
+from stereocal.system.photograph import FileContent
+from stereocal.system.tasks import Pieces
 
 Read = Callable[[FileContent], npt.NDArray[Any]]
 

@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereocal.formats.photograph import GreyImage
 from stereocal.frames.frame import CentrePair
+from stereocal.system.photograph import GreyImage
 
 WIDTH, HEIGHT = 240, 180
 """Of one photograph's part, px."""

@@ -11,11 +11,8 @@ from typing import Literal
 
 from stereocal.errors import DAMAGED, StereocalError
 from stereocal.formats.other_files import refuse_other_camera
-from stereocal.formats.zip_files import pack_zip, unzip
-from stereocal.parameters import RigParameters
-from stereocal.pieces import Pieces
-from stereocal.points.application import PAIRS, POINTS, Application, Outcome, apply_sets
-from stereocal.points.blocks import TableBlock
+from stereocal.matching.application import PAIRS, POINTS, Application, Outcome, apply_sets
+from stereocal.matching.blocks import TableBlock
 from stereocal.projects.files import (
     StoredFile,
     about_files,
@@ -29,6 +26,9 @@ from stereocal.projects.files import (
 )
 from stereocal.projects.point_files import ASKING, ProjectPoints
 from stereocal.projects.refusals import DamagedError
+from stereocal.rig.parameters import RigParameters
+from stereocal.system.tasks import Pieces
+from stereocal.system.zip_files import pack_zip, unzip
 
 Use = Literal["matching", "measuring"]
 USES: tuple[Use, Use] = ("matching", "measuring")

@@ -17,12 +17,9 @@ from contextlib import suppress
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from stereocal.dataset import Dataset
 from stereocal.errors import DAMAGED, StereocalError
 from stereocal.formats.dataset_files import pack_dataset, parse_dataset, read_dataset
 from stereocal.formats.lens_model import LensModel
-from stereocal.formats.zip_files import OpenZip, open_zip, unzip
-from stereocal.json_text import read_json
 from stereocal.projects.application import APPLIED, SETS
 from stereocal.projects.database import Database
 from stereocal.projects.files import StoredFile, keep_file, keep_result, keep_values, name_files
@@ -32,7 +29,10 @@ from stereocal.projects.lens import WHICH
 from stereocal.projects.photographs import BAR
 from stereocal.projects.point_files import ASKING, POINT_FILES, TABLES
 from stereocal.projects.project import CALIBRATED, FURTHER, INPUT, SETTING, VALUES, Project
-from stereocal.writing import write_in_parts
+from stereocal.rig.dataset import Dataset
+from stereocal.system.atomic_files import write_in_parts
+from stereocal.system.json_text import read_json
+from stereocal.system.zip_files import OpenZip, open_zip, unzip
 
 MANIFEST, MANIFEST_FORMAT = "project.json", "stereocal-project/1"
 BOARDS = tuple(f"boards_{which}" for which in WHICH)

@@ -8,12 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from stereocal.calibrate import METHODS, Calibration, CalibrationSettings, Method, MethodResult
-from stereocal.dataset import Dataset
+from stereocal.calibration.methods import METHODS, CalibrationSettings, Method
+from stereocal.calibration.montecarlo import Trace
+from stereocal.calibration.results import MethodResult
 from stereocal.errors import DAMAGED, StereocalError
-from stereocal.geometry import Pose
-from stereocal.montecarlo import Trace
+from stereocal.refined.results import Calibration
 from stereocal.refined.screening import Screening
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.geometry import Pose
 
 CALIBRATION_FORMAT = "stereocal-project/1"
 LONGEST_TRACE = 50_000

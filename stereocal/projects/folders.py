@@ -13,7 +13,7 @@ from pathlib import Path
 from stereocal.errors import StereocalError
 from stereocal.projects.database import Database, create
 from stereocal.projects.journal import SUFFIXES, remove_database
-from stereocal.writing import flush_folder, make_folder
+from stereocal.system.atomic_files import flush_folder, make_folder
 
 SUFFIX = ".sqlite"
 WAITING = ".new-"

@@ -10,17 +10,17 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from stereocal.calibrate import Calibration
-from stereocal.camera import Camera
-from stereocal.dataset import Dataset
-from stereocal.evaluation_files import Evaluation, unpack_evaluation
 from stereocal.formats.camera_file import read_camera
 from stereocal.formats.correspondences_csv import Table, read_table
 from stereocal.formats.dataset_files import parse_zip
+from stereocal.formats.evaluation_files import Evaluation, unpack_evaluation
 from stereocal.projects.calibration_files import unpack_calibration
 from stereocal.projects.database import Database
 from stereocal.projects.files import StoredFile
 from stereocal.projects.inputs import Inputs, Slot, checked_inputs
+from stereocal.refined.results import Calibration
+from stereocal.rig.camera import Camera
+from stereocal.rig.dataset import Dataset
 
 SLOTS: tuple[Slot, ...] = ("primary", "secondary", "correspondences")
 

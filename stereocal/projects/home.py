@@ -24,7 +24,7 @@ from stereocal.projects.refusals import DamagedError
 from stereocal.projects.reserve import keep_reserve
 from stereocal.projects.server_settings import ServerSettings
 from stereocal.projects.servers import forget_dead
-from stereocal.writing import flush_folder
+from stereocal.system.atomic_files import flush_folder
 
 DAY_S = 86_400.0
 RESULTS = ("calibration", "evaluation")

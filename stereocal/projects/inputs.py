@@ -9,8 +9,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from stereocal.camera import Camera, LensUncertainty
 from stereocal.errors import can_be_shown
+from stereocal.rig.camera import Camera, LensUncertainty
 
 Slot = Literal["primary", "secondary", "correspondences"]
 

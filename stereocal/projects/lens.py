@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from typing import Literal
 
 from stereocal.formats.camera_file import write_camera
-from stereocal.intrinsics import LensCalibration
-from stereocal.lens.boards import BoardSearch
-from stereocal.lens.files import about, pack_lens, pack_search, unpack_lens, unpack_search
+from stereocal.intrinsics.boards import BoardSearch
+from stereocal.intrinsics.calibrate_lens import LensCalibration
+from stereocal.intrinsics.files import about, pack_lens, pack_search, unpack_lens, unpack_search
 from stereocal.projects.files import (
     StoredFile,
     files_of,

@@ -13,13 +13,13 @@ from typing import Any, Literal
 import pandas as pd
 
 from stereocal.errors import DAMAGED, StereocalError, can_be_shown
-from stereocal.formats.parquet import PARQUET
 from stereocal.formats.point_answers import OURS, Answers, answered, layout_of
 from stereocal.formats.point_files import read_points
-from stereocal.formats.point_table import PointTable
 from stereocal.formats.sleap_h5 import point_text
-from stereocal.points.application import Points
-from stereocal.points.pairs import POINT
+from stereocal.matching.application import Points
+from stereocal.matching.pairs import POINT
+from stereocal.matching.parquet import PARQUET
+from stereocal.matching.point_table import PointTable
 from stereocal.projects.files import (
     StoredFile,
     about_files,

@@ -10,12 +10,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from stereocal.calibrate import Calibration
-from stereocal.camera import Camera
-from stereocal.dataset import Dataset, check_length, points_outside
 from stereocal.errors import DAMAGED, RefusedRowsError, StereocalError
-from stereocal.evaluation_files import Evaluation, pack_evaluation
 from stereocal.formats.dataset_files import parse_zip
+from stereocal.formats.evaluation_files import Evaluation, pack_evaluation
 from stereocal.projects import given
 from stereocal.projects.calibration_files import pack_calibration
 from stereocal.projects.database import Database
@@ -34,6 +31,9 @@ from stereocal.projects.files import (
 from stereocal.projects.folders import SUFFIX, is_id, new_database
 from stereocal.projects.inputs import Inputs, Slot, check_inputs, checked_inputs
 from stereocal.projects.refusals import DamagedError
+from stereocal.refined.results import Calibration
+from stereocal.rig.camera import Camera
+from stereocal.rig.dataset import Dataset, check_length, points_outside
 
 INPUT, SETTING, FURTHER, CALIBRATED = "input", "setting", "dataset", "calibrated"
 """Parts of a project: what is given, forms, further data sets, what the result was made from."""

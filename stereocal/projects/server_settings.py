@@ -7,7 +7,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from stereocal.environment import number_given
+from stereocal.system.environment import number_given
 
 MOST_WORKERS = 1000
 

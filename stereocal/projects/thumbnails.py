@@ -5,11 +5,11 @@ from __future__ import annotations
 from functools import lru_cache
 
 from stereocal.errors import StereocalError
-from stereocal.formats.photograph import GreyImage, read_photograph
 from stereocal.frames.frame import CentrePair, Frame
 from stereocal.frames.thumbnails import side_by_side, tile
 from stereocal.projects.files import StoredFile
 from stereocal.projects.photographs import ProjectPhotographs
+from stereocal.system.photograph import GreyImage, read_photograph
 
 
 def thumbnail(store: ProjectPhotographs, frame: Frame) -> bytes:

@@ -1,1 +1,1 @@
-"""The parts of method 4 (`stereocal.refine`), and what follows from its result."""
+"""The parts of method 4 (`stereocal.refined.refine`), and what follows from its result."""

@@ -10,9 +10,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from stereocal.compiled import FloatArray, compiled, internal
-from stereocal.decompositions import backward, factor, forward
-from stereocal.geometry import fill_pose, midpoint
 from stereocal.refined.bar_fit import (
     ALL,
     BASELINE,
@@ -27,6 +24,9 @@ from stereocal.refined.bar_fit import (
     settle,
     shared_slopes,
 )
+from stereocal.rig.compiled import FloatArray, compiled, internal
+from stereocal.rig.decompositions import backward, factor, forward
+from stereocal.rig.geometry import fill_pose, midpoint
 
 CONVERGED = 1e-9
 """A solve ends with a step that was to lower the cost by less: 3e-5 standard errors."""

@@ -13,9 +13,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from stereocal.compiled import FloatArray, internal
-from stereocal.decompositions import backward, factor, forward
 from stereocal.refined.distortion import bend
+from stereocal.rig.compiled import FloatArray, internal
+from stereocal.rig.decompositions import backward, factor, forward
 
 YAW, PITCH, ROLL, DELTA, EPSILON, BASELINE, BAR, PRIMARY, SECONDARY = 0, 1, 2, 3, 4, 5, 6, 7, 11
 SHARED = 15

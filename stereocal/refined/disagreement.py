@@ -24,10 +24,9 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import ndtri_exp
 
-from stereocal.compiled import FloatArray
 from stereocal.errors import StereocalError
-from stereocal.refine import RefinedResult, refine
 from stereocal.refined.bar_fit import BAR, BASELINE, PRIMARY, SECONDARY, SHARED
+from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.stated_inputs import LENGTHS, Input, advice_on, doubt, pair_advice
 from stereocal.refined.unknowns import (
     LensPrior,
@@ -36,6 +35,7 @@ from stereocal.refined.unknowns import (
     distance_sigma_m,
     lens_prior,
 )
+from stereocal.rig.compiled import FloatArray
 
 ACCUSED = 3.2
 """In standard errors. With six inputs, a sound rig is accused in 1 % of all cases."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from stereocal.camera import Camera
-from stereocal.compiled import FloatArray, internal
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray, internal
 
 TERMS = 22
 """k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4, whether the sensor is tilted, and its 3x3 map."""

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from stereocal.geometry import Angles
-from stereocal.parameters import RigParameters, inputs_of
-from stereocal.refine import RefinedResult
 from stereocal.refined.bar_fit import BAR
+from stereocal.refined.refine import RefinedResult
 from stereocal.refined.stated_inputs import Input
 from stereocal.refined.uncertainty import LENS, standard_errors
+from stereocal.rig.geometry import Angles
+from stereocal.rig.parameters import RigParameters, inputs_of
 
 COVARIANCE_OF = (
     *Angles._fields,

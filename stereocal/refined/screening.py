@@ -16,13 +16,14 @@ from functools import cached_property
 import numpy as np
 from scipy.stats import mannwhitneyu
 
-from stereocal.compiled import BoolArray, FloatArray
-from stereocal.dataset import Dataset
+from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
-from stereocal.geometry import residuals
-from stereocal.refine import RefinedResult, refine
+from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.solve import Solve
 from stereocal.refined.unknowns import LensPrior, RefineSettings
+from stereocal.rig.compiled import BoolArray, FloatArray
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.geometry import residuals
 
 WIDE = RefineSettings(primary=LensPrior(0.05, 50.0), secondary=LensPrior(0.05, 50.0))
 WIDE_LENGTHS = 0.1
@@ -38,6 +39,9 @@ FEWEST_TOGETHER = 3
 NEIGHBOURS = 5
 ALIKE = 0.1
 """Kept points near one left out have so large a part of its residual where the lens is wrong."""
+
+MOST_LEFT_OUT = 0.2
+"""Where more frames than this contradict the others, the others may be the wrong ones."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,3 +218,8 @@ def _like_neighbours(fit: RefinedResult, out: BoolArray) -> bool:
         nearest = kept[np.argsort(distance)[:NEIGHBOURS]]
         ratios.append(np.median(signed[nearest]) / signed[worst])
     return bool(np.median(ratios) > ALIKE)
+
+
+def screened(dataset: Dataset, settings: CalibrationSettings) -> Screening:
+    """Which frames of a data set to leave out, as the settings say."""
+    return unscreened(dataset) if settings.all_frames else screen(dataset, settings.frames_put_back)

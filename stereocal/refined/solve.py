@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 from scipy.special import chdtri, fdtri
 
-from stereocal.compiled import BoolArray, FloatArray, IntArray
-from stereocal.dataset import Dataset
-from stereocal.geometry import Pose
 from stereocal.refined.adjustment import CONVERGED, ROUGHLY, adjust, length_innovations, sums
 from stereocal.refined.bar_fit import OWN, SHARED
 from stereocal.refined.distortion import lens_terms
 from stereocal.refined.unknowns import RefineSettings, Unknowns, unknowns_of
+from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.geometry import Pose
 
 GIVEN, ESTIMATED = "given", "estimated from the residuals"
 ASSUMED = "assumed, for there are too few points to estimate it"

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stereocal.compiled import FloatArray
+from stereocal.rig.compiled import FloatArray
 
 LENGTHS = {"baseline", "distance"}
 """Images fix their ratio, so one of them must stay known."""

@@ -14,12 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from stereocal.camera import Camera
-from stereocal.compiled import BoolArray, FloatArray
 from stereocal.errors import StereocalError
-from stereocal.refine import RefinedResult
 from stereocal.refined.adjustment import point_slopes
 from stereocal.refined.bar_fit import BASELINE, PRIMARY, SECONDARY, SHARED
+from stereocal.refined.refine import RefinedResult
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import BoolArray, FloatArray
 
 LENS = ("fx", "fy", "cx", "cy")
 

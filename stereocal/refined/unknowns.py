@@ -8,12 +8,12 @@ from typing import Any, Literal
 
 import numpy as np
 
-from stereocal.camera import Camera
-from stereocal.compiled import FloatArray
-from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
-from stereocal.geometry import Pose
 from stereocal.refined.bar_fit import BAR, BASELINE, EPSILON, PRIMARY, SECONDARY, SHARED
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.geometry import Pose
 
 DEFAULT_FOCAL = 0.01
 DEFAULT_CENTRE_PX = 10.0

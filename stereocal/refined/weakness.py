@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from stereocal.compiled import FloatArray
-from stereocal.refine import RefinedResult
 from stereocal.refined.bar_fit import EPSILON
+from stereocal.refined.refine import RefinedResult
+from stereocal.rig.compiled import FloatArray
 
 LOOSE = np.radians(3.0)
 """An angle with a larger standard error is not determined."""

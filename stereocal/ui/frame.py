@@ -9,8 +9,8 @@ from streamlit.navigation.page import StreamlitPage
 from streamlit.runtime.scriptrunner import StopException
 
 from stereocal.errors import StereocalError
-from stereocal.limits import Limits
-from stereocal.store.server import ServerSettings
+from stereocal.projects.server_settings import ServerSettings
+from stereocal.system.limits import Limits
 from stereocal.ui.fields import begin_page, end_page
 from stereocal.ui.project import begin_forms_anew, forms_are_sound, open_begun
 from stereocal.ui.texts import escape_markdown

@@ -9,15 +9,15 @@ from typing import Any
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.formats.exchange import FORMATS, import_files
+from stereocal.formats.exchange.exchange import FORMATS, import_files
+from stereocal.formats.exchange.stereo import ExchangeOptions, ImageSize
 from stereocal.formats.lens_model import FourCoefficientsError, LensModel
-from stereocal.formats.stereo import ExchangeOptions, ImageSize
 from stereocal.formats.units import UNITS, Unit, UnitError
-from stereocal.formats.zip_files import unzip
-from stereocal.guarded import server_guard
-from stereocal.parameters import RigParameters
-from stereocal.project import Project
-from stereocal.store.application import ProjectApplication, Use
+from stereocal.projects.application import ProjectApplication, Use
+from stereocal.projects.project import Project
+from stereocal.rig.parameters import RigParameters
+from stereocal.system.guarded import server_guard
+from stereocal.system.zip_files import unzip
 from stereocal.ui.fields import number, one_of, setting
 from stereocal.ui.intake import check_uploads, escape_markdown, is_new, refuse, settled, taking
 from stereocal.ui.parameter_files import dlt_options

@@ -9,10 +9,8 @@ from typing import Any, Literal
 
 import streamlit as st
 
-from stereocal.camera import Camera
-from stereocal.dataset import Dataset
 from stereocal.errors import StereocalError
-from stereocal.project import Project
+from stereocal.projects.project import Project
 from stereocal.refined.unknowns import (
     DEFAULT_BASELINE,
     DEFAULT_CENTRE_PX,
@@ -20,6 +18,8 @@ from stereocal.refined.unknowns import (
     DEFAULT_FOCAL,
     lens_prior,
 )
+from stereocal.rig.camera import Camera
+from stereocal.rig.dataset import Dataset
 from stereocal.ui.fields import Field
 from stereocal.ui.intake import refuse, settled
 from stereocal.ui.project import project_to_write

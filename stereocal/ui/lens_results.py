@@ -16,12 +16,12 @@ from stereocal.figures import (
     plot_view_errors,
 )
 from stereocal.formats.camera_file import write_camera, write_opencv_camera
-from stereocal.intrinsics import LensCalibration
-from stereocal.lens.files import about
-from stereocal.lens.preview import preview
-from stereocal.lens.quality import advice, hint, largest_shift_px
-from stereocal.lens.tables import lens_answer, lens_table
-from stereocal.store.lens import ProjectLens
+from stereocal.intrinsics.calibrate_lens import LensCalibration
+from stereocal.intrinsics.files import about
+from stereocal.intrinsics.preview import preview
+from stereocal.intrinsics.quality import advice, hint, largest_shift_px
+from stereocal.intrinsics.tables import lens_answer, lens_table
+from stereocal.projects.lens import ProjectLens
 from stereocal.ui.fields import one_of, setting
 from stereocal.ui.intake import escape_markdown, refuse, settled
 from stereocal.ui.project import noted

@@ -7,12 +7,10 @@ from typing import Any
 
 import streamlit as st
 
-from stereocal.calibrate import Calibration, Method
-from stereocal.camera import Camera
-from stereocal.dataset import Dataset
+from stereocal.calibration.methods import Method
 from stereocal.errors import StereocalError
-from stereocal.evaluation import count_set
-from stereocal.evaluation_files import Evaluation, validation_figures
+from stereocal.evaluation.evaluate import count_set
+from stereocal.evaluation.summary import figures_of_set
 from stereocal.figures import (
     describe_accuracy,
     describe_disagreement,
@@ -23,17 +21,7 @@ from stereocal.figures import (
 )
 from stereocal.figures.accuracy import Quantity
 from stereocal.figures.style import count
-from stereocal.geometry import Pose
-from stereocal.project import Project
-from stereocal.refine import RefinedResult
-from stereocal.refined.file import refined_parameters
-from stereocal.refined.screening import Screening
-from stereocal.refined.stated_inputs import Input, what_could_not_be_told
-from stereocal.refined.tradeoff import TradeOff, costs_of
-from stereocal.refined.unknowns import RefineSettings
-from stereocal.refined.verdict import held_out, verdict
-from stereocal.summary import figures_of_set
-from stereocal.tables import (
+from stereocal.figures.tables import (
     digits,
     left_out_line,
     parameters_table,
@@ -41,11 +29,24 @@ from stereocal.tables import (
     refined_table,
     why_validation_not_trusted,
 )
+from stereocal.formats.evaluation_files import Evaluation, validation_figures
+from stereocal.projects.project import Project
+from stereocal.refined.file import refined_parameters
+from stereocal.refined.refine import RefinedResult
+from stereocal.refined.results import Calibration
+from stereocal.refined.screening import Screening
+from stereocal.refined.stated_inputs import Input, what_could_not_be_told
+from stereocal.refined.unknowns import RefineSettings
+from stereocal.rig.camera import Camera
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.geometry import Pose
 from stereocal.ui.fields import number, one_of, setting, yes_or_no
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.refined import calibrated, curves_of, inputs_of, map_of
 from stereocal.ui.results import show_figure
 from stereocal.ui.validation import kept_protocol
+from stereocal.verdict.tradeoff import TradeOff, costs_of
+from stereocal.verdict.verdict import held_out, verdict
 
 FIXED, FREED = "As given", "Freed"
 MOST_NAMED = 12

@@ -6,17 +6,17 @@ from typing import Any, Literal
 
 import streamlit as st
 
-from stereocal.calibrate import Calibration
 from stereocal.errors import StereocalError
-from stereocal.evaluation_files import Evaluation, validation_figures
-from stereocal.formats.exchange import FORMATS, export_files, export_notes
+from stereocal.formats.evaluation_files import Evaluation, validation_figures
+from stereocal.formats.exchange.exchange import FORMATS, export_files, export_notes
+from stereocal.formats.exchange.stereo import ExchangeOptions
 from stereocal.formats.pixel_origin import CORNERS, PixelOrigin
-from stereocal.formats.stereo import ExchangeOptions
-from stereocal.formats.zip_files import pack_zip
-from stereocal.parameters import RigParameters
-from stereocal.project import Project
-from stereocal.refine import RefinedResult
+from stereocal.projects.project import Project
 from stereocal.refined.file import refined_parameters
+from stereocal.refined.refine import RefinedResult
+from stereocal.refined.results import Calibration
+from stereocal.rig.parameters import RigParameters
+from stereocal.system.zip_files import pack_zip
 from stereocal.ui.fields import number, one_of, setting
 from stereocal.ui.intake import escape_markdown
 

@@ -6,22 +6,24 @@ import json
 
 import streamlit as st
 
-from stereocal.calibrate import Calibration, CalibrationSettings, calibrate
-from stereocal.dataset import Dataset
+from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
-from stereocal.project import Project
-from stereocal.refine import RefinedResult, refine
+from stereocal.projects.project import Project
 from stereocal.refined.disagreement import what_disagrees
+from stereocal.refined.refine import RefinedResult, refine
+from stereocal.refined.results import Calibration
 from stereocal.refined.stated_inputs import Input
-from stereocal.refined.tradeoff import TradeOff, trade_off
 from stereocal.refined.uncertainty import AccuracyMap, accuracy_map
 from stereocal.refined.unknowns import (
     RefineSettings,
 )
+from stereocal.rig.dataset import Dataset
 from stereocal.ui import jobs
 from stereocal.ui.fields import Field, number, setting
 from stereocal.ui.known import describe_known
 from stereocal.ui.texts import escape_markdown
+from stereocal.verdict.tradeoff import TradeOff, trade_off
+from stereocal.workflow import calibrate
 
 
 def refine_form(project: Project, dataset: Dataset) -> RefineSettings:

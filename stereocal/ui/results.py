@@ -7,10 +7,8 @@ from collections.abc import Collection
 import plotly.graph_objects as go
 import streamlit as st
 
-from stereocal.calibrate import METHOD_NAMES, METHODS, Calibration
+from stereocal.calibration.methods import METHOD_NAMES, METHODS
 from stereocal.commands.calibrate import FILES, REFINED
-from stereocal.dataset import Dataset
-from stereocal.evaluation_files import Evaluation
 from stereocal.figures import (
     describe_frame_errors,
     describe_rig,
@@ -19,11 +17,14 @@ from stereocal.figures import (
     plot_rig,
     plot_traces,
 )
+from stereocal.figures.tables import answer, results_table, why_not_trusted
 from stereocal.formats.dataset_files import pack_dataset
-from stereocal.formats.zip_files import pack_zip
-from stereocal.project import Project
-from stereocal.refine import RefinedResult
-from stereocal.tables import answer, results_table, why_not_trusted
+from stereocal.formats.evaluation_files import Evaluation
+from stereocal.projects.project import Project
+from stereocal.refined.refine import RefinedResult
+from stereocal.refined.results import Calibration
+from stereocal.rig.dataset import Dataset
+from stereocal.system.zip_files import pack_zip
 from stereocal.ui.fields import one_of, setting
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.parameter_files import parameter_download, sets_of

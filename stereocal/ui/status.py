@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from stereocal.calibrate import Calibration
-from stereocal.dataset import Dataset
+from stereocal.refined.results import Calibration
+from stereocal.rig.dataset import Dataset
 
 NAMES = {
     "delta": "Δ",

@@ -9,36 +9,36 @@ from typing import Any
 
 import streamlit as st
 
-from stereocal.calibrate import Method
-from stereocal.dataset import Dataset
+from stereocal.calibration.methods import Method
 from stereocal.errors import StereocalError
-from stereocal.evaluation import EvaluationSettings, evaluate
-from stereocal.evaluation_files import (
-    Evaluation,
-    pack_runs,
-    summary_json,
-    unique_names,
-    unpack_runs,
-)
+from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
+from stereocal.evaluation.summary import MethodSummary, summarise_all
 from stereocal.figures import (
     describe_comparison,
     describe_validation,
     plot_comparison,
     plot_validation,
 )
-from stereocal.formats.dataset_files import read_dataset
-from stereocal.guarded import server_guard
-from stereocal.project import Project
-from stereocal.refined.screening import Screening
-from stereocal.refined.unknowns import RefineSettings
-from stereocal.report import report_html
-from stereocal.summary import MethodSummary, summarise_all
-from stereocal.tables import (
+from stereocal.figures.report import report_html
+from stereocal.figures.tables import (
     left_out_line,
     validation_answer,
     validation_table,
     why_validation_not_trusted,
 )
+from stereocal.formats.dataset_files import read_dataset
+from stereocal.formats.evaluation_files import (
+    Evaluation,
+    pack_runs,
+    summary_json,
+    unique_names,
+    unpack_runs,
+)
+from stereocal.projects.project import Project
+from stereocal.refined.screening import Screening
+from stereocal.refined.unknowns import RefineSettings
+from stereocal.rig.dataset import Dataset
+from stereocal.system.guarded import server_guard
 from stereocal.ui import jobs
 from stereocal.ui.fields import Field, number, one_of, setting, yes_or_no
 from stereocal.ui.forms import search_form, search_values, settings_of

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from stereocal.parameters import RigParameters
+from stereocal.rig.parameters import RigParameters
 from stereocal.ui.frame import TITLES
 from tests.browser.conftest import LONGEST_MS
 

@@ -13,9 +13,9 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from stereocal.cli import main
-from stereocal.parameters import RigParameters
+from stereocal.rig.parameters import RigParameters
 from tests.browser.conftest import LONGEST_MS
-from tests.rig import PRIMARY, RIG, SECONDARY, images
+from tests.known_rig import PRIMARY, RIG, SECONDARY, images
 
 pytestmark = pytest.mark.browser
 Settled = Callable[[Page], None]

@@ -10,10 +10,10 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from stereocal.formats.camera_file import read_camera
-from stereocal.parameters import RigParameters
-from stereocal.project import Project
-from stereocal.refine import refine
+from stereocal.projects.project import Project
+from stereocal.refined.refine import refine
 from stereocal.refined.uncertainty import standard_errors
+from stereocal.rig.parameters import RigParameters
 from tests.bar_photographs import write
 from tests.browser.conftest import LONGEST_MS
 from tests.photographed_rig import BAR_M, BASELINE_M, RIG, photographed_rig, true_values
@@ -22,7 +22,7 @@ pytestmark = pytest.mark.browser
 Settled = Callable[[Page], None]
 BOARDS, FRAMES = 12, 14
 WITHIN = 3.5
-"""Standard errors, as in `tests.test_from_photographs`."""
+"""Standard errors, as in `tests.commands.test_from_photographs`."""
 
 
 def type_number(page: Page, key: str, value: str, settled: Settled) -> None:

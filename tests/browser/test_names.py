@@ -9,13 +9,13 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page, expect
 
-from stereocal.calibrate import calibrate
 from stereocal.formats.dataset_files import pack_dataset, read_dataset
-from stereocal.formats.zip_files import pack_zip
-from stereocal.inputs import Slot
-from stereocal.project import Project
-from stereocal.store.projects import duplicate, remove
+from stereocal.projects.home import duplicate, remove
+from stereocal.projects.inputs import Slot
+from stereocal.projects.project import Project
+from stereocal.system.zip_files import pack_zip
 from stereocal.ui.frame import TITLES
+from stereocal.workflow import calibrate
 from tests.browser.conftest import LONGEST_MS, ROOT
 
 pytestmark = pytest.mark.browser

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page, expect
 
-from stereocal.parameters import RigParameters
+from stereocal.rig.parameters import RigParameters
 from tests.browser.conftest import LONGEST_MS
 
 pytestmark = pytest.mark.browser

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import Page, expect
 
-from stereocal.project import Project
+from stereocal.projects.project import Project
 from stereocal.ui.frame import TITLES
 from tests.browser.conftest import LONGEST_MS
 from tests.browser.work import finished_project

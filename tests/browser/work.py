@@ -5,15 +5,15 @@ from __future__ import annotations
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from stereocal.calibrate import calibrate
 from stereocal.formats.camera_file import write_camera
-from stereocal.formats.photograph_files import keep_photograph
 from stereocal.frames.pairing import pair_names
 from stereocal.frames.search import detect_frames
-from stereocal.intrinsics import LensSettings, calibrate_lens
-from stereocal.project import Project
-from stereocal.store.lens import ProjectLens
-from stereocal.store.photographs import ProjectPhotographs
+from stereocal.intrinsics.calibrate_lens import LensSettings, calibrate_lens
+from stereocal.projects.lens import ProjectLens
+from stereocal.projects.photographs import ProjectPhotographs
+from stereocal.projects.project import Project
+from stereocal.system.photograph_files import keep_photograph
+from stereocal.workflow import calibrate
 from tests.bar_photographs import BAR_M, bar_set
 from tests.lens import facing, photographed, png, search
 

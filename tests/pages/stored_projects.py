@@ -7,8 +7,8 @@ from pathlib import Path
 
 from streamlit.testing.v1 import AppTest
 
-from stereocal.project import Project
-from stereocal.store.folders import new_id, private_folder
+from stereocal.projects.folders import new_id, private_folder
+from stereocal.projects.project import Project
 from stereocal.ui.frame import TITLES
 
 ROOT = Path(__file__).parents[2]

@@ -14,15 +14,15 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereocal.cli import main
-from stereocal.formats.exchange import FORMATS
-from stereocal.parameters import RigParameters
-from stereocal.points.application import PAIRS, POINTS
-from stereocal.project import Project
-from stereocal.store.application import ProjectApplication, Side
-from stereocal.store.carry import pack_project, unpack_project
+from stereocal.formats.exchange.exchange import FORMATS
+from stereocal.matching.application import PAIRS, POINTS
+from stereocal.projects.application import ProjectApplication, Side
+from stereocal.projects.archive import pack_project, unpack_project
+from stereocal.projects.project import Project
+from stereocal.rig.parameters import RigParameters
 from stereocal.ui import apply as apply_page
+from tests.known_rig import PRIMARY, RIG, SECONDARY, bar_ends, images
 from tests.pages.waiting import ended
-from tests.rig import PRIMARY, RIG, SECONDARY, bar_ends, images
 
 ROOT = Path(__file__).parents[2]
 SLOW = 120

@@ -10,9 +10,17 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereocal.formats.dataset_files import pack_dataset
-from stereocal.formats.exchange import export_files
-from stereocal.formats.zip_files import pack_zip
-from stereocal.project import Project
+from stereocal.formats.exchange.exchange import export_files
+from stereocal.projects.project import Project
+from stereocal.system.zip_files import pack_zip
+from tests.formats.test_no_silent_misreading import FOUR, INI, MAT, four, opencv_camera
+from tests.formats.test_other_programs_points import (
+    FRAMES,
+    hdf5_bytes_of_deeplabcut,
+    sleap_h5,
+    tracktor,
+)
+from tests.known_rig import dataset
 from tests.pages.test_apply import (
     SET_2D,
     SET_3D,
@@ -25,14 +33,6 @@ from tests.pages.test_apply import (
 )
 from tests.pages.test_apply import app as app
 from tests.pages.test_apply import home as home
-from tests.rig import dataset
-from tests.test_no_silent_misreading import FOUR, INI, MAT, four, opencv_camera
-from tests.test_other_programs_points import (
-    FRAMES,
-    hdf5_bytes_of_deeplabcut,
-    sleap_h5,
-    tracktor,
-)
 
 USUAL, FISHEYE = "use_rest", "use_other"
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from stereocal.store.photographs import ProjectPhotographs
-from stereocal.store.review import read_review
+from stereocal.projects.photographs import ProjectPhotographs
+from stereocal.projects.review import read_review
 from tests.pages.damage import DAMAGES, SHOWN_BY, files_of_full, look_after
 from tests.pages.stored_projects import FULL, go, placed, session, told
 

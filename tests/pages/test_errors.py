@@ -10,14 +10,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from stereocal.store import folders
 from streamlit import config
 from streamlit.testing.v1 import AppTest
 
-from stereocal.calibrate import CalibrationSettings
+from stereocal.calibration.methods import CalibrationSettings
 from stereocal.formats.dataset_files import read_dataset
-from stereocal.project import Project
+from stereocal.projects.project import Project
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.store import folders
 from stereocal.ui.frame import TITLES
 from stereocal.ui.refined import calibrated, refined_of
 from tests.browser.work import finished_project

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from streamlit.testing.v1 import AppTest
 
-from stereocal.project import Project
+from stereocal.projects.project import Project
 from stereocal.ui.frame import TITLES
 from tests.failing_disk import Disk, watched
 from tests.pages.stored_projects import FULL, ROOT, SLOW, go, placed, session, told

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from streamlit.testing.v1 import AppTest
 
-from stereocal.guarded import Guard
+from stereocal.system.guarded import Guard
 from tests.pages.hostile_walk import APP, DOORS, SLOW_S, Door, begun, give, hostile, tracebacks
 from tests.pages.test_pages import messages
 

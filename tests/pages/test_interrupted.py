@@ -9,16 +9,16 @@ from pathlib import Path
 import pytest
 from streamlit.testing.v1 import AppTest
 
-from stereocal.evaluation import evaluate_runs
-from stereocal.store import jobs as kept_jobs
-from stereocal.store.photographs import ProjectPhotographs
+from stereocal.evaluation.evaluate import evaluate_runs
+from stereocal.projects import jobs as kept_jobs
+from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.ui import jobs, photographs
 from tests.pages.stored_projects import FULL, placed, session
 from tests.pages.test_pages import ROOT, SLOW, messages, open_sample, project_of
 from tests.pages.test_pages import app as app
 from tests.pages.test_pages import home as home
 from tests.pages.waiting import ended
-from tests.test_parts import same_runs
+from tests.projects.test_parts import same_runs
 
 STOPPED = "The server stopped while this ran"
 
@@ -77,7 +77,7 @@ def test_it_goes_on_to_the_same_result(
         computed.append(len(arguments[-1]))  # type: ignore[arg-type]
         return evaluate_runs(*arguments)  # type: ignore[arg-type]
 
-    monkeypatch.setattr("stereocal.evaluation.evaluate_runs", counted)
+    monkeypatch.setattr("stereocal.evaluation.evaluate.evaluate_runs", counted)
     app.button(key="go_on_evaluation").click().run()
     assert ended(project, "evaluation").state == "done"
     assert sum(computed) == 70
@@ -160,7 +160,7 @@ def test_an_unforeseen_error_is_a_calm_sentence_and_stands_in_the_log(
     def fail(*_: object) -> None:
         raise RuntimeError("the secret reason")
 
-    monkeypatch.setattr("stereocal.evaluation.evaluate_runs", fail)
+    monkeypatch.setattr("stereocal.evaluation.evaluate.evaluate_runs", fail)
     project = project_of(long_validation(app), home)
     app.button(key="validate").click().run()
     ended(project, "evaluation")

@@ -9,8 +9,8 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereocal.formats.dataset_files import pack_dataset, read_dataset
-from stereocal.project import Project
-from stereocal.store.review import read_review
+from stereocal.projects.project import Project
+from stereocal.projects.review import read_review
 from stereocal.ui.screening import exchange
 from tests.pages.test_pages import FIELD, messages, project_of, zipped
 from tests.pages.test_pages import app as app

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 from streamlit.testing.v1 import AppTest
 
-from stereocal.project import Project
-from stereocal.store.carry import pack_project
-from stereocal.store.projects import recent_projects, remove
+from stereocal.projects.archive import pack_project
+from stereocal.projects.home import recent_projects, remove
+from stereocal.projects.project import Project
 from tests.pages.test_pages import ROOT, SLOW, messages, open_sample, project_of
 from tests.pages.test_pages import app as app
 from tests.pages.test_pages import home as home

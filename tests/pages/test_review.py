@@ -16,12 +16,12 @@ import streamlit as st
 from streamlit.testing.v1 import AppTest
 
 from stereocal.formats.camera_file import write_camera
-from stereocal.formats.photograph_files import keep_photograph
 from stereocal.frames.frame import Centre, Frame
 from stereocal.frames.search import detect_frames
-from stereocal.project import Project
-from stereocal.store.photographs import ProjectPhotographs
-from stereocal.store.review import read_review
+from stereocal.projects.photographs import ProjectPhotographs
+from stereocal.projects.project import Project
+from stereocal.projects.review import read_review
+from stereocal.system.photograph_files import keep_photograph
 from stereocal.ui import picker
 from stereocal.ui.picker import Pick, encode, pick_of
 from stereocal.ui.review import take_back, take_pick

@@ -9,13 +9,13 @@ from pathlib import Path
 import pytest
 from streamlit.testing.v1 import AppTest
 
-from stereocal.formats.photograph_files import keep_photograph
 from stereocal.frames.review import choose
-from stereocal.project import Project
-from stereocal.store.pair_rows import merged
-from stereocal.store.photographs import ProjectPhotographs
-from stereocal.store.projects import remove
-from stereocal.store.review import change_review, read_review
+from stereocal.projects.home import remove
+from stereocal.projects.pair_rows import merged
+from stereocal.projects.photographs import ProjectPhotographs
+from stereocal.projects.project import Project
+from stereocal.projects.review import change_review, read_review
+from stereocal.system.photograph_files import keep_photograph
 from tests.pages.stored_projects import FULL, go, placed, session, told
 
 

@@ -11,8 +11,8 @@ import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 from streamlit.testing.v1 import AppTest
 
+from stereocal.commands.warming import Progress
 from stereocal.ui import jobs, warm_up
-from stereocal.warming import Progress
 
 APP = Path(__file__).parents[2] / "app.py"
 LONGEST_S = 300

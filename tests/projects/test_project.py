@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stereocal.calibrate import CalibrationSettings, calibrate
+from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
 from stereocal.projects.folders import default_home
 from stereocal.projects.project import Project
+from stereocal.workflow import calibrate
 
 FIELD = Path(__file__).parents[2] / "sample_data" / "field"
 

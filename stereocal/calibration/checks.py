@@ -1,0 +1,97 @@
+"""What can be wrong with a data set as a whole, found before anyone trusts a result."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stereocal.calibration.essential import MINIMUM_PAIRS
+from stereocal.errors import StereocalError
+from stereocal.rig.compiled import BoolArray
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.geometry import Pose, triangulate_rays
+
+SMALLEST_SPREAD = 0.01
+"""Points within 1 % of the image's diagonal are in one place: they fix no angle."""
+
+LARGEST_SCALE_ERROR = 1.5
+"""Lens errors of several percent move lengths by as much, never by half."""
+
+FEW_PAIRS = 8
+FEW_BARS = 5
+"""Five angles cannot be found from fewer lengths."""
+
+
+def check_points(dataset: Dataset, rows: BoolArray | None = None) -> None:
+    """Refuse too few points, and points all in one place; of all rows, or of some (n,).
+
+    Raises:
+        StereocalError: as said.
+    """
+    table = dataset.correspondences
+    count = len(table) if rows is None else int(np.count_nonzero(rows))
+    if count < MINIMUM_PAIRS:
+        raise StereocalError(
+            f"There {'is 1 pair' if count == 1 else f'are {count} pairs'} of points; at "
+            f"least {MINIMUM_PAIRS} are needed, and 40 or more are wise (20 frames of the bar)."
+        )
+    for which, points, camera in (
+        ("primary", table.primary, dataset.primary),
+        ("secondary", table.secondary, dataset.secondary),
+    ):
+        chosen = points if rows is None else points[rows]
+        extent = float(np.hypot(*np.ptp(chosen, axis=0)))
+        if extent < SMALLEST_SPREAD * float(np.hypot(*camera.image_size)):
+            raise StereocalError(
+                f"All {count} points of the {which} camera lie in one place, within "
+                f"{extent:.1f} px: move the bar through the whole view and through the depth."
+            )
+
+
+def check_in_front(dataset: Dataset, pose: Pose) -> None:
+    """Refuse pairs that meet behind a camera: they are no pictures of one point.
+
+    Raises:
+        StereocalError: names the first three.
+    """
+    points = triangulate_rays(pose.R, pose.T, dataset.rays)
+    behind = np.flatnonzero(np.isnan(points[:, 0]))
+    if len(behind):
+        named = "; ".join(dataset.correspondences.name_of(row) for row in behind[:3])
+        raise StereocalError(
+            f"{len(behind)} of {len(points)} pairs do not meet in front of the cameras ({named}"
+            f"{'; and more' if len(behind) > 3 else ''})."
+        )
+
+
+def scale_is_plausible(dataset: Dataset, pose: Pose) -> bool:
+    """Whether baseline and distance go together, unlike metres and millimetres."""
+    if not len(dataset.correspondences.bars):
+        return True
+    ratio = float(np.median(dataset.bar_distances_m / dataset.reconstructed_lengths_m(pose)))
+    return 1 / LARGEST_SCALE_ERROR < ratio < LARGEST_SCALE_ERROR
+
+
+def warnings_about(dataset: Dataset) -> list[str]:
+    """What is odd but allowed, a sentence each."""
+    found = []
+    pairs = len(dataset.correspondences)
+    if pairs < FEW_PAIRS:
+        found.append(
+            f"{pairs} pairs of points are very few: errors of tens of percent are possible. Do not "
+            "measure with this result; bring 20 frames or more."
+        )
+    bars = len(dataset.correspondences.bars)
+    if 0 < bars < FEW_BARS:
+        found.append(
+            f"Only {bars} frame{'s have' if bars > 1 else ' has'} both targets: the 3D method "
+            f"needs at least {FEW_BARS} to fix the five angles."
+        )
+    for which, camera in (("primary", dataset.primary), ("secondary", dataset.secondary)):
+        if camera.other_size is not None:
+            width, height = camera.image_size
+            found.append(
+                f"The {which} camera's principal point ({camera.K[0, 2]:.0f}, "
+                f"{camera.K[1, 2]:.0f}) lies far from the middle of its image of {width}x{height} "
+                "px. Unless the image was cropped, K or the image size is another's."
+            )
+    return found

@@ -1,0 +1,89 @@
+"""The names of the methods, and everything that can be tuned."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any, Literal
+
+from stereocal.calibration.essential import Solver
+from stereocal.calibration.montecarlo import SearchSettings
+from stereocal.errors import StereocalError
+
+Method = Literal["essential", "2d", "3d", "refined"]
+METHODS: tuple[Method, ...] = ("essential", "2d", "3d")
+"""The paper's."""
+ALL_METHODS: tuple[Method, ...] = (*METHODS, "refined")
+METHOD_NAMES: Mapping[Method, str] = {
+    "essential": "Essential matrix",
+    "2d": "2D set",
+    "3d": "3D set",
+    "refined": "Refined set",
+}
+COST_UNITS: Mapping[Method, str] = {"essential": "", "2d": "px", "3d": "m", "refined": ""}
+
+
+@dataclass(frozen=True)
+class CalibrationSettings:
+    """Everything that can be tuned; the defaults are the paper's.
+
+    Raises:
+        StereocalError: a value outside its range.
+    """
+
+    search: SearchSettings = field(default_factory=SearchSettings)
+    essential: Solver = "constrained"
+    calibration_frames: int | None = None
+    """Calibrate with so many frames, drawn at random; with all when None."""
+    known_points: bool = False
+    """The footnote's 3D cost: distance from known points instead of lengths of bars."""
+    all_frames: bool = False
+    """Trust every frame, as the paper does: leave none out that contradicts the others."""
+    frames_put_back: tuple[int, ...] = ()
+    """Frames to keep though they contradict the others."""
+
+    def __post_init__(self) -> None:
+        if self.essential not in ("constrained", "linear"):
+            raise StereocalError(
+                f'The essential solver "{self.essential}" is not known: constrained or linear.'
+            )
+        if self.calibration_frames is not None and self.calibration_frames < 1:
+            raise StereocalError("The number of calibration frames must be at least 1.")
+
+    def to_json(self) -> dict[str, Any]:
+        """All settings in one flat object."""
+        return {
+            **asdict(self.search),
+            "essential": self.essential,
+            "calibration_frames": self.calibration_frames,
+            "known_points": self.known_points,
+            "all_frames": self.all_frames,
+            "frames_put_back": list(self.frames_put_back),
+        }
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> CalibrationSettings:
+        """The settings that `to_json` describes; what is missing keeps its default.
+
+        Raises:
+            StereocalError: a name that is no setting, or a value of the wrong kind or range.
+        """
+        rest = dict(data)
+        own: dict[str, Any] = {
+            name: rest.pop(name)
+            for name in ("essential", "calibration_frames", "known_points", "all_frames")
+            if name in rest
+        }
+        try:
+            for name in ("known_points", "all_frames"):
+                if not isinstance(own.get(name, False), bool):
+                    raise TypeError(f"{name} is neither true nor false")
+            back = rest.pop("frames_put_back", [])
+            if not all(isinstance(frame, int) for frame in back):
+                raise TypeError("frames_put_back is no list of frame numbers")
+            own["frames_put_back"] = tuple(sorted(back))
+            if not isinstance(own.get("calibration_frames"), int | None):
+                raise TypeError("calibration_frames is not a whole number")
+            return cls(search=SearchSettings(**rest), **own)
+        except TypeError as error:
+            raise StereocalError(f"The settings cannot be read: {error}.") from error

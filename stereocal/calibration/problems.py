@@ -1,0 +1,53 @@
+"""The two costs of the search, on the points and the bars of a data set."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stereocal.calibration import costs
+from stereocal.calibration.montecarlo import Problem
+from stereocal.errors import StereocalError
+from stereocal.rig.compiled import BoolArray
+from stereocal.rig.dataset import Dataset
+
+
+def reprojection_problem(dataset: Dataset, rows: BoolArray | None = None) -> Problem:
+    """The 2D cost on all pairs of a data set, or on those of some rows (n,)."""
+    rays = dataset.rays if rows is None else np.ascontiguousarray(dataset.rays[:, rows])
+    return Problem(costs.REPROJECTION, rays, np.empty((0, 0)), dataset.pixel_scale)
+
+
+def reconstruction_problem(
+    dataset: Dataset, known_points: bool = False, rows: BoolArray | None = None
+) -> Problem:
+    """The 3D cost on all bars of a data set, or on its known points; or on those of some rows (n,).
+
+    Raises:
+        StereocalError: no frame has both targets, or no row has a known point.
+    """
+    table = dataset.correspondences
+    wanted = np.ones(len(table), dtype=np.bool_) if rows is None else rows
+    if known_points:
+        known = wanted & np.isfinite(table.known_points_m).all(axis=1)
+        if not known.any():
+            raise StereocalError(
+                "No row has a known point: the columns x_m, y_m, z_m are missing or empty."
+            )
+        return Problem(
+            costs.POINTS,
+            np.ascontiguousarray(dataset.rays[:, known]),
+            np.ascontiguousarray(table.known_points_m[known].T),
+            dataset.pixel_scale,
+        )
+    bars = dataset.bars_among(wanted)
+    if not bars.any():
+        raise StereocalError(
+            "No frame has both targets A and B, so there is no length to measure: the 3D method "
+            "needs frames in which both cameras see both ends of the bar."
+        )
+    return Problem(
+        costs.DISTANCE,
+        np.ascontiguousarray(dataset.rays[:, table.bars[bars].T.ravel()]),
+        dataset.bar_distances_m[None, bars],
+        dataset.pixel_scale,
+    )

@@ -1,1 +1,0 @@
-"""Finding X-corners in one photograph, to a hundredth of a pixel."""

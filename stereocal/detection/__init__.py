@@ -1,0 +1,1 @@
+"""Targets in one photograph: candidates, edges, corner model, fit."""

@@ -1,0 +1,246 @@
+"""Where in a photograph an X-corner may be: saddles of the brightness, at several scales.
+
+A saddle has det(Hessian) < 0 (Beaudet, 1978); its neighbourhood is then asked on a ring: four
+changes of sign, and the same brightness on opposite sides. What is left is fitted in a small window
+(`corner_model`), which tells crossings of two straight edges from most of what leaves, fences and
+windows show.
+"""
+
+from __future__ import annotations
+
+import math
+
+import cv2
+import numpy as np
+
+from stereocal.detection.corner_model import ALL, CORE
+from stereocal.detection.edges import GreyImage, arm_quality, follow
+from stereocal.detection.fit import plausible, window
+from stereocal.detection.solver import minimise
+from stereocal.rig.compiled import FloatArray, compiled, internal
+
+LEVELS = 5
+"""Each half the size of the one before: the last one sees edges with a blur of 20 px."""
+SMALLEST_SIDE = 16
+"""px; of a level of the pyramid."""
+SMOOTHING = 1.1
+WEAKEST = 1.0
+"""Root of -det(Hessian), grey levels per px^2: a contrast of 40 with a blur of 3 px has 3 at the
+level where it is strongest."""
+RING = np.array([(4, 0), (4, 2), (3, 3), (2, 4), (0, 4), (-2, 4), (-3, 3), (-4, 2)])
+RING = np.vstack([RING, -RING]).astype(np.int64)
+RING_ANGLES = np.unwrap(np.arctan2(RING[:, 1], RING[:, 0]).astype(np.float64))
+BORDER = 5
+ASYMMETRY = 0.3
+"""Largest mean square difference of opposite sides of the ring, per its variance."""
+SMALLEST_CONTRAST = 8.0
+"""Grey levels of 255, white less black."""
+HALF_WINDOW = 5.0
+"""px of the level."""
+MOST, MOST_OF_ALL = 64, 400
+"""Fits for each level: the starts that look most like a crossing. Corners of larger chessboards
+count in the second number only, so that they crowd nothing out. In 80 photographs of the bar among
+clutter each target was among the first 24 of one level at least."""
+ROUNDS, TOLERANCE_PX = 8, 0.02
+EXPLAINED = 0.6
+"""Share of the variance that a crossing explains there: 0.86 with a contrast of 40 and noise of 8
+at full size, where a window may also hold some border of the smallest boards."""
+LOOK = 30.0
+"""The arms are followed so many half windows."""
+SCORE, FLIPS, LEVEL = ALL, ALL + 1, ALL + 2
+COLUMNS = ALL + 3
+"""Of a candidate: the parameters, its score, flips, and the level."""
+
+
+@internal
+def _saddle(image: GreyImage, y: int, strength: GreyImage) -> None:
+    """Fills -det(Hessian) of one row, (w,), by second differences; its ends stay."""
+    for x in range(1, image.shape[1] - 1):
+        xx = image[y, x + 1] - 2 * image[y, x] + image[y, x - 1]
+        yy = image[y + 1, x] - 2 * image[y, x] + image[y - 1, x]
+        xy = image[y + 1, x + 1] - image[y + 1, x - 1]
+        xy += image[y - 1, x - 1] - image[y - 1, x + 1]
+        strength[x] = xy * xy * np.float32(0.0625) - xx * yy
+
+
+@internal
+def _crossings(ring: FloatArray, middle: float, edges: FloatArray) -> bool:
+    """Whether a ring changes sign four times; then the angles (4,), in order."""
+    n, count = ring.size, 0
+    for i in range(n):
+        here, ahead = ring[i] - middle, ring[(i + 1) % n] - middle
+        if (here > 0) != (ahead > 0):
+            if count == 4:
+                return False
+            turn = math.pi / 8.0 if i == n - 1 else RING_ANGLES[i + 1] - RING_ANGLES[i]
+            edges[count] = RING_ANGLES[i] + turn * here / (here - ahead)
+            count += 1
+    return count == 4
+
+
+@internal
+def _ring(image: GreyImage, x: int, y: int, ring: FloatArray, p: FloatArray) -> bool:
+    """Whether a ring looks like that of an X-corner; then p is the start of its fit."""
+    n, darkest, brightest = ring.size, math.inf, -math.inf
+    for i in range(n):
+        ring[i] = image[y + RING[i, 1], x + RING[i, 0]]
+        darkest, brightest = min(darkest, ring[i]), max(brightest, ring[i])
+    middle = 0.5 * (darkest + brightest)
+    if brightest - darkest < SMALLEST_CONTRAST:
+        return False
+    edges = np.empty(4)
+    if not _crossings(ring, middle, edges):
+        return False
+    variance, difference = 0.0, 0.0
+    for i in range(n):
+        variance += (ring[i] - middle) ** 2
+        difference += (ring[i] - ring[(i + n // 2) % n]) ** 2
+    if difference > 2.0 * ASYMMETRY * variance:
+        return False
+    first = 0.5 * (edges[0] + edges[2] - math.pi)
+    second = 0.5 * (edges[1] + edges[3] - math.pi)
+    # Just after the first change of sign the ring is bright or dark: between the two edges.
+    bright = True
+    for i in range(n):
+        if RING_ANGLES[i] > edges[0]:
+            bright = ring[i] > middle
+            break
+    for i in range(p.size):
+        p[i] = 0.0
+    p[0], p[1] = x, y
+    p[2] = first - 0.5 * math.pi if bright else first + 0.5 * math.pi
+    p[3] = second + 0.5 * math.pi
+    p[4], p[5], p[6] = 0.4, middle, math.sqrt(variance / n)
+    return True
+
+
+@internal
+def _likeness(image: GreyImage, x: int, y: int, p: FloatArray) -> float:
+    """Correlation of 9x9 pixels with a crossing whose edges are ramps of 4 px."""
+    cos1, sin1, cos2, sin2 = math.cos(p[2]), math.sin(p[2]), math.cos(p[3]), math.sin(p[3])
+    n, one, two, both, square1, square2 = 0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for j in range(-4, 5):
+        for i in range(-4, 5):
+            h = min(max(0.5 * (cos1 * i + sin1 * j), -1.0), 1.0)
+            k = min(max(0.5 * (cos2 * i + sin2 * j), -1.0), 1.0)
+            model, value = h * k, image[y + j, x + i] - p[5]
+            n += 1
+            one += model
+            two += value
+            both += model * value
+            square1 += model * model
+            square2 += value * value
+    variance1, variance2 = square1 - one * one / n, square2 - two * two / n
+    return (both - one * two / n) / math.sqrt(max(variance1 * variance2, 1e-12))
+
+
+@compiled
+def _starts(image: GreyImage, weakest: float) -> FloatArray:
+    """(n, 14): starts of the fits at the saddles that pass the ring, and their likeness."""
+    height, width = image.shape
+    found = np.empty((256, ALL + 1))
+    ring = np.empty(RING.shape[0])
+    rows = np.zeros((3, width), dtype=np.float32)
+    n = 0
+    _saddle(image, BORDER - 1, rows[(BORDER - 1) % 3])
+    _saddle(image, BORDER, rows[BORDER % 3])
+    for y in range(BORDER, height - BORDER):
+        above, here, below = rows[(y - 1) % 3], rows[y % 3], rows[(y + 1) % 3]
+        _saddle(image, y + 1, below)
+        for x in range(BORDER, width - BORDER):
+            s = here[x]
+            if s < weakest or here[x - 1] > s or here[x + 1] > s:
+                continue
+            if max(above[x - 1], above[x], above[x + 1]) > s:
+                continue
+            if max(below[x - 1], below[x], below[x + 1]) > s:
+                continue
+            if _ring(image, x, y, ring, found[n]):
+                found[n, ALL] = _likeness(image, x, y, found[n])
+                n += 1
+                if n == found.shape[0]:
+                    found = _doubled(found)
+    return found[:n]
+
+
+@internal
+def _doubled(rows: FloatArray) -> FloatArray:
+    larger = np.empty((2 * rows.shape[0], rows.shape[1]))
+    for i in range(rows.shape[0]):
+        for j in range(rows.shape[1]):
+            larger[i, j] = rows[i, j]
+    return larger
+
+
+@compiled
+def _screen(level: GreyImage, starts: FloatArray, scores: FloatArray) -> None:
+    """Fits each start in a small window, in place; scores (n, 2): `Corner.quality`, flips.
+
+    Starts beyond `MOST`, the corners of larger chessboards not counted, keep the score 0.
+    """
+    along, half = np.empty((2, 2)), np.full(2, HALF_WINDOW)
+    penalty, before = np.zeros(ALL), np.empty(ALL)
+    # numba compiles once more for each constant that is given as it stands.
+    size, rounds, samples, stride = int(CORE), int(ROUNDS), 0, 1
+    left = MOST
+    for i in range(starts.shape[0]):
+        if left == 0:
+            break
+        left -= 1
+        p = starts[i]
+        for a in range(ALL):
+            before[a] = p[a]
+        along[0, 0], along[0, 1] = -math.sin(p[2]), math.cos(p[2])
+        along[1, 0], along[1, 1] = -math.sin(p[3]), math.cos(p[3])
+        pixels = window(level, p[0], p[1], along, half, stride)
+        if pixels.shape[0] < 3 * CORE:
+            continue
+        cost, _ = minimise(pixels, p, size, HALF_WINDOW, samples, penalty, rounds, TOLERANCE_PX)
+        if not plausible(p, before, 3.0) or 2.0 * abs(p[6]) < SMALLEST_CONTRAST:
+            continue
+        explained = 1.0 - cost / max(np.var(pixels[:, 2]) * pixels.shape[0], 1e-9)
+        if explained < EXPLAINED:
+            continue
+        arms, flips, cut = follow(level, p, half, LOOK)
+        for a in range(4):
+            arms[a] = min(arms[a], LOOK * HALF_WINDOW)
+        scores[i, 0], scores[i, 1] = explained * arm_quality(arms, cut, math.exp(p[4])), flips
+        left += int(flips >= 2)
+
+
+def candidates(image: GreyImage) -> FloatArray:
+    """X-corners that a photograph may show, the best first.
+
+    Args:
+        image: (h, w), grey levels from 0 to about 255.
+
+    Returns (n, 16): the parameters of `corner_model` in px of the photograph, the score, along how
+    many arms a next square follows, and the level of the pyramid.
+    """
+    found = []
+    level = image
+    for depth in range(LEVELS):
+        if min(level.shape) < SMALLEST_SIDE:
+            break
+        smooth: GreyImage = np.asarray(cv2.GaussianBlur(level, (5, 5), SMOOTHING), np.float32)
+        starts = _starts(smooth, WEAKEST**2)
+        likest = np.argsort(-starts[:, ALL], kind="stable")[:MOST_OF_ALL]
+        p = np.ascontiguousarray(starts[likest, :ALL])
+        scores = np.zeros((len(p), 2))
+        _screen(level, p, scores)
+        good = scores[:, 0] > 0.0
+        found.append(_at_full_size(p[good], scores[good], depth))
+        half = cv2.resize(level, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+        level = np.asarray(half, dtype=np.float32)
+    together = np.concatenate(found) if found else np.empty((0, COLUMNS))
+    return together[np.argsort(-together[:, SCORE], kind="stable")]
+
+
+def _at_full_size(p: FloatArray, scores: FloatArray, depth: int) -> FloatArray:
+    """Candidates of one level in px of the photograph."""
+    scale = 2.0**depth
+    rows = np.column_stack([p, scores, np.full(len(p), depth)])
+    rows[:, :2] = (rows[:, :2] + 0.5) * scale - 0.5
+    rows[:, 4] += math.log(scale)
+    rows[:, 7:9] /= scale
+    return rows

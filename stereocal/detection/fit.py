@@ -1,0 +1,277 @@
+"""One X-corner of a photograph: how far its board reaches, and where exactly its centre is.
+
+The fit (`corner_model`) starts in a small window. Along the four half edges the contrast between
+the two sides tells where the board ends; the window grows with the edges that are found straight,
+up to most of the board, and never takes in its outer border.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from stereocal.detection.corner_model import ALL, CORE, CURVATURE_SIGMA, GRADIENT_SIGMA
+from stereocal.detection.edges import GreyImage, arm_quality, follow
+from stereocal.detection.solver import minimise, spread
+from stereocal.rig.compiled import FloatArray, compiled
+
+INSIDE = 0.96
+"""The window reaches so far along each arm, less one blur: boards in perspective are no
+parallelograms, and their border is blurred too."""
+SMALLEST_HALF_WINDOW = 2.5
+GROWTH = 3.0
+PIXELS_WHILE_GROWING = 1500
+SMALLEST_SINE = 0.35
+"""Edges closer than 20 degrees: a board tilted by more than 70."""
+FARTHEST = 30.0
+WORST_ARMS = 0.4
+ROUNDS = 30
+WHILE_GROWING_PX, AT_LAST_PX = 1e-2, 1e-5
+"""Tolerances of the fits."""
+MISFIT = 0.06
+"""Boards have 0.00 to 0.03, pickets and leaves 0.05 to 0.15."""
+PATTERN, SMALLER, SUSPECT = 0.035, 0.7, 0.055
+"""Where the fit leaves a pattern, a smaller window may still be good: what is behind the board made
+an arm seem longer. Such a corner is never sure: it counts as if its misfit were the last number."""
+SHARP = 1.3
+"""Below this blur, in px, the model is averaged over each pixel."""
+
+
+@dataclass(frozen=True, eq=False)
+class Corner:
+    """A fitted X-corner. Lengths in px, brightness in grey levels of the photograph."""
+
+    centre: FloatArray
+    """(2,): u, v."""
+    covariance: FloatArray
+    """(2, 2), px^2."""
+    directions: FloatArray
+    """(2, 2): unit vectors along the two edges."""
+    arms: FloatArray
+    """(4,): how far the edges reach: forward and back along the first, then along the second."""
+    flips: int
+    """Along so many arms a next square follows in the opposite order: a larger chessboard."""
+    cut: int
+    """Bit i is set where arm i ends at the border of the image."""
+    blur: float
+    contrast: float
+    """White less black."""
+    black: float
+    white: float
+    residual: float
+    """Root mean square of what the fit leaves."""
+    misfit: float
+    """What the fit leaves that is no noise, root mean square, per contrast."""
+
+    @property
+    def sigma_px(self) -> float:
+        """Standard deviation of the centre, the mean over both directions."""
+        return math.sqrt(0.5 * float(np.trace(self.covariance)))
+
+    @property
+    def quality(self) -> float:
+        """0 to 1: less where the fit leaves a pattern, and where the arms differ or are short.
+
+        Saddles of leaves, fences and clouds are curved and soft: most have less than 0.6.
+        """
+        return arm_quality(self.arms, self.cut, self.blur) * math.exp(
+            -0.5 * (self.misfit / MISFIT) ** 2
+        )
+
+    @property
+    def lengths(self) -> FloatArray:
+        """(2,): lengths of the board along its two edges; the shorter arm counts twice."""
+        return np.array([2.0 * min(self.arms[:2]), 2.0 * min(self.arms[2:])])
+
+    @property
+    def board_px(self) -> float:
+        """Size of the board: the mean of its two lengths."""
+        return float(self.lengths.mean())
+
+
+def _directions(p: FloatArray) -> FloatArray:
+    """(2, 2): unit vectors along the edges; the normals are p[2] and p[3]."""
+    return np.array([[-math.sin(p[2]), math.cos(p[2])], [-math.sin(p[3]), math.cos(p[3])]])
+
+
+def _fit(
+    image: GreyImage,
+    p: FloatArray,
+    half: FloatArray,
+    noise: float,
+    size: int,
+    stride: int,
+    samples: int,
+    tolerance: float = WHILE_GROWING_PX,
+) -> tuple[FloatArray, FloatArray, FloatArray, bool]:
+    """Fit in one window: pixels, parameters, penalty, and whether it converged."""
+    pixels = window(image, p[0], p[1], _directions(p), half, stride)
+    penalty = np.zeros(ALL)
+    radius = float(half.max())
+    penalty[7:9] = noise / CURVATURE_SIGMA**2
+    penalty[9:] = noise / (GRADIENT_SIGMA * p[6]) ** 2
+    fitted = p.copy()
+    if len(pixels) <= size + 4:
+        return pixels, fitted, penalty, False
+    _, converged = minimise(pixels, fitted, size, radius, samples, penalty, ROUNDS, tolerance)
+    return pixels, fitted, penalty, converged
+
+
+def _stride(half: FloatArray) -> int:
+    """Every so many rows and columns hold about `PIXELS_WHILE_GROWING` pixels of a window."""
+    return max(1, round(math.sqrt(4.0 * half[0] * half[1] / PIXELS_WHILE_GROWING)))
+
+
+@compiled
+def window(
+    image: GreyImage,
+    u: float,
+    v: float,
+    along: FloatArray,
+    half: FloatArray,
+    stride: int,
+) -> FloatArray:
+    """(n, 3): the pixels u, v, grey level of a parallelogram around (u, v).
+
+    Args:
+        image: (h, w).
+        along: (2, 2), unit vectors along the two edges.
+        half: (2,), how far it reaches along each of them, px.
+        stride: take every so many rows and columns.
+    """
+    height, width = image.shape
+    reach_u = abs(along[0, 0]) * half[0] + abs(along[1, 0]) * half[1]
+    reach_v = abs(along[0, 1]) * half[0] + abs(along[1, 1]) * half[1]
+    left, right = max(0, math.ceil(u - reach_u)), min(width - 1, math.floor(u + reach_u))
+    top, bottom = max(0, math.ceil(v - reach_v)), min(height - 1, math.floor(v + reach_v))
+    across = along[0, 0] * along[1, 1] - along[0, 1] * along[1, 0]
+    rows = max(0, (bottom - top) // stride + 1)
+    columns = max(0, (right - left) // stride + 1)
+    found = np.empty((rows * columns, 3))
+    n = 0
+    for y in range(top, bottom + 1, stride):
+        for x in range(left, right + 1, stride):
+            dx, dy = x - u, y - v
+            first = (dx * along[1, 1] - dy * along[1, 0]) / across
+            second = (dy * along[0, 0] - dx * along[0, 1]) / across
+            if abs(first) <= half[0] and abs(second) <= half[1]:
+                found[n, 0], found[n, 1], found[n, 2] = x, y, image[y, x]
+                n += 1
+    return found[:n]
+
+
+@compiled
+def plausible(p: FloatArray, start: FloatArray, reach: float) -> bool:
+    """Whether a fit stayed at its corner and kept two different edges and a blur that can be."""
+    moved = math.hypot(p[0] - start[0], p[1] - start[1])
+    return (
+        math.isfinite(p[:CORE].sum())
+        and moved < reach
+        and abs(math.sin(p[2] - p[3])) > SMALLEST_SINE
+        and -3.0 < p[4] < math.log(2.0 * max(reach, 1.0))
+        and p[6] * start[6] > 0.0
+    )
+
+
+def fit_corner(
+    image: GreyImage, start: FloatArray, half: float, quantum: float, gain: float = 1.0
+) -> Corner | None:
+    """Fit the X-corner near a start.
+
+    Args:
+        image: (h, w), grey levels times `gain`.
+        start: (13,), the first seven parameters of `corner_model` near their values.
+        half: px; the first window reaches so far from the centre along both edges.
+        quantum: step of the numbers in `image`: the gain for a photograph of integers, or 0.
+        gain: the result is given in grey levels.
+
+    Returns None where the fit finds no crossing of two edges.
+    """
+    p = start.copy()
+    reach = np.array([half, half])
+    noise = max(quantum**2 / 12.0, (0.05 * p[6]) ** 2)
+    _, p, _, _ = _fit(image, p, reach, noise, CORE, 1, 0)
+    if not plausible(p, start, half):
+        return None
+    arms, flips, cut = np.full(4, np.inf), 0, 0
+    for _ in range(7):
+        arms, flips, cut = follow(image, p, reach, GROWTH)
+        blur = math.exp(p[4])
+        ends = np.array([min(arms[:2]), min(arms[2:])])
+        wanted = np.maximum(INSIDE * ends - blur, SMALLEST_HALF_WINDOW)
+        grown = np.minimum(wanted, GROWTH * reach)
+        done = bool(np.isfinite(ends).all() and (np.abs(grown / reach - 1.0) < 0.1).all())
+        reach = grown
+        stride = _stride(reach)
+        size = CORE if max(reach) < 8 else ALL
+        _, fitted, _, _ = _fit(image, p, reach, noise, size, stride, 0)
+        if not plausible(fitted, p, float(min(reach))):
+            return None
+        p = fitted
+        if done:
+            break
+    if cut:
+        # A board at the border has a small window, from which its other arms reach far.
+        arms, flips, cut = follow(image, p, reach, FARTHEST)
+    # One arm may seem endless: the bar goes on along its edge. It was followed so far at least.
+    ends = np.array([min(arms[:2]), min(arms[2:])])
+    if not np.isfinite(ends).all():
+        return None
+    arms = np.minimum(arms, GROWTH * np.repeat(reach, 2))
+    if arm_quality(arms, cut, math.exp(p[4])) < WORST_ARMS:
+        return None
+    scale, found = (quantum, gain), (arms, flips, cut)
+    corner = _final(image, p, reach, noise, scale, found)
+    if corner is None or corner.misfit > PATTERN:
+        smaller = _final(image, p, SMALLER * reach, noise, scale, found)
+        if smaller is not None and smaller.misfit < PATTERN:
+            return replace(smaller, misfit=SUSPECT)
+    return corner
+
+
+def _final(
+    image: GreyImage,
+    p: FloatArray,
+    half: FloatArray,
+    noise: float,
+    scale: tuple[float, float],
+    ends: tuple[FloatArray, int, int],
+) -> Corner | None:
+    """The fit of all pixels of the last window, and what is said of it."""
+    quantum, gain = scale
+    smallest = max(quantum**2 / 12.0, (1e-5 * p[6]) ** 2)
+    radius = float(half.max())
+    # The first fit is for the noise, which the priors are weighed with.
+    for stride, tolerance in ((_stride(half), WHILE_GROWING_PX), (1, AT_LAST_PX)):
+        samples = 4 if math.exp(p[4]) < SHARP else 1
+        pixels, fitted, penalty, converged = _fit(
+            image, p, half, noise, ALL, stride, samples, tolerance
+        )
+        if not converged or not plausible(fitted, p, float(min(half))):
+            return None
+        p = fitted
+        found = spread(pixels, p, radius, samples, penalty)
+        noise = max(found[3], smallest)
+    variance = max(found[3], found[4], smallest)
+    if not np.isfinite(found).all():
+        return None
+    covariance = variance * np.array([[found[0], found[1]], [found[1], found[2]]])
+    contrast = 2.0 * abs(p[6])
+    # Chance gives the products of n residuals of pure noise a spread of 1 / sqrt(n).
+    pattern = float(found[5] - 2.0 * found[3] / math.sqrt(len(pixels)))
+    return Corner(
+        centre=p[:2].copy(),
+        covariance=covariance,
+        directions=_directions(p),
+        arms=ends[0],
+        flips=ends[1],
+        cut=ends[2],
+        blur=math.exp(p[4]),
+        contrast=contrast / gain,
+        black=float(p[5] - contrast / 2) / gain,
+        white=float(p[5] + contrast / 2) / gain,
+        residual=math.sqrt(found[3]) / gain,
+        misfit=math.sqrt(max(0.0, pattern)) / float(contrast),
+    )

@@ -1,0 +1,178 @@
+"""Levenberg-Marquardt for the image of an X-corner (`corner_model`), and what its residuals say.
+
+Small dense systems are solved by Cholesky's method: `np.linalg.solve` takes 5 s to compile.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stereocal.detection.corner_model import ALL, FRAME, fill_frame, fill_rows
+from stereocal.rig.compiled import FloatArray, compiled, internal
+from stereocal.rig.decompositions import backward, factor, forward
+
+CHUNK = 64
+SMALLEST_PIVOT = 1e-14
+"""Of a diagonal entry: less is rounding."""
+
+
+@internal
+def _normal_equations(
+    pixels: FloatArray,
+    p: FloatArray,
+    radius: float,
+    samples: int,
+    penalty: FloatArray,
+    H: FloatArray,
+    g: FloatArray,
+) -> float:
+    """Fills H = J^T J + diag(penalty) and g = J^T e + penalty p; returns their cost.
+
+    Rows of J and e stand side by side for `CHUNK` pixels at a time, so that each product is a sum
+    over neighbours in memory: faster than pixel by pixel.
+    """
+    size, n = g.size, pixels.shape[0]
+    frame, rows = np.empty(FRAME), np.empty((ALL + 1, CHUNK))
+    products = np.zeros((size + 1, size + 1))
+    fill_frame(p, radius, samples, frame)
+    for first in range(0, n, CHUNK):
+        count = min(CHUNK, n - first)
+        fill_rows(p, frame, pixels, first, count, rows)
+        for a in range(size + 1):
+            left = a if a < size else ALL
+            for b in range(a + 1):
+                right = b if b < size else ALL
+                total = 0.0
+                for i in range(count):
+                    total += rows[left, i] * rows[right, i]
+                products[a, b] += total
+    cost: float = products[size, size]
+    for a in range(size):
+        g[a] = products[size, a] + penalty[a] * p[a]
+        cost += penalty[a] * p[a] * p[a]
+        for b in range(a + 1):
+            H[a, b] = H[b, a] = products[a, b]
+        H[a, a] += penalty[a]
+    return cost
+
+
+@internal
+def _damp(H: FloatArray, g: FloatArray, damping: float, L: FloatArray, step: FloatArray) -> None:
+    """Write H with its diagonal raised to L (the lower half), and g to `step`."""
+    for a in range(g.size):
+        step[a] = g[a]
+        for b in range(a):
+            L[a, b] = H[a, b]
+        L[a, a] = (1.0 + damping) * H[a, a] + 1e-30
+
+
+@compiled
+def minimise(
+    pixels: FloatArray,
+    p: FloatArray,
+    size: int,
+    radius: float,
+    samples: int,
+    penalty: FloatArray,
+    rounds: int,
+    tolerance: float,
+) -> tuple[float, bool]:
+    """Levenberg-Marquardt on the first `size` parameters of p, in place.
+
+    Args:
+        pixels: (n, 3): u, v, grey level.
+        p: (13,), the start, then the result.
+        size: 7 (one straight crossing, even light) or 13.
+        radius: of the window in px: the unit of the gradients.
+        samples: 4 averages the model over each pixel, for blurs that are not large against one;
+            1 takes its middle; 0 also takes the edges to be at right angles, which is quick.
+        penalty: (13,), what the cost gains for each parameter squared.
+        rounds: at most so many.
+        tolerance: px; it ends with a step of the centre below this that lowers the cost by less
+            than a tenth of it, relatively.
+
+    Returns the cost and whether it converged.
+    """
+    H, L, trial = np.empty((size, size)), np.empty((size, size)), p.copy()
+    g, step = np.empty(size), np.empty(size)
+    H_new, g_new = np.empty((size, size)), np.empty(size)
+    cost = _normal_equations(pixels, p, radius, samples, penalty, H, g)
+    damping = 1e-3
+    for _ in range(rounds):
+        _damp(H, g, damping, L, step)
+        if not factor(L, SMALLEST_PIVOT):
+            damping = max(damping * 10.0, 1e-6)
+            if damping > 1e8:
+                return cost, False
+            continue
+        forward(L, step)
+        backward(L, step)
+        for a in range(size):
+            trial[a] = p[a] - step[a]
+        new = _normal_equations(pixels, trial, radius, samples, penalty, H_new, g_new)
+        if new <= cost:
+            moved = abs(step[0]) + abs(step[1])
+            small = moved < tolerance and cost - new < 0.1 * tolerance * cost
+            for a in range(size):
+                p[a] = trial[a]
+            H, H_new, g, g_new, cost = H_new, H, g_new, g, new
+            damping *= 0.1
+            if small:
+                return cost, True
+        else:
+            if abs(step[0]) + abs(step[1]) < 0.01 * tolerance:
+                return cost, True
+            damping *= 10.0
+            if damping > 1e8:
+                return cost, False
+    return cost, False
+
+
+@compiled
+def spread(
+    pixels: FloatArray, p: FloatArray, radius: float, samples: int, penalty: FloatArray
+) -> FloatArray:
+    """(6,): covariance uu, uv, vv for noise of variance 1, three measures of the noise.
+
+    First its variance. Then that of its edges: the mean squared residual weighted by how much each
+    pixel moves the centre, as near the edges the noise differs from that of the flat squares, and
+    so does what the model misses. Last the mean product of residuals side by side: noise has none,
+    things that are no board do.
+    All NaN where the pixels do not determine the parameters.
+    """
+    found = np.full(6, np.nan)
+    L, g = np.empty((ALL, ALL)), np.empty(ALL)
+    columns = np.zeros((2, ALL))
+    _normal_equations(pixels, p, radius, samples, penalty, L, g)
+    if not factor(L, SMALLEST_PIVOT):
+        return found
+    for a in range(2):
+        columns[a, a] = 1.0
+        forward(L, columns[a])
+        backward(L, columns[a])
+    frame, rows = np.empty(FRAME), np.empty((ALL + 1, CHUNK))
+    fill_frame(p, radius, samples, frame)
+    total, weighted, weights = 0.0, 0.0, 0.0
+    beside, neighbours, before = 0.0, 0, 0.0
+    for i in range(pixels.shape[0]):
+        column = i % CHUNK
+        if column == 0:
+            fill_rows(p, frame, pixels, i, min(CHUNK, pixels.shape[0] - i), rows)
+        error = rows[ALL, column]
+        du, dv = 0.0, 0.0
+        for a in range(ALL):
+            du += columns[0, a] * rows[a, column]
+            dv += columns[1, a] * rows[a, column]
+        weight = du * du + dv * dv
+        total += error * error
+        weighted += weight * error * error
+        weights += weight
+        if i > 0 and pixels[i, 0] == pixels[i - 1, 0] + 1.0:
+            beside += error * before
+            neighbours += 1
+        before = error
+    found[0], found[1], found[2] = columns[0, 0], columns[0, 1], columns[1, 1]
+    found[3] = total / max(pixels.shape[0] - ALL, 1)
+    found[4] = weighted / weights
+    found[5] = beside / max(neighbours, 1)
+    return found

@@ -1,0 +1,1 @@
+"""The paper's Section 6: splits, counts, intervals, summary."""

@@ -1,0 +1,313 @@
+"""How well each method matches and measures on frames it has not seen (paper, Section 6).
+
+A run draws k of n frames, calibrates with them, and tests on the others: every point of the primary
+camera against every point of the secondary. Pairs of the same target in the same frame are correct,
+all others wrong: 10 and 90 for 5 frames. Beyond `MOST_PARTNERS` points, each point meets only so
+many wrong partners, drawn at random: the cost grows with the frames and not with their square.
+
+Errors are not kept but counted, in bins of log10; pooling runs and data sets adds counts. A value
+of 0 counts as below all bins, and a pair that cannot be reconstructed in front of both cameras
+(NaN) as above all bins: nobody would match it. Both are counted and reported.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from contextlib import closing
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
+
+import numpy as np
+
+from stereocal.calibration.checks import check_points
+from stereocal.calibration.essential import calibrate_essential
+from stereocal.calibration.methods import METHODS, CalibrationSettings
+from stereocal.calibration.montecarlo import minimise
+from stereocal.calibration.problems import reconstruction_problem, reprojection_problem
+from stereocal.errors import StereocalError
+from stereocal.evaluation.protocol import BINS, calibrate_rays, validate_rays
+from stereocal.refined.refine import refine
+from stereocal.refined.unknowns import RefineSettings
+from stereocal.rig.compiled import BoolArray, CountArray, FloatArray, IntArray
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.geometry import Angles, Pose
+from stereocal.system.tasks import Pieces, Task, each_finished
+
+MOST_PARTNERS = 99
+MINIMUM_VALIDATION_FRAMES = 2
+
+
+@dataclass(frozen=True)
+class EvaluationSettings:
+    """The protocol; the defaults are the paper's.
+
+    Raises:
+        StereocalError: a number below 1.
+    """
+
+    calibration: CalibrationSettings = field(default_factory=CalibrationSettings)
+    runs: int = 100
+    calibration_frames: int = 20
+    refined: RefineSettings | None = None
+    """Settings of the refined method; None leaves it out."""
+
+    def __post_init__(self) -> None:
+        if self.runs < 1 or self.calibration_frames < 1:
+            raise StereocalError("The runs and the calibration frames must be at least 1.")
+
+    def to_json(self) -> dict[str, Any]:
+        """All settings in one flat object."""
+        return {
+            **self.calibration.to_json(),
+            "runs": self.runs,
+            "calibration_frames": self.calibration_frames,
+            "refined": self.refined.to_json() if self.refined else None,
+        }
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> EvaluationSettings:
+        """The settings that `to_json` describes.
+
+        Raises:
+            StereocalError: a name that is no setting, or a value out of range.
+        """
+        rest = dict(data)
+        own = {name: rest.pop(name) for name in ("runs", "calibration_frames") if name in rest}
+        if not all(isinstance(value, int) for value in own.values()):
+            raise StereocalError("The settings cannot be read: a count is not a whole number.")
+        given = rest.pop("refined", None)
+        refined = RefineSettings.from_json(given) if given else None
+        return cls(CalibrationSettings.from_json(rest), refined=refined, **own)
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """What one run counted. First axis: the methods, in the order of `ALL_METHODS`; 3 or 4."""
+
+    counts: CountArray
+    """(methods, 2, 2, BINS + 2): method; residual, reprojection; wrong, correct; bin."""
+    nans: IntArray
+    """(methods, 2): pairs not reconstructed in front of both cameras; wrong, correct."""
+    lengths: FloatArray
+    """(methods, m): D^R / D of the validation bars; NaN where there is none."""
+    angles: FloatArray
+    """(methods, 5), in radians; NaN where the refined method found nothing."""
+    correct_px: FloatArray
+    """(methods,): mean reprojection error of the correct pairs; NaN where none has a value."""
+
+
+def evaluate_run(dataset: Dataset, settings: EvaluationSettings, number: int, run: int) -> Run:
+    """Run `run` of the data set that stands at place `number` of the study.
+
+    The random numbers depend on the seed, the data set's place and the run alone, so any engine
+    gives the same result (the refined method's to about 1e-9: it stops at a tolerance).
+
+    Raises:
+        StereocalError: too few frames, or points that allow no calibration.
+    """
+    own = settings.calibration
+    seeds = np.random.SeedSequence([own.search.seed, number, run]).spawn(4)
+    fit = split(dataset, settings.calibration_frames, seeds[0])
+    check_points(dataset, fit)
+    angles = _fit(dataset, fit, own, seeds[1], seeds[2])
+    rng = np.random.Generator(np.random.PCG64(seeds[3]))
+    partners = _partners(int(np.count_nonzero(~fit)), rng)
+    found = _test(dataset, ~fit, angles, partners)
+    if settings.refined is None:
+        return found
+    return _stacked(found, _refined(dataset, fit, angles[0], settings.refined, partners))
+
+
+def _fit(
+    dataset: Dataset,
+    rows: BoolArray,
+    settings: CalibrationSettings,
+    of_2d: np.random.SeedSequence,
+    of_3d: np.random.SeedSequence,
+) -> FloatArray:
+    """The angles of the three methods, (3, 5), calibrated with some rows (n,)."""
+    matching = reprojection_problem(dataset, rows)
+    measuring = reconstruction_problem(dataset, settings.known_points, rows)
+    search = settings.search
+    angles = np.empty((len(METHODS), 5))
+    if calibrate_rays(
+        angles, dataset.baseline_m, dataset.pixel_scale, settings.essential == "constrained",
+        matching.rays, measuring.kind, measuring.rays, measuring.reference,
+        np.random.Generator(np.random.PCG64(of_2d)), np.random.Generator(np.random.PCG64(of_3d)),
+        (search.delta, search.delta_min, search.acceptance, search.shrink),
+        (search.minimum_moves, search.maximum_moves),
+    ):  # fmt: skip
+        return angles
+    # Fewer than 8 pairs, or points that allow no calibration: the way that also says why.
+    start = calibrate_essential(
+        matching.rays, dataset.baseline_m, settings.essential, measuring.cost
+    ).pose
+    angles[0] = start.angles
+    angles[1] = minimise(matching, start, search, of_2d).pose.angles
+    angles[2] = minimise(measuring, start, search, of_3d).pose.angles
+    return angles
+
+
+def split(dataset: Dataset, calibration_frames: int, seed: np.random.SeedSequence) -> BoolArray:
+    """Which rows to fit, (n,); the frames are drawn at random, and the other rows are the test.
+
+    Raises:
+        StereocalError: fewer than 2 frames are left to test with.
+    """
+    check_split(dataset, calibration_frames)
+    rows = dataset.correspondences
+    frames = len(rows.frames)
+    chosen = np.zeros(frames, dtype=np.bool_)
+    order = np.random.Generator(np.random.PCG64(seed)).permutation(frames)
+    chosen[order[:calibration_frames]] = True
+    return chosen[np.searchsorted(rows.frames, rows.frame)]
+
+
+def check_split(dataset: Dataset, calibration_frames: int) -> None:
+    """Refuse a split that leaves nothing to test with.
+
+    Raises:
+        StereocalError: as said.
+    """
+    frames = len(dataset.correspondences.frames)
+    if frames - calibration_frames < MINIMUM_VALIDATION_FRAMES:
+        raise StereocalError(
+            f"{dataset.name} has {frames} frames; with {calibration_frames} to calibrate, "
+            f"{max(0, frames - calibration_frames)} are left to test, and at least "
+            f"{MINIMUM_VALIDATION_FRAMES} are needed. Calibrate with fewer frames."
+        )
+
+
+def _refined(
+    dataset: Dataset,
+    fit: BoolArray,
+    start: FloatArray,
+    settings: RefineSettings,
+    partners: IntArray,
+) -> Run:
+    """The refined method, fitted to some rows (n,) and tested on the others with its own lenses.
+
+    Where it finds nothing, no pair and no bar has a value.
+    """
+    pose = Pose.from_angles(Angles(*start.tolist()), dataset.baseline_m)
+    try:
+        found = refine(dataset, settings, pose, fit)
+        own = replace(
+            dataset,
+            primary=found.primary,
+            secondary=found.secondary,
+            baseline_m=found.pose.baseline,
+        )
+    except StereocalError:
+        return _test(dataset, ~fit, np.full((1, 5), np.nan), partners)
+    return _test(own, ~fit, np.array([found.pose.angles]), partners)
+
+
+def count_set(dataset: Dataset, pose: Pose, seed: int = 0) -> Run:
+    """All pairs and bars of a data set, counted with one set: frames are not held out.
+
+    Args:
+        dataset: with the cameras of the set.
+        seed: of the wrong partners that are drawn where there are very many points.
+    """
+    rows = np.ones(len(dataset.correspondences), dtype=np.bool_)
+    partners = _partners(len(rows), np.random.default_rng(seed))
+    own = replace(dataset, baseline_m=pose.baseline)
+    return _test(own, rows, np.array([pose.angles]), partners)
+
+
+def _stacked(first: Run, second: Run) -> Run:
+    """One run with the methods of both."""
+    pairs = ((getattr(first, one.name), getattr(second, one.name)) for one in fields(Run))
+    return Run(*(np.concatenate(pair) for pair in pairs))
+
+
+def _test(dataset: Dataset, rows: BoolArray, angles: FloatArray, partners: IntArray) -> Run:
+    """Count all pairs of some rows (n,) with the angles of each method, (methods, 5)."""
+    counts = np.zeros((len(angles), 2, 2, BINS + 2), dtype=np.int32)
+    nans = np.zeros((len(angles), 2), dtype=np.int64)
+    correct_px = np.empty(len(angles))
+    bars = dataset.bars_among(rows)
+    lengths = np.empty((len(angles), np.count_nonzero(bars)))
+    ends = dataset.correspondences.bars[bars].T.ravel()
+    validate_rays(
+        angles, dataset.baseline_m, dataset.pixel_scale,
+        np.ascontiguousarray(dataset.rays[:, rows]), partners,
+        np.ascontiguousarray(dataset.rays[:, ends]), dataset.bar_distances_m[bars],
+        counts, nans, lengths, correct_px,
+    )  # fmt: skip
+    return Run(counts, nans, lengths, angles, correct_px)
+
+
+def _partners(points: int, rng: np.random.Generator) -> IntArray:
+    """(points, p): the secondary points that each primary point meets, itself first."""
+    steps = np.arange(1, points)
+    if len(steps) > MOST_PARTNERS:
+        steps = rng.choice(steps, MOST_PARTNERS, replace=False)
+    own = np.arange(points)[:, None]
+    return np.asarray((own + np.concatenate([[0], steps])) % points, dtype=np.int64)
+
+
+def evaluate(
+    datasets: Sequence[Dataset],
+    settings: EvaluationSettings,
+    executor: Executor,
+    progress: Callable[[int, int], None] | None = None,
+    cancelled: Callable[[], bool] | None = None,
+    chunk: int = 10,
+    pieces: Pieces[list[Run]] | None = None,
+) -> list[list[Run]] | None:
+    """All runs of all data sets, by data set, on any `concurrent.futures` executor.
+
+    Args:
+        progress: called with the runs done and the runs in all.
+        cancelled: asked after each chunk of runs; if true, what is left is dropped.
+        pieces: chunks that were finished before, and where more are kept.
+
+    Returns:
+        The runs by data set, in order; None if cancelled.
+
+    Raises:
+        StereocalError: a data set that allows no calibration, or a split that leaves no test.
+    """
+    for dataset in datasets:
+        check_split(dataset, settings.calibration_frames)
+    tasks: dict[str, Task[list[Run]]] = {}
+    for number, dataset in enumerate(datasets):
+        of_dataset = _key(dataset, settings, number)
+        for first in range(0, settings.runs, chunk):
+            runs = range(first, min(first + chunk, settings.runs))
+            key = f"{of_dataset} {runs.start}-{runs.stop}"
+            tasks[key] = (evaluate_runs, (dataset, settings, number, runs))
+    found: dict[str, list[Run]] = {}
+    done, total = 0, settings.runs * len(datasets)
+    with closing(each_finished(executor, tasks, pieces)) as finished:
+        for key, of_chunk in finished:
+            found[key] = of_chunk
+            done += len(of_chunk)
+            if progress:
+                progress(done, total)
+            if cancelled and cancelled():
+                return None
+    by_dataset: list[list[Run]] = [[] for _ in datasets]
+    for key, (_, (_, _, number, _)) in tasks.items():
+        by_dataset[number] += found[key]
+    return by_dataset
+
+
+def _key(dataset: Dataset, settings: EvaluationSettings, number: int) -> str:
+    """Names all that a run depends on, but for its own number."""
+    protocol = {name: value for name, value in settings.to_json().items() if name != "runs"}
+    sigmas = [dataset.baseline_sigma_m, dataset.target_distance_sigma_m]
+    content = json.dumps([dataset.sha256, sigmas, protocol, number], sort_keys=True)
+    return hashlib.sha256(content.encode()).hexdigest()[:32]
+
+
+def evaluate_runs(
+    dataset: Dataset, settings: EvaluationSettings, number: int, runs: Sequence[int]
+) -> list[Run]:
+    """Several runs of one data set: the piece of work that an executor gets."""
+    return [evaluate_run(dataset, settings, number, run) for run in runs]

@@ -1,0 +1,274 @@
+"""The report of a validation: one HTML file that holds everything and opens without a network."""
+
+from __future__ import annotations
+
+import datetime
+import math
+import platform
+from collections.abc import Iterable, Mapping, Sequence
+from html import escape
+
+import cv2
+import numba
+import numpy as np
+import pandas as pd
+import plotly
+import plotly.graph_objects as go
+import scipy
+from plotly.offline import get_plotlyjs
+
+import stereocal
+from stereocal.calibration.methods import ALL_METHODS, METHOD_NAMES, Method
+from stereocal.evaluation.evaluate import EvaluationSettings
+from stereocal.evaluation.summary import BOOTSTRAPS, MethodSummary
+from stereocal.figures.comparison import describe_comparison, plot_comparison
+from stereocal.figures.tables import (
+    ANGLE_TITLES,
+    contents_table,
+    left_out_line,
+    listed,
+    validation_answer,
+    validation_table,
+)
+from stereocal.figures.validation import COLUMNS, describe_validation, plot_validation
+from stereocal.refined.screening import Screening
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.geometry import Angles
+
+SETTING_NAMES = {
+    "delta": "First size of a step, Δ (rad)",
+    "delta_min": "Smallest step, Δ min (rad)",
+    "acceptance": "The step shrinks below an acceptance ratio of",
+    "shrink": "Factor of a shrinking step",
+    "minimum_moves": "Moves at one step before the ratio is looked at",
+    "maximum_moves": "Most moves of a search",
+    "seed": "Seed of the random numbers",
+    "essential": "Solver of the essential matrix",
+    "calibration_frames": "Frames to calibrate with, in each run",
+    "known_points": "3D cost from known points instead of lengths",
+    "all_frames": "Trust every frame, also one that contradicts the others",
+    "frames_put_back": "Frames kept though they contradict the others",
+    "runs": "Runs for each data set",
+    "refined": "Settings of the refined method",
+}
+STYLE = """
+:root { color-scheme: light dark; --ink: #1b2631; --page: #ffffff; --rule: #c9d0d6;
+  --shade: #f3f5f7; }
+@media (prefers-color-scheme: dark) {
+  :root { --ink: #e6ebf0; --page: #12181e; --rule: #3b4752; --shade: #1c252e; }
+}
+* { box-sizing: border-box; }
+body { margin: 0; background: var(--page); color: var(--ink);
+  font: 16px/1.5 system-ui, sans-serif; }
+main { max-width: 1140px; margin: 0 auto; padding: 16px; }
+h1 { font-size: 1.7rem; line-height: 1.25; } h2 { font-size: 1.25rem; margin-top: 2rem; }
+.answer { font-size: 1.1rem; padding: 12px 16px; background: var(--shade);
+  border-left: 4px solid #1f83c4; }
+.scroll { overflow-x: auto; }
+table { border-collapse: collapse; font-size: 0.92rem; }
+th, td { padding: 4px 10px; border-bottom: 1px solid var(--rule); text-align: left;
+  vertical-align: top; overflow-wrap: break-word; }
+td { font-variant-numeric: tabular-nums; }
+.data td + td:not(.digest) { white-space: nowrap; }
+.digest { font-family: monospace; overflow-wrap: anywhere; min-width: 20ch; }
+.main-svg > g:not(.hoverlayer) text { fill: var(--ink) !important; }
+.narrow { display: none; }
+@media screen and (max-width: 759px) { .wide { display: none; } .narrow { display: block; } }
+@page { size: A4 landscape; margin: 12mm; }
+@media print {
+  :root { --ink: #000000; --page: #ffffff; --rule: #999999; --shade: #ffffff; }
+  main { max-width: none; padding: 0; }
+  .plot { zoom: 0.72; } .plot, tr { break-inside: avoid; } h2 { break-after: avoid; }
+}
+"""
+
+
+def report_html(
+    summaries: Mapping[Method, MethodSummary],
+    by_dataset: Mapping[str, Mapping[Method, MethodSummary]],
+    datasets: Sequence[Dataset],
+    settings: EvaluationSettings,
+    screenings: Sequence[Screening] = (),
+) -> str:
+    """The whole report as the text of one file.
+
+    Args:
+        summaries: all data sets pooled.
+        by_dataset: each data set on its own, by name; drawn when there are several.
+        datasets: in the order in which they were evaluated, with all frames.
+        screenings: of the data sets, in order, where frames were left out.
+    """
+    title = f"Validation of {_named(datasets)}"
+    sections = [
+        f"<h1>{escape(title)}</h1>",
+        f'<p class="answer">{escape(validation_answer(summaries))}</p>',
+        _section("What was done", _procedure(datasets, settings)),
+        _section("Data sets" if len(datasets) > 1 else "Data set", _datasets(datasets, screenings)),
+        _section("How well each method matches and measures", _validation(summaries)),
+        _section("The figures in numbers", _table(validation_table(summaries))),
+        *_comparison(by_dataset),
+        _section("Angles: mean ± spread over the runs, in degrees", _angles(summaries, datasets)),
+        _section("Settings", _table(_settings(settings, summaries))),
+        _section("Software", _software()),
+    ]
+    return (
+        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f"<title>{escape(title)}</title>\n<style>{STYLE}</style>\n"
+        f"<script>{get_plotlyjs()}</script>\n</head>\n<body>\n<main>\n"
+        + "\n".join(sections)
+        + "\n</main>\n</body>\n</html>\n"
+    )
+
+
+def _named(datasets: Sequence[Dataset]) -> str:
+    if len(datasets) == 1:
+        return datasets[0].name or "a data set"
+    return f"{len(datasets)} data sets"
+
+
+def _section(title: str, content: str) -> str:
+    return f"<section>\n<h2>{escape(title)}</h2>\n{content}\n</section>"
+
+
+def _procedure(datasets: Sequence[Dataset], settings: EvaluationSettings) -> str:
+    """What was done, in words."""
+    units = "data sets" if len(datasets) > 1 else "runs"
+    return _paragraphs(
+        f"In each of {settings.runs} runs for each data set, {settings.calibration_frames} frames "
+        "drawn at random calibrated the rig in three ways: by the essential matrix, by a search "
+        "for the smallest reprojection error (2D set), and by a search for the smallest error of "
+        "the bar's length (3D set). The other frames tested the result.",
+        "Matching: each point of the primary camera was paired with points of the secondary. Pairs "
+        "of the same target in the same frame are correct, all others wrong. The probability "
+        "densities of log10 of the residual and of the reprojection error were compared: the area "
+        "in which those of correct and of wrong pairs overlap says how often a wrong pair looks "
+        "right (false correspondence probability, FCP). The recommended threshold is where they "
+        "cross.",
+        "Measuring: the 3D error is |D − Dᴿ| / D, with the measured length D of the bar and the "
+        "reconstructed length Dᴿ.",
+        f"Intervals are 95 % bootstrap intervals over the {units} ({BOOTSTRAPS} resamplings). "
+        "Values of zero and pairs behind a camera are counted, not dropped.",
+    )
+
+
+def _paragraphs(*texts: str) -> str:
+    return "\n".join(f"<p>{escape(text)}</p>" for text in texts)
+
+
+def _datasets(datasets: Sequence[Dataset], screenings: Sequence[Screening]) -> str:
+    heads = ["Name", "Frames", "Pairs", "Bars", "Baseline", "Bar", "SHA-256 of its numbers"]
+    rows = []
+    for dataset in datasets:
+        lines = contents_table(dataset)["Read"]
+        points = dataset.correspondences
+        cells = [
+            dataset.name, len(points.frames), len(points), len(points.bars), lines["Baseline"],
+            lines["Distance between the targets"],
+        ]  # fmt: skip
+        rows.append(
+            "".join(f"<td>{escape(str(cell))}</td>" for cell in cells)
+            + f'<td class="digest">{escape(dataset.sha256)}</td>'
+        )
+    notes = [f"{d.name}: {d.notes}" for d in datasets if d.notes]
+    notes += [f"{s.given.name}: {left_out_line(s)}" for s in screenings if s.left_out]
+    head = "".join(f'<th scope="col">{text}</th>' for text in heads)
+    body = "\n".join(f"<tr>{row}</tr>" for row in rows)
+    return (
+        f'<div class="scroll" tabindex="0"><table class="data"><thead><tr>{head}</tr></thead>\n'
+        f"<tbody>{body}</tbody></table></div>\n{_paragraphs(*notes)}"
+    )
+
+
+def _validation(summaries: Mapping[Method, MethodSummary]) -> str:
+    """The grid on a wide screen, its columns one below the other on a narrow one."""
+    words = describe_validation(summaries)
+    wide = _plot(plot_validation(summaries), words, "plot wide")
+    # A finger that moves over a figure scrolls the page.
+    narrow = [
+        _plot(plot_validation(summaries, [column]), words,
+              "plot narrow")
+        for column in COLUMNS
+    ]  # fmt: skip
+    return "\n".join([wide, *narrow, _paragraphs(words)])
+
+
+def _comparison(by_dataset: Mapping[str, Mapping[Method, MethodSummary]]) -> Iterable[str]:
+    if len(by_dataset) < 2:
+        return []
+    words = describe_comparison(by_dataset)
+    figure = _plot(plot_comparison(by_dataset), words, "plot")
+    return [_section("The data sets compared", f"{figure}\n{_paragraphs(words)}")]
+
+
+def _plot(figure: go.Figure, words: str, kind: str) -> str:
+    drawn = figure.to_html(
+        full_html=False, include_plotlyjs=False, include_mathjax=False,
+        config={"responsive": True, "displayModeBar": False},
+    )  # fmt: skip
+    return f'<div class="{kind}" role="img" aria-label="{escape(words)}">{drawn}</div>'
+
+
+def _table(table: pd.DataFrame) -> str:
+    """A table with its cells, rows and columns escaped."""
+    first = escape(str(table.index.name or ""))
+    heads = "".join(f'<th scope="col">{escape(str(column))}</th>' for column in table.columns)
+    rows = [
+        f'<tr><th scope="row">{escape(str(name))}</th>'
+        + "".join(f"<td>{escape(str(cell))}</td>" for cell in cells)
+        + "</tr>"
+        for name, cells in zip(table.index, table.to_numpy(), strict=True)
+    ]
+    return (
+        f'<div class="scroll" tabindex="0"><table><thead><tr><th scope="col">{first}</th>{heads}'
+        "</tr></thead>\n<tbody>" + "\n".join(rows) + "</tbody></table></div>"
+    )
+
+
+def _angles(summaries: Mapping[Method, MethodSummary], datasets: Sequence[Dataset]) -> str:
+    columns: dict[str, list[str]] = {}
+    for method in (method for method in ALL_METHODS if method in summaries):
+        means, spreads = summaries[method].angle_means, summaries[method].angle_spreads
+        columns[METHOD_NAMES[method]] = [
+            f"{math.degrees(mean):.4f} ± {math.degrees(spread):.4f}"
+            for mean, spread in zip(means.ravel(), spreads.ravel(), strict=True)
+        ]
+    titles = [ANGLE_TITLES[name].removesuffix(" (degrees)") for name in Angles._fields]
+    rows = [
+        f"{dataset.name}: {title}" if len(datasets) > 1 else title
+        for dataset in datasets
+        for title in titles
+    ]
+    return _table(pd.DataFrame(columns, index=pd.Index(rows, name="Angle")))
+
+
+def _settings(
+    settings: EvaluationSettings, summaries: Mapping[Method, MethodSummary]
+) -> pd.DataFrame:
+    lines = {
+        SETTING_NAMES.get(name, name): _setting(value) for name, value in settings.to_json().items()
+    }
+    edges = next(iter(summaries.values())).residual.correct.edges
+    lines["Width of the bins (decades)"] = f"{edges[1] - edges[0]:.3g}"
+    return pd.DataFrame({"Value": lines}).rename_axis("Setting")
+
+
+def _setting(value: object) -> str:
+    if isinstance(value, dict):
+        return ", ".join(f"{key} {_setting(inner)}" for key, inner in value.items())
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, list):
+        return listed(value) if value else "none"
+    return "none" if value is None else str(value)
+
+
+def _software() -> str:
+    versions = {
+        "stereocal": stereocal.__version__, "Python": platform.python_version(),
+        "numpy": np.__version__, "scipy": scipy.__version__, "numba": numba.__version__,
+        "opencv": cv2.__version__, "plotly": plotly.__version__,
+    }  # fmt: skip
+    written = datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d %H:%M UTC")
+    table = _table(pd.DataFrame({"Version": versions}).rename_axis("Program"))
+    return f"{table}\n{_paragraphs(f'Written on {written}.')}"

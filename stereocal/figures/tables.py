@@ -1,0 +1,365 @@
+"""Results in words and in tables, for people: units said, digits that mean something."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pandas as pd
+
+from stereocal.calibration.methods import ALL_METHODS, COST_UNITS, METHOD_NAMES, METHODS, Method
+from stereocal.calibration.results import POOR_LENGTH, errors_of
+from stereocal.evaluation.summary import Estimate, MethodSummary, best_methods
+from stereocal.refined.bar_fit import BAR
+from stereocal.refined.refine import RefinedResult
+from stereocal.refined.results import Calibration
+from stereocal.refined.screening import MOST_LEFT_OUT, Screening
+from stereocal.refined.uncertainty import standard_errors
+from stereocal.rig.compiled import IntArray
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.parameters import RigParameters
+
+LENS_TITLES = {
+    "fx": "Focal length fx",
+    "fy": "Focal length fy",
+    "cx": "Image centre cx",
+    "cy": "Image centre cy",
+}
+ANGLE_TITLES = {
+    "yaw": "Yaw α (degrees)",
+    "pitch": "Pitch β (degrees)",
+    "roll": "Roll γ (degrees)",
+    "delta": "Direction of the baseline δ (degrees)",
+    "epsilon": "Direction of the baseline ε (degrees)",
+}
+
+
+def results_table(calibration: Calibration) -> pd.DataFrame:
+    """The three methods side by side: a column a method, a row a quantity, all as text."""
+    return pd.DataFrame(
+        {METHOD_NAMES[name]: _column(calibration, name) for name in METHODS}
+    ).rename_axis(_frames_in_words(calibration))
+
+
+def _frames_in_words(calibration: Calibration) -> str:
+    held_out = ", fitted and held out" if len(calibration.held_out_frames) else ""
+    left_out = len(calibration.screening.left_out)
+    return f"All frames{f' but the {left_out} left out' if left_out else ''}{held_out}"
+
+
+def _column(calibration: Calibration, name: Method) -> dict[str, str]:
+    found, errors = calibration.methods[name], calibration.errors[name]
+    angles = found.pose.angles
+    unit = COST_UNITS[name]
+    return {
+        "Mean reprojection error (px)": digits(errors.mean_reprojection_px),
+        "Mean bar length error (%)": digits(100 * errors.mean_length),
+        "95 % of bars within (%)": digits(100 * errors.p95_length),
+        "Pairs behind a camera": f"{int(np.isnan(errors.reprojection_px).sum())}",
+        **{
+            title: f"{math.degrees(getattr(angles, key)):.4f}"
+            for key, title in ANGLE_TITLES.items()
+        },
+        "Baseline (m)": f"{found.pose.baseline:.4f}",
+        "Cost": f"{digits(found.cost)} {unit}".strip(),
+        "Evaluations of the cost": f"{found.evaluations}",
+        "Time (ms)": digits(1000 * found.seconds, 2),
+        "Stopped because": found.stop_reason,
+    }
+
+
+def refined_table(result: RefinedResult) -> pd.DataFrame:
+    """The refined set with its standard errors: angles in degrees, lengths in m, lenses in px."""
+    lines = {}
+    for name, value in standard_errors(result).items():
+        if name in ANGLE_TITLES:
+            title, scale = ANGLE_TITLES[name], 180 / math.pi
+        elif name == "baseline_m":
+            title, scale = "Baseline (m)", 1.0
+        else:
+            camera, key = name.split("_")
+            title, scale = f"{LENS_TITLES[key]}, {camera} camera (px)", 1.0
+        error = "held" if value.sigma == 0 else f"± {digits(scale * value.sigma, 2)}"
+        decimals = 4 if scale != 1.0 or name == "baseline_m" else 2
+        lines[title] = {"Value": f"{scale * value.value:.{decimals}f}", "Standard error": error}
+    bar = result.dataset.target_distance_m
+    lines["Distance A–B (m)"] = {
+        "Value": f"{bar * result.bar_factor:.5f}",
+        "Standard error": f"± {digits(bar * math.sqrt(result.covariance[BAR, BAR]), 2)}",
+    }
+    return pd.DataFrame(lines).T.rename_axis("Refined set")
+
+
+def parameters_table(rig: RigParameters) -> pd.DataFrame:
+    """One set of parameters: angles in degrees, baseline in m, lenses in px."""
+    lines = {
+        ANGLE_TITLES[name]: f"{math.degrees(value):.4f}"
+        for name, value in rig.pose.angles._asdict().items()
+    }
+    lines["Baseline (m)"] = f"{rig.pose.baseline:.4f}"
+    for which, camera in (("primary", rig.primary), ("secondary", rig.secondary)):
+        K = camera.K
+        for key, value in zip(LENS_TITLES, (K[0, 0], K[1, 1], K[0, 2], K[1, 2]), strict=True):
+            lines[f"{LENS_TITLES[key]}, {which} camera (px)"] = f"{value:.2f}"
+    return pd.DataFrame({"Value": lines}).rename_axis("Parameter")
+
+
+def answer(calibration: Calibration) -> str:
+    """The result in one or two sentences, on the held-out frames where there are any."""
+    testing = len(calibration.held_out_frames)
+    dataset = calibration.dataset.of_frames(_tested(calibration))
+    where = "the frames it was fitted to"
+    if testing:
+        where = f"{testing} frames that took no part in the fit"
+    matching = errors_of(dataset, calibration.methods["2d"].pose)
+    measuring = errors_of(dataset, calibration.methods["3d"].pose)
+    first = (
+        f"To find which points belong together, use the 2D set: on {where}, points "
+        f"reproject to within {digits(matching.mean_reprojection_px)} px on average."
+    )
+    if math.isnan(measuring.mean_length):
+        return first
+    return (
+        f"{first} To measure, use the 3D set: bar lengths come out right to "
+        f"{digits(100 * measuring.mean_length)} % on average, and 95 % of them within "
+        f"{digits(100 * measuring.p95_length)} % (with the 2D set "
+        f"{digits(100 * matching.mean_length)} % on average)."
+    )
+
+
+def left_out_line(screening: Screening) -> str:
+    """Which frames were left out, and which of them only look exchanged."""
+    frames = screening.left_out
+    if not frames:
+        return ""
+    one = len(frames) == 1
+    named, verb = ("frame", "contradicts") if one else ("frames", "contradict")
+    line = f"Left out: {named} {listed(frames)}, which {verb} the others."
+    if screening.exchanged:
+        which = screening.exchanged
+        where = "there" if which == frames else f"in frame{'s' * (len(which) > 1)} {listed(which)}"
+        line += f" A and B look exchanged in one camera {where}."
+    return line
+
+
+def why_not_trusted(calibration: Calibration) -> str:
+    """What keeps a result from being one to rely on; empty where nothing does."""
+    dataset = calibration.dataset.of_frames(_tested(calibration))
+    error = errors_of(dataset, calibration.methods["3d"].pose).p95_length
+    return _not_trusted([calibration.screening], error)
+
+
+def why_validation_not_trusted(
+    summaries: Mapping[Method, MethodSummary], screenings: Sequence[Screening]
+) -> str:
+    """The same of a validation, by the set that measures best on the held-out frames."""
+    errors = [found.reconstruction.p95 for found in summaries.values()]
+    known = [error for error in errors if math.isfinite(error)]
+    return _not_trusted(screenings, min(known, default=math.nan))
+
+
+def _not_trusted(screenings: Sequence[Screening], p95_length: float) -> str:
+    found = [
+        f"{percent(each.share)} % of the frames of {each.given.name} contradict the others and "
+        "were left out."
+        for each in screenings
+        if each.share > MOST_LEFT_OUT
+    ]
+    if p95_length > POOR_LENGTH:
+        found.append(f"5 % of the bars come out more than {percent(p95_length)} % wrong in length.")
+    return " ".join(found)
+
+
+def listed(frames: Sequence[object], most: int = 12) -> str:
+    """Numbers of frames in a sentence: `3, 8 and 12`, and how many more."""
+    shown = [str(frame) for frame in frames[:most]]
+    if len(frames) > most:
+        return f"{', '.join(shown)} and {len(frames) - most} more"
+    return " and ".join([", ".join(shown[:-1]), shown[-1]] if len(shown) > 1 else shown)
+
+
+def _tested(calibration: Calibration) -> IntArray:
+    """The frames to judge a result by: the held-out ones, or those it was fitted to."""
+    held_out = calibration.held_out_frames
+    return held_out if len(held_out) else calibration.frames
+
+
+def contents_table(dataset: Dataset) -> pd.DataFrame:
+    """What was read: a row a quantity."""
+    rows = dataset.correspondences
+    frames = rows.frames
+    primary, secondary = dataset.primary, dataset.secondary
+    single = len(frames) - len(rows.bars)
+    lines = {
+        "Frames": f"{len(frames)} (numbers {frames[0]} to {frames[-1]})",
+        "Pairs of points": f"{len(rows)}",
+        "Frames with both targets": f"{len(rows.bars)}"
+        + (f" ({single} with one target serve the 2D method only)" if single else ""),
+        "Primary image": f"{primary.image_size[0]} × {primary.image_size[1]} px, focal length "
+        f"{primary.K[0, 0]:.1f} px",
+        "Secondary image": f"{secondary.image_size[0]} × {secondary.image_size[1]} px, focal "
+        f"length {secondary.K[0, 0]:.1f} px",
+        "Baseline": f"{dataset.baseline_m:g} m",
+        "Distance between the targets": _distances(dataset),
+    }
+    return pd.DataFrame({"Read": lines}).rename_axis("What")
+
+
+def _distances(dataset: Dataset) -> str:
+    own = dataset.bar_distances_m
+    if len(own) and np.ptp(own) > 0:
+        return f"{own.min():g} to {own.max():g} m, by frame"
+    return f"{own[0] if len(own) else dataset.target_distance_m:g} m"
+
+
+def validation_table(summaries: Mapping[Method, MethodSummary]) -> pd.DataFrame:
+    """The validation figures side by side: a column a method, a row a quantity, all as text."""
+    return pd.DataFrame(
+        {
+            METHOD_NAMES[method]: {
+                **_matching_column(summaries[method]),
+                **_measuring_column(summaries[method]),
+                **_counts_column(summaries[method]),
+            }
+            for method in ALL_METHODS
+            if method in summaries
+        }
+    ).rename_axis("Held-out frames; in brackets 95 % intervals")
+
+
+def _matching_column(summary: MethodSummary) -> dict[str, str]:
+    looks_right = "How often a wrong pair looks right (FCP)"
+    residual, matching = summary.residual, summary.reprojection
+    return {
+        f"{looks_right}, residual (%)": _with_interval(residual.fcp),
+        f"{looks_right}, reprojection error (%)": _with_interval(matching.fcp),
+        "Recommended threshold, residual (no unit)": digits(residual.threshold),
+        "Recommended threshold, reprojection error (px)": digits(matching.threshold),
+        "Correct pairs lost at that many px (%)": percent(matching.correct_lost),
+        "Wrong pairs let in at that many px (%)": percent(matching.wrong_let_in),
+    }
+
+
+def _measuring_column(summary: MethodSummary) -> dict[str, str]:
+    lengths = summary.reconstruction
+    return {
+        "3D error of the bars, median (%)": _with_interval(lengths.median),
+        "95 % of bars within (%)": percent(lengths.p95),
+        "3D error of the bars, mean (%)": percent(lengths.mean),
+        "Bars with a 3D error above 1 % (%)": percent(lengths.fraction_above_1_percent),
+        "Spread of the lengths, blind to scale (wand score, %)": digits(lengths.wand_score, 2),
+        "Error of the scale (mean length error, %)": percent(lengths.mean_length_error),
+    }
+
+
+def _counts_column(summary: MethodSummary) -> dict[str, str]:
+    residual, matching = summary.residual, summary.reprojection
+    bars = summary.reconstruction.pdf
+    return {
+        "Correct pairs counted": f"{matching.correct.n}",
+        "Wrong pairs counted": f"{matching.wrong.n}",
+        "Pairs behind a camera, correct and wrong": f"{matching.correct.nans} and "
+        f"{matching.wrong.nans}",
+        "Residuals of zero": f"{residual.correct.zeros + residual.wrong.zeros}",
+        "Reprojection errors of zero": f"{matching.correct.zeros + matching.wrong.zeros}",
+        "Bars counted": f"{max(bars.n, bars.nans)}",
+        "Bars without value": f"{bars.nans}",
+        "3D errors of zero": f"{bars.zeros}",
+    }
+
+
+def validation_answer(summaries: Mapping[Method, MethodSummary]) -> str:
+    """Which set to match with, at which limit, and which to measure with, and how well.
+
+    The 2D set is named for matching and the 3D set for measuring where they are best, or where
+    their interval overlaps that of the best; then it is said which methods are level with them. The
+    refined set, where there is one, has a sentence of its own.
+    """
+    paper = {method: summaries[method] for method in METHODS if method in summaries}
+    answer = _answer_of(paper)
+    if "refined" in summaries:
+        refined = summaries["refined"]
+        answer += (
+            f" The one refined set does both: at {digits(refined.reprojection.threshold, 2)} px "
+            f"{percent(refined.reprojection.wrong_let_in)} % of wrong pairs pass, and 95 % of bars "
+            f"are within {percent(refined.reconstruction.p95)} %."
+        )
+    return answer
+
+
+def _answer_of(summaries: Mapping[Method, MethodSummary]) -> str:
+    best = best_methods(summaries)
+    fcps = {method: summary.reprojection.fcp for method, summary in summaries.items()}
+    medians = {method: summary.reconstruction.median for method, summary in summaries.items()}
+    match = _recommended(fcps, best["reprojection"], "2d")
+    matching = summaries[match].reprojection
+    first = (
+        f"Match with {_name(match)} at {digits(matching.threshold, 2)} px: "
+        f"{percent(matching.wrong_let_in)} % of wrong pairs pass and "
+        f"{percent(matching.correct_lost)} % of correct ones are lost"
+        f"{_level(fcps, match, 'FCP')}."
+    )
+    measure = _recommended(medians, best["reconstruction"], "3d")
+    if not math.isfinite(medians[measure].value):
+        return f"{first} No bar could be measured."
+    lengths = summaries[measure].reconstruction
+    return (
+        f"{first} Measure with {_name(measure)}: 95 % of bars within {percent(lengths.p95)} %"
+        f"{_level(medians, measure, 'median error')}."
+    )
+
+
+def _recommended(found: Mapping[Method, Estimate], best: Method, made_for_it: Method) -> Method:
+    if made_for_it in found and _overlap(found[made_for_it], found[best]):
+        return made_for_it
+    return best
+
+
+def _level(found: Mapping[Method, Estimate], chosen: Method, what: str) -> str:
+    """A clause on the methods whose interval overlaps that of the chosen one."""
+    level = [
+        f"{_name(method)} with {percent(estimate.value)} %"
+        for method, estimate in found.items()
+        if method != chosen and _overlap(estimate, found[chosen])
+    ]
+    if not level:
+        return ""
+    return (
+        f" (level with it, for the intervals overlap: {' and '.join(level)}; its own {what} is "
+        f"{percent(found[chosen].value)} %)"
+    )
+
+
+def _overlap(a: Estimate, b: Estimate) -> bool:
+    return a.low <= b.high and b.low <= a.high
+
+
+def _name(method: Method) -> str:
+    return "the essential matrix" if method == "essential" else f"the {METHOD_NAMES[method]}"
+
+
+def percent(fraction: float, significant: int = 2) -> str:
+    """A fraction in percent, without the sign: `0.0037` is `0.37`."""
+    return digits(round(100 * fraction, 9) + 0.0, significant)
+
+
+def interval(estimate: Estimate) -> str:
+    """The interval of a fraction in percent: `0.18 to 0.51`."""
+    return f"{percent(estimate.low)} to {percent(estimate.high)}"
+
+
+def _with_interval(estimate: Estimate) -> str:
+    if not math.isfinite(estimate.value):
+        return "none"
+    return f"{percent(estimate.value)} ({interval(estimate)})"
+
+
+def digits(value: float, significant: int = 3) -> str:
+    """A number with so many significant digits, without an exponent where it can be read."""
+    if not math.isfinite(value):
+        return "none"
+    if value == 0 or 1e-4 <= abs(value) < 1e5:
+        decimals = 0 if value == 0 else significant - 1 - math.floor(math.log10(abs(value)))
+        return f"{value:.{max(0, decimals)}f}"
+    return f"{value:.{significant - 1}e}"

@@ -1,0 +1,1 @@
+"""One file per other program whose calibrations are read and written."""

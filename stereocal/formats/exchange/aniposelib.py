@@ -1,0 +1,93 @@
+"""aniposelib's TOML: each camera takes the world to its own frame; our world is the primary's."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from typing import Any
+
+import cv2
+import numpy as np
+
+from stereocal.errors import StereocalError
+from stereocal.formats.exchange.lens_fit import lens
+from stereocal.formats.exchange.stereo import (
+    ExchangeOptions,
+    Stereo,
+    array_of,
+    header,
+    numbers,
+    only_file,
+    size_of,
+)
+from stereocal.formats.lens_model import check_lens_model
+from stereocal.rig.camera import Camera
+from stereocal.rig.geometry import Pose
+
+
+def write_aniposelib(stereo: Stereo, _: ExchangeOptions) -> dict[str, bytes]:
+    """`calibration.toml`.
+
+    Raises:
+        StereocalError: a lens with more than five coefficients.
+    """
+    text = header(
+        "#",
+        "The world is the frame of the primary camera, cam_0. rotation: rotation vector, radians.",
+        "size: width, height; the centre of the top-left pixel is (0, 0).",
+    )
+    turn, _jacobian = cv2.Rodrigues(stereo.pose.R)
+    for k, (which, camera, rotation, translation) in enumerate(
+        (
+            ("primary", stereo.primary, np.zeros(3), np.zeros(3)),
+            ("secondary", stereo.secondary, np.asarray(turn, np.float64), stereo.pose.T),
+        )
+    ):
+        text += (
+            f'\n[cam_{k}]\nname = "{which}"\n'
+            f"size = [{camera.image_size[0]}, {camera.image_size[1]}]\n"
+            f"matrix = [{', '.join(numbers(row) for row in camera.K)}]\n"
+            f"distortions = {numbers(lens(camera, 5, which, 'aniposelib'))}\n"
+            f"rotation = {numbers(rotation)}\ntranslation = {numbers(translation)}\n"
+        )
+    return {"calibration.toml": (text + "\n[metadata]\nadjusted = false\n").encode()}
+
+
+def read_aniposelib(files: Mapping[str, bytes], options: ExchangeOptions, source: str) -> Stereo:
+    """Two cameras and their pose: in the order of the sections' names, as aniposelib has them.
+
+    Raises:
+        StereocalError: not two cameras, a fisheye lens, or a number is missing.
+    """
+    name, text = only_file(files, (".toml",), source)
+    try:
+        data = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # a number of too many digits is a ValueError
+        raise StereocalError(f"{name}: this is not valid TOML ({error}).") from error
+    sections = sorted(key for key in data if key != "metadata" and isinstance(data[key], dict))
+    if len(sections) != 2:
+        raise StereocalError(f"{name}: two cameras are wanted, the file has {len(sections)}.")
+    read = [_camera(data[key], k, options, f"{name}, {key}") for k, key in enumerate(sections)]
+    (primary, first), (secondary, second) = read
+    return Stereo(primary, secondary, second @ first.inverse())
+
+
+def _camera(
+    data: Mapping[str, Any], k: int, options: ExchangeOptions, source: str
+) -> tuple[Camera, Pose]:
+    coefficients = array_of(data.get("distortions"), (-1,), "distortions", source)
+    check_lens_model(coefficients, data.get("fisheye"), options.lens_model, source)
+    which = ("primary", "secondary")[k]
+    size = size_of(data.get("size"), options.image_sizes[k], which, source)
+    try:
+        camera = Camera(
+            array_of(data.get("matrix"), (3, 3), "matrix", source),
+            coefficients,
+            size,
+        )
+    except StereocalError as error:
+        text = str(error)
+        raise StereocalError(text if source in text else f"{source}: {text}") from error
+    turn, _ = cv2.Rodrigues(array_of(data.get("rotation"), (3,), "rotation", source))
+    translation = array_of(data.get("translation"), (3,), "translation", source)
+    return camera, Pose(np.asarray(turn, dtype=np.float64), translation)

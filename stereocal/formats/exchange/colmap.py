@@ -1,0 +1,147 @@
+"""A COLMAP rig: the text files of a sparse model without images, and `rig_config.json`.
+
+COLMAP counts from the corner of the first pixel, so that its centre is (0.5, 0.5). Quaternions are
+w x y z; `sensor_from_rig` of the secondary is ours, for the rig's frame is the primary's.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from stereocal.errors import StereocalError
+from stereocal.formats.exchange.lens_fit import lens
+from stereocal.formats.exchange.stereo import (
+    ExchangeOptions,
+    Stereo,
+    array_of,
+    camera_matrix,
+    header,
+    number,
+    refuse_skew,
+    text_of,
+)
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import Pose
+
+FIRST_PIXEL = 0.5
+MODELS: Mapping[str, tuple[str, ...]] = {
+    "SIMPLE_PINHOLE": ("f", "cx", "cy"),
+    "PINHOLE": ("fx", "fy", "cx", "cy"),
+    "SIMPLE_RADIAL": ("f", "cx", "cy", "k1"),
+    "RADIAL": ("f", "cx", "cy", "k1", "k2"),
+    "OPENCV": ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2"),
+    "FULL_OPENCV": (
+        "fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6",
+    ),
+}  # fmt: skip
+
+
+def write_colmap(stereo: Stereo, _: ExchangeOptions) -> dict[str, bytes]:
+    """`cameras.txt` and `rigs.txt` with the empty rest of a model, and `rig_config.json`.
+
+    Raises:
+        StereocalError: a skew, or a lens with more than eight coefficients.
+    """
+    said = header(
+        "#",
+        "Camera 1 is the primary and the rig's frame, camera 2 the secondary.",
+        "The centre of the top-left pixel is (0.5, 0.5).",
+    )
+    cameras = said + "#   CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n"
+    config: list[dict[str, Any]] = []
+    for k, (which, camera) in enumerate(
+        (("primary", stereo.primary), ("secondary", stereo.secondary)), start=1
+    ):
+        model, parameters = _parameters(camera, which)
+        width, height = camera.image_size
+        cells = " ".join(number(value) for value in parameters)
+        cameras += f"{k} {model} {width} {height} {cells}\n"
+        config.append(
+            {
+                "image_prefix": f"{which}/",
+                "camera_model_name": model,
+                "camera_params": [float(value) for value in parameters],
+            }
+        )
+    quaternion = Rotation.from_matrix(stereo.pose.R).as_quat(scalar_first=True, canonical=True)
+    moved = " ".join(number(value) for value in [*quaternion, *stereo.pose.T])
+    rigs = said + "#   RIG_ID, NUM_SENSORS, REF_SENSOR_TYPE, REF_SENSOR_ID, SENSORS[] as\n"
+    rigs += "#   (SENSOR_TYPE, SENSOR_ID, HAS_POSE, [QW, QX, QY, QZ, TX, TY, TZ])\n"
+    rigs += f"1 2 CAMERA 1 CAMERA 2 1 {moved}\n"
+    config[0]["ref_sensor"] = True
+    config[1]["cam_from_rig_rotation"] = quaternion.tolist()
+    config[1]["cam_from_rig_translation"] = stereo.pose.T.tolist()
+    empty = dict.fromkeys(("frames.txt", "images.txt", "points3D.txt"), said.encode())
+    return {
+        "cameras.txt": cameras.encode(),
+        "rigs.txt": rigs.encode(),
+        **empty,
+        "rig_config.json": (json.dumps([{"cameras": config}], indent=2) + "\n").encode(),
+    }
+
+
+def read_colmap(files: Mapping[str, bytes], _: ExchangeOptions, source: str) -> Stereo:
+    """The two cameras of the only rig of `cameras.txt` and `rigs.txt`.
+
+    Raises:
+        StereocalError: a file is missing, or it holds another number of rigs or cameras.
+    """
+    for name in ("cameras.txt", "rigs.txt"):
+        if name not in files:
+            raise StereocalError(
+                f"{source}: {name} is missing; give the folder of a sparse model as text "
+                "(colmap model_converter --output_type TXT)."
+            )
+    cameras = {}
+    for cells in _rows(files["cameras.txt"], "cameras.txt"):
+        if len(cells) < 5:
+            raise StereocalError("cameras.txt: a camera has fewer than five entries.")
+        cameras[cells[0]] = _camera(cells, "cameras.txt")
+    rigs = _rows(files["rigs.txt"], "rigs.txt")
+    if len(rigs) != 1 or len(rigs[0]) != 14 or rigs[0][1] != "2" or rigs[0][6] != "1":
+        raise StereocalError("rigs.txt: one rig of two cameras with their pose is wanted.")
+    cells = rigs[0]
+    if cells[3] not in cameras or cells[5] not in cameras:
+        raise StereocalError("rigs.txt: the rig names a camera that cameras.txt does not hold.")
+    values = array_of(cells[7:], (7,), "the pose", "rigs.txt")
+    if not 1e-9 < np.abs(values[:4]).max() < 1e9:
+        raise StereocalError("rigs.txt: the rotation is not a quaternion.")
+    R = Rotation.from_quat(values[:4], scalar_first=True).as_matrix()
+    return Stereo(cameras[cells[3]], cameras[cells[5]], Pose(R, values[4:]))
+
+
+def _parameters(camera: Camera, which: str) -> tuple[str, FloatArray]:
+    refuse_skew(camera, which, "COLMAP")
+    K = camera.K
+    pinhole = [K[0, 0], K[1, 1], K[0, 2] + FIRST_PIXEL, K[1, 2] + FIRST_PIXEL]
+    eight = lens(camera, 8, which, "COLMAP")
+    if eight[4:].any():
+        return "FULL_OPENCV", np.array([*pinhole, *eight])
+    return "OPENCV", np.array([*pinhole, *eight[:4]])
+
+
+def _camera(cells: list[str], source: str) -> Camera:
+    model = cells[1]
+    if model not in MODELS:
+        raise StereocalError(
+            f"{source}: the lens model {model} is not known; stereocal knows {', '.join(MODELS)}."
+        )
+    names = MODELS[model]
+    values = array_of(cells[4:], (len(names),), f"the parameters of {model}", source)
+    given = dict(zip(names, values.tolist(), strict=True))
+    fx = given.get("fx", given.get("f", 0.0))
+    K = camera_matrix(fx, given.get("fy", fx), given["cx"] - FIRST_PIXEL, given["cy"] - FIRST_PIXEL)
+    order = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
+    width, height = array_of(cells[2:4], (2,), "the image size", source)
+    return Camera(K, np.array([given.get(k, 0.0) for k in order]), (int(width), int(height)))
+
+
+def _rows(content: bytes, source: str) -> list[list[str]]:
+    lines = text_of(content, source).splitlines()
+    return [line.split() for line in lines if line.strip() and not line.lstrip().startswith("#")]

@@ -1,0 +1,128 @@
+"""DLT coefficients: 11 rows, a column a camera, as DLTdv, easyWand and Argus read them.
+
+`u = (L1 X + L2 Y + L3 Z + L4) / (L9 X + L10 Y + L11 Z + 1)`, v with L5 to L8, for undistorted
+points: the lens is not in the file. P = K [R | t] of each camera, row by row, over its last entry.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Mapping
+
+import numpy as np
+from scipy.linalg import rq
+
+from stereocal.errors import StereocalError
+from stereocal.formats.exchange.stereo import (
+    ExchangeOptions,
+    Stereo,
+    array_of,
+    number,
+    only_file,
+    size_of,
+)
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import Pose
+from stereocal.system.arrays import LARGEST
+
+ORIGIN_BEHIND_M = 1e-6
+"""The last entry of P is the depth of the world's origin, 0 for a camera at the origin, and
+coefficients cannot be written then. So, without a world of the user's, the origin stands this far
+before the primary camera: a thousandth of a millimetre, which no measurement sees."""
+
+
+def write_dlt(stereo: Stereo, options: ExchangeOptions) -> dict[str, bytes]:
+    """`dlt.csv`.
+
+    Raises:
+        StereocalError: the world's origin lies in the plane of a camera's centre.
+    """
+    columns = [
+        dlt_coefficients(camera, camera_from_world, options)
+        for camera, camera_from_world in zip(
+            (stereo.primary, stereo.secondary), _poses(stereo, options.world), strict=True
+        )
+    ]
+    rows = zip(*columns, strict=True)
+    text = "".join(",".join(number(value) for value in row) + "\n" for row in rows)
+    return {"dlt.csv": text.encode()}
+
+
+def dlt_coefficients(
+    camera: Camera, camera_from_world: Pose, options: ExchangeOptions
+) -> FloatArray:
+    """The 11 coefficients of a camera, for its undistorted pixels in the given origin.
+
+    Raises:
+        StereocalError: the world's origin lies in the plane of the camera's centre.
+    """
+    origin = options.origin.matrix(camera.image_size[1])
+    P = origin @ camera.K @ np.column_stack([camera_from_world.R, camera_from_world.T])
+    if abs(P[2, 3]) < 1e-9:
+        raise StereocalError(
+            "The origin of the world lies in the plane of a camera's centre, where DLT "
+            "coefficients do not exist: move the world's origin."
+        )
+    return np.asarray((P / P[2, 3]).ravel()[:11])
+
+
+def read_dlt(files: Mapping[str, bytes], options: ExchangeOptions, source: str) -> Stereo:
+    """Two cameras without lens distortion, and their pose. The world's own frame is left out.
+
+    Raises:
+        StereocalError: not 11 rows of two numbers, or no image sizes.
+    """
+    name, text = only_file(files, (".csv", ".txt"), source)
+    try:
+        rows = [row for row in csv.reader(io.StringIO(text)) if any(cell.strip() for cell in row)]
+    except csv.Error as error:
+        raise StereocalError(f"{name}: this is not a CSV file ({error}).") from error
+    table = array_of(rows, (-1,), "the table", name)
+    if len(rows) != 11 or len(table) != 22:
+        raise StereocalError(
+            f"{name}: 11 rows with a column for each of two cameras are wanted, without a header; "
+            f"the file has {len(rows)} rows and {len(rows[0]) if rows else 0} columns."
+        )
+    cameras, poses = [], []
+    for k, which in ((0, "primary"), (1, "secondary")):
+        size = size_of(None, options.image_sizes[k], which, name)
+        P = np.append(table.reshape(11, 2)[:, k], 1.0).reshape(3, 4)
+        P = np.linalg.inv(options.origin.matrix(size[1])) @ P
+        K, pose = _decomposed(P, f"{name}, {which}")
+        cameras.append(Camera(K, np.zeros(0), size))
+        poses.append(pose)
+    # Coefficients have no place for a unit; those of ours are known by where their world is.
+    ours = np.allclose(poses[0].R, np.eye(3), rtol=0, atol=1e-6) and np.allclose(
+        poses[0].T, [0.0, 0.0, ORIGIN_BEHIND_M], rtol=0, atol=1e-3 * ORIGIN_BEHIND_M
+    )
+    return Stereo(cameras[0], cameras[1], poses[1] @ poses[0].inverse(), "m" if ours else None)
+
+
+def _poses(stereo: Stereo, world: Pose | None) -> tuple[Pose, Pose]:
+    """Primary and secondary from the world."""
+    if world is None:
+        primary = Pose(np.eye(3), np.array([0.0, 0.0, ORIGIN_BEHIND_M]))
+    else:
+        primary = world.inverse()
+    return primary, stereo.pose @ primary
+
+
+def _decomposed(P: FloatArray, source: str) -> tuple[FloatArray, Pose]:
+    """K and pose of a projection matrix of any scale and sign."""
+    largest = float(np.abs(P).max())
+    scale = float(np.linalg.norm(P[2, :3])) if largest < LARGEST else 0.0
+    if largest >= LARGEST * scale or abs(np.linalg.det(P[:, :3] / scale)) < 1e-9:
+        raise StereocalError(f"{source}: the coefficients are not those of a camera.")
+    P = P / scale * np.sign(np.linalg.det(P[:, :3]))
+    K, R = rq(P[:, :3])
+    signs = np.diag(np.sign(np.diag(K)))
+    K, R = K @ signs, signs @ R
+    if np.diag(K).min() < 1e-12 * np.abs(K).max():  # signs are right now; the numbers may not be
+        raise StereocalError(f"{source}: the coefficients are not those of a camera.")
+    t = np.linalg.solve(K, P[:, 3])
+    K /= K[2, 2]
+    K[1, 0] = K[2, 0] = K[2, 1] = 0.0
+    K[2, 2] = 1.0
+    return K, Pose(np.asarray(R, dtype=np.float64), np.asarray(t, dtype=np.float64))

@@ -1,0 +1,147 @@
+"""OpenCV's stereo files, as its sample writes them: `intrinsics.yml` and `extrinsics.yml`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import cv2
+import numpy as np
+
+from stereocal.errors import StereocalError
+from stereocal.formats.exchange.stereo import (
+    ExchangeOptions,
+    Stereo,
+    array_of,
+    header,
+    number,
+    size_of,
+    text_of,
+)
+from stereocal.formats.file_storage import find_node, lens_model_of, matrix_of, open_storage
+from stereocal.formats.lens_model import check_lens_model, five_or_more
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import Pose
+from stereocal.system.json_text import read_json
+
+NAMES: Mapping[str, tuple[str, ...]] = {
+    "M1": ("M1", "K1", "cameraMatrix1", "camera_matrix_1", "CM1"),
+    "M2": ("M2", "K2", "cameraMatrix2", "camera_matrix_2", "CM2"),
+    "D1": ("D1", "distCoeffs1", "distortion_coefficients_1"),
+    "D2": ("D2", "distCoeffs2", "distortion_coefficients_2"),
+    "R": ("R",),
+    "T": ("T",),
+}
+"""Names that people give to the same things; ours are OpenCV's own."""
+
+
+def write_opencv(stereo: Stereo, _: ExchangeOptions) -> dict[str, bytes]:
+    """The two files; R1, R2, P1, P2, Q rectify as `cv2.stereoRectify` does."""
+    intrinsics = [("M1", stereo.primary.K), ("D1", _row(stereo.primary.distortion))]
+    intrinsics += [("M2", stereo.secondary.K), ("D2", _row(stereo.secondary.distortion))]
+    sizes = "".join(
+        f"image_size_{k}: [ {camera.image_size[0]}, {camera.image_size[1]} ]\n"
+        for k, camera in ((1, stereo.primary), (2, stereo.secondary))
+    )
+    extrinsics = [("R", stereo.pose.R), ("T", stereo.pose.T[:, None])]
+    extrinsics += list(zip(("R1", "R2", "P1", "P2", "Q"), rectification(stereo), strict=True))
+    said = "1 is the primary camera, 2 the secondary."
+    return {
+        "intrinsics.yml": _file(
+            [said, "M: camera matrix; D: k1 k2 p1 p2 [k3 [k4 k5 k6 ...]]; sizes: width, height.",
+             "The centre of the top-left pixel is (0, 0)."], intrinsics, sizes
+        ),
+        "extrinsics.yml": _file(
+            [said, "R1, R2, P1, P2, Q are for images of the size of the primary's."], extrinsics
+        ),
+    }  # fmt: skip
+
+
+def rectification(stereo: Stereo) -> tuple[FloatArray, ...]:
+    """R1, R2, P1, P2, Q of `cv2.stereoRectify`, with the rows of both images aligned."""
+    found = cv2.stereoRectify(
+        stereo.primary.K,
+        _row(stereo.primary.distortion),
+        stereo.secondary.K,
+        _row(stereo.secondary.distortion),
+        stereo.primary.image_size,
+        stereo.pose.R,
+        stereo.pose.T[:, None],
+        flags=cv2.CALIB_ZERO_DISPARITY,
+    )
+    return tuple(np.asarray(each, dtype=np.float64) for each in found[:5])
+
+
+def read_opencv(files: Mapping[str, bytes], options: ExchangeOptions, source: str) -> Stereo:
+    """Two cameras and their pose, of one file or of several.
+
+    Raises:
+        StereocalError: a matrix is missing or damaged, or nothing says the image sizes.
+    """
+    found: dict[str, FloatArray] = {}
+    sizes: dict[int, Any] = {}
+    models: list[str | bool] = []
+    for name, content in files.items():
+        if name.lower().endswith((".yml", ".yaml", ".xml", ".json")):
+            _read_one(text_of(content, name).lstrip(), name, found, sizes, models)
+    missing = [key for key in NAMES if key not in found]
+    if missing:
+        raise StereocalError(
+            f"{source}: {', '.join(missing)} missing; OpenCV's stereo files hold M1, D1, M2, D2 "
+            "(intrinsics.yml) and R, T (extrinsics.yml)."
+        )
+    stated = models[0] if models else None
+    cameras = []
+    for k, which in ((1, "primary"), (2, "secondary")):
+        check_lens_model(found[f"D{k}"], stated, options.lens_model, f"{source}, {which}")
+        size = size_of(sizes.get(k), options.image_sizes[k - 1], which, source)
+        try:
+            K = array_of(found[f"M{k}"], (3, 3), f"M{k}", source)
+            cameras.append(Camera(K, found[f"D{k}"], size))
+        except StereocalError as error:
+            raise StereocalError(f"{source}, {which}: {error}") from error
+    R, T = array_of(found["R"], (3, 3), "R", source), array_of(found["T"], (3,), "T", source)
+    return Stereo(cameras[0], cameras[1], Pose(R, T))
+
+
+def _read_one(
+    text: str,
+    name: str,
+    found: dict[str, FloatArray],
+    sizes: dict[int, Any],
+    models: list[str | bool],
+) -> None:
+    if text.startswith("{"):
+        read_json(text, name)
+    storage = open_storage(text, name)
+    try:
+        for key, known in NAMES.items():
+            node = find_node(storage, known)
+            if node is not None:
+                found[key] = matrix_of(node, key, name)
+        stated = lens_model_of(storage)
+        models += [] if stated is None else [stated]
+        for k in (1, 2):
+            node = find_node(storage, (f"image_size_{k}", "image_size", "imageSize"))
+            if node is not None and node.isSeq() and node.size() == 2:
+                sizes[k] = [node.at(0).real(), node.at(1).real()]
+    except cv2.error as error:
+        raise StereocalError(f"{name}: a matrix in this file is damaged.") from error
+    finally:
+        storage.release()
+
+
+def _row(coefficients: FloatArray) -> FloatArray:
+    return five_or_more(coefficients)[None, :]
+
+
+def _file(said: list[str], matrices: list[tuple[str, FloatArray]], more: str = "") -> bytes:
+    text = "%YAML:1.0\n---\n" + header("#", *said)
+    for name, values in matrices:
+        rows = [", ".join(number(value) for value in row) for row in values]
+        text += (
+            f"{name}: !!opencv-matrix\n   rows: {values.shape[0]}\n   cols: {values.shape[1]}\n"
+            "   dt: d\n   data: [ " + ",\n       ".join(rows) + " ]\n"
+        )
+    return (text + more).encode()

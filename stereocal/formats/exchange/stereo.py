@@ -1,0 +1,179 @@
+"""What all exchange formats share: two cameras and their pose, and what a format cannot hold."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+import stereocal
+from stereocal.errors import StereocalError
+from stereocal.formats.lens_model import LensModel
+from stereocal.formats.pixel_origin import PixelOrigin
+from stereocal.formats.units import Unit
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import Pose
+from stereocal.rig.parameters import RigParameters
+from stereocal.system.arrays import LARGEST
+
+LARGEST_BYTES = 4_000_000
+ImageSize = tuple[int, int]
+OUR_UNIT = "lengths in metres"
+"""In all files that stereocal writes, but for DLT coefficients."""
+
+
+@dataclass(frozen=True, eq=False)
+class Stereo:
+    """Two cameras and `secondary_from_primary`."""
+
+    primary: Camera
+    secondary: Camera
+    pose: Pose
+    unit: Unit | None = None
+    """What a file says that it has its lengths in; None where it does not."""
+
+    @classmethod
+    def of(cls, rig: RigParameters) -> Stereo:
+        """The part of a parameter set that other programs know."""
+        return cls(rig.primary, rig.secondary, rig.pose)
+
+    def parameters(self, inputs: Mapping[str, Any]) -> RigParameters:
+        """A parameter set of the method `imported`."""
+        return RigParameters(
+            method="imported",
+            primary=self.primary,
+            secondary=self.secondary,
+            pose=self.pose,
+            cost=None,
+            settings={},
+            inputs=inputs,
+        )
+
+
+@dataclass(frozen=True)
+class ExchangeOptions:
+    """What a format leaves open."""
+
+    image_sizes: tuple[ImageSize | None, ImageSize | None] = (None, None)
+    """Of the primary and the secondary, for files that do not say it; when reading only."""
+    origin: PixelOrigin = field(default_factory=PixelOrigin)
+    """Pixels of DLT coefficients."""
+    world: Pose | None = None
+    """`world_from_primary` of DLT coefficients; None is the primary's frame."""
+    unit: Unit | None = None
+    """Of the file's lengths; when reading only."""
+    lens_model: LensModel | None = None
+    """What four coefficients are, for files that do not say it; when reading only."""
+
+
+def header(mark: str, *lines: str) -> str:
+    """Comment lines that say what the file means."""
+    said = [
+        f"Written by stereocal {stereocal.__version__}.",
+        f"x_secondary = R x_primary + T; {OUR_UNIT}, image coordinates in pixels.",
+        *lines,
+    ]
+    return "".join(f"{mark} {line}\n" for line in said)
+
+
+def number(value: float) -> str:
+    """All digits of a float, with a point: without one, YAML 1.1 takes `1e-05` for a word."""
+    text = repr(float(value))
+    return text if "." in text or "e" not in text else text.replace("e", ".0e")
+
+
+def numbers(values: FloatArray | Sequence[float]) -> str:
+    """Numbers in brackets."""
+    return "[" + ", ".join(number(value) for value in np.asarray(values).ravel()) + "]"
+
+
+def refuse_skew(camera: Camera, which: str, where: str) -> None:
+    """Refuse a camera whose axes are not at right angles.
+
+    Raises:
+        StereocalError: the skew is not 0.
+    """
+    if camera.K[0, 1] != 0:
+        raise StereocalError(
+            f"{where} knows no skew; that of the {which} camera is {camera.K[0, 1]:g} px."
+        )
+
+
+def camera_matrix(fx: float, fy: float, cx: float, cy: float) -> FloatArray:
+    """K without skew."""
+    return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+
+
+def text_of(content: bytes, source: str) -> str:
+    """The text of a file.
+
+    Raises:
+        StereocalError: empty, far too large, or no text.
+    """
+    if not content.strip():
+        raise StereocalError(f"{source}: the file is empty.")
+    if len(content) > LARGEST_BYTES:
+        raise StereocalError(f"{source}: {len(content)} bytes are too many for a parameter file.")
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise StereocalError(f"{source}: this is not a text file (UTF-8).") from error
+
+
+def array_of(value: Any, shape: tuple[int, ...], what: str, source: str) -> FloatArray:
+    """Numbers from a file in the given shape; -1 in it is any length.
+
+    Raises:
+        StereocalError: not numbers, not finite, beyond all bounds, or another shape.
+    """
+    try:
+        found = np.array(value, dtype=np.float64).reshape(shape)
+    except (TypeError, ValueError, OverflowError) as error:
+        size = "x".join("n" if side < 0 else str(side) for side in shape)
+        raise StereocalError(f"{source}: {what} is not a table of {size} numbers.") from error
+    if not np.isfinite(found).all():
+        raise StereocalError(f"{source}: {what} has a number that is not finite.")
+    if (np.abs(found) > LARGEST).any():
+        raise StereocalError(f"{source}: {what} has a number that no camera has.")
+    return found
+
+
+def size_of(value: Any, given: ImageSize | None, which: str, source: str) -> ImageSize:
+    """The image size, of the file or else as given.
+
+    Raises:
+        StereocalError: neither, or they contradict each other.
+    """
+    if value is None:
+        if given is None:
+            raise StereocalError(
+                f"{source}: the file does not say how large the images of the {which} camera are: "
+                "give the image size."
+            )
+        return given
+    width, height = (int(side) for side in array_of(value, (2,), "the image size", source))
+    if given is not None and given != (width, height):
+        raise StereocalError(
+            f"{source}: the images of the {which} camera have {width}x{height} px by the file, "
+            f"but {given[0]}x{given[1]} px are given."
+        )
+    return width, height
+
+
+def only_file(files: Mapping[str, bytes], ending: tuple[str, ...], source: str) -> tuple[str, str]:
+    """Name and text of the only file, or of the only one with such an ending.
+
+    Raises:
+        StereocalError: none, or several.
+    """
+    fitting = [name for name in files if name.lower().endswith(ending)] or list(files)
+    if len(fitting) != 1:
+        raise StereocalError(
+            f"{source}: one file that ends with {' or '.join(ending)} is wanted; there are "
+            f"{len(fitting)}."
+        )
+    name = fitting[0]
+    return name, text_of(files[name], name)

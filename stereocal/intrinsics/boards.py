@@ -1,0 +1,238 @@
+"""Boards in photographs: the inner corners of a chessboard or of a ChArUco board.
+
+pattern = BoardPattern.parse("18x12", square_m=0.03)
+search = find_boards(photographs_in(folder, store), pattern, executor)
+search.views, search.refused
+"""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from contextlib import closing
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from stereocal.errors import StereocalError
+from stereocal.intrinsics.board_corners import eight_bits, find_charuco, find_chessboard, refine
+from stereocal.intrinsics.board_pattern import BoardPattern
+from stereocal.rig.compiled import FloatArray, IntArray
+from stereocal.system.photograph import FileContent, GreyImage, read_photograph
+from stereocal.system.photograph_files import Photographs
+from stereocal.system.tasks import Pieces, Task, each_finished
+
+NARROWEST_PX = 5.0
+"""Nearer than this the corners run into each other: the board is edge-on or far away."""
+FEWEST_CORNERS = 8
+TELLING = 8
+"""After so many photographs the size of the board is looked into: a search for one that is not
+there takes ten times as long, and a part of a larger board may be found."""
+
+
+@dataclass(frozen=True, eq=False)
+class BoardView:
+    """A board found in a photograph."""
+
+    name: str
+    image_size: tuple[int, int]
+    """(width, height)."""
+    ids: IntArray
+    """(n,): rows of `BoardPattern.points`."""
+    corners: FloatArray
+    """(n, 2): raw pixels."""
+    turned: bool = False
+    """It was found in the reverse order, and put right."""
+
+
+@dataclass(frozen=True)
+class Refused:
+    """A photograph without a usable board, and why."""
+
+    name: str
+    reason: str
+    image_size: tuple[int, int] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class BoardSearch:
+    """What was found in a camera's photographs, in the order of their names."""
+
+    pattern: BoardPattern
+    views: tuple[BoardView, ...]
+    refused: tuple[Refused, ...]
+
+    @property
+    def image_size(self) -> tuple[int, int]:
+        """(width, height) of all photographs."""
+        return self.views[0].image_size
+
+    def without(self, names: Sequence[str]) -> BoardSearch:
+        """The same without some photographs."""
+        return replace(self, views=tuple(view for view in self.views if view.name not in names))
+
+
+def find_board(image: GreyImage, pattern: BoardPattern, name: str) -> BoardView | Refused:
+    """The board in a photograph.
+
+    A chessboard must be in view whole; of a ChArUco board, `FEWEST_CORNERS` corners will do.
+    """
+    height, width = image.shape
+    size = (width, height)
+    grey = eight_bits(image)
+    if pattern.dictionary is None:
+        found = find_chessboard(grey, pattern.columns, pattern.rows)
+        if found is None:
+            reason = f"no board with {pattern} inner corners is whole and sharp in it"
+            return Refused(name, reason, size)
+        corners, turned = found
+        ids = np.arange(len(corners))
+    else:
+        squares = (pattern.columns + 1, pattern.rows + 1)
+        part = (pattern.square_m, pattern.marker_m or 0.0)
+        ids, corners = find_charuco(grey, squares, part, pattern.dictionary)
+        turned = False
+        if len(ids) < FEWEST_CORNERS or not _spans_a_plane(ids, pattern):
+            reason = f"{len(ids)} corners of the ChArUco board are too few"
+            return Refused(name, reason, size)
+    spacing = nearest_neighbours_px(ids, corners, pattern)
+    if spacing < NARROWEST_PX:
+        reason = (
+            f"the board is too far away or seen edge-on: its corners are {spacing:.1f} px apart, "
+            f"and at least {NARROWEST_PX:.0f} are needed"
+        )
+        return Refused(name, reason, size)
+    return BoardView(name, size, ids, refine(image, corners, pattern.reach * spacing), turned)
+
+
+def nearest_neighbours_px(ids: IntArray, corners: FloatArray, pattern: BoardPattern) -> float:
+    """The shortest distance in the image between corners that are neighbours on the board."""
+    known = np.full((pattern.rows * pattern.columns, 2), np.nan)
+    known[ids] = corners
+    grid = known.reshape(pattern.rows, pattern.columns, 2)
+    steps = [np.linalg.norm(np.diff(grid, axis=axis), axis=2).ravel() for axis in (0, 1)]
+    every = np.concatenate(steps)
+    return float(np.nanmin(every)) if np.isfinite(every).any() else 0.0
+
+
+def find_boards(
+    photographs: Photographs,
+    pattern: BoardPattern,
+    executor: Executor,
+    progress: Callable[[int, int], None] | None = None,
+    cancelled: Callable[[], bool] | None = None,
+    pieces: Pieces[BoardView | Refused] | None = None,
+) -> BoardSearch | None:
+    """The boards in one camera's photographs, on any `concurrent.futures` executor.
+
+    Only paths go to the workers, and each holds one photograph at a time.
+
+    Args:
+        photographs: names to files.
+        progress: called with the photographs done and all of them.
+        cancelled: asked after each photograph; if true, what is left is dropped.
+        pieces: what was found before, by the file's name, which must tell its content, and where
+            more is kept.
+
+    Returns:
+        Boards and refused photographs, in order of name; None if cancelled.
+
+    Raises:
+        StereocalError: no photograph, sizes that differ, or no board in any of them.
+    """
+    if not photographs:
+        raise StereocalError("There are no photographs of the board.")
+    of_pattern = hashlib.sha256(repr(pattern).encode()).hexdigest()[:16]
+    tasks: dict[str, Task[BoardView | Refused]] = {
+        f"{path.name} {of_pattern} {name}": (find_board_in_file, (path, pattern, name))
+        for name, path in photographs.items()
+    }
+    found: dict[str, BoardView | Refused] = {}
+    with closing(each_finished(executor, tasks, pieces)) as finished:
+        for _, result in finished:
+            found[result.name] = result
+            if progress:
+                progress(len(found), len(photographs))
+            if len(found) == TELLING:
+                _check_size(photographs, found, pattern)
+            if cancelled and cancelled():
+                return None
+    if len(found) < TELLING:
+        _check_size(photographs, found, pattern)
+    results = [found[name] for name in sorted(photographs)]
+    _check_sizes(results)
+    views = tuple(result for result in results if isinstance(result, BoardView))
+    refused = tuple(result for result in results if isinstance(result, Refused))
+    if not views:
+        raise StereocalError(_nothing_found(refused, pattern))
+    return BoardSearch(pattern, views, refused)
+
+
+def find_board_in_file(path: FileContent, pattern: BoardPattern, name: str) -> BoardView | Refused:
+    """The board in the photograph of a file: the piece of work that an executor gets."""
+    try:
+        image = read_photograph(path, name)
+    except StereocalError as error:
+        reason = str(error).removeprefix(f"{name}: ")
+        return Refused(name, reason.rstrip("."))
+    return find_board(image, pattern, name)
+
+
+def _check_sizes(results: Sequence[BoardView | Refused]) -> None:
+    sized = [(result.image_size, result.name) for result in results if result.image_size]
+    sizes = Counter(size for size, _ in sized)
+    if len(sizes) < 2:
+        return
+    usual = sizes.most_common(1)[0][0]
+    odd = [f"{name} is {size[0]}x{size[1]} px" for size, name in sized if size != usual]
+    more = f", and {len(odd) - 3} more differ" if len(odd) > 3 else ""
+    raise StereocalError(
+        f"The photographs of one camera must all have one size: most are {usual[0]}x{usual[1]} px, "
+        f"but {', '.join(odd[:3])}{more}; leave these out."
+    )
+
+
+def _nothing_found(refused: Sequence[Refused], pattern: BoardPattern) -> str:
+    """A sentence on photographs without any board."""
+    one = len(refused) == 1
+    count = "the photograph" if one else f"any of the {len(refused)} photographs"
+    reasons = f"{refused[0].name}: {refused[0].reason}"
+    return f"No board with {pattern} inner corners was found in {count} ({reasons})."
+
+
+def _check_size(
+    photographs: Photographs, found: Mapping[str, BoardView | Refused], pattern: BoardPattern
+) -> None:
+    """Stop where the board has another size than was given."""
+    if pattern.dictionary is not None:
+        return
+    views = [name for name, result in found.items() if isinstance(result, BoardView)]
+    seen = views or [name for name, result in found.items() if result.image_size]
+    for name in seen[:2]:
+        if other := _other_size(photographs[name], pattern, larger=bool(views)):
+            raise StereocalError(
+                f"There is no board with {pattern} inner corners, but {name} shows one with "
+                f"{other}: count where four squares meet, not the squares."
+            )
+
+
+def _other_size(path: FileContent, pattern: BoardPattern, larger: bool) -> str | None:
+    """The size of the board in a photograph, if it is off by one from the one expected.
+
+    Args:
+        larger: look only for larger boards, of which the one found is a part.
+    """
+    grey = eight_bits(read_photograph(path))
+    steps = (1, 0) if larger else (1, 0, -1)
+    for columns, rows in itertools.product(steps, steps):
+        size = pattern.columns + columns, pattern.rows + rows
+        if (columns or rows) and min(size) >= 3 and find_chessboard(grey, *size, thorough=False):
+            return f"{size[0]}x{size[1]}"
+    return None
+
+
+def _spans_a_plane(ids: IntArray, pattern: BoardPattern) -> bool:
+    return bool(np.ptp(ids // pattern.columns) > 0 and np.ptp(ids % pattern.columns) > 0)

@@ -1,0 +1,309 @@
+"""The lens of a camera from photographs of a board: the paper's Section 5.
+
+Out of about 50 photographs 20 are drawn at random, the lens is calibrated, 50 times; each parameter
+is the median of the 50 results.
+
+**What the spread of the 50 results means.** Two draws of m = 20 out of n = 50 have 8 photographs in
+common, and all come from the same 50, so the spread is not the error of the median. Each result
+leaves out d = n - m photographs; the mean square deviation of such results from the result of all
+photographs, times m / d, estimates the variance of the latter (delete-d jackknife: Shao & Wu 1989,
+Annals of Statistics 17, 1176). So with 20 of 50 the spread is sqrt(30 / 20) = 1.2 times the
+standard error, with 20 of 30 it is 0.7 times, and with 20 of 21 only 0.2 times. `standard_errors`
+holds the jackknife's value, with the part added that comes from the finite number of draws
+(measured in benchmarks/README.md, "Lens"). It covers what differs from one photograph to the next.
+It does not cover what all of them share: a board that is not flat, a lens that five coefficients do
+not describe.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from contextlib import closing
+from dataclasses import dataclass
+from functools import cached_property
+
+import cv2
+import numpy as np
+
+from stereocal.errors import StereocalError
+from stereocal.intrinsics.board_pattern import BoardPattern
+from stereocal.intrinsics.boards import BoardSearch, BoardView
+from stereocal.rig.camera import Camera, LensUncertainty
+from stereocal.rig.compiled import FloatArray, IntArray
+from stereocal.system.tasks import Pieces, Task, each_finished
+
+PARAMETERS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
+FEWEST_VIEWS = 3
+"""Two photographs give four equations for the four parameters of K, and nothing to check them."""
+CRITERIA = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 100, 1e-12)
+OUTLYING = 2.0
+"""A photograph stands out when its error is so many times the median of all."""
+CHUNK = 5
+MEDIAN_OVER_MEAN = np.pi / 2
+"""Variance of the median of normal numbers over that of their mean."""
+SIGMA_TAIL = 15.8655
+"""Percent below one standard deviation under the mean of a normal distribution."""
+
+
+@dataclass(frozen=True)
+class LensSettings:
+    """How the lens is calibrated.
+
+    Raises:
+        StereocalError: a number out of its range.
+    """
+
+    subset: int = 20
+    """Photographs of a draw."""
+    repeats: int = 50
+    seed: int = 0
+    fix_k3: bool = False
+    """Hold k3 at 0: steadier for long lenses, which bend little."""
+    zero_tangential: bool = False
+    """Hold p1 and p2 at 0: the lens stands square to the sensor."""
+
+    def __post_init__(self) -> None:
+        if self.subset < FEWEST_VIEWS:
+            raise StereocalError(
+                f"Each draw must take at least {FEWEST_VIEWS} photographs, not {self.subset}."
+            )
+        if not 2 <= self.repeats <= 10_000:
+            raise StereocalError(f"The number of draws is {self.repeats}: it must be 2 to 10000.")
+        if self.seed < 0:
+            raise StereocalError(f"The seed is {self.seed}: it must be 0 or more.")
+
+    @property
+    def free(self) -> FloatArray:
+        """(9,): 1 for a parameter that is fitted, 0 for one that is held at 0."""
+        free = np.ones(len(PARAMETERS))
+        free[8] = not self.fix_k3
+        free[6:8] = not self.zero_tangential
+        return free
+
+
+@dataclass(frozen=True, eq=False)
+class LensCalibration:
+    """The results of all draws, and what they give."""
+
+    search: BoardSearch
+    settings: LensSettings
+    drawn: IntArray
+    """(repeats, subset): numbers of the views of each draw."""
+    draws: FloatArray
+    """(repeats, 9): `PARAMETERS` of each draw."""
+    of_all: FloatArray
+    """(9,): `PARAMETERS` from all photographs at once."""
+
+    @cached_property
+    def values(self) -> FloatArray:
+        """(9,): the median of each parameter, as in the paper."""
+        return np.asarray(np.median(self.draws, axis=0))
+
+    @cached_property
+    def spread(self) -> FloatArray:
+        """(9,): half the width that holds the middle 68 % of the draws."""
+        low, high = np.percentile(self.draws, (SIGMA_TAIL, 100 - SIGMA_TAIL), axis=0)
+        return np.asarray(0.5 * (high - low))
+
+    @cached_property
+    def standard_errors(self) -> FloatArray:
+        """(9,): of `values`, by the delete-d jackknife (see the module)."""
+        views, (repeats, kept) = len(self.search.views), self.drawn.shape
+        variance = self.spread**2
+        jackknife = kept / (views - kept) * variance
+        return np.asarray(np.sqrt(jackknife + MEDIAN_OVER_MEAN * variance / repeats))
+
+    @cached_property
+    def camera(self) -> Camera:
+        """The camera of the medians, with their standard errors."""
+        sigma = self.standard_errors
+        fx, fy, cx, cy = (float(value) for value in sigma[:4])
+        uncertainty = LensUncertainty(fx, fy, cx, cy, sigma[4:])
+        return _camera(self.values, self.search.image_size, uncertainty)
+
+    @cached_property
+    def residuals(self) -> list[FloatArray]:
+        """For each view (n, 2): found corner less projected corner, in px, with its best pose."""
+        return [_residuals(self.camera, self.search.pattern, view) for view in self.search.views]
+
+    @cached_property
+    def view_errors(self) -> FloatArray:
+        """(views,): root mean square distance of corners from where the lens puts them, in px."""
+        return np.array([np.sqrt((found**2).sum(axis=1).mean()) for found in self.residuals])
+
+    @property
+    def error_px(self) -> float:
+        """Root mean square distance over all corners."""
+        every = np.concatenate(self.residuals)
+        return float(np.sqrt((every**2).sum(axis=1).mean()))
+
+    @property
+    def outlying(self) -> list[str]:
+        """Photographs whose error is more than `OUTLYING` times the median of all."""
+        limit = OUTLYING * float(np.median(self.view_errors))
+        return [
+            view.name
+            for view, error in zip(self.search.views, self.view_errors, strict=True)
+            if error > limit
+        ]
+
+
+def calibrate_lens(
+    search: BoardSearch,
+    settings: LensSettings,
+    executor: Executor,
+    progress: Callable[[int, int], None] | None = None,
+    cancelled: Callable[[], bool] | None = None,
+    pieces: Pieces[FloatArray] | None = None,
+) -> LensCalibration | None:
+    """All draws, on any `concurrent.futures` executor. Same seed, same result on every executor.
+
+    Args:
+        progress: called with the draws done and all of them.
+        cancelled: asked after each few draws; if true, what is left is dropped.
+        pieces: draws that were finished before, and where more are kept.
+
+    Returns:
+        The calibration; None if cancelled.
+
+    Raises:
+        StereocalError: too few photographs for the draws, or boards that determine no lens.
+    """
+    views = search.views
+    _check_count(search, settings)
+    drawn = np.array([_draw(len(views), settings, repeat) for repeat in range(settings.repeats)])
+    every = np.arange(len(views))[None]
+    chunks = [every, *(drawn[at : at + CHUNK] for at in range(0, settings.repeats, CHUNK))]
+    about = (search.pattern, views, search.image_size, settings)
+    of_views = _key(search, settings)
+    tasks: dict[str, Task[FloatArray]] = {
+        f"{of_views} {number}": (solve_draws, (*about, chunk))
+        for number, chunk in enumerate(chunks)
+    }
+    of_every = next(iter(tasks))
+    found: dict[str, FloatArray] = {}
+    done = 0
+    with closing(each_finished(executor, tasks, pieces)) as finished:
+        for key, of_chunk in finished:
+            found[key] = of_chunk
+            done += len(of_chunk) * (key != of_every)
+            if progress and key != of_every:
+                progress(done, settings.repeats)
+            if cancelled and cancelled():
+                return None
+    of_all, *draws = (found[key] for key in tasks)
+    calibration = LensCalibration(search, settings, drawn, np.vstack(draws), of_all[0])
+    _check_lens(calibration)
+    return calibration
+
+
+def _key(search: BoardSearch, settings: LensSettings) -> str:
+    """Names all that a draw depends on, but for its own number."""
+    digest = hashlib.sha256(repr((search.pattern, search.image_size, settings)).encode())
+    for view in search.views:
+        digest.update(view.ids.astype(np.int64).tobytes() + view.corners.tobytes())
+    return digest.hexdigest()[:32]
+
+
+def solve_draws(
+    pattern: BoardPattern,
+    views: Sequence[BoardView],
+    image_size: tuple[int, int],
+    settings: LensSettings,
+    drawn: IntArray,
+) -> FloatArray:
+    """(draws, 9): the piece of work that an executor gets."""
+    return np.array(
+        [solve(pattern, [views[at] for at in draw], image_size, settings) for draw in drawn]
+    )
+
+
+def solve(
+    pattern: BoardPattern,
+    views: Sequence[BoardView],
+    image_size: tuple[int, int],
+    settings: LensSettings,
+) -> FloatArray:
+    """(9,): `PARAMETERS` by OpenCV's `calibrateCamera` (Zhang 2000).
+
+    20 views of 216 corners take 0.02 to 0.03 s; a first guess of the lens saves a third of that,
+    and is not given.
+
+    Raises:
+        StereocalError: boards that determine no lens.
+    """
+    flags = cv2.CALIB_FIX_K3 * settings.fix_k3 + cv2.CALIB_ZERO_TANGENT_DIST * (
+        settings.zero_tangential
+    )
+    points = pattern.points.astype(np.float32)
+    if cv2.getNumThreads() > 1:
+        # The executor has all cores. With threads of its own OpenCV adds in an order that changes
+        # from run to run: 14 different results of 20, 1e-9 apart.
+        cv2.setNumThreads(1)
+    try:
+        _, K, distortion, _, _ = cv2.calibrateCamera(
+            [points[view.ids] for view in views],
+            [view.corners.astype(np.float32) for view in views],
+            image_size,
+            np.eye(3),
+            np.zeros(5),
+            flags=flags,
+            criteria=CRITERIA,
+        )
+    except cv2.error as error:
+        raise StereocalError(
+            "The boards determine no lens: take photographs with the board tilted in different "
+            "directions."
+        ) from error
+    return np.array([K[0, 0], K[1, 1], K[0, 2], K[1, 2], *np.ravel(distortion)[:5]])
+
+
+def _draw(views: int, settings: LensSettings, repeat: int) -> IntArray:
+    rng = np.random.default_rng(np.random.SeedSequence([settings.seed, repeat]))
+    return np.sort(rng.choice(views, settings.subset, replace=False))
+
+
+def _check_count(search: BoardSearch, settings: LensSettings) -> None:
+    views = len(search.views)
+    if views > settings.subset:
+        return
+    photographs = views + len(search.refused)
+    there = f"{views} of {photographs} photographs" if search.refused else f"{views} photographs"
+    there = "1 photograph" if photographs == 1 else there
+    few = f" Or draw fewer than {views} each time." if views > FEWEST_VIEWS else ""
+    raise StereocalError(
+        f"The board was found in {there}, and each draw takes {settings.subset}: at least "
+        f"{settings.subset + 1} are needed, about 50 are good.{few}"
+    )
+
+
+def _check_lens(calibration: LensCalibration) -> None:
+    every = np.vstack([calibration.draws, calibration.of_all])
+    if not np.isfinite(every).all() or every[:, :2].min() <= 0:
+        raise StereocalError(
+            "The boards determine no lens: some draws gave no finite focal length. Take "
+            "photographs with the board tilted in different directions."
+        )
+
+
+def _camera(
+    values: FloatArray, image_size: tuple[int, int], uncertainty: LensUncertainty | None = None
+) -> Camera:
+    fx, fy, cx, cy = values[:4]
+    K = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+    return Camera(K, values[4:], image_size, uncertainty)
+
+
+def _residuals(camera: Camera, pattern: BoardPattern, view: BoardView) -> FloatArray:
+    """Found corners less projected ones (n, 2), the board in the pose that suits them best."""
+    points = pattern.points[view.ids]
+    found, turn, shift = cv2.solvePnP(points, view.corners, camera.K, camera.distortion)
+    if not found:
+        return np.full((len(points), 2), np.nan)
+    turn, shift = cv2.solvePnPRefineLM(
+        points, view.corners, camera.K, camera.distortion, turn, shift
+    )
+    seen, _ = cv2.projectPoints(points, turn, shift, camera.K, camera.distortion)
+    return view.corners - np.asarray(seen, dtype=np.float64).reshape(-1, 2)

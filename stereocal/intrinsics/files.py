@@ -1,0 +1,201 @@
+"""What a lens calibration leaves on disk: the whole result, and what goes with the camera file."""
+
+from __future__ import annotations
+
+import dataclasses
+import io
+import json
+from typing import Any
+
+import numpy as np
+
+from stereocal.errors import DAMAGED, StereocalError
+from stereocal.intrinsics.board_pattern import BoardPattern
+from stereocal.intrinsics.boards import BoardSearch, BoardView, Refused
+from stereocal.intrinsics.calibrate_lens import PARAMETERS, LensCalibration, LensSettings
+from stereocal.rig.compiled import FloatArray
+from stereocal.system.arrays import read_arrays, shaped
+
+RESULT_FORMAT = "stereocal-lens/1"
+MOST_PIXELS = 1_000_000
+"""Of one side of a photograph."""
+
+
+def about(calibration: LensCalibration) -> dict[str, Any]:
+    """How the camera was found, for its file."""
+    search, settings = calibration.search, calibration.settings
+    return {
+        "method": (
+            f"median of {settings.repeats} calibrations, each with {settings.subset} of "
+            f"{len(search.views)} photographs"
+        ),
+        "uncertainty": "standard errors (delete-d jackknife)",
+        "board": _pattern_json(search.pattern),
+        "settings": dataclasses.asdict(settings),
+        "reprojection_error_px": calibration.error_px,
+        "spread": dict(zip(PARAMETERS, calibration.spread.tolist(), strict=True)),
+        "all_photographs": dict(zip(PARAMETERS, calibration.of_all.tolist(), strict=True)),
+    }
+
+
+def pack_search(search: BoardSearch) -> bytes:
+    """The boards that were found, as one file."""
+    return _pack(_search_json(search), _search_arrays(search))
+
+
+def unpack_search(content: bytes) -> BoardSearch:
+    """What `pack_search` wrote.
+
+    Raises:
+        StereocalError: another content.
+    """
+    head, arrays = _unpack(content)
+    return _search(head, arrays)
+
+
+def pack_lens(calibration: LensCalibration) -> bytes:
+    """A calibration as one file."""
+    head = {
+        **_search_json(calibration.search),
+        "settings": dataclasses.asdict(calibration.settings),
+    }
+    arrays = {name: getattr(calibration, name) for name in ("drawn", "draws", "of_all")}
+    return _pack(head, {**_search_arrays(calibration.search), **arrays})
+
+
+def unpack_lens(content: bytes) -> LensCalibration:
+    """What `pack_lens` wrote.
+
+    Raises:
+        StereocalError: another content.
+    """
+    head, arrays = _unpack(content)
+    try:
+        settings = LensSettings(**head["settings"])
+        search = _search(head, arrays)
+        drawn = shaped(arrays["drawn"], "iu", settings.repeats, settings.subset)
+        draws = shaped(arrays["draws"], "f", settings.repeats, len(PARAMETERS))
+        of_all = shaped(arrays["of_all"], "f", len(PARAMETERS))
+        if not 0 <= drawn.min() <= drawn.max() < len(search.views) > settings.subset:
+            raise ValueError(drawn)
+        lens = LensCalibration(search, settings, drawn, draws, of_all)
+        lens.camera.to_json()  # it must be one
+        return lens
+    except DAMAGED as error:
+        raise StereocalError(_DAMAGED) from error
+
+
+def pack_board(result: BoardView | Refused) -> bytes | None:
+    """What was found in one photograph; None where it could not be read: it may be another time."""
+    if result.image_size is None:
+        return None
+    if isinstance(result, Refused):
+        return json.dumps({"refused": [result.name, result.reason, result.image_size]}).encode()
+    head = {"view": [result.name, result.image_size, result.turned]}
+    content = {**head, "ids": result.ids.tolist(), "corners": result.corners.tolist()}
+    return json.dumps(content, allow_nan=False).encode()
+
+
+def unpack_board(content: bytes) -> BoardView | Refused:
+    """What `pack_board` packed, to the last bit.
+
+    Raises:
+        KeyError, TypeError, ValueError: the content is damaged.
+    """
+    data = json.loads(content)
+    if "refused" in data:
+        name, reason, (width, height) = data["refused"]
+        return Refused(str(name), str(reason), (int(width), int(height)))
+    name, (width, height), turned = data["view"]
+    ids = np.array(data["ids"], dtype=np.int64)
+    corners = np.array(data["corners"], dtype=np.float64).reshape(len(ids), 2)
+    return BoardView(str(name), (int(width), int(height)), ids, corners, bool(turned))
+
+
+def pack_draws(draws: FloatArray) -> bytes:
+    """The parameters of some draws, (n, 9)."""
+    return json.dumps(draws.tolist()).encode()
+
+
+def unpack_draws(content: bytes) -> FloatArray:
+    """The draws of `pack_draws`, to the last bit.
+
+    Raises:
+        TypeError, ValueError: the content is damaged.
+    """
+    return np.array(json.loads(content), dtype=np.float64).reshape(-1, len(PARAMETERS))
+
+
+_DAMAGED = "The last lens result of this project cannot be read; calibrate the lens again."
+
+
+def _pattern_json(pattern: BoardPattern) -> dict[str, Any]:
+    return dataclasses.asdict(pattern)
+
+
+def _search_json(search: BoardSearch) -> dict[str, Any]:
+    return {
+        "format": RESULT_FORMAT,
+        "pattern": _pattern_json(search.pattern),
+        "views": [[view.name, view.image_size, view.turned] for view in search.views],
+        "refused": [[item.name, item.reason, item.image_size] for item in search.refused],
+    }
+
+
+def _search_arrays(search: BoardSearch) -> dict[str, Any]:
+    return {
+        "ids": np.concatenate([view.ids for view in search.views]),
+        "corners": np.concatenate([view.corners for view in search.views]),
+        "counts": np.array([len(view.ids) for view in search.views]),
+    }
+
+
+def _search(head: dict[str, Any], arrays: dict[str, Any]) -> BoardSearch:
+    try:
+        counts = shaped(arrays["counts"], "iu", len(head["views"]))
+        total = int(counts.sum())
+        ids = shaped(arrays["ids"], "iu", total)
+        corners = shaped(arrays["corners"], "f", total, 2)
+        pattern = BoardPattern(**head["pattern"])
+        if counts.min(initial=1) < 1 or not np.isfinite(corners).all():
+            raise ValueError(counts)
+        if total and not 0 <= ids.min() <= ids.max() < len(pattern.points):
+            raise ValueError(ids)
+        ends = np.cumsum(counts)[:-1]
+        parts = zip(np.split(ids, ends), np.split(corners, ends), strict=True)
+        views = tuple(
+            BoardView(str(name), _size(size), own, places, bool(turned))
+            for (name, size, turned), (own, places) in zip(head["views"], parts, strict=True)
+        )
+        refused = tuple(
+            Refused(str(name), str(reason), _size(size) if size else None)
+            for name, reason, size in head["refused"]
+        )
+        return BoardSearch(pattern, views, refused)
+    except DAMAGED as error:
+        raise StereocalError(_DAMAGED) from error
+
+
+def _size(size: Any) -> tuple[int, int]:
+    width, height = (int(side) for side in size)
+    if not 0 < width < MOST_PIXELS > height > 0:
+        raise ValueError(size)
+    return width, height
+
+
+def _pack(head: dict[str, Any], arrays: dict[str, Any]) -> bytes:
+    packed = io.BytesIO()
+    text = np.frombuffer(json.dumps(head, allow_nan=False).encode(), np.uint8)
+    np.savez_compressed(packed, head=text, **arrays)
+    return packed.getvalue()
+
+
+def _unpack(content: bytes) -> tuple[dict[str, Any], dict[str, Any]]:
+    try:
+        arrays = read_arrays(content, "The boards")
+        head = json.loads(arrays.pop("head").tobytes())
+    except DAMAGED as error:
+        raise StereocalError(_DAMAGED) from error
+    if not isinstance(head, dict) or head.get("format") != RESULT_FORMAT:
+        raise StereocalError(_DAMAGED)
+    return head, arrays

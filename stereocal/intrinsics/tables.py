@@ -1,0 +1,66 @@
+"""A lens calibration in words and rows, for the screen and the terminal."""
+
+from __future__ import annotations
+
+import math
+
+import pandas as pd
+
+from stereocal.intrinsics.calibrate_lens import PARAMETERS, LensCalibration
+from stereocal.intrinsics.quality import coverage, turned_count
+
+LENS_COLUMNS = ("parameter", "median", "standard error", "spread of draws", "all at once")
+
+
+def lens_answer(lens: LensCalibration) -> str:
+    """The focal length and how good it is, in a sentence."""
+    fx, sigma = lens.values[0], lens.standard_errors[0]
+    settings, views = lens.settings, len(lens.search.views)
+    turned = turned_count(lens.search)
+    order = f" {turned} boards were found in the reverse order and put right." if turned else ""
+    order = order.replace("1 boards were", "1 board was") if turned == 1 else order
+    return (
+        f"The focal length fx is {with_error(fx, sigma)} px; corners fit to {lens.error_px:.3f} px "
+        f"(root mean square). {settings.repeats} draws of {settings.subset} out of {views} "
+        f"photographs; the corners reach {100 * coverage(lens.search):.0f} % of the image.{order}"
+    )
+
+
+def lens_rows(lens: LensCalibration) -> list[tuple[str, str, str, str, str]]:
+    """A row of `LENS_COLUMNS` for each parameter; digits as the standard error allows."""
+    rows = []
+    for at, name in enumerate(PARAMETERS):
+        value, sigma = float(lens.values[at]), float(lens.standard_errors[at])
+        if lens.settings.free[at] == 0:
+            rows.append((name, "0", "held at 0", "", "0"))
+            continue
+        digits = _digits(sigma)
+        rows.append(
+            (
+                f"{name} (px)" if at < 4 else name,
+                f"{value:.{digits}f}",
+                f"{sigma:.{digits}f}",
+                f"{float(lens.spread[at]):.{digits}f}",
+                f"{float(lens.of_all[at]):.{digits}f}",
+            )
+        )
+    return rows
+
+
+def lens_table(lens: LensCalibration) -> pd.DataFrame:
+    """The rows for the screen."""
+    titles = [title.capitalize() for title in LENS_COLUMNS]
+    return pd.DataFrame(lens_rows(lens), columns=titles).set_index("Parameter")
+
+
+def with_error(value: float, sigma: float) -> str:
+    """`7124.3 ± 1.4`: the error with two digits, the value with as many."""
+    digits = _digits(sigma)
+    return f"{value:.{digits}f} ± {sigma:.{digits}f}"
+
+
+def _digits(sigma: float) -> int:
+    """Decimals that show two digits of an error."""
+    if not sigma > 0:
+        return 3
+    return min(max(1 - math.floor(math.log10(sigma)), 0), 9)

@@ -1,1 +1,0 @@
-"""Boards in photographs, and what is said and kept of a lens."""

@@ -1,0 +1,1 @@
+"""Match, threshold, reconstruct, lengths, tables of points."""

@@ -1,0 +1,250 @@
+"""Which points of two images belong together, by the reprojection error of each pair.
+
+    matches = match_points(rig, primary_px, secondary_px, threshold_px=0.6)
+
+Points of one frame come unlabelled. A pair is a candidate when its reprojection error (mean over
+both cameras, px) is within the threshold. Of all one-to-one assignments of candidates, the one of
+least total cost is taken, where a pair costs its error and a pair left out costs the threshold: so
+two poor pairs never displace one good one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import linear_sum_assignment
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components, min_weight_full_bipartite_matching
+
+from stereocal.errors import StereocalError
+from stereocal.matching.pair_candidates import pairs_within
+from stereocal.rig.compiled import FloatArray, IntArray
+from stereocal.rig.parameters import RigParameters
+
+ANY_DEPTH = (0.0, float("inf"))
+
+LARGEST_DENSE = 4_000_000
+"""Entries of a cost table (32 MB); beyond it the sparse solver takes the group."""
+
+
+@dataclass(frozen=True, eq=False)
+class Matches:
+    """The pairs of one frame, in the order of the primary's points."""
+
+    primary: IntArray
+    """(k,) rows of the primary's points."""
+    secondary: IntArray
+    """(k,) rows of the secondary's points."""
+    error_px: FloatArray
+    """(k,) reprojection error, mean over both cameras."""
+    runner_up_px: FloatArray
+    """(k,) least error of any other pair with one of the two points; NaN where there is none."""
+    ambiguous: npt.NDArray[np.bool_]
+    """(k,) whether the runner-up is within the threshold too."""
+    unmatched_primary: IntArray
+    unmatched_secondary: IntArray
+
+    def __len__(self) -> int:
+        return len(self.primary)
+
+
+def match_points(
+    rig: RigParameters,
+    primary_px: npt.ArrayLike,
+    secondary_px: npt.ArrayLike,
+    threshold_px: float | None = None,
+    depths_m: tuple[float, float] = ANY_DEPTH,
+) -> Matches:
+    """Match the points of one frame.
+
+    Args:
+        primary_px: (n, 2) raw pixels; `secondary_px`: (m, 2).
+        threshold_px: largest reprojection error of a pair; None takes the file's own.
+        depths_m: nearest and farthest depth z of a pair's point in the primary's frame.
+
+    Raises:
+        StereocalError: no threshold, or a threshold or depth range that cannot be.
+    """
+    gate = threshold_of(rig, threshold_px)
+    near, far = check_depths(depths_m)
+    first, second, errors, of_primary, of_secondary = pairs_within(
+        rig.pose.R,
+        rig.pose.T,
+        rig.primary.undistort(primary_px),
+        rig.secondary.undistort(secondary_px),
+        np.array([rig.primary.pixel_scale, rig.secondary.pixel_scale]),
+        gate,
+        near,
+        far,
+    )
+    kept = assign(first, second, errors, gate)
+    i, j, error = first[kept], second[kept], errors[kept]
+    # The least error of a point is that of its own pair, or of another pair, which is runner-up.
+    others = np.minimum(_least_other(of_primary[i], error), _least_other(of_secondary[j], error))
+    return Matches(
+        primary=i,
+        secondary=j,
+        error_px=error,
+        runner_up_px=np.where(np.isfinite(others), others, np.nan),
+        ambiguous=others <= gate,
+        unmatched_primary=np.setdiff1d(np.arange(len(of_primary)), i),
+        unmatched_secondary=np.setdiff1d(np.arange(len(of_secondary)), j),
+    )
+
+
+def threshold_of(rig: RigParameters, threshold_px: float | None) -> float:
+    """The threshold to match with: as given, or else the file's own.
+
+    Raises:
+        StereocalError: neither, or not a number of 0 or more.
+    """
+    value = rig.matching_threshold_px if threshold_px is None else threshold_px
+    if value is None:
+        raise StereocalError(
+            "The parameter file holds no matching threshold (calibrate --validation writes one): "
+            "give one in pixels, or let it be chosen from the points (auto)."
+        )
+    if not (np.isfinite(value) and value >= 0):
+        raise StereocalError(f"The threshold is {value} px: it must be a number of 0 or more.")
+    return float(value)
+
+
+def check_depths(depths_m: Sequence[float]) -> tuple[float, float]:
+    """The nearest and the farthest depth.
+
+    Raises:
+        StereocalError: they are not in this order, or negative.
+    """
+    near, far = float(depths_m[0]), float(depths_m[1])
+    if not 0 <= near < far:
+        raise StereocalError(
+            f"The depth range {near:g} to {far:g} m is not possible: the nearest must be 0 or "
+            "more, and less than the farthest."
+        )
+    return near, far
+
+
+def assign(first: IntArray, second: IntArray, errors: FloatArray, gate: float) -> IntArray:
+    """Rows of the candidates that make the one-to-one assignment of least total cost.
+
+    A candidate costs its error and each point pair left out costs `gate`; the rows come in the
+    order of `first`. Candidates that share no point with others of another connected group cannot
+    compete with them, so each group is solved by itself.
+    """
+    if not len(first):
+        return np.empty(0, np.int64)
+    rows = int(first.max()) + 1
+    size = rows + int(second.max()) + 1
+    graph = coo_array((np.ones(len(first), np.int8), (first, second + rows)), shape=(size, size))
+    _, labels = connected_components(graph, directed=False)
+    group = labels[first]
+    order = np.argsort(group, kind="stable")
+    starts = np.flatnonzero(np.diff(group[order], prepend=-1))
+    kept = []
+    for members in np.split(order, starts[1:]):
+        if len(members) == 1:
+            kept.append(members)
+        else:
+            kept.append(members[_solve(first[members], second[members], errors[members], gate)])
+    chosen = np.concatenate(kept)
+    return chosen[np.argsort(first[chosen])]
+
+
+def _solve(first: IntArray, second: IntArray, errors: FloatArray, gate: float) -> IntArray:
+    rows, i = np.unique(first, return_inverse=True)
+    columns, j = np.unique(second, return_inverse=True)
+    if len(rows) * len(columns) > LARGEST_DENSE:
+        return _solve_sparse(i, j, errors, gate, len(rows), len(columns))
+    # A hair above the gate, so that a candidate at the gate itself is preferred to none.
+    cost = np.full((len(rows), len(columns)), np.nextafter(gate, np.inf))
+    cost[i, j] = errors
+    candidate = np.full(cost.shape, -1, dtype=np.int64)
+    candidate[i, j] = np.arange(len(i))
+    found = candidate[linear_sum_assignment(cost)]
+    return found[found >= 0]
+
+
+def _solve_sparse(
+    i: IntArray, j: IntArray, errors: FloatArray, gate: float, rows: int, columns: int
+) -> IntArray:
+    """As the dense table, by one more column per row that means "no partner" and costs `gate`."""
+    own = np.arange(rows)
+    # Every row is assigned, so a constant on all entries changes nothing; SciPy drops zeros.
+    cost = np.concatenate([errors, np.full(rows, np.nextafter(gate, np.inf))]) + max(gate, 1.0)
+    entries = (np.concatenate([i, own]), np.concatenate([j, columns + own]))
+    shape = (rows, columns + rows)
+    table: Any = coo_array((cost, entries), shape=shape).tocsr()
+    at_row, at_column = min_weight_full_bipartite_matching(table)
+    partner = np.full(rows, -1, dtype=np.int64)
+    partner[at_row] = at_column
+    return np.flatnonzero(partner[i] == j)
+
+
+def _least_other(two_least: FloatArray, own: FloatArray) -> FloatArray:
+    """Of the two least errors (k, 2) of points, the least that is not their own pair's."""
+    other: FloatArray = np.where(two_least[:, 0] < own, two_least[:, 0], two_least[:, 1])
+    return other
+
+
+def purpose_warning(rig: RigParameters, purpose: str) -> str | None:
+    """A sentence where a set made for one purpose is used for the other ("matching", ...).
+
+    A set of any other purpose, such as a refined one, serves both.
+    """
+    if rig.purpose == "reconstruction" and purpose == "matching":
+        return (
+            "This is the 3D set, made to measure: wrong pairs pass more often than with the 2D "
+            "set. Match with parameters_2d.json."
+        )
+    if rig.purpose == "matching" and purpose == "reconstruction":
+        return (
+            "This is the 2D set, made to match: lengths come out less right than with the 3D set. "
+            "Measure with parameters_3d.json."
+        )
+    return None
+
+
+LARGEST_RELATIVE_DIFFERENCE = 0.05
+LARGEST_ANGLE = np.radians(5.0)
+
+
+def refuse_different_rigs(one: RigParameters, other: RigParameters) -> None:
+    """Refuse two parameter files that cannot be of the same two cameras.
+
+    The two sets of a rig, and a refined one, differ by less than a percent and by less than 2
+    degrees; focal lengths or baselines more than 5 % apart, directions more than 5 degrees apart
+    and other image sizes are another rig's.
+
+    Raises:
+        StereocalError: says what differs.
+    """
+    for which in ("primary", "secondary"):
+        a, b = getattr(one, which), getattr(other, which)
+        if a.image_size != b.image_size:
+            raise StereocalError(
+                "The two parameter files are of different rigs: the images of the "
+                f"{which} camera have {a.image_size[0]}x{a.image_size[1]} px in one and "
+                f"{b.image_size[0]}x{b.image_size[1]} px in the other."
+            )
+        if abs(a.K[0, 0] / b.K[0, 0] - 1) > LARGEST_RELATIVE_DIFFERENCE:
+            raise StereocalError(
+                f"The two parameter files are of different rigs: the focal length of the {which} "
+                f"camera is {a.K[0, 0]:.1f} px in one and {b.K[0, 0]:.1f} px in the other."
+            )
+    a, b = one.pose.baseline, other.pose.baseline
+    if abs(a / b - 1) > LARGEST_RELATIVE_DIFFERENCE:
+        raise StereocalError(
+            f"The two parameter files are of different rigs: the baseline is {a:.4g} m in one "
+            f"and {b:.4g} m in the other."
+        )
+    turn = np.arccos(np.clip((np.trace(one.pose.R @ other.pose.R.T) - 1) / 2, -1, 1))
+    swing = np.arccos(np.clip(one.pose.T @ other.pose.T / (a * b), -1, 1))
+    if max(turn, swing) > LARGEST_ANGLE:
+        raise StereocalError(
+            "The two parameter files are of different rigs: the cameras stand "
+            f"{np.degrees(max(turn, swing)):.1f} degrees differently."
+        )

@@ -1,0 +1,335 @@
+"""Matching of whole tables: two tables of points in, one table of pairs out, frame by frame."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor
+from contextlib import ExitStack, closing
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from stereocal.errors import RowProblem, StereocalError
+from stereocal.matching.blocks import TableBlock, in_order
+from stereocal.matching.matching import (
+    ANY_DEPTH,
+    check_depths,
+    purpose_warning,
+    threshold_of,
+)
+from stereocal.matching.pairs import (
+    PAIR_COLUMNS,
+    POINT,
+    FurtherNames,
+    Threshold,
+    further_names,
+    match_frame,
+    pixels_of,
+)
+from stereocal.matching.point_table import Contents, PointTable
+from stereocal.matching.table_writer import CancelledError, open_table
+from stereocal.matching.threshold import FramePixels, ThresholdChoice, choose_threshold, sample_of
+from stereocal.rig.camera import Camera
+from stereocal.rig.parameters import RigParameters
+from stereocal.system.tasks import Pieces
+
+LOST_COLUMNS = ("camera", "frame", "u", "v")
+OTHER_IMAGES = 0.2
+"""With more of the points than this outside the image, the parameters are of other images."""
+FEW_MATCHED = 0.1
+MANY_POINTS = 100
+BLOCK_FRAMES, BLOCK_ROWS, AHEAD = 25, 2000, 6
+Frame = tuple[int, pd.DataFrame, pd.DataFrame]
+"""Number, and rows of the primary and of the secondary camera."""
+Frames = list[Frame]
+
+Progress = Callable[[int, int], None]
+"""Frames done, and all."""
+
+
+@dataclass(frozen=True)
+class MatchReport:
+    """What a matching did."""
+
+    threshold_px: float
+    chosen: ThresholdChoice | None
+    frames: int
+    pairs: int
+    ambiguous: int
+    unmatched_primary: int
+    unmatched_secondary: int
+    notes: list[str] = field(default_factory=list)
+
+    def sentence(self) -> str:
+        """The result in words."""
+        return (
+            f"{self.pairs} pairs in {self.frames} frames at a threshold of {self.threshold_px:.3g} "
+            f"px; {self.ambiguous} of them ambiguous (another partner lies within the threshold "
+            f"too); without partner: {self.unmatched_primary} points of the primary, "
+            f"{self.unmatched_secondary} of the secondary."
+        )
+
+
+def match_tables(
+    rig: RigParameters,
+    primary: PointTable,
+    secondary: PointTable,
+    out: Path,
+    threshold_px: Threshold = None,
+    depths_m: tuple[float, float] = ANY_DEPTH,
+    unmatched: Path | None = None,
+    progress: Progress | None = None,
+    cancelled: Callable[[], bool] | None = None,
+    executor: Executor | None = None,
+    pieces: Pieces[TableBlock] | None = None,
+) -> MatchReport | None:
+    """Match two tables (`frame,u,v` and more) and write the pairs; None if it was cancelled.
+
+    Args:
+        depths_m: nearest and farthest depth in the primary's frame.
+        unmatched: where to write the points without a partner (`camera,frame,u,v` and more).
+        executor: threads that match blocks of frames.
+        pieces: blocks of this very work that were finished before, and where more are kept; for
+            CSV, and without `unmatched`.
+
+    Raises:
+        StereocalError: bad input; no file is written then.
+    """
+    contents = [
+        check_points(table, camera, which)
+        for table, camera, which in (
+            (primary, rig.primary, "primary"),
+            (secondary, rig.secondary, "secondary"),
+        )
+    ]
+    check_depths(depths_m)
+    tables = (primary, secondary)
+    notes = _notes(rig, tables, contents, threshold_px)
+    gate, chosen = _settle(rig, tables, contents, threshold_px, depths_m)
+    names = further_names(primary.further, secondary.further)
+    total = len(np.union1d(contents[0].frames, contents[1].frames))
+    columns = [*PAIR_COLUMNS, *names.columns]
+
+    def compute(block: Frames) -> TableBlock:
+        found = _match_block(rig, block, gate, depths_m, names)
+        return found if pieces is None else found.as_lines(columns)
+
+    counts = np.zeros(4, dtype=np.int64)
+    done = 0
+    try:
+        with ExitStack() as stack:
+            pairs = stack.enter_context(open_table(out, columns))
+            lost = None
+            if unmatched is not None:
+                further = dict.fromkeys([*primary.further, *secondary.further])
+                lost = stack.enter_context(open_table(unmatched, [*LOST_COLUMNS, *further]))
+            blocks = _blocks(_side_by_side(primary, secondary), cancelled)
+            matched = in_order(blocks, _name, compute, executor, pieces, AHEAD)
+            for block, found in stack.enter_context(closing(matched)):
+                pairs.add(found.rows)
+                if lost is not None and found.others is not None:
+                    lost.add(found.others)
+                counts += found.numbers.astype(np.int64)
+                done += len(block)
+                if progress is not None:
+                    progress(done, total)
+    except CancelledError:
+        return None
+    count, ambiguous, left_primary, left_secondary = counts.tolist()
+    if count < FEW_MATCHED * min(each.rows for each in contents):
+        notes.append(
+            "Few points found a partner: make sure that points, parameters and the two cameras "
+            "(primary, secondary) belong together."
+        )
+    common = len(np.intersect1d(contents[0].frames, contents[1].frames))
+    return MatchReport(gate, chosen, common, count, ambiguous, left_primary, left_secondary, notes)
+
+
+def check_points(table: PointTable, camera: Camera, which: str) -> Contents:
+    """Read a table once and refuse points outside the image and points that stand in it twice.
+
+    Raises:
+        StereocalError: names the rows, or says that the parameters are of other images.
+    """
+    outside = 0
+    rows = 0
+    size = np.array(camera.image_size)
+
+    def refuse(block: pd.DataFrame) -> list[RowProblem]:
+        nonlocal outside, rows
+        pixels = pixels_of(block)
+        off = np.flatnonzero(((pixels < -0.5) | (pixels > size - 0.5)).any(axis=1))
+        if len(off) > OTHER_IMAGES * len(block):
+            u, v = pixels.max(axis=0)
+            raise StereocalError(
+                f"{table.label}: the points of the {which} camera reach ({u:.0f}, {v:.0f}) px, but "
+                f"the parameters are of images of {size[0]}x{size[1]} px: they are of another "
+                "camera, or the images were scaled or cropped."
+            )
+        lines, frames = block.index.to_numpy(), block["frame"].to_numpy()
+        problems = [
+            RowProblem(
+                int(lines[row]),
+                f"frame {frames[row]}: the point ({pixels[row, 0]:g}, {pixels[row, 1]:g}) is "
+                f"outside the {size[0]}x{size[1]} px image of the {which} camera",
+            )
+            for row in off
+        ]
+        again = np.flatnonzero(block.duplicated(["frame", *POINT]).to_numpy())
+        problems += [
+            RowProblem(
+                int(lines[row]),
+                f"frame {frames[row]} has the point ({pixels[row, 0]:g}, {pixels[row, 1]:g}) twice",
+            )
+            for row in again
+        ]
+        return sorted(problems, key=lambda problem: problem.line)
+
+    return table.check(refuse)
+
+
+def _blocks(
+    frames: Iterator[Frame], cancelled: Callable[[], bool] | None = None
+) -> Iterator[Frames]:
+    """A few frames at a time: about 0.1 s of work.
+
+    Raises:
+        CancelledError: somebody stopped the work; asked before each frame.
+    """
+    block: list[Frame] = []
+    rows = 0
+    for frame in frames:
+        if cancelled is not None and cancelled():
+            raise CancelledError
+        block.append(frame)
+        rows += len(frame[1]) + len(frame[2])
+        if len(block) == BLOCK_FRAMES or rows >= BLOCK_ROWS:
+            yield block
+            block, rows = [], 0
+    if block:
+        yield block
+
+
+def _name(block: Frames) -> str:
+    return f"matched {block[0][0]} to {block[-1][0]}"
+
+
+def _match_block(
+    rig: RigParameters,
+    block: Frames,
+    gate: float,
+    depths_m: tuple[float, float],
+    names: FurtherNames,
+) -> TableBlock:
+    """The pairs of some frames; numbers: pairs, ambiguous ones, and points left, by camera."""
+    found, lonely = zip(
+        *(match_frame(rig, *frame, gate, depths_m, names) for frame in block), strict=True
+    )
+    pairs = [len(table) for table in found]
+    numbers = [
+        sum(pairs),
+        sum(int(table["ambiguous"].sum()) for table in found),
+        sum(len(first) for _, first, _ in block) - sum(pairs),
+        sum(len(second) for _, _, second in block) - sum(pairs),
+    ]
+    filled = [table for table in found if len(table)]
+    left = [table for table in lonely if len(table)]
+    return TableBlock(
+        pd.concat(filled) if filled else found[0],
+        np.array(numbers, dtype=np.float64),
+        pd.concat(left) if left else lonely[0],
+    )
+
+
+def _side_by_side(
+    primary: PointTable, secondary: PointTable
+) -> Iterator[tuple[int, pd.DataFrame, pd.DataFrame]]:
+    """Each frame of either table with its rows in both, in order; none is an empty table."""
+    sides = [primary.frames(), secondary.frames()]
+    here = [next(side, None) for side in sides]
+    empty = [
+        pd.DataFrame({name: [] for name in ("frame", *POINT, *table.further)})
+        for table in (primary, secondary)
+    ]
+    while any(one is not None for one in here):
+        frame = min(one[0] for one in here if one is not None)
+        rows = []
+        for k in (0, 1):
+            one = here[k]
+            if one is not None and one[0] == frame:
+                rows.append(one[1])
+                here[k] = next(sides[k], None)
+            else:
+                rows.append(empty[k])
+        yield frame, rows[0], rows[1]
+
+
+def _settle(
+    rig: RigParameters,
+    tables: tuple[PointTable, PointTable],
+    contents: list[Contents],
+    threshold_px: Threshold,
+    depths_m: tuple[float, float],
+) -> tuple[float, ThresholdChoice | None]:
+    """The threshold, and how it was chosen if it was.
+
+    Raises:
+        StereocalError: the tables share no frame, or no threshold can be chosen.
+    """
+    common = np.intersect1d(contents[0].frames, contents[1].frames)
+    if not len(common):
+        a, b = (f"{each.frames[0]} to {each.frames[-1]}" for each in contents)
+        raise StereocalError(
+            f"The two tables have no frame in common: {tables[0].label} has frames {a}, "
+            f"{tables[1].label} has frames {b}. Number the frames alike."
+        )
+    automatic = threshold_px == "auto" or (
+        threshold_px is None and rig.matching_threshold_px is None
+    )
+    if not automatic:
+        assert threshold_px != "auto"
+        return threshold_of(rig, threshold_px), None
+    wanted = sample_of(common.tolist(), contents[0].rows / len(contents[0].frames))
+    sample: list[FramePixels] = [
+        (pixels_of(first), pixels_of(second))
+        for frame, first, second in _side_by_side(*tables)
+        if frame in wanted
+    ]
+    chosen = choose_threshold(rig, sample, depths_m)
+    return chosen.threshold_px, chosen
+
+
+def _notes(
+    rig: RigParameters,
+    tables: tuple[PointTable, PointTable],
+    contents: list[Contents],
+    threshold_px: Threshold,
+) -> list[str]:
+    """What is odd but allowed, a sentence each."""
+    notes = []
+    if warning := purpose_warning(rig, "matching"):
+        notes.append(warning)
+    if threshold_px is None and rig.matching_threshold_px is None:
+        notes.append("The parameter file holds no matching threshold: one is chosen.")
+    for table, own, other, camera, which in (
+        (tables[0], contents[0], contents[1], rig.primary, "primary"),
+        (tables[1], contents[1], contents[0], rig.secondary, "secondary"),
+    ):
+        alone = np.setdiff1d(own.frames, other.frames)
+        if len(alone):
+            shown = ", ".join(str(frame) for frame in alone[:3])
+            notes.append(
+                f"{len(alone)} frames are in {table.label} only ({shown}"
+                f"{', ...' if len(alone) > 3 else ''}): their points have no partner."
+            )
+        if own.left_out:
+            notes.append(f"{table.label}: {own.left_out} rows have no point and were left out.")
+        width, height = camera.image_size
+        if own.rows >= MANY_POINTS and own.largest[0] < width / 2 and own.largest[1] < height / 2:
+            notes.append(
+                f"All points of {table.label} lie in the upper left quarter of the {which} "
+                f"camera's {width}x{height} px: were the images scaled down?"
+            )
+    return notes

@@ -1,0 +1,61 @@
+"""How near the best and the second-best partner of each point are: what a threshold parts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from stereocal.matching.matching import ANY_DEPTH, check_depths
+from stereocal.matching.pair_candidates import pairs_within
+from stereocal.matching.threshold import FramePixels
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.parameters import RigParameters
+
+
+@dataclass(frozen=True, eq=False)
+class NearestErrors:
+    """Of the n points of the primary camera in some frames."""
+
+    best_px: FloatArray
+    """(n,) least reprojection error with any point of the secondary; inf where there is none."""
+    runner_up_px: FloatArray
+    """(n,) second least; inf where there is none."""
+    frames: int
+    """How many frames were looked at."""
+
+    def __len__(self) -> int:
+        return len(self.best_px)
+
+    def within(self, threshold_px: float) -> tuple[int, int]:
+        """How many points have a partner, and how many a second one, within the threshold."""
+        return (
+            int((self.best_px <= threshold_px).sum()),
+            int((self.runner_up_px <= threshold_px).sum()),
+        )
+
+
+def nearest_errors(
+    rig: RigParameters,
+    frames: Sequence[FramePixels],
+    depths_m: tuple[float, float] = ANY_DEPTH,
+) -> NearestErrors:
+    """The two least errors of each primary point, whatever the threshold.
+
+    Raises:
+        StereocalError: a depth range that cannot be.
+    """
+    near, far = check_depths(depths_m)
+    scale = np.array([rig.primary.pixel_scale, rig.secondary.pixel_scale])
+    found = [np.empty((0, 2))]
+    for primary, secondary in frames:
+        if not len(primary):
+            continue
+        first, second = rig.primary.undistort(primary), rig.secondary.undistort(secondary)
+        _, _, _, least, _ = pairs_within(
+            rig.pose.R, rig.pose.T, first, second, scale, 0.0, near, far
+        )
+        found.append(least)
+    both = np.concatenate(found)
+    return NearestErrors(both[:, 0], both[:, 1], len(frames))

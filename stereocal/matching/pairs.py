@@ -1,0 +1,135 @@
+"""Tables of matched pairs, in memory: `match`, and the columns that pairs have everywhere."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+import pandas as pd
+
+from stereocal.errors import StereocalError
+from stereocal.matching.matching import ANY_DEPTH, match_points, threshold_of
+from stereocal.matching.threshold import choose_threshold, sample_of
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.parameters import RigParameters
+
+POINT = ("u", "v")
+PAIR_COLUMNS = (
+    "frame", "u_primary", "v_primary", "u_secondary", "v_secondary", "error_px", "runner_up_px",
+    "ambiguous",
+)  # fmt: skip
+ERROR_DECIMALS = 6
+
+Threshold = float | Literal["auto"] | None
+"""Pixels; "auto" chooses from the points; None takes the file's own, or where it has none, auto."""
+
+
+def match(
+    rig: RigParameters,
+    primary: pd.DataFrame,
+    secondary: pd.DataFrame,
+    threshold_px: Threshold = None,
+    depths_m: tuple[float, float] = ANY_DEPTH,
+) -> pd.DataFrame:
+    """Match two tables in memory: columns `frame`, `u`, `v` (raw pixels), and any further ones.
+
+    Returns:
+        The pairs, with the columns of `pairs.csv`, ordered by frame.
+
+    Raises:
+        StereocalError: a column is missing, a number is not finite, or no threshold can be chosen.
+    """
+    for which, table in (("primary", primary), ("secondary", secondary)):
+        missing = [name for name in ("frame", *POINT) if name not in table]
+        if missing:
+            raise StereocalError(f"The {which} table lacks the column {missing[0]}.")
+        if not np.isfinite(table[["frame", *POINT]].to_numpy(dtype=np.float64)).all():
+            raise StereocalError(f"The {which} table has a number that is not finite.")
+    both = [
+        {int(str(frame)): rows for frame, rows in table.groupby(table["frame"].astype(np.int64))}
+        for table in (primary, secondary)
+    ]
+    frames = sorted(both[0].keys() & both[1].keys())
+    names = further_names(
+        *(
+            tuple(str(c) for c in table.columns if c not in ("frame", *POINT))
+            for table in (primary, secondary)
+        )
+    )
+    gate = None if threshold_px == "auto" else threshold_px
+    if threshold_px == "auto" or (gate is None and rig.matching_threshold_px is None):
+        wanted = sample_of(frames, len(primary) / max(len(both[0]), 1))
+        sample = [(pixels_of(both[0][f]), pixels_of(both[1][f])) for f in sorted(wanted)]
+        gate = choose_threshold(rig, sample, depths_m).threshold_px
+    gate = threshold_of(rig, gate)
+    found = [match_frame(rig, f, both[0][f], both[1][f], gate, depths_m, names)[0] for f in frames]
+    if not found:
+        return pd.DataFrame(columns=[*PAIR_COLUMNS, *names.columns])
+    return pd.concat(found, ignore_index=True)
+
+
+@dataclass(frozen=True)
+class FurtherNames:
+    """How the further columns of both inputs are called in the table of pairs."""
+
+    primary: Mapping[str, str]
+    secondary: Mapping[str, str]
+
+    @property
+    def columns(self) -> list[str]:
+        return [*self.primary.values(), *self.secondary.values()]
+
+
+def further_names(primary: tuple[str, ...], secondary: tuple[str, ...]) -> FurtherNames:
+    """A name of one input stays; one of both, or one that pairs have, says which camera."""
+    taken = set(PAIR_COLUMNS) | (set(primary) & set(secondary))
+    return FurtherNames(
+        {name: f"{name}_primary" if name in taken else name for name in primary},
+        {name: f"{name}_secondary" if name in taken else name for name in secondary},
+    )
+
+
+def match_frame(
+    rig: RigParameters,
+    frame: int,
+    first: pd.DataFrame,
+    second: pd.DataFrame,
+    gate: float,
+    depths_m: tuple[float, float],
+    names: FurtherNames,
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Pairs and points without a partner of one frame."""
+    primary, secondary = pixels_of(first), pixels_of(second)
+    found = match_points(rig, primary, secondary, gate, depths_m)
+    i, j = found.primary, found.secondary
+    columns: dict[str, Any] = {
+        "frame": np.full(len(found), frame),
+        "u_primary": primary[i, 0],
+        "v_primary": primary[i, 1],
+        "u_secondary": secondary[j, 0],
+        "v_secondary": secondary[j, 1],
+        "error_px": found.error_px.round(ERROR_DECIMALS),
+        "runner_up_px": found.runner_up_px.round(ERROR_DECIMALS),
+        "ambiguous": found.ambiguous,
+    }
+    for name, given in names.primary.items():
+        columns[given] = first[name].array[i]
+    for name, given in names.secondary.items():
+        columns[given] = second[name].array[j]
+    lonely = []
+    for which, rows, left in (
+        ("primary", first, found.unmatched_primary),
+        ("secondary", second, found.unmatched_secondary),
+    ):
+        table = rows.iloc[left].copy()
+        table.insert(0, "camera", which)
+        lonely.append(table)
+    return pd.DataFrame(columns), pd.concat(lonely)
+
+
+def pixels_of(table: pd.DataFrame) -> FloatArray:
+    """(n, 2) raw pixels of a table of points."""
+    pixels: FloatArray = table[list(POINT)].to_numpy(dtype=np.float64)
+    return pixels

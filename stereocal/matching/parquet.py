@@ -1,0 +1,79 @@
+"""Tables of points in Parquet, block by block; pyarrow reads them and need not be installed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from stereocal.errors import DAMAGED, StereocalError
+from stereocal.system.limits import Limits
+
+PARQUET = (".parquet", ".pq")
+BLOCK_ROWS = 100_000
+BLOCK_CELLS = 5_000_000
+"""A block has fewer rows where there are many columns."""
+
+
+def block_rows(names: Sequence[str]) -> int:
+    """How many rows of a table with these columns are read at a time."""
+    return min(BLOCK_ROWS, max(1, BLOCK_CELLS // max(len(names), 1)))
+
+
+def parquet_names(path: Path, label: str) -> list[str]:
+    """The names of the columns.
+
+    Raises:
+        StereocalError: not a Parquet file, or one with too many rows.
+    """
+    file = _parquet_file(path, label)
+    Limits.from_environment().check_rows(file.metadata.num_rows, label)
+    return [str(name) for name in file.schema_arrow.names]
+
+
+def parquet_chunks(path: Path, label: str) -> Iterator[pd.DataFrame]:
+    """The rows in blocks; the index counts them from 1.
+
+    Raises:
+        StereocalError: not a Parquet file, or a damaged one.
+    """
+    start = 1
+    file = _parquet_file(path, label)
+    batches = file.iter_batches(batch_size=block_rows(file.schema_arrow.names))
+    while True:
+        try:
+            batch = next(batches, None)
+            if batch is None:
+                return
+            batch.validate(full=True)  # such as text that is no UTF-8
+            chunk = batch.to_pandas().reset_index(drop=True)
+        except (*DAMAGED, NotImplementedError) as error:
+            raise StereocalError(f"{label}: the Parquet file is damaged ({error}).") from error
+        chunk.index += start
+        start += len(chunk)
+        yield chunk
+
+
+def parquet_library() -> Any:
+    """`pyarrow.parquet`.
+
+    Raises:
+        StereocalError: it is not installed.
+    """
+    try:
+        import pyarrow.parquet
+    except ImportError as error:
+        raise StereocalError(
+            "Parquet files need the package pyarrow, which is not installed: use CSV."
+        ) from error
+    return pyarrow.parquet
+
+
+def _parquet_file(path: Path, label: str) -> Any:
+    parquet = parquet_library()
+    try:
+        return parquet.ParquetFile(path)
+    except (*DAMAGED, NotImplementedError) as error:  # pyarrow's own errors are ValueErrors
+        raise StereocalError(f"{label}: this is not a Parquet file ({error}).") from error

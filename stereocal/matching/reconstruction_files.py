@@ -1,0 +1,188 @@
+"""Reconstruction of whole tables: pairs in, points in 3D out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Executor
+from contextlib import closing
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from stereocal.errors import RowProblem, StereocalError
+from stereocal.matching.blocks import TableBlock, in_order
+from stereocal.matching.matching import purpose_warning
+from stereocal.matching.pairs import ERROR_DECIMALS
+from stereocal.matching.point_table import PointTable
+from stereocal.matching.reconstruction import noise_of_file, reconstruct_points
+from stereocal.matching.table_writer import CancelledError, open_table
+from stereocal.rig.geometry import Pose
+from stereocal.rig.parameters import RigParameters
+from stereocal.system.tasks import Pieces
+
+PIXELS = ("u_primary", "v_primary", "u_secondary", "v_secondary")
+POINT_COLUMNS = ("frame", "x", "y", "z", "error_px")
+SIGMA_COLUMNS = ("sigma_x", "sigma_y", "sigma_z")
+OF_MATCHING = ("error_px", "runner_up_px")
+"""What the matching said of a pair by its own parameters; the points have their own error."""
+
+FAR_OFF = 0.05
+"""Half of the pairs this far off, as a part of the image's diagonal, are of another rig."""
+
+AHEAD = 2
+"""Blocks in memory: each may have 100,000 rows."""
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True)
+class ReconstructionReport:
+    """What a reconstruction did."""
+
+    points: int
+    behind: int
+    """Pairs that do not meet in front of both cameras; their coordinates are empty."""
+    median_error_px: float
+    notes: list[str] = field(default_factory=list)
+
+    def sentence(self) -> str:
+        """The result in words."""
+        lost = f"; {self.behind} pairs do not meet in front of both cameras" if self.behind else ""
+        return (
+            f"{self.points - self.behind} points, median reprojection error "
+            f"{self.median_error_px:.3g} px{lost}."
+        )
+
+
+def reconstruct(
+    rig: RigParameters,
+    pairs: pd.DataFrame,
+    world: Pose | None = None,
+    sigma_px: float | None = None,
+) -> pd.DataFrame:
+    """Points in 3D of a table of matched pairs, as `match` gives it.
+
+    Args:
+        world: `world_from_primary`; None leaves the points in the primary's frame, in metres.
+        sigma_px: standard deviation of a pixel coordinate; adds `sigma_x`, `sigma_y`, `sigma_z`. A
+            refined file brings its own.
+
+    Returns:
+        `frame,x,y,z,error_px`, then the standard errors if asked for, then the further columns.
+        Pairs that do not meet in front of both cameras have NaN.
+
+    Raises:
+        StereocalError: a column is missing, or a noise below 0.
+    """
+    missing = [name for name in ("frame", *PIXELS) if name not in pairs]
+    if missing:
+        raise StereocalError(f"The table of pairs lacks the column {missing[0]}.")
+    pixels = pairs[list(PIXELS)].to_numpy(dtype=np.float64)
+    found = reconstruct_points(rig, pixels[:, :2], pixels[:, 2:], world, sigma_px)
+    columns = {"frame": pairs["frame"].to_numpy()}
+    for k, name in enumerate("xyz"):
+        columns[name] = found.xyz[:, k]
+    columns["error_px"] = found.error_px.round(ERROR_DECIMALS)
+    if found.sigma_m is not None:
+        for k, name in enumerate(SIGMA_COLUMNS):
+            columns[name] = found.sigma_m[:, k]
+    table = pd.DataFrame(columns)
+    for name, given in _carried(tuple(str(c) for c in pairs.columns)).items():
+        table[given] = pairs[name].array
+    return table
+
+
+def reconstruct_table(
+    rig: RigParameters,
+    pairs: PointTable,
+    out: Path,
+    world: Pose | None = None,
+    sigma_px: float | None = None,
+    progress: Progress | None = None,
+    cancelled: Callable[[], bool] | None = None,
+    executor: Executor | None = None,
+    pieces: Pieces[TableBlock] | None = None,
+) -> ReconstructionReport | None:
+    """Reconstruct a table of pairs on disk, a block at a time, and write the points.
+
+    Args:
+        executor: threads that measure blocks.
+        pieces: blocks of this very work that were finished before, and where more are kept; for
+            CSV.
+
+    Returns:
+        What was done; None if it was cancelled, and no file is written then.
+
+    Raises:
+        StereocalError: bad input; no file is written then.
+    """
+    contents = pairs.check(lambda block: _outside(rig, block))
+    has_errors = sigma_px is not None or noise_of_file(rig)[0] is not None
+    columns = [*POINT_COLUMNS, *(SIGMA_COLUMNS if has_errors else ())]
+    columns += list(_carried(pairs.names).values())
+
+    def compute(block: pd.DataFrame) -> TableBlock:
+        table = reconstruct(rig, block, world, sigma_px)
+        found = TableBlock(table, table["error_px"].to_numpy(dtype=np.float32))
+        return found if pieces is None else found.as_lines(columns)
+
+    errors = []
+    done = 0
+    measured = in_order(pairs.blocks(), _name, compute, executor, pieces, AHEAD)
+    try:
+        with open_table(out, columns) as writer, closing(measured):
+            for block, found in measured:
+                if cancelled is not None and cancelled():
+                    raise CancelledError
+                writer.add(found.rows)
+                errors.append(found.numbers)
+                done += len(block)
+                if progress is not None:
+                    progress(done, contents.rows)
+    except CancelledError:
+        return None
+    pooled = np.concatenate(errors)
+    behind = int(np.isnan(pooled).sum())
+    median = float(np.nanmedian(pooled)) if behind < len(pooled) else float("nan")
+    notes = [warning] if (warning := purpose_warning(rig, "reconstruction")) else []
+    diagonal = float(np.hypot(*rig.primary.image_size))
+    if behind > len(pooled) / 2 or median > FAR_OFF * diagonal:
+        notes.append(
+            "Most pairs do not fit these parameters at all: make sure that both are of the same "
+            "rig, and that primary and secondary are not exchanged."
+        )
+    return ReconstructionReport(len(pooled), behind, median, notes)
+
+
+def _name(block: pd.DataFrame) -> str:
+    return f"measured {block.index[0]} to {block.index[-1]}"
+
+
+def _carried(names: tuple[str, ...]) -> dict[str, str]:
+    """The columns that go on to the points, with their name there."""
+    own = {*POINT_COLUMNS, *SIGMA_COLUMNS}
+    return {
+        name: f"{name}_of_pair" if name in own else name
+        for name in names
+        if name not in ("frame", *PIXELS, *OF_MATCHING)
+    }
+
+
+def _outside(rig: RigParameters, block: pd.DataFrame) -> list[RowProblem]:
+    problems = []
+    for which, camera, names in (
+        ("primary", rig.primary, PIXELS[:2]),
+        ("secondary", rig.secondary, PIXELS[2:]),
+    ):
+        pixels = block[list(names)].to_numpy(dtype=np.float64)
+        size, lines = np.array(camera.image_size), block.index.to_numpy()
+        for row in np.flatnonzero(((pixels < -0.5) | (pixels > size - 0.5)).any(axis=1)):
+            problems.append(
+                RowProblem(
+                    int(lines[row]),
+                    f"the {which} point ({pixels[row, 0]:g}, {pixels[row, 1]:g}) is outside the "
+                    f"{size[0]}x{size[1]} px image: are these parameters of other images?",
+                )
+            )
+    return sorted(problems, key=lambda problem: problem.line)

@@ -1,0 +1,94 @@
+"""A table written piece by piece, CSV or Parquet by its name, whole or not at all."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from stereocal.matching.parquet import PARQUET, parquet_library
+from stereocal.system.atomic_files import write_in_parts
+
+ROWS_AT_ONCE = 50_000
+
+
+class CancelledError(Exception):
+    """Somebody stopped the work: raised inside `open_table`, it drops the table."""
+
+
+class TableWriter:
+    """Collects rows and writes them in large pieces; made by `open_table`."""
+
+    def __init__(self, path: Path, columns: list[str], is_parquet: bool) -> None:
+        self._path = path
+        self._columns = columns
+        self._parquet: Any = parquet_library() if is_parquet else None
+        self._file: Any = None
+        self._waiting: list[pd.DataFrame] = []
+        self._rows_waiting = 0
+
+    def add(self, rows: pd.DataFrame | str) -> None:
+        """Append rows, whose columns are those that the table was opened with; or lines of CSV."""
+        if not len(rows):
+            return
+        if isinstance(rows, str):
+            if self._waiting or self._file is None:
+                self._write()
+            self._file.write(rows)
+            return
+        self._waiting.append(rows)
+        self._rows_waiting += len(rows)
+        if self._rows_waiting >= ROWS_AT_ONCE:
+            self._write()
+
+    def close(self) -> None:
+        """Write what is waiting, and end the file."""
+        if self._waiting or self._file is None:
+            self._write()
+        self._file.close()
+
+    def _write(self) -> None:
+        if self._waiting:
+            rows = pd.concat(self._waiting)[self._columns]
+        else:
+            rows = pd.DataFrame(columns=self._columns)
+        self._waiting, self._rows_waiting = [], 0
+        if self._parquet is not None:
+            self._write_parquet(rows)
+            return
+        if self._file is None:
+            self._file = self._path.open("w", encoding="utf-8", newline="")
+            self._file.write(pd.DataFrame(columns=self._columns).to_csv(index=False))
+        rows.to_csv(self._file, index=False, header=False, lineterminator="\n")
+
+    def _write_parquet(self, rows: pd.DataFrame) -> None:
+        import pyarrow as pa
+
+        if self._file is None:
+            table = pa.Table.from_pandas(rows, preserve_index=False)
+            self._file = self._parquet.ParquetWriter(self._path, table.schema)
+        else:
+            table = pa.Table.from_pandas(rows, schema=self._file.schema, preserve_index=False)
+        self._file.write_table(table)
+
+
+@contextmanager
+def open_table(path: Path, columns: list[str]) -> Iterator[TableWriter]:
+    """A writer for a new table; the file appears at the end, whole, or not at all.
+
+    Raises:
+        StereocalError: the folder cannot be written to, or the disk is full.
+    """
+    with write_in_parts(path) as temporary:
+        writer = TableWriter(temporary, columns, path.suffix.lower() in PARQUET)
+        try:
+            yield writer
+        except BaseException:
+            # The temporary file goes away; an open one cannot be removed on Windows.
+            if writer._file is not None:
+                writer._file.close()
+            raise
+        writer.close()

@@ -1,1 +1,0 @@
-"""Tables of points to match and to measure."""

@@ -1,0 +1,82 @@
+"""The results of all methods on a data set, with what was left out of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+
+from stereocal.calibration.methods import CalibrationSettings, Method
+from stereocal.calibration.results import Errors, MethodResult, errors_of
+from stereocal.refined.refine import RefinedResult
+from stereocal.refined.screening import Screening
+from stereocal.rig.compiled import IntArray
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.parameters import RigParameters, inputs_of
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """The results of all methods, with the data and the settings that made them."""
+
+    dataset: Dataset
+    settings: CalibrationSettings
+    screening: Screening
+    """Which frames were left out, because they contradict the others."""
+    frames: IntArray
+    """The frames that were calibrated with; the others that are left only test."""
+    methods: Mapping[Method, MethodResult]
+    warnings: tuple[str, ...]
+    """What is odd about the data, a sentence each."""
+    refined: RefinedResult | None = None
+    """The refined set, where it was asked for and could be found."""
+
+    @cached_property
+    def held_out_frames(self) -> IntArray:
+        """The frames that were neither calibrated with nor left out."""
+        return np.setdiff1d(self.screening.dataset.correspondences.frames, self.frames)
+
+    @cached_property
+    def errors(self) -> Mapping[Method, Errors]:
+        """Errors of each method on all frames, also those not calibrated with."""
+        left_out = self.screening.left_out
+        return {
+            name: errors_of(self.dataset, found.pose, left_out)
+            for name, found in self.methods.items()
+        }
+
+    @cached_property
+    def refined_errors(self) -> Errors | None:
+        """Errors of the refined set, seen through its own lenses, on all frames."""
+        if self.refined is None:
+            return None
+        left_out = self.screening.left_out
+        return errors_of(self.refined.apply(self.dataset), self.refined.pose, left_out)
+
+    def parameters(
+        self,
+        method: Literal["2d", "3d"],
+        validation: Mapping[str, Any] | None = None,
+    ) -> RigParameters:
+        """The parameter set to save: `2d` for matching, `3d` for reconstruction.
+
+        Args:
+            validation: figures of a validation of this data set, where there was one; its
+                `threshold_px` becomes the recommended limit of a match.
+        """
+        found = self.methods[method]
+        return RigParameters(
+            method=method,
+            primary=self.dataset.primary,
+            secondary=self.dataset.secondary,
+            pose=found.pose,
+            cost=found.cost,
+            settings=self.settings.to_json(),
+            inputs=inputs_of(self.dataset, self.frames),
+            matching_threshold_px=validation["threshold_px"] if validation else None,
+            validation=validation,
+            frames_left_out=self.screening.left_out,
+        )

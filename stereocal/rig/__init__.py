@@ -1,0 +1,1 @@
+"""Conventions: geometry, cameras, two cameras and their pose, data sets, what numba needs."""

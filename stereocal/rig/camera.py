@@ -1,0 +1,256 @@
+"""A camera with a known lens: OpenCV's model, both ways."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from stereocal.errors import StereocalError
+from stereocal.rig.compiled import FloatArray
+
+LARGEST_SIDE = 1_000_000
+MOST = 1e9
+DISTORTION_LENGTHS = (0, 4, 5, 8, 12, 14)
+OTHER_SIZE = 1.3
+"""A principal point so many times farther from the corner than the middle is of another size."""
+
+
+@dataclass(frozen=True, eq=False)
+class LensUncertainty:
+    """Standard errors of a lens: 0 for a number that was held fixed.
+
+    Args:
+        fx, fy, cx, cy: in pixels.
+        distortion: one for each coefficient of the camera.
+
+    Raises:
+        StereocalError: a number that is below 0 or not finite.
+    """
+
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    distortion: FloatArray
+
+    def __post_init__(self) -> None:
+        distortion = np.array(self.distortion, dtype=np.float64).ravel()
+        every = np.array([self.fx, self.fy, self.cx, self.cy, *distortion])
+        if not (np.isfinite(every).all() and (every >= 0).all()):
+            raise StereocalError("An uncertainty of the lens is below 0 or not a finite number.")
+        distortion.setflags(write=False)
+        object.__setattr__(self, "distortion", distortion)
+
+    def to_json(self) -> dict[str, Any]:
+        """The standard errors by name, as plain numbers."""
+        return {
+            **{name: float(getattr(self, name)) for name in ("fx", "fy", "cx", "cy")},
+            "distortion": self.distortion.tolist(),
+        }
+
+    @classmethod
+    def from_json(cls, data: Any, source: str) -> LensUncertainty:
+        """The uncertainty that `to_json` describes; further keys are let pass.
+
+        Raises:
+            StereocalError: a key is missing or its value cannot be read.
+        """
+        try:
+            fx, fy, cx, cy = (float(data[name]) for name in ("fx", "fy", "cx", "cy"))
+            return cls(fx, fy, cx, cy, np.array(data["distortion"], dtype=np.float64))
+        except StereocalError as error:
+            raise StereocalError(f"{source}: {error}") from error
+        except (TypeError, ValueError, KeyError, OverflowError) as error:
+            raise StereocalError(
+                f"{source}: the uncertainty must have the numbers fx, fy, cx, cy and a list "
+                "distortion."
+            ) from error
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """A pinhole camera with OpenCV's lens model.
+
+    Args:
+        K: (3, 3), `[[fx, skew, cx], [0, fy, cy], [0, 0, 1]]`, in pixels.
+        distortion: OpenCV's coefficients k1 k2 p1 p2 [k3 [k4 k5 k6 [s1..s4 [tx ty]]]].
+        image_size: (width, height) in pixels.
+        uncertainty: standard errors of fx, fy, cx, cy and the coefficients, where known.
+
+    Raises:
+        StereocalError: a matrix that is no camera matrix, NaN, or a wrong number of coefficients.
+    """
+
+    K: FloatArray
+    distortion: FloatArray
+    image_size: tuple[int, int]
+    uncertainty: LensUncertainty | None = None
+
+    def __post_init__(self) -> None:
+        K = np.array(self.K, dtype=np.float64)
+        distortion = np.array(self.distortion, dtype=np.float64).ravel()
+        if K.shape != (3, 3):
+            raise StereocalError(f"The camera matrix K must be 3x3, not {K.shape}.")
+        if not (np.isfinite(K).all() and np.isfinite(distortion).all()):
+            raise StereocalError("The camera has a number that is not finite (NaN or infinite).")
+        if K[0, 0] <= 0 or K[1, 1] <= 0:
+            raise StereocalError(
+                f"The camera matrix K cannot be inverted: the focal lengths fx = {K[0, 0]:g} and "
+                f"fy = {K[1, 1]:g} must both be above 0."
+            )
+        if np.abs(K).max() > MOST or min(K[0, 0], K[1, 1]) < 1 / MOST:
+            raise StereocalError(
+                f"The camera matrix K cannot be one: fx = {K[0, 0]:g}, fy = {K[1, 1]:g}."
+            )
+        if K[1, 0] != 0 or not np.array_equal(K[2], [0, 0, 1]):
+            raise StereocalError(
+                "K is not a camera matrix: it must read [[fx, skew, cx], [0, fy, cy], [0, 0, 1]]. "
+                "Is it transposed?"
+            )
+        if distortion.size not in DISTORTION_LENGTHS:
+            raise StereocalError(
+                f"The lens has {distortion.size} distortion coefficients; OpenCV's model has "
+                "4, 5, 8, 12 or 14 (or none)."
+            )
+        width, height = (int(side) for side in self.image_size)
+        if not (0 < width < LARGEST_SIDE and 0 < height < LARGEST_SIDE):
+            raise StereocalError(f"The image size {width}x{height} px is not possible.")
+        if self.uncertainty is not None and self.uncertainty.distortion.size != distortion.size:
+            raise StereocalError(
+                f"The lens has {distortion.size} distortion coefficients, but "
+                f"{self.uncertainty.distortion.size} uncertainties of them."
+            )
+        K.setflags(write=False)
+        distortion.setflags(write=False)
+        object.__setattr__(self, "K", K)
+        object.__setattr__(self, "distortion", distortion)
+        object.__setattr__(self, "image_size", (width, height))
+
+    @property
+    def pixel_scale(self) -> FloatArray:
+        """(fx, skew, fy): the part of K that acts on differences of normalised points."""
+        return np.array([self.K[0, 0], self.K[0, 1], self.K[1, 1]])
+
+    @property
+    def other_size(self) -> float | None:
+        """How many times as large an image K seems to be made for; None where the sizes agree.
+
+        Told by the principal point, which lies about in the middle of an image.
+        """
+        middle = 0.5 * (np.array(self.image_size) - 1.0)
+        factor = float(np.mean(np.maximum(self.K[:2, 2], 1e-9) / middle))
+        return factor if abs(np.log(factor)) > np.log(OTHER_SIZE) else None
+
+    def distort(self, normalised: npt.ArrayLike) -> FloatArray:
+        """Raw pixels (n, 2) of normalised points (n, 2): lens, then K."""
+        return self._to_pixels(self._bend(np.asarray(normalised, dtype=np.float64)))
+
+    def project(self, points: npt.ArrayLike) -> FloatArray:
+        """Raw pixels (n, 2) of points (n, 3) in this camera's frame; NaN behind the camera."""
+        points = np.asarray(points, dtype=np.float64)
+        depth = np.where(points[:, 2] > 0, points[:, 2], np.nan)
+        return self.distort(points[:, :2] / depth[:, None])
+
+    def undistort(self, pixels: npt.ArrayLike) -> FloatArray:
+        """Normalised points (n, 2) of raw pixels (n, 2); NaN where the lens cannot be inverted.
+
+        Newton's method on OpenCV's forward model, with OpenCV's own inverse as the start, which
+        alone stops after 5 rounds: 0.02 px off at the corners of a 1280 px image with k1 = -0.22.
+        """
+        pixels = np.asarray(pixels, dtype=np.float64).reshape(-1, 2)
+        bent = np.column_stack([pixels, np.ones(len(pixels))]) @ np.linalg.inv(self.K).T
+        bent = np.ascontiguousarray(bent[:, :2])
+        if not self.distortion.any() or not len(bent):
+            return bent
+        guess = cv2.undistortPoints(bent[:, None], np.eye(3), self.distortion).reshape(-1, 2)
+        straight = np.asarray(guess, dtype=np.float64)
+        with np.errstate(all="ignore"):
+            for _ in range(20):
+                error = self._bend(straight) - bent
+                along_x, along_y = self._slopes(straight)
+                determinant = along_x[:, 0] * along_y[:, 1] - along_x[:, 1] * along_y[:, 0]
+                straight = (
+                    straight
+                    - np.column_stack(
+                        [
+                            error[:, 0] * along_y[:, 1] - error[:, 1] * along_y[:, 0],
+                            error[:, 1] * along_x[:, 0] - error[:, 0] * along_x[:, 1],
+                        ]
+                    )
+                    / determinant[:, None]
+                )
+                if np.nanmax(np.abs(error), initial=0.0) < 1e-13:
+                    break
+            found = np.abs(self._bend(straight) - bent).max(axis=1) < 1e-10
+            # The model folds back far out, where it has further solutions that no lens has: all the
+            # way from the centre, both eigenvalues of the slopes must be above 0.
+            for part in (0.25, 0.5, 0.75, 1.0):
+                along_x, along_y = self._slopes(part * straight)
+                found &= along_x[:, 0] * along_y[:, 1] > along_x[:, 1] * along_y[:, 0]
+                found &= along_x[:, 0] + along_y[:, 1] > 0
+        return np.where(found[:, None], straight, np.nan)
+
+    def undistort_to_pixels(self, pixels: npt.ArrayLike) -> FloatArray:
+        """Pixels (n, 2) of the undistorted image, from raw pixels (n, 2)."""
+        return self._to_pixels(self.undistort(pixels))
+
+    def to_json(self) -> dict[str, Any]:
+        """K, distortion and image size as plain lists; not the uncertainty."""
+        return {
+            "K": self.K.tolist(),
+            "distortion": self.distortion.tolist(),
+            "image_size": list(self.image_size),
+        }
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any], source: str) -> Camera:
+        """The camera that `to_json` describes, with its `uncertainty` if there is one.
+
+        Raises:
+            StereocalError: a key is missing or its value cannot be read.
+        """
+        missing = [key for key in ("K", "distortion", "image_size") if key not in data]
+        if missing:
+            raise StereocalError(f"{source}: the camera lacks {', '.join(missing)}.")
+        try:
+            width, height = data["image_size"]
+            K = np.array(data["K"], dtype=np.float64)
+            distortion = np.array(data["distortion"], dtype=np.float64)
+            size = (int(width), int(height))
+        except (TypeError, ValueError, OverflowError) as error:
+            raise StereocalError(
+                f"{source}: K, distortion and image_size must be lists of numbers."
+            ) from error
+        given = data.get("uncertainty")
+        uncertainty = None if given is None else LensUncertainty.from_json(given, source)
+        try:
+            return cls(K, distortion, size, uncertainty)
+        except StereocalError as error:
+            raise StereocalError(f"{source}: {error}") from error
+
+    def _bend(self, normalised: FloatArray) -> FloatArray:
+        """Lens distortion of normalised points, by OpenCV's full model."""
+        if not len(normalised) or not self.distortion.any():
+            return normalised
+        points = np.column_stack([normalised, np.ones(len(normalised))])
+        bent, _ = cv2.projectPoints(
+            points[:, None], np.zeros(3), np.zeros(3), np.eye(3), self.distortion
+        )
+        return np.asarray(bent, dtype=np.float64).reshape(-1, 2)
+
+    def _slopes(self, normalised: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Derivatives (n, 2) of the bent points by x and by y of the straight ones."""
+        step = 1e-6
+        along_x = self._bend(normalised + np.array([step, 0.0]))
+        along_y = self._bend(normalised + np.array([0.0, step]))
+        here = self._bend(normalised)
+        return (along_x - here) / step, (along_y - here) / step
+
+    def _to_pixels(self, normalised: FloatArray) -> FloatArray:
+        pixels: FloatArray = normalised @ self.K[:2, :2].T + self.K[:2, 2]
+        return pixels

@@ -1,0 +1,341 @@
+"""What a calibration starts from: the points of the bar, the cameras, the measured lengths."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
+from stereocal.rig.geometry import Pose, stack_rays, triangulate_rays
+
+TARGETS = ("A", "B")
+SOURCES = ("detected", "corrected", "manual")
+"""Who placed a point: the detector, a person with the detector's help, or a person alone."""
+UNKNOWN_SOURCE = -1
+LONGEST_PLAUSIBLE_M = 1000.0
+"""A baseline or bar beyond a kilometre is a number in millimetres."""
+
+
+@dataclass(frozen=True, eq=False)
+class Correspondences:
+    """Images of the two targets A and B in both cameras, one row per frame and target.
+
+    All arrays have n rows. Pixels are raw (distorted), (0, 0) is the centre of the top-left pixel.
+
+    Raises:
+        StereocalError: arrays of different lengths, NaN, or a frame with the same target twice.
+    """
+
+    frame: IntArray
+    target: IntArray
+    """0 for A, 1 for B."""
+    primary: FloatArray
+    """(n, 2)."""
+    secondary: FloatArray
+    """(n, 2)."""
+    distance_m: FloatArray
+    """Distance A-B measured for this frame; NaN where the data set's own distance holds."""
+    known_points_m: FloatArray
+    """(n, 3) places in the primary camera's frame, where known; else NaN."""
+    sigma_primary_px: FloatArray
+    """Standard error of the primary point, of one coordinate; NaN where it is not known."""
+    sigma_secondary_px: FloatArray
+    source: IntArray
+    """Index into `SOURCES`; -1 where it is not known."""
+    line: IntArray
+    """Line of the file that the row came from, for messages; 0 where there is none."""
+
+    def __post_init__(self) -> None:
+        n = len(self.frame)
+        shapes = {
+            "target": (n,), "primary": (n, 2), "secondary": (n, 2),
+            "distance_m": (n,), "known_points_m": (n, 3),
+            "sigma_primary_px": (n,), "sigma_secondary_px": (n,), "source": (n,), "line": (n,),
+        }  # fmt: skip
+        for name, shape in shapes.items():
+            if getattr(self, name).shape != shape:
+                raise StereocalError(
+                    f"{name} has shape {getattr(self, name).shape}; {shape} is needed."
+                )
+        if not (np.isfinite(self.primary).all() and np.isfinite(self.secondary).all()):
+            raise StereocalError("An image point is not a finite number.")
+        if not np.isin(self.target, (0, 1)).all():
+            raise StereocalError("A target is neither A (0) nor B (1).")
+        if not np.isin(self.source, range(UNKNOWN_SOURCE, len(SOURCES))).all():
+            raise StereocalError(f"A source is none of {', '.join(SOURCES)}.")
+        if (self.sigma_primary_px <= 0).any() or (self.sigma_secondary_px <= 0).any():
+            raise StereocalError("The standard error of an image point is not above 0.")
+        if len(np.unique(np.column_stack([self.frame, self.target]), axis=0)) < n:
+            raise StereocalError("A frame has the same target twice.")
+        for name in ("frame", *shapes):
+            getattr(self, name).setflags(write=False)
+
+    @classmethod
+    def from_arrays(
+        cls,
+        frame: npt.ArrayLike,
+        target: Iterable[str],
+        primary: npt.ArrayLike,
+        secondary: npt.ArrayLike,
+        distance_m: npt.ArrayLike | None = None,
+        known_points_m: npt.ArrayLike | None = None,
+        sigma_primary_px: npt.ArrayLike | None = None,
+        sigma_secondary_px: npt.ArrayLike | None = None,
+        source: Iterable[str] | None = None,
+    ) -> Correspondences:
+        """From arrays as a script has them.
+
+        `target` holds "A" and "B"; `source` the words of `SOURCES`, and "" where it is not known.
+        """
+        frames = np.array(frame, dtype=np.int64)
+        n = len(frames)
+
+        def optional(given: npt.ArrayLike | None, *shape: int) -> FloatArray:
+            return np.full((n, *shape), np.nan) if given is None else np.array(given, float)
+
+        words = [""] * n if source is None else list(source)
+        return cls(
+            frame=frames,
+            target=np.array([TARGETS.index(name) for name in target], dtype=np.int64),
+            primary=np.array(primary, dtype=np.float64),
+            secondary=np.array(secondary, dtype=np.float64),
+            distance_m=optional(distance_m),
+            known_points_m=optional(known_points_m, 3),
+            sigma_primary_px=optional(sigma_primary_px),
+            sigma_secondary_px=optional(sigma_secondary_px),
+            source=np.array([source_code(word) for word in words], dtype=np.int64),
+            line=np.zeros(n, dtype=np.int64),
+        )
+
+    def __len__(self) -> int:
+        return len(self.frame)
+
+    @property
+    def has_sigmas(self) -> bool:
+        """Whether the standard error of any point is known."""
+        return bool(
+            np.isfinite(self.sigma_primary_px).any() or np.isfinite(self.sigma_secondary_px).any()
+        )
+
+    @cached_property
+    def frames(self) -> IntArray:
+        """The frame numbers, each once, in order."""
+        return np.unique(self.frame)
+
+    @cached_property
+    def bars(self) -> IntArray:
+        """(m, 2): the rows of A and of B of each frame that has both, in order of the frames."""
+        rows = [
+            {int(f): i for i, f in enumerate(self.frame) if self.target[i] == t} for t in (0, 1)
+        ]
+        both = sorted(rows[0].keys() & rows[1].keys())
+        return np.array([(rows[0][f], rows[1][f]) for f in both], dtype=np.int64).reshape(-1, 2)
+
+    def where(self, keep: npt.NDArray[np.bool_]) -> Correspondences:
+        """The rows for which `keep`, of shape (n,), is true."""
+        return Correspondences(*(getattr(self, field.name)[keep] for field in fields(self)))
+
+    def of_frames(self, frames: npt.ArrayLike) -> Correspondences:
+        """The rows of the given frames."""
+        return self.where(np.isin(self.frame, np.asarray(frames)))
+
+    def without_lines(self, lines: Iterable[int]) -> Correspondences:
+        """All rows but those from these lines of the file."""
+        return self.where(~np.isin(self.line, list(lines)))
+
+    def name_of(self, row: int) -> str:
+        """How messages name a row: "frame 12, target A (line 25)"."""
+        name = f"frame {self.frame[row]}, target {TARGETS[self.target[row]]}"
+        return f"{name} (line {self.line[row]})" if self.line[row] else name
+
+
+@dataclass(frozen=True, eq=False)
+class Dataset:
+    """Correspondences with the two cameras and the two measured lengths.
+
+    Raises:
+        StereocalError: a length that cannot be, points outside an image, or a lens that cannot be
+            inverted where a point lies.
+    """
+
+    name: str
+    primary: Camera
+    secondary: Camera
+    correspondences: Correspondences
+    baseline_m: float
+    target_distance_m: float
+    baseline_sigma_m: float | None = None
+    target_distance_sigma_m: float | None = None
+    notes: str = ""
+
+    def __post_init__(self) -> None:
+        check_length("baseline", self.baseline_m)
+        check_length("distance between the targets", self.target_distance_m)
+        for what, sigma in (
+            ("baseline", self.baseline_sigma_m),
+            ("distance between the targets", self.target_distance_sigma_m),
+        ):
+            if sigma is not None and not (np.isfinite(sigma) and sigma > 0):
+                raise StereocalError(
+                    f"The uncertainty of the {what} is {sigma}: it must be above 0."
+                )
+        problems = points_outside(self.correspondences, self.primary, self.secondary)
+        if problems:
+            raise RefusedRowsError("", problems, "with a point outside its image")
+        lost = np.flatnonzero(~np.isfinite(self.rays).all(axis=0))
+        if len(lost):
+            raise StereocalError(self._not_inverted(int(lost[0])))
+
+    def _not_inverted(self, row: int) -> str:
+        """Whose lens does not reach a point, and what to look at."""
+        which, camera = (
+            ("secondary", self.secondary)
+            if np.isfinite(self.rays[:2, row]).all()
+            else ("primary", self.primary)
+        )
+        width, height = camera.image_size
+        size = camera.other_size
+        hint = f" K seems to be that of an image {size:.3g} times as large." if size else ""
+        return (
+            f"The {which} camera's lens cannot be as given: its model cannot be inverted at "
+            f"{self.correspondences.name_of(row)}. Focal length and distortion do not fit a point "
+            f"this far from the centre of {width}x{height} px.{hint}"
+        )
+
+    def of_frames(self, frames: npt.ArrayLike) -> Dataset:
+        """The same data set with the given frames only."""
+        return replace(self, correspondences=self.correspondences.of_frames(frames))
+
+    def with_targets_exchanged(self, frames: npt.ArrayLike) -> Dataset:
+        """The same with A and B exchanged in the secondary image of the given frames.
+
+        A frame with one target stays: what the other camera saw there belongs to no other row.
+        """
+        rows = self.correspondences
+        a, b = rows.bars[np.isin(rows.frame[rows.bars[:, 0]], np.asarray(frames))].T
+        order = np.arange(len(rows))
+        order[a], order[b] = b, a
+        changed = {name: getattr(rows, name)[order] for name in ("secondary", "sigma_secondary_px")}
+        return replace(self, correspondences=replace(rows, **changed))
+
+    @cached_property
+    def rays(self) -> FloatArray:
+        """Undistorted, normalised points, shape (4, n), as in `geometry`. Computed once."""
+        return stack_rays(
+            self.primary.undistort(self.correspondences.primary),
+            self.secondary.undistort(self.correspondences.secondary),
+        )
+
+    @cached_property
+    def pixel_scale(self) -> FloatArray:
+        """(2, 3): fx, skew, fy of each camera."""
+        return np.array([self.primary.pixel_scale, self.secondary.pixel_scale])
+
+    @cached_property
+    def bar_distances_m(self) -> FloatArray:
+        """(m,): the measured length of each bar of `correspondences.bars`."""
+        own = self.correspondences.distance_m[self.correspondences.bars]
+        of_frame = np.where(np.isnan(own[:, 0]), own[:, 1], own[:, 0])
+        return np.where(np.isnan(of_frame), self.target_distance_m, of_frame)
+
+    def bars_among(self, rows: BoolArray) -> BoolArray:
+        """(m,): which bars of `correspondences.bars` have their frame among these rows (n,)."""
+        return rows[self.correspondences.bars[:, 0]]
+
+    def reconstructed_lengths_m(self, pose: Pose) -> FloatArray:
+        """(m,): the lengths of the bars as `pose` gives them; NaN behind a camera."""
+        points = triangulate_rays(pose.R, pose.T, self.rays)
+        bars = self.correspondences.bars
+        lengths: FloatArray = np.linalg.norm(points[bars[:, 0]] - points[bars[:, 1]], axis=1)
+        return lengths
+
+    @cached_property
+    def sha256(self) -> str:
+        """Digest of all numbers that a calibration depends on, however they were stored."""
+        rows = self.correspondences
+        content: dict[str, Any] = {
+            "cameras": [_numbers_of(camera) for camera in (self.primary, self.secondary)],
+            "baseline_m": self.baseline_m,
+            "target_distance_m": self.target_distance_m,
+            "rows": [
+                getattr(rows, name).tolist()
+                for name in ("frame", "target", "primary", "secondary", "distance_m",
+                             "known_points_m")
+            ],
+        }  # fmt: skip
+        if rows.has_sigmas:
+            # Beside the rows, so that a table without them has the digest that it always had.
+            sigmas = (rows.sigma_primary_px, rows.sigma_secondary_px)
+            content["sigmas_px"] = [sigma.tolist() for sigma in sigmas]
+        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def _numbers_of(camera: Camera) -> dict[str, Any]:
+    known = camera.uncertainty
+    return {**camera.to_json(), **({"uncertainty": known.to_json()} if known else {})}
+
+
+def source_code(word: str) -> int:
+    """The index of a word of `SOURCES`; -1 for an empty one.
+
+    Raises:
+        StereocalError: it is none of them.
+    """
+    if not word:
+        return UNKNOWN_SOURCE
+    if word not in SOURCES:
+        raise StereocalError(f'The source "{word[:40]}" is none of {", ".join(SOURCES)}.')
+    return SOURCES.index(word)
+
+
+def check_length(what: str, value: float) -> None:
+    """Refuse a measured length that cannot be.
+
+    Raises:
+        StereocalError: zero, negative, not finite, or evidently in millimetres.
+    """
+    if not np.isfinite(value) or value <= 0:
+        raise StereocalError(f"The {what} is {value:g} m: it must be a length above 0.")
+    if value > LONGEST_PLAUSIBLE_M:
+        raise StereocalError(
+            f"The {what} is {value:g} m: this looks like millimetres. Give it in metres "
+            f"({value / 1000:g})."
+        )
+
+
+def points_outside(
+    correspondences: Correspondences, primary: Camera | None, secondary: Camera | None
+) -> list[RowProblem]:
+    """Rows with a point outside its image; a pixel reaches 0.5 px around its centre.
+
+    A camera that is None is not looked at.
+    """
+    problems = []
+    for which, points, camera in (
+        ("primary", correspondences.primary, primary),
+        ("secondary", correspondences.secondary, secondary),
+    ):
+        if camera is None:
+            continue
+        size = np.array(camera.image_size)
+        outside = ((points < -0.5) | (points > size - 0.5)).any(axis=1)
+        for row in np.flatnonzero(outside):
+            u, v = points[row]
+            problems.append(
+                RowProblem(
+                    int(correspondences.line[row]),
+                    f"frame {correspondences.frame[row]}, target "
+                    f"{TARGETS[correspondences.target[row]]}: the {which} point ({u:g}, {v:g}) is "
+                    f"outside the {size[0]}x{size[1]} px image",
+                )
+            )
+    return sorted(problems, key=lambda problem: problem.line)

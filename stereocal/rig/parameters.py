@@ -1,0 +1,266 @@
+"""The parameters of a rig: what the downloaded files hold."""
+
+from __future__ import annotations
+
+import datetime
+import json
+import platform
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numba
+import numpy as np
+import numpy.typing as npt
+import scipy
+
+import stereocal
+from stereocal.errors import DAMAGED, StereocalError
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray, IntArray
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.geometry import (
+    Angles,
+    Pose,
+    epipolar_distances,
+    reprojection_errors_of_rays,
+    residuals,
+    stack_rays,
+    triangulate,
+)
+from stereocal.system.atomic_files import write_atomically
+from stereocal.system.json_text import read_json
+
+PARAMETERS_FORMAT = "stereocal-parameters/1"
+PURPOSES = {"2d": "matching", "3d": "reconstruction", "refined": "both", "imported": "both"}
+PIXEL_ORIGIN = "centre of the top-left pixel is (0, 0); u to the right, v down"
+CONVENTION = "x_secondary = R @ x_primary + T"
+LARGEST_TEXT = 16_000_000
+UNITS = {"T": "m", "baseline_m": "m", "angles": "rad", "K": "px", "matching_threshold_px": "px"}
+
+
+@dataclass(frozen=True, eq=False)
+class RigParameters:
+    """One parameter set: two cameras, their relative pose, and what the set is for.
+
+    The file is JSON (format `stereocal-parameters/1`) and describes itself.
+
+    Raises:
+        StereocalError: on construction and `load`: an unknown format, a non-rotation, NaN.
+    """
+
+    method: str
+    """`2d`, `3d` or `refined`; `imported` for parameters that another program found."""
+    primary: Camera
+    secondary: Camera
+    pose: Pose
+    """`secondary_from_primary`."""
+    cost: float | None
+    """None for imported parameters, whose cost nobody knows."""
+    settings: Mapping[str, Any]
+    inputs: Mapping[str, Any]
+    matching_threshold_px: float | None = None
+    validation: Mapping[str, Any] | None = None
+    triangulation: str = "midpoint"
+    uncertainties: Mapping[str, Any] | None = None
+    """Of a refined set: what `refined_file` writes. None, and no key in the file, without them."""
+    frames_left_out: tuple[int, ...] = ()
+    """Frames that contradict the others, and were not calibrated with."""
+
+    def __post_init__(self) -> None:
+        if self.method not in PURPOSES:
+            raise StereocalError(f'A parameter set of method "{self.method}" is not known.')
+        if self.triangulation != "midpoint":
+            raise StereocalError(
+                f'The parameters were fitted with the triangulation "{self.triangulation}"; '
+                "this version knows midpoint only."
+            )
+        if self.method != "imported" and (self.cost is None or not np.isfinite(self.cost)):
+            raise StereocalError("The cost of the parameter set is not a finite number.")
+        threshold = self.matching_threshold_px
+        if threshold is not None and not (np.isfinite(threshold) and threshold >= 0):
+            raise StereocalError(f"The matching threshold is {threshold} px: it must be 0 or more.")
+
+    @property
+    def purpose(self) -> str:
+        """`matching` for the 2D set, `reconstruction` for the 3D set, else `both`."""
+        return PURPOSES[self.method]
+
+    def reconstruct(self, primary_px: npt.ArrayLike, secondary_px: npt.ArrayLike) -> FloatArray:
+        """Points (n, 3) in metres in the primary frame, from raw pixels (n, 2) of each camera."""
+        return triangulate(
+            self.pose, self.primary.undistort(primary_px), self.secondary.undistort(secondary_px)
+        )
+
+    def reprojection_errors(
+        self, primary_px: npt.ArrayLike, secondary_px: npt.ArrayLike
+    ) -> FloatArray:
+        """Errors (n, 2) in pixels of the undistorted images, from raw pixels of each camera."""
+        rays = stack_rays(
+            self.primary.undistort(primary_px), self.secondary.undistort(secondary_px)
+        )
+        scale = np.array([self.primary.pixel_scale, self.secondary.pixel_scale])
+        return reprojection_errors_of_rays(self.pose.R, self.pose.T, rays, scale)
+
+    def residuals(self, primary_px: npt.ArrayLike, secondary_px: npt.ArrayLike) -> FloatArray:
+        """`q_secondary^T E q_primary` (n,), from raw pixels (n, 2) of each camera."""
+        return residuals(
+            self.pose.essential,
+            self.primary.undistort(primary_px),
+            self.secondary.undistort(secondary_px),
+        )
+
+    def epipolar_distances(
+        self, primary_px: npt.ArrayLike, secondary_px: npt.ArrayLike
+    ) -> FloatArray:
+        """Distances (n, 2) in undistorted pixels of points to their partners' epipolar lines."""
+        F = np.linalg.inv(self.secondary.K).T @ self.pose.essential @ np.linalg.inv(self.primary.K)
+        return epipolar_distances(
+            F,
+            self.primary.undistort_to_pixels(primary_px),
+            self.secondary.undistort_to_pixels(secondary_px),
+        )
+
+    def to_json(self) -> dict[str, Any]:
+        """The content of the file."""
+        return {
+            "format": PARAMETERS_FORMAT,
+            "purpose": self.purpose,
+            "method": self.method,
+            "convention": CONVENTION,
+            "units": UNITS,
+            "pixel_origin": PIXEL_ORIGIN,
+            "cameras": {"primary": self.primary.to_json(), "secondary": self.secondary.to_json()},
+            "R": self.pose.R.tolist(),
+            "T": self.pose.T.tolist(),
+            "E": self.pose.essential.tolist(),
+            "angles": self.pose.angles._asdict(),
+            "baseline_m": self.pose.baseline,
+            "triangulation": self.triangulation,
+            "matching_threshold_px": self.matching_threshold_px,
+            "cost": self.cost,
+            "validation": self.validation,
+            **({} if self.uncertainties is None else {"uncertainties": dict(self.uncertainties)}),
+            "settings": dict(self.settings),
+            "inputs": dict(self.inputs),
+            "frames_left_out": list(self.frames_left_out),
+            "software": {
+                "stereocal": stereocal.__version__,
+                "python": platform.python_version(),
+                "numpy": np.__version__,
+                "scipy": scipy.__version__,
+                "numba": numba.__version__,
+                "opencv": cv2.__version__,
+            },
+            "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+        }
+
+    def dumps(self) -> str:
+        """The file as text; the same parameters give the same text, but for `created`."""
+        return json.dumps(self.to_json(), indent=2, allow_nan=False) + "\n"
+
+    def save(self, path: str | Path) -> None:
+        """Write the file, whole or not at all."""
+        write_atomically(Path(path), self.dumps().encode())
+
+    @classmethod
+    def load(cls, path: str | Path) -> RigParameters:
+        """Read a parameter file.
+
+        Raises:
+            StereocalError: the file cannot be read or is not a sound parameter set.
+        """
+        path = Path(path)
+        try:
+            _check_size(path.stat().st_size, str(path))
+            text = path.read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            raise StereocalError(f"{path}: the file cannot be read ({error}).") from error
+        return cls.loads(text, str(path))
+
+    @classmethod
+    def loads(cls, text: str, source: str = "parameters") -> RigParameters:
+        """As `load`, from text."""
+        _check_size(len(text), source)
+        data = read_json(text, source)
+        if not isinstance(data, dict) or data.get("format") != PARAMETERS_FORMAT:
+            found = data.get("format") if isinstance(data, dict) else None
+            raise StereocalError(
+                f'{source}: the format is {found!r}; this version reads "{PARAMETERS_FORMAT}".'
+            )
+        try:
+            return cls._from_dict(data, source)
+        except StereocalError:
+            raise
+        except DAMAGED as error:
+            raise StereocalError(
+                f"{source}: the parameter file is damaged ({type(error).__name__}: {error})."
+            ) from error
+
+    @classmethod
+    def _from_dict(cls, data: Mapping[str, Any], source: str) -> RigParameters:
+        if data["convention"] != CONVENTION:
+            raise StereocalError(f"{source}: the convention {data['convention']!r} is not known.")
+        try:
+            pose = Pose(np.array(data["R"], float), np.array(data["T"], float))
+            stated = Pose.from_angles(Angles(**data["angles"]), pose.baseline)
+        except StereocalError as error:
+            raise StereocalError(f"{source}: {error}") from error
+        # "not <=" refuses NaN too.
+        if not abs(pose.baseline - float(data["baseline_m"])) <= 1e-6 * pose.baseline:
+            raise StereocalError(f"{source}: the length of T and baseline_m contradict each other.")
+        if not (np.allclose(stated.R, pose.R, atol=1e-6) and np.allclose(stated.T, pose.T, 1e-6)):
+            raise StereocalError(f"{source}: the angles and R, T contradict each other.")
+        settings, inputs = (_object(data[name], name, source) for name in ("settings", "inputs"))
+        validation, uncertainties = (
+            None if data.get(name) is None else _object(data[name], name, source)
+            for name in ("validation", "uncertainties")
+        )
+        threshold = data["matching_threshold_px"]
+        return cls(
+            method=data["method"],
+            primary=Camera.from_json(data["cameras"]["primary"], f"{source}, primary"),
+            secondary=Camera.from_json(data["cameras"]["secondary"], f"{source}, secondary"),
+            pose=pose,
+            cost=None if data["method"] == "imported" else float(data["cost"]),
+            settings=settings,
+            inputs=inputs,
+            matching_threshold_px=None if threshold is None else float(threshold),
+            validation=validation,
+            triangulation=data["triangulation"],
+            uncertainties=uncertainties,
+            frames_left_out=tuple(int(frame) for frame in data.get("frames_left_out", [])),
+        )
+
+
+def inputs_of(dataset: Dataset, frames: IntArray) -> dict[str, Any]:
+    """What a file says of the data that its parameters come from."""
+    return {
+        "sha256": dataset.sha256,
+        "name": dataset.name,
+        "baseline_m": dataset.baseline_m,
+        "target_distance_m": dataset.target_distance_m,
+        "frames": [int(frame) for frame in frames],
+    }
+
+
+def _check_size(size: int, source: str) -> None:
+    if size > LARGEST_TEXT:
+        raise StereocalError(f"{source}: {size} bytes are too many for a parameter file.")
+
+
+def _object(data: Any, name: str, source: str) -> Mapping[str, Any]:
+    """A part of a file that is kept as it stands there.
+
+    Raises:
+        StereocalError: not an object, or one that could not be written again.
+    """
+    if not isinstance(data, dict):
+        raise StereocalError(f"{source}: {name} is not an object.")
+    try:
+        json.dumps(data, allow_nan=False)
+    except ValueError as error:
+        raise StereocalError(f"{source}: {name} holds what is not a finite number.") from error
+    return data

@@ -1,0 +1,1 @@
+"""Rigs, scenes and photographs with known truth."""

@@ -1,0 +1,188 @@
+"""Averages of a table of cells over the area of each pixel, blurred.
+
+Each pixel is cut into parts. A part that one edge crosses takes the exact areas on its two sides; a
+part where more cells meet takes many samples. One weighted sum over the parts is then both the
+pixel's area and the optical blur.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from stereocal.rig.compiled import FloatArray, compiled, inlined
+
+SAMPLES = 233
+"""Samples of a part of a pixel where more than two cells meet; a Fibonacci number."""
+THIN = 1e-6
+"""An edge whose direction is this near to the pixels' rows or columns is along them."""
+BLUR_REACH = 4.0
+"""The blur's kernel ends at so many standard deviations."""
+
+
+def sample_offsets() -> FloatArray:
+    """(SAMPLES, 2) in the unit square: a Fibonacci lattice, even in every direction."""
+    i = np.arange(SAMPLES)
+    return (np.column_stack([i, i * 144 % SAMPLES]) + 0.5) / SAMPLES
+
+
+def pixel_weights(blur_px: float, parts: int) -> npt.NDArray[np.float32]:
+    """Weights of the parts along one axis that a pixel sums: its own area, then the blur."""
+    reach = int(np.ceil(BLUR_REACH * blur_px)) * parts
+    places = np.arange(-reach, reach + 1) / parts
+    blur = np.exp(-0.5 * (places / max(blur_px, 1e-9)) ** 2)
+    weights = np.convolve(blur / blur.sum(), np.full(parts, 1.0 / parts))
+    return weights.astype(np.float32)
+
+
+@compiled
+def fill_parts(
+    s: FloatArray,
+    t: FloatArray,
+    cells: FloatArray,
+    offsets: FloatArray,
+    parts: int,
+    fine: npt.NDArray[np.float32],
+) -> None:
+    """Average grey (times cover) and cover of each part of each pixel.
+
+    Args:
+        s: (h + 1, w + 1) column on the board, in cells, of the pixels' corners; NaN off the plane.
+        t: the same for the row.
+        cells: (rows, columns) grey levels.
+        offsets: (n, 2) places of the samples in the unit square.
+        fine: (2, h parts, w parts), filled here.
+    """
+    for i in range(s.shape[0] - 1):
+        for j in range(s.shape[1] - 1):
+            across = s[i, j], s[i, j + 1], s[i + 1, j], s[i + 1, j + 1]
+            down = t[i, j], t[i, j + 1], t[i + 1, j], t[i + 1, j + 1]
+            same, grey, cover = one_cell(across, down, cells)
+            for p in range(parts):
+                for q in range(parts):
+                    if not same:
+                        grey, cover = part_average(across, down, cells, offsets, p, q, parts)
+                    fine[0, i * parts + p, j * parts + q] = grey
+                    fine[1, i * parts + p, j * parts + q] = cover
+
+
+@inlined
+def one_cell(
+    s: tuple[float, float, float, float], t: tuple[float, float, float, float], cells: FloatArray
+) -> tuple[bool, float, float]:
+    """Whether an area sees one grey level only (or nothing of the board), its grey and cover."""
+    rows, columns = cells.shape
+    first_column, last_column = np.floor(min(s)), np.floor(max(s))
+    first_row, last_row = np.floor(min(t)), np.floor(max(t))
+    if not (last_column >= 0 and first_column < columns and last_row >= 0 and first_row < rows):
+        return True, 0.0, 0.0
+    if first_column < 0 or last_column >= columns or first_row < 0 or last_row >= rows:
+        return False, 0.0, 0.0
+    grey = cells[int(first_row), int(first_column)]
+    for row in range(int(first_row), int(last_row) + 1):
+        for column in range(int(first_column), int(last_column) + 1):
+            if cells[row, column] != grey:
+                return False, 0.0, 0.0
+    return True, grey, 1.0
+
+
+@inlined
+def at(corners: tuple[float, float, float, float], a: float, b: float) -> float:
+    """A value at (a, b) of a unit square, bilinear between its corners."""
+    above = (1.0 - a) * corners[0] + a * corners[1]
+    return (1.0 - b) * above + b * ((1.0 - a) * corners[2] + a * corners[3])
+
+
+@inlined
+def share_below(corners: tuple[float, float, float, float], level: float) -> float:
+    """The share of a square where a value, linear over it, is below a level.
+
+    Args:
+        corners: the value at the corners, as in `at`.
+    """
+    a = 0.5 * abs(corners[1] - corners[0] + corners[3] - corners[2])
+    b = 0.5 * abs(corners[2] - corners[0] + corners[3] - corners[1])
+    low = 0.25 * (corners[0] + corners[1] + corners[2] + corners[3]) - 0.5 * (a + b)
+    c = level - low
+    if min(a, b) < THIN * max(a, b):
+        return min(max(c / (a + b), 0.0), 1.0)
+    corner = max(c, 0.0) ** 2 - max(c - a, 0.0) ** 2
+    return (corner - max(c - b, 0.0) ** 2 + max(c - a - b, 0.0) ** 2) / (2.0 * a * b)
+
+
+@inlined
+def cell_at(cells: FloatArray, row: float, column: float) -> tuple[float, float]:
+    """Grey and cover of a cell: nothing off the board, and where row or column is NaN."""
+    if 0 <= row < cells.shape[0] and 0 <= column < cells.shape[1]:
+        return cells[int(row), int(column)], 1.0
+    return 0.0, 0.0
+
+
+@inlined
+def part_average(
+    s: tuple[float, float, float, float],
+    t: tuple[float, float, float, float],
+    cells: FloatArray,
+    offsets: FloatArray,
+    p: int,
+    q: int,
+    parts: int,
+) -> tuple[float, float]:
+    """Average grey (times cover) and cover over the part (row p, column q) of a pixel.
+
+    `s` and `t` are the board coordinates of the pixel's corners, bilinear between them.
+    """
+    left, right, top, bottom = q / parts, (q + 1) / parts, p / parts, (p + 1) / parts
+    across = at(s, left, top), at(s, right, top), at(s, left, bottom), at(s, right, bottom)
+    down = at(t, left, top), at(t, right, top), at(t, left, bottom), at(t, right, bottom)
+    column, last_column = np.floor(min(across)), np.floor(max(across))
+    row, last_row = np.floor(min(down)), np.floor(max(down))
+    grey, cover = cell_at(cells, row, column)
+    if row == last_row and column == last_column:
+        return grey, cover
+    if (row == last_row and column + 1 == last_column) or (
+        column == last_column and row + 1 == last_row
+    ):
+        other_grey, other_cover = cell_at(cells, last_row, last_column)
+        share = share_below(across, last_column) if row == last_row else share_below(down, last_row)
+        return (
+            share * grey + (1.0 - share) * other_grey,
+            share * cover + (1.0 - share) * other_cover,
+        )
+    grey = cover = 0.0
+    for n in range(len(offsets)):
+        a, b = (q + offsets[n, 0]) / parts, (p + offsets[n, 1]) / parts
+        one_grey, one_cover = cell_at(cells, np.floor(at(t, a, b)), np.floor(at(s, a, b)))
+        grey += one_grey
+        cover += one_cover
+    return grey / len(offsets), cover / len(offsets)
+
+
+@compiled
+def sum_parts(
+    fine: npt.NDArray[np.float32], weights: npt.NDArray[np.float32], parts: int
+) -> npt.NDArray[np.float32]:
+    """Weighted sums of the parts around each pixel, along rows and columns.
+
+    Args:
+        fine: (h parts, w parts).
+        weights: of an odd number of pixels' parts, along either axis.
+
+    Returns:
+        (h - r, w - r) with r whole pixels less, half of them on each side.
+    """
+    reach = len(weights) // parts - 1
+    height, width = fine.shape[0] // parts - reach, fine.shape[1] // parts - reach
+    down = np.zeros((height, fine.shape[1]), dtype=np.float32)
+    for i in range(height):
+        for k in range(len(weights)):
+            for x in range(fine.shape[1]):
+                down[i, x] += weights[k] * fine[i * parts + k, x]
+    summed = np.empty((height, width), dtype=np.float32)
+    for i in range(height):
+        for j in range(width):
+            total = np.float32(0.0)
+            for k in range(len(weights)):
+                total += weights[k] * down[i, j * parts + k]
+            summed[i, j] = total
+    return summed

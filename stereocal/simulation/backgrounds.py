@@ -1,0 +1,129 @@
+"""What stands behind the bar: sky, trees, a house with windows, a fence, bushes and grass.
+
+All is painted on one large upright wall far behind the bar (`scenery`), once for a rig, and each
+camera sees its part of that wall through its own lens. So the clutter agrees between the two
+cameras, as it does outdoors, and is the same in all frames, as the cameras do not move.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import Pose
+from stereocal.simulation.rays import ray_splines
+from stereocal.simulation.rendering import Picture, Placed, blurred, chessboard, paint, turned
+from stereocal.simulation.scenery import Canvas, clouded, paint_scenery
+from stereocal.simulation.simulate import Rig
+
+WALL_M = 40.0
+"""Distance of the painted wall."""
+LARGEST_CANVAS_PX = 9000
+"""Longest side of the painting; a wide view is painted more coarsely."""
+WIDEST = 2.0
+"""Nothing is painted further aside than this times the distance; it is mirrored there."""
+CHESSBOARD_M = 26.0
+"""Distance of the chessboard that lies about: behind the bar, wherever it is held."""
+
+
+def outdoors(
+    rig: Rig, rng: np.random.Generator, softness_px: float = 1.5, chessboard_about: bool = True
+) -> tuple[Picture, Picture]:
+    """Backgrounds of the two cameras, (height, width) grey levels before the optics.
+
+    Args:
+        softness_px: standard deviation of the blur of what is out of focus; 0 leaves all sharp.
+        chessboard_about: whether a chessboard of 6x4 squares lies on the grass, in view of the
+            primary: its corners look like targets.
+    """
+    cameras = (rig.primary, rig.secondary)
+    poses = (Pose(np.eye(3), np.zeros(3)), rig.secondary_from_primary)
+    canvas = _canvas_for(cameras, poses)
+    paint_scenery(canvas, rng)
+    lying = lying_chessboard(rig.primary, rng) if chessboard_about else None
+    pictures = []
+    for camera, pose in zip(cameras, poses, strict=True):
+        picture = blurred(seen_wall(canvas, camera, pose), softness_px)
+        if lying is not None:
+            paint(picture, camera, lying.seen_from(pose), max(0.5 * softness_px, 0.3))
+        pictures.append(picture)
+    return pictures[0], pictures[1]
+
+
+def indoors(camera: Camera, rng: np.random.Generator) -> Picture:
+    """What is behind a board in the lab: a wall out of focus, with shelves and papers on it."""
+    width, height = camera.image_size
+    canvas = Canvas(np.zeros((height, width), dtype=np.uint8), 0.0, 0.0, width / 4.0)
+    canvas.grey[:] = np.clip(125.0 + 12.0 * clouded((height, width), rng, width / 3, 60.0), 0, 255)
+    for x, y in rng.uniform([-0.3, -0.3], [4.0, 4.0 * height / width], (14, 2)):
+        right, bottom = np.array([x, y]) + rng.uniform([0.2, 0.1], [1.2, 0.9])
+        canvas.rectangle(x, y, right, bottom, float(rng.uniform(50.0, 200.0)))
+    return blurred(canvas.grey.astype(np.float32), 6.0)
+
+
+def seen_wall(canvas: Canvas, camera: Camera, camera_from_primary: Pose) -> Picture:
+    """The painted wall as a camera sees it, (height, width); mirrored beyond its edges."""
+    width, height = camera.image_size
+    x, y = _wall_points(
+        camera, camera_from_primary, np.arange(float(width)), np.arange(float(height))
+    )
+    columns = (x - canvas.left_m) * canvas.pixels_per_m
+    rows = (y - canvas.top_m) * canvas.pixels_per_m
+    seen = cv2.remap(
+        canvas.grey,
+        columns.astype(np.float32),
+        rows.astype(np.float32),
+        cv2.INTER_LINEAR,
+        borderMode=cv2.BORDER_REFLECT_101,
+    )
+    return np.asarray(seen, dtype=np.float32)
+
+
+def lying_chessboard(camera: Camera, rng: np.random.Generator) -> Placed:
+    """A chessboard of 6x4 squares on the ground, in the lower part of a camera's image."""
+    width, height = camera.image_size
+    pixel = rng.uniform([0.1, 0.8], [0.9, 0.92]) * [width, height]
+    ray = np.append(camera.undistort(pixel)[0], 1.0)
+    spin = float(rng.uniform(-np.pi, np.pi))
+    steep = float(rng.uniform(0.7, 1.1))
+    R = turned((-steep, 0.0, 0.0)) @ turned((0.0, 0.0, spin))
+    black, white = rng.uniform([30.0, 150.0], [60.0, 200.0])
+    return Placed(chessboard((6, 4), 0.15, black, white), Pose(R, CHESSBOARD_M * ray))
+
+
+def _wall_points(
+    camera: Camera, camera_from_primary: Pose, columns: FloatArray, rows: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Where the rays of a grid of pixels meet the wall: x and y in the primary's frame, metres."""
+    splines = ray_splines(camera, columns, rows)
+    rays = np.stack(
+        [spline(rows, columns) for spline in splines] + [np.ones((len(rows), len(columns)))], -1
+    )
+    back = camera_from_primary.inverse()
+    directions = rays @ back.R.T
+    depth = np.maximum(directions[..., 2], 1e-3)
+    scale = (WALL_M - back.T[2]) / depth
+    limit = WIDEST * WALL_M
+    x = np.clip(back.T[0] + scale * directions[..., 0], -limit, limit)
+    y = np.clip(back.T[1] + scale * directions[..., 1], -limit, limit)
+    return x, y
+
+
+def _canvas_for(cameras: Sequence[Camera], poses: Sequence[Pose]) -> Canvas:
+    """An empty canvas that holds what the cameras see, as fine as their pixels if it can be."""
+    seen = []
+    for camera, pose in zip(cameras, poses, strict=True):
+        width, height = camera.image_size
+        grid = np.linspace(0, width - 1, 33), np.linspace(0, height - 1, 33)
+        seen.append(np.stack(_wall_points(camera, pose, *grid), axis=-1).reshape(-1, 2))
+    points = np.concatenate(seen)
+    low, high = points.min(axis=0), points.max(axis=0)
+    finest = max(camera.K[0, 0] for camera in cameras) / WALL_M
+    pixels_per_m = min(finest, LARGEST_CANVAS_PX / float((high - low).max()))
+    width, height = (int(side) for side in np.ceil((high - low) * pixels_per_m) + 1)
+    grey = np.zeros((height, width), dtype=np.uint8)
+    return Canvas(grey, float(low[0]), float(low[1]), float(pixels_per_m))

@@ -1,0 +1,172 @@
+"""Photographs of a chessboard for the calibration of a lens, with the true pose of each board."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import cv2
+import numpy as np
+
+from stereocal.errors import StereocalError
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import Pose
+from stereocal.simulation.rendering import (
+    Board,
+    Photograph,
+    PhotographSettings,
+    Picture,
+    Placed,
+    chessboard_corners,
+    photograph,
+    turned,
+)
+
+LENS_SQUARES = (19, 13)
+"""Columns and rows of squares (paper, Section 5: 18x12 inner corners)."""
+LENS_SQUARE_M = 0.03
+LENS_PHOTOGRAPHS = 30
+BOARD_SHARE = (0.55, 0.95)
+"""Width of the board, if it stood upright, over the width of the image."""
+TILT_RAD = (0.15, 0.85)
+"""Between the board's normal and the line of sight. A long lens shows its focal length only by the
+foreshortening of a tilted board."""
+SPIN_RAD = 0.3
+"""Standard deviation of the turn in the board's plane."""
+EDGE_PX = 4.0
+"""What the outer squares keep from the edge of the image."""
+CHARUCO_MARKER = 0.75
+"""Side of a marker of a ChArUco board, in squares."""
+MOST_TRIES = 20_000
+
+
+def charuco_board(
+    squares: tuple[int, int],
+    square_m: float,
+    black: float = 35.0,
+    white: float = 205.0,
+    dictionary: int = cv2.aruco.DICT_4X4_250,
+) -> Board:
+    """A ChArUco board of (columns, rows) squares, as OpenCV draws it, with a white border.
+
+    Its markers have 3/4 of the side of a square (`CHARUCO_MARKER`), so that the bits of a marker of
+    4x4 bits are cells of 1/8 of a square. Its inner corners: `chessboard_corners`.
+
+    Args:
+        dictionary: one of OpenCV's dictionaries of 4x4 bits.
+    """
+    columns, rows = squares
+    drawn = cv2.aruco.CharucoBoard(
+        squares, 1.0, CHARUCO_MARKER, cv2.aruco.getPredefinedDictionary(dictionary)
+    ).generateImage((80 * columns, 80 * rows), marginSize=0)
+    # Drawn large, one pixel of each cell taken: OpenCV 4.9 rounds small markers to wrong places.
+    drawn = np.asarray(drawn)[5::10, 5::10]
+    cells = np.pad(np.where(drawn > 127, white, black), 8, constant_values=white)
+    return Board(cells, ((columns + 2) * square_m, (rows + 2) * square_m))
+
+
+def draw_board_poses(
+    camera: Camera,
+    rng: np.random.Generator,
+    count: int = LENS_PHOTOGRAPHS,
+    squares: tuple[int, int] = LENS_SQUARES,
+    square_m: float = LENS_SQUARE_M,
+) -> list[Pose]:
+    """Poses (camera from board) of boards that are whole in the image, and together fill it.
+
+    Size, tilt and turn are random. The place is anywhere that the board fits, the edges and
+    corners of the image more often than its middle.
+
+    Raises:
+        StereocalError: the board cannot be fitted into the image.
+    """
+    outline = _outline(squares, square_m)
+    poses: list[Pose] = []
+    for _ in range(MOST_TRIES):
+        pose = _draw_pose(camera, rng, outline)
+        if pose is not None:
+            poses.append(pose)
+        if len(poses) >= count:
+            return poses
+    raise StereocalError(
+        f"A board of {squares[0]}x{squares[1]} squares does not fit into an image of "
+        f"{camera.image_size[0]}x{camera.image_size[1]} px when it is tilted."
+    )
+
+
+def photograph_boards(
+    camera: Camera,
+    board: Board,
+    poses: Sequence[Pose],
+    background: Picture | float,
+    settings: PhotographSettings,
+    rng: np.random.Generator,
+) -> Iterator[Photograph]:
+    """One photograph for each pose of the board, made one at a time."""
+    for pose in poses:
+        yield photograph(camera, background, [Placed(board, pose)], settings, rng)
+
+
+def true_corners(
+    camera: Camera,
+    pose: Pose,
+    squares: tuple[int, int] = LENS_SQUARES,
+    square_m: float = LENS_SQUARE_M,
+) -> FloatArray:
+    """Raw pixels (n, 2) of a board's inner corners, row by row from its top left."""
+    return camera.project(pose.apply(chessboard_corners(squares, square_m)))
+
+
+def _outline(squares: tuple[int, int], square_m: float) -> FloatArray:
+    """Points (n, 3) along the outer edge of the squares."""
+    half = 0.5 * square_m * np.array(squares)
+    sides = np.linspace(-1.0, 1.0, 9)
+    ends = np.ones_like(sides)
+    around = [
+        np.column_stack(side)
+        for side in ((sides, ends), (sides, -ends), (ends, sides), (-ends, sides))
+    ]
+    return np.column_stack([np.concatenate(around) * half, np.zeros(36)])
+
+
+def _draw_pose(camera: Camera, rng: np.random.Generator, outline: FloatArray) -> Pose | None:
+    """One random pose, or None where the board does not fit."""
+    size = np.array(camera.image_size, dtype=np.float64)
+    depth = camera.K[0, 0] * np.ptp(outline[:, 0]) / (rng.uniform(*BOARD_SHARE) * size[0])
+    tilt, azimuth = rng.uniform(*TILT_RAD), rng.uniform(-np.pi, np.pi)
+    R = turned((tilt * np.cos(azimuth), tilt * np.sin(azimuth), 0.0))
+    R = R @ turned((0.0, 0.0, SPIN_RAD * rng.standard_normal()))
+    middle = 0.5 * (size - 1.0)
+    pixels = _pixels(camera, outline, R, middle, depth)
+    if pixels is None:
+        return None
+    lowest = middle - pixels.min(axis=0) + EDGE_PX
+    highest = size - 1.0 - EDGE_PX - (pixels.max(axis=0) - middle)
+    # Beta(1/2, 1/2) is densest at both ends.
+    place = lowest + (highest - lowest) * rng.beta(0.5, 0.5, 2)
+    if (highest < lowest).any():
+        return None
+    pixels = _pixels(camera, outline, R, place, depth)
+    if pixels is None or not ((pixels >= EDGE_PX) & (pixels <= size - 1.0 - EDGE_PX)).all():
+        return None
+    return Pose(R, depth * _ray(camera, place))
+
+
+def _pixels(
+    camera: Camera, outline: FloatArray, R: FloatArray, place: FloatArray, depth: float
+) -> FloatArray | None:
+    """Pixels of the outline with its middle at a pixel, or None where some is not in view."""
+    ray = _ray(camera, place)
+    points = outline @ R.T + depth * ray
+    if not np.isfinite(points).all() or (points[:, 2] <= 0.1 * depth).any():
+        return None
+    pixels = camera.project(points)
+    back = camera.undistort(pixels)
+    if not (np.abs(back - points[:, :2] / points[:, 2:]) < 1e-6).all():
+        return None
+    return pixels
+
+
+def _ray(camera: Camera, pixel: FloatArray) -> FloatArray:
+    """The point (3,) at depth 1 that a raw pixel (2,) sees."""
+    return np.append(camera.undistort(pixel)[0], 1.0)

@@ -1,0 +1,200 @@
+"""Pairs of photographs of a bar with a board at each end, with the true places of the targets.
+
+    scene = place_visible_bars(field_rig(), rng, frames=25, length_m=0.9)
+    for pair in photograph_bars(scene, (120.0, 120.0), BarSettings(), PhotographSettings(), rng):
+        ...
+
+One pair is made at a time, so that a thousand need no more memory than one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from stereocal.errors import StereocalError
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import Pose
+from stereocal.simulation.rendering import (
+    Board,
+    Photograph,
+    PhotographSettings,
+    Picture,
+    Placed,
+    photograph,
+    turned,
+    x_corner_board,
+)
+from stereocal.simulation.scenery import GROUND_M
+from stereocal.simulation.simulate import FIELD_DEPTHS_M, MOST_ROUNDS, Rig, Scene, place_bars
+
+VISIBLE_MARGIN_PX = 110.0
+"""No target nearer than this to the edge of an image: a 0.18 m board at 8 m reaches 113 px when it
+stands on its corner, so almost all boards are whole."""
+APART = 1.6
+"""Least distance of the targets across the line of sight, in sides of a board: neither hides the
+other."""
+STEEPEST_RAD = float(np.deg2rad(60.0))
+ROD_SHADES = (60.0, 110.0, 145.0, 160.0, 140.0, 105.0, 65.0)
+"""Grey levels across a round rod that is lit from ahead."""
+
+
+@dataclass(frozen=True)
+class BarSettings:
+    """The bar and its boards.
+
+    Raises:
+        StereocalError: lengths or tilts that are not possible.
+    """
+
+    board_m: float = 0.18
+    """Side of a 2x2 checkerboard: at 8 to 25 m and f = 7120 px it is 160 to 51 px across."""
+    black: float = 35.0
+    white: float = 205.0
+    """Grey levels of the squares, of 255."""
+    tilt_rad: tuple[float, float] = (0.0, float(np.deg2rad(35.0)))
+    """Range of the angle between a board's normal and the line to the middle of the cameras."""
+    rod_m: float = 0.025
+    """Thickness of the rod between the boards and of the pole below it; 0 draws none."""
+
+    def __post_init__(self) -> None:
+        low, high = self.tilt_rad
+        if self.board_m <= 0 or self.rod_m < 0:
+            raise StereocalError("The boards' side must be above 0, the rod's thickness 0 or more.")
+        if not 0 <= low <= high <= 1.4:
+            raise StereocalError(
+                "The tilt of the boards must be a range from 0 to at most 1.4 rad (80 degrees)."
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class PhotographPair:
+    """One frame of the bar in both cameras, and where its targets truly are in the photographs."""
+
+    frame: int
+    primary: Photograph
+    secondary: Photograph
+    centres_primary: FloatArray
+    """(2, 2): raw pixels (u, v) of the X-corners of A and of B."""
+    centres_secondary: FloatArray
+
+
+def photograph_bars(
+    scene: Scene,
+    backgrounds: tuple[Picture | float, Picture | float],
+    bar: BarSettings,
+    settings: PhotographSettings,
+    rng: np.random.Generator,
+) -> Iterator[PhotographPair]:
+    """The photographs of a scene, frame by frame, numbered from 1.
+
+    Each board of each frame has its own tilt, turn in its plane and order of black and white.
+
+    Args:
+        backgrounds: what the primary and the secondary see behind the bar, in all frames.
+    """
+    rig = scene.rig
+    viewpoint = 0.5 * rig.secondary_from_primary.inverse().T
+    for frame, ends in enumerate(scene.ends_m, start=1):
+        objects = place_boards(ends, viewpoint, bar, rng)
+        moved = [placed.seen_from(rig.secondary_from_primary) for placed in objects]
+        yield PhotographPair(
+            frame,
+            photograph(rig.primary, backgrounds[0], objects, settings, rng),
+            photograph(rig.secondary, backgrounds[1], moved, settings, rng),
+            rig.primary.project(ends),
+            rig.secondary.project(rig.secondary_from_primary.apply(ends)),
+        )
+
+
+def place_boards(
+    ends_m: FloatArray, viewpoint: FloatArray, bar: BarSettings, rng: np.random.Generator
+) -> list[Placed]:
+    """Pole, rod and the boards of one frame, from the farthest to the nearest.
+
+    Args:
+        ends_m: (2, 3) targets A and B.
+        viewpoint: (3,) what the boards face: the middle of the cameras.
+    """
+    objects = []
+    if bar.rod_m:
+        middle = ends_m.mean(axis=0)
+        foot = np.array([middle[0], GROUND_M, middle[2]])
+        if middle[1] < GROUND_M - 0.1:
+            objects.append(rod(middle, foot, viewpoint, bar.rod_m))
+        objects.append(rod(ends_m[0], ends_m[1], viewpoint, bar.rod_m))
+    boards = []
+    for end in ends_m:
+        tilt = float(rng.uniform(*bar.tilt_rad))
+        pose = facing(end, viewpoint, tilt, *rng.uniform(-np.pi, np.pi, 2))
+        board = x_corner_board(bar.board_m, bar.black, bar.white, bool(rng.integers(2)))
+        boards.append(Placed(board, pose))
+    boards.sort(key=lambda placed: -float(np.linalg.norm(placed.camera_from_board.T - viewpoint)))
+    return objects + boards
+
+
+def facing(
+    centre: FloatArray, viewpoint: FloatArray, tilt: float, azimuth: float, spin: float
+) -> Pose:
+    """The pose of a board that faces a viewpoint but for a tilt; radians.
+
+    Args:
+        centre: (3,) place of its origin.
+        tilt: between its normal and the line to the viewpoint.
+        azimuth: direction in which it is tilted.
+        spin: turn in its own plane.
+    """
+    away = (centre - viewpoint) / np.linalg.norm(centre - viewpoint)
+    across = np.cross([0.0, 1.0, 0.0], away)
+    across /= np.linalg.norm(across)
+    upright = np.column_stack([across, np.cross(away, across), away])
+    axis = (tilt * np.cos(azimuth), tilt * np.sin(azimuth), 0.0)
+    return Pose(upright @ turned(axis) @ turned((0.0, 0.0, spin)), centre)
+
+
+def rod(start: FloatArray, end: FloatArray, viewpoint: FloatArray, thickness_m: float) -> Placed:
+    """A round rod, as the flat strip that it looks like from the viewpoint."""
+    length = float(np.linalg.norm(end - start))
+    along = (end - start) / length
+    middle = 0.5 * (start + end)
+    across = np.cross(middle - viewpoint, along)
+    if np.linalg.norm(across) < 1e-6 * np.linalg.norm(middle - viewpoint):
+        across = np.cross([1.0, 0.0, 0.0], along)
+    across /= np.linalg.norm(across)
+    shades = np.array(ROD_SHADES)[:, None]
+    R = np.column_stack([along, across, np.cross(along, across)])
+    return Placed(Board(shades, (length, thickness_m)), Pose(R, middle))
+
+
+def place_visible_bars(
+    rig: Rig,
+    rng: np.random.Generator,
+    frames: int,
+    length_m: float,
+    board_m: float = BarSettings.board_m,
+    depths_m: tuple[float, float] = FIELD_DEPTHS_M,
+    margin_px: float = VISIBLE_MARGIN_PX,
+) -> Scene:
+    """As `simulate.place_bars`, of bars whose boards do not hide each other in either camera.
+
+    Raises:
+        StereocalError: too few such bars, because the boards are too large for the bar.
+    """
+    eyes = (np.zeros(3), rig.secondary_from_primary.inverse().T)
+    found = np.empty((0, 2, 3))
+    for _ in range(MOST_ROUNDS):
+        drawn = place_bars(rig, rng, frames, length_m, depths_m, margin_px).ends_m
+        clear = np.ones(len(drawn), dtype=bool)
+        for eye in eyes:
+            sight = drawn[:, 0] - eye
+            sight = sight / np.linalg.norm(sight, axis=1, keepdims=True)
+            across = np.linalg.norm(np.cross(drawn[:, 1] - drawn[:, 0], sight), axis=1)
+            clear &= across > APART * board_m
+        found = np.concatenate([found, drawn[clear]])
+        if len(found) >= frames:
+            return Scene(rig, found[:frames])
+    raise StereocalError(
+        f"Boards of {board_m:g} m hide each other on a bar of {length_m:g} m; make them smaller."
+    )

@@ -1,0 +1,281 @@
+"""Photographs of flat boards, as a camera with its full lens would take them.
+
+A board is a grid of cells of one grey level each, averaged over the area of each pixel
+(`area_sampling`), so the image of a corner lies where `Camera.project` says, with no bias of the
+pixel grid.
+
+Grey levels are those of an 8-bit picture, 0 to 255, at every depth of bits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from stereocal.errors import StereocalError
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import Pose
+from stereocal.simulation.area_sampling import (
+    BLUR_REACH,
+    fill_parts,
+    pixel_weights,
+    sample_offsets,
+    sum_parts,
+)
+from stereocal.simulation.rays import on_plane, ray_splines
+
+Picture = npt.NDArray[np.float32]
+"""(height, width) grey levels before the sensor, 255 being full scale."""
+Photograph = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
+
+WHITE_LEVEL = 255.0
+STRIP_ROWS = 64
+"""Rows of the photograph that are painted at once: keeps the parts in the processor's cache."""
+PARTS_TIMES_BLUR = 2.8
+"""Parts per pixel times blur in pixels: an edge blurred by 0.8 px is right to 0.3 %."""
+MOST_PARTS = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Board:
+    """A flat board: cells of one grey level each.
+
+    Its frame: origin in the middle, x along the columns, y down along the rows, z away from who
+    looks at it; metres. Seen upright from straight ahead its pose has R = I.
+    """
+
+    cells: FloatArray
+    """(rows, columns) grey levels."""
+    size_m: tuple[float, float]
+    """Width and height."""
+
+    def __post_init__(self) -> None:
+        cells = np.array(self.cells, dtype=np.float64)
+        if cells.ndim != 2 or not cells.size or not np.isfinite(cells).all():
+            raise StereocalError("The cells of a board must be a table of grey levels.")
+        if min(self.size_m) <= 0:
+            raise StereocalError(f"A board of {self.size_m} m is not possible.")
+        cells.setflags(write=False)
+        object.__setattr__(self, "cells", cells)
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """A board and where it is."""
+
+    board: Board
+    camera_from_board: Pose
+
+    def seen_from(self, camera_from_here: Pose) -> Placed:
+        """The same board in the frame of another camera."""
+        return Placed(self.board, camera_from_here @ self.camera_from_board)
+
+
+@dataclass(frozen=True)
+class PhotographSettings:
+    """Optics and sensor.
+
+    Raises:
+        StereocalError: a number out of its range.
+    """
+
+    blur_px: float = 0.8
+    """Standard deviation of the optical blur (Gaussian), in px; the pixel's area comes on top."""
+    vignetting: float = 0.15
+    """Share of the light lost in the corners of the image; it grows as the radius squared."""
+    full_well_e: float = 10_000.0
+    """Electrons at grey level 255: the photon noise. Infinite: none."""
+    read_noise: float = 0.8
+    """Standard deviation, in grey levels of 255."""
+    bits: int = 8
+    """Depth; above 8 the photograph is an array of 16-bit numbers from 0 to 2**bits - 1."""
+
+    def __post_init__(self) -> None:
+        if not 8 <= self.bits <= 16:
+            raise StereocalError(f"{self.bits} bits: photographs have 8 to 16.")
+        if not (0 <= self.blur_px <= 50 and 0 <= self.vignetting <= 1 and self.read_noise >= 0):
+            raise StereocalError(
+                "The blur must be 0 to 50 px, the vignetting 0 to 1, the read noise 0 or more."
+            )
+        if not self.full_well_e > 0:
+            raise StereocalError("The electrons at full scale must be above 0.")
+
+
+def x_corner_board(
+    size_m: float, black: float = 35.0, white: float = 205.0, black_first: bool = True
+) -> Board:
+    """A 2x2 checkerboard: one X-corner, at its origin.
+
+    Args:
+        size_m: length of a side.
+        black_first: the top left square is black.
+    """
+    first, second = (black, white) if black_first else (white, black)
+    return Board(np.array([[first, second], [second, first]]), (size_m, size_m))
+
+
+def chessboard(
+    squares: tuple[int, int], square_m: float, black: float = 35.0, white: float = 205.0
+) -> Board:
+    """A chessboard of (columns, rows) squares, black top left, with a white border of one square.
+
+    Its inner corners: `chessboard_corners`.
+    """
+    columns, rows = squares
+    cells = np.full((rows + 2, columns + 2), white)
+    cells[1:-1, 1:-1] = np.where(
+        np.add.outer(np.arange(rows), np.arange(columns)) % 2, white, black
+    )
+    return Board(cells, ((columns + 2) * square_m, (rows + 2) * square_m))
+
+
+def chessboard_corners(squares: tuple[int, int], square_m: float) -> FloatArray:
+    """Inner corners, (n, 3) in the board's frame, row by row from the top left."""
+    columns, rows = squares
+    x = (np.arange(1, columns) - 0.5 * columns) * square_m
+    y = (np.arange(1, rows) - 0.5 * rows) * square_m
+    grid = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    return np.column_stack([grid, np.zeros(len(grid))])
+
+
+def turned(rotation_vector: npt.ArrayLike) -> FloatArray:
+    """The rotation (3, 3) by a rotation vector (3,), in radians."""
+    R, _ = cv2.Rodrigues(np.asarray(rotation_vector, dtype=np.float64))
+    return np.asarray(R, dtype=np.float64)
+
+
+def photograph(
+    camera: Camera,
+    background: Picture | float,
+    boards: Iterable[Placed],
+    settings: PhotographSettings,
+    rng: np.random.Generator,
+) -> Photograph:
+    """What the camera records of boards in front of a background.
+
+    Args:
+        background: (height, width) grey levels as the camera sees it before the optics blur it, or
+            one grey level.
+        boards: from the farthest to the nearest.
+
+    Returns:
+        (height, width), uint8, or uint16 for more than 8 bits.
+
+    Raises:
+        StereocalError: a background of another size, or a board not in front of the camera.
+    """
+    width, height = camera.image_size
+    if np.ndim(background) == 0:
+        picture = np.full((height, width), background, dtype=np.float32)
+    else:
+        picture = blurred(np.asarray(background, dtype=np.float32), settings.blur_px)
+    if picture.shape != (height, width):
+        raise StereocalError(
+            f"The background is {picture.shape[1]}x{picture.shape[0]} px, the camera's image "
+            f"{width}x{height} px."
+        )
+    for placed in boards:
+        paint(picture, camera, placed, settings.blur_px)
+    return expose(picture, settings, rng)
+
+
+def paint(picture: Picture, camera: Camera, placed: Placed, blur_px: float) -> None:
+    """Draw a board into a picture, blurred, over what is there.
+
+    A board seen from behind shows its plain back.
+
+    Raises:
+        StereocalError: the board is not wholly in front of the camera.
+    """
+    box = _box(camera, placed, BLUR_REACH * blur_px + 1.0)
+    if box is None:
+        return
+    left, top, right, bottom = box
+    parts = int(np.clip(np.ceil(PARTS_TIMES_BLUR / max(blur_px, 0.01)), 2, MOST_PARTS))
+    weights = pixel_weights(blur_px, parts)
+    pad = (len(weights) // parts - 1) // 2
+    columns = np.arange(left - pad, right + pad + 1) - 0.5
+    rays = ray_splines(camera, columns, np.arange(top - pad, bottom + pad + 1) - 0.5)
+    pose = placed.camera_from_board
+    board_from_ray = np.linalg.inv(np.column_stack([pose.R[:, :2], pose.T]))
+    cells = placed.board.cells
+    if pose.R[:, 2] @ pose.T <= 0:
+        cells = np.full_like(cells, cells.mean())
+    per_metre = np.array(cells.shape[::-1]) / placed.board.size_m
+    middle = 0.5 * np.array(cells.shape[::-1])
+    offsets = sample_offsets()
+    for start in range(top, bottom, STRIP_ROWS):
+        stop = min(start + STRIP_ROWS, bottom)
+        rows = np.arange(start - pad, stop + pad + 1) - 0.5
+        s, t = on_plane(rays[0](rows, columns), rays[1](rows, columns), board_from_ray)
+        s, t = s * per_metre[0] + middle[0], t * per_metre[1] + middle[1]
+        fine = np.empty((2, (len(rows) - 1) * parts, (len(columns) - 1) * parts), dtype=np.float32)
+        fill_parts(s, t, cells, offsets, parts, fine)
+        grey, cover = (sum_parts(layer, weights, parts) for layer in fine)
+        strip = picture[start:stop, left:right]
+        strip += grey - cover * strip
+
+
+def expose(picture: Picture, settings: PhotographSettings, rng: np.random.Generator) -> Photograph:
+    """What the sensor makes of the light: vignetting, noise, and rounding to whole numbers.
+
+    Photon noise is normal with the variance of Poisson's distribution; at 10,000 electrons of full
+    scale and a grey level of 5 (200 electrons) the two cannot be told apart.
+    """
+    height, width = picture.shape
+    x2 = np.linspace(-1.0, 1.0, width, dtype=np.float32) ** 2 * width**2
+    y2 = np.linspace(-1.0, 1.0, height, dtype=np.float32) ** 2 * height**2
+    lost = np.float32(settings.vignetting / (width**2 + height**2))
+    light = picture * (1.0 - lost * (x2 + y2[:, None]))
+    variance = light * np.float32(WHITE_LEVEL / settings.full_well_e)
+    np.maximum(variance, 0.0, out=variance)
+    variance += np.float32(settings.read_noise**2)
+    light += np.sqrt(variance) * rng.standard_normal(light.shape, dtype=np.float32)
+    highest = 2**settings.bits - 1
+    light *= np.float32(highest / WHITE_LEVEL)
+    np.rint(light, out=light)
+    np.clip(light, 0, highest, out=light)
+    if settings.bits == 8:
+        return np.asarray(light, dtype=np.uint8)
+    return np.asarray(light, dtype=np.uint16)
+
+
+def blurred(picture: Picture, blur_px: float) -> Picture:
+    """The picture after a Gaussian blur; beyond its border it is mirrored."""
+    if blur_px == 0:
+        return picture.copy()
+    soft = cv2.GaussianBlur(picture, (0, 0), blur_px, borderType=cv2.BORDER_REFLECT_101)
+    return np.asarray(soft, dtype=np.float32)
+
+
+def _box(camera: Camera, placed: Placed, reach: float) -> tuple[int, int, int, int] | None:
+    """The pixels (left, top, right, bottom) that the board and its blur can touch; None if none."""
+    width, height = camera.image_size
+    along = np.linspace(-0.5, 0.5, 17)
+    ends = np.full_like(along, 0.5)
+    outline = (
+        np.concatenate(
+            [
+                np.column_stack(side)
+                for side in ((along, ends), (along, -ends), (ends, along), (-ends, along))
+            ]
+        )
+        * placed.board.size_m
+    )
+    points = placed.camera_from_board.apply(np.column_stack([outline, np.zeros(len(outline))]))
+    if (points[:, 2] <= 0).any():
+        raise StereocalError("A board to be painted is not wholly in front of the camera.")
+    pixels = camera.project(points)
+    back = camera.undistort(pixels)
+    if not (np.abs(back - points[:, :2] / points[:, 2:]).max(axis=1) < 1e-6).all():
+        # Far outside the view the lens polynomial folds back: the outline says nothing.
+        return 0, 0, width, height
+    low, high = pixels.min(axis=0) - reach, pixels.max(axis=0) + reach
+    left, top = (int(v) for v in np.clip(np.floor(low), 0, [width, height]))
+    right, bottom = (int(v) for v in np.clip(np.ceil(high) + 1, 0, [width, height]))
+    return (left, top, right, bottom) if left < right and top < bottom else None

@@ -1,0 +1,151 @@
+"""The sample data set of photographs: the bar in both cameras, and a chessboard for each lens."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import cv2
+import numpy as np
+
+from stereocal.errors import StereocalError
+from stereocal.rig.camera import Camera
+from stereocal.rig.geometry import Angles, Pose
+from stereocal.simulation.backgrounds import indoors, outdoors
+from stereocal.simulation.board_series import (
+    LENS_PHOTOGRAPHS,
+    LENS_SQUARE_M,
+    LENS_SQUARES,
+    draw_board_poses,
+    photograph_boards,
+)
+from stereocal.simulation.photographs import (
+    BarSettings,
+    PhotographPair,
+    photograph_bars,
+    place_visible_bars,
+)
+from stereocal.simulation.rendering import Photograph, PhotographSettings, chessboard
+from stereocal.simulation.simulate import (
+    FIELD_BAR_M,
+    FIELD_BASELINE_M,
+    FIELD_FRAMES,
+    Rig,
+    Scene,
+    field_rig,
+    truth_of,
+)
+
+JPEG_QUALITY = 80
+"""Of the photographs of the bar; what it costs is in sample_data/README.md."""
+JPEG_QUALITY_BOARDS = 75
+"""Of the chessboards: their many corners average over the errors."""
+POSE_SPREAD_RAD = 0.01
+FOCAL_SPREAD = 0.005
+CENTRE_SPREAD_PX = 15.0
+"""Standard deviations of the rig's angles and lenses about those of `field_rig`."""
+
+
+@dataclass(frozen=True, eq=False)
+class PhotographedField:
+    """All that is known of the sample before a photograph is taken."""
+
+    scene: Scene
+    boards: dict[str, list[Pose]]
+    """Poses (camera from board) of the chessboard, for `primary` and `secondary`."""
+    bar: BarSettings
+    settings: PhotographSettings
+    seed: int
+
+    @property
+    def cameras(self) -> dict[str, Camera]:
+        """By their names."""
+        return {"primary": self.scene.rig.primary, "secondary": self.scene.rig.secondary}
+
+    def pairs(self) -> Iterator[PhotographPair]:
+        """The photographs of the bar, one pair at a time."""
+        rng = np.random.default_rng([self.seed, 1])
+        backgrounds = outdoors(self.scene.rig, rng)
+        return photograph_bars(self.scene, backgrounds, self.bar, self.settings, rng)
+
+    def board_photographs(self, which: str) -> Iterator[Photograph]:
+        """The photographs of the chessboard by one camera, one at a time."""
+        rng = np.random.default_rng([self.seed, 2, ["primary", "secondary"].index(which)])
+        camera = self.cameras[which]
+        board = chessboard(LENS_SQUARES, LENS_SQUARE_M)
+        background = indoors(camera, rng)
+        return photograph_boards(camera, board, self.boards[which], background, self.settings, rng)
+
+
+def prepare_photographs(
+    seed: int, frames: int = FIELD_FRAMES, boards: int = LENS_PHOTOGRAPHS
+) -> PhotographedField:
+    """The rig, the places of the bar and of the chessboards.
+
+    Args:
+        frames: photographs of the bar, for each camera.
+        boards: photographs of the chessboard, for each camera.
+    """
+    rng = np.random.default_rng([seed, 0])
+    rig = drawn_rig(rng)
+    bar, settings = BarSettings(), PhotographSettings()
+    scene = place_visible_bars(rig, rng, frames, FIELD_BAR_M, bar.board_m)
+    poses = {
+        which: draw_board_poses(camera, rng, boards)
+        for which, camera in (("primary", rig.primary), ("secondary", rig.secondary))
+    }
+    return PhotographedField(scene, poses, bar, settings, seed)
+
+
+def drawn_rig(rng: np.random.Generator) -> Rig:
+    """Like `field_rig`, with lenses and a set-up of its own; baseline 4.5 m."""
+    rig = field_rig(FIELD_BASELINE_M)
+    angles = np.array(rig.secondary_from_primary.angles) + POSE_SPREAD_RAD * rng.standard_normal(5)
+    cameras = []
+    for camera in (rig.primary, rig.secondary):
+        K = camera.K.copy()
+        K[[0, 1], [0, 1]] *= 1.0 + FOCAL_SPREAD * rng.standard_normal()
+        K[:2, 2] += CENTRE_SPREAD_PX * rng.standard_normal(2)
+        cameras.append(replace(camera, K=np.round(K, 2)))
+    pose = Pose.from_angles(Angles(*angles.tolist()), FIELD_BASELINE_M)
+    return Rig(cameras[0], cameras[1], pose)
+
+
+def jpeg(image: Photograph, quality: int) -> bytes:
+    """A grey JPEG file.
+
+    Raises:
+        StereocalError: more than 8 bits.
+    """
+    if image.dtype != np.uint8:
+        raise StereocalError("A JPEG holds 8 bits a pixel; keep photographs of more bits as PNG.")
+    options = [cv2.IMWRITE_JPEG_QUALITY, quality, cv2.IMWRITE_JPEG_OPTIMIZE, 1]
+    return bytes(cv2.imencode(".jpg", image, options)[1])
+
+
+def true_of_photographs(field: PhotographedField) -> dict[str, Any]:
+    """Everything true of the sample, for JSON."""
+    truth = truth_of(field.scene, 0.0, field.seed)
+    del truth["noise_px"]
+    frames = len(field.scene.ends_m)
+    for which, points in zip(("primary", "secondary"), field.scene.points_m, strict=True):
+        pixels = field.cameras[which].project(points).reshape(frames, 2, 2)
+        for entry, centres in zip(truth["frames"], pixels, strict=True):
+            entry[f"pixels_{which}"] = {"A": centres[0].tolist(), "B": centres[1].tolist()}
+    truth["bar"] = asdict(field.bar)
+    truth["photographs"] = asdict(field.settings)
+    truth["chessboard"] = {
+        "squares": list(LENS_SQUARES),
+        "square_m": LENS_SQUARE_M,
+        "convention": "x_camera = R @ x_board + T; origin in the middle, x along the columns, "
+        "y down along the rows",
+        **{
+            which: [
+                {"photograph": f"{number:04d}.jpg", "R": pose.R.tolist(), "T": pose.T.tolist()}
+                for number, pose in enumerate(poses, start=1)
+            ]
+            for which, poses in field.boards.items()
+        },
+    }
+    return truth

@@ -1,0 +1,277 @@
+"""Rigs and scenes with known truth: cameras, their pose, a bar seen at many places, and noise.
+
+    scene = place_bars(field_rig(4.5), rng, frames=25, length_m=0.9)
+    dataset = observe(scene, rng, noise_px=0.15, name="field")
+
+The truth (`Scene`) and what the experimenter believes (`Given`: lenses, baseline and bar as
+measured) are apart, so that a wrong lens or a misread length is one argument of `observe`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from stereocal.errors import StereocalError
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.dataset import Correspondences, Dataset
+from stereocal.rig.geometry import Angles, Pose
+
+TRUTH_FORMAT = "stereocal-truth/1"
+TRUTH = "truth.json"
+FIELD_BASELINE_M = 4.5
+FIELD_BAR_M = 0.9
+FIELD_DEPTHS_M = (8.0, 25.0)
+FIELD_FRAMES = 25
+FIELD_NOISE_PX = 0.15
+
+CROSSING_M = 12.5
+"""Where the two optical axes pass nearest: both images then share the view from 8 to 25 m."""
+
+MARGIN_PX = 20.0
+"""No end of a bar nearer than this to the edge of an image: room for noise and a 10 px target."""
+
+MOST_ROUNDS = 1000
+"""Rounds without enough visible bars before the rig is refused; a field rig needs 2 or 3."""
+
+
+@dataclass(frozen=True, eq=False)
+class Rig:
+    """Two cameras and how they truly stand."""
+
+    primary: Camera
+    secondary: Camera
+    secondary_from_primary: Pose
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """A rig and the true places of the bar.
+
+    Raises:
+        StereocalError: ends of another shape than (frames, 2, 3), or none.
+    """
+
+    rig: Rig
+    ends_m: FloatArray
+    """(frames, 2, 3): targets A and B of each frame, in the primary camera's frame."""
+
+    def __post_init__(self) -> None:
+        ends = np.array(self.ends_m, dtype=np.float64)
+        if ends.ndim != 3 or ends.shape[1:] != (2, 3) or not len(ends):
+            raise StereocalError(
+                f"The ends of the bars must have shape (frames, 2, 3), not {ends.shape}."
+            )
+        ends.setflags(write=False)
+        object.__setattr__(self, "ends_m", ends)
+
+    @property
+    def bar_length_m(self) -> float:
+        """Distance of the targets A and B."""
+        return float(np.linalg.norm(self.ends_m[0, 1] - self.ends_m[0, 0]))
+
+    @property
+    def points_m(self) -> tuple[FloatArray, FloatArray]:
+        """A and B of each frame in turn, (2 frames, 3), in the primary's and secondary's frame."""
+        points = self.ends_m.reshape(-1, 3)
+        return points, self.rig.secondary_from_primary.apply(points)
+
+
+@dataclass(frozen=True, eq=False)
+class Given:
+    """What is believed of a rig: the lenses from the lab, the lengths from the range finder."""
+
+    primary: Camera
+    secondary: Camera
+    baseline_m: float
+    target_distance_m: float
+
+    @classmethod
+    def exact(cls, scene: Scene) -> Given:
+        """Everything believed is true."""
+        rig = scene.rig
+        return cls(
+            rig.primary, rig.secondary, rig.secondary_from_primary.baseline, scene.bar_length_m
+        )
+
+
+def place_bars(
+    rig: Rig,
+    rng: np.random.Generator,
+    frames: int,
+    length_m: float,
+    depths_m: tuple[float, float] = FIELD_DEPTHS_M,
+    margin_px: float = MARGIN_PX,
+) -> Scene:
+    """Bars at random places and in random directions, both ends in view of both cameras.
+
+    The middle of a bar is uniform over the primary image and over the depth; its direction is
+    uniform over the sphere. Bars that are not wholly in view are drawn again.
+
+    Args:
+        depths_m: nearest and farthest z of both ends, in the frame of either camera.
+        margin_px: distance that each end keeps from the edge of both images.
+
+    Raises:
+        StereocalError: the cameras share (almost) no view there.
+    """
+    if frames < 1:
+        raise StereocalError(f"The number of frames is {frames}: it must be at least 1.")
+    found = np.empty((0, 2, 3))
+    for _ in range(MOST_ROUNDS):
+        candidates = _random_bars(rig.primary, rng, 8 * frames, length_m, depths_m)
+        points = candidates.reshape(-1, 3)
+        seen = _in_view(rig.primary, points, depths_m, margin_px)
+        seen &= _in_view(
+            rig.secondary, rig.secondary_from_primary.apply(points), depths_m, margin_px
+        )
+        found = np.concatenate([found, candidates[seen.reshape(-1, 2).all(axis=1)]])
+        if len(found) >= frames:
+            return Scene(rig, found[:frames])
+    raise StereocalError(
+        f"The cameras share too little view from {depths_m[0]:g} to {depths_m[1]:g} m for a bar of "
+        f"{length_m:g} m: {len(found)} of {frames} frames found. Turn them towards each other."
+    )
+
+
+def observe(
+    scene: Scene,
+    rng: np.random.Generator,
+    noise_px: float,
+    name: str,
+    given: Given | None = None,
+    notes: str = "",
+) -> Dataset:
+    """The data set that the true cameras record: the full lens model, then noise on every pixel.
+
+    Args:
+        noise_px: standard deviation of the Gaussian noise on each coordinate, in pixels.
+        given: what the data set says of lenses and lengths; the truth by default.
+
+    Raises:
+        StereocalError: an end outside its image, or a given lens that cannot be inverted there.
+    """
+    given = given or Given.exact(scene)
+    primary, secondary = (
+        camera.project(points) + noise_px * rng.standard_normal((len(points), 2))
+        for camera, points in zip(
+            (scene.rig.primary, scene.rig.secondary), scene.points_m, strict=True
+        )
+    )
+    frames = len(scene.ends_m)
+    rows = Correspondences.from_arrays(
+        np.repeat(np.arange(1, frames + 1), 2), "AB" * frames, primary, secondary
+    )
+    return Dataset(
+        name,
+        given.primary,
+        given.secondary,
+        rows,
+        given.baseline_m,
+        given.target_distance_m,
+        notes=notes,
+    )
+
+
+def lens_off_by(camera: Camera, focal: float, centre_px: tuple[float, float]) -> Camera:
+    """The lens as a lab would misjudge it.
+
+    Args:
+        focal: relative error of both focal lengths: 0.003 makes them 0.3 % too long.
+        centre_px: shift of the principal point.
+    """
+    K = camera.K.copy()
+    K[[0, 1], [0, 1]] *= 1.0 + focal
+    K[:2, 2] += centre_px
+    return replace(camera, K=K)
+
+
+def field_rig(baseline_m: float = FIELD_BASELINE_M) -> Rig:
+    """Two cameras as in the paper (IDT-M5, 50 mm lenses), toed in, different in everything.
+
+    7 um pixels make 50 mm 7143 px. The secondary stands to the right, so T points to the left.
+    """
+    toe = float(np.arctan2(0.5 * baseline_m, CROSSING_M))
+    angles = Angles(
+        yaw=2.0 * toe - 0.008, pitch=-0.021, roll=0.034, delta=toe - 0.012, epsilon=3.108
+    )
+    return Rig(
+        primary=Camera(
+            np.array([[7121.4, 0.0, 1143.7], [0.0, 7126.9, 891.2], [0.0, 0.0, 1.0]]),
+            np.array([-0.12, 0.31, 4e-4, -7e-4, -0.2]),
+            (2336, 1728),
+        ),
+        secondary=Camera(
+            np.array([[7196.8, 0.0, 1201.5], [0.0, 7190.2, 838.6], [0.0, 0.0, 1.0]]),
+            np.array([-0.07, 0.18, -6e-4, 3e-4, 0.1]),
+            (2336, 1728),
+        ),
+        secondary_from_primary=Pose.from_angles(angles, baseline_m),
+    )
+
+
+def simulate_field(seed: int) -> tuple[Scene, Dataset]:
+    """The sample field: 25 frames of a 0.9 m bar at 8 to 25 m, noise 0.15 px, all givens exact."""
+    rng = np.random.default_rng(seed)
+    scene = place_bars(field_rig(), rng, FIELD_FRAMES, FIELD_BAR_M)
+    # The lengths as written on the label, not as summed from rounded coordinates.
+    given = replace(Given.exact(scene), baseline_m=FIELD_BASELINE_M, target_distance_m=FIELD_BAR_M)
+    notes = f"Synthetic, seed {seed}; the truth is in {TRUTH}."
+    return scene, observe(scene, rng, FIELD_NOISE_PX, "field", given, notes)
+
+
+def truth_of(scene: Scene, noise_px: float, seed: int) -> dict[str, Any]:
+    """Everything true of a scene, for JSON."""
+    rig, pose = scene.rig, scene.rig.secondary_from_primary
+    return {
+        "format": TRUTH_FORMAT,
+        "convention": "x_secondary = R @ x_primary + T; metres, radians",
+        "R": pose.R.tolist(),
+        "T": pose.T.tolist(),
+        "angles": pose.angles._asdict(),
+        "baseline_m": pose.baseline,
+        "target_distance_m": scene.bar_length_m,
+        "cameras": {"primary": rig.primary.to_json(), "secondary": rig.secondary.to_json()},
+        "noise_px": noise_px,
+        "seed": seed,
+        "frames": [
+            {"frame": i, "A": a.tolist(), "B": b.tolist()}
+            for i, (a, b) in enumerate(scene.ends_m, start=1)
+        ],
+    }
+
+
+def _random_bars(
+    camera: Camera,
+    rng: np.random.Generator,
+    count: int,
+    length_m: float,
+    depths_m: tuple[float, float],
+) -> FloatArray:
+    """Ends (count, 2, 3) of bars whose middles are in the image of `camera`, in its frame."""
+    pixels = rng.uniform(0.0, 1.0, (count, 2)) * (np.array(camera.image_size) - 1.0)
+    depths = rng.uniform(*depths_m, (count, 1))
+    middles = np.column_stack([camera.undistort(pixels), np.ones(count)]) * depths
+    along = rng.standard_normal((count, 3))
+    half = 0.5 * length_m * along / np.linalg.norm(along, axis=1, keepdims=True)
+    return np.stack([middles - half, middles + half], axis=1)
+
+
+def _in_view(
+    camera: Camera, points: FloatArray, depths_m: tuple[float, float], margin_px: float
+) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    """Which points (n, 3) of the camera's frame it sees, in the depth range and off the edges."""
+    near, far = depths_m
+    pixels = camera.project(points)
+    size = np.array(camera.image_size)
+    inside = ((pixels >= margin_px) & (pixels <= size - 1.0 - margin_px)).all(axis=1)
+    inside &= (points[:, 2] >= near) & (points[:, 2] <= far)
+    # Far outside the view a lens polynomial can turn back and put a point into the image; then the
+    # pixel leads back to another ray.
+    seen = np.flatnonzero(inside)
+    rays = points[seen, :2] / points[seen, 2:]
+    inside[seen] = np.abs(camera.undistort(pixels[seen]) - rays).max(axis=1, initial=0.0) < 1e-9
+    return inside

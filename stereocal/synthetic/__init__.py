@@ -1,1 +1,0 @@
-"""Photographs and data sets with known truth."""

@@ -1,0 +1,109 @@
+"""Photographs from a folder, a zip or an upload: each a file on disk, read when its turn comes.
+
+Nothing here holds more than one photograph in memory, and what comes from a zip or an upload is
+stored under a name made from its content, never under its own.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path, PurePosixPath
+from typing import TypeVar
+
+from stereocal.errors import StereocalError
+from stereocal.system.limits import Limits
+from stereocal.system.photograph import SUFFIXES, FileContent
+from stereocal.system.zip_files import open_zip
+
+Photographs = Mapping[str, FileContent]
+"""Names as the person has them, with folders and forward slashes, to files."""
+Progress = Callable[[int, int], None]
+F = TypeVar("F")
+
+
+def is_photograph(name: str) -> bool:
+    """Whether a file's name is a photograph's, and not one that a system has hidden there."""
+    path = PurePosixPath(name.replace("\\", "/"))
+    hidden = any(part.startswith((".", "__MACOSX")) and part != ".." for part in path.parts)
+    return path.suffix.lower() in SUFFIXES and not hidden
+
+
+def of_the_bar(photographs: Mapping[str, F]) -> Mapping[str, F]:
+    """Those in folders `primary` and `secondary`, where a data set has them; else all.
+
+    Photographs of a board, for the lenses, may lie beside them in folders of their own.
+    """
+    own: dict[str, dict[str, F]] = {"primary": {}, "secondary": {}}
+    for name, path in photographs.items():
+        folder = PurePosixPath(name).parent.name.lower()
+        if folder in own:
+            own[folder][name] = path
+    both = own["primary"] | own["secondary"]
+    return both if all(own.values()) else photographs
+
+
+def photographs_in(source: Path, store: Path, progress: Progress | None = None) -> dict[str, Path]:
+    """The photographs of a folder, where they lie, or of a zip, unpacked into `store`.
+
+    Raises:
+        StereocalError: there is no such folder or zip, or it holds no photograph.
+    """
+    if source.is_dir():
+        found: dict[str, Path] = {}
+        for path in sorted(source.rglob("*")):
+            name = path.relative_to(source).as_posix()
+            if is_photograph(name) and path.is_file():
+                found[name] = path
+        Limits.from_environment().check_count(len(found), str(source))
+    elif source.is_file():
+        found = unpack_photographs(source, source.name, store, progress)
+    else:
+        raise StereocalError(f"{source}: there is no such folder or file.")
+    if not found:
+        raise StereocalError(
+            f"{source}: there is no photograph in it (PNG, JPEG, TIFF, BMP or PGM)."
+        )
+    return found
+
+
+def unpack_photographs(
+    source: Path | bytes, name: str, store: Path, progress: Progress | None = None
+) -> dict[str, Path]:
+    """Unpack the photographs of a zip into the folder `store`, one at a time.
+
+    Raises:
+        StereocalError: as `zip_files.open_zip`, or the disk is full.
+    """
+    return {
+        member: _keep(content, member, store)
+        for member, content in zipped_photographs(source, name, progress)
+    }
+
+
+def zipped_photographs(
+    source: Path | bytes, name: str, progress: Progress | None = None
+) -> Iterator[tuple[str, bytes]]:
+    """The photographs of a zip, name and content, one after the other.
+
+    Raises:
+        StereocalError: as `zip_files.open_zip`.
+    """
+    with open_zip(source, name) as opened:
+        names = [member for member in opened.names if is_photograph(member)]
+        for done, member in enumerate(names):
+            yield member, opened.read(member)
+            if progress:
+                progress(done + 1, len(names))
+
+
+def _keep(content: bytes, name: str, store: Path) -> Path:
+    """Write a photograph's file, named by its content; the same one only once."""
+    suffix = PurePosixPath(name).suffix.lower()
+    path = store / f"{hashlib.sha256(content).hexdigest()[:32]}{suffix}"
+    try:
+        store.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(content)
+    except OSError as error:
+        raise StereocalError(f"{name} cannot be stored: {error.strerror or error}.") from error
+    return path

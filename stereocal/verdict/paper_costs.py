@@ -1,0 +1,160 @@
+"""The paper's two costs as functions of pose and lenses, with their slopes, compiled.
+
+The 2D cost is a sum of lengths |e| of errors in the images, the 3D cost a sum of |D - D^R|. Both
+are made smooth as sqrt(|e|^2 + h^2) with a small h; each term is bounded by a parabola of weight
+1 / sqrt(|e|^2 + h^2) (iteratively reweighted least squares), which gives the normal equations.
+Slopes are central differences, with rays that move by the lens's own slope.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stereocal.refined.bar_fit import BASELINE, PRIMARY, SECONDARY
+from stereocal.refined.distortion import bend
+from stereocal.rig.compiled import FloatArray, IntArray, compiled
+from stereocal.rig.geometry import fill_pose, midpoint
+
+MOST_BENDS = 20
+
+
+@compiled
+def straighten(
+    q: FloatArray, lenses: FloatArray, pixels: FloatArray, rays: FloatArray, slopes: FloatArray
+) -> bool:
+    """Move `rays` (4, n) to those of `pixels` (n, 4) with the lenses of q, by Newton's method.
+
+    Writes the inverse slopes of the bending, (n, 2, 4): xx, xy, yx, yy. False where it fails.
+    """
+    for camera in range(2):
+        at = PRIMARY if camera == 0 else SECONDARY
+        fx, fy, cx, cy = q[at], q[at + 1], q[at + 2], q[at + 3]
+        skew = lenses[camera, 0]
+        for k in range(len(pixels)):
+            by = (pixels[k, 2 * camera + 1] - cy) / fy
+            bx = (pixels[k, 2 * camera] - cx - skew * by) / fx
+            x, y = rays[2 * camera, k], rays[2 * camera + 1, k]
+            error = np.inf
+            for _ in range(MOST_BENDS):
+                u, v, xx, xy, yx, yy = bend(x, y, lenses, camera)
+                scale = 1.0 / (xx * yy - xy * yx)
+                du, dv = u - bx, v - by
+                x -= scale * (yy * du - xy * dv)
+                y -= scale * (xx * dv - yx * du)
+                error = abs(du) + abs(dv)
+                if error < 1e-12:
+                    break
+            if not error < 1e-9:
+                return False
+            rays[2 * camera, k], rays[2 * camera + 1, k] = x, y
+            s = slopes[k, camera]
+            s[0], s[1], s[2], s[3] = scale * yy, -scale * xy, -scale * yx, scale * xx
+    return True
+
+
+@compiled
+def fill_errors(
+    q: FloatArray,
+    lenses: FloatArray,
+    rays: FloatArray,
+    bars: IntArray,
+    distances: FloatArray,
+    errors: FloatArray,
+) -> None:
+    """Write all errors: 4 of each of n pairs in pixels (e_primary, e_secondary), then m lengths."""
+    R, T = np.empty((3, 3)), np.empty(3)
+    fill_pose(q, q[BASELINE], R, T)
+    n = rays.shape[1]
+    points = np.empty((n, 3))
+    for k in range(n):
+        xp, yp, xs, ys = rays[0, k], rays[1, k], rays[2, k], rays[3, k]
+        x1, y1, z1, x2, y2, z2 = midpoint(R, T, xp, yp, xs, ys)
+        points[k, 0], points[k, 1], points[k, 2] = x1, y1, z1
+        dx, dy = x1 / z1 - xp, y1 / z1 - yp
+        errors[4 * k] = q[PRIMARY] * dx + lenses[0, 0] * dy
+        errors[4 * k + 1] = q[PRIMARY + 1] * dy
+        dx, dy = x2 / z2 - xs, y2 / z2 - ys
+        errors[4 * k + 2] = q[SECONDARY] * dx + lenses[1, 0] * dy
+        errors[4 * k + 3] = q[SECONDARY + 1] * dy
+    for j in range(len(bars)):
+        a, b = points[bars[j, 0]], points[bars[j, 1]]
+        square = (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2
+        errors[4 * n + j] = np.sqrt(square) - distances[j]
+
+
+@compiled
+def move_rays(
+    q: FloatArray,
+    moved_q: FloatArray,
+    lenses: FloatArray,
+    pixels: FloatArray,
+    rays: FloatArray,
+    slopes: FloatArray,
+    moved: FloatArray,
+) -> None:
+    """Write the rays (4, n) of lenses that differ from those of q by little: to first order."""
+    for camera in range(2):
+        at = PRIMARY if camera == 0 else SECONDARY
+        skew, row = lenses[camera, 0], 2 * camera
+        for k in range(rays.shape[1]):
+            u, v = pixels[k, row], pixels[k, row + 1]
+            by, moved_by = (v - q[at + 3]) / q[at + 1], (v - moved_q[at + 3]) / moved_q[at + 1]
+            bx = (u - q[at + 2] - skew * by) / q[at]
+            du = (u - moved_q[at + 2] - skew * moved_by) / moved_q[at] - bx
+            dv = moved_by - by
+            s = slopes[k, camera]
+            moved[row, k] = rays[row, k] + s[0] * du + s[1] * dv
+            moved[row + 1, k] = rays[row + 1, k] + s[2] * du + s[3] * dv
+
+
+@compiled
+def weigh(
+    errors: FloatArray,
+    pairs: int,
+    weight_2d: float,
+    weight_3d: float,
+    smooth_px: float,
+    smooth_m: float,
+    weights: FloatArray,
+) -> tuple[float, float, float]:
+    """Smooth objective, 2D cost in pixels, 3D cost in metres; writes the weight of each error."""
+    objective = cost_2d = cost_3d = 0.0
+    for k in range(2 * pairs):
+        square = errors[2 * k] ** 2 + errors[2 * k + 1] ** 2
+        smooth = np.sqrt(square + smooth_px * smooth_px)
+        cost_2d += np.sqrt(square)
+        objective += weight_2d * smooth
+        weights[2 * k] = weights[2 * k + 1] = weight_2d / smooth
+    for k in range(4 * pairs, len(errors)):
+        smooth = np.sqrt(errors[k] ** 2 + smooth_m * smooth_m)
+        cost_3d += abs(errors[k])
+        objective += weight_3d * smooth
+        weights[k] = weight_3d / smooth
+    return objective, cost_2d, cost_3d
+
+
+@compiled
+def slopes_of_errors(
+    q: FloatArray,
+    M: FloatArray,
+    steps: FloatArray,
+    lenses: FloatArray,
+    pixels: FloatArray,
+    rays: FloatArray,
+    slopes: FloatArray,
+    bars: IntArray,
+    distances: FloatArray,
+    J: FloatArray,
+) -> None:
+    """Write the slopes of all errors by the free numbers, J of shape (k, errors)."""
+    moved_q, moved = np.empty(len(q)), np.empty(rays.shape)
+    lower = np.empty(J.shape[1])
+    for j in range(M.shape[1]):
+        for side in range(2):
+            step = steps[j] if side else -steps[j]
+            for i in range(len(q)):
+                moved_q[i] = q[i] + step * M[i, j]
+            move_rays(q, moved_q, lenses, pixels, rays, slopes, moved)
+            fill_errors(moved_q, lenses, moved, bars, distances, J[j] if side else lower)
+        for i in range(J.shape[1]):
+            J[j, i] = (J[j, i] - lower[i]) / (2.0 * steps[j])

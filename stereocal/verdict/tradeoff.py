@@ -1,0 +1,241 @@
+"""The trade-off between the paper's two costs: what matching costs when measuring gets better.
+
+The weighted sum of both costs is minimised for weights from matching alone to measuring alone, each
+solve from the one before, in both directions, the better kept. Points of one weight each are the
+convex part of the Pareto curve. Once with the lenses as stated and the measured baseline, over the
+five angles, as the paper's sets; once with lenses and baseline freed within their uncertainties.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from stereocal.calibration.essential import calibrate_essential
+from stereocal.calibration.problems import reconstruction_problem, reprojection_problem
+from stereocal.errors import StereocalError
+from stereocal.refined.bar_fit import BASELINE, EPSILON, PRIMARY, SECONDARY
+from stereocal.refined.solve import lenses_of
+from stereocal.refined.unknowns import FIXED_LENS, RefineSettings, Unknowns, camera_of, unknowns_of
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.geometry import Angles, Pose
+from stereocal.rig.parameters import RigParameters, inputs_of
+from stereocal.verdict.paper_costs import fill_errors, slopes_of_errors, straighten, weigh
+
+POINTS = 25
+FARTHEST = 3.0
+"""The weights run from 1 : 1000 to 1000 : 1 about the even one."""
+SMOOTH = 0.01
+"""Errors below this part of the mean one count as squares: it rounds the kink of |e| at 0."""
+MOST_STEPS = 150
+CONVERGED = 1e-6
+"""A solve ends when a step lowers the objective by a smaller part."""
+
+
+@dataclass(frozen=True, eq=False)
+class TradeOffPoint:
+    """One point of a curve: a full set of parameters and its two costs."""
+
+    share: float
+    """Of the 3D cost in the weighted sum, 0 to 1."""
+    cost_2d_px: float
+    cost_3d_m: float
+    pose: Pose
+    primary: Camera
+    secondary: Camera
+    lenses: str
+    """`fixed` or `freed`."""
+
+    def parameters(self, dataset: Dataset) -> RigParameters:
+        """The point as a parameter set to save."""
+        return RigParameters(
+            method="refined",
+            primary=self.primary,
+            secondary=self.secondary,
+            pose=self.pose,
+            cost=(1.0 - self.share) * self.cost_2d_px + self.share * self.cost_3d_m,
+            settings={"trade_off_share": self.share, "lenses": self.lenses},
+            inputs=inputs_of(dataset, dataset.correspondences.frames),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class TradeOff:
+    """Both curves, from matching alone to measuring alone."""
+
+    fixed: tuple[TradeOffPoint, ...]
+    freed: tuple[TradeOffPoint, ...]
+
+
+def trade_off(
+    dataset: Dataset,
+    settings: RefineSettings | None = None,
+    start: Pose | None = None,
+    points: int = POINTS,
+    progress: Callable[[int, int], None] | None = None,
+    cancelled: Callable[[], bool] | None = None,
+) -> TradeOff | None:
+    """Both curves of a data set; None when cancelled.
+
+    Args:
+        settings: the uncertainties within which lenses and baseline are freed.
+        start: where to begin, such as the essential or the 2D pose; found here when not given.
+
+    Raises:
+        StereocalError: no bars, fewer than 3 points, or a start with points behind a camera.
+    """
+    settings = settings or RefineSettings()
+    if points < 3:
+        raise StereocalError("The trade-off needs at least 3 points.")
+    if not len(dataset.correspondences.bars):
+        raise StereocalError("No frame has both targets A and B: there is no 3D cost to trade.")
+    if start is None:
+        start = calibrate_essential(dataset.rays, dataset.baseline_m).pose
+    as_stated = replace(settings, primary=FIXED_LENS, secondary=FIXED_LENS, baseline_sigma_m=0.0)
+    curves = []
+    for number, (lenses, own) in enumerate((("fixed", as_stated), ("freed", settings))):
+        unknowns = unknowns_of(dataset, start, replace(own, distance_sigma_m=0.0))
+        curve = _Curve(dataset, unknowns, lenses)
+        done = curve.trace(points, number, progress, cancelled)
+        if done is None:
+            return None
+        curves.append(done)
+    return TradeOff(*curves)
+
+
+class _Curve:
+    """The state of one curve: the data, and the free numbers of the solve that runs."""
+
+    def __init__(self, dataset: Dataset, unknowns: Unknowns, lenses: str) -> None:
+        self.dataset, self.unknowns, self.name = dataset, unknowns, lenses
+        rows = dataset.correspondences
+        self.lenses = lenses_of(dataset)
+        self.pixels = np.column_stack([rows.primary, rows.secondary])
+        self.rays = dataset.rays.copy()
+        self.slopes = np.empty((len(rows), 2, 4))
+        self.bars, self.distances = rows.bars, dataset.bar_distances_m
+        n, m = len(rows), len(rows.bars)
+        self.pairs = n
+        self.errors, self.weights = np.empty(4 * n + m), np.empty(4 * n + m)
+        self.J = np.empty((len(unknowns.names), 4 * n + m))
+        self.steps = np.where(np.isfinite(unknowns.sigma), 1e-4 * unknowns.sigma, 1e-6)
+        p = np.zeros(len(unknowns.names))
+        self._errors_at(p)
+        _, cost_2d, cost_3d = weigh(self.errors, n, 1.0, 1.0, 0.0, 0.0, self.weights)
+        if not np.isfinite(cost_2d + cost_3d):
+            raise StereocalError("The trade-off cannot start: a point lies behind a camera.")
+        self.mean_px, self.mean_m = max(cost_2d / (2 * n), 1e-9), max(cost_3d / m, 1e-12)
+        # The 3D errors that the other end reaches set the scale of the curve, not those here.
+        end = self._minimise(p, 1.0 - 1e-3)
+        reached = weigh(self.errors, n, 1.0, 1.0, 0.0, 0.0, self.weights)[2]
+        self.mean_m = max(reached / m, 1e-12)
+        self.ends = (p, end)
+
+    def trace(
+        self,
+        points: int,
+        number: int,
+        progress: Callable[[int, int], None] | None,
+        cancelled: Callable[[], bool] | None,
+    ) -> tuple[TradeOffPoint, ...] | None:
+        """All points, each the better of both directions."""
+        shares = 1.0 / (1.0 + 10.0 ** np.linspace(FARTHEST, -FARTHEST, points))
+        best: dict[float, tuple[float, FloatArray]] = {}
+        done = 2 * number * points
+        for start, order in zip(self.ends, (shares, shares[::-1]), strict=True):
+            p = start
+            for share in order:
+                p = self._minimise(p, float(share))
+                value = self._objective(p, float(share))
+                if share not in best or value < best[share][0]:
+                    best[share] = (value, p)
+                done += 1
+                if progress:
+                    progress(done, 4 * points)
+                if cancelled and cancelled():
+                    return None
+        return tuple(self._point(float(share), best[share][1]) for share in shares)
+
+    def _errors_at(self, p: FloatArray) -> None:
+        q = self._q(p)
+        self.errors[:] = np.nan
+        if straighten(q, self.lenses, self.pixels, self.rays, self.slopes):
+            fill_errors(q, self.lenses, self.rays, self.bars, self.distances, self.errors)
+        else:
+            self.rays[:] = self.dataset.rays
+
+    def _q(self, p: FloatArray) -> FloatArray:
+        return np.asarray(self.unknowns.origin + self.unknowns.M @ p)
+
+    def _objective(self, p: FloatArray, share: float) -> float:
+        """Both costs in units of their mean error, and the priors, as the log of a likelihood."""
+        self._errors_at(p)
+        value, _, _ = weigh(
+            self.errors, self.pairs, 2.0 * (1.0 - share) / self.mean_px, 2.0 * share / self.mean_m,
+            SMOOTH * self.mean_px, SMOOTH * self.mean_m, self.weights,
+        )  # fmt: skip
+        return float(value + 0.5 * np.sum(self.unknowns.precision * p * p))
+
+    def _minimise(self, p: FloatArray, share: float) -> FloatArray:
+        """Levenberg-Marquardt on the parabolas that bound the objective."""
+        best, damping = self._objective(p, share), 1e-6
+        fresh = True
+        for _ in range(MOST_STEPS):
+            if fresh:
+                q = self._q(p)
+                slopes_of_errors(
+                    q, self.unknowns.M, self.steps, self.lenses, self.pixels, self.rays,
+                    self.slopes, self.bars, self.distances, self.J,
+                )  # fmt: skip
+                weighted = self.J * self.weights
+                A = weighted @ self.J.T + np.diag(self.unknowns.precision)
+                b = weighted @ self.errors + self.unknowns.precision * p
+            scale = 1.0 / np.sqrt(np.diag(A))
+            lifted = A * np.outer(scale, scale) + damping * np.eye(len(p))
+            trial = p - scale * np.linalg.solve(lifted, scale * b)
+            value = self._objective(trial, share)
+            fresh = value <= best
+            if fresh:
+                gain, best, p = best - value, value, trial
+                damping = max(0.1 * damping, 1e-12)
+                if gain < CONVERGED * best:
+                    break
+            else:
+                damping *= 10.0
+                if damping > 1e6:
+                    break
+        self._errors_at(p)
+        return p
+
+    def _point(self, share: float, p: FloatArray) -> TradeOffPoint:
+        self._errors_at(p)
+        _, cost_2d, cost_3d = weigh(self.errors, self.pairs, 1.0, 1.0, 0.0, 0.0, self.weights)
+        q = self._q(p)
+        return TradeOffPoint(
+            share=share,
+            cost_2d_px=cost_2d,
+            cost_3d_m=cost_3d,
+            pose=Pose.from_angles(Angles(*q[: EPSILON + 1].tolist()), float(q[BASELINE])),
+            primary=camera_of(self.dataset.primary, q[PRIMARY : PRIMARY + 4]),
+            secondary=camera_of(self.dataset.secondary, q[SECONDARY : SECONDARY + 4]),
+            lenses=self.name,
+        )
+
+
+def costs_of(
+    dataset: Dataset, poses: Mapping[Any, tuple[Pose, Camera, Camera]]
+) -> dict[Any, tuple[float, float]]:
+    """2D cost in pixels and 3D cost in metres of sets of parameters, to stand beside the curves."""
+    found = {}
+    for name, (pose, primary, secondary) in poses.items():
+        own = replace(dataset, primary=primary, secondary=secondary)
+        found[name] = (
+            reprojection_problem(own).cost(pose),
+            reconstruction_problem(own).cost(pose),
+        )
+    return found

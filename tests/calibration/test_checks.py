@@ -1,0 +1,184 @@
+"""Each sentence about a data set as a whole, and that sound data hear none."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from stereocal.calibration.checks import (
+    check_in_front,
+    check_points,
+    scale_is_plausible,
+    warnings_about,
+)
+from stereocal.calibration.problems import reconstruction_problem
+from stereocal.errors import StereocalError
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.dataset import Correspondences, Dataset
+from stereocal.rig.geometry import Angles, Pose
+from stereocal.workflow import calibrate
+from tests.known_rig import BAR_M, PRIMARY, RIG, SECONDARY, correspondences, dataset
+
+SOUND = dataset(20, noise_px=0.3)
+
+
+def with_points(primary: FloatArray, secondary: FloatArray) -> Dataset:
+    rows = SOUND.correspondences
+    return replace(SOUND, correspondences=replace(rows, primary=primary, secondary=secondary))
+
+
+def test_sound_data_hear_nothing() -> None:
+    check_points(SOUND)
+    check_in_front(SOUND, RIG)
+    assert scale_is_plausible(SOUND, RIG)
+    assert warnings_about(SOUND) == []
+    assert calibrate(SOUND).warnings == ()
+
+
+class TestPoints:
+    def test_fewer_than_five_pairs(self) -> None:
+        few = SOUND.of_frames([1, 2])
+        with pytest.raises(StereocalError, match=r"There are 4 pairs of points; at least 5"):
+            check_points(few)
+        with pytest.raises(StereocalError, match=r"There are 4 pairs of points; at least 5"):
+            calibrate(few)
+        rows = SOUND.correspondences
+        one = replace(SOUND, correspondences=rows.where(np.arange(len(rows)) == 3))
+        with pytest.raises(StereocalError, match="There is 1 pair of points"):
+            check_points(one)
+        five = replace(SOUND, correspondences=rows.where(np.arange(len(rows)) < 5))
+        check_points(five)
+
+    @pytest.mark.parametrize("which", ["primary", "secondary"])
+    def test_all_in_one_place(self, which: str) -> None:
+        """Within 1 % of the diagonal, which is 20 px in the primary and 16 in the secondary."""
+        n = len(SOUND.correspondences)
+        diagonal = {"primary": 2000.0, "secondary": 1639.2}[which]
+        for fraction, refused in ((0.009, True), (0.011, False)):
+            side = fraction * diagonal / np.sqrt(2)
+            points = {
+                "primary": np.array(SOUND.correspondences.primary),
+                "secondary": np.array(SOUND.correspondences.secondary),
+            }
+            points[which] = 500.0 + np.linspace(0, side, n)[:, None] * np.ones(2)
+            data = with_points(**points)
+            if refused:
+                with pytest.raises(
+                    StereocalError, match=f"points of the {which} camera lie in one"
+                ):
+                    check_points(data)
+            else:
+                check_points(data)
+
+
+class TestScale:
+    @pytest.mark.parametrize(
+        ("factor", "unit", "which"),
+        [
+            (1 / 1000, "millimetres", "baseline"),
+            (1 / 100, "centimetres", "baseline"),
+            (100, "centimetres", "distance"),
+            (1000, "millimetres", "distance"),
+        ],
+    )
+    def test_a_wrong_unit_is_named(self, factor: float, unit: str, which: str) -> None:
+        data = replace(SOUND, target_distance_m=min(BAR_M * factor, 999.0))
+        with pytest.raises(StereocalError, match=f"{which} looks like {unit}"):
+            calibrate(data)
+
+    @pytest.mark.parametrize("factor", [0.5, 2.0])
+    def test_lengths_that_contradict_each_other_are_both_named(self, factor: float) -> None:
+        with pytest.raises(StereocalError, match=r"distance between .* baseline .*ratio"):
+            calibrate(replace(SOUND, target_distance_m=BAR_M * factor))
+
+    @pytest.mark.parametrize("factor", [0.7, 0.9, 1.1, 1.45])
+    def test_a_poor_measurement_passes(self, factor: float) -> None:
+        assert scale_is_plausible(replace(SOUND, target_distance_m=BAR_M * factor), RIG)
+
+    def test_one_wrong_bar_does_not_decide(self) -> None:
+        distances = np.array(SOUND.correspondences.distance_m)
+        distances[:2] = 1000 * BAR_M
+        rows = replace(SOUND.correspondences, distance_m=distances)
+        assert scale_is_plausible(replace(SOUND, correspondences=rows), RIG)
+
+
+class TestExchangedTargets:
+    """A bar longer than the baseline along it: A's ray and B's then meet behind the cameras."""
+
+    pose = Pose.from_angles(Angles(0.05, -0.07, 0.11, 0.13, 3.02), 0.4)
+
+    def data(self, exchanged: int | None) -> Dataset:
+        rng = np.random.default_rng(3)
+        middle = rng.uniform([-0.8, -0.7, 5.0], [0.8, 0.7, 8.0], (15, 3))
+        along = rng.normal(0, [0.5, 0.4, 0.3], (15, 3))
+        along[6] = 1.0, 0.1, 0.0
+        along *= BAR_M / 2 / np.linalg.norm(along, axis=1, keepdims=True)
+        points = np.stack([middle - along, middle + along], axis=1).reshape(-1, 3)
+        primary, secondary = PRIMARY.project(points), SECONDARY.project(self.pose.apply(points))
+        if exchanged is not None:
+            a = 2 * exchanged
+            secondary[[a, a + 1]] = secondary[[a + 1, a]]
+        rows = Correspondences.from_arrays(
+            np.repeat(np.arange(15), 2), ["A", "B"] * 15, primary, secondary
+        )
+        return Dataset("short", PRIMARY, SECONDARY, rows, 0.4, BAR_M)
+
+    def test_in_one_frame(self) -> None:
+        check_in_front(self.data(None), self.pose)
+        with pytest.raises(StereocalError, match=r"1 of 30 pairs do not meet .*\(frame 6, target"):
+            check_in_front(self.data(6), self.pose)
+
+    def test_many_are_counted_and_three_named(self) -> None:
+        behind = Pose(self.pose.R, -self.pose.T)
+        with pytest.raises(StereocalError, match=r"30 of 30 pairs .*frame 1, target A; and more\)"):
+            check_in_front(self.data(None), behind)
+
+
+def test_no_bars_for_the_3d_method() -> None:
+    rows = SOUND.correspondences
+    only_A = replace(SOUND, correspondences=rows.where(np.array(rows.target) == 0))
+    with pytest.raises(StereocalError, match="No frame has both targets A and B"):
+        reconstruction_problem(only_A)
+    with pytest.raises(StereocalError, match="No frame has both targets A and B"):
+        calibrate(only_A)
+    assert scale_is_plausible(only_A, RIG)
+
+
+def test_no_known_points() -> None:
+    with pytest.raises(StereocalError, match="No row has a known point"):
+        reconstruction_problem(SOUND, known_points=True)
+
+
+@pytest.mark.parametrize("frames", [1, 4, 5])
+def test_few_bars(frames: int) -> None:
+    rows = correspondences(8, noise_px=0.3)
+    keep = (np.array(rows.frame) <= frames) | (np.array(rows.target) == 0)
+    said = warnings_about(replace(SOUND, correspondences=rows.where(keep)))
+    expected = {1: ["Only 1 frame has both"], 4: ["Only 4 frames have both"], 5: []}[frames]
+    assert len(said) == len(expected)
+    assert all(text.startswith(start) for text, start in zip(said, expected, strict=True))
+
+
+def test_two_cameras_with_one_nominal_lens_hear_nothing() -> None:
+    """The same K and distortion, typed in by hand for two cameras of one kind, is no mistake."""
+    alike = replace(SOUND.of_frames([1, 3, 5, 7]), primary=SECONDARY)
+    assert not any("same lens" in text for text in warnings_about(alike))
+
+
+def test_a_principal_point_far_from_the_middle_is_named() -> None:
+    K = PRIMARY.K.copy()
+    K[:2, 2] *= 0.5
+    said = warnings_about(replace(SOUND, primary=replace(PRIMARY, K=K)))
+    assert len(said) == 1
+    assert "primary camera's principal point" in said[0]
+    assert "1600x1200" in said[0]
+
+
+def test_few_pairs_are_warned_of() -> None:
+    rows = correspondences(4, noise_px=0.3)
+    few = rows.where(np.arange(len(rows)) < 7)
+    said = warnings_about(replace(SOUND, correspondences=few))
+    assert any("7 pairs of points are very few" in s for s in said)
+    assert not any("very few" in s for s in warnings_about(replace(SOUND, correspondences=rows)))

@@ -1,0 +1,108 @@
+"""What was evidently given wrongly is named, and sound data hear nothing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.ordinary_path import WRONG, flipped, said_of, scaled
+from benchmarks.ordinary_path import rig as random_rig
+from stereocal.calibration.readings import check_reading, fit_of, wrongly_given
+from stereocal.errors import StereocalError
+from stereocal.rig.camera import Camera
+from stereocal.rig.dataset import Dataset
+from stereocal.workflow import calibrate
+
+SOUND = random_rig(3)[1]
+
+
+def given(name: str) -> Dataset:
+    one, two = SOUND.primary, SOUND.secondary
+    frames = SOUND.correspondences.frames
+    return {
+        "files": lambda: replace(
+            SOUND,
+            primary=replace(two, image_size=one.image_size),
+            secondary=replace(one, image_size=two.image_size),
+        ),
+        "targets": lambda: SOUND.with_targets_exchanged(frames),
+        "primary sign": lambda: replace(SOUND, primary=flipped(one)),
+        "secondary sign": lambda: replace(SOUND, secondary=flipped(two)),
+        "secondary size": lambda: replace(SOUND, secondary=scaled(two, 2.0)),
+    }[name]()
+
+
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [
+        ("files", "camera files seem to be exchanged"),
+        ("targets", "A and B seem to be exchanged in one of the cameras"),
+        ("primary sign", "primary camera's distortion .* wrong sign"),
+        ("secondary sign", "secondary camera's distortion .* wrong sign"),
+        ("secondary size", r"secondary camera's matrix K .* 1\.9\d times as large as 1280x1024"),
+    ],
+)
+def test_a_mistake_is_named(name: str, says: str) -> None:
+    with pytest.raises(StereocalError, match=says):
+        check_reading(given(name))
+    with pytest.raises(StereocalError, match=says):
+        calibrate(given(name))
+
+
+def test_sound_data_hear_nothing() -> None:
+    assert check_reading(SOUND) == []
+
+
+def test_few_bars_cannot_tell() -> None:
+    """Nine bars, whatever the cameras: five angles fit too much."""
+    assert check_reading(given("primary sign").of_frames(range(1, 10))) == []
+
+
+@pytest.mark.parametrize(("which", "factor"), [("primary", 1.1), ("secondary", 0.9)])
+def test_a_focal_length_far_off_is_named_with_the_true_one(which: str, factor: float) -> None:
+    """Measured: within 0.6 % of the true focal length."""
+    camera: Camera = getattr(SOUND, which)
+    K = camera.K.copy()
+    K[[0, 0, 1], [0, 1, 1]] *= factor
+    wrong = replace(camera, K=K)
+    data = replace(SOUND, primary=wrong) if which == "primary" else replace(SOUND, secondary=wrong)
+    said = wrongly_given(data)
+    assert f"The {which} camera's lens" in said
+    about = float(said.split("about ")[1].split(" px")[0])
+    assert about == pytest.approx(camera.K[0, 0], rel=0.02)
+
+
+def test_a_focal_length_of_50_000_px_is_named() -> None:
+    K = SOUND.primary.K.copy()
+    K[0, 0] = K[1, 1] = 50_000.0
+    with pytest.raises(StereocalError, match=r"primary camera.s lens cannot be .* 50000 px"):
+        calibrate(replace(SOUND, primary=replace(SOUND.primary, K=K)))
+
+
+def test_a_lens_that_cannot_be_inverted_is_named_with_its_size() -> None:
+    with pytest.raises(
+        StereocalError, match=r"primary camera's lens .*0\.(49|50)\d* times as large"
+    ):
+        replace(SOUND, primary=scaled(SOUND.primary, 0.5))
+
+
+def test_the_fit_says_no_data_not_zero() -> None:
+    nothing = fit_of(given("targets"))
+    assert np.isinf(nothing.px)
+    assert np.isnan(nothing.scale)
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_ten_rigs_of_each_mistake(name: str) -> None:
+    """40 rigs of each are in benchmarks.ordinary_path; measured there: see docs/reliability.md."""
+    named = sum(said_of(name, number).named for number in range(10))
+    assert named >= WRONG[name].least_of_10
+
+
+def test_ten_sound_rigs_are_not_accused() -> None:
+    for number in range(40, 50):
+        data = random_rig(number)[1]
+        assert check_reading(data) == []
+        assert calibrate(data).warnings == ()

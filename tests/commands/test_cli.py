@@ -1,0 +1,289 @@
+"""The command line: what it writes, and one sentence with exit 2 for each bad input."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from stereocal.cli import main
+from stereocal.rig.parameters import RigParameters
+from tests.terminal import sentences
+
+FIELD = Path(__file__).parents[2] / "sample_data" / "field"
+
+
+@pytest.fixture
+def field(tmp_path: Path) -> Path:
+    """A copy of the sample data set that a test may spoil."""
+    return Path(shutil.copytree(FIELD, tmp_path / "field"))
+
+
+def without_date(path: Path) -> str:
+    text, replaced = re.subn(r'"created": "[^"]+"', "", path.read_text())
+    assert replaced == 1
+    return text
+
+
+def test_calibrate_prints_the_methods_and_writes_three_files(
+    field: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "new" / "out"
+    assert main(["calibrate", str(field), "--out", str(out)]) == 0
+    printed = capsys.readouterr().out
+    for word in ("essential", "2d", "3d", "50 pairs", "25 bars", "the step fell below"):
+        assert word in printed
+    assert "refined: noise 0.1" in printed
+    assert "Verdict of 50 random splits: " in printed
+    assert sorted(path.name for path in out.iterdir()) == [
+        "parameters_2d.json",
+        "parameters_3d.json",
+        "parameters_refined.json",
+    ]
+    for method, purpose in (("2d", "matching"), ("3d", "reconstruction"), ("refined", "both")):
+        path = out / f"parameters_{method}.json"
+        assert RigParameters.load(path).purpose == purpose
+    assert json.loads((out / "parameters_3d.json").read_text())["settings"]["delta"] == 1e-3
+
+
+def test_calibrate_without_the_refined_set(
+    field: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["calibrate", str(field), "--out", str(tmp_path / "out"), "--no-refined"]) == 0
+    printed = capsys.readouterr().out
+    assert "refined" not in printed
+    assert "erdict" not in printed
+    assert not (tmp_path / "out" / "parameters_refined.json").exists()
+
+
+def test_calibrate_names_bad_frames_and_says_why_there_is_no_verdict(
+    field: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cell(9, 3, "1200")(field)
+    assert main(["calibrate", str(field), "--out", str(tmp_path / "out"), "--runs", "3"]) == 0
+    printed = capsys.readouterr().out
+    frame = (field / "correspondences.csv").read_text().splitlines()[8].split(",")[0]
+    assert f"Left out: frame {frame}, which contradicts the others." in printed
+    assert "No verdict: A verdict needs at least 10 runs; there are 3." in printed
+
+
+def test_same_seed_same_bytes_but_for_the_date(field: Path, tmp_path: Path) -> None:
+    for out, seed in (("one", "5"), ("two", "5"), ("other", "6")):
+        arguments = ["calibrate", str(field), "--out", str(tmp_path / out), "--runs", "0"]
+        assert main([*arguments, "--seed", seed]) == 0
+    refined = [without_date(tmp_path / out / "parameters_refined.json") for out in ("one", "two")]
+    assert refined[0] == refined[1]
+    for name in ("parameters_2d.json", "parameters_3d.json"):
+        one, two, other = (without_date(tmp_path / out / name) for out in ("one", "two", "other"))
+        assert one == two
+        assert one.replace('"seed": 5', "") != other.replace('"seed": 6', "")
+
+
+def test_settings_reach_the_result(field: Path, tmp_path: Path) -> None:
+    options = {
+        "--delta": "0.002", "--delta-min": "1e-5", "--acceptance": "0.3", "--shrink": "0.5",
+        "--minimum-moves": "1", "--essential": "linear", "--calibration-frames": "20",
+    }  # fmt: skip
+    flat = [word for option in options.items() for word in option]
+    assert main(["calibrate", str(field), "--out", str(tmp_path), *flat]) == 0
+    written = json.loads((tmp_path / "parameters_2d.json").read_text())
+    expected = {
+        "delta": 0.002, "delta_min": 1e-5, "acceptance": 0.3, "shrink": 0.5, "minimum_moves": 1,
+        "essential": "linear", "calibration_frames": 20,
+    }  # fmt: skip
+    assert expected.items() <= written["settings"].items()
+    assert len(written["inputs"]["frames"]) == 20
+
+
+def test_zip_gives_the_same_as_the_folder(field: Path, tmp_path: Path) -> None:
+    packed = tmp_path / "field.zip"
+    with zipfile.ZipFile(packed, "w") as archive:
+        for path in field.iterdir():
+            archive.write(path, f"some folder/{path.name}")
+    assert main(["calibrate", str(field), "--out", str(tmp_path / "a")]) == 0
+    assert main(["calibrate", str(packed), "--out", str(tmp_path / "b")]) == 0
+    for name in ("parameters_2d.json", "parameters_3d.json"):
+        assert without_date(tmp_path / "a" / name) == without_date(tmp_path / "b" / name)
+
+
+def table(edit: Callable[[list[str]], list[str]]) -> Callable[[Path], None]:
+    def spoil(folder: Path) -> None:
+        path = folder / "correspondences.csv"
+        path.write_text("\n".join(edit(path.read_text().splitlines())) + "\n")
+
+    return spoil
+
+
+def text(name: str, content: str) -> Callable[[Path], None]:
+    def spoil(folder: Path) -> None:
+        (folder / name).write_text(content)
+
+    return spoil
+
+
+def cell(line: int, column: int, value: str) -> Callable[[Path], None]:
+    def edit(lines: list[str]) -> list[str]:
+        cells = lines[line - 1].split(",")
+        cells[column] = value
+        lines[line - 1] = ",".join(cells)
+        return lines
+
+    return table(edit)
+
+
+def described(**values: Any) -> Callable[[Path], None]:
+    def spoil(folder: Path) -> None:
+        path = folder / "dataset.json"
+        path.write_text(json.dumps({**json.loads(path.read_text()), **values}))
+
+    return spoil
+
+
+def one_place(lines: list[str]) -> list[str]:
+    return [lines[0]] + [",".join([*row.split(",")[:2], "900,800,700,600"]) for row in lines[1:]]
+
+
+def ends_exchanged(lines: list[str]) -> list[str]:
+    """In the secondary camera, A is called B and B is called A, in all frames."""
+    rows = [line.split(",") for line in lines[1:]]
+    for a, b in zip(rows[::2], rows[1::2], strict=True):
+        a[4:6], b[4:6] = b[4:6], a[4:6]
+    return [lines[0], *(",".join(row) for row in rows)]
+
+
+def cameras_exchanged(folder: Path) -> None:
+    first, second = folder / "primary.json", folder / "secondary.json"
+    one, other = first.read_text(), second.read_text()
+    first.write_text(other)
+    second.write_text(one)
+
+
+def flat_camera(folder: Path) -> None:
+    path = folder / "primary.json"
+    camera = json.loads(path.read_text())
+    camera["K"][0][0] = 0
+    path.write_text(json.dumps(camera))
+
+
+BAD: dict[str, tuple[Callable[[Path], None], str]] = {
+    "missing column": (
+        table(lambda lines: [lines[0].replace("v_primary", "y1"), *lines[1:]]),
+        "the column v_primary is missing",
+    ),
+    "text in a number": (cell(7, 2, "abc"), 'line 7: u_primary is "abc", which is not a number'),
+    "NaN": (cell(5, 3, "nan"), "line 5: v_primary is nan, which is not a finite number"),
+    "infinite": (cell(5, 4, "-inf"), "line 5: u_secondary is -inf, which is not a finite number"),
+    "empty cell": (cell(5, 4, ""), "line 5: u_secondary is empty"),
+    "duplicate": (
+        table(lambda lines: [*lines, lines[1]]),
+        "target A already, in line 2",
+    ),
+    "outside the image": (
+        cell(3, 2, "2336.2"),
+        r"line 3: frame \d+, target B: the primary point \(2336.2, .*\) is outside the 2336x1728",
+    ),
+    "too few pairs": (table(lambda lines: lines[:5]), "There are 4 pairs of points; at least 5"),
+    "one place": (table(one_place), "lie in one place"),
+    "no bar": (
+        table(lambda lines: [row for row in lines if ",B," not in row]),
+        "No frame has both targets A and B",
+    ),
+    "negative baseline": (described(baseline_m=-4.5), "The baseline is -4.5 m"),
+    "zero distance": (described(target_distance_m=0), "The distance between the targets is 0 m"),
+    "baseline in mm": (described(baseline_m=4500), "looks like millimetres"),
+    "distance in mm": (
+        described(target_distance_m=900),
+        "The distance looks like millimetres, or the baseline is 1000 times too small",
+    ),
+    "distance in km": (
+        described(target_distance_m=0.0009),
+        "The baseline looks like millimetres, or the distance is 1000 times too small",
+    ),
+    "distance in cm": (described(target_distance_m=90), "looks like centimetres"),
+    "baseline as text": (described(baseline_m="4.5"), "baseline_m is '4.5'; it must be a number"),
+    "K not invertible": (flat_camera, "primary.json: .*K cannot be inverted"),
+    "unknown camera format": (
+        text("primary.json", "fx = 1200"),
+        "the format of the camera file is not known",
+    ),
+    "cut-off camera": (
+        text("primary.json", '{"K": [[1'),
+        "primary.json: this is not valid JSON",
+    ),
+    "cameras exchanged": (cameras_exchanged, "The two camera files seem to be exchanged"),
+    "camera missing": (
+        lambda folder: (folder / "secondary.json").unlink(),
+        "the secondary's camera file 'secondary.json' is missing",
+    ),
+    "empty table": (
+        text("correspondences.csv", ""),
+        "correspondences.csv: the file is empty",
+    ),
+    "ends exchanged": (
+        table(ends_exchanged),
+        "A and B seem to be exchanged in one of the cameras",
+    ),
+    "broken description": (
+        text("dataset.json", "{"),
+        "dataset.json: this is not valid JSON",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_input_is_one_sentence_exit_2_and_no_file(
+    name: str, field: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    spoil, sentence = BAD[name]
+    spoil(field)
+    out = tmp_path / "out"
+    assert main(["calibrate", str(field), "--out", str(out)]) == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert re.search(sentence, printed.err), printed.err
+    assert len(sentences(printed.err)) == 1
+    assert not out.exists() or not any(out.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("content", "sentence"),
+    [(b"", "the file is empty"), (b"PK and no more", "not a sound zip")],
+)
+def test_bad_zip(
+    content: bytes, sentence: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "bad.zip"
+    path.write_bytes(content)
+    assert main(["calibrate", str(path), "--out", str(tmp_path / "out")]) == 2
+    assert sentence in capsys.readouterr().err
+
+
+def test_bad_settings_and_bad_output(
+    field: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = str(tmp_path / "out")
+    assert main(["calibrate", str(field), "--out", out, "--acceptance", "2"]) == 2
+    assert "acceptance is 2.0: it must be between 0 and 1" in capsys.readouterr().err
+    assert main(["calibrate", str(field), "--out", out, "--calibration-frames", "26"]) == 2
+    assert "26 calibration frames are wanted" in capsys.readouterr().err
+    (tmp_path / "file").write_text("kept")
+    assert main(["calibrate", str(field), "--out", str(tmp_path / "file")]) == 2
+    assert "cannot be written" in capsys.readouterr().err
+    assert (tmp_path / "file").read_text() == "kept"
+    assert main(["calibrate", str(tmp_path / "nowhere"), "--out", out]) == 2
+    assert "there is no such folder or file" in capsys.readouterr().err
+
+
+def test_one_file_that_cannot_be_replaced_leaves_both_old_ones(field: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    (out / "parameters_3d.json").mkdir(parents=True)
+    (out / "parameters_2d.json").write_text("old")
+    assert main(["calibrate", str(field), "--out", str(out)]) == 2
+    assert (out / "parameters_2d.json").read_text() == "old"
+    assert len(list(out.iterdir())) == 2

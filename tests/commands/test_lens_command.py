@@ -1,0 +1,183 @@
+"""`stereocal intrinsics`, and the camera files that it writes."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import re
+import shutil
+import zipfile
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from stereocal.cli import main
+from stereocal.errors import StereocalError
+from stereocal.formats.camera_file import read_camera, write_camera, write_opencv_camera
+from stereocal.formats.dataset_files import pack_dataset, parse_dataset
+from stereocal.rig.camera import Camera, LensUncertainty
+from tests import known_rig as rig
+from tests.lens import TRUE, write_boards
+
+KNOWN = Camera(
+    rig.PRIMARY.K,
+    rig.PRIMARY.distortion,
+    rig.PRIMARY.image_size,
+    LensUncertainty(0.5, 0.6, 0.7, 0.8, np.array([1e-3, 2e-3, 3e-5, 4e-5, 5e-3])),
+)
+FEW = ["--subset", "8", "--repeats", "10"]
+
+
+@pytest.fixture(scope="module")
+def boards(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("boards")
+    write_boards(folder, 12, seed=5)
+    return folder
+
+
+def run(*arguments: str | Path) -> int:
+    return main(["intrinsics", *map(str, arguments), "--board", "8x6", "--square", "0.03", *FEW])
+
+
+def test_photographs_in_and_the_true_lens_out(
+    boards: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "camera.json"
+    assert run(boards, "--out", out) == 0
+    camera = read_camera(out.read_bytes(), "camera.json")
+    assert camera.uncertainty is not None
+    K = camera.K
+    found = np.array([K[0, 0], K[1, 1], K[0, 2], K[1, 2], *camera.distortion])
+    sigma = np.array([*(getattr(camera.uncertainty, n) for n in ("fx", "fy", "cx", "cy")),
+                      *camera.uncertainty.distortion])  # fmt: skip
+    # Photographs of 640x480 px, found, refined and calibrated. Measured: 0.2 to 2.2 sigma.
+    assert (np.abs(found - TRUE) < 5 * sigma).all()
+    assert np.abs(found - TRUE)[:2].max() < 1.0
+    told = capsys.readouterr()
+    assert "The focal length fx is 90" in told.out and "10 draws of 8 out of 12" in told.out
+    assert re.search(r"cx \(px\) +32\d\.\d", told.out)
+    assert "12/12 photographs searched" in told.err and "10/10 draws calibrated" in told.err
+    about = json.loads(out.read_bytes())["about"]
+    assert about["settings"]["subset"] == 8 and about["board"]["columns"] == 8
+
+
+def test_folder_zip_and_files_give_the_same_bytes(boards: Path, tmp_path: Path) -> None:
+    with zipfile.ZipFile(tmp_path / "boards.zip", "w") as archive:
+        for path in sorted(boards.iterdir()):
+            archive.write(path, path.name)
+    assert run(boards, "--out", tmp_path / "a.json") == 0
+    assert run(tmp_path / "boards.zip", "--out", tmp_path / "b.json") == 0
+    assert run(*sorted(boards.iterdir()), "--out", tmp_path / "c.json") == 0
+    contents = {(tmp_path / f"{name}.json").read_bytes() for name in "abc"}
+    assert len(contents) == 1
+
+
+def test_opencv_file(boards: Path, tmp_path: Path) -> None:
+    assert run(boards, "--out", tmp_path / "camera.yml", "--fix-k3", "--zero-tangential") == 0
+    camera = read_camera((tmp_path / "camera.yml").read_bytes(), "camera.yml")
+    assert camera.distortion[0] != 0 and not camera.distortion[2:].any()
+    assert camera.uncertainty is None
+
+
+def test_photograph_left_out(boards: Path, tmp_path: Path) -> None:
+    assert run(boards, "--out", tmp_path / "a.json", "--leave-out", "03.png") == 0
+    method = json.loads((tmp_path / "a.json").read_bytes())["about"]["method"]
+    assert method.endswith("8 of 11 photographs")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["--board", "eight"], "must read like 18x12"),
+        (["--board", "9x7"], "shows one with 8x6"),
+        (["--square", "0"], "must be above 0"),
+        (["--subset", "20"], "at least 21 are needed"),
+        (["--subset", "2"], "at least 3"),
+        (["--charuco", "DICT_4X4_50"], "side of its markers"),
+    ],
+)
+def test_bad_input_is_one_sentence(
+    boards: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str],
+    sentence: str,
+) -> None:  # fmt: skip
+    out = tmp_path / "camera.json"
+    usual = ["--board", "8x6", "--square", "0.03", *FEW]
+    assert main(["intrinsics", str(boards), "--out", str(out), *usual, *arguments]) == 2
+    said = capsys.readouterr().err.splitlines()[-1]
+    assert said.startswith("stereocal: ") and sentence in said
+    assert not out.exists()
+
+
+def test_folder_without_photographs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "notes.txt").write_text("none")
+    assert run(tmp_path, "--out", tmp_path / "camera.json") == 2
+    assert "no photograph" in capsys.readouterr().err
+    assert run(tmp_path / "nowhere", "--out", tmp_path / "camera.json") == 2
+    assert "no such folder or file" in capsys.readouterr().err
+
+
+def test_unusable_photographs_are_said(
+    boards: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "mixed"
+    shutil.copytree(boards, folder)
+    (folder / "text.png").write_text("no photograph")
+    assert run(folder, "--out", tmp_path / "camera.json") == 0
+    assert "Not used: text.png: this is no photograph" in capsys.readouterr().out
+
+
+class TestCameraFile:
+    def test_uncertainty_there_and_back(self) -> None:
+        back = read_camera(write_camera(KNOWN, {"method": "test"}), "x.json")
+        assert back.uncertainty is not None and KNOWN.uncertainty is not None
+        assert back.uncertainty.to_json() == KNOWN.uncertainty.to_json()
+
+    def test_camera_without_it_is_written_as_before(self) -> None:
+        content = json.loads(write_camera(rig.PRIMARY))
+        assert set(content) == {"format", "K", "distortion", "image_size"}
+        assert read_camera(write_camera(rig.PRIMARY), "x.json").uncertainty is None
+
+    def test_further_keys_are_let_pass(self) -> None:
+        content = json.loads(write_camera(KNOWN))
+        content["uncertainty"]["correlation"] = [[1.0]]
+        content["more"] = 1
+        assert read_camera(json.dumps(content).encode(), "x.json").uncertainty is not None
+
+    @pytest.mark.parametrize(
+        ("change", "sentence"),
+        [
+            ({"fx": -1.0}, "below 0"),
+            ({"fx": float("nan")}, "below 0 or not a finite"),
+            ({"fx": "wide"}, "must have the numbers"),
+            ({"distortion": [0.1]}, "5 distortion coefficients, but 1 uncertainties"),
+            ({"distortion": None}, "must have the numbers|below 0 or not a finite"),
+        ],
+    )
+    def test_uncertainty_that_cannot_be(self, change: dict[str, object], sentence: str) -> None:
+        content = json.loads(write_camera(KNOWN))
+        content["uncertainty"].update(change)
+        with pytest.raises(StereocalError, match=rf"x\.json: .*({sentence})"):
+            read_camera(json.dumps(content).encode(), "x.json")
+
+    def test_opencv_reads_what_is_written_for_it(self, tmp_path: Path) -> None:
+        path = tmp_path / "camera.yml"
+        path.write_bytes(write_opencv_camera(KNOWN))
+        assert path.read_bytes().startswith(b"%YAML:1.0")
+        storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
+        np.testing.assert_array_equal(storage.getNode("camera_matrix").mat(), KNOWN.K)
+        np.testing.assert_array_equal(
+            np.ravel(storage.getNode("distortion_coefficients").mat()), KNOWN.distortion
+        )
+        storage.release()
+        back = read_camera(path.read_bytes(), "camera.yml")
+        np.testing.assert_array_equal(back.K, KNOWN.K)
+        assert back.image_size == KNOWN.image_size
+
+    def test_data_set_keeps_it_and_is_another_with_it(self) -> None:
+        plain = rig.dataset(5)
+        known = dataclasses.replace(plain, primary=KNOWN)
+        assert known.sha256 != plain.sha256
+        back = parse_dataset(pack_dataset(known), "here")
+        assert back.primary.uncertainty is not None and back.sha256 == known.sha256

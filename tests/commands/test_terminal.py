@@ -1,0 +1,189 @@
+"""Commands at a terminal: Ctrl-C, a closed pipe, and signs that the terminal does not know."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import shutil
+import signal
+import subprocess
+import time
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from stereocal.__main__ import CLOSED_PIPE, INTERRUPTED
+from stereocal.cli import COMMANDS, main
+from tests.terminal import FIELD, LONGEST_S, ROOT, command, run, sentences, started, tables
+
+PHOTOGRAPHS = ROOT / "sample_data" / "photographs"
+INTERRUPTED_COMMANDS: dict[str, tuple[str, bool, list[str]]] = {
+    # What it says when it has begun, whether nothing is compiled yet, and the command.
+    "calibrate": ("Compiling", True, ["calibrate", f"{FIELD}", "--out", "OUT"]),
+    "evaluate": ("Compiling", True, ["evaluate", f"{FIELD}", "--out", "OUT"]),
+    "evaluate in processes": (
+        "/100000 runs", False,
+        ["evaluate", f"{FIELD}", "--out", "OUT", "--workers", "2", "--runs", "100000"],
+    ),
+    "detect": ("Compiling", True, ["detect", f"{PHOTOGRAPHS}", "--out", "OUT/table.csv"]),
+    "intrinsics": (
+        "photographs searched", False,
+        ["intrinsics", f"{PHOTOGRAPHS / 'boards_primary'}", "--board", "18x12", "--square", "0.03",
+         "--out", "OUT/camera.json", "--repeats", "10000"],
+    ),
+    "match": (
+        "Compiling", True,
+        ["match", "IN/primary.csv", "IN/secondary.csv", "--parameters", "IN/parameters_2d.json",
+         "--threshold", "1", "--out", "OUT/pairs.csv", "--unmatched", "OUT/unmatched.csv"],
+    ),
+    "reconstruct": (
+        "Compiling", True,
+        ["reconstruct", "IN/pairs.csv", "--parameters", "IN/parameters_2d.json",
+         "--out", "OUT/points.csv"],
+    ),
+    "compile": ("Compiling", True, ["compile"]),
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def given(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with parameters and tables of points."""
+    folder = tmp_path_factory.mktemp("given")
+    tables(folder)
+    return folder
+
+
+def said_until(process: subprocess.Popen[bytes], words: str) -> str:
+    """Wait until the command has said this on stderr."""
+    assert process.stderr is not None
+    said = b""
+    while words.encode() not in said:
+        more = os.read(process.stderr.fileno(), 1000)
+        assert more, f"it ended with {process.wait()} and said {said.decode()}"
+        said += more
+    return said.decode()
+
+
+def interrupted(process: subprocess.Popen[bytes]) -> str:
+    """Ctrl-C, as a terminal sends it, to all processes of the command; what they say then."""
+    os.killpg(process.pid, signal.SIGINT)
+    _, said = process.communicate(timeout=LONGEST_S)
+    return said.decode()
+
+
+def files_below(*folders: Path) -> list[Path]:
+    return [path for folder in folders for path in folder.rglob("*") if path.is_file()]
+
+
+@pytest.mark.parametrize("name", INTERRUPTED_COMMANDS)
+def test_ctrl_c_is_one_line_and_leaves_nothing(name: str, given: Path, tmp_path: Path) -> None:
+    words, cold, arguments = INTERRUPTED_COMMANDS[name]
+    out, temporary, cache = (tmp_path / folder for folder in ("out", "temporary", "cache"))
+    temporary.mkdir()
+    own = [word.replace("OUT", f"{out}").replace("IN/", f"{given}/") for word in arguments]
+    environment = {"TMPDIR": f"{temporary}", **({"NUMBA_CACHE_DIR": f"{cache}"} if cold else {})}
+    with started(*own, **environment) as process:
+        said = said_until(process, words) + interrupted(process)
+    assert process.returncode == INTERRUPTED, said
+    after = said.split(words)[-1].splitlines()[1:]
+    assert [line for line in after if line and "[" not in line] == ["stereocal: interrupted."], said
+    assert files_below(out, temporary) == []
+    # Processes that were ended may take a moment.
+    for _ in range(int(LONGEST_S / 0.05)):
+        try:
+            os.killpg(process.pid, 0)
+        except ProcessLookupError:
+            return
+        time.sleep(0.05)
+    pytest.fail("A process of the command stays.")
+
+
+def test_ctrl_c_while_a_file_is_read(tmp_path: Path) -> None:
+    parameters = tmp_path / "parameters.json"
+    os.mkfifo(parameters)
+    with started("convert", parameters, "--to", "opencv", "--out", tmp_path / "out") as process:
+        writer = None
+        while writer is None:
+            assert process.poll() is None
+            try:  # succeeds as soon as the command has opened it
+                writer = os.open(parameters, os.O_WRONLY | os.O_NONBLOCK)
+            except OSError as error:
+                assert error.errno == errno.ENXIO
+                time.sleep(0.05)
+        said = interrupted(process)
+        os.close(writer)
+    assert (process.returncode, said) == (INTERRUPTED, "stereocal: interrupted.\n")
+    assert not (tmp_path / "out").exists()
+
+
+def test_ctrl_c_leaves_data_sets_whole(tmp_path: Path) -> None:
+    with started("simulate", "--out", tmp_path, "--datasets", "200") as process:
+        while len(list(tmp_path.glob("nineteen/*"))) < 3:
+            assert process.poll() is None
+            time.sleep(0.05)
+        said = interrupted(process)
+    assert (process.returncode, said) == (INTERRUPTED, "stereocal: interrupted.\n")
+    for path in files_below(tmp_path):
+        assert not path.name.startswith("."), path
+        if path.suffix == ".json":
+            json.loads(path.read_text())
+        else:
+            assert path.read_bytes().endswith(b"\n"), path
+
+
+@pytest.mark.parametrize("both", [False, True], ids=["stdout", "stdout and stderr"])
+@pytest.mark.parametrize("arguments", ["--help", "calibrate"])
+def test_a_pipe_that_nobody_reads(arguments: str, both: bool, tmp_path: Path) -> None:
+    words = ["--help"]
+    if arguments == "calibrate":
+        words = ["calibrate", f"{FIELD}", "--out", f"{tmp_path}", "--runs", "0"]
+    reader, writer = os.pipe()
+    os.close(reader)
+    ended = subprocess.run(
+        command(*words), cwd=ROOT, stdout=writer, stderr=writer if both else subprocess.PIPE,
+        check=False, timeout=LONGEST_S, env={**os.environ, "PYTHONUNBUFFERED": ""},
+    )  # fmt: skip
+    os.close(writer)
+    assert ended.returncode == CLOSED_PIPE, ended.stderr
+    assert sentences((ended.stderr or b"").decode()) == []
+    names = ["parameters_2d.json", "parameters_3d.json", "parameters_refined.json"]
+    assert sorted(path.name for path in files_below(tmp_path)) == names * (words != ["--help"])
+
+
+@pytest.mark.parametrize(
+    "environment",
+    [{"PYTHONIOENCODING": "ascii"}, {"LC_ALL": "C", "PYTHONUTF8": "0"}],
+    ids=["ascii", "C locale"],
+)
+def test_a_terminal_of_plain_ascii(environment: dict[str, str], tmp_path: Path) -> None:
+    dataset = tmp_path / "Vögel"
+    shutil.copytree(FIELD, dataset)
+    about = json.loads((dataset / "dataset.json").read_text())
+    (dataset / "dataset.json").write_text(
+        json.dumps({**about, "name": "Vögel ± Δ"}, ensure_ascii=False), encoding="utf-8"
+    )
+    out = tmp_path / "größe"
+    ended = run("calibrate", dataset, "--out", out, "--runs", "0", **environment)
+    assert ended.returncode == 0, ended.stderr
+    printed = ended.stdout.decode("ascii")
+    assert "V?gel +- Delta" in printed
+    assert " +- " in printed.split("baseline")[1]
+    assert len(files_below(out)) == 3
+
+    ended = run("calibrate", tmp_path / "Größe", "--out", out, **environment)
+    said = ended.stderr.decode("ascii")
+    assert ended.returncode == 2
+    assert len(sentences(said)) == 1, said
+    assert "there is no such folder or file" in said
+
+
+@pytest.mark.parametrize("module", COMMANDS, ids=lambda module: module.__name__.split(".")[-1])
+def test_help_is_in_ascii(module: ModuleType, capsys: pytest.CaptureFixture[str]) -> None:
+    name = module.__name__.split(".")[-1].replace("compiling", "compile")
+    with pytest.raises(SystemExit):
+        main([name, "--help"])
+    printed = capsys.readouterr().out
+    assert name in printed
+    assert printed.isascii()

@@ -1,0 +1,156 @@
+"""After the server's start nobody waits for a compilation, and no time contains one."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+from numba.core.compiler_lock import global_compiler_lock
+
+from stereocal.commands.warming import FUNCTIONS
+from stereocal.rig.compilations import clock
+
+ROOT = Path(__file__).parents[2]
+WORK = """
+import gc, sys
+from pathlib import Path
+from numba.core.dispatcher import Dispatcher
+from stereocal.commands.warming import compile_all
+
+data = Path(sys.argv[1])
+compile_all()
+
+from stereocal.calibration.methods import CalibrationSettings
+from stereocal.workflow import calibrate
+from stereocal.detection.detect import corner_near, detect_targets
+from stereocal.evaluation.evaluate import EvaluationSettings, count_set, evaluate_runs
+from stereocal.formats.dataset_files import read_dataset
+from stereocal.system.photograph import read_photograph
+from stereocal.matching.application import sample_frames, unlabelled
+from stereocal.matching.nearest import nearest_errors
+from stereocal.matching.threshold import choose_threshold
+from stereocal.matching.reconstruction import reconstruct_points
+from stereocal.refined.refine import refine
+from stereocal.refined.disagreement import what_disagrees
+from stereocal.verdict.tradeoff import costs_of, trade_off
+from stereocal.refined.uncertainty import accuracy_map
+from stereocal.refined.unknowns import FIXED_LENS, RefineSettings
+
+def compiled():
+    return {
+        (one.py_func.__module__, one.py_func.__name__, str(signature))
+        for one in gc.get_objects()
+        if isinstance(one, Dispatcher) and one.py_func.__module__.startswith("stereocal")
+        for signature in one.signatures
+    }
+
+before = compiled()
+assert len(before) > 20
+dataset = read_dataset(data / "nineteen" / "03")
+found = calibrate(dataset, CalibrationSettings(essential="linear"), True, refined=RefineSettings())
+found.errors, found.refined_errors
+calibrate(dataset.of_frames(dataset.correspondences.frames[:3]))
+evaluate_runs(dataset, EvaluationSettings(refined=RefineSettings()), 0, [0])
+evaluate_runs(dataset, EvaluationSettings(), 0, [0])
+count_set(dataset, found.methods["2d"].pose)
+refine(dataset, RefineSettings(primary=FIXED_LENS, secondary=FIXED_LENS))
+refined = refine(dataset, RefineSettings())
+what_disagrees(refined), accuracy_map(refined, size=5)
+trade_off(dataset, RefineSettings(), points=3)
+costs_of(dataset, {"2d": (found.methods["2d"].pose, dataset.primary, dataset.secondary)})
+rig, rows = found.parameters("2d"), dataset.correspondences
+reconstruct_points(rig, rows.primary, rows.secondary, None, 0.2)
+frames = sample_frames(*unlabelled(rows))
+nearest_errors(rig, frames, (0.0, float("inf"))), choose_threshold(rig, frames)
+image = read_photograph(data / "photographs" / "primary" / "0001.jpg")
+targets = detect_targets(image).targets
+corner_near(image, tuple(targets[0].centre))
+print(sorted(compiled() - before))
+"""
+
+
+def test_nothing_that_a_page_does_compiles_anything_more() -> None:
+    run = subprocess.run(
+        [sys.executable, "-c", WORK, str(ROOT / "sample_data")],
+        capture_output=True, text=True, check=False, cwd=ROOT,
+    )  # fmt: skip
+    assert run.stdout == "[]\n", run.stdout + run.stderr
+
+
+FROM_NOTHING = """
+import json, sys, time
+from stereocal.workflow import calibrate
+from stereocal.rig.compilations import compilations
+from stereocal.refined.unknowns import RefineSettings
+from stereocal.simulation.simulate import simulate_field
+from stereocal.commands.warming import compile_all
+
+heard, steps = [], []
+dataset = simulate_field(seed=0)[1]
+with compilations(heard.append):
+    began = time.perf_counter()
+    found = calibrate(dataset, refined=RefineSettings())
+    passed = time.perf_counter() - began
+    first = compile_all(lambda done, total: steps.append((done, total)))
+again = compile_all(lambda *_: heard.append("again"))
+seconds = [one.seconds for one in found.methods.values()] + [found.refined.seconds]
+print(json.dumps([heard, steps, first, again, sum(seconds), passed]))
+"""
+
+
+def test_from_nothing_all_is_counted_and_no_time_contains_it(tmp_path: Path) -> None:
+    run = subprocess.run(
+        [sys.executable, "-c", FROM_NOTHING], cwd=ROOT, capture_output=True, text=True, check=False,
+        env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)},
+    )  # fmt: skip
+    assert run.returncode == 0, run.stderr
+    heard, steps, first, again, seconds, passed = json.loads(run.stdout)
+    assert heard == list(range(len(heard)))
+    total = heard[-1]
+    # A bar that ends at 95 or at 105 % is good enough; else put the new number there.
+    assert abs(total - FUNCTIONS) <= 0.05 * FUNCTIONS, f"FUNCTIONS is to be {total}"
+    assert 0 < first == len(steps) - 2 < total
+    assert [done for done, _ in steps] == sorted(done for done, _ in steps)
+    assert steps[0] == [0, FUNCTIONS] and steps[-1] == [FUNCTIONS, FUNCTIONS]
+    assert again == 0
+    # Measured: 0.02 s of 30 s.
+    assert 0.0 < seconds < 0.02 * passed
+
+
+def passed() -> tuple[float, float]:
+    """By the clock and truly, while something is compiled for a twentieth of a second."""
+    before, truly = clock(), time.perf_counter()
+    with global_compiler_lock, global_compiler_lock:
+        time.sleep(0.05)
+    return clock() - before, time.perf_counter() - truly
+
+
+def test_the_clock_stands_still_while_its_thread_compiles() -> None:
+    by_clock, truly = passed()
+    assert truly - by_clock >= 0.05
+    before = clock()
+    time.sleep(0.05)
+    assert clock() - before >= 0.05
+
+
+def test_the_clock_goes_on_while_another_thread_compiles() -> None:
+    compiling, ended = threading.Event(), threading.Event()
+
+    def compile_something() -> None:
+        with global_compiler_lock:
+            compiling.set()
+            ended.wait(60)
+
+    other = threading.Thread(target=compile_something)
+    other.start()
+    compiling.wait(60)
+    before = clock()
+    time.sleep(0.05)
+    assert clock() - before >= 0.05
+    ended.set()
+    other.join()

@@ -1,0 +1,196 @@
+"""The two targets of a photograph: found, doubtful or refused; many photographs at once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from stereocal.detection.detect import Detection, detect_targets
+from stereocal.errors import StereocalError
+from stereocal.frames.series import detect_series
+from stereocal.simulation.backgrounds import outdoors
+from stereocal.simulation.photographs import BarSettings, photograph_bars, place_visible_bars
+from stereocal.simulation.rendering import Photograph, PhotographSettings
+from stereocal.simulation.simulate import field_rig
+from tests.boards import Board, paint
+
+SIZE = (700, 400)
+LEFT = Board((170.3, 200.2), 80.0, 0.3, 0.5, 1.0)
+RIGHT = Board((520.3, 170.2), 90.0, 1.0, 0.3, 2.0)
+
+
+def scene(boards: Sequence[Board], noise: float = 2.0, blur: float = 1.0) -> Photograph:
+    fine = 4 if blur < 5.0 else 1
+    light = np.full((SIZE[1] * fine, SIZE[0] * fine), 120.0)
+    for board in boards:
+        paint(light, board, (0.0, 0.0), fine)
+    light = cv2.GaussianBlur(light, (0, 0), blur * fine)
+    image = light.reshape(SIZE[1], fine, SIZE[0], fine).mean(axis=(1, 3))
+    image = image + noise * np.random.default_rng(1).normal(size=image.shape)
+    levels: npt.NDArray[np.float64] = np.clip(np.rint(image), 0, 255)
+    return levels.astype(np.uint8)
+
+
+@pytest.fixture(scope="module")
+def usual() -> Photograph:
+    return scene([LEFT, RIGHT])
+
+
+def chessboard_scene(rows: int, columns: int, square: int) -> Photograph:
+    image = np.full((SIZE[1], SIZE[0]), 150, dtype=np.uint8)
+    for i, j in np.ndindex(rows, columns):
+        top, left = 60 + i * square, 200 + j * square
+        image[top : top + square, left : left + square] = 200 if (i + j) % 2 else 40
+    turn = cv2.getRotationMatrix2D((350, 200), 10, 1)
+    soft = cv2.GaussianBlur(cv2.warpAffine(image, turn, SIZE, borderValue=150), (0, 0), 1)
+    noise = np.random.default_rng(2).normal(size=soft.shape) * 2
+    return np.asarray(np.clip(soft + noise, 0, 255), dtype=np.uint8)
+
+
+def centres(detection: Detection) -> npt.NDArray[np.float64]:
+    assert detection.targets is not None
+    return np.array([corner.centre for corner in detection.targets])
+
+
+def test_two_boards_are_found_left_to_right(usual: Photograph) -> None:
+    detection = detect_targets(usual)
+    assert (detection.state, detection.reason, detection.doubts) == ("found", None, ())
+    assert detection.image_size == SIZE
+    # The stated sigma is 0.006 px.
+    np.testing.assert_allclose(centres(detection), [LEFT.centre, RIGHT.centre], atol=0.03)
+
+
+def test_a_steep_bar_goes_from_top_to_bottom(usual: Photograph) -> None:
+    detection = detect_targets(np.ascontiguousarray(usual.T[:, ::-1]))
+    assert np.diff(centres(detection)[:, 1])[0] > 0
+
+
+@pytest.mark.parametrize("factor, kind", [(257, np.uint16), (16, np.uint16), (1 / 255, np.float64)])
+def test_any_depth_gives_the_same(usual: Photograph, factor: float, kind: type) -> None:
+    again = detect_targets((usual.astype(float) * factor).astype(kind))
+    assert again.state == "found"
+    np.testing.assert_allclose(centres(again), centres(detect_targets(usual)), atol=0.002)
+
+
+def test_a_dark_photograph_will_do(usual: Photograph) -> None:
+    dark = detect_targets((usual * 0.1).astype(np.uint8))
+    np.testing.assert_allclose(centres(dark), [LEFT.centre, RIGHT.centre], atol=0.06)
+
+
+@pytest.mark.parametrize(
+    "image, reason",
+    [
+        (np.zeros((300, 400), np.uint8), "too few candidates"),
+        (np.full((300, 400), 255, np.uint8), "saturated"),
+        (np.full((300, 400), 77, np.uint8), "too few candidates"),
+        (np.zeros((3, 3), np.uint8), "too few candidates"),
+        (np.zeros((1, 5000), np.uint16), "too few candidates"),
+        (np.random.default_rng(0).integers(0, 255, (300, 400), np.uint8), "too few candidates"),
+        (np.random.default_rng(0).integers(0, 255, (18, 18), np.uint8), "too few candidates"),
+        (scene([LEFT]), "too few candidates"),
+        (scene([LEFT, Board((710.0, 170.0), 90.0, 1.0, 0.3, 2.0)]), "too few candidates"),
+        (scene([LEFT, Board((690.0, 170.0), 90.0, 1.0, 0.3, 2.0)]), "cut by the border"),
+        (scene([LEFT, RIGHT, Board((350.0, 320.0), 85.0, 0.1, 0.2)]), "ambiguous"),
+        (scene([LEFT, RIGHT], blur=40.0), "blurred"),
+        (chessboard_scene(6, 4, 40), "too few candidates"),
+        (chessboard_scene(3, 3, 60), "too few candidates"),
+        (chessboard_scene(2, 3, 60), "too few candidates"),
+    ],
+)  # fmt: skip
+def test_what_is_refused_and_why(image: Photograph, reason: str) -> None:
+    detection = detect_targets(image)
+    assert (detection.state, detection.reason) == ("refused", reason)
+    assert detection.sentence.endswith(".")
+
+
+def test_light_beyond_the_sensor(usual: Photograph) -> None:
+    bright = detect_targets(np.clip(usual * 1.45, 0, 255).astype(np.uint8))
+    assert bright.state == "doubtful"
+    assert "saturated" in bright.sentence
+    # Squares that saturate evenly move nothing: the X is the same seen upside down.
+    np.testing.assert_allclose(centres(bright), [LEFT.centre, RIGHT.centre], atol=0.05)
+    lost = np.clip(usual * 6.0, 0, 255).astype(np.uint8)
+    lost[:5] = 0
+    assert detect_targets(lost).reason == "saturated"
+
+
+@pytest.mark.parametrize(
+    "boards, blur, word",
+    [
+        ([LEFT, Board((672.0, 170.0), 90.0, 1.0, 0.3, 2.0)], 1.0, "border"),
+        ([LEFT, RIGHT], 11.0, "blurred"),
+    ],
+)
+def test_doubts_are_said(boards: list[Board], blur: float, word: str) -> None:
+    detection = detect_targets(scene(boards, blur=blur))
+    assert detection.state == "doubtful"
+    assert word in detection.sentence
+
+
+def test_a_chessboard_beside_the_bar_does_not_matter(usual: Photograph) -> None:
+    image = usual.copy()
+    image[290:390, 250:450] = chessboard_scene(6, 4, 40)[100:200, 200:400]
+    np.testing.assert_allclose(
+        centres(detect_targets(image)), [LEFT.centre, RIGHT.centre], atol=0.03
+    )
+
+
+def test_a_compressed_photograph(usual: Photograph) -> None:
+    _, data = cv2.imencode(".jpg", usual, [cv2.IMWRITE_JPEG_QUALITY, 40])
+    detection = detect_targets(np.asarray(cv2.imdecode(data, cv2.IMREAD_UNCHANGED)))
+    np.testing.assert_allclose(centres(detection), [LEFT.centre, RIGHT.centre], atol=0.08)
+
+
+@pytest.mark.parametrize(
+    "image", [np.zeros((3, 3, 3)), np.full((30, 30), np.nan), np.zeros((0, 5)), np.array([["a"]])]
+)
+def test_what_is_no_photograph(image: npt.NDArray[Any]) -> None:
+    with pytest.raises(StereocalError, match="photograph"):
+        detect_targets(image)
+
+
+def test_the_bar_in_the_field_among_clutter() -> None:
+    rng = np.random.default_rng(12)
+    rig = field_rig()
+    scene = place_visible_bars(rig, rng, 1, 0.9)
+    backgrounds = outdoors(rig, rng)
+    bar = BarSettings(tilt_rad=(0.0, 1.0))
+    for pair in photograph_bars(scene, backgrounds, bar, PhotographSettings(read_noise=3.0), rng):
+        for image, truth in (
+            (pair.primary, pair.centres_primary),
+            (pair.secondary, pair.centres_secondary),
+        ):
+            found = centres(detect_targets(image))
+            off = min(np.abs(found - truth).max(), np.abs(found - truth[::-1]).max())
+            assert off < 0.06  # the stated sigmas are 0.005 to 0.02 px
+
+
+def read(path: Path) -> npt.NDArray[Any]:
+    if path.name == "broken":
+        raise StereocalError("broken is no photograph.")
+    return np.asarray(np.load(path))
+
+
+def test_many_photographs_in_order_with_progress_and_cancel(
+    usual: Photograph, tmp_path: Path
+) -> None:
+    empty, good = tmp_path / "empty.npy", tmp_path / "good.npy"
+    np.save(empty, np.zeros((50, 50), np.uint8))
+    np.save(good, usual)
+    paths = [good, tmp_path / "broken", *[empty] * 30, good]
+    steps: list[tuple[int, int]] = []
+    with ThreadPoolExecutor(2) as threads:
+        found = detect_series(paths, read, threads, lambda done, of: steps.append((done, of)))
+        assert found is not None
+        assert [d.state for d in found] == ["found", *["refused"] * 31, "found"]
+        assert (found[1].reason, found[1].sentence) == ("unreadable", "broken is no photograph.")
+        assert steps == [(i + 1, len(paths)) for i in range(len(paths))]
+        assert detect_series(paths, read, threads, cancelled=lambda: True) is None
+        assert detect_series([], read, threads) == []

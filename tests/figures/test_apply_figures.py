@@ -1,0 +1,180 @@
+"""The figures of the Apply page: what they draw, and that their sentences say the same."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import plotly.graph_objects as go
+import pytest
+
+from stereocal.figures import (
+    describe_lengths,
+    describe_matches,
+    describe_pair_errors,
+    describe_points,
+    plot_lengths,
+    plot_matches,
+    plot_pair_errors,
+    plot_points,
+)
+from stereocal.figures.matches import MOST_NUMBERS
+from stereocal.figures.measured import MOST_DRAWN, in_view
+from stereocal.matching.lengths import check_lengths
+from stereocal.matching.nearest import NearestErrors, nearest_errors
+from stereocal.matching.pairs import match, pixels_of
+from stereocal.matching.reconstruction_files import reconstruct
+from stereocal.rig.parameters import RigParameters
+from tests.known_rig import BAR_M, PRIMARY, RIG, SECONDARY, bar_ends, images
+
+SET = RigParameters("2d", PRIMARY, SECONDARY, RIG, 1.0, {}, {}, matching_threshold_px=0.8)
+SIZES = (PRIMARY.image_size, SECONDARY.image_size)
+FRAMES = 8
+
+
+def two_tables() -> tuple[pd.DataFrame, pd.DataFrame]:
+    """The bar's ends in both cameras, with one point that the other camera did not see."""
+    names = {"frame": np.repeat(np.arange(1, FRAMES + 1), 2), "end": ["A", "B"] * FRAMES}
+    first, second = (
+        pd.DataFrame({**names, "u": side[:, 0], "v": side[:, 1]})
+        for side in images(bar_ends(FRAMES))
+    )
+    alone = pd.DataFrame({"frame": [1], "end": ["C"], "u": [12.0], "v": [34.0]})
+    return pd.concat([first, alone], ignore_index=True), second.drop(index=3)
+
+
+PRIMARY_TABLE, SECONDARY_TABLE = two_tables()
+PAIRS = match(SET, PRIMARY_TABLE, SECONDARY_TABLE)
+POINTS = reconstruct(SET, PAIRS)
+NEAREST = nearest_errors(
+    SET,
+    [
+        (
+            pixels_of(PRIMARY_TABLE[PRIMARY_TABLE["frame"] == frame]),
+            pixels_of(SECONDARY_TABLE[SECONDARY_TABLE["frame"] == frame]),
+        )
+        for frame in range(1, FRAMES + 1)
+    ],
+)
+SECONDARY_M = RIG.inverse().T
+
+
+def traces(figure: go.Figure, name: str) -> list[go.Scatter]:
+    return [trace for trace in figure.data if str(trace.name).startswith(name)]
+
+
+def test_nearest_errors_are_those_of_all_pairs() -> None:
+    first = pixels_of(PRIMARY_TABLE[PRIMARY_TABLE["frame"] == 1])
+    second = pixels_of(SECONDARY_TABLE[SECONDARY_TABLE["frame"] == 1])
+    every = np.array([[SET.reprojection_errors([p], [s]).mean() for s in second] for p in first])
+    every = np.sort(np.where(np.isnan(every), np.inf, every), axis=1)
+    found = nearest_errors(SET, [(first, second)])
+    # The same errors, computed one by one; they are around 100 px, the last digits differ.
+    np.testing.assert_allclose(found.best_px, every[:, 0], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(found.runner_up_px, every[:, 1], rtol=0, atol=1e-9)
+
+
+def test_histogram_holds_every_point_and_the_threshold() -> None:
+    for threshold in (0.5, 5.0):
+        figure = plot_pair_errors(NEAREST, threshold)
+        best, second = figure.data
+        for trace, errors in ((best, NEAREST.best_px), (second, NEAREST.runner_up_px)):
+            known = int(np.isfinite(errors).sum())
+            assert f"n = {known}" in trace.name
+            assert np.sum(trace.y[1:-1:2]) == known
+        assert figure.layout.shapes[0].x0 == threshold
+        within = NEAREST.within(threshold)[0]
+        assert f"{within} have a partner within {threshold:.3g} px" in describe_pair_errors(
+            NEAREST, threshold
+        )
+
+
+@pytest.mark.parametrize("errors", [[], [np.inf, np.inf], [0.0, 0.0]])
+def test_histogram_of_nothing(errors: list[float]) -> None:
+    nothing = NearestErrors(np.array(errors), np.array(errors), 1)
+    assert plot_pair_errors(nothing, 1.0).layout.annotations
+    assert (
+        "0 have a second one" in describe_pair_errors(nothing, 1.0) or not errors or not errors[0]
+    )
+
+
+def test_histogram_with_a_threshold_of_zero() -> None:
+    assert not plot_pair_errors(NEAREST, 0.0).layout.shapes
+
+
+def test_matches_of_a_frame() -> None:
+    of_frame = PAIRS[PAIRS["frame"] == 1]
+    first = pixels_of(PRIMARY_TABLE[PRIMARY_TABLE["frame"] == 1])
+    second = pixels_of(SECONDARY_TABLE[SECONDARY_TABLE["frame"] == 1])
+    figure = plot_matches(of_frame, first, second, SIZES)
+    hollow = traces(figure, "No partner")
+    assert [len(trace.x) for trace in hollow] == [1, 0]
+    assert (hollow[0].x[0], hollow[0].y[0]) == (12.0, 34.0)
+    assert all("open" in trace.marker.symbol for trace in hollow)
+    left, right = traces(figure, "Pair")
+    ordered = of_frame.sort_values("u_primary")
+    np.testing.assert_array_equal(left.x, ordered["u_primary"])
+    np.testing.assert_array_equal(right.x, ordered["u_secondary"])
+    assert list(left.text) == list(right.text) == ["1", "2"]
+    np.testing.assert_array_equal(left.marker.color, right.marker.color)
+    assert "1 of 3 points of the primary" in describe_matches(of_frame, first, second, 1)
+    assert figure.layout.yaxis.range[0] > figure.layout.yaxis.range[1]  # v downwards
+
+
+def test_ambiguous_pairs_have_another_symbol_and_many_no_number() -> None:
+    many = pd.concat([PAIRS] * 5, ignore_index=True)
+    assert len(many) > MOST_NUMBERS
+    many["ambiguous"] = np.arange(len(many)) % 2 == 0
+    figure = plot_matches(many, np.empty((0, 2)), np.empty((0, 2)), SIZES)
+    sure, doubtful = traces(figure, "Pair")[0], traces(figure, "Ambiguous")[0]
+    assert sure.marker.symbol != doubtful.marker.symbol
+    assert "text" not in sure.mode
+    assert len(sure.x) + len(doubtful.x) == len(many)
+
+
+@pytest.mark.parametrize("colour", ["frame", "error"])
+def test_points_in_space(colour: str) -> None:
+    figure = plot_points(POINTS, "frame" if colour == "frame" else "error", SECONDARY_M)
+    cloud, cameras = figure.data
+    np.testing.assert_array_equal(cloud.y, POINTS["z"])
+    np.testing.assert_array_equal(cloud.z, -POINTS["y"])
+    np.testing.assert_allclose(cameras.y, [0, SECONDARY_M[2]])
+    assert figure.layout.scene.aspectmode == "data"
+    values = POINTS["frame" if colour == "frame" else "error_px"]
+    np.testing.assert_array_equal(cloud.marker.color, values)
+    assert describe_points(POINTS).startswith(f"{len(POINTS)} points of {FRAMES} frames")
+
+
+def test_far_points_and_missing_ones_are_said_and_not_drawn() -> None:
+    odd = pd.concat([POINTS] * 20, ignore_index=True)
+    odd.loc[0, ["x", "y", "z"]] = np.nan
+    odd.loc[1, "z"] = 1e6
+    figure = plot_points(odd, "frame", SECONDARY_M)
+    assert len(figure.data[0].x) == len(odd) - 2
+    sentence = describe_points(odd)
+    assert "1 point far away" in sentence and "1 pair without a point" in sentence
+    nothing = odd.assign(x=np.nan)
+    assert (
+        "nothing to draw" in plot_points(nothing, "error", SECONDARY_M).layout.annotations[0].text
+    )
+    assert "No pair meets" in describe_points(nothing)
+    assert not in_view(np.full((3, 3), np.nan)).any()
+
+
+def test_many_points_are_thinned() -> None:
+    rng = np.random.default_rng(0)
+    many = pd.DataFrame(rng.uniform(1, 2, (MOST_DRAWN + 5, 3)), columns=list("xyz"))
+    many["frame"], many["error_px"] = 1, 0.1
+    assert len(plot_points(many, "error", SECONDARY_M).data[0].x) <= MOST_DRAWN
+    assert "evenly spread" in describe_points(many)
+
+
+def test_lengths_are_drawn_with_their_sign() -> None:
+    check = check_lengths(POINTS, 2 * BAR_M, "end_primary", ("A", "B"))
+    figure = plot_lengths(check)
+    # Exact points: half as long as claimed, but for rounding.
+    np.testing.assert_allclose(figure.data[0].y, -50.0, rtol=0, atol=1e-6)
+    assert "median -50.00 %" in describe_lengths(check)
+    right = check_lengths(POINTS, BAR_M, "end_primary", ("A", "B"))
+    assert "median 0.00 %" in describe_lengths(replace(right, lengths_m=right.lengths_m - 1e-9))

@@ -1,0 +1,204 @@
+"""Colours that tell things apart do so for colour-blind people too, or something else does.
+
+Simulation: Machado, Oliveira and Fernandes 2009, severity 1.0, on linear RGB. Distance: CIEDE2000.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from typing import Any
+
+import numpy as np
+import plotly.graph_objects as go
+import pytest
+
+from stereocal.figures.style import (
+    CORRECT_COLOUR,
+    GRID_3D,
+    METHOD_COLOURS,
+    METHOD_SYMBOLS,
+    NEUTRAL,
+    TARGET_COLOURS,
+    TARGET_SYMBOLS,
+    WRONG_COLOUR,
+)
+from stereocal.rig.compiled import FloatArray
+from tests.every_figure import every_figure
+
+PAGES = {"light": "#FFFFFF", "dark": "#12181E"}
+SIGHTS = {
+    "normal": np.eye(3),
+    "protanopia": np.array(
+        [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216],
+         [-0.003882, -0.048116, 1.051998]]
+    ),
+    "deuteranopia": np.array(
+        [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413],
+         [-0.011820, 0.042940, 0.968881]]
+    ),
+    "tritanopia": np.array(
+        [[1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602],
+         [0.004733, 0.691367, 0.303900]]
+    ),
+}  # fmt: skip
+APART = 11.0
+"""CIEDE2000 of two lines or marks that are taken for different at a glance; 2.3 is just noticeable
+side by side, and thin lines need several times that."""
+LINE_CONTRAST = 3.0
+"""Of parts of a figure against the page (WCAG 2.1, 1.4.11)."""
+
+
+def linear(colour: str) -> FloatArray:
+    """Linear RGB, 0 to 1, of #rrggbb."""
+    value = np.array([int(colour[at : at + 2], 16) for at in (1, 3, 5)]) / 255
+    return np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
+
+
+def lab(rgb: FloatArray) -> FloatArray:
+    """CIE L*a*b* (D65) of linear sRGB."""
+    to_xyz = np.array(
+        [[0.4124564, 0.3575761, 0.1804375], [0.2126729, 0.7151522, 0.0721750],
+         [0.0193339, 0.1191920, 0.9503041]]
+    )  # fmt: skip
+    x = to_xyz @ np.clip(rgb, 0, 1) / [0.95047, 1.0, 1.08883]
+    f = np.where(x > (6 / 29) ** 3, np.cbrt(x), x / (3 * (6 / 29) ** 2) + 4 / 29)
+    return np.array([116 * f[1] - 16, 500 * (f[0] - f[1]), 200 * (f[1] - f[2])])
+
+
+def ciede2000(first: FloatArray, second: FloatArray) -> float:
+    """Colour difference of two L*a*b* (Sharma, Wu and Dalal 2005)."""
+    (l1, a1, b1), (l2, a2, b2) = first, second
+    mean_c = (math.hypot(a1, b1) + math.hypot(a2, b2)) / 2
+    g = 0.5 * (1 - math.sqrt(mean_c**7 / (mean_c**7 + 25.0**7)))
+    a1, a2 = (1 + g) * a1, (1 + g) * a2
+    c1, c2 = math.hypot(a1, b1), math.hypot(a2, b2)
+    h1, h2 = math.degrees(math.atan2(b1, a1)) % 360, math.degrees(math.atan2(b2, a2)) % 360
+    turn = h2 - h1
+    if c1 * c2 == 0:
+        turn = 0.0
+    elif abs(turn) > 180:
+        turn -= math.copysign(360, turn)
+    dl, dc = l2 - l1, c2 - c1
+    dh = 2 * math.sqrt(c1 * c2) * math.sin(math.radians(turn / 2))
+    mean_l, c, h = (l1 + l2) / 2, (c1 + c2) / 2, h1 + turn / 2 if c1 * c2 else h1 + h2
+    t = (
+        1 - 0.17 * math.cos(math.radians(h - 30)) + 0.24 * math.cos(math.radians(2 * h))
+        + 0.32 * math.cos(math.radians(3 * h + 6)) - 0.20 * math.cos(math.radians(4 * h - 63))
+    )  # fmt: skip
+    sl = 1 + 0.015 * (mean_l - 50) ** 2 / math.sqrt(20 + (mean_l - 50) ** 2)
+    sc, sh = 1 + 0.045 * c, 1 + 0.015 * c * t
+    theta = 30 * math.exp(-((((h % 360) - 275) / 25) ** 2))
+    rt = -2 * math.sqrt(c**7 / (c**7 + 25.0**7)) * math.sin(math.radians(2 * theta))
+    return math.sqrt((dl / sl) ** 2 + (dc / sc) ** 2 + (dh / sh) ** 2 + rt * (dc / sc) * (dh / sh))
+
+
+def nearest(first: str, second: str) -> float:
+    """How far apart two colours are for those who see them least apart."""
+    return min(
+        ciede2000(lab(sight @ linear(first)), lab(sight @ linear(second)))
+        for sight in SIGHTS.values()
+    )
+
+
+def contrast(first: str, second: str) -> float:
+    """Contrast ratio (WCAG 2.1)."""
+    weights = np.array([0.2126, 0.7152, 0.0722])
+    dark, light = sorted(float(weights @ linear(colour)) for colour in (first, second))
+    return (light + 0.05) / (dark + 0.05)
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "expected"),
+    [  # pairs 1, 4, 7, 17 and 25 of Sharma, Wu and Dalal 2005, table 1
+        ((50.0, 2.6772, -79.7751), (50.0, 0.0, -82.7485), 2.0425),
+        ((50.0, -1.3802, -84.2814), (50.0, 0.0, -82.7485), 1.0000),
+        ((50.0, 0.0, 0.0), (50.0, -1.0, 2.0), 2.3669),
+        ((50.0, 2.5, 0.0), (73.0, 25.0, -18.0), 27.1492),
+        ((60.2574, -34.0099, 36.2677), (60.4626, -34.1751, 39.4387), 1.2644),
+    ],
+)
+def test_distance_is_ciede2000(
+    first: tuple[float, ...], second: tuple[float, ...], expected: float
+) -> None:
+    assert ciede2000(np.array(first), np.array(second)) == pytest.approx(expected, abs=1e-4)
+
+
+def test_simulation_keeps_greys_and_merges_what_the_blind_confuse() -> None:
+    for sight in SIGHTS.values():
+        np.testing.assert_allclose(sight.sum(axis=1), 1.0, atol=2e-6)
+    red, green = linear("#D04040"), linear("#708020")
+    seen = {name: ciede2000(lab(s @ red), lab(s @ green)) for name, s in SIGHTS.items()}
+    assert seen["deuteranopia"] < seen["normal"] / 3
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_lines_stand_out_from_the_page(page: str) -> None:
+    named = {str(method): colour for method, colour in METHOD_COLOURS.items()}
+    named |= {f"target {letter}": colour for letter, colour in TARGET_COLOURS.items()}
+    named |= {"correct": CORRECT_COLOUR, "wrong": WRONG_COLOUR, "neutral": NEUTRAL}
+    named["grid of a 3D scene"] = GRID_3D
+    found = {name: contrast(colour, PAGES[page]) for name, colour in named.items()}
+    faint = {name: round(value, 2) for name, value in found.items() if value < LINE_CONTRAST}
+    assert not faint
+
+
+def marks(trace: Any) -> tuple[Any, ...]:
+    """What of a trace is not its colour."""
+    line, marker = trace.line if "line" in trace else None, getattr(trace, "marker", None)
+    pattern = getattr(getattr(trace, "fillpattern", None), "shape", None)
+    bars = getattr(getattr(marker, "pattern", None), "shape", None)
+    return (
+        trace.type, getattr(trace, "mode", None), getattr(line, "dash", None) or "solid",
+        getattr(marker, "symbol", None), pattern, bars, bool(getattr(trace, "fill", None)),
+    )  # fmt: skip
+
+
+def colour_of(trace: Any) -> str | None:
+    """The colour that a trace has as a whole."""
+    mode = str(getattr(trace, "mode", ""))
+    part = trace.line if mode == "lines" else trace.marker
+    colour = getattr(part, "color", None)
+    return colour if isinstance(colour, str) and colour.startswith("#") else None
+
+
+def where(trace: Any) -> Any:
+    """The panel of a trace."""
+    return getattr(trace, "xaxis", None) or "x"
+
+
+def too_near(figure: go.Figure) -> list[str]:
+    """Pairs of a panel's traces that neither colour nor any other mark tells apart."""
+    found = []
+    traces = [t for t in figure.data if t.type != "heatmap" and t.name and colour_of(t)]
+    for one, other in itertools.combinations(traces, 2):
+        first, second = colour_of(one), colour_of(other)
+        assert first and second
+        if where(one) != where(other) or first == second or marks(one) != marks(other):
+            continue
+        if nearest(first, second) < APART:
+            found.append(f"{one.name} and {other.name}: {nearest(first, second):.1f}")
+    return found
+
+
+@pytest.mark.parametrize("name", list(every_figure()))
+def test_what_a_figure_tells_apart_by_colour_is_seen_by_all(name: str) -> None:
+    assert too_near(every_figure()[name].figure) == []
+
+
+def test_check_sees_a_figure_that_colour_alone_tells_apart() -> None:
+    figure = go.Figure()
+    for name, colour in (("red", "#D04040"), ("green", "#708020")):
+        figure.add_scatter(x=[0, 1], y=[0, 1], name=name, mode="lines", line={"color": colour})
+    assert too_near(figure)
+    figure.data[1].line.dash = "dot"
+    assert not too_near(figure)
+
+
+def test_methods_and_targets_have_signs_of_their_own() -> None:
+    for colours, symbols in ((METHOD_COLOURS, METHOD_SYMBOLS), (TARGET_COLOURS, TARGET_SYMBOLS)):
+        assert len(set(symbols.values())) == len(symbols) == len(colours)
+        for first, second in itertools.combinations(colours.values(), 2):
+            assert nearest(first, second) > APART  # measured: 12.3 for methods, 15.9 for targets
+    # Wrong pairs are hatched and dotted too.
+    assert nearest(CORRECT_COLOUR, WRONG_COLOUR) > APART

@@ -1,0 +1,194 @@
+"""Each figure has a text that says the same, made of the same inputs, and stands on every page."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import plotly.graph_objects as go
+import pytest
+
+from stereocal import figures
+from tests.every_figure import every_figure
+
+ROOT = Path(__file__).parents[2]
+PLOTS = [name.removeprefix("plot_") for name in figures.__all__ if name.startswith("plot_")]
+
+
+def numbers(words: str) -> list[float]:
+    """All numbers of a text, as written."""
+    return [float(found) for found in re.findall(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?", words)]
+
+
+def says(words: str, value: float) -> bool:
+    """Whether a text has this number, rounded to two digits or more."""
+    return any(abs(said - value) <= 0.006 * abs(value) + 1e-12 or said == float(f"{value:.2g}")
+               for said in numbers(words))  # fmt: skip
+
+
+def named(figure: go.Figure, *names: str) -> list[Any]:
+    found = [t for t in figure.data if any(str(t.name).startswith(name) for name in names)]
+    assert found, [t.name for t in figure.data]
+    return found
+
+
+def flat(values: Any) -> np.ndarray[Any, np.dtype[np.float64]]:
+    found = np.array([np.nan if value is None else value for value in values], dtype=np.float64)
+    return found[np.isfinite(found)]
+
+
+def accuracy(figure: go.Figure) -> list[float]:
+    z = np.array(figure.data[0].z, dtype=np.float64)
+    z = z[np.isfinite(z)]
+    return [
+        10 ** float(value) for value in np.percentile(z, [5, 50, 95])
+    ]  # the scale is of decades
+
+
+def comparison(figure: go.Figure) -> list[float]:
+    found = []
+    for trace in figure.data:
+        # A value of 0 stands, hollow, at the edge of the scale of decades.
+        hollow = [str(symbol).endswith("-open") for symbol in trace.marker.symbol]
+        values = np.where(hollow, 0.0, flat(trace.y))
+        found += [float(values.min()), float(values.max())]
+    return found
+
+
+def coverage(figure: go.Figure) -> list[float]:
+    return [float(len(trace.x)) for trace in named(figure, "Target")]
+
+
+def disagreement(figure: go.Figure) -> list[float]:
+    return [float(value) for value in figure.data[0].x]
+
+
+def draws(figure: go.Figure) -> list[float]:
+    medians = [float(np.median(t.x)) for t in figure.data if t.type == "histogram"]
+    return [*medians, float(len(figure.data[0].x))]
+
+
+def frame_errors(figure: go.Figure) -> list[float]:
+    return [float(f(flat(trace.y))) for trace in figure.data for f in (np.median, np.max)]
+
+
+def lengths(figure: go.Figure) -> list[float]:
+    y = flat(figure.data[0].y)
+    return [float(len(y)), float(y.min()), float(y.max()), float(np.median(y))]
+
+
+def matches(figure: go.Figure) -> list[float]:
+    return [float(len(trace.x)) for trace in named(figure, "Pair", "No partner")]
+
+
+def pair_errors(figure: go.Figure) -> list[float]:
+    (line,) = [shape for shape in figure.layout.shapes if shape.x0 == shape.x1]
+    return [float(line.x0)]
+
+
+def points(figure: go.Figure) -> list[float]:
+    (trace,) = named(figure, "Points")
+    # The scene has its axes as people stand in it: which is which does not matter here.
+    return [float(len(trace.x))]
+
+
+def residual_field(figure: go.Figure) -> list[float]:
+    (trace,) = named(figure, "Mean residual")
+    return [len(trace.x) / 3]
+
+
+def rig(figure: go.Figure) -> list[float]:
+    (trace,) = named(figure, "Baseline")
+    ends = np.array([trace.x, trace.y, trace.z], dtype=np.float64)
+    return [float(np.linalg.norm(ends[:, 0] - ends[:, 1])),
+            float(len(named(figure, "Target A")[0].x))]  # fmt: skip
+
+
+def traces(figure: go.Figure) -> list[float]:
+    found = []
+    for trace in figure.data:
+        if trace.yaxis in (None, "y", "y2") and len(trace.x) > 2:
+            found += [float(trace.y[0]), float(trace.y[-1])]
+    return found
+
+
+def trade_off(figure: go.Figure) -> list[float]:
+    found = []
+    for trace in named(figure, "Lenses"):
+        found += [float(trace.x[0]), float(trace.x[-1]), float(trace.y[0]), float(trace.y[-1])]
+    for trace in named(figure, "Essential", "2D", "Refined"):
+        found += [float(trace.x[0]), float(trace.y[0])]
+    return found
+
+
+def validation(figure: go.Figure) -> list[float]:
+    return [10 ** float(trace.x[0]) for trace in named(figure, "Recommended threshold")]
+
+
+def view_errors(figure: go.Figure) -> list[float]:
+    y = flat(figure.data[0].y)
+    return [float(len(y)), float(np.median(y)), float(y.max())]
+
+
+SHOWN: dict[str, Callable[[go.Figure], list[float]]] = {
+    each.__name__: each
+    for each in (
+        accuracy, comparison, coverage, disagreement, draws, frame_errors, lengths, matches,
+        pair_errors, points, residual_field, rig, traces, trade_off, validation, view_errors,
+    )
+}  # fmt: skip
+"""Numbers that can be read off each figure."""
+
+
+def test_all_figures_are_looked_at() -> None:
+    assert set(SHOWN) == set(PLOTS) == set(every_figure())
+
+
+@pytest.mark.parametrize("name", PLOTS)
+def test_text_has_the_numbers_that_the_figure_shows(name: str) -> None:
+    drawn = every_figure()[name]
+    shown = SHOWN[name](drawn.figure)
+    assert shown
+    missing = [value for value in shown if not says(drawn.words, value)]
+    assert not missing, drawn.words
+
+
+def test_a_number_that_is_not_said_is_noticed() -> None:
+    assert says("goes from 9.02 to 8.96 px", 9.018) and not says("goes from 9.02 to 8.96 px", 9.2)
+
+
+@pytest.mark.parametrize("name", PLOTS)
+def test_text_is_made_of_the_same_inputs(name: str) -> None:
+    plot = inspect.signature(getattr(figures, f"plot_{name}")).parameters
+    describe = inspect.signature(getattr(figures, f"describe_{name}")).parameters
+    # The figure of matches shows one frame; its number is in the sentence alone.
+    assert set(describe) - {"frame"} <= set(plot)
+    assert next(iter(describe)) == next(iter(plot))
+
+
+def test_no_figure_stands_on_a_page_without_its_text() -> None:
+    """`st.plotly_chart` is in `show_figure`, which takes both, or beside its own sentence."""
+    seen = 0
+    for path in [*(ROOT / "stereocal/ui").glob("*.py"), *(ROOT / "pages").glob("*.py")]:
+        source = path.read_text(encoding="utf-8")
+        for function in ast.walk(ast.parse(source)):
+            if not isinstance(function, ast.FunctionDef | ast.Module):
+                continue
+            own = ast.unparse(function)
+            if isinstance(function, ast.Module) and path.parent.name == "ui":
+                continue
+            seen += own.count("plot_")
+            for name in set(re.findall(r"\bplot_(\w+)\(", own)):
+                assert f"describe_{name}(" in own, f"{path.name}: plot_{name}"
+            if "st.plotly_chart(" in own and "def show_figure" not in own:
+                assert "st.caption(" in own and "describe_" in own, path.name
+    assert seen >= len(PLOTS)
+    for name in PLOTS:
+        files = [*(ROOT / "stereocal").rglob("*.py"), *(ROOT / "pages").glob("*.py")]
+        uses = [path for path in files if f"plot_{name}(" in path.read_text(encoding="utf-8")]
+        assert len(uses) > 1, f"plot_{name} stands nowhere"

@@ -1,0 +1,369 @@
+"""The figures show the numbers of the result."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import plotly.graph_objects as go
+import pytest
+
+from stereocal.calibration.methods import METHODS, CalibrationSettings
+from stereocal.calibration.montecarlo import Trace
+from stereocal.errors import StereocalError
+from stereocal.figures import (
+    METHOD_COLOURS,
+    METHOD_NAMES,
+    METHOD_SYMBOLS,
+    TARGET_COLOURS,
+    describe_coverage,
+    describe_frame_errors,
+    describe_rig,
+    describe_traces,
+    plot_coverage,
+    plot_frame_errors,
+    plot_rig,
+    plot_traces,
+)
+from stereocal.figures.traces import MOST_DRAWN, drawn_moves
+from stereocal.refined.outliers import frame_reprojection_px
+from stereocal.refined.results import Calibration
+from stereocal.rig.geometry import Pose, triangulate_rays
+from stereocal.workflow import calibrate
+from tests import known_rig as rig
+from tests.refined.test_outliers import MIXED_UP, make_calibration, with_errors
+
+
+@pytest.fixture(scope="module")
+def calibration() -> Calibration:
+    return make_calibration(noise_px=0.2, shift_px=10.0)
+
+
+def every_figure(calibration: Calibration) -> list[go.Figure]:
+    return [
+        plot_coverage(calibration.dataset),
+        plot_traces(calibration),
+        plot_frame_errors(calibration),
+        plot_rig(calibration, "3d"),
+    ]
+
+
+def traces_of(figure: go.Figure, **wanted: Any) -> list[Any]:
+    return [t for t in figure.data if all(t[name] == value for name, value in wanted.items())]
+
+
+def with_traces(calibration: Calibration, trace: Trace | None) -> Calibration:
+    found = {name: replace(method, trace=trace) for name, method in calibration.methods.items()}
+    return replace(calibration, methods=found)
+
+
+def test_all_figures_leave_background_and_text_to_the_page(calibration: Calibration) -> None:
+    for figure in every_figure(calibration):
+        assert figure.layout.paper_bgcolor == figure.layout.plot_bgcolor == "rgba(0,0,0,0)"
+        assert figure.layout.font.color is None
+        assert figure.layout.height >= 400
+        assert figure.layout.legend.orientation == "h"
+
+
+def test_all_figures_can_be_written_as_json(calibration: Calibration) -> None:
+    assert all(len(figure.to_json()) > 1000 for figure in every_figure(calibration))
+
+
+def test_coverage_shows_the_points_of_both_images(calibration: Calibration) -> None:
+    rows = calibration.dataset.correspondences
+    figure = plot_coverage(calibration.dataset)
+    for number, target in enumerate("AB"):
+        for axis, points in (("x", rows.primary), ("x2", rows.secondary)):
+            (trace,) = traces_of(figure, legendgroup=target, xaxis=axis)
+            np.testing.assert_array_equal(trace.x, points[rows.target == number, 0])
+            np.testing.assert_array_equal(trace.y, points[rows.target == number, 1])
+            np.testing.assert_array_equal(trace.customdata, rows.frame[rows.target == number])
+            assert trace.marker.color == TARGET_COLOURS[target]
+            assert f"n = {(rows.target == number).sum()}" in trace.name
+    symbols = {t.legendgroup: t.marker.symbol for t in figure.data if t.mode == "markers"}
+    assert symbols["A"] != symbols["B"]
+
+
+def test_coverage_joins_the_targets_of_a_frame(calibration: Calibration) -> None:
+    rows = calibration.dataset.correspondences
+    first, second = traces_of(plot_coverage(calibration.dataset), legendgroup="bars")
+    for trace, points in ((first, rows.primary), (second, rows.secondary)):
+        path = np.column_stack([trace.x, trace.y]).reshape(-1, 3, 2)
+        np.testing.assert_array_equal(path[:, :2], points[rows.bars])
+        assert np.isnan(path[:, 2]).all()
+
+
+def test_coverage_has_image_axes(calibration: Calibration) -> None:
+    figure = plot_coverage(calibration.dataset)
+    layout = figure.layout
+    for camera, x, y, name in (
+        (calibration.dataset.primary, layout.xaxis, layout.yaxis, "Primary"),
+        (calibration.dataset.secondary, layout.xaxis2, layout.yaxis2, "Secondary"),
+    ):
+        width, height = camera.image_size
+        assert y.range[0] >= height - 0.5
+        assert y.range[1] <= -0.5  # v downwards
+        assert x.range[0] <= -0.5
+        assert x.range[1] >= width - 0.5
+        assert name in x.title.text
+        assert f"{width} × {height} px" in x.title.text
+        assert "u (px)" in x.title.text
+        assert y.title.text == "v (px)"
+    assert (layout.yaxis.scaleanchor, layout.yaxis2.scaleanchor) == ("x", "x2")
+    borders = traces_of(figure, name="Border of the image")
+    assert [max(border.x) for border in borders] == [1599.5, 1279.5]
+
+
+def test_coverage_is_said() -> None:
+    dataset = make_calibration(noise_px=0.2, shift_px=0.0).dataset
+    text = describe_coverage(dataset)
+    assert "25 targets A and 24 B in 25 frames" in text
+    assert "1280 × 1024 px" in text
+
+
+def test_traces_show_cost_step_and_ratio(calibration: Calibration) -> None:
+    figure = plot_traces(calibration)
+    panels = {"2d": ("y", "y3", "y4"), "3d": ("y2", "y3", "y4")}
+    for method in ("2d", "3d"):
+        trace = calibration.methods["2d" if method == "2d" else "3d"].trace
+        assert trace is not None
+        moves = drawn_moves(len(trace.cost))
+        for axis, values in zip(
+            panels[method], (trace.cost, trace.delta, trace.ratio), strict=True
+        ):
+            (line,) = traces_of(figure, legendgroup=method, yaxis=axis)
+            np.testing.assert_array_equal(line.x, moves + 1)
+            np.testing.assert_array_equal(line.y, values[moves])
+            assert line.line.color == METHOD_COLOURS["2d" if method == "2d" else "3d"]
+
+
+def test_traces_have_units_and_the_threshold(calibration: Calibration) -> None:
+    layout = plot_traces(calibration).layout
+    titles = [axis.title.text for axis in (layout.yaxis, layout.yaxis2, layout.yaxis3)]
+    assert titles == ["2D cost (px)", "3D cost (m)", "Step Δ (rad)"]
+    assert layout.yaxis4.title.text == "Acceptance ratio"
+    assert layout.yaxis3.type == "log"
+    assert layout.xaxis4.title.text.startswith("Move (2D: n = ")
+    (threshold,) = [t for t in plot_traces(calibration).data if t.line.dash == "dash"]
+    assert set(threshold.y) == {calibration.settings.search.acceptance}
+    assert threshold.yaxis == "y4"
+
+
+@pytest.mark.parametrize(("first", "kind"), [(9.0, "linear"), (11.0, "log")])
+def test_cost_axes_are_logarithmic_over_a_decade(
+    calibration: Calibration, first: float, kind: str
+) -> None:
+    trace = Trace(np.array([first, 2.0, 1.0]), np.array([1e-3, 1e-4, 1e-5]), np.zeros(3))
+    layout = plot_traces(with_traces(calibration, trace)).layout
+    assert (layout.yaxis.type, layout.yaxis2.type) == (kind, kind)
+
+
+def test_long_traces_are_thinned_and_keep_their_ends(calibration: Calibration) -> None:
+    assert drawn_moves(MOST_DRAWN).tolist() == list(range(MOST_DRAWN))
+    kept = drawn_moves(1_000_003)
+    assert len(kept) == MOST_DRAWN
+    assert (kept[0], kept[-1]) == (0, 1_000_002)
+    assert (np.diff(kept) > 0).all()
+    long = Trace(np.linspace(5, 1, 90_001), np.geomspace(1e-3, 1e-6, 90_001), np.zeros(90_001))
+    line = plot_traces(with_traces(calibration, long)).data[0]
+    assert (len(line.x), line.x[0], line.x[-1]) == (MOST_DRAWN, 1, 90_001)
+    assert (line.y[0], line.y[-1]) == (5, 1)
+
+
+def test_traces_that_were_not_recorded_are_said(calibration: Calibration) -> None:
+    figure = plot_traces(with_traces(calibration, None))
+    assert not figure.data
+    assert "not recorded" in figure.layout.annotations[0].text
+    assert "not recorded" in describe_traces(with_traces(calibration, None))
+
+
+def test_traces_are_said(calibration: Calibration) -> None:
+    trace = calibration.methods["3d"].trace
+    assert trace is not None
+    text = describe_traces(calibration)
+    assert f"to {trace.cost[-1]:.4g} m in {len(trace.cost)} moves" in text
+
+
+def test_frame_errors_are_those_of_the_result(calibration: Calibration) -> None:
+    figure = plot_frame_errors(calibration)
+    rows = calibration.dataset.correspondences
+    bar_frames = rows.frame[rows.bars[:, 0]]
+    for method in METHODS:
+        for axis, frames, values in (
+            ("y", rows.frames, frame_reprojection_px(calibration, method)),
+            ("y2", bar_frames, 100 * calibration.errors[method].length),
+        ):
+            traces = traces_of(figure, legendgroup=method, yaxis=axis)
+            shown = {x: y for t in traces for x, y in zip(t.x, t.y, strict=True)}
+            assert shown == dict(zip(frames, values, strict=True))
+            assert {t.marker.color for t in traces} == {METHOD_COLOURS[method]}
+            assert {t.name for t in traces} == {METHOD_NAMES[method]}
+
+
+def test_held_out_frames_have_open_symbols(calibration: Calibration) -> None:
+    figure = plot_frame_errors(calibration)
+    for method in METHODS:
+        filled, opened, dotted = traces_of(figure, legendgroup=method, yaxis="y")
+        assert filled.marker.symbol == METHOD_SYMBOLS[method]
+        assert opened.marker.symbol == METHOD_SYMBOLS[method] + "-open"
+        assert set(filled.x) == set(calibration.frames)
+        assert not set(opened.x) & set(calibration.frames)
+        assert len(opened.x) == 4
+        assert dotted.marker.symbol == METHOD_SYMBOLS[method] + "-open-dot"
+        assert set(dotted.x) == {MIXED_UP}
+    names = [t.name for t in figure.data]
+    assert "Open: held out (n = 4)" in names
+    assert "Dotted: left out (n = 1)" in names
+
+
+def test_nothing_is_open_when_all_frames_calibrate(calibration: Calibration) -> None:
+    figure = plot_frame_errors(calibrate(calibration.dataset, CalibrationSettings()))
+    assert not [t for t in figure.data if str(t.marker.symbol).endswith("-open")]
+    assert "held out" not in " ".join(str(t.name) for t in figure.data)
+
+
+def test_frame_errors_have_units_and_n(calibration: Calibration) -> None:
+    layout = plot_frame_errors(calibration).layout
+    assert layout.yaxis.title.text == "Reprojection error (px)"
+    assert layout.yaxis2.title.text == "Length error (%)"
+    assert layout.xaxis2.title.text.startswith("Frame (n = 25)")
+
+
+def test_a_large_range_makes_the_axis_logarithmic(calibration: Calibration) -> None:
+    n, m = len(calibration.dataset.correspondences), 24
+    even = replace(
+        calibration.errors["2d"],
+        reprojection_px=np.linspace(1, 2, n),
+        length=np.linspace(0.01, 0.02, m),
+    )
+    same = calibration
+    for method in METHODS:
+        same = with_errors(same, method, even)
+    assert plot_frame_errors(same).layout.yaxis.type == "linear"
+    far = with_errors(same, "3d", replace(even, reprojection_px=60 * even.reprojection_px))
+    layout = plot_frame_errors(far).layout
+    assert (layout.yaxis.type, layout.yaxis2.type) == ("log", "linear")
+    assert layout.yaxis.range[0] < 0 < np.log10(120) < layout.yaxis.range[1]
+
+
+def test_the_outlying_frame_is_named(calibration: Calibration) -> None:
+    labels = traces_of(plot_frame_errors(calibration), mode="text", yaxis="y")
+    assert [(list(t.text), list(t.x)) for t in labels] == [([f"<b>{MIXED_UP}</b>"], [MIXED_UP])]
+    assert f"standing out: {MIXED_UP}" in describe_frame_errors(calibration)
+
+
+def test_errors_that_cannot_be_computed_are_said(calibration: Calibration) -> None:
+    errors = calibration.errors["2d"]
+    reprojection, length = errors.reprojection_px.copy(), errors.length.copy()
+    reprojection[5], length[3] = np.nan, np.nan
+    some = with_errors(
+        calibration, "2d", replace(errors, reprojection_px=reprojection, length=length)
+    )
+    title = plot_frame_errors(some).layout.xaxis2.title.text.replace("<br>", " ")
+    assert "2D set: 1 frame without reprojection error" in title
+    assert "2D set: 1 frame without length error" in title
+    assert "2D set: 1 frame without length error" in describe_frame_errors(some)
+    none = calibration
+    for method in METHODS:
+        lost = replace(errors, reprojection_px=reprojection * np.nan, length=length * np.nan)
+        none = with_errors(none, method, lost)
+    assert "3D set: 25 frames without" in plot_frame_errors(none).layout.xaxis2.title.text
+    assert "2D set none and none" in describe_frame_errors(none)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_rig_shows_the_reconstructed_bars(calibration: Calibration, method: str) -> None:
+    chosen = next(name for name in METHODS if name == method)
+    dataset, pose = calibration.dataset, calibration.methods[chosen].pose
+    points = triangulate_rays(pose.R, pose.T, dataset.rays)
+    (bars,) = [t for t in plot_rig(calibration, method).data if t.name.startswith("Bars")]
+    path = np.column_stack([bars.x, bars.y, bars.z]).reshape(-1, 4, 3)
+    ends = points[dataset.correspondences.bars]
+    np.testing.assert_array_equal(path[:, 0], ends[:, 0][:, [0, 2, 1]] * [1, 1, -1])
+    np.testing.assert_array_equal(path[:, 2], ends[:, 1][:, [0, 2, 1]] * [1, 1, -1])
+    lengths = np.linalg.norm(path[:, 0] - path[:, 2], axis=1)
+    error = calibration.errors[chosen].length
+    np.testing.assert_allclose(np.abs(lengths - rig.BAR_M) / rig.BAR_M, error, atol=1e-12)
+    assert bars.text[0] == f"frame 2<br>length {lengths[0]:.4f} m, error {100 * error[0]:.2f} %"
+    assert bars.line.color == METHOD_COLOURS[chosen]
+    assert "n = 24" in bars.name
+
+
+def test_rig_has_equal_axes_in_metres(calibration: Calibration) -> None:
+    scene = plot_rig(calibration, "3d").layout.scene
+    assert scene.aspectmode == "data"
+    assert scene.xaxis.title.text == "x (m)"
+    assert scene.yaxis.title.text == "z (m), depth"
+    assert scene.zaxis.title.text == "−y (m), up"
+
+
+def test_rig_places_the_cameras(calibration: Calibration) -> None:
+    pose = calibration.methods["3d"].pose
+    figure = plot_rig(calibration, "3d")
+    (centre,) = traces_of(figure, name="optical centre, secondary")
+    assert centre.text == ("secondary",)
+    there = np.array([centre.x[0], -centre.z[0], centre.y[0]])
+    np.testing.assert_allclose(pose.apply(there), 0, atol=1e-12)
+    assert traces_of(figure, name="optical centre, primary")[0].x[0] == 0
+    (baseline,) = traces_of(figure, name="Baseline 2.370 m")
+    assert np.linalg.norm([np.ptp(baseline[axis]) for axis in "xyz"]) == pytest.approx(2.37)
+    for name, camera in (
+        ("primary", calibration.dataset.primary),
+        ("secondary", calibration.dataset.secondary),
+    ):
+        (frustum,) = traces_of(figure, name=f"{name} camera")
+        path = np.column_stack([frustum.x, -np.array(frustum.z), frustum.y])
+        own = path if name == "primary" else pose.apply(path)
+        pixels = own[1] / own[1, 2] @ camera.K.T
+        np.testing.assert_allclose(pixels[:2], [-0.5, -0.5], atol=1e-6)
+
+
+def test_bars_behind_a_camera_are_counted(calibration: Calibration) -> None:
+    pose = calibration.methods["3d"].pose
+    turned = Pose(pose.R, -pose.T)
+    methods = {
+        **calibration.methods, "3d": replace(calibration.methods["3d"], pose=turned),
+    }  # fmt: skip
+    behind = replace(calibration, methods=methods)
+    missing = int(np.isnan(behind.errors["3d"].length).sum())
+    assert missing == 24
+    (bars,) = [t for t in plot_rig(behind, "3d").data if t.name.startswith("Bars")]
+    assert f"(n = {24 - missing}, {missing} behind a camera)" in bars.name
+    assert f"{missing} bars not drawn" in describe_rig(behind, "3d")
+
+
+def test_rig_is_said(calibration: Calibration) -> None:
+    text = describe_rig(calibration, "2d")
+    assert "2D set" in text
+    assert "stands 2.370 m from the primary" in text
+    assert "24 bars at depths" in text
+    with pytest.raises(StereocalError, match='"4d" is not known'):
+        plot_rig(calibration, "4d")
+
+
+def test_descriptions_are_one_sentence(calibration: Calibration) -> None:
+    for text in (
+        describe_coverage(calibration.dataset),
+        describe_traces(calibration),
+        describe_frame_errors(calibration),
+        describe_rig(calibration, "3d"),
+    ):
+        assert text.endswith(".")
+        assert ". " not in text
+        assert "\n" not in text
+        assert "<" not in text
+
+
+def test_known_points_without_bars_are_drawn() -> None:
+    exact = rig.dataset(25, 0.2, known_points=True)
+    only_a = exact.correspondences.where(exact.correspondences.target == 0)
+    settings = CalibrationSettings(known_points=True)
+    found = calibrate(replace(exact, correspondences=only_a), settings, trace=True)
+    assert len(plot_coverage(found.dataset).data) == 8
+    assert "there is no length" in plot_frame_errors(found).layout.xaxis2.title.text.replace(
+        "<br>", " "
+    )
+    (targets,) = traces_of(plot_rig(found, "3d"), name="Target A")
+    assert len(targets.x) == 25
+    assert set(targets.text) == {"no bar: the other target is missing"}
+    assert "0 and" not in describe_coverage(found.dataset)
+    assert describe_frame_errors(found).endswith(".")

@@ -1,0 +1,114 @@
+"""The figures of a lens show its numbers, and its pictures its photographs."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from stereocal.figures import (
+    describe_draws,
+    describe_residual_field,
+    describe_view_errors,
+    plot_draws,
+    plot_residual_field,
+    plot_view_errors,
+)
+from stereocal.figures.lens import arrow_scale
+from stereocal.intrinsics.calibrate_lens import LensCalibration
+from stereocal.intrinsics.preview import preview
+from stereocal.intrinsics.quality import largest_shift_px, residual_field
+from tests.intrinsics.test_intrinsics import FEW, calibrated, moved, usual
+from tests.lens import SMALL, facing, photographed, png, search
+
+
+@pytest.fixture(scope="module")
+def bent() -> LensCalibration:
+    """One photograph fits badly."""
+    found = search(30, seed=3)
+    noise = 0.5 * np.random.default_rng(1).normal(size=(48, 2))
+    return calibrated(moved(found, 7, found.views[7].corners + noise))
+
+
+def test_every_draw_is_in_its_histogram() -> None:
+    lens = usual()
+    histograms = [trace for trace in plot_draws(lens).data if trace.type == "histogram"]
+    assert len(histograms) == 9
+    for at, trace in enumerate(histograms):
+        np.testing.assert_array_equal(trace.x, lens.draws[:, at])
+        assert trace.xbins.start <= trace.x.min() and trace.xbins.end >= trace.x.max()
+    assert f"{FEW.repeats} calibrations, each with {FEW.subset} of 30" in describe_draws(lens)
+
+
+def test_held_parameters_have_no_histogram() -> None:
+    lens = calibrated(search(14, seed=3), dataclasses.replace(FEW, fix_k3=True))
+    histograms = [trace for trace in plot_draws(lens).data if trace.type == "histogram"]
+    assert len(histograms) == 8
+
+
+def test_median_and_error_are_marked() -> None:
+    lens = usual()
+    figure = plot_draws(lens)
+    lines = [shape for shape in figure.layout.shapes if shape.type == "line"]
+    bands = [shape for shape in figure.layout.shapes if shape.type == "rect"]
+    for at, (line, band) in enumerate(zip(lines, bands, strict=True)):
+        assert line.x0 == lens.values[at]
+        assert band.x1 - band.x0 == pytest.approx(2 * lens.standard_errors[at])
+
+
+def test_outlying_photograph_has_a_bar_of_its_own(bent: LensCalibration) -> None:
+    figure = plot_view_errors(bent)
+    usual_ones, outlying = (trace for trace in figure.data if trace.type == "bar")
+    assert list(outlying.x) == ["07.png"] and len(usual_ones.x) == 29
+    assert outlying.marker.pattern.shape == "/"
+    assert outlying.y[0] == bent.view_errors[7]
+    assert "07.png; 1 photograph more than twice" in describe_view_errors(bent)
+
+
+def test_arrows_are_the_mean_residuals_enlarged() -> None:
+    lens = usual()
+    field, scale = residual_field(lens), arrow_scale(lens)
+    arrows = next(trace for trace in plot_residual_field(lens).data if trace.type == "scatter")
+    assert f"×{scale:g}" in arrows.name
+    known = np.isfinite(field.mean[..., 0])
+    drawn = np.column_stack([arrows.x, arrows.y]).reshape(-1, 3, 2)
+    np.testing.assert_allclose(drawn[:, 0], field.centres[known])
+    np.testing.assert_allclose((drawn[:, 1] - drawn[:, 0]) / scale, field.mean[known], atol=1e-12)
+    assert np.abs(drawn[:, 1] - drawn[:, 0]).max() <= 640 / 16
+    assert f"{field.typical_px:.3f} px" in describe_residual_field(lens)
+
+
+def test_preview_takes_the_distortion_away(tmp_path: Path) -> None:
+    """An edge of the board is straight in the second picture and bent in the first."""
+    lens = usual()
+    path = tmp_path / "board.png"
+    path.write_bytes(png(photographed(facing(tilt=0.0, distance_m=0.42))))
+    marked, straight = (
+        cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_GRAYSCALE)
+        for content in preview(path, lens.camera, lens.search.views[0])
+    )
+    assert marked is not None and straight is not None
+    assert marked.shape == straight.shape == (675, 900)
+
+    def bend(picture: np.ndarray[tuple[int, ...], np.dtype[np.uint8]]) -> float:
+        found, corners = cv2.findChessboardCornersSB(picture, (8, 6))
+        assert found
+        row = np.asarray(corners).reshape(6, 8, 2)[0]
+        line = np.polyfit(row[:, 0], row[:, 1], 1)
+        return float(np.abs(np.polyval(line, row[:, 0]) - row[:, 1]).max())
+
+    plain, _ = preview(path, lens.camera, None)
+    as_taken = cv2.imdecode(np.frombuffer(plain, np.uint8), cv2.IMREAD_GRAYSCALE)
+    assert as_taken is not None
+    # Measured: 1.9 px and 0.1 px.
+    assert bend(np.asarray(straight, dtype=np.uint8)) < 0.4
+    assert bend(np.asarray(as_taken, dtype=np.uint8)) > 1.0
+
+
+def test_shift_of_the_distortion() -> None:
+    corner = np.array([[-0.5, -0.5], [639.5, 479.5], [-0.5, 479.5], [639.5, -0.5]])
+    expected = np.linalg.norm(SMALL.undistort_to_pixels(corner) - corner, axis=1).max()
+    assert largest_shift_px(SMALL) == pytest.approx(expected, rel=0.01)

@@ -1,0 +1,134 @@
+"""Figures of the refined method: what they draw, and the same in words."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stereocal.calibration.methods import Method
+from stereocal.figures import (
+    describe_accuracy,
+    describe_disagreement,
+    describe_trade_off,
+    plot_accuracy,
+    plot_disagreement,
+    plot_trade_off,
+)
+from stereocal.figures.accuracy import Quantity
+from stereocal.figures.tables import parameters_table, refined_table
+from stereocal.formats.dataset_files import read_dataset
+from stereocal.refined.disagreement import ACCUSED, what_disagrees
+from stereocal.refined.refine import RefinedResult, refine
+from stereocal.refined.uncertainty import AccuracyMap, accuracy_map
+from stereocal.refined.unknowns import FIXED_LENS, RefineSettings
+from stereocal.verdict.tradeoff import TradeOff, trade_off
+
+FIELD = read_dataset(Path(__file__).parents[2] / "sample_data" / "field")
+
+
+@pytest.fixture(scope="module")
+def result() -> RefinedResult:
+    return refine(FIELD)
+
+
+@pytest.fixture(scope="module")
+def curves() -> TradeOff:
+    found = trade_off(FIELD, points=5)
+    assert found is not None
+    return found
+
+
+def test_trade_off_has_both_curves_all_sets_and_the_point(curves: TradeOff) -> None:
+    costs: dict[Method, tuple[float, float]] = {"2d": (9.0, 0.03), "3d": (1200.0, 0.026)}
+    figure = plot_trade_off(curves, costs, curves.freed[2])
+    by_name = {trace.name: trace for trace in figure.data}
+    assert list(by_name) == [
+        "Lenses as given", "Lenses freed", "2D set", "3D set", "The slider's point",
+    ]  # fmt: skip
+    np.testing.assert_allclose(
+        by_name["Lenses freed"].y, [1000 * point.cost_3d_m for point in curves.freed]
+    )
+    assert by_name["The slider's point"].x[0] == curves.freed[2].cost_2d_px
+    assert by_name["3D set"].marker.symbol == "triangle-up"
+    assert figure.layout.xaxis.type == "linear"  # the 3D set stands at the edge
+    assert figure.layout.yaxis.type == "linear"  # 23 to 59 mm
+    words = describe_trade_off(curves, costs)
+    assert "3D set 1200 px and 26.0 mm" in words
+
+
+def test_a_set_far_beyond_the_curves_stands_at_the_edge_with_its_value(curves: TradeOff) -> None:
+    costs: dict[Method, tuple[float, float]] = {"2d": (9.0, 0.03), "3d": (1200.0, 0.026)}
+    by_name = {trace.name: trace for trace in plot_trade_off(curves, costs).data}
+    far, near = by_name["3D set"], by_name["2D set"]
+    most = max(point.cost_2d_px for point in (*curves.fixed, *curves.freed))
+    assert most < far.x[0] < 1.5 * most and far.y[0] == pytest.approx(26.0)
+    assert far.text[0] == "1200 px →" and list(far.customdata[0]) == pytest.approx([1200, 26])
+    assert near.x[0] == 9.0 and near.mode == "markers"
+    within: dict[Method, tuple[float, float]] = {"3d": (2.5 * most, 0.026)}
+    by_name = {trace.name: trace for trace in plot_trade_off(curves, within).data}
+    assert by_name["3D set"].x[0] == 2.5 * most and by_name["3D set"].mode == "markers"
+    wide: dict[Method, tuple[float, float]] = {"2d": (0.5, 0.03)}  # more than a decade to be seen
+    assert plot_trade_off(curves, wide).layout.xaxis.type == "log"
+
+
+@pytest.mark.parametrize(("quantity", "unit"), [("distance", " %"), ("point", " mm")])
+def test_accuracy_shows_the_map_cameras_and_targets(
+    result: RefinedResult, quantity: Quantity, unit: str
+) -> None:
+    found = accuracy_map(result, 20)
+    figure = plot_accuracy(found, result, quantity)
+    heat, cameras, targets = figure.data
+    values = 100 * found.distance if quantity == "distance" else 1000 * found.point_m
+    np.testing.assert_allclose(10**heat.z, values)
+    centre = -result.pose.R.T @ result.pose.T
+    np.testing.assert_allclose([cameras.x[1], cameras.y[1]], [centre[0], centre[2]])
+    assert len(targets.x) == 50
+    assert figure.layout.yaxis.scaleanchor == "x"
+    words = describe_accuracy(found, quantity)
+    assert f"{np.nanmedian(values):.2g}{unit} in the middle" in words
+
+
+def test_no_common_view_is_said(result: RefinedResult) -> None:
+    nothing = np.full((3, 4), np.nan)
+    empty = AccuracyMap(np.arange(4.0), np.arange(3.0), nothing, nothing)
+    assert "share no view" in plot_accuracy(empty, result).layout.annotations[0].text
+    assert "share no view" in describe_accuracy(empty)
+
+
+def test_an_accused_input_stands_out() -> None:
+    wrong = replace(FIELD, baseline_m=4.7)
+    inputs = what_disagrees(refine(wrong, RefineSettings(baseline_sigma_m=0.005)))
+    figure = plot_disagreement(inputs)
+    bars = figure.data[0]
+    assert list(bars.y)[-1] == "Baseline"
+    assert bars.x[-1] > ACCUSED
+    assert bars.marker.color[-1] != bars.marker.color[0]
+    assert bars.marker.pattern.shape[-1] == "/" and bars.marker.pattern.shape[0] == ""
+    assert figure.layout.shapes[0].x0 == ACCUSED
+    assert "Baseline: stated 4.7 m" in describe_disagreement(inputs)
+
+
+def test_a_points_table_is_that_of_its_file(curves: TradeOff) -> None:
+    rig = curves.freed[1].parameters(FIELD)
+    table = parameters_table(rig)["Value"]
+    assert float(str(table["Baseline (m)"])) == pytest.approx(rig.pose.baseline, abs=1e-4)
+    assert float(str(table["Yaw α (degrees)"])) == pytest.approx(
+        np.degrees(rig.pose.angles.yaw), abs=1e-4
+    )
+    assert float(str(table["Image centre cy, secondary camera (px)"])) == pytest.approx(
+        rig.secondary.K[1, 2], abs=0.01
+    )
+
+
+def test_table_has_a_standard_error_for_each_number(result: RefinedResult) -> None:
+    table = refined_table(result)
+    assert table.shape == (15, 2)
+    assert float(str(table.loc["Baseline (m)", "Value"])) == pytest.approx(
+        result.pose.baseline, abs=1e-4
+    )
+    assert all(str(cell).startswith("± ") for cell in table["Standard error"])
+    held = refine(FIELD, RefineSettings(primary=FIXED_LENS, secondary=FIXED_LENS))
+    assert (refined_table(held)["Standard error"] == "held").sum() == 8

@@ -1,0 +1,117 @@
+"""The report is one file with every number, and nothing in it comes from elsewhere."""
+
+import math
+import re
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from html import unescape
+
+import pytest
+from plotly.offline import get_plotlyjs
+
+from stereocal import __version__
+from stereocal.evaluation.evaluate import Run, evaluate
+from stereocal.evaluation.summary import summarise
+from stereocal.figures import describe_comparison, describe_validation
+from stereocal.figures.report import SETTING_NAMES, report_html
+from stereocal.figures.tables import validation_answer, validation_table
+from stereocal.formats.dataset_files import read_dataset
+from stereocal.rig.dataset import Dataset
+from tests.figures.test_validation_figure import SAMPLE, SETTINGS, Summaries, without_bars
+
+EVIL = "<script>alert(1)</script>"
+
+
+@pytest.fixture(scope="module")
+def dataset() -> Dataset:
+    return read_dataset(SAMPLE)
+
+
+@pytest.fixture(scope="module")
+def runs(dataset: Dataset) -> list[list[Run]]:
+    with ThreadPoolExecutor(2) as executor:
+        found = evaluate([dataset, dataset], SETTINGS, executor)
+    assert found is not None
+    return found
+
+
+@pytest.fixture(scope="module")
+def summaries(runs: list[list[Run]]) -> Summaries:
+    return summarise(runs)
+
+
+@pytest.fixture(scope="module")
+def by_dataset(runs: list[list[Run]]) -> dict[str, Summaries]:
+    return {EVIL: summarise(runs[:1]), "second": summarise(runs[1:])}
+
+
+@pytest.fixture(scope="module")
+def report(summaries: Summaries, by_dataset: dict[str, Summaries], dataset: Dataset) -> str:
+    """Without Plotly's own code."""
+    named = [replace(dataset, name=EVIL, notes="<img src=x>"), replace(dataset, name="second")]
+    text = report_html(summaries, by_dataset, named, SETTINGS)
+    assert text.count(get_plotlyjs()) == 1
+    return text.replace(get_plotlyjs(), "")
+
+
+def test_it_is_one_whole_page(report: str) -> None:
+    assert report.startswith('<!DOCTYPE html>\n<html lang="en">')
+    assert "<title>Validation of 2 data sets</title>" in report
+    assert report.rstrip().endswith("</html>")
+    assert "prefers-color-scheme: dark" in report
+
+
+def test_nothing_is_fetched_from_elsewhere(report: str) -> None:
+    assert not re.search(r"https?://", report)
+    assert not re.search(r"<script[^>]*\ssrc|<link|<img|@import|url\(", report)
+
+
+def test_names_and_notes_are_escaped(report: str) -> None:
+    assert EVIL not in report
+    assert "&lt;script&gt;alert(1)&lt;/script&gt;" in report
+    assert "&lt;img src=x&gt;" in report
+
+
+def test_every_number_of_the_table_is_in_it(report: str, summaries: Summaries) -> None:
+    table = validation_table(summaries)
+    for name, cells in zip(table.index, table.to_numpy(), strict=True):
+        row = f'<th scope="row">{name}</th>' + "".join(f"<td>{cell}</td>" for cell in cells)
+        assert row in report
+
+
+def test_the_words_of_the_figures_are_in_it(
+    report: str, summaries: Summaries, by_dataset: dict[str, Summaries]
+) -> None:
+    text = unescape(report)
+    assert validation_answer(summaries) in text
+    assert describe_validation(summaries) in text
+    assert describe_comparison(by_dataset) in text
+
+
+def test_data_settings_angles_and_versions_are_in_it(
+    report: str, summaries: Summaries, dataset: Dataset
+) -> None:
+    assert dataset.sha256 in report
+    assert "<td>25</td><td>50</td><td>25</td><td>4.5 m</td><td>0.9 m</td>" in report
+    for name, value in SETTINGS.to_json().items():
+        shown = {True: "yes", False: "no"}[value] if isinstance(value, bool) else str(value)
+        shown = "none" if value is None or value == [] else shown
+        assert f'<th scope="row">{SETTING_NAMES[name]}</th><td>{shown}</td>' in report
+    found = summaries["3d"]
+    for mean, spread in zip(found.angle_means.flat, found.angle_spreads.flat, strict=True):
+        assert f"{math.degrees(mean):.4f} ± {math.degrees(spread):.4f}" in report
+    assert f'<th scope="row">stereocal</th><td>{__version__}</td>' in report
+
+
+def test_one_data_set_is_not_compared(runs: list[list[Run]], dataset: Dataset) -> None:
+    alone = summarise(runs[:1])
+    text = report_html(alone, {dataset.name: alone}, [dataset], SETTINGS)
+    assert "compared</h2>" not in text
+    assert f"<title>Validation of {dataset.name}</title>" in text
+
+
+def test_it_can_be_written_when_no_bar_was_measured(
+    runs: list[list[Run]], dataset: Dataset
+) -> None:
+    lost = {method: without_bars(found) for method, found in summarise(runs[:1]).items()}
+    assert "No bar could be measured." in report_html(lost, {}, [dataset], SETTINGS)

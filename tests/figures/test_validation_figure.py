@@ -1,0 +1,237 @@
+"""The figure of the validation shows the numbers of its summaries."""
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import plotly.graph_objects as go
+import pytest
+
+from stereocal.calibration.methods import METHODS, CalibrationSettings, Method
+from stereocal.errors import StereocalError
+from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
+from stereocal.evaluation.summary import Estimate, MethodSummary, Pdf, best_methods, summarise
+from stereocal.figures import (
+    METHOD_COLOURS,
+    METHOD_NAMES,
+    describe_comparison,
+    describe_validation,
+    plot_comparison,
+    plot_validation,
+)
+from stereocal.figures.tables import percent, validation_answer, validation_table
+from stereocal.formats.dataset_files import read_dataset
+
+SAMPLE = Path(__file__).parents[2] / "sample_data" / "field"
+SETTINGS = EvaluationSettings(CalibrationSettings(essential="linear"), runs=6)
+NAN = float("nan")
+Summaries = dict[Method, MethodSummary]
+
+
+@pytest.fixture(scope="module")
+def summaries() -> Summaries:
+    with ThreadPoolExecutor(2) as executor:
+        runs = evaluate([read_dataset(SAMPLE)], SETTINGS, executor)
+    assert runs is not None
+    return summarise(runs)
+
+
+def without_bars(summary: MethodSummary) -> MethodSummary:
+    """As if no bar could be reconstructed."""
+    lengths = summary.reconstruction
+    pdf = Pdf(lengths.pdf.edges, np.zeros_like(lengths.pdf.density), 0, 0, lengths.pdf.n)
+    empty = replace(
+        lengths, pdf=pdf, median=Estimate(NAN, NAN, NAN), p95=NAN, mean=NAN,
+        fraction_above_1_percent=NAN, wand_score=NAN, mean_length_error=NAN,
+    )  # fmt: skip
+    return replace(summary, reconstruction=empty)
+
+
+def with_fcp(summary: MethodSummary, value: float, low: float, high: float) -> MethodSummary:
+    matching = replace(summary.reprojection, fcp=Estimate(value, low, high))
+    return replace(summary, reprojection=matching)
+
+
+def trace(figure: go.Figure, name: str, axis: str) -> Any:
+    (found,) = (t for t in figure.data if t.name == name and (t.xaxis or "x") == axis)
+    return found
+
+
+def axis_of(method: Method, column: int) -> str:
+    number = 3 * METHODS.index(method) + column
+    return "x" if number == 1 else f"x{number}"
+
+
+def texts(figure: go.Figure) -> list[str]:
+    return [annotation.text for annotation in figure.layout.annotations]
+
+
+def assert_shows(drawn: Any, pdf: Pdf) -> None:
+    """The trace has every filled bin of the PDF, in its middle."""
+    middles = (pdf.edges[:-1] + pdf.edges[1:]) / 2
+    at = np.searchsorted(middles, np.array(drawn.x) - 1e-9)
+    np.testing.assert_allclose(middles[at], drawn.x)
+    np.testing.assert_array_equal(pdf.density[at], drawn.y)
+    assert np.sum(drawn.y) == pytest.approx(pdf.density.sum())
+    assert drawn.line.shape == "hvh"
+
+
+def test_every_panel_shows_its_pdfs(summaries: Summaries) -> None:
+    figure = plot_validation(summaries)
+    for method, summary in summaries.items():
+        name = METHOD_NAMES[method]
+        for column, found in ((1, summary.residual), (2, summary.reprojection)):
+            axis = axis_of(method, column)
+            assert_shows(trace(figure, f"{name}, correct pairs", axis), found.correct)
+            assert_shows(trace(figure, f"{name}, wrong pairs", axis), found.wrong)
+        errors = trace(figure, f"{name}, 3D error", axis_of(method, 3))
+        assert_shows(errors, summary.reconstruction.pdf)
+        assert errors.line.color == METHOD_COLOURS[method]
+
+
+def test_correct_and_wrong_pairs_differ_not_only_in_colour(summaries: Summaries) -> None:
+    figure = plot_validation(summaries)
+    correct = trace(figure, "2D set, correct pairs", axis_of("2d", 2))
+    wrong = trace(figure, "2D set, wrong pairs", axis_of("2d", 2))
+    assert (correct.line.dash, wrong.line.dash) == ("solid", "dot")
+    assert (correct.fillpattern.shape, wrong.fillpattern.shape) == (None, "/")
+
+
+def test_lines_stand_at_the_thresholds_and_at_one_percent(summaries: Summaries) -> None:
+    figure = plot_validation(summaries)
+    for method, summary in summaries.items():
+        for column, found in ((1, summary.residual), (2, summary.reprojection)):
+            line = trace(figure, "Recommended threshold", axis_of(method, column))
+            assert list(line.x) == [pytest.approx(np.log10(found.threshold))] * 2
+        assert list(trace(figure, "3D error of 1 %", axis_of(method, 3)).x) == [-2, -2]
+
+
+def test_the_best_panel_of_each_column_is_framed_and_named(summaries: Summaries) -> None:
+    figure = plot_validation(summaries)
+    best = best_methods(summaries)
+    frames = {shape.name: shape for shape in figure.layout.shapes}
+    assert len(figure.layout.shapes) == len(best) == 3
+    for column, (quantity, method) in enumerate(best.items(), start=1):
+        frame = frames[f"best {quantity}"]
+        assert frame.xref == f"{axis_of(method, column)} domain"
+        assert (frame.x0, frame.x1, frame.y0, frame.y1) == (0, 1, 0, 1)
+        (named,) = (
+            a for a in figure.layout.annotations if "best" in a.text and a.xref == frame.xref
+        )
+        assert ": best</b>" in named.text
+
+
+def test_panels_say_fcp_interval_and_counts(summaries: Summaries) -> None:
+    said = texts(plot_validation(summaries))
+    for summary in summaries.values():
+        fcp, n = summary.reprojection.fcp, summary.reprojection
+        wanted = f"<b>{percent(fcp.value)} %</b> ({percent(fcp.low)} to {percent(fcp.high)})"
+        assert any(
+            wanted in text and f"n = {n.correct.n} correct, {n.wrong.n} wrong" in text
+            for text in said
+        )
+        median = f"median <b>{percent(summary.reconstruction.median.value)} %</b>"
+        assert any(median in text for text in said)
+    assert not any("without value" in text or "of zero" in text for text in said)
+
+
+def test_zeros_and_missing_values_are_said(summaries: Summaries) -> None:
+    found = summaries["2d"].reprojection
+    odd = replace(
+        found, wrong=replace(found.wrong, nans=7), correct=replace(found.correct, zeros=3)
+    )
+    changed = {**summaries, "2d": replace(summaries["2d"], reprojection=odd)}
+    assert any("7 without value, 3 of zero" in text for text in texts(plot_validation(changed)))
+    assert "7 without value, 3 of zero" in describe_validation(changed)
+
+
+def test_axes_are_shared_by_column_and_hold_all_lines(summaries: Summaries) -> None:
+    figure = plot_validation(summaries)
+    for column in (1, 2, 3):
+        ranges = {
+            tuple(figure.layout[axis_of(m, column).replace("x", "xaxis")].range) for m in METHODS
+        }
+        assert len(ranges) == 1
+    low, high = figure.layout.xaxis3.range
+    assert low < -2 < high and high - low < 8
+
+
+def test_one_column_can_be_drawn_alone(summaries: Summaries) -> None:
+    figure = plot_validation(summaries, ["reconstruction"])
+    assert len(figure.layout.annotations) == 3
+    assert len(figure.layout.shapes) == 1
+    assert not any(t.name == "Correct pairs" for t in figure.data)
+    with pytest.raises(StereocalError, match="residual, reprojection, reconstruction"):
+        plot_validation(summaries, ["depth"])
+
+
+def test_bars_that_cannot_be_reconstructed_are_said(summaries: Summaries) -> None:
+    lost = {method: without_bars(summary) for method, summary in summaries.items()}
+    figure = plot_validation(lost)
+    assert sum("no bar could be measured" in text for text in texts(figure)) == 3
+    assert len(figure.layout.shapes) == 2
+    assert len(figure.to_json()) > 1000
+    assert "none" in describe_validation(lost)
+    assert "No bar could be measured" in validation_answer(lost)
+    table = validation_table(lost)["3D set"].to_dict()
+    assert table["3D error of the bars, median (%)"] == "none"
+    assert table["Bars counted"] == table["Bars without value"] != "0"
+    compared = plot_comparison({"a": summaries, "b": lost})
+    assert len(compared.to_json()) > 1000
+    assert "none" in describe_comparison({"b": lost})
+
+
+def test_backgrounds_and_text_are_left_to_the_page(summaries: Summaries) -> None:
+    for figure in (plot_validation(summaries), plot_comparison({"a": summaries})):
+        assert figure.layout.paper_bgcolor == figure.layout.plot_bgcolor == "rgba(0,0,0,0)"
+        assert figure.layout.font.color is None
+
+
+def test_comparison_shows_values_with_intervals(summaries: Summaries) -> None:
+    by_dataset = {"first": summaries, "second <b>": dict(summaries)}
+    figure = plot_comparison(by_dataset)
+    drawn = trace(figure, "3D set", "x2")
+    median = summaries["3d"].reconstruction.median
+    np.testing.assert_allclose(drawn.y, [100 * median.value] * 2)
+    np.testing.assert_allclose(drawn.y + drawn.error_y.array, [100 * median.high] * 2)
+    np.testing.assert_allclose(drawn.y - drawn.error_y.arrayminus, [100 * median.low] * 2)
+    assert list(figure.layout.xaxis.ticktext) == ["first", "second &lt;b&gt;"]
+    assert "Over 2 data sets" in describe_comparison(by_dataset)
+
+
+def test_a_comparison_draws_an_fcp_of_zero_as_an_open_symbol(summaries: Summaries) -> None:
+    apart = {**summaries, "2d": with_fcp(summaries["2d"], 0.0, 0.0, 0.0)}
+    figure = plot_comparison({"apart": apart})
+    drawn = trace(figure, "2D set", "x")
+    assert list(drawn.marker.symbol) == ["circle-open"]
+    assert drawn.y[0] > 0
+    assert "open: 0 (n = 1)" in figure.layout.yaxis.title.text
+
+
+def test_the_answer_names_the_best_and_what_is_level_with_it(summaries: Summaries) -> None:
+    def with_essential(value: float, low: float, high: float) -> str:
+        return validation_answer(
+            {
+                "essential": with_fcp(summaries["essential"], value, low, high),
+                "2d": with_fcp(summaries["2d"], 0.002, 0.001, 0.003),
+                "3d": with_fcp(summaries["3d"], 0.1, 0.09, 0.11),
+            }
+        )
+
+    assert with_essential(0.02, 0.01, 0.03).startswith("Match with the 2D set at")
+    assert "FCP" not in with_essential(0.02, 0.01, 0.03)
+    tied = with_essential(0.0019, 0.001, 0.003)
+    assert tied.startswith("Match with the 2D set at")
+    assert "the essential matrix with 0.19 %; its own FCP is 0.20 %" in tied
+    assert with_essential(0.0002, 0.0001, 0.0003).startswith("Match with the essential matrix at")
+
+
+def test_the_table_puts_words_before_symbols(summaries: Summaries) -> None:
+    table = validation_table(summaries)
+    assert list(table.columns) == [METHOD_NAMES[method] for method in METHODS]
+    found, column = summaries["2d"].reprojection, table["2D set"].to_dict()
+    fcp = column["How often a wrong pair looks right (FCP), reprojection error (%)"]
+    assert str(fcp).startswith(f"{percent(found.fcp.value)} (")
+    assert column["Wrong pairs counted"] == str(found.wrong.n)

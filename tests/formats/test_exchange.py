@@ -1,0 +1,389 @@
+"""Exchange formats: written, read back, read by their own programs, and what they cannot hold."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from stereocal.cli import main
+from stereocal.errors import StereocalError
+from stereocal.formats.exchange.exchange import (
+    FORMATS,
+    export,
+    export_files,
+    export_notes,
+    import_files,
+    import_parameters,
+)
+from stereocal.formats.exchange.lens_fit import fewer_coefficients
+from stereocal.formats.exchange.stereo import ExchangeOptions
+from stereocal.formats.pixel_origin import Flip, PixelOrigin
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import Angles, Pose
+from stereocal.rig.parameters import RigParameters
+from tests.known_rig import ANY_ANGLES, PRIMARY, RIG, SECONDARY, bar_ends, images
+
+POINTS = bar_ends(30)
+FULL = RigParameters("3d", PRIMARY, SECONDARY, RIG, 0.1, {}, {})
+"""Skew, k3: what some formats cannot hold."""
+STRAIGHT = replace(SECONDARY, K=SECONDARY.K * [[1, 0, 1], [1, 1, 1], [1, 1, 1]])
+NO_SKEW = replace(FULL, secondary=STRAIGHT)
+PLAIN = replace(NO_SKEW, primary=Camera(PRIMARY.K, PRIMARY.distortion[:4], PRIMARY.image_size))
+SIZES = ExchangeOptions((PRIMARY.image_size, SECONDARY.image_size))
+RICHEST = {
+    "opencv": FULL, "kalibr": PLAIN, "ros": FULL, "matlab": FULL, "aniposelib": FULL,
+    "colmap": NO_SKEW, "dlt": FULL,
+}  # fmt: skip
+"""The rig with all that the format holds."""
+
+
+def views(rig: RigParameters, lens: bool = True) -> FloatArray:
+    """Pixels of the points in both cameras, (2, n, 2)."""
+    cameras = [rig.primary, rig.secondary]
+    if not lens:
+        cameras = [Camera(camera.K, np.zeros(0), camera.image_size) for camera in cameras]
+    return np.stack([cameras[0].project(POINTS), cameras[1].project(rig.pose.apply(POINTS))])
+
+
+def test_every_format_has_a_rig() -> None:
+    assert RICHEST.keys() == FORMATS.keys()
+
+
+@pytest.mark.parametrize("name", FORMATS)
+class TestThereAndBack:
+    def test_same_points_to_a_millionth_of_a_pixel(self, name: str) -> None:
+        rig = RICHEST[name]
+        back = import_files(export_files(rig, name), name, SIZES)
+        # Measured: 1e-12 px at most.
+        np.testing.assert_allclose(views(back), views(rig, lens=name != "dlt"), rtol=0, atol=1e-6)
+        np.testing.assert_allclose(back.pose.T, rig.pose.T, rtol=0, atol=1e-9)
+        assert (back.method, back.purpose, back.cost) == ("imported", "both", None)
+        assert back.primary.image_size == (1600, 1200)
+        assert back.inputs["format"] == name
+
+    def test_on_disk_and_on_the_command_line(
+        self, name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        RICHEST[name].save(tmp_path / "p.json")
+        out = tmp_path / "out"
+        assert main(["convert", str(tmp_path / "p.json"), "--to", name, "--out", str(out)]) == 0
+        sizes = ["--image-size-primary", "1600x1200", "--image-size-secondary", "1280x1024"]
+        command = ["convert", str(out), "--from", name, "--out", str(tmp_path / "b.json")]
+        assert main([*command, *sizes]) == 0
+        back = RigParameters.load(tmp_path / "b.json")
+        np.testing.assert_allclose(
+            views(back), views(RICHEST[name], lens=name != "dlt"), rtol=0, atol=1e-6
+        )
+        assert "wrote" in capsys.readouterr().out
+
+    @given(ANY_ANGLES, st.floats(0.01, 50.0))
+    @settings(max_examples=15)
+    def test_any_pose(self, name: str, angles: Angles, baseline: float) -> None:
+        pose = Pose.from_angles(angles, baseline)
+        rig = replace(PLAIN, pose=pose)
+        back = import_files(export_files(rig, name), name, SIZES)
+        # Measured: 2e-15 and 4e-15; a rectified pair far apart in depth, 1e-12 (ROS).
+        np.testing.assert_allclose(back.pose.R, pose.R, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(back.pose.T / baseline, pose.T / baseline, rtol=0, atol=1e-9)
+
+    def test_says_direction_and_units(self, name: str) -> None:
+        if name == "dlt":
+            pytest.skip("11 numbers a camera and nothing else")
+        for file, content in export_files(RICHEST[name], name).items():
+            if file != "rig_config.json":  # JSON has no comments
+                assert "x_secondary = R x_primary + T; lengths in metres" in content.decode()
+
+    def test_damaged_files_are_refused(self, name: str) -> None:
+        """Cut off anywhere, or a character changed: a StereocalError or a sound rig."""
+        files = export_files(RICHEST[name], name)
+        rng = np.random.default_rng(0)
+        refused = 0
+        for _ in range(60):
+            spoilt = dict(files)
+            which = str(rng.choice(sorted(files)))
+            content = bytearray(files[which])
+            at = int(rng.integers(len(content)))
+            if rng.random() < 0.5:
+                content = content[:at]
+            else:
+                content[at : at + 1] = rng.choice([b"", b"-", b"[", b"\x00", b"x", b"9", b"&a"])
+            spoilt[which] = bytes(content)
+            try:
+                back = import_files(spoilt, name, SIZES)
+                assert np.isfinite(back.pose.T).all()
+            except StereocalError as error:
+                refused += 1
+                assert "\n" not in str(error)
+        assert refused > 5
+
+    def test_other_files_are_refused(self, name: str, tmp_path: Path) -> None:
+        for content in (b"", b"\xff\xfe", b"hello", b"{}", b"a: 1\n", b"1,2\n3,4\n", b"[" * 9999):
+            with pytest.raises(StereocalError):
+                import_files({"one.yaml": content, "one.toml": content}, name, SIZES)
+            with pytest.raises(StereocalError):
+                import_files({"one.yaml": content}, name, SIZES)
+        with pytest.raises(StereocalError, match="cannot be read"):
+            import_parameters(tmp_path / "none", name)
+
+
+class TestPeers:
+    """The other side's own reader, where it can be installed."""
+
+    def project(self, K: Any, D: Any, R: Any, T: Any) -> FloatArray:
+        turn, _ = cv2.Rodrigues(np.asarray(R, dtype=np.float64))
+        seen, _ = cv2.projectPoints(POINTS[:, None], turn, np.asarray(T).ravel(), K, D)
+        return np.asarray(seen, dtype=np.float64).reshape(-1, 2)
+
+    def test_opencv(self, tmp_path: Path) -> None:
+        export(NO_SKEW, "opencv", tmp_path)
+        found = {}
+        for file in ("intrinsics.yml", "extrinsics.yml"):
+            storage = cv2.FileStorage(str(tmp_path / file), cv2.FILE_STORAGE_READ)
+            for key in storage.root().keys():  # noqa: SIM118  # no mapping
+                if not key.startswith("image_size"):
+                    found[key] = storage.getNode(key).mat()
+            storage.release()
+        seen = [
+            self.project(found["M1"], found["D1"], np.eye(3), np.zeros(3)),
+            self.project(found["M2"], found["D2"], found["R"], found["T"]),
+        ]
+        np.testing.assert_allclose(seen, views(NO_SKEW), rtol=0, atol=1e-6)
+        # Rectified, both see a point in the same row, and Q gives its place back.
+        rectified = [
+            cv2.undistortPoints(
+                view[:, None], found[f"M{k}"], found[f"D{k}"], R=found[f"R{k}"], P=found[f"P{k}"],
+                criteria=(3, 100, 1e-14),
+            ).reshape(-1, 2)
+            for k, view in ((1, seen[0]), (2, seen[1]))
+        ]  # fmt: skip
+        np.testing.assert_allclose(rectified[0][:, 1], rectified[1][:, 1], rtol=0, atol=1e-5)
+        u, v = rectified[0].T
+        places = np.stack([u, v, u - rectified[1][:, 0], np.ones_like(u)]).T @ found["Q"].T
+        np.testing.assert_allclose(
+            places[:, :3] / places[:, 3:], POINTS @ found["R1"].T, rtol=0, atol=1e-5
+        )
+
+    def test_aniposelib(self, tmp_path: Path) -> None:
+        cameras = pytest.importorskip("aniposelib.cameras")
+        export(NO_SKEW, "aniposelib", tmp_path / "calibration.toml")
+        group = cameras.CameraGroup.load(str(tmp_path / "calibration.toml"))
+        assert group.get_names() == ["primary", "secondary"]
+        np.testing.assert_allclose(
+            group.project(POINTS).reshape(2, -1, 2), views(NO_SKEW), rtol=0, atol=1e-6
+        )
+
+    def test_aniposelib_writes_what_we_read(self, tmp_path: Path) -> None:
+        cameras = pytest.importorskip("aniposelib.cameras")
+        export(NO_SKEW, "aniposelib", tmp_path / "a.toml")
+        group = cameras.CameraGroup.load(str(tmp_path / "a.toml"))
+        group.dump(str(tmp_path / "b.toml"))
+        back = import_parameters(tmp_path / "b.toml", "aniposelib")
+        np.testing.assert_allclose(views(back), views(NO_SKEW), rtol=0, atol=1e-6)
+
+    def test_colmap(self, tmp_path: Path) -> None:
+        colmap = pytest.importorskip("pycolmap")
+        export(NO_SKEW, "colmap", tmp_path)
+        model = colmap.Reconstruction()
+        model.read_text(str(tmp_path))
+        (rig,) = model.rigs.values()
+        moved = rig.sensor_from_rig(model.cameras[2].sensor_id)
+        inside = (POINTS, RIG.apply(POINTS))
+        np.testing.assert_allclose(
+            np.array([moved * point for point in POINTS]), inside[1], rtol=0, atol=1e-9
+        )
+        seen = [model.cameras[k + 1].img_from_cam(inside[k]) for k in (0, 1)]
+        np.testing.assert_allclose(np.array(seen) - 0.5, views(NO_SKEW), rtol=0, atol=1e-6)
+        (config,) = colmap.read_rig_config(str(tmp_path / "rig_config.json"))
+        np.testing.assert_allclose(
+            config.cameras[1].cam_from_rig.matrix(), np.column_stack([RIG.R, RIG.T]), atol=1e-12
+        )
+
+
+class TestMatlab:
+    def test_rows_times_the_matrix(self) -> None:
+        """As MATLAB computes: points are rows, and the first pixel is (1, 1)."""
+        text = export_files(FULL, "matlab")["stereo_parameters.m"].decode()
+        given: dict[str, FloatArray] = {}
+        for part in text.split("];")[:-1]:
+            name, _, body = part.rpartition("= [")
+            given[name.split()[-1]] = np.array(
+                [row.split() for row in body.strip().splitlines()], dtype=float
+            )
+        moved = POINTS @ given["RotationOfCamera2"] + given["TranslationOfCamera2"]
+        np.testing.assert_allclose(moved, RIG.apply(POINTS), rtol=0, atol=1e-12)
+        ray = SECONDARY.undistort(SECONDARY.project(moved))
+        pixels = np.column_stack([ray, np.ones(len(ray))]) @ given["K2"].T
+        undistorted = SECONDARY.undistort_to_pixels(SECONDARY.project(moved))
+        np.testing.assert_allclose(pixels[:, :2], undistorted + 1, rtol=0, atol=1e-9)
+        np.testing.assert_array_equal(given["ImageSize2"], [[1024, 1280]])
+
+
+def solve_dlt(table: FloatArray, views_of: list[FloatArray]) -> FloatArray:
+    """Places by linear least squares, as DLTdv does."""
+    places = []
+    for k in range(len(views_of[0])):
+        rows, right = [], []
+        for camera, pixels in enumerate(views_of):
+            L = np.append(table[:, camera], 1.0).reshape(3, 4)
+            for axis in (0, 1):
+                row = pixels[k, axis] * L[2] - L[axis]
+                rows.append(row[:3])
+                right.append(-row[3])
+        places.append(np.linalg.lstsq(np.array(rows), np.array(right), rcond=None)[0])
+    return np.array(places)
+
+
+class TestDlt:
+    undistorted = (
+        PRIMARY.undistort_to_pixels(images(POINTS)[0]),
+        SECONDARY.undistort_to_pixels(images(POINTS)[1]),
+    )
+    heights = (1200, 1024)
+
+    def table(self, options: ExchangeOptions) -> FloatArray:
+        text = export_files(FULL, "dlt", options)["dlt.csv"].decode()
+        found = np.array([row.split(",") for row in text.splitlines()], dtype=np.float64)
+        assert found.shape == (11, 2)
+        return found
+
+    @pytest.mark.parametrize(("flip", "more"), [("h", 0), ("h-1", -1), ("h+1", 1)])
+    def test_flipped_points_give_the_same_places(self, flip: Flip, more: int) -> None:
+        upper = solve_dlt(self.table(ExchangeOptions()), list(self.undistorted))
+        flipped = [
+            np.column_stack([view[:, 0], h + more - view[:, 1]])
+            for view, h in zip(self.undistorted, self.heights, strict=True)
+        ]
+        options = ExchangeOptions(origin=PixelOrigin("lower-left", flip=flip))
+        lower = solve_dlt(self.table(options), flipped)
+        # The world's origin stands 1e-6 m off; measured beyond it: 1e-9 m.
+        np.testing.assert_allclose(lower, upper, rtol=0, atol=1e-7)
+        np.testing.assert_allclose(lower, POINTS, rtol=0, atol=1.2e-6)
+
+    def test_the_first_pixel_of_dltdv8(self) -> None:
+        options = ExchangeOptions(origin=PixelOrigin(first_pixel=1.0))
+        places = solve_dlt(self.table(options), [view + 1 for view in self.undistorted])
+        np.testing.assert_allclose(places, POINTS, rtol=0, atol=1.2e-6)
+
+    def test_a_world_of_ones_own(self) -> None:
+        world = Pose.from_angles(Angles(0.2, 1.1, -0.4, 0.3, 1.0), 9.0)
+        places = solve_dlt(self.table(ExchangeOptions(world=world)), list(self.undistorted))
+        np.testing.assert_allclose(places, world.apply(POINTS), rtol=0, atol=1e-9)
+
+    def test_the_default_world_costs_no_accuracy(self) -> None:
+        """Its rows weigh the primary's equations far more; that must not spoil noisy points."""
+        rng = np.random.default_rng(0)
+        noisy = [view + 0.3 * rng.standard_normal(view.shape) for view in self.undistorted]
+        world = Pose(np.eye(3), np.array([0.0, 0.0, -8.0]))
+        own = solve_dlt(self.table(ExchangeOptions()), noisy) - POINTS
+        middle = solve_dlt(self.table(ExchangeOptions(world=world)), noisy) - world.apply(POINTS)
+        # Measured: 1.01.
+        assert np.sqrt((own**2).mean()) < 1.1 * np.sqrt((middle**2).mean())
+
+    def test_back_from_the_lower_left(self) -> None:
+        options = replace(SIZES, origin=PixelOrigin("lower-left"))
+        back = import_files(export_files(FULL, "dlt", options), "dlt", options)
+        np.testing.assert_allclose(back.secondary.K, SECONDARY.K, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(back.pose.R, RIG.R, rtol=0, atol=1e-9)
+
+    def test_an_origin_in_a_cameras_plane_is_refused(self) -> None:
+        world = Pose(np.eye(3), np.array([1.0, 0.0, 0.0]))
+        with pytest.raises(StereocalError, match="move the world's origin"):
+            export_files(FULL, "dlt", ExchangeOptions(world=world))
+
+    def test_image_sizes_are_asked_for(self) -> None:
+        with pytest.raises(StereocalError, match="give the image size"):
+            import_files(export_files(FULL, "dlt"), "dlt")
+
+    def test_it_says_that_the_lens_is_not_in_it(self) -> None:
+        assert any("undistort the points" in note for note in export_notes(FULL, "dlt"))
+
+
+class TestWhatAFormatCannotHold:
+    def test_k3_that_matters_is_refused(self) -> None:
+        with pytest.raises(StereocalError, match=r"k3 = -0\.06 too.*up to 1\.3 px"):
+            export_files(NO_SKEW, "kalibr")
+
+    def test_k3_that_nobody_sees_is_fitted_away(self) -> None:
+        faint = Camera(PRIMARY.K, [-0.21, 0.17, 0.0009, -0.0013, -0.0005], PRIMARY.image_size)  # type: ignore[arg-type]
+        rig = replace(PLAIN, primary=faint)
+        back = import_files(export_files(rig, "kalibr"), "kalibr")
+        away = np.abs(views(back) - views(rig)).max()
+        _, worst = fewer_coefficients(faint, 4)
+        assert 1e-4 < away <= worst <= 0.02
+        assert any(f"{worst:.2g} px at most" in note for note in export_notes(rig, "kalibr"))
+
+    @pytest.mark.parametrize("name", ["kalibr", "colmap"])
+    def test_skew_is_refused(self, name: str) -> None:
+        rig = replace(PLAIN, secondary=SECONDARY)
+        with pytest.raises(StereocalError, match=r"no skew; that of the secondary camera is 2\.3"):
+            export_files(rig, name)
+
+    @pytest.mark.parametrize("name", ["opencv", "ros", "aniposelib"])
+    def test_skew_that_their_functions_ignore_is_said(self, name: str) -> None:
+        assert any("skew" in note for note in export_notes(FULL, name))
+        assert export_notes(NO_SKEW, name) == []
+
+    def test_a_rational_lens(self) -> None:
+        lens = [-0.2, 0.1, 1e-4, -2e-4, 0.3, 0.1, -0.3, 0.2]
+        rig = replace(PLAIN, primary=Camera(PRIMARY.K, lens, PRIMARY.image_size))  # type: ignore[arg-type]
+        for name in ("opencv", "ros", "colmap"):
+            back = import_files(export_files(rig, name), name)
+            np.testing.assert_allclose(views(back), views(rig), rtol=0, atol=1e-6)
+        with pytest.raises(StereocalError, match=r"k4 = 0\.1 too"):
+            export_files(rig, "matlab")
+
+
+class TestRefusals:
+    @pytest.mark.parametrize(
+        ("name", "change", "says"),
+        [
+            ("kalibr", lambda t: t.replace("radtan", "equi", 1), "pinhole with equi"),
+            ("kalibr", lambda t: t.replace("cam1:", "cam2:"), "cam0, cam2"),
+            ("kalibr", lambda t: t.replace("[1600, 1200]", "[1600]"), "image size"),
+            ("kalibr", lambda t: t.replace("T_cn_cnm1", "T_other"), "T_cn_cnm1"),
+            ("kalibr", lambda t: "a: &x [1]\nb: *x\n" + t, "aliases"),
+            ("aniposelib", lambda t: t.replace("[cam_1]", "[cam_1]\nfisheye = true"), "fisheye"),
+            ("aniposelib", lambda t: t.split("[cam_1]")[0], "two cameras are wanted"),
+            ("matlab", lambda t: t.replace("K2 = ", "L2 = "), "K2 is missing"),
+            ("matlab", lambda t: t.replace("-0.21", "zero"), "not a number"),
+        ],
+    )
+    def test_sentences(self, name: str, change: Callable[[str], str], says: str) -> None:
+        ((file, content),) = export_files(RICHEST[name], name).items()
+        with pytest.raises(StereocalError, match=says):
+            import_files({file: change(content.decode()).encode()}, name, SIZES)
+
+    def test_ros_files_that_are_no_pair(self) -> None:
+        files = export_files(FULL, "ros")
+        for spoilt in (
+            {"a.yaml": files["primary.yaml"], "b.yaml": files["primary.yaml"]},
+            {"a.yaml": files["primary.yaml"]},
+        ):
+            with pytest.raises(StereocalError, match=r"stereo pair|two camera_info files"):
+                import_files(spoilt, "ros")
+
+    def test_the_command_says_it_in_one_sentence(
+        self, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        FULL.save(tmp_path / "p.json")
+        out = tmp_path / "o"
+        for words, says in (
+            (["--to", "kalibr"], "k3"),
+            (["--from", "opencv"], "M1, M2, D1, D2 missing"),
+            (["--from", "dlt", "--image-size-primary", "big"], 'image size "big"'),
+            (["--to", "dlt", "--world", str(tmp_path / "none")], "cannot be read"),
+        ):
+            assert main(["convert", str(tmp_path / "p.json"), *words, "--out", str(out)]) == 2
+            printed = capsys.readouterr().err
+            assert says in printed
+            assert printed.count("\n") == 1
+            assert not out.exists()

@@ -1,0 +1,685 @@
+"""Files in and out: tables, camera files and data sets, sound, broken and hostile."""
+
+from __future__ import annotations
+
+import io
+import json
+import tracemalloc
+import zipfile
+from collections.abc import Callable, Mapping
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as npst
+
+from stereocal.errors import RefusedRowsError, StereocalError
+from stereocal.formats.camera_file import read_camera, write_camera
+from stereocal.formats.correspondences_csv import TEMPLATE, read_table, write_table
+from stereocal.formats.dataset_files import pack_dataset, parse_dataset, read_dataset, read_survey
+from stereocal.rig.camera import Camera
+from stereocal.rig.dataset import Correspondences
+from stereocal.rig.parameters import RigParameters
+from stereocal.system.zip_files import unzip
+from tests.known_rig import PRIMARY, SECONDARY, correspondences, dataset
+
+HEADER = "frame,target,u_primary,v_primary,u_secondary,v_secondary"
+ROW = "1,A,100.5,200,300,400.25"
+NOISY = dataset(6, noise_px=0.3)
+
+
+def table(*rows: str, header: str = HEADER, end: str = "\n") -> bytes:
+    return (end.join([header, *rows]) + end).encode()
+
+
+def zipped(files: Mapping[str, bytes]) -> bytes:
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in files.items():
+            archive.writestr(name, content)
+    return out.getvalue()
+
+
+def problems_of(content: bytes) -> list[tuple[int, str]]:
+    return [(problem.line, problem.reason) for problem in read_table(content, "t.csv").problems]
+
+
+class TestTable:
+    def test_template(self) -> None:
+        rows = read_table(TEMPLATE.encode(), "t.csv").strict("t.csv")
+        np.testing.assert_array_equal(rows.frame, [1, 1, 2, 2])
+        np.testing.assert_array_equal(rows.target, [0, 1, 0, 1])
+        np.testing.assert_array_equal(rows.primary[1], [1303.84, 702.15])
+        np.testing.assert_array_equal(rows.secondary[2], [540.08, 812.57])
+        np.testing.assert_array_equal(rows.line, [2, 3, 4, 5])
+        assert np.isnan(rows.distance_m).all()
+
+    @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+    @pytest.mark.parametrize("mark", [b"", b"\xef\xbb\xbf"])
+    def test_line_ends_and_a_byte_order_mark(self, end: str, mark: bytes) -> None:
+        content = mark + table(ROW, "1,A,1,2,3,4", "2,B,1,2,3,4", end=end)
+        read = read_table(content, "t.csv")
+        assert [problem.line for problem in read.problems] == [3]
+        np.testing.assert_array_equal(read.correspondences.line, [2, 4])
+
+    @pytest.mark.parametrize("end", ["\n", "\r\n"])
+    def test_blank_lines_keep_the_line_numbers_right(self, end: str) -> None:
+        content = table("", ROW, "", ",,,,,", "1,B,x,2,3,4", "", "3,A,1,2,3,4", end=end)
+        read = read_table(end.encode() + content, "t.csv")
+        assert [problem.line for problem in read.problems] == [7]
+        np.testing.assert_array_equal(read.correspondences.line, [4, 9])
+
+    @pytest.mark.parametrize("delimiter", [",", ";", "\t"])
+    def test_delimiters_columns_in_any_order_and_further_ones(self, delimiter: str) -> None:
+        header = [
+            "note",
+            "V_Secondary",
+            " target ",
+            "u_secondary",
+            "v_primary",
+            "u_primary",
+            "frame",
+        ]
+        row = ["hello", "4.5", "b", "3", "2", "1", "17"]
+        content = table(delimiter.join(row), header=delimiter.join(header))
+        rows = read_table(content, "t.csv").strict("t.csv")
+        assert (rows.frame[0], rows.target[0]) == (17, 1)
+        np.testing.assert_array_equal(rows.primary, [[1, 2]])
+        np.testing.assert_array_equal(rows.secondary, [[3, 4.5]])
+
+    def test_semicolons_with_decimal_commas(self) -> None:
+        content = table("1;A;100,5;200;3,25;400,125", header=HEADER.replace(",", ";"))
+        rows = read_table(content, "t.csv").strict("t.csv")
+        np.testing.assert_array_equal(rows.primary, [[100.5, 200]])
+        np.testing.assert_array_equal(rows.secondary, [[3.25, 400.125]])
+
+    def test_quoted_cells(self) -> None:
+        content = table('"1","A","100.5","200","300","400.25"')
+        assert read_table(content, "t.csv").strict("t.csv").primary[0, 0] == 100.5
+
+    @pytest.mark.parametrize(
+        ("row", "says"),
+        [
+            ("2,A,x,2,3,4", 'u_primary is "x", which is not a number'),
+            ("2,A,1,2,3,1;5", "v_secondary is"),
+            ("2,A,1,nan,3,4", "v_primary is nan, which is not a finite number"),
+            ("2,A,1,2,inf,4", "u_secondary is inf, which is not a finite"),
+            ("2,A,1,2,1e999,4", "which is not a finite"),
+            ("2,A,1,2,,4", "u_secondary is empty"),
+            ("2,A,1,2", "u_secondary is empty"),
+            (",A,1,2,3,4", "frame is empty"),
+            ("2.5,A,1,2,3,4", "frame is 2.5, which is not a whole number"),
+            ("1e300,A,1,2,3,4", "which is not a whole number"),
+            ("2,C,1,2,3,4", 'target is "C"; it must be A or B'),
+            ("2,,1,2,3,4", 'target is ""'),
+            ("1,A,1,2,3,4", "frame 1 has target A already, in line 2"),
+        ],
+    )
+    def test_refused_rows(self, row: str, says: str) -> None:
+        content = table(ROW, row, "3,B,1,2,3,4")
+        read = read_table(content, "t.csv")
+        ((line, reason),) = problems_of(content)
+        assert line == 3
+        assert says in reason
+        np.testing.assert_array_equal(read.correspondences.frame, [1, 3])
+        with pytest.raises(RefusedRowsError, match=r"^t\.csv: 1 row cannot be used: line 3: "):
+            read.strict("t.csv")
+
+    def test_many_refused_rows_are_counted(self) -> None:
+        with pytest.raises(RefusedRowsError, match=r"5 rows .*line 2.*line 4.*; and 2 more"):
+            read_table(table(*["x"] * 5), "t.csv").strict("t.csv")
+
+    def test_distances(self) -> None:
+        content = table(
+            ROW + ",0.9", "1,B,1,2,3,4,", "2,A,1,2,3,4,0.5", "2,B,1,2,3,4,0.5", "3,A,1,2,3,4,0.5",
+            "3,B,1,2,3,4,0.6", "4,A,1,2,3,4,0", "5,A,1,2,3,4,-0.9", "6,A,1,2,3,4,nan",
+            header=HEADER + ",distance_m",
+        )  # fmt: skip
+        rows = read_table(content, "t.csv").correspondences
+        np.testing.assert_array_equal(rows.distance_m, [0.9, np.nan, 0.5, 0.5, 0.5])
+        lines, reasons = zip(*problems_of(content), strict=True)
+        assert lines == (7, 8, 9, 10)
+        assert "frame 3 has two different distances, 0.5 and 0.6 m" in reasons[0]
+        assert "it must be above 0" in reasons[1]
+        assert "it must be above 0" in reasons[2]
+        assert "not a finite number" in reasons[3]
+
+    def test_the_distance_of_a_frame_may_stand_with_either_target(self) -> None:
+        """Empty with A, then two rows that differ: no order hides a contradiction."""
+        content = table(
+            "1,A,1,2,3,4,", "1,B,1,2,3,4,0.6", "2,B,1,2,3,4,0.5", "2,A,1,2,3,4,",
+            header=HEADER + ",distance_m",
+        )  # fmt: skip
+        assert not problems_of(content)
+
+    def test_sigmas_and_sources(self) -> None:
+        content = table(
+            ROW + ",0.05,,detected", "1,B,1,2,3,4,0.1,0.2,", "2,A,1,2,3,4,,,Manual",
+            "3,A,1,2,3,4,0,,", "4,A,1,2,3,4,,-1,", "5,A,1,2,3,4,,,guessed", "6,A,1,2,3,4,x,,",
+            header=HEADER + ",sigma_primary_px,sigma_secondary_px,source",
+        )  # fmt: skip
+        rows = read_table(content, "t.csv").correspondences
+        np.testing.assert_array_equal(rows.sigma_primary_px, [0.05, 0.1, np.nan])
+        np.testing.assert_array_equal(rows.sigma_secondary_px, [np.nan, 0.2, np.nan])
+        np.testing.assert_array_equal(rows.source, [0, -1, 2])
+        reasons = [reason for _, reason in problems_of(content)]
+        assert len(reasons) == 4
+        assert "sigma_primary_px is 0; it must be above 0" in reasons[0]
+        assert "sigma_secondary_px is -1; it must be above 0" in reasons[1]
+        assert 'source is "guessed"; it must be detected, corrected, manual' in reasons[2]
+        assert 'sigma_primary_px is "x", which is not a number' in reasons[3]
+
+    def test_a_table_without_sigmas_is_written_without_their_columns(self) -> None:
+        rows = read_table(table(ROW), "t.csv").correspondences
+        assert write_table(rows).splitlines()[0].decode() == HEADER
+
+    def test_known_points(self) -> None:
+        content = table(ROW + ",1,2,7.5", "1,B,1,2,3,4,,,", header=HEADER + ",x_m,y_m,z_m")
+        rows = read_table(content, "t.csv").strict("t.csv")
+        np.testing.assert_array_equal(rows.known_points_m, [[1, 2, 7.5], [np.nan] * 3])
+
+    @pytest.mark.parametrize(
+        ("content", "says"),
+        [
+            (b"", "is empty"),
+            (b" \n\r\n\t\n", "is empty"),
+            (table(), "a header and no rows"),
+            (table("", "", ""), "a header and no rows"),
+            (table(ROW, header="frame,target,u_primary"), "columns v_primary, u_secondary"),
+            (table(ROW, header=HEADER.replace("frame", "time")), "column frame is missing"),
+            (table(ROW, header=HEADER + ",frame"), "column frame stands in the first line twice"),
+            (b"\xff\xfef\x00r\x00", "not a text file"),
+            (b"\x00\x01\x02", "missing"),
+            (table('1,A,"' + "9" * 200_000 + '",2,3,4'), "line"),
+        ],
+    )
+    def test_no_table(self, content: bytes, says: str) -> None:
+        with pytest.raises(StereocalError, match=says) as error:
+            read_table(content, "t.csv")
+        assert str(error.value).startswith("t.csv")
+
+    finite = st.floats(allow_nan=False, allow_infinity=False)
+
+    @given(
+        st.lists(
+            st.tuples(st.integers(-(2**53), 2**53), st.sampled_from("AB")), min_size=1,
+            max_size=8, unique=True,
+        ),
+        st.data(),
+    )  # fmt: skip
+    @settings(max_examples=60)
+    def test_there_and_back(self, keys: list[tuple[int, str]], data: st.DataObject) -> None:
+        n = len(keys)
+        places = npst.arrays(np.float64, (n, 2), elements=self.finite)
+        known = st.none() | npst.arrays(np.float64, (n, 3), elements=self.finite | st.just(np.nan))
+        sigma = st.floats(1e-6, 1e6) | st.just(np.nan)
+        sigmas = st.none() | npst.arrays(np.float64, n, elements=sigma)
+        word = st.sampled_from(["", "detected", "corrected", "manual"])
+        sources = st.none() | st.lists(word, min_size=n, max_size=n)
+        own = {frame: data.draw(st.just(np.nan) | st.floats(1e-3, 1e3)) for frame, _ in keys}
+        rows = Correspondences.from_arrays(
+            [frame for frame, _ in keys],
+            [target for _, target in keys],
+            data.draw(places),
+            data.draw(places),
+            [own[frame] for frame, _ in keys],
+            data.draw(known),
+            data.draw(sigmas),
+            data.draw(sigmas),
+            data.draw(sources),
+        )
+        back = read_table(write_table(rows), "t.csv").strict("t.csv")
+        for field in fields(rows):
+            if field.name != "line":
+                np.testing.assert_array_equal(getattr(back, field.name), getattr(rows, field.name))
+
+    @given(st.binary(max_size=300))
+    @example(b'"')
+    @example(b"\x00")
+    @example(b"\xef\xbb\xbf")
+    @example(b"\x0b")
+    @example(b"\x1c\n1")
+    def test_any_bytes_are_read_or_refused(self, content: bytes) -> None:
+        for text in (content, table() + content, content + table(ROW)):
+            try:
+                read_table(text, "t.csv")
+            except StereocalError as error:
+                assert str(error)
+
+
+def with_storage(suffix: str, **nodes: Any) -> bytes:
+    """A file as OpenCV itself writes it."""
+    storage = cv2.FileStorage(suffix, cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY)
+    for name, value in nodes.items():
+        storage.write(name, value)
+    return str(storage.releaseAndGetString()).encode()
+
+
+SUFFIXES = [".yaml", ".xml", ".json"]
+NODES: Mapping[str, Any] = {
+    "image_width": 1280,
+    "image_height": 1024,
+    "camera_matrix": np.array(SECONDARY.K),
+    "distortion_coefficients": np.array(SECONDARY.distortion)[None],
+}
+OTHER_TOOL = b"""%YAML:1.0
+camera_name: left.yaml
+image_width: 1280
+image_height: 1024
+camera_matrix: !!opencv-matrix
+  rows: 3
+  cols: 3
+  dt: d
+  data: [1260.82, 0, 638.87, 0, 1259.69, 517.35, 0, 0, 1]
+distortion_model: plumb_bob
+distortion_coefficients: !!opencv-matrix
+  rows: 1
+  cols: 5
+  dt: d
+  data: [-0.2253355, 0.2519776, 0.0005334135, -0.0004274737, -0.2372552]
+extrinsics:
+  rows: 3
+  cols: 4
+  dt: d
+  data: [0.47, 0.57, -0.66, 2621.9, -0.49, 0.8, 0.34, -1151.4, 0.72, 0.16, 0.66, 1580.5]
+"""
+
+
+def equal(first: Camera, second: Camera) -> bool:
+    return first.to_json() == second.to_json()
+
+
+class TestCameraFile:
+    def test_ours_there_and_back(self) -> None:
+        for camera in (PRIMARY, SECONDARY):
+            assert equal(read_camera(write_camera(camera), "c.json"), camera)
+
+    @pytest.mark.parametrize("suffix", SUFFIXES)
+    def test_what_opencv_writes(self, suffix: str) -> None:
+        read = read_camera(with_storage(suffix, **NODES), "c" + suffix, "brown")
+        assert equal(read, SECONDARY)
+
+    @pytest.mark.parametrize("suffix", SUFFIXES)
+    def test_a_byte_order_mark_and_other_line_ends(self, suffix: str) -> None:
+        content = b"\xef\xbb\xbf" + with_storage(suffix, **NODES).replace(b"\n", b"\r\n")
+        assert equal(read_camera(content, "c", "brown"), SECONDARY)
+
+    @pytest.mark.parametrize("suffix", SUFFIXES)
+    @pytest.mark.parametrize(
+        ("K", "D"), [("K", "D"), ("cameraMatrix", "distCoeffs"), ("Camera_Matrix", "dist_coeffs")]
+    )
+    def test_other_names_and_columns(self, suffix: str, K: str, D: str) -> None:
+        nodes = {
+            K: NODES["camera_matrix"], D: NODES["distortion_coefficients"].T.copy(),
+            "width": 1280, "height": 1024,
+        }  # fmt: skip
+        assert equal(read_camera(with_storage(suffix, **nodes), "c", "brown"), SECONDARY)
+
+    def test_nodes_of_other_tools_do_no_harm(self) -> None:
+        read = read_camera(OTHER_TOOL, "primary.yaml")
+        assert read.K[0, 0] == 1260.82
+        assert read.distortion[4] == -0.2372552
+        assert read.image_size == (1280, 1024)
+
+    @pytest.mark.parametrize("suffix", SUFFIXES)
+    @pytest.mark.parametrize("missing", NODES)
+    def test_a_missing_node(self, suffix: str, missing: str) -> None:
+        nodes = {name: value for name, value in NODES.items() if name != missing}
+        with pytest.raises(StereocalError, match=f"^c: {missing} is missing"):
+            read_camera(with_storage(suffix, **nodes), "c")
+
+    @pytest.mark.parametrize("suffix", SUFFIXES)
+    @pytest.mark.parametrize(
+        ("change", "says"),
+        [
+            ({"camera_matrix": np.zeros((3, 3))}, "cannot be inverted"),
+            ({"camera_matrix": np.eye(4)}, "3x3"),
+            ({"camera_matrix": np.array(SECONDARY.K.T)}, "transposed"),
+            ({"camera_matrix": 5}, "matrix"),
+            ({"camera_matrix": "K"}, "matrix"),
+            ({"distortion_coefficients": np.zeros((1, 3))}, "3 distortion coefficients"),
+            ({"image_width": "wide"}, "not a number"),
+            ({"image_width": 0}, "0x1024"),
+            ({"image_height": -5}, "1280x-5"),
+        ],
+    )
+    def test_unsound_nodes(self, suffix: str, change: dict[str, Any], says: str) -> None:
+        with pytest.raises(StereocalError, match=f"^c: .*{says}"):
+            read_camera(with_storage(suffix, **{**NODES, **change}), "c")
+
+    @pytest.mark.parametrize(
+        ("content", "says"),
+        [
+            (b"", "is empty"),
+            (b"\n \n", "is empty"),
+            (b"\xef\xbb\xbf", "c: "),
+            (b"hello", "format of the camera file is not known"),
+            (b"\x89PNG\r\n\x1a\n\x00\xff", "not a camera file"),
+            (b"{", "not valid JSON"),
+            (b"{}", "camera_matrix is missing"),
+            (b"[" * 100_000, "not known"),
+            (b'{"a":' * 100_000, "not valid JSON"),
+            (b'{"format": "stereocal-camera/9"}', "stereocal-camera/9"),
+            (b'{"format": "stereocal-camera/1"}', "lacks K, distortion, image_size"),
+            (b"%YAML:1.0", "c: "),
+            (b"<?xml version='1.0'?>", "c: "),
+            (b"%YAML:1.0\n" + b"#" * 4_000_000, "too many"),
+        ],
+    )
+    def test_no_camera_file(self, content: bytes, says: str) -> None:
+        with pytest.raises(StereocalError, match=says) as error:
+            read_camera(content, "c")
+        assert str(error.value).startswith("c: ")
+
+    @pytest.mark.parametrize("suffix", SUFFIXES)
+    @pytest.mark.parametrize("percent", [5, 20, 35, 50, 65, 80, 90])
+    def test_files_cut_off(self, suffix: str, percent: int) -> None:
+        """The size stands first in our order of nodes, and a matrix half there is no camera."""
+        whole = with_storage(suffix, **NODES)
+        with pytest.raises(StereocalError, match=r"^c: "):
+            read_camera(whole[: len(whole) * percent // 100], "c")
+
+    @pytest.mark.parametrize(
+        ("old", "new"),
+        [
+            (b"  cols: 3\n", b""),
+            (b"  rows: 3\n", b""),
+            (b"cols: 3", b"cols: -1"),
+            (b"cols: 3", b"cols: 2000000000"),
+            (b"rows: 3", b"rows: 2"),
+            (b"rows: 3", b"rows: three"),
+            (b"  rows: 3\n  cols: 3\n", b"  sizes: [" + b"3, " * 99 + b"3]\n"),
+            (b"[1260.82, 0,", b"[a, b,"),
+            (b"[1260.82, 0,", b"[[1260.82, 0],"),
+            (b", 0, 0, 1]", b"]"),
+            (b"data: [1260.82", b"datum: [1260.82"),
+        ],
+    )
+    def test_matrices_that_opencv_dies_of(self, old: bytes, new: bytes) -> None:
+        """`FileNode.mat()` of OpenCV 5.0 ends the interpreter at some of these."""
+        assert old in OTHER_TOOL
+        with pytest.raises(StereocalError, match=r"^c: camera_matrix "):
+            read_camera(OTHER_TOOL.replace(old, new, 1), "c")
+
+    @pytest.mark.parametrize("suffix", [".xml", ".json"])
+    def test_a_matrix_without_columns(self, suffix: str) -> None:
+        whole = with_storage(suffix, **NODES)
+        cut = whole.replace(b"<cols>3</cols>", b"").replace(b'"cols": 3,', b"")
+        assert cut != whole
+        with pytest.raises(StereocalError, match="is not a matrix"):
+            read_camera(cut, "c")
+
+    @pytest.mark.parametrize(
+        "content",
+        [
+            b"%YAML:1.0\na: " + b"[" * 200_000,
+            b"%YAML:1.0\na: " + b"{a: " * 200_000,
+            b"%YAML:1.0\na:\n  " + b"- " * 200_000,
+            b'<?xml version="1.0"?><opencv_storage>' + b"<a>" * 200_000,
+            b'{"a":' + b"[" * 900 + b"]" * 900 + b"}",
+        ],
+    )
+    def test_deep_nesting_does_not_end_the_program(self, content: bytes) -> None:
+        with pytest.raises(StereocalError, match="nested too deeply"):
+            read_camera(content, "c")
+
+    @given(st.sampled_from(SUFFIXES), st.data())
+    @settings(max_examples=150)
+    def test_mutated_files_are_read_or_refused(self, suffix: str, data: st.DataObject) -> None:
+        content = bytearray(with_storage(suffix, **NODES))
+        for _ in range(data.draw(st.integers(1, 3))):
+            at = data.draw(st.integers(0, len(content) - 1))
+            new = data.draw(st.sampled_from([*b'09-.e:"<>{}[]!\n\t ,x', 0, 255]))
+            content[at] = new
+        read_or_refused(lambda: read_camera(bytes(content), "c"))
+
+    @given(st.sampled_from([b"", b"%YAML:1.0\n", b'<?xml version="1.0"?>\n', b"{"]), st.binary())
+    @settings(max_examples=150)
+    def test_any_bytes_are_read_or_refused(self, start: bytes, content: bytes) -> None:
+        read_or_refused(lambda: read_camera(start + content, "c"))
+
+
+def read_or_refused(read: Callable[[], object]) -> None:
+    try:
+        read()
+    except StereocalError as error:
+        assert str(error)
+
+
+class TestDatasetFiles:
+    files = pack_dataset(NOISY)
+
+    def changed(self, **keys: Any) -> dict[str, bytes]:
+        """The files with other values in dataset.json; a key is left out for `...`."""
+        description = {**json.loads(self.files["dataset.json"]), **keys}
+        kept = {key: value for key, value in description.items() if value is not ...}
+        return {**self.files, "dataset.json": json.dumps(kept).encode()}
+
+    def test_there_and_back(self) -> None:
+        full = replace(
+            NOISY, baseline_sigma_m=0.01, target_distance_sigma_m=2e-3, notes="windy", name="Ä b"
+        )
+        back = parse_dataset(pack_dataset(full), "x")
+        assert back.sha256 == NOISY.sha256
+        for name in (
+            "name", "notes", "baseline_m", "target_distance_m", "baseline_sigma_m",
+            "target_distance_sigma_m",
+        ):  # fmt: skip
+            assert getattr(back, name) == getattr(full, name)
+
+    @pytest.mark.parametrize("inside", ["", "survey/", "a/b/c/"])
+    def test_zip_with_the_same_digest(self, tmp_path: Path, inside: str) -> None:
+        content = zipped({inside + name: content for name, content in self.files.items()})
+        (tmp_path / "survey.zip").write_bytes(content)
+        assert read_dataset(tmp_path / "survey.zip").sha256 == NOISY.sha256
+
+    @pytest.mark.parametrize("inside", ["", "survey"])
+    def test_folder_with_the_same_digest(self, tmp_path: Path, inside: str) -> None:
+        (tmp_path / inside).mkdir(exist_ok=True)
+        for name, content in self.files.items():
+            (tmp_path / inside / name).write_bytes(content)
+        (tmp_path / "notes.txt").write_bytes(b"\xff")
+        assert read_dataset(tmp_path).sha256 == NOISY.sha256
+
+    def test_opencvs_camera_files(self) -> None:
+        files = self.changed(cameras={"primary": "primary.json", "secondary": "right.yaml"})
+        files["right.yaml"] = with_storage(".yaml", **NODES)
+        assert parse_dataset(files, "x", lens_model="brown").sha256 == NOISY.sha256
+
+    def test_files_of_a_mac_are_ignored(self) -> None:
+        files = {f"survey/{name}": content for name, content in self.files.items()}
+        files["__MACOSX/survey/._dataset.json"] = b"\x00\x05\x16\x07"
+        files["__MACOSX/survey/dataset.json"] = b"\x00\x05\x16\x07"
+        files["survey/.DS_Store"] = b"\x00"
+        assert parse_dataset(unzip(zipped(files), "x"), "x").sha256 == NOISY.sha256
+
+    def test_the_name_defaults_to_the_files(self) -> None:
+        assert parse_dataset(self.changed(name=...), "folder/field day.zip").name == "field day"
+
+    def test_two_data_sets_are_refused(self) -> None:
+        files = {f"{day}/{name}": c for day in ("mon", "tue") for name, c in self.files.items()}
+        with pytest.raises(StereocalError, match=r"2 data sets \(mon/dataset.json, tue"):
+            parse_dataset(files, "x")
+
+    @pytest.mark.parametrize(
+        "name", ["dataset.json", "primary.json", "secondary.json", "correspondences.csv"]
+    )
+    def test_a_missing_member(self, name: str) -> None:
+        files = {other: content for other, content in self.files.items() if other != name}
+        with pytest.raises(StereocalError, match=f"^x: .*{name}"):
+            parse_dataset(files, "x")
+
+    @pytest.mark.parametrize("packed", [False, True])
+    def test_photographs_and_no_table_yet(self, tmp_path: Path, packed: bool) -> None:
+        files = {k: v for k, v in self.files.items() if k != "correspondences.csv"}
+        files |= {f"{camera}/1.png": b"x" for camera in ("primary", "secondary")}
+        source = tmp_path / "survey"
+        if packed:
+            source.write_bytes(zipped(files))
+        else:
+            for name, content in files.items():
+                (source / name).parent.mkdir(parents=True, exist_ok=True)
+                (source / name).write_bytes(content)
+        with pytest.raises(StereocalError, match=r"photographs and no correspondences\.csv yet"):
+            read_dataset(source)
+        survey = read_survey(source)
+        assert survey.with_points(NOISY.correspondences).sha256 == NOISY.sha256
+
+    def test_photographs_are_not_unpacked_with_the_texts(self, tmp_path: Path) -> None:
+        content = zipped({**self.files, "primary/1.png": bytes(9_000_000)})
+        (tmp_path / "a.zip").write_bytes(content)
+        tracemalloc.start()
+        assert read_dataset(tmp_path / "a.zip").sha256 == NOISY.sha256
+        assert tracemalloc.get_traced_memory()[1] < 3_000_000
+        tracemalloc.stop()
+
+    def test_nothing_there(self, tmp_path: Path) -> None:
+        with pytest.raises(StereocalError, match="no such folder or file"):
+            read_dataset(tmp_path / "none")
+        with pytest.raises(StereocalError, match=r"no dataset\.json .*nothing"):
+            read_dataset(tmp_path)
+
+    @pytest.mark.parametrize(
+        "text", ["", "{", "[]", "null", "7", '"x"', "\x00", "[" * 100_000, '{"format": "other/1"}']
+    )
+    def test_a_broken_description(self, text: str) -> None:
+        with pytest.raises(StereocalError, match=r"^x: dataset\.json"):
+            parse_dataset({**self.files, "dataset.json": text.encode()}, "x")
+
+    def test_a_description_in_another_encoding(self) -> None:
+        with pytest.raises(StereocalError, match="not a text file"):
+            parse_dataset({**self.files, "dataset.json": '{"name": "Ä"}'.encode("latin-1")}, "x")
+
+    @pytest.mark.parametrize(
+        ("keys", "says"),
+        [
+            ({"baseline_m": ...}, "baseline_m is missing"),
+            ({"target_distance_m": None}, "target_distance_m is missing"),
+            ({"baseline_m": "2.37"}, "baseline_m is '2.37'; it must be a number"),
+            ({"target_distance_m": True}, "must be a number"),
+            ({"target_distance_m": [0.9]}, "must be a number"),
+            ({"baseline_sigma_m": "1 cm"}, "must be a number"),
+            ({"baseline_sigma_m": -1}, "uncertainty"),
+            ({"baseline_m": 0}, "above 0"),
+            ({"baseline_m": -2.37}, "above 0"),
+            ({"baseline_m": float("nan")}, "above 0"),
+            ({"baseline_m": float("inf")}, "above 0"),
+            ({"baseline_m": 2370}, "millimetres"),
+            ({"target_distance_m": 10**400}, "far too large"),
+            ({"cameras": ...}, "must name a primary and a secondary"),
+            ({"cameras": ["primary.json", "secondary.json"]}, "must name"),
+            ({"cameras": {"primary": "primary.json"}}, "must name"),
+            ({"cameras": {"primary": "primary.json", "secondary": 3}}, "camera file 3 is missing"),
+            ({"cameras": {"primary": "../p.json", "secondary": "s"}}, r"'\.\./p\.json' is missing"),
+        ],
+    )
+    def test_unsound_descriptions(self, keys: dict[str, Any], says: str) -> None:
+        with pytest.raises(StereocalError, match=says) as error:
+            parse_dataset(self.changed(**keys), "x")
+        assert str(error.value).startswith("x: ")
+
+    def test_refused_rows_are_named_with_their_file(self) -> None:
+        bad = self.files["correspondences.csv"] + b"99,A,1,2,3,x\n"
+        in_table = r"^x: correspondences\.csv: 1 row .*line 14: "
+        with pytest.raises(RefusedRowsError, match=in_table) as e:
+            parse_dataset({**self.files, "correspondences.csv": bad}, "x")
+        assert [problem.line for problem in e.value.problems] == [14]
+        far = self.files["correspondences.csv"] + b"99,A,1599.6,2,3,4\n"
+        with pytest.raises(RefusedRowsError, match=in_table + ".*outside"):
+            parse_dataset({**self.files, "correspondences.csv": far}, "x")
+
+    @given(st.data())
+    @settings(max_examples=60)
+    def test_mutated_files_are_read_or_refused(self, data: st.DataObject) -> None:
+        name = data.draw(st.sampled_from(sorted(self.files)))
+        content = bytearray(self.files[name])
+        at = data.draw(st.integers(0, len(content) - 1))
+        content[at : at + data.draw(st.integers(0, 3))] = data.draw(st.binary(max_size=3))
+        read_or_refused(lambda: parse_dataset({**self.files, name: bytes(content)}, "x"))
+
+
+class TestZip:
+    content = zipped(pack_dataset(NOISY))
+
+    @pytest.mark.parametrize(
+        ("content", "says"),
+        [
+            (b"", r"empty \(0 bytes\)"),
+            (b"PK\x03\x04", "not a sound zip"),
+            (b"not a zip at all", "not a sound zip"),
+            (content[:-30], "not a sound zip"),
+            (content[: len(content) // 2], "not a sound zip"),
+            (zipped({}), "zip is empty"),
+            (zipped({"folder/": b""}), "zip is empty"),
+        ],
+    )
+    def test_no_zip(self, content: bytes, says: str) -> None:
+        with pytest.raises(StereocalError, match=f"^z: .*{says}"):
+            unzip(content, "z")
+
+    def test_no_zip_file(self, tmp_path: Path) -> None:
+        (tmp_path / "x.zip").write_bytes(b"")
+        with pytest.raises(StereocalError, match=r"^x\.zip: .*0 bytes"):
+            read_dataset(tmp_path / "x.zip")
+
+    def test_a_bomb_is_not_unpacked(self) -> None:
+        bomb = zipped({"correspondences.csv": bytes(40_000_000)})
+        assert len(bomb) < 100_000
+        with pytest.raises(StereocalError, match="would swell to 40000000"):
+            unzip(bomb, "z")
+
+    def test_a_size_that_lies_does_not_swell(self) -> None:
+        """The directory says 10 bytes, the stream has 40 million: damaged, or cut to 10."""
+        bomb = zipped({"a.csv": bytes(40_000_000)})
+        lie = bomb.replace((40_000_000).to_bytes(4, "little"), (10).to_bytes(4, "little"))
+        assert lie != bomb
+        try:
+            files = unzip(lie, "z")
+        except StereocalError:
+            return
+        assert len(files["a.csv"]) <= 10
+
+    def test_a_damaged_member(self) -> None:
+        content = bytearray(self.content)
+        content[80:90] = bytes(10)
+        with pytest.raises(StereocalError, match="not a sound zip"):
+            unzip(bytes(content), "z")
+
+    def test_names_that_climb_out_are_names_only(self, tmp_path: Path) -> None:
+        (tmp_path / "in").mkdir()
+        (tmp_path / "in" / "x.zip").write_bytes(zipped({"../dataset.json": b"{}"}))
+        with pytest.raises(StereocalError):
+            read_dataset(tmp_path / "in" / "x.zip")
+        assert [path.name for path in tmp_path.iterdir()] == ["in"]
+
+    @given(st.data())
+    @settings(max_examples=150)
+    def test_mutated_zips_are_read_or_refused(self, data: st.DataObject) -> None:
+        content = bytearray(self.content)
+        for _ in range(data.draw(st.integers(1, 3))):
+            content[data.draw(st.integers(0, len(content) - 1))] = data.draw(st.integers(0, 255))
+        read_or_refused(lambda: parse_dataset(unzip(bytes(content), "z"), "z"))
+
+    @given(st.binary(max_size=200))
+    def test_any_bytes_are_refused(self, content: bytes) -> None:
+        for start in (b"", b"PK\x03\x04", b"PK\x05\x06"):
+            with pytest.raises(StereocalError):
+                unzip(start + content, "z")
+
+
+@given(st.text(max_size=200))
+def test_any_text_is_no_parameter_file(text: str) -> None:
+    with pytest.raises(StereocalError):
+        RigParameters.loads(text)
+
+
+def test_the_table_of_the_rig_is_read_back_with_lines() -> None:
+    rows = correspondences(3, noise_px=0.3)
+    np.testing.assert_array_equal(
+        read_table(write_table(rows), "t").correspondences.line, range(2, 8)
+    )

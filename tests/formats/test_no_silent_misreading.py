@@ -1,0 +1,427 @@
+"""Files whose numbers can mean two things: what is asked, what is refused, what is read then."""
+
+from __future__ import annotations
+
+import io
+import json
+import warnings
+import zipfile
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from stereocal.cli import main
+from stereocal.errors import RefusedRowsError, StereocalError
+from stereocal.formats.camera_file import read_camera, write_camera, write_opencv_camera
+from stereocal.formats.correspondences_csv import TEMPLATE, read_table
+from stereocal.formats.dataset_files import pack_dataset, parse_dataset
+from stereocal.formats.evaluation_files import validation_in_summary
+from stereocal.formats.exchange.exchange import FORMATS, export, export_files, import_files
+from stereocal.formats.exchange.stereo import ExchangeOptions
+from stereocal.formats.lens_model import FourCoefficientsError
+from stereocal.formats.units import UNITS, Unit
+from stereocal.matching.reconstruction import read_world
+from stereocal.projects.archive import read_input
+from stereocal.projects.project import Project
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import Pose
+from stereocal.rig.parameters import RigParameters
+from stereocal.system.zip_files import unzip
+from tests.formats.test_exchange import PLAIN, RICHEST, SIZES
+from tests.known_rig import BASELINE_M, PRIMARY, RIG, SECONDARY, dataset
+
+UNSTATED = ("opencv", "matlab", "aniposelib", "colmap")
+"""Formats whose files may be in any unit."""
+FOUR = SECONDARY.distortion
+"""k1 k2 p1 p2, all different."""
+
+
+def in_unit(name: str, unit: Unit) -> dict[str, bytes]:
+    """Files as another program writes them: lengths in this unit, and no word of ours about it."""
+    rig = RICHEST[name]
+    scaled = replace(rig, pose=Pose(rig.pose.R, rig.pose.T / UNITS[unit]))
+    return {
+        file: content.replace(b"lengths in metres", b"").replace(b", 'WorldUnits', 'm'", b"")
+        for file, content in export_files(scaled, name).items()
+    }
+
+
+class TestUnits:
+    @pytest.mark.parametrize("unit", UNITS)
+    @pytest.mark.parametrize("name", UNSTATED)
+    def test_a_file_that_does_not_say_it_needs_an_answer(self, name: str, unit: Unit) -> None:
+        files = in_unit(name, unit)
+        with pytest.raises(StereocalError, match=f"--unit .*{unit} \\({BASELINE_M:g} m\\)"):
+            import_files(files, name)
+        read = import_files(files, name, ExchangeOptions(unit=unit))
+        # Measured: T exact, R 7e-16.
+        np.testing.assert_allclose(read.pose.T, RIG.T, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(read.pose.R, RIG.R, rtol=0, atol=1e-12)
+
+    @pytest.mark.parametrize("name", FORMATS)
+    def test_our_own_files_say_it(self, name: str) -> None:
+        files = export_files(RICHEST[name], name)
+        for unit in (None, "m"):
+            read = import_files(files, name, replace(SIZES, unit=unit))
+            np.testing.assert_allclose(read.pose.T, RIG.T, rtol=0, atol=1e-9)
+        with pytest.raises(StereocalError, match="in m; the unit given is mm"):
+            import_files(files, name, replace(SIZES, unit="mm"))
+
+    @pytest.mark.parametrize("name", ["kalibr", "ros"])
+    def test_formats_in_metres_by_custom(self, name: str) -> None:
+        read = import_files(in_unit(name, "m"), name)
+        np.testing.assert_allclose(read.pose.T, RIG.T, rtol=0, atol=1e-9)
+        for unit in ("cm", "mm"):
+            with pytest.raises(StereocalError, match=f"not plausible.*{unit} \\(2.37 m\\)"):
+                import_files(in_unit(name, unit), name)
+            read = import_files(in_unit(name, unit), name, ExchangeOptions(unit=unit))
+            np.testing.assert_allclose(read.pose.T, RIG.T, rtol=0, atol=1e-9)
+
+    def test_a_long_baseline_can_be_confirmed(self) -> None:
+        far = replace(PLAIN, pose=Pose(RIG.R, RIG.T * 25))  # 59 m
+        files = {
+            file: content.replace(b"lengths in metres", b"")
+            for file, content in export_files(far, "kalibr").items()
+        }
+        with pytest.raises(StereocalError, match=r"--unit m \(59\.25 m\)"):
+            import_files(files, "kalibr")
+        read = import_files(files, "kalibr", ExchangeOptions(unit="m"))
+        assert read.pose.baseline == pytest.approx(25 * BASELINE_M, rel=1e-12)
+
+    @pytest.mark.parametrize(("times", "unit"), [(1000, "m"), (1e-3, "mm"), (0.02, "cm")])
+    def test_no_rig_is_like_that(self, times: float, unit: Unit) -> None:
+        rig = replace(RICHEST["opencv"], pose=Pose(RIG.R, RIG.T * times))
+        files = {
+            file: content.replace(b"lengths in metres", b"")
+            for file, content in export_files(rig, "opencv").items()
+        }
+        with pytest.raises(StereocalError, match=r"not plausible.*--unit"):
+            import_files(files, "opencv", ExchangeOptions(unit=unit))
+
+    @pytest.mark.parametrize(
+        ("said", "unit"), [("mm", "mm"), ("millimeters", "mm"), ("centimeters", "cm"), ("m", "m")]
+    )
+    def test_matlabs_world_units(self, said: str, unit: Unit) -> None:
+        rig = RICHEST["matlab"]
+        scaled = replace(rig, pose=Pose(rig.pose.R, rig.pose.T / UNITS[unit]))
+        ((file, content),) = export_files(scaled, "matlab").items()
+        plain = content.replace(b"lengths in metres", b"")
+        told = plain.replace(b"'WorldUnits', 'm'", f"'WorldUnits', '{said}'".encode())
+        read = import_files({file: told}, "matlab")
+        np.testing.assert_allclose(read.pose.T, RIG.T, rtol=0, atol=1e-12)
+        other = plain.replace(b"'WorldUnits', 'm'", b"'WorldUnits', 'in'")
+        with pytest.raises(StereocalError, match="WorldUnits are in"):
+            import_files({file: other}, "matlab")
+
+    def test_coefficients_of_another_world_need_an_answer(self) -> None:
+        world = Pose(np.eye(3), np.array([0.3, -0.2, 9.0]))
+        files = export_files(PLAIN, "dlt", ExchangeOptions(world=world))
+        with pytest.raises(StereocalError, match="does not say the unit"):
+            import_files(files, "dlt", SIZES)
+        read = import_files(files, "dlt", replace(SIZES, unit="m"))
+        np.testing.assert_allclose(read.pose.T, RIG.T, rtol=0, atol=1e-9)
+
+    def test_on_the_command_line(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        for file, content in in_unit("opencv", "mm").items():
+            (tmp_path / file).write_bytes(content)
+        out = tmp_path / "p.json"
+        command = ["convert", str(tmp_path), "--from", "opencv", "--out", str(out)]
+        assert main(command) == 2
+        assert "--unit" in capsys.readouterr().err
+        assert not out.exists()
+        assert main([*command, "--unit", "mm"]) == 0
+        read = RigParameters.load(out)
+        np.testing.assert_allclose(read.pose.T, RIG.T, rtol=0, atol=1e-12)
+
+
+def opencv_camera(lens: Any, **more: Any) -> bytes:
+    """A camera file as OpenCV writes it."""
+    storage = cv2.FileStorage(".yml", cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY)
+    nodes = {"image_width": 1280, "image_height": 1024, "camera_matrix": np.array(SECONDARY.K)}
+    for name, value in {**nodes, "distortion_coefficients": np.array([lens]), **more}.items():
+        storage.write(name, value)
+    return str(storage.releaseAndGetString()).encode()
+
+
+def four(name: str, T: FloatArray | None = None) -> dict[str, bytes]:
+    """A rig with four coefficients, and no word of what they are.
+
+    Args:
+        T: in some unit, of which there is no word either.
+    """
+    files = export_files(PLAIN if T is None else replace(PLAIN, pose=Pose(RIG.R, T)), name)
+    if T is not None:
+        files = {file: each.replace(b"lengths in metres", b"") for file, each in files.items()}
+    if name == "ros":
+        cut = {
+            file: content.replace(b"distortion_model: plumb_bob\n", b"")
+            for file, content in files.items()
+        }
+        return {
+            file: content.replace(b", 0.0]\nrectification", b"]\nrectification")
+            for file, content in cut.items()
+        }
+    if name == "aniposelib":
+        return {
+            file: content.replace(b", 0.0]\nrotation", b"]\nrotation")
+            for file, content in files.items()
+        }
+    five = files["intrinsics.yml"]
+    for k in (1, 2):
+        head, tail = five.split(f"D{k}:".encode())
+        tail = tail.replace(b"cols: 5", b"cols: 4", 1).replace(b", 0.0 ]", b" ]", 1)
+        five = head + f"D{k}:".encode() + tail
+    return {**files, "intrinsics.yml": five}
+
+
+class TestFourCoefficients:
+    def test_a_camera_file(self) -> None:
+        content = opencv_camera(FOUR)
+        with pytest.raises(FourCoefficientsError, match=r"c\.yml.*fisheye"):
+            read_camera(content, "c.yml")
+        np.testing.assert_array_equal(read_camera(content, "c.yml", "brown").distortion, FOUR)
+        with pytest.raises(StereocalError, match="is a fisheye") as refused:
+            read_camera(content, "c.yml", "fisheye")
+        assert not isinstance(refused.value, FourCoefficientsError)
+
+    @pytest.mark.parametrize("stated", [{"distortion_model": "plumb_bob"}, {"fisheye_model": 0}])
+    def test_a_file_that_says_it(self, stated: dict[str, Any]) -> None:
+        read = read_camera(opencv_camera(FOUR, **stated), "c.yml")
+        np.testing.assert_array_equal(read.distortion, FOUR)
+
+    @pytest.mark.parametrize("stated", [{"distortion_model": "equidistant"}, {"fisheye_model": 1}])
+    @pytest.mark.parametrize("given", [None, "brown"])
+    def test_a_fisheye_is_never_read(self, stated: dict[str, Any], given: Any) -> None:
+        """Whatever a person says of a file that names its model."""
+        with pytest.raises(StereocalError, match="is a fisheye"):
+            read_camera(opencv_camera(FOUR, **stated), "c.yml", given)
+
+    def test_nothing_is_asked_of_others(self) -> None:
+        for lens in (np.zeros(4), PRIMARY.distortion, np.arange(8) / 100):
+            np.testing.assert_array_equal(read_camera(opencv_camera(lens), "c").distortion, lens)
+        assert read_camera(write_camera(SECONDARY), "c").distortion.size == 4  # ours says it
+
+    def test_what_we_write_for_opencv_has_five(self) -> None:
+        read = read_camera(write_opencv_camera(SECONDARY), "c")
+        np.testing.assert_array_equal(read.distortion, [*FOUR, 0.0])
+
+    @pytest.mark.parametrize("name", ["opencv", "ros", "aniposelib"])
+    def test_parameters(self, name: str) -> None:
+        files = four(name)
+        with pytest.raises(FourCoefficientsError):
+            import_files(files, name)
+        read = import_files(files, name, ExchangeOptions(lens_model="brown"))
+        np.testing.assert_array_equal(read.secondary.distortion, FOUR)
+        with pytest.raises(StereocalError, match="is a fisheye"):
+            import_files(files, name, ExchangeOptions(lens_model="fisheye"))
+
+    def test_kalibr_without_a_model_is_not_without_a_lens(self) -> None:
+        ((file, content),) = export_files(PLAIN, "kalibr").items()
+        with pytest.raises(StereocalError, match="no distortion_model"):
+            import_files({file: content.replace(b"distortion_model: radtan", b"note: 1")}, "kalibr")
+
+    def test_a_data_set_on_the_command_line(
+        self, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        sound = dataset(8)
+        files = pack_dataset(sound)
+        description = json.loads(files["dataset.json"])
+        description["cameras"]["secondary"] = "right.yml"
+        files |= {
+            "dataset.json": json.dumps(description).encode(),
+            "right.yml": opencv_camera(FOUR),
+        }
+        for file, content in files.items():
+            (tmp_path / file).write_bytes(content)
+        for command in ("calibrate", "evaluate", "detect"):
+            assert main([command, str(tmp_path), "--out", str(tmp_path / "out")]) == 2
+            printed = capsys.readouterr().err
+            assert "right.yml" in printed and "--lens-model" in printed
+        assert read_input(tmp_path, "brown").sha256 == sound.sha256
+
+    def test_a_project_was_asked_before(self, tmp_path: Path) -> None:
+        """Also one of an earlier version, which did not ask, opens."""
+        project = Project.create(tmp_path)
+        project.give({"secondary": ("right.yml", opencv_camera(FOUR))})
+        _, camera = Project.open(tmp_path, project.id).cameras
+        assert camera is not None
+        np.testing.assert_array_equal(camera.distortion, FOUR)
+
+
+SEQUENCES = (
+    "M1: [[1480.3, 0, 811.4], [0, 1502.7, 577.2], [0, 0, 1]]\n"
+    "M2: [1190.6, 2.3, 612.8, 0, 1171.9, 530.1, 0, 0, 1]\n"
+    "D1: [-0.21, 0.17, 0.0009, -0.0013, -0.06]\nD2:\n  - 0.08\n  - -0.11\n  - -0.0007\n"
+    "  - 0.0016\n  - 0\nimage_size_1: [1600, 1200]\nimage_size_2: [1280, 1024]\n"
+)
+
+
+class TestPlainNumbers:
+    @pytest.mark.parametrize("head", ["%YAML:1.0\n---\n", "%YAML 1.2\n---\n", ""])
+    @pytest.mark.parametrize("column", [False, True])
+    def test_sequences_in_opencvs_yaml(self, head: str, column: bool) -> None:
+        T: Any = [[value] for value in RIG.T.tolist()] if column else RIG.T.tolist()
+        text = f"{head}{SEQUENCES}R: {RIG.R.tolist()}\nT: {T}\n"
+        read = import_files({"s.yml": text.encode()}, "opencv", ExchangeOptions(unit="m"))
+        np.testing.assert_array_equal(read.pose.T, RIG.T)
+        np.testing.assert_array_equal(read.pose.R, RIG.R)
+        np.testing.assert_array_equal(read.primary.K, PRIMARY.K)
+        np.testing.assert_array_equal(read.secondary.K, SECONDARY.K)
+        np.testing.assert_array_equal(read.secondary.distortion, [*FOUR, 0])
+
+    @pytest.mark.parametrize("T", ["[1, 2]", "[[1], [2, 3]]", "[a, b, c]", "5", "[[[1]]]"])
+    def test_sequences_that_are_no_vector(self, T: str) -> None:
+        text = f"{SEQUENCES}R: {RIG.R.tolist()}\nT: {T}\n"
+        with pytest.raises(StereocalError, match=r"\bT\b"):
+            import_files({"s.yml": text.encode()}, "opencv", ExchangeOptions(unit="m"))
+
+    @pytest.mark.parametrize(
+        "names",
+        [("K", "distortion"), ("camera_matrix", "distortion_coefficients"), ("K", "dist_coeffs")],
+    )
+    @pytest.mark.parametrize("sizes", [("image_size",), ("image_width", "image_height")])
+    def test_a_camera_as_nested_lists(self, names: tuple[str, str], sizes: tuple[str, ...]) -> None:
+        size: dict[str, Any] = dict(zip(sizes, (1600, 1200), strict=False))
+        size = {"image_size": [1600, 1200]} if len(sizes) == 1 else size
+        lens = dict(zip(names, (PRIMARY.K.tolist(), PRIMARY.distortion.tolist()), strict=True))
+        read = read_camera(json.dumps({**lens, **size}).encode(), "c.json")
+        assert read.to_json() == PRIMARY.to_json()
+
+    def test_nested_lists_ask_too(self) -> None:
+        content = {**SECONDARY.to_json(), "camera": "fish"}
+        with pytest.raises(FourCoefficientsError):
+            read_camera(json.dumps(content).encode(), "c.json")
+        for more in ({"distortion_model": "radtan"}, {"fisheye": False, "fisheye_model": False}):
+            read = read_camera(json.dumps({**content, **more}).encode(), "c.json")
+            np.testing.assert_array_equal(read.distortion, FOUR)
+        del content["image_size"]
+        with pytest.raises(StereocalError, match="image_size is missing"):
+            read_camera(json.dumps(content).encode(), "c.json", "brown")
+
+
+INI = b"# of a stereo camera\n\n[LEFT_CAM_HD]\nfx=700.8\nfy=700.7\n\n[STEREO]\nBaseline=119.9\n"
+MAT = b"MATLAB 5.0 MAT-file, Platform: GLNXA64, Created on: Mon".ljust(124) + b"\x00\x01IM" * 40
+
+
+class TestOtherKinds:
+    @pytest.mark.parametrize(
+        ("content", "says"),
+        [(INI, r"an INI file.*LEFT_CAM_HD.*\"K\""), (MAT, "MATLAB.*jsonencode")],
+    )
+    def test_they_are_named(self, content: bytes, says: str) -> None:
+        with pytest.raises(StereocalError, match=says):
+            read_camera(content, "left.x")
+        for name in ("opencv", "matlab", "kalibr"):
+            with pytest.raises(StereocalError, match=says):
+                import_files({"left.x": content}, name)
+
+    def test_in_a_data_set(self, tmp_path: Path) -> None:
+        files = pack_dataset(dataset(8))
+        text = files["dataset.json"].replace(b"primary.json", b"left.mat")
+        for file, content in {**files, "dataset.json": text, "left.mat": MAT}.items():
+            (tmp_path / file).write_bytes(content)
+        with pytest.raises(StereocalError, match=r"left\.mat: this is a MATLAB file"):
+            read_input(tmp_path)
+
+    def test_what_matlab_writes_then_is_read(self) -> None:
+        """The line of MATLAB that the message gives, done by hand."""
+        K = PRIMARY.K + np.array(
+            [[0, 0, 1], [0, 0, 1], [0, 0, 0]]
+        )  # MATLAB's first pixel is (1, 1)
+        radial, tangential = PRIMARY.distortion[[0, 1, 4]], PRIMARY.distortion[2:4]
+        rows, columns = 1200, 1600
+        s = {
+            "K": (K - np.array([[0, 0, 1], [0, 0, 1], [0, 0, 0]])).tolist(),
+            "distortion": [*radial[:2], *tangential, *radial[2:]],
+            "distortion_model": "plumb_bob",
+            "image_size": [rows, columns][::-1],
+        }
+        read = read_camera(json.dumps(s).encode(), "camera.json")
+        np.testing.assert_allclose(read.K, PRIMARY.K, rtol=0, atol=1e-12)
+        np.testing.assert_array_equal(read.distortion, PRIMARY.distortion)
+        assert read.image_size == PRIMARY.image_size
+
+
+def doubled(content: bytes, key: str, value: str) -> bytes:
+    """A JSON object with one of its keys a second time, at its end."""
+    return content.rstrip()[:-1] + f',\n"{key}": {value}\n}}\n'.encode()
+
+
+class TestTwice:
+    def test_a_key_of_a_camera_and_its_lines(self) -> None:
+        content = doubled(write_camera(PRIMARY), "image_size", "[640, 480]")
+        first = write_camera(PRIMARY).decode().splitlines().index('  "image_size": [') + 1
+        with pytest.raises(StereocalError, match=rf'c\.json.*"image_size".*lines {first} and'):
+            read_camera(content, "c.json")
+
+    def test_a_key_further_down(self) -> None:
+        with pytest.raises(StereocalError, match='"fx" stands twice'):
+            read_camera(b'{"a": [{"fx": 1, "fx": 2}]}', "c.json")
+        assert json.loads('{"a": 1, "a": 2}') == {"a": 2}  # what is refused here
+
+    @pytest.mark.parametrize(
+        "read",
+        [
+            lambda p: RigParameters.load(p),
+            lambda p: read_world(p),
+            lambda p: validation_in_summary(p, dataset(6)),
+            lambda p: parse_dataset({"dataset.json": p.read_bytes()}, "x"),
+            lambda p: import_files({"s.json": p.read_bytes()}, "opencv"),
+        ],
+    )
+    def test_every_reader_of_json(self, read: Callable[[Path], object], tmp_path: Path) -> None:
+        path = tmp_path / "file.json"
+        path.write_bytes(b'{"format": "x",\n "R": [1],\n "format": "y"}')
+        with pytest.raises(StereocalError, match=r'"format" stands twice.*lines 1 and 3'):
+            read(path)
+
+    def test_a_key_of_yaml(self) -> None:
+        ((file, content),) = export_files(PLAIN, "kalibr").items()
+        twice = content.replace(b"  resolution:", b"  resolution: [9, 9]\n  resolution:", 1)
+        with pytest.raises(StereocalError, match='"resolution" stands twice'):
+            import_files({file: twice}, "kalibr")
+
+    def test_files_of_a_zip(self) -> None:
+        out = io.BytesIO()
+        with warnings.catch_warnings(), zipfile.ZipFile(out, "w") as archive:
+            warnings.simplefilter("ignore")
+            for text in ("1", "2"):
+                archive.writestr("a/points.csv", text)
+        with pytest.raises(StereocalError, match=r"two files.*a/points\.csv"):
+            unzip(out.getvalue(), "x.zip")
+
+
+class TestLongRows:
+    def test_cells_beyond_the_header(self) -> None:
+        lines = TEMPLATE.splitlines()
+        lines[2] += ",7.5"
+        with pytest.raises(RefusedRowsError, match="line 3: 7 cells instead of 6"):
+            read_table("\n".join(lines).encode(), "t.csv").strict("t.csv")
+
+    def test_decimal_commas_between_commas(self) -> None:
+        """Read until now as other points: 1012 and 31 for 1012.31."""
+        text = TEMPLATE.splitlines()[0] + "\n1,A,1012,31,655,02,884,77,671,4\n"
+        with pytest.raises(RefusedRowsError, match="line 2: 10 cells"):
+            read_table(text.encode(), "t.csv").strict("t.csv")
+
+    def test_empty_cells_do_no_harm(self) -> None:
+        text = "\n".join(line + ",," for line in TEMPLATE.splitlines()).replace(",,", "", 1)
+        assert len(read_table(text.encode(), "t.csv").strict("t.csv")) == 4
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_the_folder_is_made(name: str, tmp_path: Path) -> None:
+    RICHEST[name].save(tmp_path / "p.json")
+    out = tmp_path / "a" / "b"
+    assert main(["convert", str(tmp_path / "p.json"), "--to", name, "--out", str(out)]) == 0
+    assert {file.name for file in out.iterdir()} == set(export_files(RICHEST[name], name))
+
+
+def test_a_file_with_its_ending_is_a_file(tmp_path: Path) -> None:
+    (written,) = export(RICHEST["dlt"], "dlt", tmp_path / "new" / "mine.csv")
+    assert written == tmp_path / "new" / "mine.csv" and written.is_file()

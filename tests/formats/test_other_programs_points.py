@@ -1,0 +1,469 @@
+"""Points of other programs, written from one recording: told apart, counted right, matched."""
+
+from __future__ import annotations
+
+import io
+import re
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pandas as pd
+import pytest
+
+from stereocal.cli import main
+from stereocal.errors import RefusedRowsError, StereocalError
+from stereocal.formats.point_answers import (
+    UNKNOWN,
+    answered,
+    can_choose_columns,
+    first_answers,
+    holds_bars,
+    layout_of,
+)
+from stereocal.formats.point_files import read_bars, read_points
+from stereocal.formats.point_layouts import LAYOUTS, layout_name, propose_layout
+from stereocal.formats.sleap_h5 import point_text
+from stereocal.projects.application import ProjectApplication
+from stereocal.projects.project import Project
+from stereocal.rig.compiled import FloatArray
+from tests.hostile_seeds import hdf5
+from tests.known_rig import PRIMARY, SECONDARY, bar_ends, images
+from tests.matching.test_matching_files import RIG_2D
+
+FRAMES = 9
+VIEWS = tuple(view.reshape(FRAMES, 2, 2) for view in images(bar_ends(FRAMES)))
+"""Of each camera (frames, ends, u and v), by our own projection: the truth."""
+HEIGHTS = (PRIMARY.image_size[1], SECONDARY.image_size[1])
+FIRST = 11
+"""The first frame's number, where a file holds it."""
+
+
+def csv(header: str, rows: list[list[object]]) -> bytes:
+    lines = [header, *(",".join(map(str, row)) for row in rows)]
+    return ("\n".join(line for line in lines if line) + "\n").encode()
+
+
+def rig_columns(theirs: Callable[[FloatArray, int], FloatArray]) -> list[list[object]]:
+    """Rows with point outer and camera inner, as DLTdv, Argus and easyWand have them."""
+    moved = [theirs(view, height) for view, height in zip(VIEWS, HEIGHTS, strict=True)]
+    return [
+        [x for end in (0, 1) for view in moved for x in view[k, end].tolist()]
+        for k in range(FRAMES)
+    ]
+
+
+def lower_left(view: FloatArray, height: int) -> FloatArray:
+    return np.stack([view[..., 0], height - view[..., 1]], axis=-1)
+
+
+def old_dltdv(view: FloatArray, height: int) -> FloatArray:
+    """(u + 1, h - v): the first column is 1, and rows are counted from the bottom."""
+    return np.stack([view[..., 0] + 1, height - view[..., 1]], axis=-1)
+
+
+DLTDV5 = csv(
+    ",".join(f"pt{p}_cam{c}_{a}" for p in (1, 2) for c in (1, 2) for a in "XY"),
+    rig_columns(old_dltdv),
+)
+DLTDV8 = csv(
+    ",".join(f"{p}_cam{c}_{a}" for p in ("left", "right") for c in (1, 2) for a in "UV"),
+    rig_columns(lambda view, _: view + 1),
+)
+ARGUS = csv(
+    ",".join(f"Track {p}_cam_{c}_{a}" for p in (1, 2) for c in (1, 2) for a in "xy"),
+    rig_columns(lower_left),
+)
+WAND = csv("", rig_columns(lower_left))
+
+
+def tracktor(side: int) -> bytes:
+    rows: list[list[object]] = [
+        [2 * k + end, FIRST + k, *VIEWS[side][k, end].tolist(), end]
+        for k in range(FRAMES)
+        for end in (0, 1)
+    ]
+    return csv(",frame,pos_x,pos_y,id", rows)
+
+
+def sleap(side: int, score: float = 0.9) -> bytes:
+    """Two nodes, of which the second is not seen in the third frame."""
+    rows: list[list[object]] = []
+    for k in range(FRAMES):
+        cells = [[*VIEWS[side][k, end].tolist(), score] for end in (0, 1)]
+        if k == 2:
+            cells[1] = ["", "", ""]
+        rows.append(["track_0", FIRST + k, 0.8, *cells[0], *cells[1]])
+    head = "track,frame_idx,instance.score,nose.x,nose.y,nose.score,tail.x,tail.y,tail.score"
+    return csv(head, rows)
+
+
+def sleap_h5(side: int, **more: object) -> bytes:
+    """The same recording as `sleap`, as (tracks, 2, nodes, frames)."""
+    tracks = np.full((1, 2, 2, FIRST + FRAMES), np.nan)
+    tracks[0, :, :, FIRST:] = VIEWS[side].transpose(2, 1, 0)
+    tracks[0, :, 1, FIRST + 2] = np.nan
+    scores = np.where(np.isnan(tracks[:, 0]), np.nan, 0.9)
+    arrays = {"tracks": tracks, "node_names": [b"nose", b"tail"], "track_names": [b"track_0"],
+              "point_scores": scores, **more}  # fmt: skip
+    return hdf5(**arrays)
+
+
+def deeplabcut(side: int) -> bytes:
+    rows: list[list[object]] = [
+        [FIRST + k, *VIEWS[side][k, 0].tolist(), 0.99, *VIEWS[side][k, 1].tolist(), 0.99]
+        for k in range(FRAMES)
+    ]
+    head = (
+        "scorer,n,n,n,n,n,n\nbodyparts,nose,nose,nose,tail,tail,tail\n"
+        "coords,x,y,likelihood,x,y,likelihood"
+    )
+    return csv(head, rows)
+
+
+def trackmate(side: int, unit: str, scale: float) -> bytes:
+    rows: list[list[object]] = [
+        ["ID", end, *(scale * VIEWS[side][k, end]).tolist(), FIRST + k]
+        for k in range(FRAMES)
+        for end in (0, 1)
+    ]
+    head = (
+        "LABEL,TRACK_ID,POSITION_X,POSITION_Y,FRAME\nLabel,Track ID,X,Y,Frame\n"
+        f"Label,Track ID,X,Y,Frame\n,,({unit}),({unit}),"
+    )
+    return csv(head, rows)
+
+
+def odd(side: int) -> bytes:
+    """No name of a column says anything."""
+    rows: list[list[object]] = [
+        [1.5, *VIEWS[side][k, end][::-1].tolist(), FIRST + k]
+        for k in range(FRAMES)
+        for end in (0, 1)
+    ]
+    return csv("weight,down,right,when", rows)
+
+
+def pixels(content: bytes, side: int) -> pd.DataFrame:
+    """The points of one camera with the answers that are proposed first."""
+    layout = layout_of(content, "points")
+    first = first_answers(layout, side, HEIGHTS[side])
+    return read_points(
+        content, answered(layout, first, content, "points"), first.camera, HEIGHTS[side], "points"
+    )
+
+
+class TestWhoWroteIt:
+    @pytest.mark.parametrize(
+        ("content", "name"),
+        [
+            (DLTDV5, "dltdv5"), (DLTDV8, "dltdv8"), (ARGUS, "argus"), (WAND, "wand"),
+            (tracktor(0), "tracktor"), (sleap(0), "sleap"), (deeplabcut(0), "deeplabcut"),
+            (trackmate(0, "pixel", 1), "trackmate"), (b"t,x,y\n1,2,3\n", "table"), (odd(0), None),
+        ],
+    )  # fmt: skip
+    def test_by_its_header(self, content: bytes, name: str | None) -> None:
+        assert layout_name(content, "points") == name
+        for other in set(LAYOUTS) - {name, "wand", "table", "argus", "dltdv5"}:
+            with pytest.raises(StereocalError, match=f"no file of the layout {other}"):
+                propose_layout(content, "points", other)
+
+    @pytest.mark.parametrize(
+        "header",
+        [
+            ",frame,pos_x,pos_y", "id,when,right,down", "x,y,width,height", "x1,y1,x2,y2",
+            "a,b,c,d,e,f,g,h", "frame,id,x1,y1,x2,y2,w,h", "x,y,score,id,x,y,score,id",
+        ],
+    )  # fmt: skip
+    def test_named_columns_are_no_headerless_wand_file(self, header: str) -> None:
+        width = header.count(",") + 1
+        content = csv(header, [[10 * k + c for c in range(width)] for k in range(3)])
+        assert "wand" not in layout_of(content, "points").program
+        assert not holds_bars(content, "points")
+        if width == 8:  # what a person says holds
+            assert propose_layout(content, "points", "wand").cameras == ("cam1", "cam2")
+
+    @pytest.mark.parametrize("content", [odd(0), b"1,2,3\n4,5,6\n", b"x,y,x\n1,2,3\n4,5,6\n"])
+    def test_an_unknown_table_has_no_columns_before_a_person_has_chosen(
+        self, content: bytes
+    ) -> None:
+        layout = layout_of(content, "points")
+        assert layout.program == UNKNOWN and can_choose_columns(layout)
+        assert layout.columns == () and layout.frame is None
+        assert first_answers(layout, 0, 1024).columns is None
+        with pytest.raises(StereocalError, match="choose the columns"):
+            pixels(content, 0)
+
+    @pytest.mark.parametrize(
+        "header", ["frame,pos_x,pos_y,pos_x", "t,x,y,x", "track,frame_idx,n.x,n.y,n.x"]
+    )
+    def test_two_columns_of_one_name(self, header: str) -> None:
+        content = csv(header, [list(range(header.count(",") + 1))] * 2)
+        assert layout_of(content, "points").program == UNKNOWN
+
+
+class TestNumbers:
+    """Against our own projection."""
+
+    @pytest.mark.parametrize("content", [DLTDV5, DLTDV8, ARGUS, WAND])
+    @pytest.mark.parametrize("side", [0, 1])
+    def test_files_with_both_cameras(self, content: bytes, side: int) -> None:
+        table = pixels(content, side)
+        expected = VIEWS[side].reshape(-1, 2)
+        np.testing.assert_allclose(table[["u", "v"]].to_numpy(), expected, rtol=0, atol=1e-9)
+        layout = layout_of(content, "points")
+        rows = read_bars(content, layout, ("cam1", "cam2"), layout.points[:2], HEIGHTS)  # type: ignore[arg-type]
+        assert len(rows.bars) == FRAMES
+        np.testing.assert_allclose(rows.primary[:FRAMES], VIEWS[0][:, 0], rtol=0, atol=1e-9)
+
+    def test_dltdv_5_counts_as_its_display_does(self) -> None:
+        """The first pixel of a 1600x1200 image: column 1, and the top row is at 1200."""
+        content = b"pt1_cam1_X,pt1_cam1_Y\n1,1200\n1600,1\n3.25,1100.5\n"
+        table = pixels(content, 0)
+        np.testing.assert_array_equal(table[["u", "v"]], [[0, 0], [1599, 1199], [2.25, 99.5]])
+
+    @pytest.mark.parametrize("write", [tracktor, sleap, deeplabcut])
+    @pytest.mark.parametrize("side", [0, 1])
+    def test_files_with_one_camera(self, write: Callable[[int], bytes], side: int) -> None:
+        table = pixels(write(side), side)
+        expected = VIEWS[side].reshape(-1, 2)
+        if write is sleap:
+            expected = np.delete(expected, 5, axis=0)
+        np.testing.assert_allclose(table[["u", "v"]].to_numpy(), expected, rtol=0, atol=1e-12)
+        assert table["frame"].iloc[0] == FIRST and table["frame"].iloc[-1] == FIRST + FRAMES - 1
+
+    def test_argus_with_one_track_and_two_cameras(self) -> None:
+        """Four columns, which were taken for both ends of a bar in one camera."""
+        rows = [row[:4] for row in rig_columns(lower_left)]
+        content = csv("Track 1_cam_1_x,Track 1_cam_1_y,Track 1_cam_2_x,Track 1_cam_2_y", rows)
+        layout = layout_of(content, "points")
+        assert (layout.program, layout.cameras, layout.points) == (
+            "Argus", ("cam1", "cam2"), ("Track 1",),
+        )  # fmt: skip
+        assert not holds_bars(content, "points")
+        for side in (0, 1):
+            found = pixels(content, side)[["u", "v"]].to_numpy()
+            np.testing.assert_allclose(found, VIEWS[side][:, 0], rtol=0, atol=1e-9)
+
+    @pytest.mark.parametrize(
+        "pattern",
+        ["track{p}_cam{c}_{a}", "cam{c}{a}", "bat.{p} camera {c} {a}", "P{p}-CAM-{c}-{A}"],
+    )
+    def test_names_like_those_of_argus(self, pattern: str) -> None:
+        names = [pattern.format(p=7, c=c, a=a, A=a.upper()) for c in (1, 2) for a in "xy"]
+        content = csv(",".join(names), [row[:4] for row in rig_columns(lower_left)])
+        assert layout_of(content, "points").cameras == ("cam1", "cam2")
+        found = pixels(content, 1)[["u", "v"]].to_numpy()
+        np.testing.assert_allclose(found, VIEWS[1][:, 0], rtol=0, atol=1e-9)
+
+    def test_unsure_nodes_of_sleap_can_be_left_out(self) -> None:
+        content = sleap(0, score=0.3)
+        layout = layout_of(content, "points")
+        assert first_answers(layout, 0).least_likelihood == 0
+        assert layout.points == ("nose", "tail") and len(pixels(content, 0)) == 2 * FRAMES - 1
+        first = first_answers(layout, 0)
+        strict = answered(layout, replace(first, least_likelihood=0.4), content, "p")
+        assert read_points(content, strict, "cam1").empty
+
+
+class TestHdf5:
+    @pytest.mark.parametrize("side", [0, 1])
+    def test_sleaps_analysis_file_is_its_csv(self, side: int) -> None:
+        from_h5 = pixels(point_text(sleap_h5(side), "a.h5"), side)
+        from_csv = pixels(sleap(side), side)
+        pd.testing.assert_frame_equal(from_h5, from_csv)  # to the last bit
+
+    def test_two_tracks(self) -> None:
+        tracks = np.arange(2 * 2 * 1 * 3, dtype=float).reshape(2, 2, 1, 3)
+        tracks[1, 0, 0, 1] = np.nan
+        table = pixels(point_text(hdf5(tracks=tracks, node_names=[b"nose"]), "a.h5"), 0)
+        assert table[["frame", "u", "v", "track"]].to_numpy().tolist() == [
+            [0, 0, 3, "track_0"], [0, 6, 9, "track_1"], [1, 1, 4, "track_0"],
+            [2, 2, 5, "track_0"], [2, 8, 11, "track_1"],
+        ]  # fmt: skip
+
+    def test_deeplabcuts_is_named_and_never_read(self, tmp_path: Path) -> None:
+        content = hdf5(**{"df_with_missing/table": np.zeros(3)})
+        for read in (
+            lambda: point_text(content, "dlc.h5"),
+            lambda: layout_of(content, "dlc.h5"),
+            lambda: ProjectApplication(Project.create(tmp_path)).offer_points(
+                "primary", "dlc.h5", content
+            ),
+        ):
+            with pytest.raises(StereocalError, match=r"dlc\.h5.*DeepLabCut.*CSV"):
+                read()
+
+    def test_without_h5py(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        content = sleap_h5(0)
+        monkeypatch.setitem(sys.modules, "h5py", None)
+        with pytest.raises(StereocalError, match="h5py is needed"):
+            point_text(content, "a.h5")
+        with pytest.raises(StereocalError, match="DeepLabCut"):  # that needs no h5py
+            point_text(hdf5_bytes_of_deeplabcut(), "dlc.h5")
+        assert point_text(b"frame,u,v\n", "a.csv") == b"frame,u,v\n"
+
+    @pytest.mark.parametrize(
+        "change",
+        [
+            {"tracks": np.zeros((2, 3, 2, 5))}, {"tracks": np.zeros((1, 2, 5, 4))},
+            {"tracks": np.zeros((3, 4))}, {"tracks": np.zeros((1, 2, 2, 4), dtype="i4")},
+            {"point_scores": np.zeros((1, 2, 3))}, {"node_names": np.zeros(2)},
+        ],
+    )  # fmt: skip
+    def test_other_arrays(self, change: dict[str, object]) -> None:
+        with pytest.raises(StereocalError, match=r"^a\.h5: .*(shape|SLEAP)"):
+            point_text(sleap_h5(0, **change), "a.h5")
+
+    def test_links_to_other_files_are_not_followed(self, tmp_path: Path) -> None:
+        secret = tmp_path / "secret.h5"
+        secret.write_bytes(sleap_h5(0))
+        packed = io.BytesIO()
+        with h5py.File(packed, "w") as file:
+            file["tracks"] = h5py.ExternalLink(str(secret), "tracks")
+            file["node_names"] = [b"nose", b"tail"]
+        with pytest.raises(StereocalError, match="without 'tracks'"):
+            point_text(packed.getvalue(), "a.h5")
+
+    def test_a_file_that_would_swell(self) -> None:
+        packed = io.BytesIO()
+        with h5py.File(packed, "w") as file:
+            file.create_dataset("tracks", (1, 2, 1, 40_000_000), "f8", chunks=True)
+            file["node_names"] = [b"nose"]
+        with pytest.raises(StereocalError, match="would swell"):
+            point_text(packed.getvalue(), "a.h5")
+
+
+def hdf5_bytes_of_deeplabcut() -> bytes:
+    """As much of one as tells it, made without h5py."""
+    return b"\x89HDF\r\n\x1a\n" + bytes(90) + b"df_with_missing" + bytes(90)
+
+
+class TestRows:
+    @pytest.mark.parametrize("at", [1, 2, 5])
+    def test_longer_than_the_header(self, at: int) -> None:
+        lines = tracktor(0).decode().splitlines()
+        lines[at] += ",9"
+        with pytest.raises(StereocalError, match=f"line {at + 1}: 6 cells instead of 5"):
+            pixels("\n".join(lines).encode(), 0)
+
+    def test_all_of_them(self) -> None:
+        """As R writes row names, one column beside the header."""
+        with pytest.raises(RefusedRowsError, match="2 rows cannot be used: line 2: 4 cells"):
+            pixels(b"frame,x,y\n1,2,3,4\n2,3,4,5\n", 0)
+
+
+def run_match(tmp_path: Path, files: tuple[bytes, bytes], *more: str, ending: str = "csv") -> int:
+    for name, content in zip(("p", "s"), files, strict=True):
+        (tmp_path / f"{name}.{ending}").write_bytes(content)
+    RIG_2D.save(tmp_path / "2d.json")
+    given = [str(tmp_path / f"{name}.{ending}") for name in ("p", "s")]
+    return main(
+        ["match", *given, "--parameters", str(tmp_path / "2d.json"), "--out",
+         str(tmp_path / "pairs.csv"), *more]
+    )  # fmt: skip
+
+
+ONE_CAMERA = {
+    "tracktor": (tracktor, ()),
+    "sleap": (sleap, ()),
+    "deeplabcut": (deeplabcut, ()),
+    "trackmate": (lambda side: trackmate(side, "micron", 0.65), ("--px-per-unit", repr(1 / 0.65))),
+    "columns": (odd, ("--columns", "when", "right", "2")),
+}
+
+
+class TestCommandLine:
+    def check(self, tmp_path: Path, frames: range, count: int = 2 * FRAMES) -> None:
+        pairs = pd.read_csv(tmp_path / "pairs.csv")
+        assert len(pairs) == count and set(pairs["frame"]) == set(frames)
+        # Exact points: what is left is the conversion.
+        np.testing.assert_allclose(pairs["error_px"], 0, atol=1e-6)
+        expected = VIEWS[0].reshape(-1, 2)
+        found = pairs[["u_primary", "v_primary"]].to_numpy()
+        nearest = np.linalg.norm(found[:, None] - expected[None], axis=2).min(axis=1)
+        np.testing.assert_allclose(nearest, 0, atol=1e-9)
+
+    @pytest.mark.parametrize("layout", ONE_CAMERA)
+    def test_one_camera_a_file(
+        self, layout: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        write, more = ONE_CAMERA[layout]
+        assert run_match(tmp_path, (write(0), write(1)), "--layout", layout, *more) == 0
+        self.check(tmp_path, range(FIRST, FIRST + FRAMES), 2 * FRAMES - (layout == "sleap"))
+        assert "read as" in capsys.readouterr().out
+
+    @pytest.mark.parametrize(
+        ("layout", "content"),
+        [("dltdv5", DLTDV5), ("dltdv8", DLTDV8), ("argus", ARGUS), ("wand", WAND)],
+    )
+    def test_both_cameras_in_one_file(self, layout: str, content: bytes, tmp_path: Path) -> None:
+        assert run_match(tmp_path, (content, content), "--layout", layout) == 0
+        self.check(tmp_path, range(1, FRAMES + 1))
+
+    def test_sleaps_analysis_file(self, tmp_path: Path) -> None:
+        files = (sleap_h5(0), sleap_h5(1))
+        assert run_match(tmp_path, files, "--layout", "sleap", ending="h5") == 0
+        self.check(tmp_path, range(FIRST, FIRST + FRAMES), 2 * FRAMES - 1)
+
+    def test_cameras_exchanged_and_counted_otherwise(self, tmp_path: Path) -> None:
+        """Camera 2 is the primary; the height counts as h + 1, from a first pixel of 0.5."""
+
+        def theirs(view: FloatArray, height: int) -> FloatArray:
+            return np.stack([view[..., 0] + 0.5, height + 1 - view[..., 1]], axis=-1)
+
+        swapped = [
+            [x for k in (2, 3, 0, 1, 6, 7, 4, 5) for x in [row[k]]] for row in rig_columns(theirs)
+        ]
+        content = csv(ARGUS.decode().splitlines()[0], swapped)
+        more = ("--cameras", "2,1", "--flip", "h+1", "--first-pixel", "0.5")
+        assert run_match(tmp_path, (content, content), "--layout", "argus", *more) == 0
+        self.check(tmp_path, range(1, FRAMES + 1))
+
+    @pytest.mark.parametrize(
+        ("content", "more", "says"),
+        [
+            (tracktor(0), (), "--layout tracktor"),
+            (DLTDV5, (), "--layout dltdv5"),
+            (sleap_h5(0), (), "--layout sleap"),
+            (tracktor(0), ("--layout", "dltdv5"), "no file of the layout dltdv5"),
+            (tracktor(0), ("--flip", "h"), "--flip is for.*--layout"),
+            (odd(0), ("--layout", "columns"), "--columns FRAME U V.*1: weight"),
+            (odd(0), ("--layout", "columns", "--columns", "when", "over", "2"), "no column 'over'"),
+            (odd(0), ("--layout", "columns", "--columns", "9", "1", "2"), "no column '9'"),
+            (odd(0), ("--layout", "columns", "--columns", "1", "1", "2"), "three different"),
+            (tracktor(0), ("--layout", "tracktor", "--columns", "1", "2", "3"), "--columns is for"),
+            (ARGUS, ("--layout", "argus", "--cameras", "1,3"), "no camera 3"),
+            (ARGUS, ("--layout", "argus", "--cameras", "1"), "must name two"),
+            (trackmate(0, "micron", 1), ("--layout", "trackmate"), "--px-per-unit"),
+            (b"", ("--layout", "sleap"), "is empty"),
+            (hdf5_bytes_of_deeplabcut(), ("--layout", "deeplabcut"), "DeepLabCut.*CSV"),
+        ],
+    )  # fmt: skip
+    def test_what_is_missing_or_wrong(
+        self,
+        content: bytes,
+        more: tuple[str, ...],
+        says: str,
+        tmp_path: Path,
+        capsys: pytest.CaptureFixture[str],
+    ) -> None:
+        assert run_match(tmp_path, (content, content), *more) == 2
+        printed = capsys.readouterr().err
+        assert printed.count("\n") == 1
+        assert re.search(says, printed), printed
+        assert not (tmp_path / "pairs.csv").exists()
+
+    def test_three_cameras_need_an_answer(
+        self, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        rows = [[*row[:4], 5, 6, *row[4:], 7, 8] for row in rig_columns(lower_left)]
+        content = csv("", rows)
+        assert run_match(tmp_path, (content, content), "--layout", "wand") == 2
+        assert "--cameras 1,2" in capsys.readouterr().err
+        more = ("--layout", "wand", "--cameras", "cam1,cam2")
+        assert run_match(tmp_path, (content, content), *more) == 0
+        self.check(tmp_path, range(1, FRAMES + 1))

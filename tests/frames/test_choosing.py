@@ -1,0 +1,240 @@
+"""More than two boards in a photograph: the other frames tell which are the targets, or nothing."""
+
+from __future__ import annotations
+
+import itertools
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from benchmarks.choosing import small_rig, taken
+from stereocal.detection.detect import Detection, refusal
+from stereocal.frames.choosing import FEWEST_SURE, choose_boards
+from stereocal.frames.frame import report_line
+from stereocal.frames.labelling import label_targets
+from stereocal.frames.pairing import Pair
+from stereocal.frames.search import detect_frames
+from stereocal.rig.compiled import FloatArray
+from tests import known_rig as rig
+from tests.frames.test_labelling import CAMERAS, detection
+
+NOISE_PX = 0.05
+FRAMES = 18
+WITH_THIRD = (2, 5, 11)
+
+
+def among(boards: FloatArray, doubts: tuple[str, ...] = ()) -> Detection:
+    """A photograph with boards (m, 2) that all look like targets, the first two the least."""
+    pairs = list(itertools.combinations(boards, 2))[::-1]
+    alternatives = tuple(detection(np.array(pair), doubts) for pair in pairs)
+    if len(boards) == 2:
+        return alternatives[0]
+    return replace(refusal((1600, 1200), "ambiguous", "Too many."), alternatives=alternatives)
+
+
+def seen(points: FloatArray, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
+    """Pixels (m, 2) of points in both cameras, with noise."""
+    first, second = (
+        image + NOISE_PX * rng.normal(size=image.shape) for image in rig.images(points)
+    )
+    return first, second
+
+
+def sure_frames(frames: int = 20, seed: int = 7) -> tuple[FloatArray, FloatArray]:
+    """Places (f, 2, 3) and pixels (f, 2, 2, 2) of frames that are sure: target, camera, (u, v)."""
+    ends = rig.bar_ends(frames, seed)
+    pixels = np.stack(seen(ends, np.random.default_rng([seed, 2])), axis=1)
+    return ends.reshape(-1, 2, 3), pixels.reshape(-1, 2, 2, 2)
+
+
+def inside(rng: np.random.Generator) -> FloatArray:
+    return rng.uniform([-1.3, -1.1, 6.0], [1.3, 1.0, 10.5])
+
+
+def third_board(kind: str, ends: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """A third board (3,) for a frame of the bar (2, 3)."""
+    place = inside(rng)
+    if kind == "on the line":  # of target B, in both cameras
+        normal = np.cross(rig.RIG.inverse().T, ends[1])
+        normal /= np.linalg.norm(normal)
+        return np.asarray(place - (place @ normal) * normal)
+    if kind == "as far as the bar":
+        return np.asarray(ends[0] + rig.BAR_M * (v := rng.normal(size=3)) / np.linalg.norm(v))
+    return place
+
+
+def is_right(one: Detection, pixels: FloatArray) -> bool:
+    """Whether the chosen boards are the first two of those seen (m, 2)."""
+    assert one.targets is not None
+    return all(
+        any(c.centre is p or np.array_equal(c.centre, p) for p in pixels[:2]) for c in one.targets
+    )
+
+
+def right_choices(
+    sure: FloatArray, boards: list[tuple[FloatArray, FloatArray]]
+) -> list[tuple[int, bool]]:
+    """The frames that the sure ones decide, and whether the first two boards were chosen."""
+    given = {k: (among(first), among(second)) for k, (first, second) in enumerate(boards)}
+    chosen = choose_boards(sure, given, CAMERAS)
+    assert all(one.sentence for one in chosen.values())
+    return [
+        (k, is_right(one.primary, boards[k][0]) and is_right(one.secondary, boards[k][1]))
+        for k, one in chosen.items()
+        if not one.primary.alternatives
+    ]
+
+
+@pytest.mark.parametrize(
+    ("kind", "least", "most"),
+    [
+        ("elsewhere", 88, 100),
+        ("on the line", 70, 100),
+        ("as far as the bar", 0, 0),
+        ("hidden", 0, 0),
+    ],
+)
+def test_what_the_others_decide_is_right(kind: str, least: int, most: int) -> None:
+    """100 frames with a third board that moves and both cameras see, each after 20 sure ones.
+
+    Measured: 93 and 77 decided; in the others nothing tells which two are the bar's: the third is
+    as far from A as B is, or the secondary hides B. Over 12 seeds with 8 or 20 sure frames, 3,840
+    frames in all, none was decided wrongly.
+    """
+    _, sure = sure_frames()
+    rng = np.random.default_rng(11)
+    boards = []
+    for ends in rig.bar_ends(100, seed=8).reshape(-1, 2, 3):
+        first, second = seen(np.vstack([ends, third_board(kind, ends, rng)]), rng)
+        boards.append((first, second[[0, 2]] if kind == "hidden" else second))
+    decided = right_choices(sure, boards)
+    assert all(right for _, right in decided)
+    assert least <= len(decided) <= most
+
+
+def test_boards_that_one_camera_shows_alone() -> None:
+    """Clutter in either camera, other in each frame: nothing but the bar fits.
+
+    A doubt stays where a target might be hidden, and the clutter be the bar's other end.
+    """
+    _, sure = sure_frames()
+    rng = np.random.default_rng(12)
+    boards = []
+    for ends in rig.bar_ends(60, seed=9).reshape(-1, 2, 3):
+        first, second = seen(ends, rng)
+        more = rng.uniform(0, [1600, 1200], (1, 2)), rng.uniform(0, [1280, 1024], (1, 2))
+        boards.append((np.vstack([first, more[0]]), np.vstack([second, more[1]])))
+    decided = right_choices(sure, boards)
+    assert all(right for _, right in decided)
+    assert len(decided) >= 44  # measured: 49
+
+
+def frames_with(
+    third: FloatArray | None,
+    hidden: bool = False,
+    frames: int = FRAMES,
+    doubts: tuple[str, ...] = (),
+) -> tuple[dict[int, Detection], dict[int, Detection], list[tuple[FloatArray, FloatArray]]]:
+    """A series in which some frames show a third board, at rest."""
+    rng = np.random.default_rng(4)
+    found: tuple[dict[int, Detection], dict[int, Detection]] = ({}, {})
+    pixels = []
+    for k, ends in enumerate(rig.bar_ends(frames).reshape(-1, 2, 3)):
+        shown = ends if third is None or k not in WITH_THIRD else np.vstack([ends, third])
+        first, second = seen(shown, rng)
+        pixels.append((first, second))
+        if hidden and len(second) == 3:
+            second = second[[0, 2]]
+        found[0][k], found[1][k] = among(first, doubts if len(first) == 3 else ()), among(second)
+    return *found, pixels
+
+
+def test_the_frame_says_what_was_chosen_and_is_used() -> None:
+    first, second, pixels = frames_with(np.array([0.4, 0.3, 8.0]))
+    labelling = label_targets(first, second, CAMERAS)
+    for report in labelling.frames:
+        assert report.state in ("agreed", "swapped")
+        assert ("3 boards in the primary and 3 boards in the secondary" in report.sentence) == (
+            report.frame in WITH_THIRD
+        )
+    for pair in labelling.pairs:
+        assert pair.sure
+        ends = [
+            np.flatnonzero((pixels[pair.frame][i] == one.centre).all(axis=1))[0]
+            for i, one in enumerate((pair.primary, pair.secondary))
+        ]
+        assert ends[0] == ends[1] < 2
+    # Other doubts about the chosen boards stay.
+    first, second, _ = frames_with(np.array([0.4, 0.3, 8.0]), doubts=("It is blurred.",))
+    for report in label_targets(first, second, CAMERAS).frames:
+        assert (report.state == "doubtful") == (report.frame in WITH_THIRD)
+        assert ("It is blurred." in report.sentence) == (report.frame in WITH_THIRD)
+
+
+def test_a_board_at_rest_takes_no_hidden_targets_place() -> None:
+    """It has the bar's length from A, by chance, in one frame where the secondary hides B."""
+    ends = rig.bar_ends(FRAMES).reshape(-1, 2, 3)[WITH_THIRD[1]]
+    away = np.array([0.3, -0.5, 0.2])
+    third = ends[0] + rig.BAR_M * away / np.linalg.norm(away)
+    first, second, _ = frames_with(third, hidden=True)
+    labelling = label_targets(first, second, CAMERAS)
+    wrong = {pair.frame for pair in labelling.pairs if pair.frame in WITH_THIRD and pair.sure}
+    assert wrong == set()
+    by_frame = {report.frame: report for report in labelling.frames}
+    assert "stands still" in by_frame[WITH_THIRD[1]].sentence
+
+
+def test_too_few_sure_frames_decide_nothing() -> None:
+    third = np.array([0.4, 0.3, 8.0])
+    first, second, _ = frames_with(third, frames=FEWEST_SURE + 1)  # two of them with a third board
+    labelling = label_targets(first, second, CAMERAS)
+    assert {pair.frame for pair in labelling.pairs if pair.sure}.isdisjoint(WITH_THIRD)
+    rng = np.random.default_rng(6)
+    bars = rig.bar_ends(30, seed=8).reshape(-1, 2, 3)
+    boards = [seen(np.vstack([ends, inside(rng)]), rng) for ends in bars]
+    sure = sure_frames()[1]
+    assert right_choices(sure[: FEWEST_SURE - 1], boards) == []
+    decided = right_choices(sure[: FEWEST_SURE + 4], boards)
+    assert all(right for _, right in decided)
+    assert len(decided) > 10  # measured: 17
+
+
+def test_sure_frames_that_are_all_alike_decide_nothing() -> None:
+    """The bar hardly moved: what they say of another place is uncertain."""
+    rng = np.random.default_rng(5)
+    ends = rig.bar_ends(1) + 0.02 * rng.normal(size=(20, 1, 3))
+    alike = np.stack(seen(ends.reshape(-1, 3), rng), axis=1).reshape(-1, 2, 2, 2)
+    bars = rig.bar_ends(30, seed=8).reshape(-1, 2, 3)
+    boards = [seen(np.vstack([bar, inside(rng)]), rng) for bar in bars]
+    assert right_choices(alike, boards) == []
+    assert len(right_choices(sure_frames()[1], boards)) > 20  # measured: 26
+
+
+def test_photographs_with_a_second_board(tmp_path: Path) -> None:
+    """Rendered: without the others 4 of 14 frames are refused for the third board."""
+    photographs, pairs, truth = {}, [], {}
+    for pair in taken("second board", 14, np.random.default_rng(3)):
+        names = f"p{pair.frame}.png", f"s{pair.frame}.png"
+        for name, image in zip(names, (pair.primary, pair.secondary), strict=True):
+            photographs[name] = tmp_path / name
+            photographs[name].write_bytes(cv2.imencode(".png", image)[1].tobytes())
+        pairs.append(Pair(pair.frame, *names))
+        truth[pair.frame] = np.stack([pair.centres_primary, pair.centres_secondary], axis=1)
+    cameras = small_rig().primary, small_rig().secondary
+    with ThreadPoolExecutor(2) as pool:
+        frames = detect_frames(pairs, photographs, cameras, pool, lambda _: None, lambda *_: None)
+    assert frames is not None
+    assert [frame.state for frame in frames] == ["found"] * 14
+    for frame in frames:
+        places = np.array([[(c.u, c.v) for c in pair if c] for pair in frame.centres])
+        places = places.transpose(1, 0, 2)
+        off = min(
+            np.abs(places - truth[frame.frame]).max(),
+            np.abs(places[::-1] - truth[frame.frame]).max(),
+        )
+        assert off < 0.1  # measured: 0.02 px
+    assert sum("Chosen among" in report_line(frame) for frame in frames) > 2

@@ -1,0 +1,163 @@
+"""A and B agree between the cameras; frames that are wrong or doubtful are said to be."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from stereocal.detection.detect import Detection, refusal
+from stereocal.detection.fit import Corner
+from stereocal.frames.labelling import Labelling, label_targets
+from tests import known_rig as rig
+
+FRAMES = 20
+CAMERAS = (rig.PRIMARY, rig.SECONDARY)
+
+
+def corner(centre: npt.NDArray[np.float64]) -> Corner:
+    return Corner(
+        centre=centre,
+        covariance=1e-4 * np.eye(2),
+        directions=np.eye(2),
+        arms=np.full(4, 40.0),
+        flips=0,
+        cut=0,
+        blur=1.0,
+        contrast=150.0,
+        black=40.0,
+        white=190.0,
+        residual=2.0,
+        misfit=0.0,
+    )
+
+
+def detection(both: npt.NDArray[np.float64], doubts: tuple[str, ...] = ()) -> Detection:
+    return Detection(
+        (1600, 1200), (corner(both[0]), corner(both[1])), 0.9, None, doubts, " ".join(doubts)
+    )
+
+
+def bars(frames: int = FRAMES, noise_px: float = 0.03) -> list[npt.NDArray[np.float64]]:
+    """Per camera (f, 2, 2): frame, target, u and v."""
+    rng = np.random.default_rng(3)
+    images = rig.images(rig.bar_ends(frames))
+    return [(image + noise_px * rng.normal(size=image.shape)).reshape(-1, 2, 2) for image in images]
+
+
+def labelled(
+    primary: npt.NDArray[np.float64], secondary: npt.NDArray[np.float64], seed: int = 0
+) -> Labelling:
+    return label_targets(
+        {10 + i: detection(both) for i, both in enumerate(primary)},
+        {10 + i: detection(both) for i, both in enumerate(secondary)},
+        CAMERAS,
+        seed,
+    )
+
+
+def agree(
+    labelling: Labelling, primary: npt.NDArray[np.float64], secondary: npt.NDArray[np.float64]
+) -> list[bool]:
+    """For each pair whether it joins two images of one target; the arrays are as `bars`."""
+    ends = []
+    for pair in labelling.pairs:
+        i = pair.frame - 10
+        ends.append(
+            np.argmin(np.abs(primary[i] - pair.primary.centre).sum(axis=1))
+            == np.argmin(np.abs(secondary[i] - pair.secondary.centre).sum(axis=1))
+        )
+    return [bool(end) for end in ends]
+
+
+@pytest.mark.parametrize("wrong", [0.0, 0.2, 0.5, 1.0])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_any_share_of_exchanged_labels_is_put_right(wrong: float, seed: int) -> None:
+    primary, secondary = bars()
+    exchanged = np.random.default_rng(seed).permutation(FRAMES) < wrong * FRAMES
+    given = np.where(exchanged[:, None, None], secondary[:, ::-1], secondary)
+    labelling = labelled(primary, given, seed)
+    assert all(agree(labelling, primary, secondary))
+    assert [pair.target for pair in labelling.pairs] == ["A", "B"] * FRAMES
+    for report, was in zip(labelling.frames, exchanged, strict=True):
+        assert report.state == ("swapped" if was else "agreed")
+        assert report.residual_px < 0.1 < report.swapped_px
+        assert bool(report.sentence) == bool(was)
+    assert all(pair.sure for pair in labelling.pairs)
+
+
+def test_to_exchange_both_cameras_changes_nothing() -> None:
+    primary, secondary = bars()
+    labelling = labelled(primary[:, ::-1], secondary[:, ::-1])
+    assert {report.state for report in labelling.frames} == {"agreed"}
+
+
+def test_frames_off_the_others_stand_out_and_stay() -> None:
+    primary, secondary = bars()
+    off = secondary.copy()
+    off[3, 0, 1] += 25.0
+    off[7] += [[30.0, 40.0], [-20.0, 35.0]]
+    labelling = labelled(primary, off)
+    assert [r.frame for r in labelling.frames if r.state == "outlying"] == [13, 17]
+    assert len(labelling.pairs) == 2 * FRAMES
+    assert {pair.frame for pair in labelling.pairs if not pair.sure} == {13, 17}
+    assert labelling.frames[3].residual_px > 2.0
+
+
+def test_a_bar_along_the_epipolar_lines_is_told_by_its_length() -> None:
+    middle = np.array([0.2, 0.1, 7.0])
+    along = np.linalg.inv(rig.RIG.R) @ rig.RIG.T
+    along = 0.5 * rig.BAR_M * along / np.linalg.norm(along)
+    ends = rig.bar_ends(FRAMES).reshape(-1, 2, 3)
+    ends[4] = [middle - along, middle + along]
+    # On a bar along the baseline, wrong labels give crossing rays all the same, but other depths.
+    primary, secondary = (image.reshape(-1, 2, 2) for image in rig.images(ends.reshape(-1, 3)))
+    given = secondary.copy()
+    given[4] = given[4, ::-1]
+    labelling = labelled(primary, given)
+    report = labelling.frames[4]
+    assert max(report.residual_px, report.swapped_px) < 0.3
+    assert report.state == "swapped"
+    assert all(agree(labelling, primary, secondary))
+
+
+def test_few_frames_are_not_checked() -> None:
+    primary, secondary = bars(5)
+    labelling = labelled(primary, secondary)
+    assert {report.state for report in labelling.frames} == {"unchecked"}
+    assert "6 frames" in labelling.frames[0].sentence
+    assert len(labelling.pairs) == 10
+    assert not any(pair.sure for pair in labelling.pairs)
+    assert all(np.isnan(report.residual_px) for report in labelling.frames)
+
+
+def test_equal_frames_determine_nothing() -> None:
+    primary, secondary = bars()
+    same = [np.repeat(points[:1], 8, axis=0) for points in (primary, secondary)]
+    states = {report.state for report in labelled(same[0], same[1]).frames}
+    assert states <= {"unchecked", "doubtful"}
+
+
+def test_doubts_and_refusals_are_passed_on() -> None:
+    primary, secondary = bars()
+    first = {i: detection(both) for i, both in enumerate(primary)}
+    second = {i: detection(both) for i, both in enumerate(secondary)}
+    second[2] = replace(second[2], doubts=("It is blurred.",), sentence="It is blurred.")
+    second[5] = refusal((1600, 1200), "saturated", "Too much light.")
+    del second[6]
+    labelling = label_targets(first, second, CAMERAS)
+    by_frame = {report.frame: report for report in labelling.frames}
+    assert sorted(by_frame) == list(range(FRAMES))
+    assert by_frame[2].state == "doubtful"
+    assert by_frame[2].sentence == "In the secondary: It is blurred."
+    assert by_frame[5].state == by_frame[6].state == "refused"
+    assert "Too much light." in by_frame[5].sentence
+    assert "no photograph of the secondary" in by_frame[6].sentence
+    assert len(labelling.pairs) == 2 * (FRAMES - 2)
+
+
+def test_nothing_at_all() -> None:
+    labelling = label_targets({}, {}, CAMERAS)
+    assert (labelling.pairs, labelling.frames) == ((), ())

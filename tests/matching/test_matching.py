@@ -1,0 +1,249 @@
+"""Matching: the right pairs, the least total cost, and what is said of each pair."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from stereocal.errors import StereocalError
+from stereocal.matching import matching
+from stereocal.matching.matching import (
+    assign,
+    match_points,
+    purpose_warning,
+    refuse_different_rigs,
+)
+from stereocal.matching.pair_candidates import pairs_within
+from stereocal.matching.threshold import choose_threshold, sample_of
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import Angles, Pose
+from stereocal.rig.parameters import RigParameters
+from tests.known_rig import ANGLES, BASELINE_M, PRIMARY, RIG, SECONDARY, SEEDS, images
+
+RIG_2D = RigParameters("2d", PRIMARY, SECONDARY, RIG, 1.0, {}, {}, matching_threshold_px=0.8)
+
+
+def cloud(points: int, seed: int, noise_px: float = 0.0) -> tuple[FloatArray, FloatArray]:
+    """Images of random points in the common view, in the same order."""
+    rng = np.random.default_rng(seed)
+    first, second = images(rng.uniform([-1.3, -1.1, 6.0], [1.3, 1.0, 10.5], (points, 3)))
+    return (
+        first + noise_px * rng.standard_normal(first.shape),
+        second + noise_px * rng.standard_normal(second.shape),
+    )
+
+
+def candidates(
+    seed: int, rows: int, columns: int, gate: float
+) -> tuple[FloatArray, tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """A table of costs, and its entries within the gate as lists."""
+    cost = np.random.default_rng(seed).uniform(0.0, 2.0, (rows, columns))
+    i, j = np.nonzero(cost <= gate)
+    return cost, (i, j, cost[i, j])
+
+
+class TestAssignment:
+    @given(SEEDS, st.integers(1, 4), st.integers(1, 4), st.floats(0.2, 1.8))
+    @settings(max_examples=60)
+    def test_the_least_total_cost_of_all_assignments(
+        self, seed: int, rows: int, columns: int, gate: float
+    ) -> None:
+        """Against every assignment there is, with a pair left out costing the gate."""
+        cost, found = candidates(seed, rows, columns, gate)
+        kept = assign(*found, gate)
+        total = found[2][kept].sum() + gate * (min(rows, columns) - len(kept))
+        capped = np.minimum(cost, gate)
+        flat = capped if rows <= columns else capped.T
+        best = min(
+            flat[range(len(flat)), list(order)].sum()
+            for order in itertools.permutations(range(flat.shape[1]), len(flat))
+        )
+        assert total == pytest.approx(best, abs=1e-12)
+        assert len(set(found[0][kept])) == len(set(found[1][kept])) == len(kept)
+
+    @given(SEEDS, st.integers(1, 30), st.integers(1, 30))
+    @settings(max_examples=25)
+    def test_the_sparse_solver_finds_the_same(self, seed: int, rows: int, columns: int) -> None:
+        _, found = candidates(seed, rows, columns, 0.6)
+        dense = assign(*found, 0.6)
+        before = matching.LARGEST_DENSE
+        matching.LARGEST_DENSE = 0
+        try:
+            sparse = assign(*found, 0.6)
+        finally:
+            matching.LARGEST_DENSE = before
+        np.testing.assert_array_equal(dense, sparse)
+
+    def test_two_poor_pairs_do_not_displace_a_good_one(self) -> None:
+        i, j = np.array([0, 0, 1]), np.array([0, 1, 0])
+        np.testing.assert_array_equal(assign(i, j, np.array([0.1, 0.9, 0.9]), 1.0), [0])
+        np.testing.assert_array_equal(assign(i, j, np.array([0.9, 0.3, 0.3]), 1.0), [1, 2])
+
+    def test_a_pair_at_the_gate_is_taken(self) -> None:
+        zero = np.zeros(2, dtype=np.int64)
+        assert len(assign(zero[:1], zero[:1], np.array([1.0]), 1.0)) == 1
+        assert len(assign(np.array([0, 1]), zero, np.array([1.0, 1.0]), 1.0)) == 1
+
+
+class TestCandidates:
+    def test_errors_and_runners_up_are_those_of_all_pairs(self) -> None:
+        first, second = cloud(40, 1, noise_px=0.5)
+        second = second[:31]
+        i, j = (each.ravel() for each in np.indices((40, 31)))
+        table = RIG_2D.reprojection_errors(first[i], second[j]).mean(axis=1).reshape(40, 31)
+        row, column, errors, of_first, of_second = pairs_within(
+            RIG.R, RIG.T, PRIMARY.undistort(first), SECONDARY.undistort(second),
+            np.array([PRIMARY.pixel_scale, SECONDARY.pixel_scale]), 20.0, 0.0, np.inf,
+        )  # fmt: skip
+        expected = np.nonzero(table <= 20.0)
+        np.testing.assert_array_equal((row, column), expected)
+        # Sums in another order; measured: 3e-13 px.
+        np.testing.assert_allclose(errors, table[expected], rtol=0, atol=1e-9)
+        filled = np.where(np.isnan(table), np.inf, table)
+        np.testing.assert_allclose(of_first, np.sort(filled, axis=1)[:, :2], atol=1e-9)
+        np.testing.assert_allclose(of_second, np.sort(filled, axis=0)[:2].T, atol=1e-9)
+
+    def test_room_is_made_for_all_pairs(self) -> None:
+        first, second = cloud(60, 2)
+        found = match_points(RIG_2D, first, second, 1e9)
+        np.testing.assert_array_equal(found.primary, found.secondary)
+        assert found.ambiguous.all()
+
+    @pytest.mark.parametrize("sides", [(0, 5), (5, 0), (0, 0), (1, 1)])
+    def test_few_points_or_none(self, sides: tuple[int, int]) -> None:
+        first, second = cloud(5, 3)
+        found = match_points(RIG_2D, first[: sides[0]], second[: sides[1]])
+        assert len(found) == min(sides)
+        assert len(found.unmatched_primary) == sides[0] - len(found)
+        assert len(found.unmatched_secondary) == sides[1] - len(found)
+        assert np.isnan(found.runner_up_px).all()
+        assert not found.ambiguous.any()
+
+
+class TestMatches:
+    @given(SEEDS)
+    @settings(max_examples=20)
+    def test_exact_points_find_their_partners_in_any_order(self, seed: int) -> None:
+        first, second = cloud(25, seed)
+        order = np.random.default_rng(seed).permutation(25)
+        found = match_points(RIG_2D, first, second[order], 1e-6)
+        np.testing.assert_array_equal(order[found.secondary], np.arange(25))
+        assert found.error_px.max() < 1e-8
+        assert not found.ambiguous.any()
+
+    def test_noisy_points_with_missing_ones(self) -> None:
+        first, second = cloud(60, 5, noise_px=0.2)
+        found = match_points(RIG_2D, first[10:], second[:50])
+        # Ten points on each side have no partner, and some of them find a wrong one.
+        assert (found.primary + 10 == found.secondary).sum() >= 32  # of 40; measured: 34
+        assert set(found.unmatched_primary) | set(found.primary) == set(range(50))
+        unsure = found.runner_up_px <= 0.8
+        np.testing.assert_array_equal(found.ambiguous, unsure)
+        assert 0 < unsure.sum() < len(found)
+
+    def test_the_runner_up_is_the_best_other_pair(self) -> None:
+        first, second = cloud(12, 6, noise_px=0.3)
+        found = match_points(RIG_2D, first, second, 5.0)
+        i, j = (each.ravel() for each in np.indices((12, 12)))
+        table = RIG_2D.reprojection_errors(first[i], second[j]).mean(axis=1).reshape(12, 12)
+        for k in range(len(found)):
+            row, column = found.primary[k], found.secondary[k]
+            others = [*np.delete(table[row], column), *np.delete(table[:, column], row)]
+            assert found.runner_up_px[k] == pytest.approx(np.nanmin(others), abs=1e-9)
+
+    def test_depth_is_a_second_gate(self) -> None:
+        first, second = cloud(50, 7)
+        depth = RIG_2D.reconstruct(first, second)[:, 2]
+        found = match_points(RIG_2D, first, second, 1e-6, (7.0, 8.0))
+        np.testing.assert_array_equal(found.primary, np.flatnonzero((depth >= 7) & (depth <= 8)))
+
+    def test_the_threshold_is_the_files_own_or_the_one_given(self) -> None:
+        first, second = cloud(30, 8, noise_px=0.3)
+        own = match_points(RIG_2D, first, second)
+        same = match_points(replace(RIG_2D, matching_threshold_px=None), first, second, 0.8)
+        np.testing.assert_array_equal(own.secondary, same.secondary)
+        with pytest.raises(StereocalError, match="holds no matching threshold"):
+            match_points(replace(RIG_2D, matching_threshold_px=None), first, second)
+
+    @pytest.mark.parametrize("threshold", [-1.0, float("nan"), float("inf")])
+    def test_thresholds_that_cannot_be(self, threshold: float) -> None:
+        with pytest.raises(StereocalError, match="threshold"):
+            match_points(RIG_2D, *cloud(3, 0), threshold)
+
+    @pytest.mark.parametrize("depths", [(5.0, 5.0), (-1.0, 3.0), (7.0, 2.0), (float("nan"), 9.0)])
+    def test_depths_that_cannot_be(self, depths: tuple[float, float]) -> None:
+        with pytest.raises(StereocalError, match="depth range"):
+            match_points(RIG_2D, *cloud(3, 0), depths_m=depths)
+
+
+class TestThresholdFromThePoints:
+    @pytest.mark.parametrize(("points", "frames"), [(3, 300), (30, 40), (200, 10)])
+    def test_it_loses_few_pairs_and_lets_few_in(self, points: int, frames: int) -> None:
+        """0.3 px noise: half-normal of 0.21 px; a tenth of the points missing in each camera."""
+        data = []
+        for k in range(frames):
+            first, second = cloud(points, k, noise_px=0.3)
+            keep = np.random.default_rng(k).random((2, points)) > 0.1
+            data.append((first[keep[0]], second[keep[1]]))
+        chosen = choose_threshold(RIG_2D, data)
+        assert chosen.sigma_px == pytest.approx(0.3 / np.sqrt(2), rel=0.12)  # within 7 %
+        assert chosen.partnered == pytest.approx(0.9, abs=0.06)
+        assert chosen.lost < 0.02
+        # Measured: 10, 8 and 5 standard deviations, fewer the denser the points.
+        assert 4 < chosen.threshold_px / chosen.sigma_px < 12
+
+    def test_denser_points_take_a_smaller_threshold(self) -> None:
+        chosen = [
+            choose_threshold(RIG_2D, [cloud(n, k, noise_px=0.3) for k in range(2000 // n)])
+            for n in (20, 100, 500)
+        ]
+        thresholds = [each.threshold_px for each in chosen]
+        assert thresholds == sorted(thresholds, reverse=True)
+
+    def test_parameters_that_fit_nothing_are_refused(self) -> None:
+        rng = np.random.default_rng(0)
+        sizes = np.array(PRIMARY.image_size), np.array(SECONDARY.image_size)
+        data = [tuple(rng.uniform(0, size - 1, (300, 2)) for size in sizes) for _ in range(5)]
+        with pytest.raises(StereocalError, match="do not stand out"):
+            choose_threshold(RIG_2D, data)  # type: ignore[arg-type]
+        with pytest.raises(StereocalError, match="No threshold can be chosen"):
+            choose_threshold(RIG_2D, [])
+
+    def test_the_sample_is_spread_evenly(self) -> None:
+        assert sample_of(range(1000), 1000.0) == {round(k * 999 / 19) for k in range(20)}
+        assert sample_of(range(7), 1000.0) == set(range(7))
+        assert len(sample_of(range(1000), 4.0)) == 500
+
+
+class TestPurposeAndRig:
+    def test_the_wrong_purpose_is_a_sentence(self) -> None:
+        measuring = replace(RIG_2D, method="3d")
+        both = replace(RIG_2D, method="imported")
+        assert "3D set" in (purpose_warning(measuring, "matching") or "")
+        assert "2D set" in (purpose_warning(RIG_2D, "reconstruction") or "")
+        assert purpose_warning(RIG_2D, "matching") is None
+        assert purpose_warning(measuring, "reconstruction") is None
+        assert purpose_warning(both, "matching") is purpose_warning(both, "reconstruction") is None
+
+    def test_the_two_sets_of_a_rig_are_one_rig(self) -> None:
+        near = Pose.from_angles(Angles(*(np.array(ANGLES) + 0.02)), BASELINE_M * 1.01)
+        refuse_different_rigs(RIG_2D, replace(RIG_2D, method="3d", pose=near))
+
+    @pytest.mark.parametrize(
+        ("change", "says"),
+        [
+            ({"primary": SECONDARY}, "1600x1200 px in one and 1280x1024"),
+            ({"primary": replace(PRIMARY, K=PRIMARY.K * [[1.2], [1.2], [1]])}, "focal length"),
+            ({"pose": Pose.from_angles(ANGLES, 3.0)}, "baseline is 2.37 m in one and 3 m"),
+            ({"pose": Pose.from_angles(ANGLES._replace(yaw=0.5), BASELINE_M)}, "14.9 degrees"),
+            ({"pose": Pose.from_angles(ANGLES._replace(epsilon=2.8), BASELINE_M)}, "degrees"),
+        ],
+    )
+    def test_other_rigs_are_refused(self, change: dict[str, object], says: str) -> None:
+        with pytest.raises(StereocalError, match=f"different rigs.*{says}"):
+            refuse_different_rigs(RIG_2D, replace(RIG_2D, **change))  # type: ignore[arg-type]

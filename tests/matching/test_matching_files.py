@@ -1,0 +1,397 @@
+"""The commands match and reconstruct: tables in, tables out, and one sentence for bad input."""
+
+from __future__ import annotations
+
+import tracemalloc
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from stereocal.cli import main
+from stereocal.errors import StereocalError
+from stereocal.matching import parquet
+from stereocal.matching.matching_files import match_tables
+from stereocal.matching.pairs import PAIR_COLUMNS, match
+from stereocal.matching.point_table import PointTable
+from stereocal.matching.reconstruction_files import reconstruct
+from stereocal.rig.parameters import RigParameters
+from tests.known_rig import PRIMARY, RIG, SECONDARY, images
+from tests.terminal import sentences
+
+RIG_2D = RigParameters("2d", PRIMARY, SECONDARY, RIG, 1.0, {}, {}, matching_threshold_px=0.8)
+FRAMES = 12
+POINTS = 20
+
+
+def tables(frames: int = FRAMES, points: int = POINTS) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Points of both cameras, shuffled within each frame; `bird` tells which is which."""
+    rng = np.random.default_rng(4)
+    sides: tuple[list[pd.DataFrame], list[pd.DataFrame]] = ([], [])
+    for frame in range(3, 3 + frames):
+        seen = images(rng.uniform([-1.3, -1.1, 6.0], [1.3, 1.0, 10.5], (points, 3)))
+        for side, pixels in zip(sides, seen, strict=True):
+            order = rng.permutation(points)
+            noisy = pixels[order] + 0.1 * rng.standard_normal(pixels.shape)
+            side.append(
+                pd.DataFrame({"frame": frame, "u": noisy[:, 0], "v": noisy[:, 1], "bird": order})
+            )
+    return pd.concat(sides[0], ignore_index=True), pd.concat(sides[1], ignore_index=True)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Two tables and two parameter files."""
+    first, second = tables()
+    first["size"] = "large"
+    first.to_csv(tmp_path / "p.csv", index=False)
+    second.to_csv(tmp_path / "s.csv", index=False)
+    first.to_parquet(tmp_path / "p.parquet", index=False)
+    second.to_parquet(tmp_path / "s.parquet", index=False)
+    RIG_2D.save(tmp_path / "2d.json")
+    replace(RIG_2D, method="3d", matching_threshold_px=None).save(tmp_path / "3d.json")
+    return tmp_path
+
+
+def run_match(folder: Path, *more: str, ending: str = "csv", parameters: str = "2d") -> int:
+    """`stereocal match`; the pairs go to `pairs.*`."""
+    return main(
+        ["match", str(folder / f"p.{ending}"), str(folder / f"s.{ending}"), "--parameters",
+         str(folder / f"{parameters}.json"), "--out", str(folder / f"pairs.{ending}"), *more]
+    )  # fmt: skip
+
+
+class TestMatch:
+    def test_pairs_with_the_columns_of_the_design(
+        self, folder: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        assert run_match(folder) == 0
+        pairs = pd.read_csv(folder / "pairs.csv")
+        assert list(pairs) == [*PAIR_COLUMNS, "bird_primary", "size", "bird_secondary"]
+        assert (pairs["bird_primary"] == pairs["bird_secondary"]).mean() > 0.97
+        assert len(pairs) > 0.97 * FRAMES * POINTS
+        assert (pairs["error_px"] <= 0.8).all()
+        assert set(pairs["frame"]) == set(range(3, 3 + FRAMES))
+        given = pd.read_csv(folder / "p.csv").set_index(["frame", "bird"])
+        row = pairs.iloc[7]
+        assert given.loc[(row["frame"], row["bird_primary"]), "u"] == row["u_primary"]
+        printed = capsys.readouterr()
+        assert f"{len(pairs)} pairs in {FRAMES} frames at a threshold of 0.8 px" in printed.out
+        assert f"{FRAMES}/{FRAMES} frames" in printed.err
+
+    def test_parquet_says_the_same(self, folder: Path) -> None:
+        assert run_match(folder) == 0
+        assert run_match(folder, ending="parquet") == 0
+        pd.testing.assert_frame_equal(
+            pd.read_csv(folder / "pairs.csv"), pd.read_parquet(folder / "pairs.parquet"),
+            check_dtype=False,
+        )  # fmt: skip
+
+    def test_the_library_says_the_same(self, folder: Path) -> None:
+        assert run_match(folder, "--threshold", "auto") == 0
+        pairs = match(RIG_2D, *tables(), threshold_px="auto")
+        written = pd.read_csv(folder / "pairs.csv").drop(columns="size")
+        pd.testing.assert_frame_equal(pairs, written, check_dtype=False)
+
+    def test_rows_in_any_order(self, folder: Path) -> None:
+        assert run_match(folder) == 0
+        ordered = (folder / "pairs.csv").read_text()
+        table = pd.read_csv(folder / "p.csv")
+        mixed = table.sort_values("bird", kind="stable")
+        assert (np.diff(mixed["frame"]) < 0).any()
+        mixed.to_csv(folder / "p.csv", index=False)
+        assert run_match(folder) == 0
+        key = ["frame", "bird_primary"]
+        before = pd.read_csv(folder / "pairs.csv").sort_values(key, ignore_index=True)
+        (folder / "pairs.csv").write_text(ordered)
+        after = pd.read_csv(folder / "pairs.csv").sort_values(key, ignore_index=True)
+        pd.testing.assert_frame_equal(before, after)
+
+    @pytest.mark.parametrize("rows", [7, 20, 33])
+    def test_frames_across_the_blocks_of_reading(
+        self, folder: Path, rows: int, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        assert run_match(folder) == 0
+        whole = (folder / "pairs.csv").read_text()
+        monkeypatch.setattr(parquet, "BLOCK_ROWS", rows)
+        for ending in ("csv", "parquet"):
+            assert run_match(folder, ending=ending) == 0
+        assert (folder / "pairs.csv").read_text() == whole
+        pairs = pd.read_parquet(folder / "pairs.parquet")
+        assert len(pairs) == whole.count("\n") - 1
+
+    def test_unmatched_points_are_written(self, folder: Path) -> None:
+        lost = folder / "lost.csv"
+        assert run_match(folder, "--unmatched", str(lost), "--threshold", "0.05") == 0
+        pairs, left = pd.read_csv(folder / "pairs.csv"), pd.read_csv(lost)
+        assert list(left) == ["camera", "frame", "u", "v", "bird", "size"]
+        for which in ("primary", "secondary"):
+            birds = left[left["camera"] == which][["frame", "bird"]].to_numpy().tolist()
+            birds += pairs[["frame", f"bird_{which}"]].to_numpy().tolist()
+            assert len(birds) == FRAMES * POINTS == len({tuple(each) for each in birds})
+
+    def test_without_a_threshold_one_is_chosen_and_said(
+        self, folder: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        assert run_match(folder, parameters="3d") == 0
+        printed = capsys.readouterr().out
+        assert "Threshold chosen from the points" in printed
+        assert "holds no matching threshold" in printed
+        assert "This is the 3D set" in printed
+
+    def test_depth(self, folder: Path) -> None:
+        assert run_match(folder, "--depth", "7", "8") == 0
+        pairs = pd.read_csv(folder / "pairs.csv")
+        depth = reconstruct(RIG_2D, pairs)["z"]
+        assert depth.between(7, 8).all()
+        assert 0.1 < len(pairs) / (FRAMES * POINTS) < 0.6
+
+    def test_frames_of_one_camera_and_rows_without_points(
+        self, folder: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        table = pd.read_csv(folder / "p.csv")
+        table = table[table["frame"] != 5]
+        table.to_csv(folder / "p.csv", index=False)
+        with (folder / "p.csv").open("a") as file:
+            file.write("99,10,10,1,small\n5,,,,\n\n5,NaN,nan,,\n")
+        lost = folder / "lost.csv"
+        assert run_match(folder, "--unmatched", str(lost)) == 0
+        printed = capsys.readouterr().out
+        assert "1 frames are in" in printed
+        assert "(99)" in printed
+        assert "(5)" in printed
+        assert "2 rows have no point" in printed
+        left = pd.read_csv(lost)
+        assert len(left[(left["frame"] == 5) & (left["camera"] == "secondary")]) == POINTS
+
+    def test_cancelled_leaves_nothing(self, folder: Path) -> None:
+        sides = [PointTable(folder / f"{side}.csv", ("u", "v")) for side in "ps"]
+        calls = iter([False, False, True])
+        out = folder / "pairs.csv"
+        assert match_tables(RIG_2D, sides[0], sides[1], out, cancelled=lambda: next(calls)) is None
+        assert sorted(path.suffix for path in folder.iterdir() if "pairs" in path.name) == []
+
+    def test_memory_is_that_of_a_frame(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """Five times the frames, hardly more memory."""
+        monkeypatch.setattr(parquet, "BLOCK_ROWS", 200)
+        monkeypatch.setattr("stereocal.matching.table_writer.ROWS_AT_ONCE", 200)
+        monkeypatch.setattr("stereocal.matching.matching_files.BLOCK_ROWS", 200)
+        peaks = []
+        for frames in (20, 25, 125):
+            for side, table in zip("ps", tables(frames), strict=True):
+                table.to_csv(tmp_path / f"{side}.csv", index=False)
+            sides = [PointTable(tmp_path / f"{side}.csv", ("u", "v")) for side in "ps"]
+            tracemalloc.start()
+            match_tables(RIG_2D, sides[0], sides[1], tmp_path / "pairs.csv")
+            peaks.append(tracemalloc.get_traced_memory()[1])
+            tracemalloc.stop()
+        assert peaks[2] < 2 * peaks[1]  # measured: 1.46 to 1.59; 2 MB hold 500 frames
+
+
+class TestReconstruct:
+    def run(self, folder: Path, *more: str, ending: str = "csv") -> int:
+        return main(
+            ["reconstruct", str(folder / f"pairs.{ending}"), "--parameters",
+             str(folder / "3d.json"), "--out", str(folder / f"points.{ending}"), *more]
+        )  # fmt: skip
+
+    @pytest.mark.parametrize("ending", ["csv", "parquet"])
+    def test_points_with_the_columns_of_the_design(self, folder: Path, ending: str) -> None:
+        assert run_match(folder, ending=ending) == 0
+        assert self.run(folder, ending=ending) == 0
+        read = pd.read_csv if ending == "csv" else pd.read_parquet
+        pairs, points = (read(folder / f"{name}.{ending}") for name in ("pairs", "points"))
+        assert list(points) == [
+            "frame", "x", "y", "z", "error_px", "ambiguous", "bird_primary", "size",
+            "bird_secondary",
+        ]  # fmt: skip
+        pixels = pairs[list(PAIR_COLUMNS[1:5])].to_numpy()
+        np.testing.assert_allclose(
+            points[["x", "y", "z"]].to_numpy(), RIG_2D.reconstruct(pixels[:, :2], pixels[:, 2:]),
+            rtol=0, atol=1e-12,
+        )  # fmt: skip
+        np.testing.assert_allclose(points["error_px"], pairs["error_px"], atol=2e-6)
+
+    def test_world_noise_and_the_rig_of_matching(
+        self, folder: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        (folder / "world.csv").write_text("0,-1,0,1\n1,0,0,2\n0,0,1,3\n0,0,0,1\n")
+        assert run_match(folder) == 0
+        more = ["--world", str(folder / "world.csv"), "--sigma-px", "0.1"]
+        assert self.run(folder, *more, "--matched-with", str(folder / "2d.json")) == 0
+        points = pd.read_csv(folder / "points.csv")
+        plain = reconstruct(RIG_2D, pd.read_csv(folder / "pairs.csv"), sigma_px=0.1)
+        np.testing.assert_allclose(points["x"], 1 - plain["y"], atol=1e-9)
+        np.testing.assert_allclose(points["sigma_x"], plain["sigma_y"], rtol=1e-9)
+        assert list(points)[4:8] == ["error_px", "sigma_x", "sigma_y", "sigma_z"]
+        assert "median reprojection error" in capsys.readouterr().out
+
+    def test_wrong_purpose_and_wrong_rig(
+        self, folder: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        assert run_match(folder) == 0
+        exchanged = replace(RIG_2D, method="2d", pose=RIG.inverse())
+        exchanged.save(folder / "3d.json")
+        assert self.run(folder) == 0
+        printed = capsys.readouterr().out
+        assert "This is the 2D set" in printed
+        assert "do not fit these parameters at all" in printed
+        assert self.run(folder, "--matched-with", str(folder / "2d.json")) == 2
+        assert "different rigs" in capsys.readouterr().err
+
+    def test_bad_pairs(self, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        assert run_match(folder) == 0
+        capsys.readouterr()
+        lines = (folder / "pairs.csv").read_text().splitlines()
+        for change, says in (
+            ("3,5000,1,1,1,0,0,False,1,large,1", r"line 5: the primary point (5000, 1) is outside"),
+            ("3,1,1,,1,0,0,False,1,large,1", "line 5: u_secondary is empty"),
+            ("3,1,1", "line 5: u_secondary is empty"),
+        ):
+            spoilt = [*lines[:4], change, *lines[5:]]
+            (folder / "pairs.csv").write_text("\n".join(spoilt) + "\n")
+            assert self.run(folder) == 2
+            assert says in capsys.readouterr().err
+            assert not (folder / "points.csv").exists()
+
+
+Edit = Callable[[pd.DataFrame], pd.DataFrame]
+Spoil = Callable[[Path], object]
+
+
+def spoil(name: str, edit: Edit) -> Spoil:
+    def change(folder: Path) -> None:
+        edit(pd.read_csv(folder / name, dtype=str)).to_csv(folder / name, index=False)
+
+    return change
+
+
+def put(row: int, column: str, value: str) -> Edit:
+    def edit(table: pd.DataFrame) -> pd.DataFrame:
+        table.loc[row, column] = value
+        return table
+
+    return edit
+
+
+def add_line(name: str, line: str) -> Spoil:
+    def change(folder: Path) -> None:
+        with (folder / name).open("a") as file:
+            file.write(line + "\n")
+
+    return change
+
+
+def write(name: str, content: bytes) -> Spoil:
+    return lambda folder: (folder / name).write_bytes(content)
+
+
+BAD: dict[str, tuple[Spoil, str]] = {
+    "a word": (spoil("p.csv", put(100, "u", "left")), 'line 102: u is "left", which is not a'),
+    "infinite": (spoil("s.csv", put(0, "v", "inf")), 'cannot be used: line 2: v is "inf'),
+    "half a point": (spoil("p.csv", put(3, "v", "")), "line 5: v is empty"),
+    "half a frame": (spoil("p.csv", put(3, "frame", "1.5")), "line 5: frame is 1.5"),
+    "no frame": (spoil("p.csv", put(3, "frame", "")), "line 5: frame is empty"),
+    "outside": (spoil("s.csv", put(9, "u", "1280")), "line 11: frame 3: the point (1280,"),
+    "negative": (spoil("p.csv", put(9, "v", "-3")), "is outside the 1600x1200 px image"),
+    "twice": (
+        spoil("p.csv", lambda t: pd.concat([t, t.tail(1)])), "line 242: frame 14 has the point",
+    ),
+    "too many cells": (add_line("p.csv", "3,1,1,1,1,1"), "line 242: 6 cells instead of 5"),
+    "no column v": (spoil("s.csv", lambda t: t.rename(columns={"v": "w"})), "column v is missing"),
+    "column twice": (
+        write("s.csv", b"frame,u,v,u\n1,2,3,4\n"),
+        "the column u stands in the first line twice",
+    ),
+    "empty file": (write("s.csv", b""), "the file is empty"),
+    "no rows": (spoil("s.csv", lambda t: t.head(0)), "no rows with points"),
+    "no table": (write("s.csv", b"\xff\xfe\x00"), "cannot be read"),
+    "no file": (lambda folder: (folder / "s.csv").unlink(), "No such file"),
+    "other frames": (
+        spoil("s.csv", lambda t: t.assign(frame=t["frame"].astype(int) + 500)),
+        "no frame in common",
+    ),
+    "another camera": (
+        spoil("p.csv", lambda t: t.assign(u=t["u"].astype(float) * 3)),
+        "the parameters are of images of 1600x1200 px",
+    ),
+    "no parameters": (lambda folder: (folder / "2d.json").unlink(), "2d.json: the file cannot be"),
+}  # fmt: skip
+
+
+class TestBadInput:
+    @pytest.mark.parametrize("name", BAD)
+    def test_one_sentence_exit_2_and_no_file(
+        self, name: str, folder: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        change, says = BAD[name]
+        change(folder)
+        (folder / "pairs.csv").write_text("old")
+        before = sorted(path.name for path in folder.iterdir())
+        assert run_match(folder) == 2
+        printed = capsys.readouterr()
+        assert says in printed.err
+        assert len(sentences(printed.err)) == 1
+        assert printed.out == ""
+        assert (folder / "pairs.csv").read_text() == "old"
+        assert sorted(path.name for path in folder.iterdir()) == before
+
+    @pytest.mark.parametrize(
+        ("more", "says"),
+        [
+            (["--threshold", "wide"], '--threshold is "wide"'),
+            (["--threshold", "-1"], "threshold is -1.0 px"),
+            (["--depth", "5", "2"], "depth range"),
+            (["--unmatched", "{out}"], "name the same file"),
+        ],
+    )
+    def test_bad_settings(
+        self, more: list[str], says: str, folder: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        out = str(folder / "pairs.csv")
+        assert run_match(folder, *(each.replace("{out}", out) for each in more)) == 2
+        assert says in capsys.readouterr().err
+        assert not (folder / "pairs.csv").exists()
+
+    def test_a_damaged_parquet_file(self, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        content = (folder / "s.parquet").read_bytes()
+        for damaged in (content[: len(content) // 2], b"", b"PAR1"):
+            (folder / "s.parquet").write_bytes(damaged)
+            assert run_match(folder, ending="parquet") == 2
+            assert "s.parquet" in capsys.readouterr().err
+
+    def test_one_broken_row_in_a_million(
+        self, folder: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        rows = [f"{k // 1000},{k % 1500},{k % 1100 + 0.5}" for k in range(1_000_000)]
+        rows[765_432] = "765,12O,7"
+        (folder / "p.csv").write_text("frame,u,v\n" + "\n".join(rows) + "\n")
+        assert run_match(folder) == 2
+        assert 'line 765434: u is "12O", which is not a finite number' in capsys.readouterr().err
+        assert not (folder / "pairs.csv").exists()
+
+    def test_scaled_images_are_noticed(
+        self, folder: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        for side in "ps":
+            half = pd.read_csv(folder / f"{side}.csv")
+            half.assign(u=half["u"] / 4, v=half["v"] / 4).to_csv(
+                folder / f"{side}.csv", index=False
+            )
+        assert run_match(folder) == 0
+        assert "were the images scaled down?" in capsys.readouterr().out
+
+    def test_a_table_in_memory(self) -> None:
+        first, second = tables(2)
+        with pytest.raises(StereocalError, match="primary table lacks the column v"):
+            match(RIG_2D, first.drop(columns="v"), second)
+        second.loc[0, "u"] = np.nan
+        with pytest.raises(StereocalError, match="not finite"):
+            match(RIG_2D, first, second)
+        with pytest.raises(StereocalError, match="lacks the column u_primary"):
+            reconstruct(RIG_2D, first)

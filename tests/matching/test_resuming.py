@@ -1,0 +1,246 @@
+"""Long work that was stopped goes on with what it had finished: nothing is computed twice, and the
+result is that of work that was never stopped, to the last bit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
+from stereocal.formats.evaluation_files import pack_runs, unpack_runs
+from stereocal.frames.detection_file import pack_detection, unpack_detection
+from stereocal.frames.series import detect_series
+from stereocal.intrinsics.boards import BoardView, Refused, find_boards
+from stereocal.intrinsics.calibrate_lens import LensSettings, calibrate_lens
+from stereocal.intrinsics.files import (
+    pack_board,
+    pack_draws,
+    pack_lens,
+    pack_search,
+    unpack_board,
+    unpack_draws,
+)
+from stereocal.matching import matching_files
+from stereocal.matching.application import PAIRS, POINTS, Application, Points, apply_sets
+from stereocal.matching.blocks import pack_block, unpack_block
+from stereocal.projects.jobs import Parts
+from stereocal.refined.unknowns import RefineSettings
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.parameters import RigParameters
+from stereocal.system.photograph import read_photograph
+from tests import known_rig as rig
+from tests import lens as lens_scene
+from tests.projects.test_parts import same_detections, same_runs
+
+SAMPLES = Path(__file__).parents[2] / "sample_data" / "photographs"
+T = TypeVar("T")
+
+
+class Counting(Executor):
+    """Two threads, and how many tasks they were given."""
+
+    def __init__(self) -> None:
+        self.tasks = 0
+        self._threads = ThreadPoolExecutor(2)
+
+    def submit(self, function: Callable[..., T], /, *args: Any, **named: Any) -> Future[T]:
+        self.tasks += 1
+        return self._threads.submit(function, *args, **named)
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        self._threads.shutdown(wait, cancel_futures=cancel_futures)
+
+
+class StopAt:
+    """Progress that asks for a stop once so much is done."""
+
+    def __init__(self, limit: int) -> None:
+        self.limit = limit
+        self.done = 0
+
+    def progress(self, done: int, total: int) -> None:
+        assert self.done <= done <= total
+        self.done = done
+
+    def cancelled(self) -> bool:
+        return self.done >= self.limit
+
+
+@pytest.fixture
+def executor() -> Iterator[Counting]:
+    with Counting() as counting:
+        yield counting
+
+
+SETTINGS = EvaluationSettings(runs=24, calibration_frames=10, refined=RefineSettings())
+
+
+def run_parts(path: Path) -> Parts[Any]:
+    return Parts(path, pack_runs, unpack_runs)
+
+
+@pytest.fixture(scope="module")
+def dataset() -> Dataset:
+    return rig.dataset(14, 0.3)
+
+
+def test_validation(dataset: Dataset, executor: Counting, tmp_path: Path) -> None:
+    both = [dataset, rig.dataset(13, 0.2, seed=3)]
+    whole = evaluate(both, SETTINGS, executor, chunk=4)
+    assert executor.tasks == 12
+    stop, parts = StopAt(20), run_parts(tmp_path / "a")
+    assert evaluate(both, SETTINGS, executor, stop.progress, stop.cancelled, 4, parts) is None
+    finished = len(parts)
+    parts.close()
+    assert 5 <= finished < 12
+    executor.tasks = 0
+    parts = run_parts(tmp_path / "a")
+    told = StopAt(1000)
+    again = evaluate(both, SETTINGS, executor, told.progress, chunk=4, pieces=parts)
+    parts.close()
+    assert executor.tasks == 12 - finished
+    assert told.done == 48
+    assert whole is not None and again is not None
+    assert all(same_runs(a, b) for a, b in zip(whole, again, strict=True))
+
+
+@pytest.mark.parametrize(
+    ("other", "settings"),
+    [
+        (rig.dataset(14, 0.3, seed=8), SETTINGS),
+        (replace(rig.dataset(14, 0.3), baseline_sigma_m=0.001), SETTINGS),
+        (rig.dataset(14, 0.3), replace(SETTINGS, calibration_frames=9)),
+        (rig.dataset(14, 0.3), replace(SETTINGS, refined=None)),
+    ],
+)
+def test_runs_of_other_data_or_settings_are_not_used(
+    other: Dataset, settings: EvaluationSettings, dataset: Dataset, executor: Counting,
+    tmp_path: Path,
+) -> None:  # fmt: skip
+    parts = run_parts(tmp_path / "a")
+    few = replace(SETTINGS, runs=4)
+    evaluate([dataset], few, executor, chunk=4, pieces=parts)
+    executor.tasks = 0
+    evaluate([other], replace(settings, runs=4), executor, chunk=4, pieces=parts)
+    assert executor.tasks == 1
+    # But the same runs of a longer validation are.
+    evaluate([dataset], replace(few, runs=8), executor, chunk=4, pieces=parts)
+    assert executor.tasks == 2
+    parts.close()
+
+
+def test_targets_in_photographs(
+    executor: Counting, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    missing = tmp_path / "none.png"
+    paths = [*sorted((SAMPLES / "primary").iterdir())[:5], missing]
+    monkeypatch.setattr("stereocal.frames.series.AHEAD", 2)
+    whole = detect_series(paths, read_photograph, executor)
+    stop, parts = StopAt(2), Parts(tmp_path / "a", pack_detection, unpack_detection)
+    found = detect_series(paths, read_photograph, executor, stop.progress, stop.cancelled, parts)
+    assert found is None
+    finished = len(parts)
+    assert 2 <= finished < 6
+    executor.tasks = 0
+    again = detect_series(paths, read_photograph, executor, pieces=parts)
+    assert executor.tasks == 6 - finished
+    assert whole is not None and again is not None
+    assert all(same_detections(a, b) for a, b in zip(whole, again, strict=True))
+    assert again[-1].reason == "unreadable"
+    assert parts.get(missing.name) is None
+    parts.close()
+
+
+PATTERN = lens_scene.PATTERN
+LENS = LensSettings(subset=5, repeats=23)
+
+
+def test_boards_and_lens(executor: Counting, tmp_path: Path) -> None:
+    lens_scene.write_boards(tmp_path / "photographs", 9)
+    photographs = {path.name: path for path in sorted((tmp_path / "photographs").iterdir())}
+    search = find_boards(photographs, PATTERN, executor)
+    executor.tasks = 0
+    stop: StopAt = StopAt(4)
+    found: Parts[BoardView | Refused] = Parts(tmp_path / "b", pack_board, unpack_board)
+    stopped = find_boards(photographs, PATTERN, executor, stop.progress, stop.cancelled, found)
+    assert stopped is None
+    finished, executor.tasks = len(found), 0
+    assert 4 <= finished < 9
+    again = find_boards(photographs, PATTERN, executor, pieces=found)
+    assert executor.tasks == 9 - finished
+    assert search is not None and again is not None
+    assert pack_search(search) == pack_search(again)
+    found.close()
+
+    whole = calibrate_lens(search, LENS, executor)
+    draws = Parts(tmp_path / "d", pack_draws, unpack_draws)
+    stop = StopAt(10)
+    assert calibrate_lens(search, LENS, executor, stop.progress, stop.cancelled, draws) is None
+    finished, executor.tasks = len(draws), 0
+    assert 2 <= finished < 6
+    lens = calibrate_lens(search, LENS, executor, pieces=draws)
+    assert executor.tasks == 6 - finished  # 5 of draws, and one of all photographs
+    assert whole is not None and lens is not None
+    assert pack_lens(whole) == pack_lens(lens)
+    # Draws of other photographs, or with another seed, are others.
+    executor.tasks = 0
+    calibrate_lens(search.without([search.views[0].name]), LENS, executor, pieces=draws)
+    calibrate_lens(search, replace(LENS, seed=1), executor, pieces=draws)
+    assert executor.tasks == 12
+    draws.close()
+
+
+def scattered(folder: Path) -> Application:
+    """400 frames of 6 points each, in an order of their own in either camera, with a further column
+    that needs quotes."""
+    rng = np.random.default_rng(5)
+    points = rng.uniform([-1.2, -1.0, 6.0], [1.2, 1.0, 10.0], (2400, 3))
+    primary, secondary = rig.images(points)
+    frames = np.repeat(np.arange(400), 6)
+    tables: list[Points] = []
+    for which, pixels in (("p", primary), ("s", secondary)):
+        table = pd.DataFrame({"frame": frames, "u": pixels[:, 0], "v": pixels[:, 1]})
+        table["note"] = [f'"{i}", the {which}\n' for i in range(2400)]
+        table = table.sample(frac=1, random_state=len(tables)).sort_values("frame", kind="stable")
+        path = folder / f"{which}.csv"
+        table.to_csv(path, index=False)
+        tables.append(Points(path, path.name, 2400, 400))
+    params = RigParameters("2d", rig.PRIMARY, rig.SECONDARY, rig.RIG, 0.0, {}, {})
+    return Application(tables[0], tables[1], params, replace(params, method="3d"), 0.5)
+
+
+def test_matching_and_measuring(
+    executor: Counting, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    work = scattered(tmp_path)
+    monkeypatch.setattr("stereocal.matching.parquet.BLOCK_ROWS", 500)
+    folders = [tmp_path / name for name in ("plain", "whole", "stopped", "again")]
+    for folder in folders:
+        folder.mkdir()
+    plain = apply_sets(work, folders[0])
+    whole = apply_sets(work, folders[1], executor=executor)
+    every, executor.tasks = executor.tasks, 0
+    parts = Parts(tmp_path / "a", pack_block, unpack_block)
+    calls = iter(range(10_000))
+    stopped = apply_sets(
+        work, folders[2], cancelled=lambda: next(calls) > 402, executor=executor, pieces=parts
+    )
+    assert stopped is None
+    assert list(folders[2].iterdir()) == [folders[2] / PAIRS]
+    finished, executor.tasks = len(parts), 0
+    assert 16 < finished < every  # all blocks of 25 frames were matched, and some were measured
+    again = apply_sets(work, folders[3], executor=executor, pieces=parts)
+    assert executor.tasks == every - finished
+    assert plain is not None and plain == whole == again
+    for name in (PAIRS, POINTS):
+        contents = {(folder / name).read_bytes() for folder in (*folders[:2], folders[3])}
+        assert len(contents) == 1
+    parts.close()
+    assert matching_files.BLOCK_FRAMES == 25

@@ -1,0 +1,145 @@
+"""The list of projects: copied, removed, brought back, swept; nothing lost on the way."""
+
+from __future__ import annotations
+
+import math
+import os
+import stat
+import time
+from pathlib import Path
+
+import pytest
+
+from stereocal.errors import StereocalError
+from stereocal.projects.home import (
+    bring_back,
+    duplicate,
+    recent_projects,
+    remove,
+    removed_at,
+    removed_projects,
+    sweep,
+)
+from stereocal.projects.project import Project
+from stereocal.workflow import calibrate
+from tests.projects.test_project import filled
+
+
+def aged(folder: Path, days: float) -> None:
+    """As if nothing of it had been touched for so long."""
+    when = time.time() - days * 86_400
+    for path in (*folder.rglob("*"), folder):
+        os.utime(path, (when, when))
+
+
+def swept(home: Path, removed_days: float, unused_days: float = math.inf) -> int:
+    """What goes in two sweeps, the second one a day later."""
+    first = sweep(home, removed_days, unused_days, lambda: time.time() - 86_400)
+    assert first == 0
+    return sweep(home, removed_days, unused_days)
+
+
+def calibrated(home: Path) -> Project:
+    project = filled(home)
+    dataset = project.dataset
+    assert dataset is not None
+    project.keep_calibration(calibrate(dataset), project.inputs)
+    return project
+
+
+def test_list_has_the_newest_first_and_says_what_is_finished(tmp_path: Path) -> None:
+    assert recent_projects(tmp_path) == []
+    old, new = calibrated(tmp_path), filled(tmp_path)
+    old.rename("Swifts <b>")
+    aged(old.folder, 2)
+    found = recent_projects(tmp_path)
+    assert [listed.id for listed in found] == [new.id, old.id]
+    assert [listed.finished for listed in found] == [(), ("calibration",)]
+    assert found[1].name == "Swifts <b>"
+    assert found[1].changed == pytest.approx(time.time() - 2 * 86_400, abs=60)
+    assert len(recent_projects(tmp_path, most=1)) == 1
+
+
+def test_broken_and_foreign_folders_do_not_stop_the_list(tmp_path: Path) -> None:
+    good, broken = filled(tmp_path), filled(tmp_path)
+    (broken.folder / "project.json").write_bytes(b"{")
+    (tmp_path / "projects" / "notes").mkdir()
+    (tmp_path / "projects" / ("0" * 32)).write_text("a file")
+    assert [listed.id for listed in recent_projects(tmp_path)] == [good.id]
+
+
+def test_a_copy_has_everything_and_its_own_life(tmp_path: Path) -> None:
+    project = calibrated(tmp_path)
+    project.rename("Field")
+    copy = duplicate(tmp_path, project.id)
+    assert copy.id != project.id
+    assert copy.inputs.name == "Field (copy)"
+    kept, own = project.calibration, copy.calibration
+    assert kept is not None and own is not None
+    assert own.methods["2d"].cost == kept.methods["2d"].cost
+    copy.give({}, baseline_m=3.0)
+    assert project.inputs.baseline_m == 4.5
+    remove(tmp_path, project.id)
+    assert swept(tmp_path, removed_days=-1) == 1
+    assert copy.dataset is not None
+    assert not list((tmp_path / "projects").glob(".new*"))
+
+
+def test_removed_projects_come_back_whole(tmp_path: Path) -> None:
+    project = calibrated(tmp_path)
+    remove(tmp_path, project.id)
+    assert recent_projects(tmp_path) == []
+    with pytest.raises(StereocalError, match="removed"):
+        Project.open(tmp_path, project.id)
+    with pytest.raises(StereocalError):
+        remove(tmp_path, project.id)
+    back = bring_back(tmp_path, project.id)
+    assert back.calibration is not None
+    with pytest.raises(StereocalError, match="for good"):
+        bring_back(tmp_path, project.id)
+    with pytest.raises(StereocalError, match="for good"):
+        bring_back(tmp_path, "../projects/" + project.id)
+
+
+def test_removed_ones_are_listed_the_newest_first_also_damaged_ones(tmp_path: Path) -> None:
+    assert removed_projects(tmp_path) == []
+    old, damaged, new = filled(tmp_path), filled(tmp_path), filled(tmp_path)
+    old.rename("Swifts <b>")
+    for project in (new, damaged, old):
+        assert removed_at(tmp_path, project.id) is None
+        remove(tmp_path, project.id)
+    below = tmp_path / "removed"
+    (below / damaged.id / "project.json").write_bytes(b"{")
+    (below / ".gone.1").mkdir()
+    aged(below / old.id, 2)
+    aged(below / damaged.id, 1)
+    found = removed_projects(tmp_path)
+    assert [one.id for one in found] == [new.id, damaged.id, old.id]
+    assert [one.name for one in found[1:]] == ["", "Swifts <b>"]
+    assert found[2].removed == pytest.approx(time.time() - 2 * 86_400, abs=60)
+    assert removed_at(tmp_path, old.id) == found[2].removed
+    assert [one.id for one in removed_projects(tmp_path, most=1)] == [new.id]
+    bring_back(tmp_path, new.id)
+    assert [one.id for one in removed_projects(tmp_path)] == [damaged.id, old.id]
+    assert removed_at(tmp_path, f"../removed/{old.id}") is None
+
+
+def test_sweep_takes_what_is_old_and_nothing_else(tmp_path: Path) -> None:
+    old, new, removed = filled(tmp_path), filled(tmp_path), filled(tmp_path)
+    aged(old.folder, 41)
+    remove(tmp_path, removed.id)
+    assert sweep(tmp_path, removed_days=30) == 0
+    assert swept(tmp_path, removed_days=30, unused_days=39) == 1
+    assert [listed.id for listed in recent_projects(tmp_path)] == [new.id]
+    assert bring_back(tmp_path, old.id).dataset is not None
+    aged(tmp_path / "removed" / removed.id, 32)
+    assert swept(tmp_path, removed_days=30) == 1
+    with pytest.raises(StereocalError, match="for good"):
+        bring_back(tmp_path, removed.id)
+
+
+def test_nobody_else_on_the_computer_may_look_in(tmp_path: Path) -> None:
+    project = filled(tmp_path)
+    remove(tmp_path, project.id)
+    for name in ("projects", "removed"):
+        assert stat.S_IMODE((tmp_path / name).stat().st_mode) == 0o700

@@ -1,0 +1,140 @@
+"""The input that is wrong is named, and no sound one accused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.refined_rigs import Misjudged, random_scene, stated
+from benchmarks.refined_truth import accusations
+from stereocal.refined.disagreement import ACCUSED, _as_normal, what_disagrees
+from stereocal.refined.refine import refine
+from stereocal.refined.stated_inputs import what_could_not_be_told
+from stereocal.refined.unknowns import FIXED_LENS, LensPrior, RefineSettings
+from stereocal.rig.dataset import Dataset
+from tests import known_rig as rig
+
+KEYS = {
+    "baseline", "distance", "primary focal", "primary centre", "secondary focal",
+    "secondary centre",
+}  # fmt: skip
+KNOWN = Misjudged()
+
+
+def wrong(baseline: float = 1.0, focal: float = 0.0) -> tuple[Dataset, float]:
+    """A rig whose stated values are wrong, and its true baseline."""
+    rng = np.random.default_rng([2, 7])
+    scene = random_scene(rng)
+    data = stated(scene, rng, KNOWN, baseline=baseline, focal=focal)
+    return data, scene.rig.secondary_from_primary.baseline
+
+
+@pytest.mark.parametrize(("what", "least"), [("baseline", 27), ("primary focal", 27)])
+def test_the_wrong_input_is_named(what: str, least: int) -> None:
+    """Baseline 3 % too long, focal length 2 % too long, 30 rigs. Measured: 30 and 29 of them,
+
+    with none and at most 1 sound input accused beside; of 300: 300 and 293, 3 and 4.
+    """
+    named, accused = accusations(30, what, seed=2)
+    assert named >= least
+    assert accused <= 3
+
+
+def test_sound_rigs_are_not_accused() -> None:
+    """Measured: 3 of 300 rigs."""
+    assert accusations(40, "", seed=2)[1] <= 3
+
+
+def test_the_sentence_says_what_and_what_to_do() -> None:
+    data, truth = wrong(baseline=1.03)
+    first, *others = what_disagrees(refine(data, KNOWN.settings()))
+    assert first.key == "baseline"
+    assert first.accused
+    assert first.standard_errors >= ACCUSED
+    # Images fix the ratio of the two lengths only: both are named, with both values.
+    assert first.rivals == ("distance",)
+    assert f"{data.baseline_m:.4f} m" in first.advice
+    assert f"{data.target_distance_m:.4f} m" in first.advice
+    assert "entrance pupils" in first.advice
+    assert first.others_say is not None
+    assert first.others_sigma is not None
+    assert abs(first.others_say[0] - truth) < 4 * first.others_sigma[0]
+    assert {item.key for item in [first, *others]} == KEYS
+    values = [item.standard_errors for item in others]
+    assert values == sorted(values, reverse=True)
+    assert all(item.advice == "" and item.others_say is None for item in others)
+
+
+def test_a_focal_length_is_given_for_both_axes() -> None:
+    data, _ = wrong(focal=0.02)
+    first = what_disagrees(refine(data, KNOWN.settings()))[0]
+    assert first.key == "primary focal"
+    assert "focal length (fx, fy)" in first.advice
+    assert first.stated.tolist() == [data.primary.K[0, 0], data.primary.K[1, 1]]
+    np.testing.assert_allclose(first.prior_sigma, 0.003 * first.stated)
+
+
+def test_what_is_fixed_or_free_is_not_tested() -> None:
+    data = rig.dataset(25, 0.2)
+    settings = RefineSettings(FIXED_LENS, FIXED_LENS, baseline_sigma_m=np.inf)
+    items = what_disagrees(refine(data, settings))
+    assert [item.key for item in items] == ["distance"]
+    # Where the baseline is free, the images say nothing about the bar.
+    assert np.isnan(items[0].standard_errors)
+    assert not items[0].accused
+
+
+@pytest.mark.parametrize("frames", [3, 5, 6])
+def test_few_frames_do_not_break_it(frames: int) -> None:
+    for item in what_disagrees(refine(rig.dataset(frames, 0.2))):
+        assert not item.accused
+
+
+def test_a_wrong_focal_length_does_not_free_both_lengths() -> None:
+    """One of the two must fix the scale; freeing both ended a calibration without files."""
+    rng = np.random.default_rng(5)
+    data = stated(random_scene(rng), rng, KNOWN, baseline=1.06, focal=0.05)
+    settings = replace(KNOWN.settings(), distance_sigma_m=1e-4)
+    accused = [item.key for item in what_disagrees(refine(data, settings)) if item.accused]
+    assert accused
+    assert not {"baseline", "distance"} <= set(accused)
+
+
+def test_what_nobody_stated_is_asked_for() -> None:
+    data = rig.dataset(25, 0.2)
+    asked = what_could_not_be_told(what_disagrees(refine(data)))
+    for word in ("baseline", "distance", "focal length", "image centre", "mm", "px"):
+        assert word in asked
+    stated_all = replace(data, baseline_sigma_m=0.002, target_distance_sigma_m=0.0005)
+    settings = RefineSettings(primary=LensPrior(0.003, 5.0), secondary=LensPrior(0.003, 5.0))
+    items = what_disagrees(refine(stated_all, settings))
+    assert what_could_not_be_told(items) == ""
+    assert all(item.sigma_stated for item in items)
+    assert "focal" not in what_could_not_be_told(what_disagrees(refine(data, settings)))
+
+
+def test_an_error_is_noticed_from_the_size_that_is_told() -> None:
+    """Half of it is not noticed, twice as much is: of 20 rigs, in all but chance (3.2 +- 1)."""
+    seen = {0.5: 0, 2.0: 0}
+    for number in range(20):
+        rng = np.random.default_rng([number, 3])
+        scene = random_scene(rng)
+        sound = stated(scene, rng, replace(KNOWN, baseline_m=0.0, bar_m=0.0))
+        fit = refine(sound, KNOWN.settings())
+        noticed = next(i for i in what_disagrees(fit) if i.key == "baseline").noticed[0]
+        for part in seen:
+            wrong_one = replace(sound, baseline_m=sound.baseline_m + part * noticed)
+            items = what_disagrees(refine(wrong_one, KNOWN.settings()))
+            seen[part] += any(i.accused and "baseline" in (i.key, *i.rivals) for i in items)
+    assert seen[0.5] <= 3
+    assert seen[2.0] >= 18
+
+
+def test_two_numbers_are_as_rare_as_one() -> None:
+    # 95 % of chi-squared with 1 and 2 degrees of freedom: 3.841 and 5.991.
+    assert _as_normal(3.8414588, 1) == pytest.approx(1.959964, abs=1e-6)
+    assert _as_normal(5.9914645, 2) == pytest.approx(1.959964, abs=1e-6)
+    assert _as_normal(0.0, 2) == pytest.approx(0.0, abs=1e-9)
+    assert 60 < _as_normal(4000.0, 2) < 64  # no underflow

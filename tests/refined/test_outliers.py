@@ -1,0 +1,115 @@
+"""Frames that stand out."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from stereocal.calibration.methods import CalibrationSettings
+from stereocal.calibration.results import Errors
+from stereocal.refined.outliers import (
+    bar_frames,
+    frame_reprojection_px,
+    held_out,
+    left_out,
+    length_outliers,
+    outlying,
+    outlying_frames,
+    reprojection_outliers,
+)
+from stereocal.refined.results import Calibration
+from stereocal.workflow import calibrate
+from tests import known_rig as rig
+
+MIXED_UP = 11
+
+
+def make_calibration(noise_px: float, shift_px: float) -> Calibration:
+    """25 frames numbered from 1; frame 1 has no B, the B of `MIXED_UP` is off by `shift_px`."""
+    exact = rig.dataset(25, noise_px)
+    rows = exact.correspondences
+    secondary = rows.secondary.copy()
+    secondary[(rows.frame == MIXED_UP) & (rows.target == 1), 1] += shift_px
+    shifted = replace(rows, secondary=secondary).where((rows.frame > 1) | (rows.target == 0))
+    dataset = replace(exact, correspondences=shifted)
+    return calibrate(dataset, CalibrationSettings(calibration_frames=20), trace=True)
+
+
+@pytest.fixture(scope="module")
+def calibration() -> Calibration:
+    return make_calibration(noise_px=0.2, shift_px=10.0)
+
+
+def with_errors(calibration: Calibration, method: str, errors: Errors) -> Calibration:
+    """The same calibration, with other errors for one method."""
+    changed = Calibration(
+        calibration.dataset, calibration.settings, calibration.screening, calibration.frames,
+        calibration.methods, calibration.warnings,
+    )  # fmt: skip
+    changed.__dict__["errors"] = {**calibration.errors, method: errors}
+    return changed
+
+
+def test_the_mixed_up_frame_stands_out_alone(calibration: Calibration) -> None:
+    assert reprojection_outliers(calibration) == [MIXED_UP]
+    assert outlying_frames(calibration) == sorted({MIXED_UP, *length_outliers(calibration)})
+
+
+def test_data_without_noise_have_no_outlying_frame() -> None:
+    exact = make_calibration(noise_px=0.0, shift_px=0.0)
+    assert outlying_frames(exact) == []
+
+
+def test_the_larger_error_of_the_two_targets_counts(calibration: Calibration) -> None:
+    rows = calibration.dataset.correspondences
+    errors = calibration.errors["3d"].reprojection_px
+    expected = [errors[rows.frame == frame].max() for frame in rows.frames]
+    np.testing.assert_array_equal(frame_reprojection_px(calibration, "3d"), expected)
+
+
+def test_bars_know_their_frame(calibration: Calibration) -> None:
+    assert bar_frames(calibration).tolist() == list(range(2, 26))
+    assert len(calibration.errors["2d"].length) == 24
+
+
+def test_held_out_frames_are_those_neither_calibrated_with_nor_left_out(
+    calibration: Calibration,
+) -> None:
+    frames = calibration.dataset.correspondences.frames
+    assert calibration.screening.left_out == (MIXED_UP,)
+    assert held_out(calibration, frames).sum() == 25 - 1 - 20
+    rest = ~(held_out(calibration, frames) | left_out(calibration, frames))
+    assert set(frames[rest]) == set(calibration.frames)
+
+
+def test_the_limit_is_six_robust_deviations_above_the_median() -> None:
+    values = np.array([1.0, 2.0, 3.0, 4.0, 5.0, 0.0, 0.0])
+    limit = 2.0 + 6 * 1.4826 * 2.0  # median 2; deviations 1 0 1 2 3 2 2 have the median 2
+    assert not outlying(values, 0.0).any()
+    above = values.copy()
+    above[4] = limit + 1e-3
+    assert outlying(above, 0.0).tolist() == [False] * 4 + [True] + [False] * 2
+    above[4] = limit - 1e-3
+    assert not outlying(above, 0.0).any()
+
+
+def test_equal_values_leave_room_for_rounding() -> None:
+    values = np.array([1.0, 1.0, 1.0, 1.0, 1.005])
+    assert not outlying(values, 0.01).any()
+    assert outlying(values, 0.001).tolist() == [False] * 4 + [True]
+
+
+def test_a_small_error_is_never_outlying() -> None:
+    assert not outlying(np.array([5.0, 5.0, 5.1, 4.9, 0.0]), 0.0)[-1]
+
+
+def test_what_cannot_be_computed_stands_out(calibration: Calibration) -> None:
+    errors = calibration.errors["2d"]
+    lost = errors.reprojection_px.copy()
+    lost[5] = np.nan
+    frame = int(calibration.dataset.correspondences.frame[5])
+    changed = with_errors(calibration, "2d", replace(errors, reprojection_px=lost))
+    assert frame in outlying_frames(changed)
+    assert np.isnan(frame_reprojection_px(changed, "2d")).sum() == 1
+    assert outlying(np.full(3, np.nan), 0.0).all()
+    assert outlying(np.empty(0), 0.0).tolist() == []

@@ -1,0 +1,106 @@
+"""The third parameter file: its own lenses, its uncertainties, there and back."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from benchmarks.refined_rigs import Misjudged, random_scene, spoiled, stated
+from stereocal.errors import StereocalError
+from stereocal.refined.disagreement import what_disagrees
+from stereocal.refined.file import COVARIANCE_OF, refined_parameters
+from stereocal.refined.refine import RefinedResult, refine
+from stereocal.refined.uncertainty import standard_errors
+from stereocal.refined.unknowns import RefineSettings
+from stereocal.rig.parameters import RigParameters
+from stereocal.workflow import calibrate
+from tests import known_rig as rig
+
+
+@pytest.fixture(scope="module")
+def result() -> RefinedResult:
+    rng = np.random.default_rng(8)
+    scene = random_scene(rng, 30, margin_px=45)
+    dirty, _ = spoiled(stated(scene, rng, Misjudged(), baseline=1.03), rng)
+    return refine(dirty, Misjudged().settings())
+
+
+def test_there_and_back(result: RefinedResult) -> None:
+    saved = refined_parameters(result, what_disagrees(result))
+    read = RigParameters.loads(saved.dumps())
+    assert (read.method, read.purpose) == ("refined", "both")
+    np.testing.assert_array_equal(read.primary.K, result.primary.K)
+    np.testing.assert_array_equal(read.secondary.K, result.secondary.K)
+    np.testing.assert_array_equal(read.pose.R, result.pose.R)
+    assert read.uncertainties == saved.uncertainties
+    rows = result.dataset.correspondences
+    np.testing.assert_array_equal(
+        read.reprojection_errors(rows.primary, rows.secondary),
+        saved.reprojection_errors(rows.primary, rows.secondary),
+    )
+
+
+def test_what_the_uncertainties_say(result: RefinedResult) -> None:
+    stated_ones = refined_parameters(result, what_disagrees(result)).uncertainties
+    assert stated_ones is not None
+    errors = stated_ones["standard_errors"]
+    assert errors == {name: value.sigma for name, value in standard_errors(result).items()}
+    covariance = np.array(stated_ones["covariance"]["matrix"])
+    names = stated_ones["covariance"]["of"]
+    assert names == list(COVARIANCE_OF)
+    for at, name in enumerate(names):
+        if name in errors:
+            assert errors[name] == pytest.approx(np.sqrt(covariance[at, at]), rel=1e-12)
+    assert [one["frame"] for one in stated_ones["frames_left_out"]] == list(result.outlying_frames)
+    assert len(stated_ones["frames_left_out"]) == 3
+    assert "the measured baseline is" in stated_ones["inputs_that_disagree"][0]
+    assert stated_ones["sigma_px"]["source"] == "estimated from the residuals"
+    length = stated_ones["bar_length_m"]
+    assert abs(length["estimate"] - length["stated"]) < 4 * Misjudged().bar_m
+
+
+def test_settings_without_limit_can_be_written() -> None:
+    free = refine(rig.dataset(20, 0.2), RefineSettings(baseline_sigma_m=np.inf))
+    read = RigParameters.loads(refined_parameters(free).dumps())
+    assert read.settings["baseline_sigma_m"] == "inf"
+
+
+def test_the_papers_files_have_no_such_key() -> None:
+    found = calibrate(rig.dataset(20, 0.2))
+    assert "uncertainties" not in found.parameters("2d").to_json()
+    assert found.refined is None
+    assert found.refined_errors is None
+
+
+@pytest.mark.parametrize(
+    ("value", "sentence"),
+    [("[1, 2]", "not an object"), ('{"yaw": NaN}', "not a finite number")],
+)
+def test_damaged_uncertainties(result: RefinedResult, value: str, sentence: str) -> None:
+    text = refined_parameters(result).dumps()
+    data = json.loads(text)
+    data["uncertainties"] = "HERE"
+    with pytest.raises(StereocalError, match=sentence):
+        RigParameters.loads(json.dumps(data).replace('"HERE"', value))
+
+
+def test_a_threshold_from_a_validation(result: RefinedResult) -> None:
+    with_one = refined_parameters(result, validation={"threshold_px": 1.5})
+    assert with_one.matching_threshold_px == 1.5
+
+
+def test_calibrate_runs_it_beside_the_papers_three() -> None:
+    data = rig.dataset(20, 0.2)
+    said: list[str] = []
+    found = calibrate(data, progress=said.append, refined=RefineSettings())
+    assert said == ["screening", "essential", "2d", "3d", "refined"]
+    assert list(found.methods) == ["essential", "2d", "3d"]
+    assert found.refined is not None
+    assert found.refined_errors is not None
+    assert found.refined_errors.mean_reprojection_px < found.errors["3d"].mean_reprojection_px
+    hopeless = RefineSettings(baseline_sigma_m=np.inf, distance_sigma_m=np.inf)
+    without = calibrate(data, refined=hopeless)
+    assert without.refined is None
+    assert "There is no refined set: Nothing fixes the scale" in without.warnings[-1]

@@ -1,0 +1,137 @@
+"""Stated uncertainties against what simulations show."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from benchmarks.refined_rigs import Misjudged, fixed_lenses
+from benchmarks.refined_truth import deviations, over_bound
+from stereocal.errors import StereocalError
+from stereocal.refined.refine import RefinedResult, refine
+from stereocal.refined.uncertainty import (
+    accuracy_map,
+    distance_sigmas,
+    in_view,
+    length_slopes,
+    point_covariances,
+    standard_errors,
+)
+from stereocal.refined.unknowns import RefineSettings
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import Angles, Pose, triangulate
+from tests import known_rig as rig
+
+KNOWN = Misjudged()
+
+
+@pytest.fixture(scope="module")
+def result() -> RefinedResult:
+    return refine(rig.dataset(25, 0.2))
+
+
+def test_68_percent_intervals_hold_the_truth() -> None:
+    """Angles, baseline and a held-out distance; all inputs drawn from their priors."""
+    z = deviations(200, KNOWN, KNOWN.settings(), seed=5)
+    shares = (np.abs(z) <= 1).mean(axis=0)
+    # 200 rigs: a standard error of 3.3 %; three of them. With 1,000: 64.9 to 68.7 %.
+    assert (np.abs(shares - 0.683) < 0.10).all(), shares
+    assert (np.abs(z.mean(axis=0)) < 0.25).all()
+
+
+def test_errors_are_near_the_cramer_rao_bound() -> None:
+    exact = Misjudged(focal=0.0, centre_px=0.0)
+    rotation, length = over_bound(100, exact, fixed_lenses(exact.settings()), seed=1)
+    # 100 rigs: a standard error of 7 %; two of them on top of 1.1. With 400: 0.98 and 1.00.
+    assert rotation < 1.24
+    assert length < 1.24
+
+
+def test_standard_errors_are_named_in_their_units(result: RefinedResult) -> None:
+    found = standard_errors(result)
+    assert list(found) == [
+        "yaw", "pitch", "roll", "delta", "epsilon", "baseline_m",
+        *(f"{c}_{k}" for c in ("primary", "secondary") for k in ("fx", "fy", "cx", "cy")),
+    ]  # fmt: skip
+    assert found["primary_fx"].value == result.primary.K[0, 0]
+    assert found["secondary_cy"].value == result.secondary.K[1, 2]
+    # The data can only narrow the priors: 1 % and 10 px.
+    assert 0 < found["primary_fx"].sigma <= 0.01 * rig.PRIMARY.K[0, 0] * 1.0001
+    assert 0 < found["secondary_cy"].sigma <= 10.0
+    held = standard_errors(refine(rig.dataset(25, 0.2), fixed_lenses(RefineSettings())))
+    assert held["primary_fx"].sigma == 0
+
+
+def test_slopes_of_a_distance_are_those_of_finite_differences(result: RefinedResult) -> None:
+    """By a change of the angles and of the baseline, at a fixed pair of pixels."""
+    ends = rig.bar_ends(6, seed=3)
+    a, b = ends[0::2], ends[1::2]
+    slopes = length_slopes(result, a, b)
+    both = np.concatenate([a, b])
+    primary, secondary = (
+        result.primary.undistort(result.primary.project(both)),
+        result.secondary.undistort(result.secondary.project(result.pose.apply(both))),
+    )
+    for at in range(6):
+        lengths = []
+        for step in (1e-6, -1e-6):
+            q = result.q.copy()
+            q[at] += step
+            points = triangulated(q, primary, secondary)
+            lengths.append(np.linalg.norm(points[:6] - points[6:], axis=1))
+        difference = (lengths[0] - lengths[1]) / 2e-6
+        # Rounding of the difference: 1e-9 m of lengths over 2e-6.
+        np.testing.assert_allclose(slopes[:, at], difference, rtol=1e-4, atol=1e-4)
+
+
+def triangulated(q: FloatArray, primary: FloatArray, secondary: FloatArray) -> FloatArray:
+    """Midpoints with the pose of the shared numbers q."""
+    pose = Pose.from_angles(Angles(*q[:5].tolist()), float(q[5]))
+    return triangulate(pose, primary, secondary)
+
+
+def test_noise_of_a_point_is_what_simulation_shows() -> None:
+    """The part of the pixels: the midpoints of 4000 noisy views of three points."""
+    held = refine(rig.dataset(25, 0.2), fixed_lenses(RefineSettings(sigma_px=0.2)))
+    held.__dict__["covariance"] = np.zeros((15, 15))
+    rng = np.random.default_rng(2)
+    for point in ([0.2, -0.4, 6.0], [-0.9, 0.6, 9.0], [1.0, 0.1, 10.0]):
+        many = np.tile(point, (4000, 1))
+        primary = held.primary.project(many) + 0.2 * rng.normal(size=(4000, 2))
+        moved = held.secondary.project(held.pose.apply(many))
+        secondary = moved + 0.2 * rng.normal(size=(4000, 2))
+        found = triangulate(
+            held.pose, held.primary.undistort(primary), held.secondary.undistort(secondary)
+        )
+        expected = point_covariances(held, [point])[0]
+        # 4000 draws: a variance is known to 2.2 %. Measured: within 5 % of the largest.
+        np.testing.assert_allclose(
+            np.cov(found.T), expected, rtol=0, atol=0.12 * np.abs(expected).max()
+        )
+
+
+def test_farther_is_worse_and_more_noise_is_worse(result: RefinedResult) -> None:
+    depth = np.array([4.0, 6.0, 8.0, 10.0])
+    points = np.column_stack([0 * depth, 0 * depth, depth])
+    spread = np.sqrt(np.trace(point_covariances(result, points), axis1=1, axis2=2))
+    assert (np.diff(spread) > 0).all()
+    aside = points + np.array([0.0, 0.0, 0.5])
+    sigmas = distance_sigmas(result, points, aside)
+    assert (np.diff(sigmas) > 0).all()
+    behind = point_covariances(result, [[0.0, 0.0, -3.0]])
+    assert np.isnan(behind).all()
+
+
+def test_the_map_covers_the_common_view(result: RefinedResult) -> None:
+    found = accuracy_map(result, 24)
+    assert found.point_m.shape == found.distance.shape == (24, 24)
+    X, Z = np.meshgrid(found.x_m, found.z_m)
+    points = np.column_stack([X.ravel(), 0 * X.ravel(), Z.ravel()])
+    seen = in_view(result.primary, points)
+    seen &= in_view(result.secondary, result.pose.apply(points))
+    np.testing.assert_array_equal(np.isfinite(found.point_m).ravel(), seen)
+    assert 20 < seen.sum() < len(seen)
+    assert (found.point_m[np.isfinite(found.point_m)] > 0).all()
+    assert found.z_m.max() > np.nanmax(result.places_m[..., 2])
+    with pytest.raises(StereocalError, match="at least 2"):
+        accuracy_map(result, 1)

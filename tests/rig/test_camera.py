@@ -1,0 +1,204 @@
+"""The lens both ways, against OpenCV."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from stereocal.errors import StereocalError
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray
+from tests.known_rig import PRIMARY, SECONDARY
+
+K = np.array([[1190.6, 2.3, 612.8], [0.0, 1171.9, 530.1], [0.0, 0.0, 1.0]])
+NO_SKEW = np.array([[1190.6, 0.0, 612.8], [0.0, 1171.9, 530.1], [0.0, 0.0, 1.0]])
+LENSES = {
+    0: [],
+    4: [-0.22, 0.14, 0.0011, -0.0016],
+    5: [-0.22, 0.25, 0.0005, -0.0004, -0.24],
+    8: [0.31, -0.12, 0.0008, -0.0006, 0.02, 0.52, -0.05, 0.01],
+    12: [0.31, -0.12, 0.0008, -0.0006, 0.02, 0.52, -0.05, 0.01, 2e-3, -1e-3, 1.5e-3, 5e-4],
+    14: [0.31, -0.12, 8e-4, -6e-4, 0.02, 0.52, -0.05, 0.01, 2e-3, -1e-3, 1.5e-3, 5e-4, 0.02, -0.03],
+}  # fmt: skip
+
+
+def camera_with(coefficients: int, matrix: FloatArray = K) -> Camera:
+    return Camera(matrix, np.array(LENSES[coefficients]), (1280, 1024))
+
+
+def grid() -> FloatArray:
+    """Pixels over the whole image, the corners too."""
+    u, v = np.meshgrid(np.linspace(-0.5, 1279.5, 14), np.linspace(-0.5, 1023.5, 11))
+    return np.column_stack([u.ravel(), v.ravel()])
+
+
+class TestThereAndBack:
+    @pytest.mark.parametrize("coefficients", LENSES)
+    def test_pixels(self, coefficients: int) -> None:
+        camera = camera_with(coefficients)
+        back = camera.distort(camera.undistort(grid()))
+        # Newton ends at 1e-13 on the plane z = 1, which is 1e-10 px; measured: 5e-13 px.
+        np.testing.assert_allclose(back, grid(), rtol=0, atol=1e-9)
+
+    @pytest.mark.parametrize("coefficients", LENSES)
+    def test_normalised_points(self, coefficients: int) -> None:
+        camera = camera_with(coefficients)
+        rays = np.random.default_rng(3).uniform(-0.4, 0.4, (200, 2))
+        back = camera.undistort(camera.distort(rays))
+        # 1e-12 on the plane z = 1 is 1e-9 px; measured: 3e-16.
+        np.testing.assert_allclose(back, rays, rtol=0, atol=1e-12)
+
+    @given(
+        st.floats(-0.25, 0.25), st.floats(-0.05, 0.05), st.floats(-3e-3, 3e-3),
+        st.floats(-3e-3, 3e-3), st.floats(-1279, 1279), st.floats(-1023, 1023),
+    )  # fmt: skip
+    @settings(max_examples=60)
+    def test_any_ordinary_lens(
+        self, k1: float, k2: float, p1: float, p2: float, u: float, v: float
+    ) -> None:
+        camera = Camera(K, np.array([k1, k2, p1, p2]), (1280, 1024))
+        pixel = np.abs([[u, v]])
+        back = camera.distort(camera.undistort(pixel))
+        np.testing.assert_allclose(back, pixel, rtol=0, atol=1e-9)
+
+    def test_the_lens_bends_at_all(self) -> None:
+        for coefficients in (4, 5, 8, 12, 14):
+            bent = camera_with(coefficients).undistort(grid()) - camera_with(0).undistort(grid())
+            assert np.abs(bent).max() > 0.005
+
+    def test_undistorted_pixels_are_K_times_the_rays(self) -> None:
+        rays = SECONDARY.undistort(grid())
+        expected = np.column_stack([rays, np.ones(len(rays))]) @ SECONDARY.K.T
+        np.testing.assert_allclose(
+            SECONDARY.undistort_to_pixels(grid()), expected[:, :2], rtol=1e-14
+        )
+
+    def test_no_points_are_no_error(self) -> None:
+        for camera in (camera_with(0), camera_with(5)):
+            assert camera.undistort(np.empty((0, 2))).shape == (0, 2)
+            assert camera.distort(np.empty((0, 2))).shape == (0, 2)
+
+
+class TestProject:
+    points = np.random.default_rng(4).uniform([-2, -1.5, 4], [2, 1.5, 9], (100, 3))
+
+    @pytest.mark.parametrize("coefficients", LENSES)
+    def test_agrees_with_opencv(self, coefficients: int) -> None:
+        camera = camera_with(coefficients, NO_SKEW)
+        lens = np.array(LENSES[coefficients] or [0.0] * 4)
+        expected, _ = cv2.projectPoints(self.points, np.zeros(3), np.zeros(3), NO_SKEW, lens)
+        # The same formula with the division done before: 1e-16 of 1000 px; measured: 2e-13 px.
+        np.testing.assert_allclose(
+            camera.project(self.points), np.asarray(expected).reshape(-1, 2), rtol=0, atol=1e-10
+        )
+
+    def test_skew_moves_u_by_skew_times_y(self) -> None:
+        straight = Camera(
+            K * np.array([[1, 0, 1], [1, 1, 1], [1, 1, 1]]), np.array([]), (1280, 1024)
+        )
+        moved = camera_with(0).project(self.points) - straight.project(self.points)
+        y = self.points[:, 1] / self.points[:, 2]
+        # The difference of numbers near 1000 px keeps 1e-13 px; measured: 2e-13.
+        np.testing.assert_allclose(moved[:, 0], 2.3 * y, rtol=0, atol=1e-11)
+        np.testing.assert_allclose(moved[:, 1], 0, rtol=0, atol=1e-12)
+
+    def test_without_a_lens_it_is_K_alone(self) -> None:
+        homogeneous = self.points @ K.T
+        np.testing.assert_allclose(
+            camera_with(0).project(self.points), homogeneous[:, :2] / homogeneous[:, 2:], rtol=1e-14
+        )
+
+    @pytest.mark.parametrize("coefficients", [0, 5])
+    def test_behind_the_camera_is_nan(self, coefficients: int) -> None:
+        points = np.array([[0.1, 0.2, 5.0], [0.1, 0.2, -5.0], [0.1, 0.2, 0.0]])
+        found = camera_with(coefficients).project(points)
+        assert np.isfinite(found[0]).all()
+        assert np.isnan(found[1:]).all()
+
+
+class TestNoInverse:
+    def test_a_lens_that_folds_back_is_nan_beyond_the_fold(self) -> None:
+        """r (1 - 0.5 r^2) is at most 0.544, at r = 0.816: no ray lands further out."""
+        camera = Camera(np.diag([500.0, 500.0, 1.0]), np.array([-0.5, 0, 0, 0]), (1280, 1024))
+        inside, outside = np.array([[200.0, 0.0]]), np.array([[300.0, 0.0]])
+        r = camera.undistort(inside)[0, 0]
+        assert r * (1 - 0.5 * r**2) == pytest.approx(0.4, abs=1e-12)
+        assert np.isnan(camera.undistort(outside)).all()
+        both = camera.undistort(np.vstack([inside, outside]))
+        # A point that cannot be inverted must not keep the others from being found.
+        np.testing.assert_allclose(both[0], camera.undistort(inside)[0], rtol=0, atol=1e-12)
+        assert np.isnan(both[1]).all()
+
+    @pytest.mark.parametrize("k1", [-0.5, -1.0, -3.0])
+    def test_solutions_that_no_lens_has_are_not_taken(self, k1: float) -> None:
+        """Beyond the fold the cubic still has a root, on the other side of the image."""
+        camera = Camera(np.diag([500.0, 500.0, 1.0]), np.array([k1, 0, 0, 0]), (1280, 1024))
+        fold = 1 / np.sqrt(-3 * k1)
+        furthest = 500 * fold * 2 / 3
+        along = np.array([np.cos(0.7), np.sin(0.7)])
+        inside = np.linspace(0, 0.99 * furthest, 40)[:, None] * along
+        outside = np.linspace(1.01 * furthest, 3 * furthest, 40)[:, None] * along
+        found = camera.undistort(np.vstack([inside, outside]))
+        assert np.isfinite(found[:40]).all()
+        assert np.hypot(*found[:40].T).max() < fold
+        assert np.isnan(found[40:]).all()
+
+    def test_what_is_found_is_on_the_near_side_of_the_fold(self) -> None:
+        camera = Camera(np.diag([500.0, 500.0, 1.0]), np.array([-0.5, 0, 0, 0]), (1280, 1024))
+        found = camera.undistort(np.column_stack([np.linspace(1, 265, 60), np.zeros(60)]))
+        assert np.isfinite(found).all()
+        assert found[:, 0].max() < np.sqrt(2 / 3)
+
+
+class TestRefusals:
+    good: ClassVar[dict[str, Any]] = {"K": K, "distortion": np.zeros(5), "image_size": (1280, 1024)}
+
+    @pytest.mark.parametrize(
+        ("change", "says"),
+        [
+            ({"K": np.eye(4)}, "3x3"),
+            ({"K": K.T}, "transposed"),
+            ({"K": 2 * K}, "not a camera matrix"),
+            ({"K": np.diag([0.0, 1.0, 1.0])}, "cannot be inverted"),
+            ({"K": np.diag([1.0, -1.0, 1.0])}, "cannot be inverted"),
+            ({"K": K * np.nan}, "not finite"),
+            ({"distortion": np.array([np.inf, 0, 0, 0])}, "not finite"),
+            ({"distortion": np.zeros(3)}, "3 distortion coefficients"),
+            ({"distortion": np.zeros(6)}, "6 distortion coefficients"),
+            ({"image_size": (0, 1024)}, "0x1024"),
+            ({"image_size": (1280, -1)}, "1280x-1"),
+        ],
+    )
+    def test_what_is_no_camera(self, change: dict[str, Any], says: str) -> None:
+        with pytest.raises(StereocalError, match=says):
+            Camera(**{**self.good, **change})
+
+    def test_the_camera_cannot_be_changed(self) -> None:
+        with pytest.raises(ValueError, match="read-only"):
+            PRIMARY.K[0, 0] = 1.0
+
+    @pytest.mark.parametrize("key", ["K", "distortion", "image_size"])
+    def test_json_without_a_key(self, key: str) -> None:
+        data = {name: value for name, value in PRIMARY.to_json().items() if name != key}
+        with pytest.raises(StereocalError, match=f"here: the camera lacks {key}"):
+            Camera.from_json(data, "here")
+
+    @pytest.mark.parametrize(
+        "change",
+        [{"K": "x"}, {"K": [[1, 2], [3]]}, {"image_size": 5}, {"image_size": [1, 2, 3]},
+         {"image_size": [1e400, 2]}, {"distortion": ["a"]}, {"distortion": None}],
+    )  # fmt: skip
+    def test_json_of_the_wrong_kind(self, change: dict[str, Any]) -> None:
+        with pytest.raises(StereocalError, match=r"^here: "):
+            Camera.from_json({**PRIMARY.to_json(), **change}, "here")
+
+    def test_json_there_and_back(self) -> None:
+        back = Camera.from_json(SECONDARY.to_json(), "here")
+        np.testing.assert_array_equal(back.K, SECONDARY.K)
+        np.testing.assert_array_equal(back.distortion, SECONDARY.distortion)
+        assert back.image_size == SECONDARY.image_size

@@ -1,0 +1,128 @@
+"""Where compiled code is kept: beside the sources, or where it can be written to."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.terminal import LONGEST_S, ROOT, tables
+
+if os.name == "nt":
+    pytest.skip("folders have no mode there", allow_module_level=True)
+
+WITHOUT_RIGHTS = ["setpriv", "--bounding-set=-dac_override,-dac_read_search"]
+"""Root writes into any folder; this way it is held to their modes, as any user is."""
+AS_A_USER = WITHOUT_RIGHTS if os.geteuid() == 0 else []
+if AS_A_USER and shutil.which(AS_A_USER[0]) is None:
+    pytest.skip("root writes into any folder", allow_module_level=True)
+
+CACHE = "import stereocal, os; print(os.environ.get('NUMBA_CACHE_DIR', 'beside'))"
+
+
+@pytest.fixture
+def installed(tmp_path: Path) -> Iterator[Path]:
+    """A copy of the program that cannot be written to."""
+    folder = tmp_path / "installed"
+    shutil.copytree(
+        ROOT / "stereocal", folder / "stereocal", ignore=shutil.ignore_patterns("__pycache__")
+    )
+    for below in [folder, *folder.rglob("*")]:
+        below.chmod(0o555 if below.is_dir() else 0o444)
+    yield folder
+    for below in [folder, *folder.rglob("*")]:
+        below.chmod(0o755)
+
+
+def python(
+    installed: Path, *words: str | Path, **environment: str | Path
+) -> subprocess.CompletedProcess[str]:
+    """Python with that copy, by a user who has no rights but those of the folders' modes."""
+    usual = {
+        name: value
+        for name, value in os.environ.items()
+        if name not in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME", "PYTHONPATH")
+    }
+    return subprocess.run(
+        [*AS_A_USER, sys.executable, *map(str, words)],
+        cwd=installed, env={**usual, **{name: str(value) for name, value in environment.items()}},
+        capture_output=True, text=True, check=False, timeout=LONGEST_S,
+    )  # fmt: skip
+
+
+def folder(tmp_path: Path, name: str, mode: int = 0o755) -> Path:
+    made = tmp_path / name
+    made.mkdir()
+    made.chmod(mode)
+    return made
+
+
+def test_without_a_home_it_is_in_the_temporary_folder_and_is_used_again(
+    installed: Path, tmp_path: Path
+) -> None:
+    given = tables(folder(tmp_path, "given"))
+    home, temporary = folder(tmp_path, "home", 0o555), folder(tmp_path, "temporary")
+    said = []
+    for number in range(2):
+        out = tmp_path / f"points{number}.csv"
+        ended = python(
+            installed, "-m", "stereocal", "reconstruct", given["pairs"],
+            "--parameters", given["parameters"], "--out", out, HOME=home, TMPDIR=temporary,
+        )  # fmt: skip
+        assert ended.returncode == 0, ended.stderr
+        assert len(out.read_text().splitlines()) == 51
+        said.append("Compiling" in ended.stderr)
+    assert said == [True, False]
+    (cache,) = temporary.iterdir()
+    assert cache.name == f"stereocal-compiled-{os.getuid()}"
+    assert cache.stat().st_mode & 0o777 == 0o700
+    assert list(cache.rglob("*.nbi"))
+    assert not list(home.iterdir())
+
+
+def test_with_a_home_it_is_in_the_cache_folder_there(installed: Path, tmp_path: Path) -> None:
+    home, own = folder(tmp_path, "home"), folder(tmp_path, "own")
+    found = python(installed, "-c", CACHE, HOME=home)
+    assert found.stdout.strip() == str(home / ".cache" / "stereocal"), found.stderr
+    found = python(installed, "-c", CACHE, HOME=home, XDG_CACHE_HOME=own)
+    assert found.stdout.strip() == str(own / "stereocal"), found.stderr
+
+
+def test_what_was_chosen_and_the_folder_of_the_sources_come_first(
+    installed: Path, tmp_path: Path
+) -> None:
+    home, own = folder(tmp_path, "home"), folder(tmp_path, "own")
+    assert python(installed, "-c", CACHE, HOME=home, NUMBA_CACHE_DIR=own).stdout == f"{own}\n"
+    assert python(ROOT, "-c", CACHE, HOME=home).stdout == "beside\n"
+    assert not list(home.iterdir())
+
+
+@pytest.mark.parametrize("trap", ["others can write", "a link"])
+def test_a_folder_that_others_prepared_is_not_used(
+    trap: str, installed: Path, tmp_path: Path
+) -> None:
+    """What is read from there is run: anybody can make a folder of that name before."""
+    home, temporary = folder(tmp_path, "home", 0o555), folder(tmp_path, "temporary")
+    prepared = temporary / f"stereocal-compiled-{os.getuid()}"
+    if trap == "a link":
+        prepared.symlink_to(folder(tmp_path, "theirs", 0o700))
+    else:
+        folder(temporary, prepared.name, 0o777)
+    found = Path(python(installed, "-c", CACHE, HOME=home, TMPDIR=temporary).stdout.strip())
+    assert found != prepared
+    assert found.parent == temporary
+    assert found.stat().st_mode & 0o777 == 0o700
+
+
+def test_a_numba_that_was_imported_before_is_told(installed: Path, tmp_path: Path) -> None:
+    code = "import numba; import stereocal.calibration.costs; print(numba.config.CACHE_DIR)"
+    found = python(
+        installed, "-c", code, HOME=folder(tmp_path, "home", 0o555),
+        TMPDIR=folder(tmp_path, "temporary"),
+    )  # fmt: skip
+    assert found.stdout.strip().startswith(str(tmp_path / "temporary")), found.stderr

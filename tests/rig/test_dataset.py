@@ -1,0 +1,209 @@
+"""What data sets and correspondences are made of, and what they refuse."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from stereocal.errors import RefusedRowsError, StereocalError
+from stereocal.rig.camera import Camera
+from stereocal.rig.dataset import Correspondences, Dataset, points_outside
+from tests.known_rig import BAR_M, PRIMARY, SECONDARY, correspondences, dataset
+
+EXACT = dataset(6)
+
+
+def changed(**columns: Any) -> Correspondences:
+    """The rows of three frames with some columns changed."""
+    rows = correspondences(3)
+    return Correspondences(
+        **{
+            field.name: columns.get(field.name, np.array(getattr(rows, field.name)))
+            for field in fields(rows)
+        }
+    )
+
+
+class TestCorrespondences:
+    def test_bars_are_the_rows_of_A_and_B_in_order_of_the_frames(self) -> None:
+        rows = Correspondences.from_arrays(
+            [9, 4, 9, 2, 4, 7], ["B", "A", "A", "B", "B", "A"], np.ones((6, 2)), np.ones((6, 2))
+        )
+        np.testing.assert_array_equal(rows.bars, [[1, 4], [2, 0]])
+        np.testing.assert_array_equal(rows.frames, [2, 4, 7, 9])
+
+    def test_without_a_bar_there_are_no_bars(self) -> None:
+        rows = Correspondences.from_arrays([1, 2], ["A", "B"], np.ones((2, 2)), np.ones((2, 2)))
+        assert rows.bars.shape == (0, 2)
+
+    def test_a_selection_keeps_rows_whole(self) -> None:
+        rows = changed(line=np.arange(2, 8))
+        chosen = rows.of_frames([3, 1])
+        np.testing.assert_array_equal(chosen.frame, [1, 1, 3, 3])
+        np.testing.assert_array_equal(chosen.line, [2, 3, 6, 7])
+        np.testing.assert_array_equal(chosen.primary, rows.primary[[0, 1, 4, 5]])
+        np.testing.assert_array_equal(chosen.secondary, rows.secondary[[0, 1, 4, 5]])
+        np.testing.assert_array_equal(rows.without_lines([3, 6]).line, [2, 4, 5, 7])
+
+    def test_sigmas_and_sources_stay_with_their_rows(self) -> None:
+        sigma = np.array([0.1, 0.2, np.nan, 0.4, 0.5, 0.6])
+        rows = changed(sigma_secondary_px=sigma, source=np.array([0, 1, 2, -1, 0, 1]))
+        assert rows.has_sigmas and not changed().has_sigmas
+        chosen = rows.of_frames([2])
+        np.testing.assert_array_equal(chosen.sigma_secondary_px, [np.nan, 0.4])
+        np.testing.assert_array_equal(chosen.source, [2, -1])
+        assert np.isnan(chosen.sigma_primary_px).all()
+
+    def test_words_of_sources(self) -> None:
+        twos = np.ones((2, 2))
+        rows = Correspondences.from_arrays([1, 2], "AB", twos, twos, source=["manual", ""])
+        np.testing.assert_array_equal(rows.source, [2, -1])
+        with pytest.raises(StereocalError, match='"guess" is none of detected'):
+            Correspondences.from_arrays([1, 2], "AB", twos, twos, source=["guess", ""])
+
+    def test_names_of_rows(self) -> None:
+        assert changed().name_of(3) == "frame 2, target B"
+        assert changed(line=np.arange(2, 8)).name_of(3) == "frame 2, target B (line 5)"
+
+    @pytest.mark.parametrize(
+        ("columns", "says"),
+        [
+            ({"frame": np.array([1, 1, 1, 2, 3, 3])}, "twice"),
+            ({"source": np.array([0, 1, 2, -1, 3, 0])}, "none of detected, corrected, manual"),
+            ({"sigma_primary_px": np.array([1, 1, 0, 1, 1, np.nan])}, "not above 0"),
+            ({"sigma_secondary_px": np.array([1, 1, -1, 1, 1, np.nan])}, "not above 0"),
+            ({"target": np.array([0, 1, 0, 1, 0, 2])}, "neither A"),
+            ({"target": np.zeros(5, int)}, "target has shape"),
+            ({"primary": np.full((6, 2), np.nan)}, "not a finite number"),
+            ({"secondary": np.full((6, 2), np.inf)}, "not a finite number"),
+            ({"secondary": np.ones((6, 3))}, "secondary has shape"),
+            ({"distance_m": np.ones((6, 1))}, "distance_m has shape"),
+        ],
+    )
+    def test_refusals(self, columns: dict[str, Any], says: str) -> None:
+        with pytest.raises(StereocalError, match=says):
+            changed(**columns)
+
+    def test_cannot_be_changed(self) -> None:
+        with pytest.raises(ValueError, match="read-only"):
+            changed().primary[0, 0] = 3.0
+
+
+class TestLengths:
+    @pytest.mark.parametrize("value", [0.0, -0.9, float("nan"), float("inf"), -float("inf")])
+    @pytest.mark.parametrize("name", ["baseline_m", "target_distance_m"])
+    def test_no_length(self, name: str, value: float) -> None:
+        with pytest.raises(StereocalError, match="must be a length above 0"):
+            replace(EXACT, **cast(Any, {name: value}))
+
+    @pytest.mark.parametrize("name", ["baseline_m", "target_distance_m"])
+    def test_millimetres(self, name: str) -> None:
+        with pytest.raises(StereocalError, match=r"looks like millimetres.*\(2\.37\)"):
+            replace(EXACT, **cast(Any, {name: 2370.0}))
+
+    @pytest.mark.parametrize("value", [0.0, -1e-3, float("nan"), float("inf")])
+    @pytest.mark.parametrize("name", ["baseline_sigma_m", "target_distance_sigma_m"])
+    def test_no_uncertainty(self, name: str, value: float) -> None:
+        with pytest.raises(StereocalError, match="uncertainty"):
+            replace(EXACT, **cast(Any, {name: value}))
+
+    def test_a_frames_own_distance_goes_before_the_data_sets(self) -> None:
+        """Given with A, with B, with both, and with none."""
+        nan = np.nan
+        rows = correspondences(4)
+        rows = replace(rows, distance_m=np.array([0.5, nan, nan, 0.6, 0.7, 0.7, nan, nan]))
+        own = replace(EXACT, correspondences=rows)
+        np.testing.assert_array_equal(own.bar_distances_m, [0.5, 0.6, 0.7, BAR_M])
+
+
+class TestPointsOutside:
+    @pytest.mark.parametrize("camera", ["primary", "secondary"])
+    @pytest.mark.parametrize("axis", [0, 1])
+    def test_the_last_half_pixel_is_inside(self, camera: str, axis: int) -> None:
+        size = {"primary": PRIMARY, "secondary": SECONDARY}[camera].image_size[axis]
+        for value, outside in (
+            (-0.5, False), (-0.51, True), (size - 0.5, False), (size - 0.49, True),
+        ):  # fmt: skip
+            points = np.array(getattr(correspondences(3), camera))
+            points[4, axis] = value
+            problems = points_outside(
+                changed(**{camera: points}, line=np.arange(2, 8)), PRIMARY, SECONDARY
+            )
+            assert [problem.line for problem in problems] == [6] * outside
+            if outside:
+                assert f"frame 3, target A: the {camera} point" in problems[0].reason
+
+    def test_are_refused_with_all_of_them_named(self) -> None:
+        points = np.array(correspondences(3).secondary)
+        points[1:] = 5000.0
+        rows = changed(secondary=points, line=np.arange(2, 8))
+        with pytest.raises(RefusedRowsError, match=r"5 rows .*line 3.*line 4.*line 5.*2 more") as e:
+            replace(EXACT, correspondences=rows)
+        assert [problem.line for problem in e.value.problems] == [3, 4, 5, 6, 7]
+
+    def test_a_lens_without_inverse_there_is_refused(self) -> None:
+        """r (1 - 8 r^2) is at most 0.136, 200 px from the centre."""
+        folding = Camera(PRIMARY.K, np.array([-8.0, 0, 0, 0]), PRIMARY.image_size)
+        with pytest.raises(
+            StereocalError, match=r"primary camera's lens .* inverted at frame 3, target A"
+        ):
+            replace(EXACT, primary=folding)
+
+
+class TestDataset:
+    def test_rays_are_those_of_each_camera(self) -> None:
+        np.testing.assert_array_equal(
+            EXACT.rays[:2].T, PRIMARY.undistort(EXACT.correspondences.primary)
+        )
+        np.testing.assert_array_equal(
+            EXACT.rays[2:].T, SECONDARY.undistort(EXACT.correspondences.secondary)
+        )
+        np.testing.assert_array_equal(EXACT.pixel_scale[1], [1190.6, 2.3, 1171.9])
+
+    def test_targets_exchanged(self) -> None:
+        """Of the frames asked for, in the secondary image alone; twice is as before."""
+        sound = EXACT.correspondences
+        once = EXACT.with_targets_exchanged([2, 3])
+        rows = once.correspondences
+        np.testing.assert_array_equal(rows.primary, sound.primary)
+        a, b = sound.bars[1]
+        np.testing.assert_array_equal(rows.secondary[[a, b]], sound.secondary[[b, a]])
+        np.testing.assert_array_equal(
+            rows.secondary[rows.frame == 1], sound.secondary[sound.frame == 1]
+        )
+        twice = once.with_targets_exchanged([2, 3])
+        assert twice.sha256 == EXACT.sha256 != once.sha256
+
+    def test_a_frame_with_one_target_is_not_exchanged(self) -> None:
+        alone = replace(EXACT, correspondences=EXACT.correspondences.where(np.arange(12) > 0))
+        assert alone.with_targets_exchanged([1]).sha256 == alone.sha256
+
+    def test_the_digest_is_of_the_numbers(self) -> None:
+        assert dataset(6).sha256 == EXACT.sha256
+        assert replace(EXACT, name="another", notes="x").sha256 == EXACT.sha256
+        rows = correspondences(6)
+        nudged = np.array(rows.secondary)
+        nudged[3, 1] = np.nextafter(nudged[3, 1], 0)
+        distances = np.array(rows.distance_m)
+        distances[0] = BAR_M
+        others = [
+            replace(EXACT, baseline_m=np.nextafter(EXACT.baseline_m, 0)),
+            replace(EXACT, target_distance_m=0.5),
+            replace(EXACT, correspondences=replace(rows, secondary=nudged)),
+            replace(EXACT, correspondences=replace(rows, distance_m=distances)),
+            replace(EXACT, primary=Camera(PRIMARY.K, np.zeros(0), PRIMARY.image_size)),
+            EXACT.of_frames([1, 2, 3, 4, 5]),
+            dataset(6, known_points=True),
+            replace(EXACT, correspondences=replace(rows, sigma_primary_px=np.full(12, 0.1))),
+        ]
+        assert len({EXACT.sha256, *(other.sha256 for other in others)}) == 1 + len(others)
+
+    def test_of_frames_keeps_the_rest(self) -> None:
+        part = EXACT.of_frames([2, 5])
+        np.testing.assert_array_equal(part.correspondences.frames, [2, 5])
+        np.testing.assert_array_equal(part.rays, EXACT.rays[:, [2, 3, 8, 9]])
+        assert isinstance(part, Dataset)
+        assert part.baseline_m == EXACT.baseline_m

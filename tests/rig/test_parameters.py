@@ -1,0 +1,271 @@
+"""The parameter files: their keys, there and back, and what is refused."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from stereocal.errors import StereocalError
+from stereocal.rig.geometry import Angles, Pose
+from stereocal.rig.parameters import RigParameters
+from tests.known_rig import (
+    ANGLES,
+    ANY_ANGLES,
+    BASELINE_M,
+    PRIMARY,
+    RIG,
+    SECONDARY,
+    bar_ends,
+    images,
+)
+
+PARAMETERS = RigParameters(
+    method="3d",
+    primary=PRIMARY,
+    secondary=SECONDARY,
+    pose=RIG,
+    cost=0.0123,
+    settings={"delta": 1e-3, "seed": 0},
+    inputs={"sha256": "0" * 64},
+)
+KEYS = [
+    "format", "purpose", "method", "convention", "units", "pixel_origin", "cameras", "R", "T", "E",
+    "angles", "baseline_m", "triangulation", "matching_threshold_px", "cost", "validation",
+    "settings", "inputs", "frames_left_out", "software", "created",
+]  # fmt: skip
+
+
+def damaged(change: Callable[[dict[str, Any]], object]) -> str:
+    """The text of the file after a change to its content."""
+    data = json.loads(PARAMETERS.dumps())
+    change(data)
+    return json.dumps(data)
+
+
+def put(*path: str | int, value: Any) -> Callable[[dict[str, Any]], None]:
+    def change(data: Any) -> None:
+        for step in path[:-1]:
+            data = data[step]
+        data[path[-1]] = value
+
+    return change
+
+
+class TestFile:
+    def test_keys_are_those_of_the_design(self) -> None:
+        data = json.loads(PARAMETERS.dumps())
+        assert list(data) == KEYS
+        assert list(data["angles"]) == ["yaw", "pitch", "roll", "delta", "epsilon"]
+        assert list(data["cameras"]) == ["primary", "secondary"]
+        for camera in data["cameras"].values():
+            assert list(camera) == ["K", "distortion", "image_size"]
+
+    def test_says_what_it_means(self) -> None:
+        data = json.loads(PARAMETERS.dumps())
+        assert data["format"] == "stereocal-parameters/1"
+        assert data["convention"] == "x_secondary = R @ x_primary + T"
+        assert (data["method"], data["purpose"]) == ("3d", "reconstruction")
+        assert json.loads(replace(PARAMETERS, method="2d").dumps())["purpose"] == "matching"
+        assert data["triangulation"] == "midpoint"
+        assert data["matching_threshold_px"] is None
+        assert data["validation"] is None
+        assert data["units"]["T"] == "m"
+
+    def test_a_reader_with_json_and_numpy_alone_gets_it_right(self) -> None:
+        """Project a point by the file's numbers: the lens apart, it is what our cameras see."""
+        data = json.loads(PARAMETERS.dumps())
+        point = np.array([0.4, -0.3, 7.0])
+        moved = np.array(data["R"]) @ point + np.array(data["T"])
+        pixel = np.array(data["cameras"]["secondary"]["K"]) @ moved
+        ray = SECONDARY.undistort(SECONDARY.project(RIG.apply(point[None])))
+        expected = SECONDARY.K @ np.array([*ray[0], 1.0])
+        np.testing.assert_allclose(pixel[:2] / pixel[2], expected[:2], rtol=0, atol=1e-9)
+        unit = np.array(data["T"]) / data["baseline_m"]
+        np.testing.assert_allclose(
+            np.array(data["E"]), np.cross(unit, np.array(data["R"]), axisb=0, axisc=0), atol=1e-15
+        )
+
+    def test_there_and_back(self, tmp_path: Path) -> None:
+        full = replace(
+            PARAMETERS, matching_threshold_px=1.25, validation={"fcp": 0.02}, method="2d"
+        )
+        full.save(tmp_path / "p.json")
+        back = RigParameters.load(tmp_path / "p.json")
+        np.testing.assert_array_equal(back.pose.R, RIG.R)
+        np.testing.assert_array_equal(back.pose.T, RIG.T)
+        np.testing.assert_array_equal(back.secondary.K, SECONDARY.K)
+        np.testing.assert_array_equal(back.primary.distortion, PRIMARY.distortion)
+        assert back.secondary.image_size == (1280, 1024)
+        assert (back.method, back.cost, back.matching_threshold_px) == ("2d", 0.0123, 1.25)
+        assert back.settings == {"delta": 1e-3, "seed": 0}
+        assert back.inputs == {"sha256": "0" * 64}
+        assert back.validation == {"fcp": 0.02}
+        without = [
+            {k: v for k, v in each.to_json().items() if k != "created"} for each in (full, back)
+        ]
+        assert without[0] == without[1]
+
+    @given(ANY_ANGLES, st.floats(1e-3, 500.0))
+    @settings(max_examples=40)
+    def test_any_rig_there_and_back(self, angles: Angles, baseline: float) -> None:
+        pose = Pose.from_angles(angles, baseline)
+        back = RigParameters.loads(replace(PARAMETERS, pose=pose).dumps())
+        np.testing.assert_array_equal(back.pose.R, pose.R)
+        np.testing.assert_array_equal(back.pose.T, pose.T)
+
+    def test_a_file_written_by_hand_with_eight_digits_is_read(self) -> None:
+        def shorten(data: dict[str, Any]) -> None:
+            for key in ("R", "T", "E"):
+                data[key] = np.round(data[key], 8).tolist()
+            data["angles"] = {k: round(v, 8) for k, v in data["angles"].items()}
+
+        back = RigParameters.loads(damaged(shorten))
+        np.testing.assert_allclose(back.pose.R, RIG.R, rtol=0, atol=1e-8)
+
+
+class TestRefusals:
+    @pytest.mark.parametrize(
+        ("change", "says"),
+        [
+            (put("format", value="stereocal-parameters/2"), "stereocal-parameters/2"),
+            (put("format", value=None), "this version reads"),
+            (put("convention", value="x_primary = R @ x_secondary + T"), "convention"),
+            (put("triangulation", value="dlt"), "triangulation"),
+            (put("method", value="5d"), "5d"),
+            (put("R", value=np.diag([1, 1, -1.0]).tolist()), "not a rotation"),
+            (put("R", 0, 0, value=0.5), "not a rotation"),
+            (put("R", 0, 0, value=float("nan")), "not finite"),
+            (put("T", 1, value=float("inf")), "not finite"),
+            (put("R", value=np.eye(4).tolist()), "shape"),
+            (put("R", value="eye"), "damaged"),
+            (put("T", value=[1.0, 2.0]), "shape"),
+            (put("T", value=[0.0, 0.0, 0.0]), "contradict"),
+            (put("baseline_m", value=BASELINE_M * 1.001), "contradict"),
+            (put("baseline_m", value=float("nan")), "contradict"),
+            (put("angles", "yaw", value=ANGLES.yaw + 1e-3), "contradict"),
+            (put("angles", "epsilon", value=ANGLES.epsilon + 1e-3), "contradict"),
+            (put("angles", "yaw", value=float("nan")), "^test: .*not finite"),
+            (put("angles", value={"yaw": 1.0}), "damaged"),
+            (put("angles", value=[1, 2, 3, 4, 5]), "damaged"),
+            (put("cost", value=float("nan")), "cost"),
+            (put("cost", value=None), "damaged"),
+            (put("cost", value="cheap"), "damaged"),
+            (put("matching_threshold_px", value="wide"), "damaged"),
+            (put("matching_threshold_px", value=float("nan")), "threshold"),
+            (put("matching_threshold_px", value=-1.0), "threshold"),
+            (put("cameras", "primary", "K", 0, 0, value=-5.0), "primary.*inverted"),
+            (put("cameras", "secondary", "distortion", value=[1.0]), "secondary.*1 distortion"),
+            (put("cameras", value=7), "damaged"),
+        ],
+    )
+    def test_unsound_content(self, change: Callable[[dict[str, Any]], None], says: str) -> None:
+        with pytest.raises(StereocalError, match=says):
+            RigParameters.loads(damaged(change), "test")
+
+    @pytest.mark.parametrize("key", [k for k in KEYS if k in (
+        "format", "method", "convention", "cameras", "R", "T", "angles", "baseline_m",
+        "triangulation", "cost", "settings", "inputs",
+    )])  # fmt: skip
+    def test_a_missing_key(self, key: str) -> None:
+        with pytest.raises(StereocalError):
+            RigParameters.loads(damaged(lambda data: data.pop(key)))
+
+    @pytest.mark.parametrize("text", ["", "{", "[]", "null", "3", '"x"', "[" * 100_000])
+    def test_no_such_file_format(self, text: str) -> None:
+        with pytest.raises(StereocalError):
+            RigParameters.loads(text)
+
+    @given(st.data())
+    @settings(max_examples=80)
+    def test_damaged_text_is_read_or_refused(self, data: st.DataObject) -> None:
+        """A character changed, or the end cut off: a StereocalError or a sound set."""
+        text = PARAMETERS.dumps()
+        at = data.draw(st.integers(0, len(text) - 1))
+        new = data.draw(st.sampled_from(["", "0", "-", "9", '"', "}", "e", "\x00"]))
+        cut = data.draw(st.sampled_from([len(text), at]))
+        try:
+            back = RigParameters.loads((text[:at] + new + text[at + 1 :])[:cut])
+        except StereocalError:
+            return
+        assert np.isfinite(back.pose.R).all()
+
+    def test_a_file_that_is_not_there_or_no_text(self, tmp_path: Path) -> None:
+        with pytest.raises(StereocalError, match="cannot be read"):
+            RigParameters.load(tmp_path / "none.json")
+        (tmp_path / "binary.json").write_bytes(b"\xff\xfe\x00")
+        with pytest.raises(StereocalError, match="cannot be read"):
+            RigParameters.load(tmp_path / "binary.json")
+
+    def test_nan_is_never_written(self) -> None:
+        with pytest.raises(StereocalError, match="not a finite number"):
+            replace(PARAMETERS, cost=float("nan"))
+
+
+class TestWriting:
+    def test_a_failure_leaves_the_old_file_and_nothing_else(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        path = tmp_path / "p.json"
+        PARAMETERS.save(path)
+        before = path.read_bytes()
+
+        def full_disk(_: int) -> None:
+            raise OSError(28, "No space left on device")
+
+        monkeypatch.setattr(os, "fsync", full_disk)
+        with pytest.raises(StereocalError, match="No space left"):
+            replace(PARAMETERS, cost=9.0).save(path)
+        assert path.read_bytes() == before
+        assert [file.name for file in tmp_path.iterdir()] == ["p.json"]
+
+    def test_a_folder_in_the_way(self, tmp_path: Path) -> None:
+        (tmp_path / "p.json").mkdir()
+        with pytest.raises(StereocalError, match="cannot be written"):
+            PARAMETERS.save(tmp_path / "p.json")
+        assert [file.name for file in tmp_path.iterdir()] == ["p.json"]
+
+    def test_missing_folders_are_made(self, tmp_path: Path) -> None:
+        PARAMETERS.save(tmp_path / "a" / "b" / "p.json")
+        assert [file.name for file in (tmp_path / "a" / "b").iterdir()] == ["p.json"]
+
+
+class TestAtWork:
+    points = bar_ends(12)
+    pixels = images(points)
+
+    def test_raw_pixels_give_back_the_points(self) -> None:
+        # Newton's 1e-13 on the rays, times depth^2 / baseline = 50; measured: 7e-14 m.
+        np.testing.assert_allclose(
+            PARAMETERS.reconstruct(*self.pixels), self.points, rtol=0, atol=1e-10
+        )
+
+    def test_exact_pairs_have_no_error(self) -> None:
+        # As above, in pixels; measured: 2e-12 px, 3e-13 px and 2e-16.
+        assert PARAMETERS.reprojection_errors(*self.pixels).max() < 1e-9
+        assert PARAMETERS.epipolar_distances(*self.pixels).max() < 1e-9
+        assert np.abs(PARAMETERS.residuals(*self.pixels)).max() < 1e-12
+
+    def test_errors_are_in_the_pixels_of_each_camera(self) -> None:
+        """Moved across its epipolar line by a known number of undistorted pixels."""
+        first, second = self.pixels
+        F = np.linalg.inv(SECONDARY.K).T @ RIG.essential @ np.linalg.inv(PRIMARY.K)
+        flat = np.column_stack([PRIMARY.undistort_to_pixels(first), np.ones(len(first))])
+        across = (flat @ F.T)[:, :2]
+        across /= np.linalg.norm(across, axis=1, keepdims=True)
+        moved = SECONDARY.undistort_to_pixels(second) + 3.0 * across
+        rays = (moved - SECONDARY.K[:2, 2]) @ np.linalg.inv(SECONDARY.K[:2, :2]).T
+        distances = PARAMETERS.epipolar_distances(first, SECONDARY.distort(rays))
+        np.testing.assert_allclose(distances[:, 1], 3.0, rtol=0, atol=1e-8)
+        errors = PARAMETERS.reprojection_errors(first, SECONDARY.distort(rays))
+        # The midpoint shares the 3 px between the cameras: each sees about half.
+        assert (errors > 0.5).all()
+        assert (errors < 3.0).all()

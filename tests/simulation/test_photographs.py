@@ -1,0 +1,230 @@
+"""Photographs of the bar, their backgrounds, and the sample that is shipped."""
+
+from __future__ import annotations
+
+import functools
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from stereocal import cli
+from stereocal.commands import simulate as simulate_command
+from stereocal.errors import StereocalError
+from stereocal.formats.camera_file import read_camera
+from stereocal.formats.simulated import describing_files, write_photographs
+from stereocal.rig.compiled import FloatArray
+from stereocal.simulation.backgrounds import WALL_M, outdoors
+from stereocal.simulation.photographs import (
+    APART,
+    BarSettings,
+    facing,
+    photograph_bars,
+    place_boards,
+    place_visible_bars,
+)
+from stereocal.simulation.rendering import Photograph, PhotographSettings
+from stereocal.simulation.sample_photographs import JPEG_QUALITY, jpeg, prepare_photographs
+from stereocal.simulation.simulate import FIELD_BAR_M, Rig, Scene, field_rig
+from tests.simulation.test_simulate import assert_same_numbers
+
+SHIPPED = Path(__file__).parents[2] / "sample_data" / "photographs"
+PLAIN = PhotographSettings(read_noise=0.0, full_well_e=np.inf, vignetting=0.0)
+
+
+def small_scene(seed: int, frames: int) -> Scene:
+    """The field rig with a quarter of its pixels in each direction, and bars in view."""
+    cameras = []
+    rig = field_rig()
+    for camera in (rig.primary, rig.secondary):
+        K = camera.K.copy()
+        K[:2] /= 4.0
+        cameras.append(replace(camera, K=K, image_size=(584, 432)))
+    small = Rig(cameras[0], cameras[1], rig.secondary_from_primary)
+    return place_visible_bars(
+        small, np.random.default_rng(seed), frames, FIELD_BAR_M, 0.3, (6.0, 9.0), margin_px=50.0
+    )
+
+
+def is_x_corner(image: Photograph, centre: FloatArray, reach: int = 4) -> bool:
+    """Whether a window about a place has contrast and looks the same when turned by 180 degrees."""
+    side = 2 * reach + 1
+    window = cv2.getRectSubPix(image.astype(np.float32), (side, side), centre.tolist())
+    grey = np.asarray(window, dtype=np.float64)
+    grey -= grey.mean()
+    turned_half = (grey * grey[::-1, ::-1]).sum() / (grey**2).sum()
+    return bool(grey.std() > 30.0 and turned_half > 0.9)
+
+
+def test_each_pair_shows_the_targets_at_the_true_centres() -> None:
+    scene = small_scene(1, 12)
+    bar = BarSettings(board_m=0.3, tilt_rad=(0.0, 0.6))
+    pairs = list(photograph_bars(scene, (120.0, 90.0), bar, PLAIN, np.random.default_rng(2)))
+    assert [pair.frame for pair in pairs] == list(range(1, 13))
+    for pair, ends in zip(pairs, scene.ends_m, strict=True):
+        moved = scene.rig.secondary_from_primary.apply(ends)
+        np.testing.assert_allclose(pair.centres_primary, scene.rig.primary.project(ends))
+        np.testing.assert_allclose(pair.centres_secondary, scene.rig.secondary.project(moved))
+        for image, centres in (
+            (pair.primary, pair.centres_primary),
+            (pair.secondary, pair.centres_secondary),
+        ):
+            assert image.shape == (432, 584)
+            assert all(is_x_corner(image, centre) for centre in centres)
+            assert not is_x_corner(image, centres.mean(axis=0))
+        assert (pair.primary[0, 0], pair.secondary[0, 0]) == (120, 90)
+
+
+def test_pairs_are_made_one_at_a_time_and_by_the_seed() -> None:
+    scene = small_scene(3, 4)
+    settings = PhotographSettings(bits=12)
+    made = [
+        photograph_bars(scene, (120.0, 120.0), BarSettings(), settings, np.random.default_rng(seed))
+        for seed in (5, 5, 6)
+    ]
+    first, second, other = (next(pairs) for pairs in made)
+    assert np.array_equal(first.primary, second.primary)
+    assert np.array_equal(first.secondary, second.secondary)
+    assert not np.array_equal(first.primary, other.primary)
+    assert first.primary.dtype == np.uint16
+
+
+def test_boards_face_the_viewpoint_but_for_the_tilt() -> None:
+    rng = np.random.default_rng(0)
+    viewpoint = np.array([0.4, -0.2, 0.1])
+    for tilt in (0.0, 0.5, 1.0472):
+        centre = rng.uniform([-2, -2, 6], [2, 2, 20])
+        pose = facing(centre, viewpoint, tilt, *rng.uniform(-3, 3, 2))
+        away = (centre - viewpoint) / np.linalg.norm(centre - viewpoint)
+        # arccos loses half the digits near 1.
+        assert np.arccos(min(pose.R[:, 2] @ away, 1.0)) == pytest.approx(tilt, abs=1e-7)
+        assert np.array_equal(pose.T, centre)
+    # Both orders of black and white, all tilts of the range, and the nearer board drawn last.
+    steep = BarSettings(tilt_rad=(0.8, 1.04))
+    firsts, tilts = set(), []
+    for _ in range(40):
+        ends = np.array([[0.0, 0.0, 8.0], [0.5, 0.0, 9.0]])
+        objects = place_boards(ends, np.zeros(3), steep, rng)
+        assert len(objects) == 4
+        far, near = objects[-2:]
+        assert np.array_equal(far.camera_from_board.T, ends[1])
+        assert np.array_equal(near.camera_from_board.T, ends[0])
+        firsts.add(near.board.cells[0, 0])
+        tilts.append(np.arccos(near.camera_from_board.R[2, 2]))
+    assert firsts == {35.0, 205.0}
+    assert min(tilts) >= 0.8
+    assert max(tilts) <= 1.04
+    assert len(place_boards(ends, np.zeros(3), replace(steep, rod_m=0.0), rng)) == 2
+
+
+def test_boards_do_not_hide_each_other() -> None:
+    rig = field_rig()
+    scene = place_visible_bars(rig, np.random.default_rng(0), 200, FIELD_BAR_M)
+    for points, camera in zip(scene.points_m, (rig.primary, rig.secondary), strict=True):
+        pixels = camera.project(points).reshape(-1, 2, 2)
+        nearest = points.reshape(-1, 2, 3)[:, :, 2].min(axis=1)
+        side = camera.K[0, 0] * BarSettings.board_m / nearest
+        apart = np.linalg.norm(pixels[:, 1] - pixels[:, 0], axis=1) / side
+        # Measured across the line of sight to A; foreshortening takes up to a tenth.
+        assert apart.min() > 0.9 * APART
+    with pytest.raises(StereocalError, match="hide each other"):
+        place_visible_bars(rig, np.random.default_rng(0), 1, FIELD_BAR_M, board_m=0.7)
+
+
+def test_bars_that_are_not_possible() -> None:
+    for wrong in ({"board_m": 0.0}, {"rod_m": -1.0}, {"tilt_rad": (0.5, 0.2)}):
+        with pytest.raises(StereocalError):
+            replace(BarSettings(), **wrong)
+
+
+def test_both_cameras_see_the_same_background() -> None:
+    rig = small_scene(0, 1).rig
+    pictures = outdoors(rig, np.random.default_rng(4), 0.0, chessboard_about=False)
+    again = outdoors(rig, np.random.default_rng(4), 0.0, chessboard_about=False)
+    other = outdoors(rig, np.random.default_rng(5), 0.0, chessboard_about=False)
+    for picture, same, different in zip(pictures, again, other, strict=True):
+        assert picture.shape == (432, 584)
+        assert np.array_equal(picture, same)
+        assert np.abs(picture - different).mean() > 10.0
+        assert picture.min() >= 0.0
+        assert picture.max() <= 255.0
+        assert picture.std() > 20.0
+    # The same points of the wall, wherever both see them.
+    v, u = np.mgrid[5:427:7, 5:579:7]
+    rays = rig.primary.undistort(np.column_stack([u.ravel(), v.ravel()]))
+    wall = WALL_M * np.column_stack([rays, np.ones(len(rays))])
+    pixels = rig.secondary.project(rig.secondary_from_primary.apply(wall))
+    inside = ((pixels > 1) & (pixels < [582, 430])).all(axis=1)
+    assert inside.sum() > 200
+    first = pictures[0][v.ravel(), u.ravel()][inside]
+    columns, rows = (pixels[inside].T[:, :, None]).astype(np.float32)
+    second = cv2.remap(pictures[1], columns, rows, cv2.INTER_LINEAR).ravel()
+    # The two grids of pixels blur the finest leaves each in its own way.
+    assert np.corrcoef(first, second)[0, 1] > 0.9
+
+
+def test_command_writes_the_photographs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    few = functools.partial(write_photographs, boards=1)
+    monkeypatch.setattr(simulate_command, "write_photographs", few)
+    arguments = ["--datasets", "1", "--frames", "1", "--seed", "3", "--images"]
+    assert cli.main(["simulate", "--out", str(tmp_path), *arguments]) == 0
+    assert "4/4 photographs" in capsys.readouterr().err
+    folder = tmp_path / "photographs"
+    files = {str(file.relative_to(folder)) for file in folder.rglob("*") if file.is_file()}
+    assert files == {
+        "dataset.json", "primary.json", "secondary.json", "truth.json", "primary/0001.jpg",
+        "secondary/0001.jpg", "boards_primary/0001.jpg", "boards_secondary/0001.jpg",
+    }  # fmt: skip
+    (frame,) = json.loads((folder / "truth.json").read_text())["frames"]
+    for which in ("primary", "secondary"):
+        image = np.asarray(cv2.imread(str(folder / which / "0001.jpg"), cv2.IMREAD_UNCHANGED))
+        assert image.shape == (1728, 2336)
+        for target in "AB":
+            assert is_x_corner(image, np.array(frame[f"pixels_{which}"][target]))
+
+
+def test_photographs_of_more_bits_are_not_squeezed_into_jpeg() -> None:
+    with pytest.raises(StereocalError, match="8 bits"):
+        jpeg(np.zeros((4, 4), np.uint16), JPEG_QUALITY)
+
+
+def test_shipped_truth_is_what_the_code_makes() -> None:
+    """Numbers and not bytes: another processor may round the last digit otherwise."""
+    truth = json.loads((SHIPPED / "truth.json").read_text())
+    field = prepare_photographs(truth["seed"])
+    for name, content in describing_files(field).items():
+        shipped = (SHIPPED / name).read_bytes()
+        assert_same_numbers(json.loads(shipped), json.loads(content))
+    for which, camera in field.cameras.items():
+        given = read_camera((SHIPPED / f"{which}.json").read_bytes(), which)
+        assert given.to_json() == camera.to_json()
+    names = {f"{number:04d}.jpg" for number in range(1, 26)}
+    assert {file.name for file in (SHIPPED / "primary").iterdir()} == names
+    assert {file.name for file in (SHIPPED / "secondary").iterdir()} == names
+    for which in ("primary", "secondary"):
+        assert len(list((SHIPPED / f"boards_{which}").iterdir())) == 30
+    size = sum(file.stat().st_size for file in SHIPPED.parent.rglob("*") if file.is_file())
+    assert size < 30_000_000
+
+
+def test_shipped_photographs_show_what_the_code_makes() -> None:
+    """The first of the chessboard and of the bar, apart from what JPEG changes."""
+    field = prepare_photographs(json.loads((SHIPPED / "truth.json").read_text())["seed"])
+    pair = next(field.pairs())
+    for image, name in (
+        (pair.primary, "primary/0001.jpg"),
+        (next(field.board_photographs("secondary")), "boards_secondary/0001.jpg"),
+    ):
+        shipped = np.asarray(cv2.imread(str(SHIPPED / name), cv2.IMREAD_UNCHANGED))
+        assert shipped.shape == (1728, 2336)
+        difference = shipped.astype(float) - image
+        # JPEG smooths the noise of 1.9 grey levels away and little else.
+        assert np.abs(difference).mean() < 2.0
+        assert np.abs(difference).max() < 40.0
+    for centre in pair.centres_primary:
+        assert is_x_corner(pair.primary, centre)

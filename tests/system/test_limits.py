@@ -1,0 +1,149 @@
+"""How much is read of strangers' files: each limit bites before decoding, and names its setting."""
+
+from __future__ import annotations
+
+import io
+import math
+import zipfile
+from collections.abc import Callable
+from dataclasses import fields
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from stereocal.errors import LONGEST, StereocalError
+from stereocal.formats.correspondences_csv import TEMPLATE, read_table
+from stereocal.formats.dataset_files import read_dataset
+from stereocal.formats.point_files import read_points
+from stereocal.formats.point_layouts import propose_layout
+from stereocal.matching.point_table import PointTable
+from stereocal.rig.parameters import RigParameters
+from stereocal.system.limits import VARIABLES, Limits
+from stereocal.system.photograph import read_photograph
+from stereocal.system.photograph_files import photographs_in
+from stereocal.system.zip_files import open_zip
+
+POINTS = b"frame,u,v\n" + b"1,2,3\n" * 30
+
+
+def zipped(count: int, size: int = 10) -> bytes:
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+        for at in range(count):
+            archive.writestr(f"{at}.csv", bytes(size))
+    return packed.getvalue()
+
+
+def test_every_limit_has_a_variable_and_is_documented() -> None:
+    assert set(VARIABLES) == {field.name for field in fields(Limits)}
+    documented = (Path(__file__).parents[2] / "docs" / "deploy.md").read_text(encoding="utf-8")
+    for field in fields(Limits):
+        assert f"| `{VARIABLES[field.name]}` | {field.default:,} |" in documented
+        given = Limits.from_environment({VARIABLES[field.name]: "7"})
+        assert getattr(given, field.name) == 7
+    assert Limits.from_environment({}) == Limits()
+    assert math.isinf(Limits.from_environment({"STEREOCAL_MOST_FILES": "inf"}).files)
+
+
+@pytest.mark.parametrize("value", ["many", "0", "-3", "nan", "1e"])
+def test_nonsense_is_named(value: str) -> None:
+    with pytest.raises(StereocalError, match=f'STEREOCAL_MOST_RATIO is "{value}": .* 1 or above'):
+        Limits.from_environment({"STEREOCAL_MOST_RATIO": value})
+
+
+def _open(content: bytes) -> None:
+    with open_zip(content, "a.zip"):
+        pass
+
+
+def _points(content: bytes) -> None:
+    layout = propose_layout(content, "t.csv")
+    read_points(content, layout, "cam1", source="t.csv")
+
+
+def _table(content: bytes, folder: Path) -> None:
+    path = folder / "t.csv"
+    path.write_bytes(content)
+    PointTable(path, ("u", "v")).check()
+
+
+def _photograph(folder: Path) -> None:
+    path = folder / "p.png"
+    path.write_bytes(cv2.imencode(".png", np.zeros((1100, 1000), np.uint8))[1].tobytes())
+    read_photograph(path)
+
+
+def _photographs(folder: Path) -> None:
+    for at in range(4):
+        (folder / f"{at}.png").write_bytes(b"x")
+    photographs_in(folder, folder)
+
+
+def _dataset(folder: Path) -> None:
+    (folder / "dataset.json").write_bytes(b" " * 1_100_000)
+    read_dataset(folder)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "read", "found"),
+    [
+        ("FILES", "3", lambda _: _open(zipped(4)), "4 files at once are too many; at most 3"),
+        ("FILES", "3", _photographs, "4 files at once are too many; at most 3"),
+        ("UNPACKED_MB", "1", lambda _: _open(zipped(2, 600_000)), "1.2 MB together; at most 1 MB"),
+        ("FILE_MB", "1", lambda _: _open(zipped(1, 1_200_000)), "0.csv: the file has 1.2 MB"),
+        ("FILE_MB", "1", _dataset, "the file has 1.1 MB; at most 1 MB"),
+        ("FILE_MB", "1", lambda d: _table(b"frame,u,v\n" + b"\n" * 1_500_000, d), "has 1.5 MB"),
+        ("FILE_MB", "1", lambda _: read_table(b"a" * 2_000_000, "t"), "t: the file has 2.0 MB"),
+        ("RATIO", "5", lambda _: _open(zipped(1, 10_900_000)), "10900000, .* times as much; it is"),
+        ("MEGAPIXELS", "1", _photograph, "1000x1100 px large, 1.1 megapixels; at most 1 megapix"),
+        ("PAIRS", "3", lambda _: read_table(TEMPLATE.encode(), "t"), "t: the table has more rows"),
+        ("ROWS", "20", lambda d: _table(POINTS, d), "t.csv: the table has 30 rows or more; at"),
+        ("ROWS", "20", lambda _: _points(POINTS), "t.csv: the table has 31 rows or more; at"),
+    ],
+)  # fmt: skip
+def test_each_limit_says_what_was_found_and_what_to_change(
+    name: str, value: str, read: Callable[[Path], object], found: str, tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    variable = f"STEREOCAL_MOST_{name}"
+    monkeypatch.setenv(variable, value)
+    with pytest.raises(StereocalError, match=rf"{found}.* are read \(setting {variable}\)\."):
+        read(tmp_path)
+
+
+def test_a_zip_with_a_long_list_is_refused_before_the_list_is_held(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("STEREOCAL_MOST_FILES", "50")
+    content = zipped(200)
+    path = tmp_path / "a.zip"
+    path.write_bytes(content)
+
+    def never(*_: object) -> None:
+        raise AssertionError
+
+    monkeypatch.setattr(zipfile, "ZipFile", never)
+    for source in (content, path):
+        with (
+            pytest.raises(StereocalError, match="200 files at once are too many"),
+            open_zip(source, "a.zip"),
+        ):
+            pass
+
+
+def test_tables_of_absurd_width_and_files_of_absurd_length(tmp_path: Path) -> None:
+    with pytest.raises(StereocalError, match="3003 columns are too many"):
+        _table(b"frame,u,v" + b",w" * 3000 + b"\n", tmp_path)
+    path = tmp_path / "p.json"
+    path.write_bytes(b" " * 16_000_001)
+    with pytest.raises(StereocalError, match="too many for a parameter file"):
+        RigParameters.load(path)
+
+
+def test_a_sentence_is_short_and_can_be_shown_whatever_it_quotes() -> None:
+    told = str(StereocalError(f"a.json: {'x' * 1_000_000} is none; give a number."))
+    assert len(told) <= LONGEST
+    assert told.startswith("a.json: xxx") and told.endswith("xxx is none; give a number.")
+    assert str(StereocalError("a\ud800\x00\n\u202eb")) == "a    b"

@@ -1,0 +1,279 @@
+"""Photographs as files: what is read, bit for bit, and what is refused, and with which sentence."""
+
+from __future__ import annotations
+
+import struct
+import subprocess
+import sys
+import tracemalloc
+import zlib
+from pathlib import Path
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from stereocal.errors import StereocalError
+from stereocal.system.photograph import (
+    decode_photograph,
+    photograph_header,
+    read_header,
+    read_photograph,
+)
+
+Image = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
+WIDTH, HEIGHT = 61, 43
+
+
+def picture(dtype: type = np.uint8, channels: int = 1, highest: int = 255) -> Image:
+    shape = (HEIGHT, WIDTH) if channels == 1 else (HEIGHT, WIDTH, channels)
+    return np.random.default_rng(5).integers(0, highest + 1, shape).astype(dtype)
+
+
+def encoded(image: Image, suffix: str) -> bytes:
+    done, content = cv2.imencode(suffix, image)
+    assert done
+    return bytes(content)
+
+
+def png_of(chunks: list[tuple[bytes, bytes]]) -> bytes:
+    return b"\x89PNG\r\n\x1a\n" + b"".join(
+        struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+        for kind, data in chunks
+    )
+
+
+def chunks_of(content: bytes) -> list[tuple[bytes, bytes]]:
+    found, at = [], 8
+    while at < len(content):
+        (length,) = struct.unpack_from(">I", content, at)
+        found.append((content[at + 4 : at + 8], content[at + 8 : at + 8 + length]))
+        at += 12 + length
+    return found
+
+
+def exif(orientation: int) -> bytes:
+    """A TIFF directory with nothing but an orientation, as cameras put it into a JPEG."""
+    return b"MM\0*\0\0\0\x08" + struct.pack(">HHHIHHI", 1, 0x112, 3, 1, orientation, 0, 0)
+
+
+def with_orientation(jpeg: bytes, orientation: int) -> bytes:
+    segment = b"Exif\0\0" + exif(orientation)
+    return jpeg[:2] + b"\xff\xe1" + struct.pack(">H", len(segment) + 2) + segment + jpeg[2:]
+
+
+def tiff(
+    bits: int = 8, kind: int = 1, pages: int = 1, order: str = "<", big: bool = False
+) -> bytes:
+    """A grey TIFF of 32 x 20 px by hand; `kind` is its SampleFormat."""
+    word, entry = ("Q", "HHQQ") if big else ("I", "HHII")
+    size = 32 * 20 * bits // 8
+    data = bytes(i % 251 for i in range(size))
+    start = 16 if big else 8
+    tags = [(256, 4, 32), (257, 4, 20), (258, 3, bits), (259, 3, 1), (262, 3, 1), (273, 4, start),
+            (277, 3, 1), (278, 4, 20), (279, 4, size), (339, 3, kind)]  # fmt: skip
+    count = struct.pack(order + ("Q" if big else "H"), len(tags))
+    length = len(count) + len(tags) * struct.calcsize(order + entry) + struct.calcsize(order + word)
+    out = (b"II" if order == "<" else b"MM") + struct.pack(order + "H", 43 if big else 42)
+    out += struct.pack(order + "HHQ", 8, 0, start + size) if big else struct.pack("<I", 0)[:0]
+    out += b"" if big else struct.pack(order + "I", start + size)
+    out += data
+    for page in range(pages):
+        out += count
+        for tag, code, value in tags:
+            shift = (32 if big else 0) + 16 if code == 3 else (32 if big else 0)
+            stored = value << shift if order == ">" else value
+            out += struct.pack(order + entry, tag, code, 1, stored)
+        following = 0 if page == pages - 1 else start + size + (page + 1) * length
+        out += struct.pack(order + word, following)
+    return out
+
+
+@pytest.mark.parametrize("suffix", [".png", ".tiff", ".bmp", ".pgm"])
+def test_grey_of_8_bits_comes_back_bit_for_bit(suffix: str, tmp_path: Path) -> None:
+    path = tmp_path / f"a{suffix}"
+    path.write_bytes(encoded(picture(), suffix))
+    read = read_photograph(path)
+    assert read.dtype == np.uint8
+    assert np.array_equal(read, picture())
+    assert photograph_header(path).size == (WIDTH, HEIGHT)
+
+
+@pytest.mark.parametrize("highest", [1023, 4095, 65535])
+@pytest.mark.parametrize("suffix", [".png", ".tiff", ".pgm"])
+def test_10_12_and_16_bits_stay_raw(suffix: str, highest: int) -> None:
+    image = picture(np.uint16, highest=highest)
+    read = decode_photograph(encoded(image, suffix), "a")
+    assert read.dtype == np.uint16
+    assert np.array_equal(read, image)
+
+
+def test_pgm_that_says_its_white_is_4095_stays_raw() -> None:
+    image = picture(np.uint16, highest=4095)
+    content = b"P5\n# a camera\n%d %d\n4095\n" % (WIDTH, HEIGHT) + image.astype(">u2").tobytes()
+    assert np.array_equal(decode_photograph(content, "a"), image)
+    assert read_header(content, "a").bits == 16
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+@pytest.mark.parametrize(("suffix", "channels"), [(".png", 3), (".png", 4), (".tiff", 3)])
+def test_colours_become_grey_by_weights(dtype: type, suffix: str, channels: int) -> None:
+    image = picture(dtype, channels, int(np.iinfo(dtype).max))
+    read = decode_photograph(encoded(image, suffix), "a")
+    assert read.dtype == dtype
+    expected = image[:, :, :3] @ np.array([0.114, 0.587, 0.299])
+    # Half a unit of rounding; OpenCV's weights have 14 bits, which is 0.8 of 65535. Measured 1.4.
+    assert np.abs(read - expected).max() < (0.6 if dtype == np.uint8 else 3.0)
+
+
+def test_jpeg_is_near_what_went_in() -> None:
+    flat = np.full((HEIGHT, WIDTH), 100, np.uint8)
+    for image in (flat, np.dstack([flat] * 3)):
+        assert np.abs(decode_photograph(encoded(image, ".jpg"), "a").astype(int) - 100).max() <= 1
+
+
+@pytest.mark.parametrize("orientation", range(1, 9))
+def test_orientation_is_never_applied(orientation: int) -> None:
+    plain = encoded(picture(), ".jpg")
+    turned = decode_photograph(with_orientation(plain, orientation), "a")
+    assert np.array_equal(turned, decode_photograph(plain, "a"))
+    chunks = chunks_of(encoded(picture(), ".png"))
+    png = png_of([chunks[0], (b"eXIf", exif(orientation)), *chunks[1:]])
+    assert np.array_equal(decode_photograph(png, "a"), picture())
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+@pytest.mark.parametrize("big", [False, True])
+def test_tiff_of_either_byte_order_and_size(order: str, big: bool) -> None:
+    header = read_header(tiff(order=order, big=big), "a")
+    assert (header.size, header.bits) == ((32, 20), 8)
+    read = decode_photograph(tiff(order=order, big=big), "a")
+    assert np.array_equal(read.ravel(), np.arange(640) % 251)
+
+
+def test_preview_in_a_tiff_does_not_count_as_a_second_image() -> None:
+    content = bytearray(tiff(pages=2))
+    at = content.rfind(struct.pack("<HHII", 256, 4, 1, 32))
+    content[at : at + 12] = struct.pack("<HHII", 254, 4, 1, 1)
+    assert read_header(bytes(content), "a").size == (32, 20)
+
+
+PNG, JPEG = encoded(picture(), ".png"), encoded(picture(), ".jpg")
+HUGE = struct.pack(">IIBBBBB", 60_000, 60_000, 8, 0, 0, 0, 0)
+FRAME = JPEG.index(b"\xff\xc0")
+
+
+@pytest.mark.parametrize(
+    ("content", "sentence"),
+    [
+        (b"", "the file is empty (0 bytes)"),
+        (b"frame,target\n1,A\n", "this is no photograph"),
+        (b"<svg/>", "this is no photograph"),
+        (PNG[:8], "cut off"),
+        (PNG[: len(PNG) // 2], "the PNG is cut off"),
+        (PNG[:-1], "the PNG is cut off"),
+        (PNG[:200] + bytes([PNG[200] ^ 1]) + PNG[201:], "the PNG is damaged"),
+        (JPEG[: len(JPEG) // 2], "the JPEG is cut off"),
+        (JPEG[:-2], "the JPEG is cut off"),
+        (JPEG[:30], "cut off"),
+        (JPEG[: FRAME + 4] + b"\x0c" + JPEG[FRAME + 5 :], "this JPEG has 12 bits"),
+        (encoded(picture(), ".bmp")[:-9], "the BMP is cut off"),
+        (encoded(picture(), ".pgm")[:-9], "the PGM is cut off"),
+        (b"P5\n61 x", "the head of the PGM is damaged"),
+        (b"P5\n61 43 70000\n", "white is 70000"),
+        (b"P2\n61 43 255\n1 2 3", "the PGM is cut off"),
+        (tiff()[:-9], "cut off"),
+        (tiff(bits=32), "samples of 32 bits"),
+        (tiff(bits=32, kind=3), "floating-point samples of 32 bits"),
+        (tiff(bits=16, kind=2), "signed samples of 16 bits"),
+        (tiff(pages=3), "this TIFF holds 3 images"),
+        (png_of([(b"IHDR", HUGE), (b"IDAT", b""), (b"IEND", b"")]), "60000x60000 px large"),
+        (b"P2 60000 60000 255", "cut off"),
+        (b"BM" + bytes(12) + struct.pack("<IiiHHI", 40, 60_000, 60_000, 1, 8, 1) + bytes(20),
+         "60000x60000 px large"),
+        (JPEG[: FRAME + 5] + struct.pack(">HH", 60_000, 60_000) + JPEG[FRAME + 9 :],
+         "60000x60000 px large"),
+        (encoded(picture()[:4, :4], ".png"), "4x4 px are too few"),
+        (png_of([*chunks_of(PNG)[:1], (b"acTL", bytes(8)), *chunks_of(PNG)[1:]]), "animated"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_used_is_said(content: bytes, sentence: str) -> None:
+    with pytest.raises(StereocalError) as raised:
+        decode_photograph(content, "left 7.png")
+    assert str(raised.value).startswith("left 7.png: ")
+    assert sentence in str(raised.value)
+
+
+def test_claimed_size_costs_no_memory() -> None:
+    content = png_of([(b"IHDR", HUGE), (b"IDAT", zlib.compress(bytes(1000))), (b"IEND", b"")])
+    tracemalloc.start()
+    with pytest.raises(StereocalError):
+        decode_photograph(content, "a.png")
+    assert tracemalloc.get_traced_memory()[1] < 1_000_000
+    tracemalloc.stop()
+
+
+def test_missing_file_and_folder(tmp_path: Path) -> None:
+    with pytest.raises(StereocalError, match=r"no\.png cannot be read"):
+        read_photograph(tmp_path / "no.png")
+    with pytest.raises(StereocalError, match="cannot be read"):
+        read_photograph(tmp_path)
+
+
+VALID = {
+    ".png": PNG,
+    ".jpg": JPEG,
+    ".tiff": encoded(picture(), ".tiff"),
+    ".bmp": encoded(picture(), ".bmp"),
+    ".pgm": encoded(picture(), ".pgm"),
+    ".tif": tiff(big=True),
+}
+
+
+@settings(max_examples=150, deadline=None)
+@given(
+    suffix=st.sampled_from(sorted(VALID)),
+    changes=st.lists(st.tuples(st.integers(0, 3000), st.integers(0, 255)), max_size=4),
+    cut=st.integers(0, 6000),
+)
+def test_damaged_files_are_read_or_refused_and_nothing_else(
+    suffix: str, changes: list[tuple[int, int]], cut: int
+) -> None:
+    content = bytearray(VALID[suffix][:cut])
+    for at, value in changes:
+        if at < len(content):
+            content[at] = value
+    try:
+        read = decode_photograph(bytes(content), "a")
+    except StereocalError as error:
+        assert str(error).startswith("a: ")
+    else:
+        assert read.ndim == 2 and read.dtype in (np.uint8, np.uint16)
+
+
+def test_nothing_is_written_to_the_terminal() -> None:
+    """A colour profile that libpng complains of, a tag that libtiff does not know, a cut file."""
+    chunks = chunks_of(PNG)
+    profile = png_of([chunks[0], (b"iCCP", b"x\0\0" + zlib.compress(b"junk")), *chunks[1:]])
+    strange = tiff().replace(struct.pack("<HHI", 339, 3, 1), struct.pack("<HHI", 60123, 3, 1))
+    code = (
+        "import sys\nfrom stereocal.system.photograph import decode_photograph\n"
+        "for content in map(bytes.fromhex, sys.stdin.read().split()):\n"
+        "    try:\n        decode_photograph(content, 'a')\n"
+        "    except ValueError as error:\n        print(error)\n"
+    )
+    cut = png_of([chunks[0], (b"IDAT", chunks[1][1][:-30]), chunks[-1]])
+    run = subprocess.run(
+        [sys.executable, "-c", code],
+        input=f"{profile.hex()} {strange.hex()}",
+        text=True,
+        capture_output=True,
+        check=True,
+        cwd=Path(__file__).parents[2],
+    )
+    assert (run.stdout, run.stderr) == ("", "")
+    with pytest.raises(StereocalError, match="damaged"):
+        decode_photograph(cut, "a")
