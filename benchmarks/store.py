@@ -21,7 +21,6 @@ import numpy as np
 from stereocal.projects.home import changed_at, folders_in, recent_projects
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
-from stereocal.system.photograph_files import keep_photograph
 
 REPEATS = 5
 PHOTOGRAPHS, SIZE = 200, 1_000_000
@@ -38,7 +37,7 @@ def main() -> None:
             own = ProjectPhotographs(Project.create(home))
             names = [f"{k}.jpg" for k in range(PHOTOGRAPHS)]
             own.add({
-                name: keep_photograph([content], name, own.files)
+                name: own.keep(name, content)
                 for name, content in zip(names, contents, strict=True)
             })  # fmt: skip
 

@@ -20,6 +20,7 @@ from typing import Any
 from stereocal.errors import DAMAGED, StereocalError
 from stereocal.formats.dataset_files import pack_dataset, parse_dataset, read_dataset
 from stereocal.formats.lens_model import LensModel
+from stereocal.matching.parquet import PARQUET
 from stereocal.projects.application import APPLIED, SETS
 from stereocal.projects.database import Database
 from stereocal.projects.files import StoredFile, keep_file, keep_result, keep_values, name_files
@@ -48,6 +49,7 @@ RESULTS = {
 }  # fmt: skip
 PACKED = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".zip", ".npz", ".parquet", ".h5", ".mat")
 UNSAFE = re.compile(r"[^A-Za-z0-9._-]|^\.+")
+PARQUET_BEGINS = b"PAR1"
 LookThrough = Callable[[str, Path, str], None]
 """Is given the kind of a file that native code will decode, where it is, and its name."""
 
@@ -102,7 +104,8 @@ def _paths(rows: Iterable[tuple[str, str, str, str]]) -> Iterator[str]:
     taken: set[str] = set()
     for part, name, _, about in rows:
         label = json.loads(about)
-        suffix = PurePosixPath(label).suffix if isinstance(label, str) and "." not in name else ""
+        label = label["suffix"] if part == TABLES else label
+        suffix = PurePosixPath(f"_{label}").suffix if "." not in name and label else ""
         plain = "/".join(UNSAFE.sub("_", each) or "_" for each in f"{name}{suffix}".split("/"))
         path, again = f"{FOLDERS[part]}/{plain}", 1
         while path in taken:
@@ -152,7 +155,7 @@ def _fill(project: Project, opened: OpenZip, source: str, look: LookThrough | No
                 keep_values(database, part, kept)
             for item in manifest["files"]:
                 part, name, path = item["part"], str(item["name"]), str(item["path"])
-                file = _unpacked(opened, path, Path(folder) / f"file{PurePosixPath(path).suffix}")
+                file = _unpacked(opened, path, Path(folder))
                 kind = guarded_kind(part, file)
                 if look is not None and kind:
                     look(kind, file, path)
@@ -194,27 +197,30 @@ def _known(part: str) -> str:
     return part
 
 
-def _unpacked(opened: OpenZip, member: str, target: Path) -> Path:
+def _unpacked(opened: OpenZip, member: str, folder: Path) -> Path:
     """A member in a temporary file, so that a large one is not held in memory."""
     if member not in opened.names:
         raise StereocalError(f"{member} is not in the zip.")
+    target = folder / f"file{PurePosixPath(member).suffix.lower()}"
     with target.open("wb") as file:
         for piece in opened.pieces(member):
             file.write(piece)
+    with target.open("rb") as file:
+        if file.read(len(PARQUET_BEGINS)) == PARQUET_BEGINS:  # whatever it is called
+            return target.rename(folder / "file.parquet")
     return target
 
 
 def guarded_kind(part: str, file: Path) -> str | None:
-    """As what native code will decode a file of a part; None where only Python will."""
-    suffix = file.suffix.lower()
-    kinds = {BAR: "photograph", **dict.fromkeys(BOARDS, "photograph"), FURTHER: "dataset"}
+    """As what native code may decode a file of a part; None where only Python will."""
+    suffix = file.suffix
+    if suffix in PARQUET:
+        return "table"
     if part in (INPUT, CALIBRATED):
         return "camera"
-    if part in (POINT_FILES, TABLES, APPLIED) and suffix in (".parquet", ".pq"):
-        return "table"
     if part == ASKING and suffix == ".zip":
         return "parameters"
-    return kinds.get(part)
+    return {BAR: "photograph", **dict.fromkeys(BOARDS, "photograph"), FURTHER: "dataset"}.get(part)
 
 
 def read_input(path: Path, lens_model: LensModel | None = None) -> Dataset:

@@ -57,13 +57,13 @@ def private_folder(path: Path) -> Path:
 def new_database(
     home: Path,
     fill: Callable[[Database], object],
-    make: Callable[[Path], Database] = create,
+    make: Callable[[Path], Database] | None = None,
 ) -> Database:
     """A new project's file, under an id that nobody can guess; it appears when it is complete.
 
     Args:
         fill: puts in what the project begins with.
-        make: makes the database.
+        make: makes the database, if not an empty one.
 
     Raises:
         StereocalError: it cannot be stored; nothing is left.
@@ -72,7 +72,7 @@ def new_database(
     name = secrets.token_hex(16)
     waiting, target = folder / f"{WAITING}{name}{SUFFIX}", folder / f"{name}{SUFFIX}"
     try:
-        fill(make(waiting))
+        fill((make or create)(waiting))
         if any(waiting.with_name(waiting.name + suffix).exists() for suffix in SUFFIXES[1:]):
             raise StereocalError("The project's file is still open.")
         waiting.rename(target)

@@ -104,7 +104,9 @@ class ProjectPhotographs:
             replaced = {name for name in found if before.get(name, found[name]) != found[name]}
             frames = self.frames or []
             left = [frame for frame in frames if not replaced.intersection(frame.files)]
-            if len(left) < len(frames):
+            if self.project.inputs.labels.get("correspondences") != TABLE_LABEL:
+                keep_result(self.database, "frames", pack_frames(left))
+            elif len(left) < len(frames):
                 self._keep_frames(left)
 
     def clear(self) -> None:

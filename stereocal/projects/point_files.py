@@ -34,6 +34,7 @@ from stereocal.projects.refusals import DamagedError
 Side = Literal["primary", "secondary"]
 SIDES: tuple[Side, Side] = ("primary", "secondary")
 Asked = Literal["primary", "secondary", "bars", "matching", "measuring"]
+SUFFIXES = (".csv", ".parquet")
 POINT_FILES, TABLES, ASKING = "points", "tables", "asking"
 """Parts of a project: point files as given, the tables read from them, and files that wait for an
 answer."""
@@ -96,7 +97,7 @@ class ProjectPoints:
 
     def _copied(self, name: str, folder: Path) -> Path:
         if name not in self._own:
-            return self.table(name).copy_to(folder / name)
+            return self.table(name).copy_to(folder / Path(name).name)
         (folder / name).write_bytes(self._own[name])
         return folder / name
 
@@ -195,7 +196,11 @@ class ProjectPoints:
 
 
 def _checked(file: PointFile) -> PointFile:
-    texts = can_be_shown(file.label), can_be_shown(file.suffix)
-    if not all(texts) or not isinstance(file.rows, int) or not isinstance(file.frames, int):
+    if (
+        not can_be_shown(file.label)
+        or file.suffix not in (".csv", ".parquet")
+        or not isinstance(file.rows, int)
+        or not isinstance(file.frames, int)
+    ):
         raise TypeError(file)
     return file

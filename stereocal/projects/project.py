@@ -21,6 +21,7 @@ from stereocal.projects.files import (
     about_files,
     files_of,
     forget_files,
+    free_content,
     keep_file,
     keep_result,
     keep_values,
@@ -112,12 +113,12 @@ class Project:
         Raises:
             StereocalError: what was given cannot be used; the project is as it was.
         """
+        stored = {slot: self._stored(slot, *file) for slot, file in files.items()}
         with self.database.act():
             before = self.inputs
             forget_files(self.database, INPUT, [slot for slot in drop if slot not in files])
-            for slot, (label, content) in files.items():
-                file = keep_file(self.database, content, label)
-                name_files(self.database, INPUT, {slot: file}, label)
+            for slot, file in stored.items():
+                name_files(self.database, INPUT, {slot: file.file}, file.label)
             # A new file's own statement counts, not what was stated of the lens before.
             known = {slot: v for slot, v in before.lens_known.items() if slot not in files}
             kept = {name: getattr(before, name) for name in VALUES} | {"lens_known": known}
@@ -125,6 +126,17 @@ class Project:
                 kept |= {name: [] for name in OF_TABLE}
             keep_values(self.database, INPUT, kept | values)
             self._check_inputs(self.inputs)
+
+    def _stored(self, slot: Slot, label: str, content: bytes) -> given.GivenFile:
+        """A file in the project, which is parsed before others have to wait for the act."""
+        file = given.GivenFile(keep_file(self.database, content, label), label)
+        try:
+            (given.table_of if slot == "correspondences" else given.camera_of)(file)
+        except StereocalError:
+            with self.database.act() as db:
+                free_content(db, file.file.sha256)
+            raise
+        return file
 
     def _check_inputs(self, inputs: Inputs) -> None:
         """Refuse inputs that cannot be used, as far as they are complete."""

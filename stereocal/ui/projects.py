@@ -15,7 +15,7 @@ import streamlit as st
 from stereocal.errors import StereocalError
 from stereocal.projects.archive import pack_project, unpack_project
 from stereocal.projects.files import MB
-from stereocal.projects.folders import default_home, private_folder
+from stereocal.projects.folders import default_home
 from stereocal.projects.home import (
     Listed,
     delete,
@@ -53,7 +53,8 @@ def show_projects() -> None:
     A shared server shows the open project alone; it offers a removed one to who has its address.
     """
     settings = ServerSettings.from_environment()
-    if journal_of(private_folder(default_home() / "projects")) == "delete":
+    folder = default_home() / "projects"
+    if folder.is_dir() and journal_of(folder) == "delete":
         st.info(
             "The projects are on a network disk, or on one that cannot be shared safely between "
             "servers: use one server only for them."

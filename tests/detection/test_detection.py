@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -19,6 +20,7 @@ from stereocal.simulation.backgrounds import outdoors
 from stereocal.simulation.photographs import BarSettings, photograph_bars, place_visible_bars
 from stereocal.simulation.rendering import Photograph, PhotographSettings
 from stereocal.simulation.simulate import field_rig
+from stereocal.system.photograph import FileContent
 from tests.boards import Board, paint
 
 SIZE = (700, 400)
@@ -172,10 +174,10 @@ def test_the_bar_in_the_field_among_clutter() -> None:
             assert off < 0.06  # the stated sigmas are 0.005 to 0.02 px
 
 
-def read(path: Path) -> npt.NDArray[Any]:
+def read(path: FileContent) -> npt.NDArray[Any]:
     if path.name == "broken":
         raise StereocalError("broken is no photograph.")
-    return np.asarray(np.load(path))
+    return np.asarray(np.load(io.BytesIO(path.read_bytes())))
 
 
 def test_many_photographs_in_order_with_progress_and_cancel(

@@ -10,11 +10,11 @@ from pathlib import Path
 from random import Random
 
 import pytest
-import stereocal.store
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import stereocal.formats
+import stereocal.projects
 from stereocal.errors import LONGEST, StereocalError
 from tests.hostile import Reader, readers
 from tests.hostile_mutations import from_nothing, mutated
@@ -24,19 +24,21 @@ SLOW_EXAMPLES = 30
 """Of readers that open a whole project."""
 NO_READERS = {
     "arrays": "read through `lens` and the evaluation of a project",
-    "left_over": "looks at names of files only",
     "lens_fit": "fits numbers",
     "lens_model": "looks at a name and a count that `camera_file` has read",
-    "projects": "moves folders; `project.json` is read by `stereocal.project`",
-    "room": "measures",
-    "state": "read through the project's files",
+    **dict.fromkeys(
+        ("calibration_files", "database", "files", "given", "inputs", "project"),
+        "read through the project's zip",
+    ),
+    **dict.fromkeys(
+        ("home", "jobs", "journal", "refusals", "reserve", "salvage", "servers", "server_settings"),
+        "read nothing that is carried",
+    ),
     "stereo": "shared by the exchange formats",
-    "sweep": "looks at dates",
     "table_writer": "writes",
     "units": "multiplies",
-    "unused": "looks at names of files only",
 }
-"""Modules of formats/ and store/ that read nothing of strangers by themselves, and why."""
+"""Modules of formats/ and projects/ that read nothing of strangers by themselves, and why."""
 
 
 def outcome(reader: Reader, content: bytes, folder: Path) -> str:
@@ -51,7 +53,7 @@ def outcome(reader: Reader, content: bytes, folder: Path) -> str:
 
 
 def test_every_module_that_reads_is_fuzzed() -> None:
-    packages = (stereocal.formats, stereocal.store)
+    packages = (stereocal.formats, stereocal.projects)
     there = {each.name for package in packages for each in pkgutil.iter_modules(package.__path__)}
     fuzzed = {module for reader in readers().values() for module in reader.modules}
     assert fuzzed | set(NO_READERS) == there

@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from stereocal.store import folders
 from streamlit import config
 from streamlit.testing.v1 import AppTest
 
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.formats.dataset_files import read_dataset
+from stereocal.projects import folders
 from stereocal.projects.project import Project
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.ui.frame import TITLES

@@ -96,7 +96,7 @@ def test_validation_is_without_it(app: AppTest, project: Project) -> None:
 def test_of_photographs_the_review_exchanges_it(home: Path) -> None:
     """So it is undone there, and the contact sheet shows it."""
     store = new_store(home)
-    frames = found_frames(store.project.folder)
+    frames = found_frames(store)
     store.keep_frames(frames[:2])
     before = read_review(store).frame(frames[0].frame)
     exchange(store.project, before.frame)

@@ -54,8 +54,8 @@ def test_data_set(app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch, pla
 
 
 def test_a_search_for_targets_of_the_data_set_before_is_stopped(app: AppTest, home: Path) -> None:
-    folder = project_of(open_sample(app), home).folder
-    searching = kept_jobs.begin(folder, "photographs", ["photographs"], {})
+    project = project_of(open_sample(app), home)
+    searching = kept_jobs.begin(project.database, "photographs", ["photographs"], {})
     assert searching is not None and searching.progress(0, 1, 9)
     app.switch_page("pages/data.py").run()
     app.segmented_control(key="data_how").set_value("A zip").run()
@@ -113,7 +113,7 @@ def test_parameter_set(app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch
 def test_further_data_set(app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     project = project_of(open_sample(app), home)
     app.switch_page("pages/validate.py").run()
-    calls = click_meanwhile(monkeypatch, "stereocal.project.Project.add_dataset")
+    calls = click_meanwhile(monkeypatch, "stereocal.projects.project.Project.add_dataset")
     upload(app, "upload_more", "rig.zip", zipped(pack_dataset(read_dataset(FIELD))), calls)
     assert len(project.more_datasets) == 1
 
