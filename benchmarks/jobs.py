@@ -21,9 +21,10 @@ from stereocal.formats.dataset_files import read_dataset
 from stereocal.formats.evaluation_files import pack_runs, unpack_runs
 from stereocal.frames.detection_file import pack_detection, unpack_detection
 from stereocal.frames.series import detect_series
+from stereocal.projects import jobs
+from stereocal.projects.jobs import Parts
+from stereocal.projects.project import Project
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.store import jobs
-from stereocal.store.parts import Parts
 
 SAMPLES = Path(__file__).parents[1] / "sample_data"
 WORKERS = 2
@@ -43,7 +44,7 @@ def overhead(
     whole, plain = time.process_time() - before, time.thread_time() - own
     with tempfile.TemporaryDirectory() as folder:
         own = time.thread_time()
-        job = jobs.begin(Path(folder), "benchmark", ("pieces",), {})
+        job = jobs.begin(Project.create(Path(folder)).database, "benchmark", ("pieces",), {})
         assert job is not None
         parts: Parts[Any] = job.parts("pieces", pack, unpack)
         work(lambda done, total: job.progress(0, done, total), parts)

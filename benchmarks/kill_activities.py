@@ -24,11 +24,11 @@ from stereocal.formats.correspondences_csv import write_table
 from stereocal.formats.dataset_files import DESCRIPTION, pack_dataset
 from stereocal.frames.frame import Centre, Frame
 from stereocal.frames.review import Review, choose, place, swap, target_meant, undo
-from stereocal.project import Project
+from stereocal.projects.photographs import ProjectPhotographs
+from stereocal.projects.project import Project
+from stereocal.projects.review import read_review
 from stereocal.rig.dataset import Dataset
 from stereocal.simulation.simulate import FIELD_BAR_M, field_rig, observe, place_bars
-from stereocal.store.photographs import ProjectPhotographs
-from stereocal.store.review import read_review
 from stereocal.system.zip_files import pack_zip
 from tests.bar_photographs import bar_set
 
@@ -99,8 +99,7 @@ def value_of(project: Project, item: Item) -> Any:
     if name in ("correspondences", "primary", "secondary"):
         if name not in inputs.files:
             return None
-        path = project.folder / "inputs" / inputs.files[name]
-        return inputs.labels[name], digest(path.read_bytes())
+        return inputs.labels[name], inputs.files[name]
     if name == "zip":
         there = ProjectPhotographs(project).photographs
         names = ",".join(sorted(there)) or ("points" if project.table else "nothing")
@@ -241,7 +240,7 @@ def _edits(
     u, v = 100.0 + turn / 8, 60.0
     raw = Centre(u, v, None, "manual")
     (name, _) = read_review(store).frame(number).files
-    click = {"id": store.photographs[name].stem, "u": u, "v": v, "raw": True}
+    click = {"id": store.photographs[name].name, "u": u, "v": v, "raw": True}
     yield _Edit(
         lambda: session.click("pick_primary", "picked", click, "click in a photograph"),
         f"is now where you clicked, ({u:.2f}, {v:.2f})",

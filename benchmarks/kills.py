@@ -36,8 +36,8 @@ from benchmarks.kill_activities import (
 from benchmarks.server import Server
 from stereocal.errors import StereocalError
 from stereocal.formats.camera_file import write_camera
-from stereocal.project import Project
-from stereocal.store.projects import duplicate, recent_projects
+from stereocal.projects.home import duplicate, recent_projects
+from stereocal.projects.project import Project
 from tests.bar_photographs import BAR_M, bar_set
 
 WRONG = ("cannot be read", "damaged", "another version", "no project at this address", "unforeseen")
@@ -117,6 +117,9 @@ class Trial:
         try:
             project = Project.open(self.home, ledger.project)
             _ = project.dataset, project.calibration, project.evaluation
+            (found,) = project.database.rows("PRAGMA integrity_check")
+            if found != ("ok",):
+                self._wrong(name, "not opening", ledger, str(found))
         except StereocalError as error:
             self._wrong(name, "not opening", ledger, str(error))
             return
@@ -180,15 +183,15 @@ class Trial:
             self.check_disk(name, ledger)
             self.check_page(name, ledger)
         self.server.stop()
-        folders = list((self.home / "projects").iterdir())
+        files = list((self.home / "projects").glob("*.sqlite"))
         known = {ledger.project for _, ledger in self.ledgers} | set(self.bases.values())
-        listed = {one.id for one in recent_projects(self.home, len(folders))}
-        waiting = [path for path in self.home.rglob(".*") if path.is_file()]
-        kinds = Counter(re.sub("[0-9a-f]{16,}|[^.]{8}$", "*", path.name) for path in waiting)
+        listed = {one.id for one in recent_projects(self.home, len(files))}
+        others = {path for path in self.home.rglob("*") if path.is_file()} - set(files)
+        kinds = Counter(re.sub("[0-9a-f]{16,}", "*", path.name) for path in others)
         return (
-            f"{len(folders)} project folders, {len(listed)} in the list of recent projects; of the "
+            f"{len(files)} projects, {len(listed)} in the list of recent projects; of the "
             f"{len(known - {''})} whose address somebody knew, {len(known - {''} - listed)} are "
-            f"not in the list. {len(waiting)} hidden files are left: {dict(kinds)}."
+            f"not in the list. Other files: {dict(kinds)}."
         )
 
 

@@ -40,13 +40,13 @@ from stereocal.formats.evaluation_files import summary_json, validation_figures
 from stereocal.frames.frame import correspondences_of
 from stereocal.frames.pairing import pair_names
 from stereocal.frames.search import detect_frames
+from stereocal.projects.photographs import TABLE_LABEL
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.rig import Rig
 from stereocal.simulation.photographs import BarSettings, photograph_bars, place_visible_bars
 from stereocal.simulation.rendering import PhotographSettings
 from stereocal.simulation.simulate import FIELD_BAR_M, field_rig, observe, place_bars
-from stereocal.store.photographs import TABLE_LABEL
 from stereocal.workflow import calibrate
 from tests.bar_photographs import BOARD_M, DEPTHS_M, small
 

@@ -1,4 +1,4 @@
-"""What it costs to be sure: photographs that are flushed to the disk, and a list of 500 projects.
+"""What it costs to be sure: photographs in a project and as plain files, and a list of projects.
 
 python -m benchmarks.store [FOLDER]
 
@@ -14,18 +14,17 @@ import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
-from unittest import mock
 
 import numpy as np
 
-from stereocal.project import Project
-from stereocal.store.photographs import ProjectPhotographs
-from stereocal.store.projects import changed_at, folders_in, recent_projects
-from stereocal.system.photograph_files import keep_photograph
+from stereocal.projects.home import recent_projects
+from stereocal.projects.photographs import ProjectPhotographs
+from stereocal.projects.project import Project
+from stereocal.system.atomic_files import write_atomically
 
 REPEATS = 5
 PHOTOGRAPHS, SIZE = 200, 1_000_000
-PROJECTS, FILES = 500, 100
+PROJECTS = 500
 
 
 def main() -> None:
@@ -38,34 +37,21 @@ def main() -> None:
             own = ProjectPhotographs(Project.create(home))
             names = [f"{k}.jpg" for k in range(PHOTOGRAPHS)]
             own.add({
-                name: keep_photograph([content], name, own.files)
+                name: own.keep(name, content)
                 for name, content in zip(names, contents, strict=True)
             })  # fmt: skip
 
-        measured(f"{PHOTOGRAPHS} photographs of {SIZE / 1e6:g} MB, each flushed", store)
-        with mock.patch("os.fsync", lambda _: None):
-            measured("the same, nothing flushed", store)
+        def plain() -> None:
+            for k, content in enumerate(contents):
+                write_atomically(home / "plain" / f"{k}.jpg", content)
+
+        measured(f"{PHOTOGRAPHS} photographs of {SIZE / 1e6:g} MB in a project", store)
+        measured("the same as files, each flushed", plain)
 
         many = home / "many"
         for _ in range(PROJECTS):
-            files = Project.create(many).folder / "photographs" / "files"
-            files.mkdir(parents=True)
-            for k in range(FILES):
-                (files / f"{k}.jpg").touch()
-        measured(f"{PROJECTS} projects of {FILES} photographs listed", lambda: listed(many))
-        measured("the same, every file looked at", lambda: all_files(many))
-
-
-def listed(home: Path) -> None:
-    """As the Start page does it."""
-    assert len(recent_projects(home)) == 10
-
-
-def all_files(home: Path) -> None:
-    """As it was: the newest of all files of every project."""
-    for folder in folders_in(home / "projects"):
-        newest = max(path.stat().st_mtime for path in folder.rglob("*"))
-        assert newest >= changed_at(folder)
+            Project.create(many)
+        measured(f"{PROJECTS} projects listed, as Start does", lambda: recent_projects(many))
 
 
 def measured(what: str, act: Callable[[], object]) -> None:

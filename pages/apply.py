@@ -4,7 +4,7 @@ import streamlit as st
 
 from stereocal.errors import StereocalError
 from stereocal.matching.application import Application
-from stereocal.store.application import ProjectApplication
+from stereocal.projects.application import ProjectApplication
 from stereocal.ui.apply import bring_up_to_date, choose_gates, choose_points, choose_sets
 from stereocal.ui.apply_results import show_application
 from stereocal.ui.frame import need_frame
@@ -33,7 +33,7 @@ try:
     if sets is None:
         st.info("Still missing: a parameter file to match with, and one to measure with.")
         st.page_link("pages/calibrate.py", label="Or calibrate on the Calibrate page")
-    gates = choose_gates(project, points, sets[0]) if points and sets else None
+    gates = choose_gates(store, points, sets[0]) if points and sets else None
     if points and sets and gates:
         work = Application(*points, *sets, *gates)
         bring_up_to_date(project, store, work)

@@ -34,10 +34,9 @@ from stereocal.formats.point_files import read_points
 from stereocal.formats.sleap_h5 import point_text
 from stereocal.matching.point_table import PointTable
 from stereocal.matching.reconstruction import read_world
-from stereocal.project import Project
+from stereocal.projects.project import Project
+from stereocal.projects.server_settings import ServerSettings
 from stereocal.rig.parameters import RigParameters
-from stereocal.store.parts import Parts
-from stereocal.store.server import ServerSettings
 from stereocal.system.limits import Limits
 from stereocal.system.photograph import read_photograph
 from stereocal.system.photograph_files import unpack_photographs
@@ -152,9 +151,8 @@ def _packed() -> list[Reader]:
         ),
         Reader("zips", "zip", "photographs, zip", lambda: [two], _photographs, photographs),
         Reader(
-            "zips", "zip", "project, zip", lambda: [project_zip()], read_project_zip, ("carry",)
+            "zips", "zip", "project, zip", lambda: [project_zip()], read_project_zip, ("archive",)
         ),
-        Reader("project files", "image", "parts of a job", seeds.parts, _parts, ("parts",)),
         *(
             Reader(
                 "project files", inner.kind, f"project, {name}", inner.seeds,
@@ -274,15 +272,6 @@ def _photograph(content: bytes, folder: Path) -> None:
 def _photographs(content: bytes, folder: Path) -> None:
     for name, path in unpack_photographs(content, "a.zip", folder / "store").items():
         read_photograph(path, name)
-
-
-def _parts(content: bytes, folder: Path) -> None:
-    kept = Parts(_kept(content, folder / "parts"), bytes, bytes)
-    for key in seeds.PARTS:
-        kept.get(key)
-    kept.keep("new", b"part")
-    assert kept.get("new") == b"part"
-    kept.close()
 
 
 def _inner(name: str, content: bytes, _: Path) -> None:

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import atexit
-import json
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
@@ -30,19 +28,18 @@ from stereocal.frames.review import place
 from stereocal.intrinsics.boards import BoardSearch
 from stereocal.intrinsics.calibrate_lens import LensSettings, calibrate_lens
 from stereocal.matching.application import Application
-from stereocal.project import Project
+from stereocal.projects.application import USES, ProjectApplication
+from stereocal.projects.archive import pack_project, unpack_project
+from stereocal.projects.home import recent_projects
+from stereocal.projects.lens import WHICH, ProjectLens
+from stereocal.projects.photographs import ProjectPhotographs
+from stereocal.projects.point_files import SIDES
+from stereocal.projects.project import Project
+from stereocal.projects.review import change_review, read_review
+from stereocal.projects.thumbnails import thumbnail
 from stereocal.rig.dataset import SOURCES, Dataset
 from stereocal.rig.parameters import RigParameters
-from stereocal.store.application import SIDES, USES, ProjectApplication
-from stereocal.store.carry import pack_project, unpack_project
-from stereocal.store.jobs import JOB_FORMAT, interrupted
-from stereocal.store.lens import WHICH, ProjectLens
-from stereocal.store.photographs import ProjectPhotographs
-from stereocal.store.projects import recent_projects
-from stereocal.store.review import change_review, read_review
-from stereocal.store.thumbnails import thumbnail
-from stereocal.system.photograph_files import keep_photograph
-from stereocal.system.zip_files import pack_zip
+from stereocal.system.zip_files import pack_zip, unzip
 from stereocal.workflow import calibrate
 from tests.known_rig import BAR_M, BASELINE_M, PRIMARY, SECONDARY, correspondences
 from tests.lens import PATTERN, AtOnce, views
@@ -52,49 +49,30 @@ FRAMES = 8
 
 @dataclass(frozen=True)
 class Inner:
-    """A file of a project."""
+    """A file of a project's zip."""
 
     kind: str
     modules: tuple[str, ...]
-    place: str
-    """Below the project's folder; may be a pattern."""
-    also: Mapping[str, Any] = field(default_factory=dict)
-    """What may stand in a JSON file besides, at times."""
-
-    def path(self) -> Path:
-        """Where it is in the template."""
-        return _path(self.place)
+    member: str
 
     def seeds(self) -> Sequence[bytes]:
-        """The sound file, and with what may stand in it besides."""
-        sound = _sound(self.place)
-        if not self.also:
-            return [sound]
-        return [sound, json.dumps({**json.loads(sound), **self.also}).encode()]
+        """The sound file."""
+        return [_members()[self.member]]
 
 
-COMING = {"coming": {"times_given": 0, "files": {"left1.png": "0123.png"}}}
 FILES = {
-    "project.json": Inner("json", (), "project.json"),
-    "camera": Inner("json", (), "inputs/*-primary"),
-    "points": Inner("text", (), "inputs/*-correspondences"),
-    "more": Inner("zip", (), "inputs/*-dataset.zip"),
-    "calibration.json": Inner("json", (), "calibration.json"),
-    "evaluation.npz": Inner("npz", (), "evaluation.npz"),
-    "photographs.json": Inner(
-        "json", ("photograph_list", "pair_rows"), "photographs/photographs.json", COMING
+    "project.json": Inner(
+        "json", ("archive", "pair_rows", "review", "point_files"), "project.json"
     ),
-    "frames.json": Inner(
-        "json", ("photographs", "review", "thumbnails"), "photographs/frames.json"
-    ),
-    "edits.json": Inner("json", ("review",), "photographs/edits.json"),
-    "boards.json": Inner("json", ("lens",), "lens/primary/photographs.json"),
-    "boards.npz": Inner("npz", ("lens",), "lens/primary/boards.npz"),
-    "lens.npz": Inner("npz", ("lens",), "lens/primary/lens.npz"),
-    "apply.json": Inner("json", ("application",), "apply/apply.json"),
-    "job.json": Inner("json", ("jobs",), "jobs/evaluation/job.json"),
-    "progress.json": Inner("json", ("jobs",), "jobs/evaluation/progress.json"),
-    "result.json": Inner("json", ("application",), "apply/result.json"),
+    "camera": Inner("json", (), "inputs/primary.json"),
+    "points": Inner("text", (), "inputs/correspondences.csv"),
+    "more": Inner("zip", (), "datasets/000000.zip"),
+    "calibration.json": Inner("json", (), "results/calibration.json"),
+    "evaluation.npz": Inner("npz", (), "results/evaluation.npz"),
+    "frames.json": Inner("json", ("photographs", "review", "thumbnails"), "results/frames.json"),
+    "boards.npz": Inner("npz", ("lens",), "results/boards_primary.npz"),
+    "lens.npz": Inner("npz", ("lens",), "results/lens_primary.npz"),
+    "result.json": Inner("json", ("application",), "results/applied.json"),
 }
 
 
@@ -129,15 +107,13 @@ def read_project_zip(content: bytes, folder: Path) -> None:
 
 
 def read_inner(name: str, content: bytes) -> None:
-    """Read the whole template with another content of one of its files."""
-    path, sound = FILES[name].path(), FILES[name].seeds()[0]
-    path.write_bytes(content)
-    try:
-        read_whole(template())
-        if name == "evaluation.npz" and (evaluation := template().evaluation):
+    """Open the project's zip with another content of one of its files, and read all of it."""
+    with tempfile.TemporaryDirectory() as folder:
+        changed = pack_zip({**_members(), FILES[name].member: content})
+        project = unpack_project(changed, "p.zip", Path(folder))
+        read_whole(project)
+        if name == "evaluation.npz" and (evaluation := project.evaluation):
             summarise(evaluation.runs)
-    finally:
-        path.write_bytes(sound)
 
 
 def read_whole(project: Project) -> None:
@@ -158,7 +134,7 @@ def read_whole(project: Project) -> None:
 
 def _reads(project: Project) -> Iterator[Callable[[], object]]:
     photographs, apply = ProjectPhotographs(project), ProjectApplication(project)
-    yield lambda: Project.open(project.folder.parent.parent, project.folder.name)
+    yield lambda: Project.open(project.database.path.parents[1], project.id)
     yield lambda: (project.inputs.missing, project.settings, project.table, project.cameras)
     yield lambda: project.dataset
     yield lambda: project.more_datasets
@@ -177,7 +153,6 @@ def _reads(project: Project) -> Iterator[Callable[[], object]]:
         yield from (partial(apply.points, side), partial(apply.asking, side))
     yield from (partial(apply.set_of, use) for use in USES)
     yield lambda: apply.result
-    yield lambda: [f"{job.stages[job.at]} {job.begun:.0f}" for job in interrupted(project.folder)]
 
 
 def _use_calibration(project: Project) -> None:
@@ -190,16 +165,9 @@ def _use_calibration(project: Project) -> None:
 
 
 @cache
-def _sound(place: str) -> bytes:
-    return _path(place).read_bytes()
-
-
-def _path(place: str) -> Path:
-    for slot, stored in template().inputs.files.items():
-        if place.endswith(f"-{slot}"):
-            return template().folder / "inputs" / stored
-    (found,) = template().folder.glob(place)
-    return found
+def _members() -> dict[str, bytes]:
+    """The files of the template's zip."""
+    return unzip(project_zip(), "p.zip")
 
 
 @cache
@@ -212,7 +180,6 @@ def template() -> Project:
     _give_photographs(project)
     _give_boards(project)
     _give_points(project)
-    _give_job(project)
     return project
 
 
@@ -244,7 +211,7 @@ def _give_photographs(project: Project) -> None:
     found = {}
     for at, name in enumerate(names):
         image = np.full((1024, 1600), at, np.uint8)
-        found[name] = keep_photograph([cv2.imencode(".png", image)[1].tobytes()], name, store.files)
+        found[name] = store.keep(name, cv2.imencode(".png", image)[1].tobytes())
     store.add(found)
     store.keep_rows(store.rows)
     frames = [
@@ -268,23 +235,12 @@ def _give_boards(project: Project) -> None:
     for at, view in enumerate(seen):
         image = np.full((48, 64), at, np.uint8)
         content = cv2.imencode(".png", image)[1].tobytes()
-        found[view.name] = keep_photograph([content], "a.png", store.files)
+        found[view.name] = store.keep("a.png", content)
     store.add(found)
     store.keep_search(search)
     lens = calibrate_lens(search, LensSettings(subset=5, repeats=2), AtOnce())
     assert lens is not None
     store.keep_calibration(lens)
-
-
-def _give_job(project: Project) -> None:
-    folder = project.folder / "jobs" / "evaluation"
-    folder.mkdir(parents=True)
-    record = {
-        "format": JOB_FORMAT, "kind": "evaluation", "stages": ["runs"], "digest": "0" * 20,
-        "work": {"runs": 3}, "begun": 1.7e9, "sentence": "",
-    }  # fmt: skip
-    (folder / "job.json").write_text(json.dumps(record))
-    (folder / "progress.json").write_text(json.dumps({"at": 0, "done": 2, "total": 3}))
 
 
 def _give_points(project: Project) -> None:

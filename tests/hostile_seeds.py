@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import tempfile
 import zipfile
 from collections.abc import Mapping, Sequence
 from functools import cache
@@ -16,7 +15,6 @@ import h5py
 import numpy as np
 
 from stereocal.formats.camera_file import write_camera
-from stereocal.store.parts import Parts
 from tests.formats.test_point_files import wand
 from tests.known_rig import PRIMARY
 
@@ -102,21 +100,6 @@ def correspondences() -> Sequence[bytes]:
         b"1,A,1.5,2,3,4,0.9,1,2,3,0.1,0.1,detected\n1,B,5,6,7,8,0.9,,,,,,\n"
     )
     return [field()["correspondences.csv"][:600].rsplit(b"\n", 1)[0], known]
-
-
-PARTS = {"a": b"first", "b": b"", "c/1": bytes(300)}
-
-
-@cache
-def parts() -> Sequence[bytes]:
-    """Finished parts of a job."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "parts"
-        kept = Parts(path, bytes, bytes)
-        for key, part in PARTS.items():
-            kept.keep(key, part)
-        kept.close()
-        return [path.read_bytes()]
 
 
 def world(opening: str, closing: str) -> bytes:

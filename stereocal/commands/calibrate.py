@@ -18,6 +18,7 @@ from stereocal.commands.progress import ProgressBar
 from stereocal.errors import StereocalError
 from stereocal.figures.tables import answer, left_out_line, listed, why_not_trusted
 from stereocal.formats.evaluation_files import validation_in_summary
+from stereocal.projects.archive import read_input
 from stereocal.refined.disagreement import what_disagrees
 from stereocal.refined.file import refined_parameters
 from stereocal.refined.refine import RefinedResult
@@ -26,7 +27,6 @@ from stereocal.refined.stated_inputs import Input, what_could_not_be_told
 from stereocal.refined.uncertainty import standard_errors
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
-from stereocal.store.carry import read_input
 from stereocal.system.atomic_files import write_all
 from stereocal.verdict.verdict import run_splits, verdict
 from stereocal.workflow import calibrate

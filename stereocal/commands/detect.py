@@ -40,14 +40,14 @@ def run(parsed: argparse.Namespace) -> None:
     with tempfile.TemporaryDirectory(prefix="stereocal-") as store:
         with ProgressBar("photographs unpacked") as unpacking:
             photographs = photographs_in(parsed.dataset, Path(store), unpacking.show)
-        photographs = of_the_bar(photographs)
-        pairing = pair_names(photographs)
-        say(f"{len(photographs)} photographs. {pairing.sentence}")
+        photographs_of_bar = of_the_bar(photographs)
+        pairing = pair_names(photographs_of_bar)
+        say(f"{len(photographs_of_bar)} photographs. {pairing.sentence}")
         _refuse_unclear(pairing, str(parsed.dataset))
         with workers_from(parsed, compile_detection) as executor, ExitStack() as stack:
             bars: list[ProgressBar] = []
             frames = detect_frames(
-                pairing.pairs, photographs, (survey.primary, survey.secondary), executor,
+                pairing.pairs, photographs_of_bar, (survey.primary, survey.secondary), executor,
                 begin=lambda stage: bars.append(stack.enter_context(ProgressBar(stage))),
                 progress=lambda done, total: bars[-1].show(done, total),
             )  # fmt: skip

@@ -20,9 +20,9 @@ from stereocal.evaluation.summary import summarise_all
 from stereocal.figures.report import report_html
 from stereocal.figures.tables import left_out_line, validation_answer, why_validation_not_trusted
 from stereocal.formats.evaluation_files import summary_json, unique_names
+from stereocal.projects.archive import read_input
 from stereocal.refined.screening import screened
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.store.carry import read_input
 from stereocal.system.atomic_files import write_all
 
 

@@ -79,7 +79,7 @@ def _photographs(sources: list[Path], store: Path, leave_out: list[str]) -> Phot
     found: dict[str, Path] = {}
     for source in sources:
         if source.is_file() and source.suffix.lower() != ".zip":
-            own: Photographs = {source.name: source}
+            own = {source.name: source}
         else:
             own = photographs_in(source, store)
         for name, path in own.items():

@@ -14,7 +14,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import closing
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
@@ -22,7 +21,7 @@ from stereocal.errors import StereocalError
 from stereocal.intrinsics.board_corners import eight_bits, find_charuco, find_chessboard, refine
 from stereocal.intrinsics.board_pattern import BoardPattern
 from stereocal.rig.compiled import FloatArray, IntArray
-from stereocal.system.photograph import GreyImage, read_photograph
+from stereocal.system.photograph import FileContent, GreyImage, read_photograph
 from stereocal.system.photograph_files import Photographs
 from stereocal.system.photograph_tasks import PhotographFile, for_worker, read_for_worker
 from stereocal.system.tasks import Pieces, Progress, StoppedError, Task, run_tasks
@@ -226,7 +225,7 @@ def _check_size(
             )
 
 
-def _other_size(path: Path, pattern: BoardPattern, larger: bool) -> str | None:
+def _other_size(path: FileContent, pattern: BoardPattern, larger: bool) -> str | None:
     """The size of the board in a photograph, if it is off by one from the one expected.
 
     Args:

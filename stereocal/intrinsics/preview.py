@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import cv2
@@ -12,13 +11,13 @@ import numpy.typing as npt
 from stereocal.intrinsics.board_corners import eight_bits
 from stereocal.intrinsics.boards import BoardView
 from stereocal.rig.camera import Camera
-from stereocal.system.photograph import read_photograph
+from stereocal.system.photograph import FileContent, read_photograph
 
 WIDTH = 900
 ORANGE_BGR = (0, 159, 230)
 
 
-def preview(path: Path, camera: Camera, view: BoardView | None) -> tuple[bytes, bytes]:
+def preview(path: FileContent, camera: Camera, view: BoardView | None) -> tuple[bytes, bytes]:
     """Two JPEG: as photographed, with the found corners marked; and as without distortion.
 
     The second has the same K, so that only the distortion differs.

@@ -37,18 +37,14 @@ SECONDS_PER_FRAME, SECONDS_PER_ROW, SECONDS_PER_PAIR = 3.5e-3, 2.2e-5, 6e-9
 
 @dataclass(frozen=True)
 class Points:
-    """One camera's points on disk."""
+    """One camera's points."""
 
-    path: Path
+    name: str
+    """Of the table's file; the same for the same content alone, with an ending."""
     label: str
     """What messages call the file."""
     rows: int
     frames: int
-
-    @property
-    def table(self) -> PointTable:
-        """The table, to be read."""
-        return PointTable(self.path, POINT, self.label)
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +62,7 @@ class Application:
     def digest(self) -> str:
         """The same for the same numbers, whatever the day."""
         of_sets = [digest_of(each) for each in (self.matching, self.measuring)]
-        points = [self.primary.path.name, self.secondary.path.name]
+        points = [self.primary.name, self.secondary.name]
         content = [points, of_sets, self.threshold_px, [repr(depth) for depth in self.depths_m]]
         return hashlib.sha256(json.dumps(content).encode()).hexdigest()
 
@@ -96,7 +92,7 @@ class Outcome:
     """What is odd but allowed, a sentence each."""
     made_with: str
     tables: list[str]
-    """Names of the primary's and the secondary's table below the project's files."""
+    """Names of the primary's and the secondary's table in the project."""
     image_sizes: list[list[int]]
     """Width and height of both images."""
     secondary_m: list[float]
@@ -109,6 +105,7 @@ class Outcome:
 
 def apply_sets(
     work: Application,
+    tables: tuple[Path, Path],
     folder: Path,
     begin: Callable[[str], None] | None = None,
     progress: Callable[[int, int], None] | None = None,
@@ -119,6 +116,7 @@ def apply_sets(
     """Write `pairs.csv` and `points.csv` into a folder; None if it was cancelled.
 
     Args:
+        tables: the primary's and the secondary's points.
         executor: computes blocks of both tables; None does it here.
         pieces: blocks of this very work that were finished before, and where more are kept.
 
@@ -128,8 +126,12 @@ def apply_sets(
     refuse_different_rigs(work.matching, work.measuring)
     if begin is not None:
         begin(STAGES[0])
+    first, second = (
+        PointTable(path, POINT, points.label)
+        for path, points in zip(tables, (work.primary, work.secondary), strict=True)
+    )
     matched = match_tables(
-        work.matching, work.primary.table, work.secondary.table, folder / PAIRS,
+        work.matching, first, second, folder / PAIRS,
         work.threshold_px, work.depths_m, progress=progress, cancelled=cancelled,
         executor=executor, pieces=pieces,
     )  # fmt: skip
@@ -158,7 +160,7 @@ def apply_sets(
         sentences=[matched.sentence(), measured.sentence() + _about(work.measuring)],
         notes=[*matched.notes, *measured.notes],
         made_with=_made_with(work),
-        tables=[work.primary.path.name, work.secondary.path.name],
+        tables=[work.primary.name, work.secondary.name],
         image_sizes=[
             list(each.image_size) for each in (work.matching.primary, work.matching.secondary)
         ],

@@ -7,7 +7,7 @@ import struct
 import warnings
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import cv2
 import numpy as np
@@ -42,7 +42,20 @@ warnings.filterwarnings("ignore", module=r"PIL\.")
 Image.MAX_IMAGE_PIXELS = None
 
 
-def read_photograph(path: Path, name: str | None = None) -> GreyImage:
+class FileContent(Protocol):
+    """A file that is read when its turn comes: a path, or one that a project holds."""
+
+    @property
+    def name(self) -> str:
+        """Of a project's file, the same for the same content alone."""
+
+    def read_bytes(self) -> bytes:
+        """The content."""
+
+    def __hash__(self) -> int: ...
+
+
+def read_photograph(path: FileContent, name: str | None = None) -> GreyImage:
     """The photograph in a file: PNG, JPEG, TIFF, BMP or PGM, by its content, not by its name.
 
     Args:
@@ -82,7 +95,7 @@ def decode_photograph(content: bytes, name: str) -> GreyImage:
     return np.ascontiguousarray(image)
 
 
-def photograph_size(path: Path, name: str | None = None) -> tuple[int, int]:
+def photograph_size(path: FileContent, name: str | None = None) -> tuple[int, int]:
     """(width, height) in pixels of the photograph in a file, which is not decoded.
 
     Raises:
@@ -145,9 +158,10 @@ def _tiff_problem(image: Any) -> str:
     return ""
 
 
-def _content_of(path: Path, name: str) -> bytes:
+def _content_of(path: FileContent, name: str) -> bytes:
     try:
-        Limits.from_environment().check_size(path.stat().st_size, name)
+        if isinstance(path, Path):
+            Limits.from_environment().check_size(path.stat().st_size, name)
         return path.read_bytes()
     except OSError as error:
         raise StereocalError(f"{name} cannot be read: {error.strerror or error}.") from error

@@ -7,23 +7,19 @@ stored under a name made from its content, never under its own.
 from __future__ import annotations
 
 import hashlib
-import os
-import tempfile
-from collections.abc import Callable, Iterable, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path, PurePosixPath
+from typing import TypeVar
 
 from stereocal.errors import StereocalError
-from stereocal.locking import FileLock
-from stereocal.store.room import check_room
-from stereocal.system.atomic_files import make_folder
 from stereocal.system.limits import Limits
-from stereocal.system.photograph import SUFFIXES
+from stereocal.system.photograph import SUFFIXES, FileContent
 from stereocal.system.zip_files import open_zip
 
-Photographs = Mapping[str, Path]
-"""Names as the person has them, with folders and forward slashes, to files on disk."""
+Photographs = Mapping[str, FileContent]
+"""Names as the person has them, with folders and forward slashes, to files."""
 Progress = Callable[[int, int], None]
+F = TypeVar("F")
 
 
 def is_photograph(name: str) -> bool:
@@ -33,12 +29,12 @@ def is_photograph(name: str) -> bool:
     return path.suffix.lower() in SUFFIXES and not hidden
 
 
-def of_the_bar(photographs: Photographs) -> Photographs:
+def of_the_bar(photographs: Mapping[str, F]) -> Mapping[str, F]:
     """Those in folders `primary` and `secondary`, where a data set has them; else all.
 
     Photographs of a board, for the lenses, may lie beside them in folders of their own.
     """
-    own: dict[str, dict[str, Path]] = {"primary": {}, "secondary": {}}
+    own: dict[str, dict[str, F]] = {"primary": {}, "secondary": {}}
     for name, path in photographs.items():
         folder = PurePosixPath(name).parent.name.lower()
         if folder in own:
@@ -47,7 +43,7 @@ def of_the_bar(photographs: Photographs) -> Photographs:
     return both if all(own.values()) else photographs
 
 
-def photographs_in(source: Path, store: Path, progress: Progress | None = None) -> Photographs:
+def photographs_in(source: Path, store: Path, progress: Progress | None = None) -> dict[str, Path]:
     """The photographs of a folder, where they lie, or of a zip, unpacked into `store`.
 
     Raises:
@@ -77,50 +73,37 @@ def unpack_photographs(
     """Unpack the photographs of a zip into the folder `store`, one at a time.
 
     Raises:
-        StereocalError: as `zip_files.open_zip`, too much for the project, or the disk is full.
+        StereocalError: as `zip_files.open_zip`, or the disk is full.
+    """
+    return {
+        member: _keep(content, member, store)
+        for member, content in zipped_photographs(source, name, progress)
+    }
+
+
+def zipped_photographs(
+    source: Path | bytes, name: str, progress: Progress | None = None
+) -> Iterator[tuple[str, bytes]]:
+    """The photographs of a zip, name and content, one after the other.
+
+    Raises:
+        StereocalError: as `zip_files.open_zip`.
     """
     with open_zip(source, name) as opened:
         names = [member for member in opened.names if is_photograph(member)]
-        check_room(store, sum(map(opened.size, names)))
-        found = {}
         for done, member in enumerate(names):
-            found[member] = keep_photograph(opened.pieces(member), member, store)
+            yield member, opened.read(member)
             if progress:
                 progress(done + 1, len(names))
-        return found
 
 
-def keep_photograph(pieces: Iterable[bytes], name: str, store: Path) -> Path:
-    """Write a photograph's file into `store`, named by its content; the same one only once.
-
-    Its content is on the disk when this returns; its name is when `writing.flush_folder` was called
-    on `store`, once for all photographs.
-
-    Raises:
-        StereocalError: the folder cannot be written to, or the disk is full.
-    """
+def _keep(content: bytes, name: str, store: Path) -> Path:
+    """Write a photograph's file, named by its content; the same one only once."""
     suffix = PurePosixPath(name).suffix.lower()
-    digest = hashlib.sha256()
-    lock = None
+    path = store / f"{hashlib.sha256(content).hexdigest()[:32]}{suffix}"
     try:
-        make_folder(store)
-        handle, temporary = tempfile.mkstemp(dir=store, prefix=".new-")
-        os.close(handle)
-        lock = FileLock(Path(temporary))  # so that nobody sweeps it
-        lock.acquire()
-        with lock.path.open("wb") as file:
-            for piece in pieces:
-                digest.update(piece)
-                file.write(piece)
-            file.flush()
-            os.fsync(file.fileno())
-        path = store / f"{digest.hexdigest()[:32]}{suffix if suffix in SUFFIXES else ''}"
-        lock.path.replace(path)
+        store.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(content)
     except OSError as error:
         raise StereocalError(f"{name} cannot be stored: {error.strerror or error}.") from error
-    finally:
-        if lock is not None:
-            with suppress(OSError):
-                lock.path.unlink(missing_ok=True)
-            lock.release()
     return path

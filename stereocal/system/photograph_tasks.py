@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from concurrent.futures import Executor
-from pathlib import Path
 
 from stereocal.system.executors import Cluster
-from stereocal.system.photograph import GreyImage, decode_photograph, read_photograph
+from stereocal.system.photograph import FileContent, GreyImage, decode_photograph, read_photograph
 
-PhotographFile = Path | bytes
+PhotographFile = FileContent | bytes
 
 
-def for_worker(path: Path, executor: Executor) -> PhotographFile:
+def for_worker(path: FileContent, executor: Executor) -> PhotographFile:
     """What a task of the executor gets of the photograph; made when the task begins."""
     if not isinstance(executor, Cluster):
         return path

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
+from dataclasses import dataclass
 
 import pandas as pd
 import streamlit as st
@@ -26,10 +26,11 @@ from stereocal.matching.pairs import POINT
 from stereocal.matching.parquet import PARQUET
 from stereocal.matching.point_table import PointTable
 from stereocal.matching.threshold import FramePixels, choose_threshold
-from stereocal.project import Project
+from stereocal.projects.application import USES, ProjectApplication, Use
+from stereocal.projects.point_files import SIDES, Side
+from stereocal.projects.project import Project
 from stereocal.refined.results import Calibration
 from stereocal.rig.parameters import RigParameters
-from stereocal.store.application import SIDES, USES, ProjectApplication, Side, Use
 from stereocal.system.guarded import server_guard
 from stereocal.ui import jobs
 from stereocal.ui.fields import Field, number, one_of, setting, yes_or_no
@@ -155,20 +156,21 @@ def _own_set(
 
 
 def choose_gates(
-    project: Project, points: tuple[Points, Points], rig: RigParameters
+    store: ProjectApplication, points: tuple[Points, Points], rig: RigParameters
 ) -> tuple[float, tuple[float, float]] | None:
     """Threshold and depth range, beside the errors that they part; None without a threshold.
 
     Raises:
         StereocalError: the points cannot be read, or a depth range that cannot be.
     """
+    project = store.project
     form, figure = st.columns([2, 3], gap="large")
     with form:
         depths = _depths(project)
-        sample = _sample(*((str(each.path), each.label) for each in points))
+        sample = _sample(store, points)
         usual = rig.matching_threshold_px
         if usual is None and THRESHOLD not in project.settings:
-            usual = _choice(rig, points, depths)[0]
+            usual = _choice(rig, sample, depths)[0]
         field = _threshold(project, usual)
         st.number_input(
             "Threshold (px)", min_value=0.0, value=None, step=0.1, format="%.4g",
@@ -178,17 +180,17 @@ def choose_gates(
         )  # fmt: skip
         st.button(
             "Choose it from the points", key="apply_auto", on_click=_choose,
-            args=(project, rig, points, depths),
+            args=(project, rig, sample, depths),
         )  # fmt: skip
         threshold: float | None = field.value()
-        _say_choice(rig, points, depths, threshold)
+        _say_choice(rig, sample, depths, threshold)
         if rig.matching_threshold_px is not None:
             st.caption(f"The parameter set's own: {rig.matching_threshold_px:.3g} px.")
     if threshold is None:
         st.info("Give a threshold in pixels.")
         return None
     with figure:
-        nearest = jobs.compute(nearest_errors, rig, sample, depths)
+        nearest = jobs.compute(nearest_errors, rig, sample.frames, depths)
         show_figure(
             plot_pair_errors(nearest, threshold), describe_pair_errors(nearest, threshold),
             "pair_errors",
@@ -225,23 +227,22 @@ def _threshold(project: Project, usual: float | None) -> Field:
 
 @callback
 def _choose(
-    project: Project, rig: RigParameters, points: tuple[Points, Points], depths: tuple[float, float]
+    project: Project, rig: RigParameters, sample: Sample, depths: tuple[float, float]
 ) -> None:
-    found, _ = _choice(rig, points, depths)
+    found, _ = _choice(rig, sample, depths)
     st.session_state[_ASKED] = True
     if found is not None:
         _threshold(project, None).set(found)
 
 
 def _say_choice(
-    rig: RigParameters, points: tuple[Points, Points], depths: tuple[float, float],
-    threshold: float | None,
-) -> None:  # fmt: skip
+    rig: RigParameters, sample: Sample, depths: tuple[float, float], threshold: float | None
+) -> None:
     """How the threshold was chosen, where it was; why none could be, where that was asked."""
     asked = st.session_state.get(_ASKED)
     if not asked and rig.matching_threshold_px is not None:
         return
-    found, sentence = _choice(rig, points, depths)
+    found, sentence = _choice(rig, sample, depths)
     if found is None and (asked or threshold is None):
         st.warning(escape_markdown(sentence))
     elif found is not None and found == threshold:
@@ -249,30 +250,29 @@ def _say_choice(
 
 
 def _choice(
-    rig: RigParameters, points: tuple[Points, Points], depths: tuple[float, float]
+    rig: RigParameters, sample: Sample, depths: tuple[float, float]
 ) -> tuple[float | None, str]:
     """The threshold that the points speak for, or None, and why."""
-    tables = [(str(each.path), each.label) for each in points]
-    return _chosen(rig.dumps(), tables[0], tables[1], depths, rig)
+    return _chosen(rig.dumps(), sample.key, depths, rig, sample.frames)
 
 
 @st.cache_resource(show_spinner=False, max_entries=16)
 def _chosen(
-    key: str, primary: tuple[str, str], secondary: tuple[str, str], depths: tuple[float, float],
-    _rig: RigParameters,
+    key: str, points: str, depths: tuple[float, float], _rig: RigParameters,
+    _sample: list[FramePixels],
 ) -> tuple[float | None, str]:  # fmt: skip
-    assert key
+    assert key and points
     try:
-        choice = jobs.compute(choose_threshold, _rig, _sample(primary, secondary), depths)
+        choice = jobs.compute(choose_threshold, _rig, _sample, depths)
         return choice.threshold_px, choice.sentence()
     except StereocalError as error:
         return None, str(error)
 
 
-def _last(store: ProjectApplication) -> tuple[Outcome, Path] | None:
+def _last(store: ProjectApplication) -> Outcome | None:
     """The last result; None where it is damaged, so that it is made anew."""
     try:
-        return store.result
+        return None if store.result is None else store.result[0]
     except StereocalError:
         return None
 
@@ -283,7 +283,7 @@ def bring_up_to_date(project: Project, store: ProjectApplication, work: Applicat
     job = jobs.Work(
         project, "apply", STAGES, {"application": work.digest}, lambda job: _run(store, work, job)
     )
-    if result is not None and result[0].digest == work.digest:
+    if result is not None and result.digest == work.digest:
         jobs.is_done(job)
     elif work.expected_seconds <= INSTANT_S:
         try:
@@ -307,13 +307,35 @@ def _run(store: ProjectApplication, work: Application, job: jobs.Job) -> bool:
     )  # fmt: skip
 
 
-@st.cache_resource(show_spinner=False, max_entries=4)
-def whole_table(path: str, label: str) -> pd.DataFrame:
+@dataclass(frozen=True)
+class Sample:
+    """A sample of the points of both cameras, and which points these are."""
+
+    key: str
+    frames: list[FramePixels]
+
+
+def whole_table(store: ProjectApplication, name: str, label: str) -> pd.DataFrame:
     """All points of a table; its name holds the digest of its content."""
-    table = PointTable(Path(path), POINT, label)
-    return pd.concat(list(table.blocks()))[["frame", *POINT]]
+    return _table(name, label, store)
+
+
+@st.cache_resource(show_spinner=False, max_entries=4)
+def _table(name: str, label: str, _store: ProjectApplication) -> pd.DataFrame:
+    with _store.opened(name) as path:
+        return pd.concat(list(PointTable(path, POINT, label).blocks()))[["frame", *POINT]]
+
+
+def _sample(store: ProjectApplication, points: tuple[Points, Points]) -> Sample:
+    first, second = points
+    key = f"{first.name} {second.name}"
+    return Sample(key, _sampled(key, store, points))
 
 
 @st.cache_resource(show_spinner=False, max_entries=8)
-def _sample(primary: tuple[str, str], secondary: tuple[str, str]) -> list[FramePixels]:
-    return sample_frames(whole_table(*primary), whole_table(*secondary))
+def _sampled(
+    key: str, _store: ProjectApplication, _points: tuple[Points, Points]
+) -> list[FramePixels]:
+    assert key
+    first, second = (whole_table(_store, each.name, each.label) for each in _points)
+    return sample_frames(first, second)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 from typing import Any
 
@@ -22,9 +23,9 @@ from stereocal.figures.measured import Colour
 from stereocal.matching.application import PAIRS, POINTS, Application, Outcome, agreement
 from stereocal.matching.lengths import check_lengths, has_two_a_frame, label_columns
 from stereocal.matching.pairs import pixels_of
-from stereocal.project import Project
-from stereocal.store.application import ProjectApplication
-from stereocal.store.folders import own_file
+from stereocal.projects.application import ProjectApplication
+from stereocal.projects.files import StoredFile
+from stereocal.projects.project import Project
 from stereocal.ui.apply import whole_table
 from stereocal.ui.fields import number, one_of, setting
 from stereocal.ui.intake import escape_markdown
@@ -47,7 +48,7 @@ def show_application(project: Project, store: ProjectApplication, work: Applicat
         if work is not None:
             st.info("No result yet.")
         return
-    outcome, folder = result
+    outcome, files = result
     st.header("Result", divider="gray")
     if work is None or outcome.digest != work.digest:
         st.warning(
@@ -55,7 +56,7 @@ def show_application(project: Project, store: ProjectApplication, work: Applicat
             f"it was made with: {escape_markdown(outcome.made_with)}"
         )
     try:
-        pairs, points = _read(str(folder / PAIRS)), _read(str(folder / POINTS))
+        pairs, points = (_read(files[name].name, name, files[name]) for name in (PAIRS, POINTS))
     except StereocalError as error:
         st.error(escape_markdown(str(error)))
         st.button("Begin again", on_click=callback(store.forget_result), key="forget_result")
@@ -65,7 +66,7 @@ def show_application(project: Project, store: ProjectApplication, work: Applicat
     for note in outcome.notes:
         st.warning(escape_markdown(note))
     for name, column in zip((PAIRS, POINTS), st.columns(2), strict=True):
-        _download(column, folder / name)
+        _download(column, files[name], name)
     views = {
         "Matches in the images": lambda: _show_matches(store, outcome, pairs),
         "Points in 3D": lambda: _show_points(project, outcome, points),
@@ -79,17 +80,16 @@ def show_application(project: Project, store: ProjectApplication, work: Applicat
     _show_commands(store, outcome)
 
 
-def _download(place: Any, path: Path, name: str | None = None) -> None:
-    name = name or path.name
+def _download(place: Any, file: StoredFile, name: str) -> None:
     place.download_button(
-        f"Download {name}", lambda path=path: path.read_bytes(), name, "text/csv",
+        f"Download {name}", file.read_bytes, name, "text/csv",
         on_click="ignore", icon=":material/download:", key=f"download_{name}",
         type="primary" if name in (PAIRS, POINTS) else "secondary",
     )  # fmt: skip
 
 
 def _show_matches(store: ProjectApplication, outcome: Outcome, pairs: pd.DataFrame) -> None:
-    tables = [whole_table(str(own_file(store.files, name)), name) for name in outcome.tables]
+    tables = [whole_table(store, name, name) for name in outcome.tables]
     frames = sorted(set(tables[0]["frame"]) | set(tables[1]["frame"]))
     frames = [int(each) for each in frames]
     frame = frames[0]
@@ -185,18 +185,19 @@ def _show_commands(store: ProjectApplication, outcome: Outcome) -> None:
             language="shell", wrap_lines=True,
         )  # fmt: skip
         for table, name, column in zip(outcome.tables, names, st.columns(2), strict=True):
-            _download(column, own_file(store.files, table), name)
+            _download(column, store.table(table), name)
 
 
 @st.cache_resource(show_spinner=False, max_entries=4)
-def _read(path: str) -> pd.DataFrame:
-    """A table of a result, whose folder is new for every result."""
+def _read(digest: str, name: str, _file: StoredFile) -> pd.DataFrame:
+    """A table of a result."""
+    assert digest
     try:
-        table = pd.read_csv(path)
-    except (OSError, ValueError) as error:
-        raise StereocalError(f"{Path(path).name} of the last result is damaged.") from error
+        table = pd.read_csv(io.BytesIO(_file.read_bytes()))
+    except ValueError as error:
+        raise StereocalError(f"{name} of the last result is damaged.") from error
     if "frame" not in table:
-        raise StereocalError(f"{Path(path).name} of the last result is damaged.")
+        raise StereocalError(f"{name} of the last result is damaged.")
     return table
 
 

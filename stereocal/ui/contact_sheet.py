@@ -9,9 +9,9 @@ import streamlit as st
 from stereocal.errors import StereocalError
 from stereocal.frames.frame import STATES, Frame, describe_frames
 from stereocal.frames.review import choose
-from stereocal.store.photographs import ProjectPhotographs
-from stereocal.store.review import change_review
-from stereocal.store.thumbnails import thumbnail
+from stereocal.projects.photographs import ProjectPhotographs
+from stereocal.projects.review import change_review
+from stereocal.projects.thumbnails import thumbnail
 from stereocal.ui.fields import number, one_of, setting
 from stereocal.ui.intake import escape_markdown, refuse, settled
 

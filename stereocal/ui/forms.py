@@ -9,7 +9,7 @@ import streamlit as st
 
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.calibration.montecarlo import SearchSettings
-from stereocal.project import Project
+from stereocal.projects.project import Project
 from stereocal.rig.dataset import Dataset
 from stereocal.ui.fields import Field, number, one_of, setting, yes_or_no
 from stereocal.ui.screening import put_back_field

@@ -13,9 +13,9 @@ from stereocal.formats.exchange.exchange import FORMATS, import_files
 from stereocal.formats.exchange.options import ExchangeOptions, ImageSize
 from stereocal.formats.lens_model import FourCoefficientsError, LensModel
 from stereocal.formats.units import UNITS, Unit, UnitError
-from stereocal.project import Project
+from stereocal.projects.application import ProjectApplication, Use
+from stereocal.projects.project import Project
 from stereocal.rig.parameters import RigParameters
-from stereocal.store.application import ProjectApplication, Use
 from stereocal.system.guarded import server_guard
 from stereocal.system.zip_files import unzip
 from stereocal.ui.fields import number, one_of, setting

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 import streamlit as st
@@ -23,19 +22,15 @@ from stereocal.formats.lens_model import FourCoefficientsError, LensModel
 from stereocal.formats.other_files import is_hdf5
 from stereocal.formats.sleap_h5 import point_text
 from stereocal.formats.units import UNITS as UNITS
-from stereocal.inputs import Slot
-from stereocal.project import Project
+from stereocal.projects.files import StoredFile
+from stereocal.projects.inputs import Slot
+from stereocal.projects.lens import ProjectLens
+from stereocal.projects.photographs import ProjectPhotographs
+from stereocal.projects.project import Project
 from stereocal.rig.dataset import Dataset
-from stereocal.store.photographs import ProjectPhotographs
-from stereocal.store.room import check_room
 from stereocal.system.guarded import server_guard
 from stereocal.system.limits import Limits
-from stereocal.system.photograph_files import (
-    is_photograph,
-    keep_photograph,
-    of_the_bar,
-    unpack_photographs,
-)
+from stereocal.system.photograph_files import is_photograph, of_the_bar, zipped_photographs
 from stereocal.system.zip_files import unzip
 from stereocal.ui import jobs
 from stereocal.ui.fields import Field, one_of, setting
@@ -58,8 +53,8 @@ GIVEN_AS = ("Single files", PHOTOGRAPHS, "A zip", "A folder")
 CAMERA_KINDS = ["json", "yaml", "yml", "xml", "ini", "conf", "mat"]
 """Endings of camera files; the last three are named as what they are, with what to do."""
 _SEEN = "uploads_seen"
-Unpack = Callable[[Path], Mapping[str, Path]]
-"""Puts the photographs of a data set into a folder: names to files."""
+Contents = Iterable[tuple[str, bytes]]
+"""Photographs, name and content, of which one is held in memory."""
 
 
 def given_as(project: Project | None, usual: str) -> Field:
@@ -100,26 +95,71 @@ def take_dataset(uploads: Sequence[Upload]) -> None:
         if len(uploads) == 1 and name.lower().endswith(".zip"):
             content = uploads[0].getvalue()
             texts = unzip(content, name, lambda member: not is_photograph(member))
-            _try_dataset(texts, name, lambda store: unpack_photographs(content, name, store))
+            _try_dataset(texts, name, lambda: zipped_photographs(content, name))
         else:
             others = [file for file in uploads if not is_photograph(file.name)]
             texts = {file.name: file.getvalue() for file in others}
-            _try_dataset(texts, "the folder", lambda store: keep_uploads(uploads, store))
+            _try_dataset(texts, "the folder", lambda: uploaded(uploads))
     st.rerun()
 
 
-def keep_uploads(uploads: Sequence[Upload], store: Path, prefix: str = "") -> dict[str, Path]:
-    """Put the photographs among the uploads onto the disk, below `store`.
+def uploaded(uploads: Sequence[Upload], prefix: str = "") -> Contents:
+    """The photographs among the uploads, name and content.
 
     Args:
         prefix: goes before their names, as a folder: which camera took them.
     """
-    photographs = [upload for upload in uploads if is_photograph(upload.name)]
-    check_room(store, sum(len(upload.getvalue()) for upload in photographs))
-    return {
-        prefix + upload.name: keep_photograph([upload.getvalue()], upload.name, store)
-        for upload in photographs
-    }
+    for upload in uploads:
+        if is_photograph(upload.name):
+            yield prefix + upload.name, upload.getvalue()
+
+
+def photographs_of(uploads: Sequence[Upload], prefix: str = "") -> Contents:
+    """The photographs of uploads, zips of them among these.
+
+    Raises:
+        StereocalError: too many or too large files, or a zip without a photograph.
+    """
+    check_uploads(uploads)
+    for upload in uploads:
+        if not upload.name.lower().endswith(".zip"):
+            yield from uploaded([upload], prefix)
+            continue
+        empty = True
+        for name, content in zipped_photographs(upload.getvalue(), upload.name):
+            yield prefix + name, content
+            empty = False
+        if empty:
+            raise StereocalError(f"{upload.name}: there is no photograph in it.")
+
+
+def take_photographs(photographs: Contents, store: ProjectPhotographs | ProjectLens) -> None:
+    """Store photographs one by one, and have them be the project's.
+
+    What cannot be used is said on the page; the others are taken.
+    """
+    found: dict[str, StoredFile] = {}
+    refused: list[StereocalError] = []
+    # Nothing in here touches the page, so that no click can end it halfway.
+    with st.spinner("Storing the photographs."):
+        try:
+            for name, content in photographs:
+                try:
+                    server_guard().check_content("photograph", content, name)
+                except StereocalError as error:
+                    refused.append(error)
+                else:
+                    found[name] = store.keep(name, content)
+            if not found and not refused:
+                raise StereocalError("There is no photograph among these files.")
+        except StereocalError as error:
+            refused.insert(0, error)
+        if found:
+            store.add(found)
+    settled()
+    if refused:
+        more = f" So do {len(refused) - 1} others." if len(refused) > 1 else ""
+        refuse(StereocalError(f"{refused[0]}{more}"))
 
 
 def take_file(slot: Slot, upload: Upload | None) -> None:
@@ -161,13 +201,16 @@ def _rows_but(content: bytes, problems: Sequence[RowProblem]) -> tuple[bytes, in
 
 
 def _try_dataset(
-    files: Mapping[str, bytes], source: str, unpack: Unpack, lens_model: LensModel | None = None
+    files: Mapping[str, bytes],
+    source: str,
+    photographs: Callable[[], Contents],
+    lens_model: LensModel | None = None,
 ) -> None:
     """Take over a data set; if rows of it are refused, offer to go on without them."""
     try:
         project = project_to_write()
         with noted(project):
-            with_photographs = give_dataset(project, files, source, unpack, lens_model)
+            with_photographs = give_dataset(project, files, source, photographs, lens_model)
         if with_photographs:
             given_as(project, PHOTOGRAPHS).set(PHOTOGRAPHS)
         settled()
@@ -175,9 +218,9 @@ def _try_dataset(
         folder, _ = find_description(files, source)
         rest = _rows_but(files[folder + TABLE], error.problems)
         without = {**files, folder + TABLE: rest[0]}
-        refuse(error, rest[1], lambda: _try_dataset(without, source, unpack, lens_model))
+        refuse(error, rest[1], lambda: _try_dataset(without, source, photographs, lens_model))
     except FourCoefficientsError as error:
-        ask_lens(error, source, lambda: _try_dataset(files, source, unpack, "brown"))
+        ask_lens(error, source, lambda: _try_dataset(files, source, photographs, "brown"))
     except StereocalError as error:
         refuse(error)
 
@@ -205,7 +248,7 @@ def give_dataset(
     project: Project,
     files: Mapping[str, bytes],
     source: str,
-    unpack: Unpack = lambda _store: {},
+    photographs: Callable[[], Contents] = lambda: (),
     lens_model: LensModel | None = None,
 ) -> bool:
     """Put a whole data set into a project, in place of what it held.
@@ -217,12 +260,16 @@ def give_dataset(
         StereocalError: what is wrong with it; the project holds what it held.
     """
     store = ProjectPhotographs(project)
-    photographs = of_the_bar(unpack(store.files))
     folder, description = find_description(files, source)
-    _try_decoding(files, folder, description, photographs, source)
+    _try_cameras(files, folder, description, source)
+    given: dict[str, StoredFile] = {}
+    for name, content in photographs():
+        server_guard().check_content("photograph", content, name)
+        given[name] = store.keep(name, content)
+    found = of_the_bar(given)
     slots: dict[Slot, str] = {"primary": "", "secondary": ""}
     survey: Survey | Dataset
-    if photographs and folder + TABLE not in files:
+    if found and folder + TABLE not in files:
         survey = parse_survey(files, source, lens_model)
     else:
         survey = parse_dataset(files, source, lens_model=lens_model)
@@ -230,7 +277,7 @@ def give_dataset(
     slots |= {slot: description["cameras"][slot] for slot in slots if slot != "correspondences"}
     kept = store.give(
         {slot: (name, files[folder + name]) for slot, name in slots.items()},
-        photographs,
+        found,
         name=survey.name,
         baseline_m=survey.baseline_m,
         target_distance_m=survey.target_distance_m,
@@ -239,30 +286,17 @@ def give_dataset(
     )
     if not kept:  # a search that still runs is for targets of the data set before
         jobs.abandon(project, "photographs")
-    return bool(photographs)
+    return bool(found)
 
 
-def survived(found: Mapping[str, Path]) -> dict[str, Path]:
-    """The photographs that a decoder survives; the page says which it does not."""
-    with st.spinner("Looking the photographs through."):
-        refused = server_guard().refused("photograph", found)
-    if refused:
-        more = f" So do {len(refused) - 1} others." if len(refused) > 1 else ""
-        refuse(StereocalError(f"{next(iter(refused.values()))}{more}"))
-    return {name: path for name, path in found.items() if name not in refused}
-
-
-def _try_decoding(
-    files: Mapping[str, bytes], folder: str, description: Mapping[str, Any],
-    photographs: Mapping[str, Path], source: str,
-) -> None:  # fmt: skip
+def _try_cameras(
+    files: Mapping[str, bytes], folder: str, description: Mapping[str, Any], source: str
+) -> None:
     named = description.get("cameras")
     for name in named.values() if isinstance(named, dict) else ():
         if isinstance(name, str) and folder + name in files:
             content = files[folder + name]
             server_guard().check_content("camera", content, f"{source}: {name}")
-    for error in server_guard().refused("photograph", photographs).values():
-        raise error
 
 
 def is_new(*uploads: Upload) -> bool:

@@ -1,7 +1,7 @@
 """Long work beside the pages: it goes on when the page is left, and can be cancelled.
 
-What is begun stands on disk (`store.jobs`). If the server ends before the work, its page says so,
-and offers to go on.
+What is begun stands in the project (`projects.jobs`). If the server ends before the work, its page
+says so, and offers to go on.
 """
 
 from __future__ import annotations
@@ -18,11 +18,10 @@ from typing import Any, Literal, ParamSpec, TypeVar
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.project import Project
-from stereocal.store import jobs as kept_jobs
-from stereocal.store.jobs import KeptJob, Record
-from stereocal.store.parts import Parts
-from stereocal.store.server import ServerSettings
+from stereocal.projects import jobs as kept_jobs
+from stereocal.projects.jobs import KeptJob, Parts, Record
+from stereocal.projects.project import Project
+from stereocal.projects.server_settings import ServerSettings
 from stereocal.system.executors import Cluster, cluster, scheduler_of
 from stereocal.system.tasks import EndingError
 from stereocal.ui.texts import escape_markdown
@@ -158,13 +157,13 @@ def is_running(project: Project, kind: Kind) -> bool:
     job = job_of(project, kind)
     if job is not None and job.state == "running":
         return True
-    found = kept_jobs.find(project.folder, kind)
+    found = kept_jobs.find(project.database, kind)
     return found is not None and found[0] == "running"
 
 
 def can_go_on(work: Work) -> bool:
     """Whether this very work was begun and interrupted."""
-    found = kept_jobs.find(work.project.folder, work.kind)
+    found = kept_jobs.find(work.project.database, work.kind)
     return found is not None and found[0] == "interrupted" and found[1].digest == work.digest
 
 
@@ -174,7 +173,7 @@ def start(work: Work) -> None:
         return
     job = Job(work.stages, pool())
     try:
-        job.kept = kept_jobs.begin(work.project.folder, work.kind, work.stages, work.about)
+        job.kept = kept_jobs.begin(work.project.database, work.kind, work.stages, work.about)
         if job.kept is None:
             return
     except StereocalError as error:
@@ -223,7 +222,7 @@ def show_job(project: Project, kind: Kind, cancelled: str, work: Work | None) ->
         # Only now: a timer that is always there would interrupt every longer run of the page.
         _show_progress(job, kind)
         return
-    found = kept_jobs.find(project.folder, kind)
+    found = kept_jobs.find(project.database, kind)
     if found is not None and found[0] == "running":
         _show_elsewhere(project, kind)
     elif found is not None and found[0] == "interrupted":
@@ -266,7 +265,7 @@ def discard(project: Project, kind: Kind) -> None:
     Raises:
         StereocalError: the disk cannot be written to.
     """
-    kept_jobs.discard(project.folder, kind)
+    kept_jobs.discard(project.database, kind)
     _jobs().pop((project.id, kind), None)
 
 
@@ -277,7 +276,7 @@ def abandon(project: Project, kind: Kind) -> None:
         StereocalError: the disk cannot be written to.
     """
     if is_running(project, kind):
-        kept_jobs.ask_to_stop(project.folder, kind)
+        kept_jobs.ask_to_stop(project.database, kind)
     else:
         discard(project, kind)
 
@@ -304,7 +303,7 @@ def _show_progress(job: Job, kind: Kind) -> None:
 @st.fragment(run_every=1.0)
 def _show_elsewhere(project: Project, kind: Kind) -> None:
     """A job that another server runs, which has the same projects."""
-    found = kept_jobs.find(project.folder, kind)
+    found = kept_jobs.find(project.database, kind)
     if found is None or found[0] != "running":
         st.rerun()
     _show_bars(found[1], "")
@@ -329,4 +328,4 @@ def _cancel(job: Job) -> None:
 
 @callback
 def _stop(project: Project, kind: Kind) -> None:
-    kept_jobs.ask_to_stop(project.folder, kind)
+    kept_jobs.ask_to_stop(project.database, kind)

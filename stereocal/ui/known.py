@@ -10,7 +10,7 @@ from typing import Any, Literal
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.project import Project
+from stereocal.projects.project import Project
 from stereocal.refined.unknowns import (
     DEFAULT_BASELINE,
     DEFAULT_CENTRE_PX,

@@ -8,7 +8,7 @@ from typing import Any
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.project import Project
+from stereocal.projects.project import Project
 from stereocal.ui.fields import Field, one_of, setting
 from stereocal.ui.intake import refuse, settled
 from stereocal.ui.project import noted, project_to_write

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from contextlib import suppress
 from dataclasses import asdict
-from pathlib import Path
 
 import streamlit as st
 
@@ -14,24 +13,21 @@ from stereocal.intrinsics.board_pattern import DICTIONARIES, BoardPattern
 from stereocal.intrinsics.boards import BoardSearch, find_boards
 from stereocal.intrinsics.calibrate_lens import LensSettings, calibrate_lens
 from stereocal.intrinsics.files import pack_board, pack_draws, unpack_board, unpack_draws
-from stereocal.project import Project
-from stereocal.store.lens import WHICH, ProjectLens, Which
-from stereocal.store.state import DamagedError
+from stereocal.projects.lens import WHICH, ProjectLens, Which
+from stereocal.projects.project import Project
+from stereocal.projects.refusals import DamagedError
 from stereocal.system.photograph import SUFFIXES
-from stereocal.system.photograph_files import unpack_photographs
 from stereocal.ui import jobs
 from stereocal.ui.fields import number, one_of, setting, some_of, yes_or_no
 from stereocal.ui.intake import (
     CAMERA_KINDS,
     Upload,
-    check_uploads,
     escape_markdown,
     in_use,
-    keep_uploads,
-    refuse,
+    photographs_of,
     settled,
-    survived,
     take_file,
+    take_photographs,
 )
 from stereocal.ui.project import current_project, project_to_write
 from stereocal.ui.samples import has_sample_photographs, load_sample_boards
@@ -134,21 +130,7 @@ def take_boards(uploads: Sequence[Upload], which: Which) -> None:
     if not uploads:
         return
     store = ProjectLens(project_to_write(), which)
-    found: dict[str, Path] = {}
-    try:
-        check_uploads(uploads)
-        for upload in uploads:
-            if upload.name.lower().endswith(".zip"):
-                found |= unpack_photographs(upload.getvalue(), upload.name, store.files)
-            else:
-                found |= keep_uploads([upload], store.files)
-        if not found:
-            raise StereocalError("There is no photograph among these files.")
-        settled()
-    except StereocalError as error:
-        refuse(error)
-    if found := survived(found):
-        store.add(found)
+    take_photographs(photographs_of(uploads), store)
     # A new key empties the uploader, which else holds every file in memory while the page is open.
     let_go(uploads)
     st.session_state[_ROUND] += 1

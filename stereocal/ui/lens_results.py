@@ -21,7 +21,7 @@ from stereocal.intrinsics.files import about
 from stereocal.intrinsics.preview import preview
 from stereocal.intrinsics.quality import advice, hint, largest_shift_px
 from stereocal.intrinsics.tables import lens_answer, lens_table
-from stereocal.store.lens import ProjectLens
+from stereocal.projects.lens import ProjectLens
 from stereocal.ui.fields import one_of, setting
 from stereocal.ui.intake import escape_markdown, refuse, settled
 from stereocal.ui.project import noted

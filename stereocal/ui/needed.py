@@ -5,8 +5,8 @@ from __future__ import annotations
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.inputs import Inputs
-from stereocal.project import Project
+from stereocal.projects.inputs import Inputs
+from stereocal.projects.project import Project
 from stereocal.rig.dataset import Dataset
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.project import current_project

@@ -30,7 +30,7 @@ from stereocal.figures.tables import (
     why_validation_not_trusted,
 )
 from stereocal.formats.evaluation_files import Evaluation, validation_figures
-from stereocal.project import Project
+from stereocal.projects.project import Project
 from stereocal.refined.file import refined_parameters
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.results import Calibration

@@ -1,7 +1,6 @@
 """The table of pairs on the Data page: how the photographs were paired, and changes to that.
 
-The editor keeps changes to the table it began with. What they make of the pairs is merged with what
-other tabs have changed since (`ProjectPhotographs.change_rows`).
+The editor keeps changes to the table it began with; the last change of any tab holds.
 """
 
 from __future__ import annotations
@@ -13,8 +12,8 @@ import streamlit as st
 
 from stereocal.errors import StereocalError
 from stereocal.frames.pairing import Pair
-from stereocal.store.pair_rows import PairRow
-from stereocal.store.photographs import ProjectPhotographs
+from stereocal.projects.pair_rows import PairRow
+from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.ui import jobs
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.told import callback, tell
@@ -48,11 +47,8 @@ def _change_pairs(store: ProjectPhotographs, rows: Sequence[PairRow]) -> None:
     known: Sequence[PairRow] = st.session_state[_ROWS]
     try:
         if edited != known:
-            new = store.change_rows(known, edited)
-            st.session_state[_ROWS] = new
-            if known != rows:
-                forget_table()
-                tell("The pairs were changed in another tab too: both changes are here.", "info")
+            store.keep_rows(edited)
+            st.session_state[_ROWS] = edited
             st.rerun()
         elif known != rows:
             forget_table()

@@ -11,7 +11,7 @@ from stereocal.formats.evaluation_files import Evaluation, validation_figures
 from stereocal.formats.exchange.exchange import FORMATS, export_files, export_notes
 from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.pixel_origin import CORNERS, PixelOrigin
-from stereocal.project import Project
+from stereocal.projects.project import Project
 from stereocal.refined.file import refined_parameters
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.results import Calibration

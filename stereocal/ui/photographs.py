@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import streamlit as st
 
@@ -11,12 +10,11 @@ from stereocal.errors import StereocalError
 from stereocal.frames.detection_file import pack_detection, unpack_detection
 from stereocal.frames.pairing import Pair
 from stereocal.frames.search import STAGES, detect_frames
-from stereocal.inputs import Slot
-from stereocal.project import Project
+from stereocal.projects.inputs import Slot
+from stereocal.projects.photographs import ProjectPhotographs
+from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
-from stereocal.store.photographs import ProjectPhotographs
 from stereocal.system.photograph import SUFFIXES
-from stereocal.system.photograph_files import unpack_photographs
 from stereocal.ui import jobs
 from stereocal.ui.fields import one_of, setting
 from stereocal.ui.intake import (
@@ -25,15 +23,13 @@ from stereocal.ui.intake import (
     PHOTOGRAPHS,
     TITLES,
     Upload,
-    check_uploads,
     escape_markdown,
     given_as,
     in_use,
-    keep_uploads,
-    refuse,
+    photographs_of,
     settled,
-    survived,
     take_file,
+    take_photographs,
 )
 from stereocal.ui.pairs import ROUND, clear, forget_base, show_pairs
 from stereocal.ui.project import project_to_write
@@ -75,12 +71,12 @@ def photographs_in(project: Project | None) -> None:
                     f"Photographs of the {camera} camera, or a zip of them", type=KINDS,
                     accept_multiple_files=True, key=f"{key}_{camera}",
                 )  # fmt: skip
-                take_photographs(uploads, f"{camera}/")
+                _take(uploads, f"{camera}/")
     elif how == FOLDER:
         folder = st.file_uploader(
             "Folder with the photographs", accept_multiple_files="directory", key=f"{key}_folder"
         )
-        take_photographs(folder)
+        _take(folder)
     else:
         uploads = st.file_uploader(
             "Photographs of both cameras, or a zip of them", type=KINDS,
@@ -88,7 +84,7 @@ def photographs_in(project: Project | None) -> None:
             help="Name the two photographs of a frame alike but for the camera: left07.png and "
             "right07.png, or cam0/07.png and cam1/07.png in a zip.",
         )  # fmt: skip
-        take_photographs(uploads)
+        _take(uploads)
     if project is None:
         return
     _camera_files(project)
@@ -120,7 +116,7 @@ def _camera_files(project: Project) -> None:
         st.page_link("pages/cameras.py", label="Or make them from photographs of a board")
 
 
-def take_photographs(uploads: Sequence[Upload], prefix: str = "") -> None:
+def _take(uploads: Sequence[Upload], prefix: str = "") -> None:
     """Put uploads onto the disk, and let go of them in memory.
 
     Args:
@@ -129,24 +125,7 @@ def take_photographs(uploads: Sequence[Upload], prefix: str = "") -> None:
     if not uploads:
         return
     store = ProjectPhotographs(project_to_write())
-    found: dict[str, Path] = {}
-    try:
-        check_uploads(uploads)
-        for upload in uploads:
-            if upload.name.lower().endswith(".zip"):
-                inside = unpack_photographs(upload.getvalue(), upload.name, store.files)
-                if not inside:
-                    raise StereocalError(f"{upload.name}: there is no photograph in it.")
-                found |= {prefix + name: path for name, path in inside.items()}
-            else:
-                found |= keep_uploads([upload], store.files, prefix)
-        if not found:
-            raise StereocalError("There is no photograph among these files.")
-        settled()
-    except StereocalError as error:
-        refuse(error)
-    if found := survived(found):
-        store.add(found)
+    take_photographs(photographs_of(uploads, prefix), store)
     forget_base()
     # A new key empties the uploader, which else holds every file in memory while the page is open.
     let_go(uploads)
@@ -179,7 +158,6 @@ def _find_targets(store: ProjectPhotographs) -> None:
     jobs.show_job(project, "photographs", last, work)
     if frames is None:
         return
-    readable(store.settle)
     if {(f.frame, f.files) for f in frames} != {
         (row.pair.frame, (row.pair.primary, row.pair.secondary)) for row in rows
     }:

@@ -12,12 +12,12 @@ import streamlit as st
 
 from stereocal.errors import StereocalError
 from stereocal.formats.evaluation_files import Evaluation
-from stereocal.inputs import Inputs, Slot
-from stereocal.project import Project
+from stereocal.projects.folders import default_home
+from stereocal.projects.home import bring_back, removed_at
+from stereocal.projects.inputs import Inputs, Slot
+from stereocal.projects.photographs import TABLE_LABEL
+from stereocal.projects.project import Project
 from stereocal.refined.results import Calibration
-from stereocal.store.folders import default_home
-from stereocal.store.photographs import TABLE_LABEL
-from stereocal.store.projects import bring_back, removed_at
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.told import attempt, callback, readable, tell
 

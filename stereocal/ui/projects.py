@@ -6,19 +6,19 @@ import math
 import re
 import tempfile
 from collections.abc import Callable
+from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
 
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.formats.guarded_readers import guarded_files
-from stereocal.project import Project
-from stereocal.store.carry import pack_project, unpack_project
-from stereocal.store.folders import default_home
-from stereocal.store.jobs import interrupted
-from stereocal.store.projects import (
+from stereocal.projects.archive import pack_project, unpack_project
+from stereocal.projects.files import MB
+from stereocal.projects.folders import default_home
+from stereocal.projects.home import (
     Listed,
+    delete,
     duplicate,
     listed,
     recent_projects,
@@ -26,8 +26,10 @@ from stereocal.store.projects import (
     removed_at,
     removed_projects,
 )
-from stereocal.store.room import MB, size_of
-from stereocal.store.server import ServerSettings
+from stereocal.projects.journal import journal_of
+from stereocal.projects.project import Project
+from stereocal.projects.salvage import salvage
+from stereocal.projects.server_settings import ServerSettings
 from stereocal.system.guarded import server_guard
 from stereocal.ui.intake import check_uploads, escape_markdown, is_new, taking
 from stereocal.ui.project import (
@@ -37,6 +39,7 @@ from stereocal.ui.project import (
     offer_removed,
     open_project,
 )
+from stereocal.ui.told import tell
 
 _REMOVED = "removed_project"
 _FAILED = "failed_project"
@@ -50,6 +53,12 @@ def show_projects() -> None:
     A shared server shows the open project alone; it offers a removed one to who has its address.
     """
     settings = ServerSettings.from_environment()
+    folder = default_home() / "projects"
+    if folder.is_dir() and journal_of(folder) == "delete":
+        st.info(
+            "The projects are on a network disk, or on one that cannot be shared safely between "
+            "servers: use one server only for them."
+        )
     project = None if offer_removed() else current_project()
     if not settings.shared:
         _offer_undo()
@@ -105,12 +114,15 @@ def what_is_kept(settings: ServerSettings) -> str:
 
 
 def _show(one: Listed) -> None:
+    if one.damaged:
+        _show_damaged(one)
+        return
     state = {
         (): "no result yet",
         ("calibration",): "calibrated",
         ("evaluation",): "validated",
     }.get(one.finished, "calibrated, validated")
-    if interrupted(default_home() / "projects" / one.id):
+    if one.interrupted:
         state += ", interrupted"
     key = f"name_{one.id}"
     with st.container(horizontal=True, vertical_alignment="bottom"):
@@ -122,6 +134,16 @@ def _show(one: Listed) -> None:
             st.button(label, key=f"{label.lower()}_{one.id}", on_click=act, args=(one.id,))
     if st.session_state.pop("go_to_data", None) == one.id:
         st.switch_page("pages/data.py")
+
+
+def _show_damaged(one: Listed) -> None:
+    with st.container(horizontal=True, vertical_alignment="center"):
+        st.warning(
+            f"{_date(one.changed)}: the file of this project is damaged. It is kept as it is; what "
+            "can still be read of it can be taken into a new project."
+        )
+        for label, act in (("Salvage", _salvage), ("Remove", _remove)):
+            st.button(label, key=f"{label.lower()}_{one.id}", on_click=act, args=(one.id,))
 
 
 def _date(seconds: float) -> str:
@@ -138,10 +160,15 @@ def _show_removed() -> None:
             text.markdown(
                 f"{escape_markdown(one.name or 'Without a name')}, removed {_date(one.removed)}"
             )
-            button.button(
-                "Bring back", key=f"bring_back_{one.id}",
-                on_click=bring_project_back, args=(one.id,),
-            )  # fmt: skip
+            with button, st.container(horizontal=True):
+                st.button(
+                    "Bring back", key=f"bring_back_{one.id}",
+                    on_click=bring_project_back, args=(one.id,),
+                )  # fmt: skip
+                st.button(
+                    "Delete for good", key=f"delete_{one.id}", on_click=_delete, args=(one.id,),
+                    help="Its room on the disk is free at once.",
+                )  # fmt: skip
 
 
 def _carry(project: Project | None) -> None:
@@ -159,7 +186,7 @@ def _carry(project: Project | None) -> None:
             if upload.file_id not in unpacked:
                 check_uploads([upload])
                 content = upload.getvalue()
-                opened = unpack_project(content, upload.name, default_home(), _survive)
+                opened = unpack_project(content, upload.name, default_home(), server_guard().check)
                 unpacked[upload.file_id] = opened.id
         except StereocalError as error:
             st.error(escape_markdown(str(error)))
@@ -168,20 +195,15 @@ def _carry(project: Project | None) -> None:
     st.switch_page("pages/data.py")
 
 
-def _survive(folder: Path) -> None:
-    for kind, path in guarded_files(folder):
-        server_guard().check(kind, path, path.name)
-
-
 def _offer_packed(project: Project, name: str) -> None:
     """Pack beside the projects' disk: one that is full or read-only can be left all the same."""
-    settings, size = ServerSettings.from_environment(), size_of(project.folder)
+    settings, size = ServerSettings.from_environment(), project.database.size
     if size > settings.download_mb * MB:
         st.error(
             f"The project takes {size / MB:.1f} MB, and at most {settings.download_mb:g} MB "
-            "(`STEREOCAL_DOWNLOAD_MB`) are packed for a browser, in the server's memory. Its "
-            f"folder, `projects/{project.id}` below the server's home, can be copied into another "
-            "home, and the command line reads it as it is."
+            "(`STEREOCAL_DOWNLOAD_MB`) are packed for a browser, in the server's memory. The "
+            f"command line reads its file, `projects/{project.id}.sqlite` below the server's home, "
+            "as it is."
         )
         return
     try:
@@ -242,9 +264,25 @@ def _duplicate(project_id: str) -> None:
     _try(act)
 
 
+def _salvage(project_id: str) -> None:
+    def act() -> None:
+        project, lost = salvage(default_home(), project_id)
+        open_project(project.id)
+        missing = f" {lost} files could not be read any more." if lost else ""
+        tell(f"What could be read of the damaged project is in this one.{missing}", "info")
+
+    _try(act)
+
+
+def _delete(project_id: str) -> None:
+    _try(lambda: delete(default_home(), project_id))
+
+
 def _remove(project_id: str) -> None:
     def act() -> None:
-        name = Project.open(default_home(), project_id).inputs.name
+        name = ""
+        with suppress(StereocalError):  # a damaged one can be removed as well
+            name = Project.open(default_home(), project_id).inputs.name
         remove(default_home(), project_id)
         if not is_open(project_id):  # of the open one, the page says so itself
             st.session_state[_REMOVED] = (project_id, name)

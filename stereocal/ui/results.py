@@ -20,7 +20,7 @@ from stereocal.figures import (
 from stereocal.figures.tables import answer, results_table, why_not_trusted
 from stereocal.formats.dataset_files import pack_dataset
 from stereocal.formats.evaluation_files import Evaluation
-from stereocal.project import Project
+from stereocal.projects.project import Project
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.results import Calibration
 from stereocal.rig.dataset import Dataset

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from pathlib import Path
 
 import streamlit as st
 
@@ -26,10 +25,11 @@ from stereocal.frames.review import (
 )
 from stereocal.frames.review_words import centres_table, describe_residuals, describe_use
 from stereocal.frames.thumbnails import eight_bits
+from stereocal.projects.files import StoredFile
+from stereocal.projects.photographs import ProjectPhotographs
+from stereocal.projects.review import change_review, read_review
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.dataset import TARGETS
-from stereocal.store.photographs import ProjectPhotographs
-from stereocal.store.review import change_review, read_review, undo_lost
 from stereocal.system.photograph import read_photograph
 from stereocal.ui.contact_sheet import BADGES, show_contact_sheet
 from stereocal.ui.fields import Field, one_of, setting, yes_or_no
@@ -81,8 +81,6 @@ def _show_one(store: ProjectPhotographs, running: bool) -> None:
     with st.container():
         if frame.reason:
             st.markdown(escape_markdown(frame.reason))
-    if lost := undo_lost(store):
-        st.warning(escape_markdown(lost))
     _decide(store, review, frame, running)
     left, right = st.columns(2, vertical_alignment="bottom")
     left.segmented_control("A click moves target", WANTED, required=True, **_target(store).widget())
@@ -153,8 +151,8 @@ def _show_photograph(store: ProjectPhotographs, frame: Frame, camera: int, runni
     name = CAMERAS[camera]
     st.markdown(f"**{name.capitalize()}** · {escape_markdown(frame.files[camera])}")
     try:
-        path = _path_of(store, frame, camera)
-        shown = _shown(path.stem, path, frame.files[camera])
+        file = _file_of(store, frame, camera)
+        shown = _shown(file.name, file, frame.files[camera])
     except StereocalError as error:
         st.warning(escape_markdown(str(error)))
         return
@@ -178,16 +176,16 @@ def _show_photograph(store: ProjectPhotographs, frame: Frame, camera: int, runni
 
 
 @st.cache_data(show_spinner=False, max_entries=16)
-def _shown(digest: str, _path: Path, _name: str) -> Shown:
-    """Files are named by their digest, so that a photograph is decoded once."""
-    return encode(eight_bits(read_photograph(_path, _name)), digest)
+def _shown(digest: str, _file: StoredFile, _name: str) -> Shown:
+    """A photograph is decoded once."""
+    return encode(eight_bits(read_photograph(_file, _name)), digest)
 
 
-def _path_of(store: ProjectPhotographs, frame: Frame, camera: int) -> Path:
-    path = store.photographs.get(frame.files[camera])
-    if path is None:
+def _file_of(store: ProjectPhotographs, frame: Frame, camera: int) -> StoredFile:
+    file = store.photographs.get(frame.files[camera])
+    if file is None:
         raise StereocalError(f"{name_in(camera, frame)}: there is no such photograph.")
-    return path
+    return file
 
 
 def take_pick(store: ProjectPhotographs, number: int, camera: int, click: Pick) -> None:
@@ -202,10 +200,10 @@ def take_pick(store: ProjectPhotographs, number: int, camera: int, click: Pick) 
     def change(now: Review) -> Review:
         nonlocal placed
         frame = now.frame(number)
-        path = _path_of(store, frame, camera)
-        if path.stem != click.id:
+        file = _file_of(store, frame, camera)
+        if file.name != click.id:
             return now
-        centre = centre_at(read_photograph(path, frame.files[camera]), (click.u, click.v), raw)
+        centre = centre_at(read_photograph(file, frame.files[camera]), (click.u, click.v), raw)
         target = TARGETS.index(wanted) if wanted in TARGETS else target_meant(frame, camera, centre)
         what = "where you clicked" if raw else "at the fitted corner"
         sigma = "" if centre.sigma_px is None else f", sigma {centre.sigma_px:.3f} px"

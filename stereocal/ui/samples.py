@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator
 from concurrent.futures import Future
-from pathlib import Path
 
 from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import pack_dataset, read_dataset
-from stereocal.project import Project
-from stereocal.store.folders import default_home
-from stereocal.store.lens import WHICH, ProjectLens
-from stereocal.store.room import check_room
-from stereocal.system.photograph_files import Photographs, keep_photograph, photographs_in
+from stereocal.projects.folders import default_home
+from stereocal.projects.lens import WHICH, ProjectLens
+from stereocal.projects.project import Project
+from stereocal.system.photograph_files import is_photograph
 from stereocal.ui.intake import give_dataset, refuse, settled
 from stereocal.ui.jobs import pool
 from stereocal.ui.project import SAMPLE, project_to_write
@@ -50,7 +48,7 @@ def sample_photographs() -> Project:
     """
     project = Project.create(default_home())
     files = {name: (PHOTOGRAPHS / name).read_bytes() for name in DESCRIPTION}
-    give_dataset(project, files, "sample photographs", _keep_bars)
+    give_dataset(project, files, "sample photographs", _bars)
     _give_boards(project)
     return project
 
@@ -67,20 +65,17 @@ def load_sample_boards() -> None:
 def _give_boards(project: Project) -> None:
     for which in WHICH:
         store = ProjectLens(project, which)
-        source = photographs_in(PHOTOGRAPHS / f"boards_{which}", store.files)
-        store.add(_kept(source, store.files))
+        found = _photographs(f"boards_{which}")
+        store.add({name: store.keep(name, content) for name, content in found})
 
 
-def _keep_bars(store: Path) -> Mapping[str, Path]:
-    found: dict[str, Path] = {}
+def _bars() -> Iterator[tuple[str, bytes]]:
     for which in WHICH:
-        source = photographs_in(PHOTOGRAPHS / which, store)
-        found |= _kept({f"{which}/{name}": path for name, path in source.items()}, store)
-    return found
+        for name, content in _photographs(which):
+            yield f"{which}/{name}", content
 
 
-def _kept(source: Photographs, store: Path) -> dict[str, Path]:
-    check_room(store, sum(path.stat().st_size for path in source.values()))
-    return {
-        name: keep_photograph([path.read_bytes()], name, store) for name, path in source.items()
-    }
+def _photographs(folder: str) -> Iterator[tuple[str, bytes]]:
+    for path in sorted((PHOTOGRAPHS / folder).iterdir()):
+        if is_photograph(path.name):
+            yield path.name, path.read_bytes()

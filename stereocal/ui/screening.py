@@ -11,14 +11,14 @@ import streamlit as st
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.figures.tables import left_out_line
 from stereocal.frames.review import swap
-from stereocal.project import Project
+from stereocal.projects.photographs import TABLE_LABEL, ProjectPhotographs
+from stereocal.projects.project import Project
+from stereocal.projects.review import change_review
 from stereocal.refined.results import Calibration
 from stereocal.refined.screening import Screening, screened
 from stereocal.rig.dataset import Dataset
-from stereocal.store.photographs import TABLE_LABEL, ProjectPhotographs
-from stereocal.store.review import change_review
 from stereocal.ui import jobs
-from stereocal.ui.fields import Field, setting
+from stereocal.ui.fields import Field
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.told import callback
 
@@ -42,7 +42,8 @@ def screenings_of(datasets: Sequence[Dataset], settings: CalibrationSettings) ->
 
 def put_back_field(project: Project) -> Field:
     """The frames that a person has put back."""
-    return setting(project, "frames_put_back", [], lambda frames: sorted(int(n) for n in frames))
+    key = "frames_put_back"
+    return Field(key, key, lambda: project.inputs.put_back, project.put_back)
 
 
 def show_left_out(project: Project, calibration: Calibration) -> None:

@@ -6,8 +6,8 @@ import streamlit as st
 
 from stereocal.formats.correspondences_csv import TEMPLATE
 from stereocal.formats.point_answers import holds_bars
-from stereocal.project import Project
-from stereocal.store.application import ProjectApplication
+from stereocal.projects.application import ProjectApplication
+from stereocal.projects.project import Project
 from stereocal.ui.intake import (
     CAMERA_KINDS,
     TITLES,

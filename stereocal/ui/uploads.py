@@ -19,8 +19,8 @@ from streamlit.runtime.memory_uploaded_file_manager import MemoryUploadedFileMan
 from streamlit.runtime.scriptrunner import get_script_run_ctx
 
 from stereocal.errors import StereocalError
-from stereocal.store.room import MB
-from stereocal.store.server import ServerSettings
+from stereocal.projects.files import MB
+from stereocal.projects.server_settings import ServerSettings
 
 IDLE_S = 300.0
 """A session that uploads nothing for so long waits for no further file of the same upload."""

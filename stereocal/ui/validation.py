@@ -34,7 +34,7 @@ from stereocal.formats.evaluation_files import (
     unique_names,
     unpack_runs,
 )
-from stereocal.project import Project
+from stereocal.projects.project import Project
 from stereocal.refined.screening import Screening
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset

@@ -14,9 +14,9 @@ from streamlit.runtime.scriptrunner import add_script_run_ctx, get_script_run_ct
 
 from stereocal.commands.warming import compile_all
 from stereocal.errors import StereocalError
-from stereocal.store.folders import default_home
-from stereocal.store.server import ServerSettings
-from stereocal.store.sweep import sweep
+from stereocal.projects.folders import default_home
+from stereocal.projects.home import sweep
+from stereocal.projects.server_settings import ServerSettings
 
 SWEEP_EVERY_S = 3600.0
 LOOK_EVERY_S = 0.3

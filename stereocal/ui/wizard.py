@@ -25,8 +25,9 @@ from stereocal.formats.point_answers import (
     layout_of,
 )
 from stereocal.formats.point_files import PointLayout
-from stereocal.project import Project
-from stereocal.store.application import Asked, ProjectApplication, Side
+from stereocal.projects.application import ProjectApplication
+from stereocal.projects.point_files import Asked, Side
+from stereocal.projects.project import Project
 from stereocal.ui.fields import Fit, number, one_of, setting, yes_or_no
 from stereocal.ui.intake import escape_markdown, refuse, settled
 from stereocal.ui.parameter_files import CORNER_TITLES

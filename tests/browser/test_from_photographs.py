@@ -10,7 +10,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from stereocal.formats.camera_file import read_camera
-from stereocal.project import Project
+from stereocal.projects.project import Project
 from stereocal.refined.refine import refine
 from stereocal.refined.uncertainty import standard_errors
 from stereocal.rig.parameters import RigParameters

@@ -14,7 +14,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from stereocal.evaluation.evaluate import evaluate
-from stereocal.project import Project
+from stereocal.projects.project import Project
 from tests.browser.conftest import LONGEST_MS, served
 from tests.projects.test_parts import same_runs
 

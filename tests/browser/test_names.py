@@ -10,9 +10,9 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from stereocal.formats.dataset_files import pack_dataset, read_dataset
-from stereocal.inputs import Slot
-from stereocal.project import Project
-from stereocal.store.projects import duplicate, remove
+from stereocal.projects.home import duplicate, remove
+from stereocal.projects.inputs import Slot
+from stereocal.projects.project import Project
 from stereocal.system.zip_files import pack_zip
 from stereocal.ui.frame import TITLES
 from stereocal.workflow import calibrate

@@ -9,8 +9,8 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from stereocal.formats.camera_file import write_camera
-from stereocal.project import Project
-from stereocal.store.photographs import ProjectPhotographs
+from stereocal.projects.photographs import ProjectPhotographs
+from stereocal.projects.project import Project
 from tests.bar_photographs import bar_set, write
 from tests.browser.conftest import LONGEST_MS
 

@@ -14,8 +14,8 @@ from playwright.sync_api import Browser, Locator, Page, expect
 
 from stereocal.formats.camera_file import write_camera
 from stereocal.frames.frame import Centre
-from stereocal.project import Project
-from stereocal.store.photographs import ProjectPhotographs
+from stereocal.projects.photographs import ProjectPhotographs
+from stereocal.projects.project import Project
 from tests.bar_photographs import bar_set, write
 from tests.browser.conftest import LONGEST_MS
 

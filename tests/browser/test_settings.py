@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import Page, expect
 
-from stereocal.project import Project
+from stereocal.projects.project import Project
 from stereocal.ui.frame import TITLES
 from tests.browser.conftest import LONGEST_MS
 from tests.browser.work import finished_project
@@ -128,7 +128,7 @@ def test_settings_survive_every_way_from_page_to_page(
     for values in SET.values():
         project.keep_settings(values)
     project.give({}, **STATED)
-    stored = (project.folder / "project.json").read_bytes()
+    stored = project.database.path.read_bytes()
     walk = all_pairs(list(TITLES))
     assert sorted(pairwise(walk)) == sorted(permutations(TITLES, 2))
 
@@ -145,7 +145,7 @@ def test_settings_survive_every_way_from_page_to_page(
         page.reload()
         arrive(page, name, settled)
         assert forms(page, wanted) == wanted, (before, name, "F5")
-    assert (project.folder / "project.json").read_bytes() == stored  # a draw writes nothing
+    assert project.database.path.read_bytes() == stored  # a draw writes nothing
 
 
 @pytest.mark.parametrize("wait_ms", [0, 30, 100, 300])

@@ -9,10 +9,9 @@ from stereocal.formats.camera_file import write_camera
 from stereocal.frames.pairing import pair_names
 from stereocal.frames.search import detect_frames
 from stereocal.intrinsics.calibrate_lens import LensSettings, calibrate_lens
-from stereocal.project import Project
-from stereocal.store.lens import ProjectLens
-from stereocal.store.photographs import ProjectPhotographs
-from stereocal.system.photograph_files import keep_photograph
+from stereocal.projects.lens import ProjectLens
+from stereocal.projects.photographs import ProjectPhotographs
+from stereocal.projects.project import Project
 from stereocal.workflow import calibrate
 from tests.bar_photographs import BAR_M, bar_set
 from tests.lens import facing, photographed, png, search
@@ -27,8 +26,7 @@ def finished_project(home: Path) -> str:
     bars = bar_set(FRAMES)
     store = ProjectPhotographs(project)
     files = {
-        name.split("/")[1]: keep_photograph([content], name, store.files)
-        for name, content in bars.files().items()
+        name.split("/")[1]: store.keep(name, content) for name, content in bars.files().items()
     }
     store.add(files)
     rig = bars.rig
@@ -51,7 +49,7 @@ def finished_project(home: Path) -> str:
     store.keep_frames(frames)
     boards = ProjectLens(project, "primary")
     first = png(photographed(facing()))
-    boards.add({"00.png": keep_photograph([first], "00.png", boards.files)})
+    boards.add({"00.png": boards.keep("00.png", first)})
     boards.keep_search(lens.search)
     boards.keep_calibration(lens)
     dataset = project.dataset

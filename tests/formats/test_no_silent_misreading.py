@@ -26,11 +26,11 @@ from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.lens_model import FourCoefficientsError
 from stereocal.formats.units import UNITS, Unit
 from stereocal.matching.reconstruction import read_world
-from stereocal.project import Project
+from stereocal.projects.archive import read_input
+from stereocal.projects.project import Project
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
-from stereocal.store.carry import read_input
 from stereocal.system.zip_files import unzip
 from tests.formats.test_exchange import PLAIN, RICHEST, SIZES
 from tests.known_rig import BASELINE_M, PRIMARY, RIG, SECONDARY, dataset

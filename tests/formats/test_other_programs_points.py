@@ -27,9 +27,9 @@ from stereocal.formats.point_answers import (
 from stereocal.formats.point_files import read_bars, read_points
 from stereocal.formats.point_layouts import LAYOUTS, layout_name, propose_layout
 from stereocal.formats.sleap_h5 import point_text
-from stereocal.project import Project
+from stereocal.projects.application import ProjectApplication
+from stereocal.projects.project import Project
 from stereocal.rig.compiled import FloatArray
-from stereocal.store.application import ProjectApplication
 from tests.hostile_seeds import hdf5
 from tests.known_rig import PRIMARY, SECONDARY, bar_ends, images
 from tests.matching.test_matching_files import RIG_2D

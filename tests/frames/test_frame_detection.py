@@ -26,10 +26,10 @@ from stereocal.frames.search import (
     detect_frames,
     keep_corrections,
 )
-from stereocal.project import Project
-from stereocal.store.pair_rows import PairRow
-from stereocal.store.photographs import ProjectPhotographs
-from stereocal.store.thumbnails import thumbnail
+from stereocal.projects.pair_rows import PairRow
+from stereocal.projects.photographs import ProjectPhotographs
+from stereocal.projects.project import Project
+from stereocal.projects.thumbnails import thumbnail
 from tests.bar_photographs import bar_set, write
 
 BARS = bar_set(7)
@@ -205,10 +205,7 @@ class TestProject:
         return ProjectPhotographs(Project.create(tmp_path))
 
     def give(self, store: ProjectPhotographs, names: list[str]) -> None:
-        store.files.mkdir(parents=True, exist_ok=True)
-        for name in names:
-            (store.files / name).write_bytes(b"x")
-        store.add({name: store.files / name for name in names})
+        store.add({name: store.keep(name, b"x") for name in names})
 
     def test_pairs_follow_the_photographs_until_edited(self, store: ProjectPhotographs) -> None:
         self.give(store, ["left1.png", "right1.png", "left2.png", "right2.png"])
@@ -217,7 +214,7 @@ class TestProject:
         store.keep_rows(edited)
         assert store.rows == edited
         self.give(store, ["left9.png", "right9.png"])
-        again = ProjectPhotographs(Project.open(store.project.folder.parents[1], store.project.id))
+        again = ProjectPhotographs(Project(store.database))
         assert again.rows == [
             *edited,
             PairRow(Pair(1, "left1.png", "right1.png")),
@@ -259,11 +256,9 @@ class TestProject:
         assert store.frames is not None and not store.frames[0].use
 
     def test_a_thumbnail_is_made_once(self, store: ProjectPhotographs) -> None:
-        self.give(store, ["left1.png"])
-        (store.files / "left1.png").write_bytes(FILES["primary/left1.png"])
+        store.add({"left1.png": store.keep("left1.png", FILES["primary/left1.png"])})
         frame = Frame(1, ("left1.png", "gone.png"), ((None, None), (None, None)), "refused")
         first = thumbnail(store, frame)
-        (store.files / "left1.png").unlink()
         assert thumbnail(store, frame) == first
         assert thumbnail(store, frame.moved(0, 0, Centre(9.0, 9.0))) != first
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from threading import Thread
-from typing import Any
 
 import pytest
 
@@ -13,19 +11,18 @@ from stereocal.errors import StereocalError
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.correspondences_csv import read_table
 from stereocal.frames.review import choose
-from stereocal.inputs import Slot
-from stereocal.project import Project
+from stereocal.projects.inputs import Slot
+from stereocal.projects.photographs import ProjectPhotographs
+from stereocal.projects.project import Project
+from stereocal.projects.review import change_review, read_review
 from stereocal.rig.camera import Camera
-from stereocal.store.photographs import ProjectPhotographs
-from stereocal.store.review import change_review, read_review
-from stereocal.system.photograph_files import keep_photograph
-from tests.store_actions import placed_full
+from tests.pages.stored_projects import FULL, placed
 
 
 @pytest.fixture
 def store(tmp_path: Path) -> ProjectPhotographs:
     """Of a project in whose photographs targets were found and corrected."""
-    return ProjectPhotographs(placed_full(tmp_path))
+    return ProjectPhotographs(placed(FULL, tmp_path))
 
 
 def camera_files(project: Project, change: float = 1.0) -> dict[Slot, tuple[str, bytes]]:
@@ -42,7 +39,7 @@ def camera_files(project: Project, change: float = 1.0) -> dict[Slot, tuple[str,
 
 def replaced(store: ProjectPhotographs, name: str) -> None:
     """Another photograph under a name that is there already."""
-    store.add({name: keep_photograph([b"another"], name, store.files)})
+    store.add({name: store.keep(name, b"another")})
 
 
 def test_what_was_corrected_stays_with_the_same_photographs(store: ProjectPhotographs) -> None:
@@ -127,73 +124,3 @@ def test_a_table_of_its_own_outlives_photographs_that_are_replaced(
     for name in store.photographs:
         replaced(store, name)
     assert store.project.table == ("own.csv", content)
-
-
-def test_a_table_that_is_given_after_a_removal_that_was_killed_is_the_projects(
-    store: ProjectPhotographs,
-) -> None:
-    assert store.project.table is not None
-    content = store.project.table[1]
-    found = (store.folder / "frames.json").read_bytes()
-    store.clear()
-    (store.folder / "frames.json").write_bytes(found)  # the server died before it was removed
-    assert store.frames is None
-    files = camera_files(store.project) | {"correspondences": ("own.csv", content)}
-    store.give(files, {}, baseline_m=7.5)
-    assert store.project.table == ("own.csv", content)
-    store.settle()
-    assert store.project.table == ("own.csv", content)
-
-
-def test_other_tabs_go_on_while_a_data_set_is_read(
-    store: ProjectPhotographs, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    found = store.photographs
-    name = next(iter(found))
-    given = {**found, name: keep_photograph([b"another"], name, store.files)}
-    check = Project._check_inputs
-    done: list[bool] = []
-
-    def slow(self: Project, *args: Any) -> None:
-        if not done:
-            thread = Thread(target=lambda: store.project.keep_settings({"seed": 7}), daemon=True)
-            thread.start()
-            thread.join(20)
-            done.append(not thread.is_alive())
-        check(self, *args)
-
-    monkeypatch.setattr(Project, "_check_inputs", slow)
-    store.give(camera_files(store.project), given, baseline_m=7.5)
-    assert done == [True]
-    assert store.photographs == given and store.project.settings["seed"] == 7
-
-
-def test_photographs_that_another_tab_adds_meanwhile_refuse_the_data_set(
-    store: ProjectPhotographs, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    check, before = Project._check_inputs, store.project.inputs
-    found = {"left9.png": keep_photograph([b"nine"], "left9.png", store.files)}
-    more = {"right9.png": keep_photograph([b"other"], "right9.png", store.files)}
-
-    def meanwhile(self: Project, *args: Any) -> None:
-        store.add(more)
-        check(self, *args)
-
-    monkeypatch.setattr(Project, "_check_inputs", meanwhile)
-    with pytest.raises(StereocalError, match="changed meanwhile: give the data set again"):
-        store.give(camera_files(store.project), found, baseline_m=7.5)
-    assert store.project.inputs == before
-    assert more.keys() < store.photographs.keys() and "left9.png" not in store.photographs
-
-
-@pytest.mark.parametrize("content", [None, b"{"])
-def test_a_list_that_is_damaged_is_begun_anew(
-    content: bytes | None, store: ProjectPhotographs
-) -> None:
-    path = store.folder / "photographs.json"
-    path.unlink() if content is None else path.write_bytes(content)
-    name = "left1.png"
-    found = {name: keep_photograph([b"another"], name, store.files)}
-    store.give(camera_files(store.project), found, baseline_m=7.5)
-    assert store.photographs == found and store.frames is None
-    assert store.project.inputs.baseline_m == 7.5

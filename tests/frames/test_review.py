@@ -38,9 +38,9 @@ from stereocal.frames.review import (
 )
 from stereocal.frames.review_words import centres_table, describe_residuals, describe_use
 from stereocal.frames.search import keep_corrections
-from stereocal.project import Project
-from stereocal.store.photographs import ProjectPhotographs
-from stereocal.store.review import change_review, read_review
+from stereocal.projects.photographs import ProjectPhotographs
+from stereocal.projects.project import Project
+from stereocal.projects.review import change_review, read_review
 from tests.bar_photographs import bar_set
 
 BARS = bar_set(7)
@@ -308,7 +308,7 @@ class TestProject:
     def test_edits_reach_the_table_and_survive(self, store: ProjectPhotographs) -> None:
         change_review(store, lambda now: place(now, 1, 0, 1, SHIFT))
         change_review(store, lambda now: swap(now, 2, 1))
-        again = ProjectPhotographs(Project(store.project.folder))
+        again = ProjectPhotographs(Project(store.database))
         review = read_review(again)
         assert len(review.edits) == 2
         name, content = again.project.table or ("", b"")
@@ -320,10 +320,10 @@ class TestProject:
         assert change_review(store, undo).frames == START.frames
 
     def test_refused_edits_change_nothing(self, store: ProjectPhotographs) -> None:
-        before = {p: p.read_bytes() for p in store.project.folder.rglob("*") if p.is_file()}
+        before = store.database.path.read_bytes()
         with pytest.raises(StereocalError, match="no frame 99"):
             change_review(store, lambda now: swap(now, 99, 0))
-        assert {p: p.read_bytes() for p in store.project.folder.rglob("*") if p.is_file()} == before
+        assert store.database.path.read_bytes() == before
 
     def test_before_the_search(self, tmp_path: Path) -> None:
         with pytest.raises(StereocalError, match="not been found yet"):

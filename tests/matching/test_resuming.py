@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 import pandas as pd
@@ -33,7 +33,6 @@ from stereocal.matching.blocks import pack_block, unpack_block
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import RigParameters
-from stereocal.store.parts import Parts
 from tests import known_rig as rig
 from tests import lens as lens_scene
 from tests.projects.test_parts import same_detections, same_runs
@@ -55,6 +54,25 @@ class Counting(Executor):
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         self._threads.shutdown(wait, cancel_futures=cancel_futures)
+
+
+class Parts(Generic[T]):
+    """Finished parts, packed, as a project keeps them."""
+
+    def __init__(self, pack: Callable[[T], bytes | None], unpack: Callable[[bytes], T]) -> None:
+        self._pack, self._unpack = pack, unpack
+        self._kept: dict[str, bytes] = {}
+
+    def __len__(self) -> int:
+        return len(self._kept)
+
+    def get(self, key: str) -> T | None:
+        return self._unpack(self._kept[key]) if key in self._kept else None
+
+    def keep(self, key: str, part: T) -> None:
+        content = self._pack(part)
+        if content is not None:
+            self._kept[key] = content
 
 
 class StopAt:
@@ -81,8 +99,8 @@ def executor() -> Iterator[Counting]:
 SETTINGS = EvaluationSettings(runs=24, calibration_frames=10, refined=RefineSettings())
 
 
-def run_parts(path: Path) -> Parts[Any]:
-    return Parts(path, pack_runs, unpack_runs)
+def run_parts() -> Parts[Any]:
+    return Parts(pack_runs, unpack_runs)
 
 
 @pytest.fixture(scope="module")
@@ -90,20 +108,18 @@ def dataset() -> Dataset:
     return rig.dataset(14, 0.3)
 
 
-def test_validation(dataset: Dataset, executor: Counting, tmp_path: Path) -> None:
+def test_validation(dataset: Dataset, executor: Counting) -> None:
     both = [dataset, rig.dataset(13, 0.2, seed=3)]
     whole = evaluate(both, SETTINGS, executor, chunk=4)
     assert executor.tasks == 12
-    stop, parts = StopAt(20), run_parts(tmp_path / "a")
+    stop, parts = StopAt(20), run_parts()
     assert evaluate(both, SETTINGS, executor, stop.progress, stop.cancelled, 4, parts) is None
     finished = len(parts)
-    parts.close()
     assert 5 <= finished < 12
     executor.tasks = 0
-    parts = run_parts(tmp_path / "a")
+    parts = run_parts()
     told = StopAt(1000)
     again = evaluate(both, SETTINGS, executor, told.progress, chunk=4, pieces=parts)
-    parts.close()
     assert executor.tasks == 12 - finished
     assert told.done == 48
     assert whole is not None and again is not None
@@ -121,9 +137,8 @@ def test_validation(dataset: Dataset, executor: Counting, tmp_path: Path) -> Non
 )
 def test_runs_of_other_data_or_settings_are_not_used(
     other: Dataset, settings: EvaluationSettings, dataset: Dataset, executor: Counting,
-    tmp_path: Path,
 ) -> None:  # fmt: skip
-    parts = run_parts(tmp_path / "a")
+    parts = run_parts()
     few = replace(SETTINGS, runs=4)
     evaluate([dataset], few, executor, chunk=4, pieces=parts)
     executor.tasks = 0
@@ -132,7 +147,6 @@ def test_runs_of_other_data_or_settings_are_not_used(
     # But the same runs of a longer validation are.
     evaluate([dataset], replace(few, runs=8), executor, chunk=4, pieces=parts)
     assert executor.tasks == 2
-    parts.close()
 
 
 def test_targets_in_photographs(executor: Counting, tmp_path: Path) -> None:
@@ -140,7 +154,7 @@ def test_targets_in_photographs(executor: Counting, tmp_path: Path) -> None:
     paths = [*sorted((SAMPLES / "primary").iterdir())[:5], missing]
     photographs = {path.name: path for path in paths}
     whole = detect_series(photographs, executor)
-    stop, parts = StopAt(2), Parts(tmp_path / "a", pack_detection, unpack_detection)
+    stop, parts = StopAt(2), Parts(pack_detection, unpack_detection)
     found = detect_series(photographs, executor, stop.progress, stop.cancelled, parts)
     assert found is None
     finished = len(parts)
@@ -152,7 +166,6 @@ def test_targets_in_photographs(executor: Counting, tmp_path: Path) -> None:
     assert all(same_detections(whole[name], again[name]) for name in photographs)
     assert again[missing.name].reason == "unreadable"
     assert parts.get(missing.name) is None
-    parts.close()
 
 
 PATTERN = lens_scene.PATTERN
@@ -165,7 +178,7 @@ def test_boards_and_lens(executor: Counting, tmp_path: Path) -> None:
     search = find_boards(photographs, PATTERN, executor)
     executor.tasks = 0
     stop: StopAt = StopAt(4)
-    found: Parts[BoardView | Refused] = Parts(tmp_path / "b", pack_board, unpack_board)
+    found: Parts[BoardView | Refused] = Parts(pack_board, unpack_board)
     stopped = find_boards(photographs, PATTERN, executor, stop.progress, stop.cancelled, found)
     assert stopped is None
     finished, executor.tasks = len(found), 0
@@ -174,10 +187,9 @@ def test_boards_and_lens(executor: Counting, tmp_path: Path) -> None:
     assert executor.tasks == 9 - finished
     assert search is not None and again is not None
     assert pack_search(search) == pack_search(again)
-    found.close()
 
     whole = calibrate_lens(search, LENS, executor)
-    draws = Parts(tmp_path / "d", pack_draws, unpack_draws)
+    draws = Parts(pack_draws, unpack_draws)
     stop = StopAt(10)
     assert calibrate_lens(search, LENS, executor, stop.progress, stop.cancelled, draws) is None
     finished, executor.tasks = len(draws), 0
@@ -191,7 +203,6 @@ def test_boards_and_lens(executor: Counting, tmp_path: Path) -> None:
     calibrate_lens(search.without([search.views[0].name]), LENS, executor, pieces=draws)
     calibrate_lens(search, replace(LENS, seed=1), executor, pieces=draws)
     assert executor.tasks == 12
-    draws.close()
 
 
 def scattered(folder: Path) -> Application:
@@ -208,7 +219,7 @@ def scattered(folder: Path) -> Application:
         table = table.sample(frac=1, random_state=len(tables)).sort_values("frame", kind="stable")
         path = folder / f"{which}.csv"
         table.to_csv(path, index=False)
-        tables.append(Points(path, path.name, 2400, 400))
+        tables.append(Points(path.name, path.name, 2400, 400))
     params = RigParameters(rig.PRIMARY, rig.SECONDARY, rig.RIG, "2d", 0.0, {}, {})
     return Application(tables[0], tables[1], params, replace(params, method="3d"), 0.5)
 
@@ -221,25 +232,27 @@ def test_matching_and_measuring(
     folders = [tmp_path / name for name in ("plain", "whole", "stopped", "again")]
     for folder in folders:
         folder.mkdir()
-    plain = apply_sets(work, folders[0])
-    whole = apply_sets(work, folders[1], executor=executor)
+    tables = tmp_path / "p.csv", tmp_path / "s.csv"
+    plain = apply_sets(work, tables, folders[0])
+    whole = apply_sets(work, tables, folders[1], executor=executor)
     every, executor.tasks = executor.tasks, 0
-    parts = Parts(tmp_path / "a", pack_block, unpack_block)
+    parts = Parts(pack_block, unpack_block)
     stop = StopAt(600)  # all 400 frames are matched, and some of the pairs measured
 
     def begin(_: str) -> None:
         stop.done = 0
 
-    stopped = apply_sets(work, folders[2], begin, stop.progress, stop.cancelled, executor, parts)
+    stopped = apply_sets(
+        work, tables, folders[2], begin, stop.progress, stop.cancelled, executor, parts
+    )
     assert stopped is None
     assert list(folders[2].iterdir()) == [folders[2] / PAIRS]
     finished, executor.tasks = len(parts), 0
     assert 16 < finished < every  # all blocks of 25 frames were matched, and some were measured
-    again = apply_sets(work, folders[3], executor=executor, pieces=parts)
+    again = apply_sets(work, tables, folders[3], executor=executor, pieces=parts)
     assert executor.tasks == every - finished
     assert plain is not None and plain == whole == again
     for name in (PAIRS, POINTS):
         contents = {(folder / name).read_bytes() for folder in (*folders[:2], folders[3])}
         assert len(contents) == 1
-    parts.close()
     assert matching_files.BLOCK_FRAMES == 25

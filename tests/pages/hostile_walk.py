@@ -9,7 +9,7 @@ from random import Random
 from streamlit.testing.v1 import AppTest
 
 from stereocal.formats.dataset_files import pack_dataset
-from stereocal.project import Project
+from stereocal.projects.project import Project
 from stereocal.ui.frame import TITLES
 from tests.hostile import readers
 from tests.hostile_mutations import from_nothing, mutated

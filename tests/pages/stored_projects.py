@@ -1,28 +1,25 @@
-"""Projects of earlier versions, put into a home; and a look at every page of one."""
+"""A project with something of everything, put into a home; and a look at every page of one."""
 
 from __future__ import annotations
 
-import zipfile
 from pathlib import Path
 
 from streamlit.testing.v1 import AppTest
 
-from stereocal.project import Project
-from stereocal.store.folders import new_id, private_folder
+from stereocal.projects.archive import unpack_project
+from stereocal.projects.project import Project
 from stereocal.ui.frame import TITLES
 
 ROOT = Path(__file__).parents[2]
-STORED = sorted((ROOT / "tests" / "projects").glob("*.zip"))
-FULL = STORED[-1]
+FULL = ROOT / "tests" / "projects" / "full.zip"
+"""6 pairs of photographs, targets, 2 edits, a calibration, a validation of 10 runs, 7 boards, a
+lens, and points that were matched and measured."""
 SLOW = 120
 
 
 def placed(source: Path, home: Path) -> Project:
-    """The project of a zip, as it stood: unpacked without stereocal's doing."""
-    folder = private_folder(home / "projects") / new_id()
-    with zipfile.ZipFile(source) as archive:
-        archive.extractall(folder)
-    return Project(folder)
+    """The project of a zip."""
+    return unpack_project(source, source.name, home)
 
 
 def session(project: Project, **state: object) -> AppTest:

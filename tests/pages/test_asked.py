@@ -11,7 +11,7 @@ from streamlit.testing.v1 import AppTest
 
 from stereocal.formats.dataset_files import pack_dataset
 from stereocal.formats.exchange.exchange import export_files
-from stereocal.project import Project
+from stereocal.projects.project import Project
 from stereocal.system.zip_files import pack_zip
 from tests.formats.test_no_silent_misreading import FOUR, INI, MAT, four, opencv_camera
 from tests.formats.test_other_programs_points import (

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from streamlit.testing.v1 import AppTest
 
-from stereocal.project import Project
-from stereocal.store.lens import WHICH, ProjectLens, Which
+from stereocal.projects.lens import WHICH, ProjectLens, Which
+from stereocal.projects.project import Project
 from tests.lens import SMALL, write_boards
 
 ROOT = Path(__file__).parents[2]

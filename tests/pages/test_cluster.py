@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from stereocal.project import Project
+from stereocal.projects.project import Project
 from stereocal.system.executors import SCHEDULER, Cluster
 from stereocal.system.tasks import Task, run_tasks
 from stereocal.ui import jobs

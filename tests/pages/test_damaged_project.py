@@ -1,24 +1,26 @@
-"""A damaged file costs itself alone: every page opens, and says what to do."""
+"""A damaged project: it is listed and kept, every page says what is wrong, and it is salvaged."""
 
 from __future__ import annotations
 
+import random
 from pathlib import Path
 
 import pytest
+from streamlit.testing.v1 import AppTest
 
-from stereocal.store.photographs import ProjectPhotographs
-from stereocal.store.review import read_review
-from tests.pages.damage import DAMAGES, SHOWN_BY, files_of_full, look_after
-from tests.pages.stored_projects import FULL, go, placed, session, told
+from stereocal.errors import StereocalError
+from stereocal.projects.files import keep_result
+from stereocal.projects.home import recent_projects
+from stereocal.projects.photographs import ProjectPhotographs
+from stereocal.projects.project import Project
+from tests.pages.stored_projects import FULL, ROOT, SLOW, go, look_at_all, placed, session, told
 
-SAID = {
-    "project.json": ("data", "project's file|no project at this address"),
-    "calibration.json": ("calibrate", "calibrate again"),
-    "photographs/photographs.json": ("data", "remove all photographs, and give them again"),
-    "photographs/frames.json": ("data", "find them again|find the targets again"),
-    "lens/primary/photographs.json": ("cameras", "remove them, and give them again"),
-    "lens/primary/boards.npz": ("cameras", "calibrate the lens again"),
-    "lens/primary/lens.npz": ("cameras", "calibrate the lens again"),
+RESULTS = {
+    "calibration": ("calibrate", "calibrate again"),
+    "frames": ("data", "find them again"),
+    "boards_primary": ("cameras", "calibrate the lens again"),
+    "lens_primary": ("cameras", "calibrate the lens again"),
+    "applied": ("apply", "match and measure again"),
 }
 
 
@@ -28,52 +30,63 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_every_file_in_one_way_on_the_page_that_shows_it(
-    home: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    files = files_of_full(home / "list")
-    assert len(files) >= 20
-    for at, file in enumerate(files):
-        monkeypatch.setenv("STEREOCAL_HOME", str(home / f"{at}"))
-        page = SHOWN_BY[file if file in SHOWN_BY else file.split("/")[0]]
-        look_after(home / f"{at}", file, list(DAMAGES)[at % len(DAMAGES)], [page])
+def flip(path: Path, seed: int, count: int) -> None:
+    """Change bytes at random places."""
+    rng, content = random.Random(seed), bytearray(path.read_bytes())
+    for _ in range(count):
+        content[rng.randrange(len(content))] ^= 1 << rng.randrange(8)
+    path.write_bytes(bytes(content))
 
 
-@pytest.mark.parametrize(
-    ("file", "page"),
-    [("photographs/photographs.json", "data"), ("lens/primary/photographs.json", "cameras")],
-)
-def test_a_list_that_has_gone_is_said_and_can_be_begun_anew(
-    file: str, page: str, home: Path
-) -> None:
+@pytest.mark.parametrize("kind", RESULTS)
+@pytest.mark.parametrize("content", [b"", b"{", b"\x93\x00{]\xff" * 40, b'{"x": [1]}'])
+def test_a_damaged_result_costs_itself_alone(kind: str, content: bytes, home: Path) -> None:
     project = placed(FULL, home)
-    (project.folder / file).unlink()
+    keep_result(project.database, kind, content)
+    page, words = RESULTS[kind]
     app = go(session(project), page)
-    assert "has gone; remove" in told(app, "error")
-    app.button(key="no_photographs" if page == "data" else "no_boards_primary").click().run()
-    assert not app.exception and not app.error
+    assert not app.exception
+    if kind != "applied":  # what is quick to compute is computed again
+        assert words in told(app, "error", "warning") or "find the targets again" in told(app)
+    assert "Complete: " in told(go(go(app, "start"), "data"))
+
+
+def test_a_project_that_cannot_be_opened_is_listed_kept_and_salvaged(home: Path) -> None:
+    project = placed(FULL, home)
+    photographs = len(ProjectPhotographs(project).photographs)
+    path = project.database.path
+    path.write_bytes(path.read_bytes()[:100] + bytes(3000) + path.read_bytes()[3100:])
+    before = path.read_bytes()
+    with pytest.raises(StereocalError, match="damaged"):
+        Project.open(home, project.id)
+    assert "damaged" in told(go(session(project), "data"), "error")
+    assert [one.damaged for one in recent_projects(home)] == [True]
+    app = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW).run()
+    assert "the file of this project is damaged" in told(app, "warning")
+    app.button(key=f"salvage_{project.id}").click().run()
+    assert not app.exception and path.read_bytes() == before
+    assert photographs
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_bytes_flipped_at_random_places(seed: int, home: Path) -> None:
+    project = placed(FULL, home)
+    flip(project.database.path, seed, 40)
+    app = session(project)
+    look_at_all(app)
+    go(app, "start")
+    if f"salvage_{project.id}" in {str(button.key) for button in app.button}:
+        app.button(key=f"salvage_{project.id}").click().run()
+        assert not app.exception
 
 
 def test_edits_that_are_damaged_cost_the_undoing_alone(home: Path) -> None:
     project = placed(FULL, home)
-    (project.folder / "photographs" / "edits.json").write_bytes(b"{")
+    with project.database.act() as db:
+        db.execute("UPDATE edit SET json = '{'")
     project.keep_settings({"frames_view": "One frame"})
     app = go(session(project), "data")
-    assert "they cannot be undone" in told(app, "warning")
+    assert app.button(key="review_undo").label == "Undo (0)"
     app.button(key="review_leave").click().run()
-    assert not read_review(ProjectPhotographs(project)).frame(1).use
-    assert "cannot be undone" not in told(app, "warning")
     app.button(key="review_undo").click().run()
-    assert read_review(ProjectPhotographs(project)).frame(1).use and not app.exception
-
-
-@pytest.mark.parametrize("file", SAID)
-def test_what_to_do_is_said_and_the_rest_works(file: str, home: Path) -> None:
-    page, words = SAID[file]
-    said = look_after(home, file, "cut in half", ["data", "cameras", "calibrate", "validate"])
-    red, _ = said[page]
-    assert any(word in red for word in words.split("|")), red
-    if file != "project.json":
-        others = [red for name, (red, _) in said.items() if name != page]
-        assert not any("damaged" in red or "cannot be read" in red for red in others), others
-        assert page == "data" or "Complete: " in said["data"][1]
+    assert not app.exception

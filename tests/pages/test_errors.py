@@ -15,9 +15,9 @@ from streamlit.testing.v1 import AppTest
 
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.formats.dataset_files import read_dataset
-from stereocal.project import Project
+from stereocal.projects import folders
+from stereocal.projects.project import Project
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.store import folders
 from stereocal.ui.frame import TITLES
 from stereocal.ui.refined import calibrated, refined_of
 from tests.browser.work import finished_project
@@ -98,11 +98,11 @@ CACHES = {
     "screening._screened": "by all numbers, the name, the notes and the settings",
     "uploads.watch_uploads": "by the session's id, which the server gives out",
     "warm_up.warm_up": "a thread, which knows no project",
-    "review._shown": "by the digest of the photograph's content, in its file's name",
-    "apply.whole_table": "by the file's path, below the project's folder",
-    "apply._sample": "by the files' paths, below the project's folder",
-    "apply._chosen": "by the files' paths, below the project's folder, and the whole set",
-    "apply_results._read": "by the file's path, below the project's folder",
+    "review._shown": "by the digest of the photograph's content",
+    "apply._table": "by the digest of the table's content",
+    "apply._sampled": "by the digests of the tables' contents",
+    "apply._chosen": "by the digests of the tables' contents, and the whole set",
+    "apply_results._read": "by the digest of the table's content",
     **{
         f"refined.{name}": "by all numbers, the name, the notes and the settings"
         for name in ("_refined", "_calibrated", "_inputs", "_map", "_curves")

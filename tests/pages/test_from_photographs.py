@@ -14,8 +14,8 @@ import numpy.typing as npt
 import pytest
 from streamlit.testing.v1 import AppTest
 
-from stereocal.project import Project
-from stereocal.store.lens import WHICH, ProjectLens
+from stereocal.projects.lens import WHICH, ProjectLens
+from stereocal.projects.project import Project
 from tests.pages import test_cameras as cameras
 from tests.pages import test_photographs as data
 from tests.pages.test_cameras import boards as boards

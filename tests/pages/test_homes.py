@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import errno
-import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,29 +9,29 @@ from pathlib import Path
 import pytest
 from streamlit.testing.v1 import AppTest
 
-from stereocal.project import Project
+from stereocal.projects import folders
+from stereocal.projects import home as home_module
+from stereocal.projects.database import Database
+from stereocal.projects.project import Project
+from stereocal.projects.refusals import FullError
 from stereocal.ui.frame import TITLES
-from tests.failing_disk import Disk, watched
 from tests.pages.stored_projects import FULL, ROOT, SLOW, go, placed, session, told
 
-REASONS = {
-    errno.ENOSPC: "No space left on device",
-    errno.EROFS: "Read-only file system",
-    errno.EACCES: "Permission denied",
-}
+REASON = "The disk is full."
 
 
 @contextmanager
-def broken(home: Path, code: int) -> Iterator[None]:
+def broken(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Every change below the home fails."""
 
-    class Everything(Disk):
-        def called(self, name: str, path: object) -> None:
-            text = str(path) if isinstance(path, str | os.PathLike) else ""
-            if text.startswith(self.below) and not name.startswith(("unlink", "rmdir")):
-                raise OSError(code, os.strerror(code), text)
+    def full(*_: object, **__: object) -> Database:
+        raise FullError(REASON)
 
-    with watched(Everything(home, None, lambda _: None)):
+    with monkeypatch.context() as patch:
+        patch.setattr(Database, "act", full)
+        patch.setattr(folders, "create", full)
+        patch.setattr(home_module, "copy_database", full)
+        patch.setattr(home_module, "flush_folder", full)
         yield
 
 
@@ -60,19 +58,18 @@ def test_a_home_that_is_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     assert home.read_text() == "a file"
 
 
-@pytest.mark.parametrize("code", REASONS)
-def test_nothing_can_be_begun(code: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nothing_can_be_begun(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("STEREOCAL_HOME", str(tmp_path))
     app = fresh()
-    with broken(tmp_path, code):
+    with broken(monkeypatch):
         for page in ("start", "data"):
             assert not go(app, page).exception
         go(app, "start").button(key="demo").click().run()
-        assert REASONS[code] in told(app, "error") and not app.exception
+        assert REASON in told(app, "error") and not app.exception
         go(app, "data").file_uploader(key="upload_primary").upload(
             "p.json", (ROOT / "sample_data/field/primary.json").read_bytes(), "text/json"
         ).run()
-        assert REASONS[code] in told(app, "error") and not app.exception
+        assert REASON in told(app, "error") and not app.exception
     assert not list(tmp_path.glob("projects/*"))
     go(app, "start").button(key="demo").click().run()
     assert not app.exception and len(list(tmp_path.glob("projects/*"))) == 1
@@ -81,14 +78,13 @@ def test_nothing_can_be_begun(code: int, tmp_path: Path, monkeypatch: pytest.Mon
 def test_a_project_can_be_looked_at_and_every_change_is_refused_with_a_sentence(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    code = errno.ENOSPC
     monkeypatch.setenv("STEREOCAL_HOME", str(tmp_path))
     project = placed(FULL, tmp_path)
     app = session(project)
     for page in TITLES:  # what is computed of the project is on the disk before it breaks
         go(go(app, "start"), page)
-    before = {path: path.read_bytes() for path in project.folder.rglob("*") if path.is_file()}
-    with broken(tmp_path, code):
+    before = project.database.path.read_bytes()
+    with broken(monkeypatch):
         for page in TITLES:
             assert not go(go(app, "start"), page).exception, page
         for page, given in acts(project).items():
@@ -97,10 +93,8 @@ def test_a_project_can_be_looked_at_and_every_change_is_refused_with_a_sentence(
                 act(app)
                 app.run()
                 assert not app.exception, (page, app.exception)
-                assert REASONS[code] in told(app, "error", "warning"), (page, told(app))
-    after = {path: path.read_bytes() for path in project.folder.rglob("*") if path.is_file()}
-    assert {path.name for path in set(after) - set(before)} <= {".lock"}
-    assert all(after[path] == content for path, content in before.items())
+                assert REASON in told(app, "error", "warning"), (page, told(app))
+    assert project.database.path.read_bytes() == before
     assert Project.open(tmp_path, project.id).calibration is not None
 
 

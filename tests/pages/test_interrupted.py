@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import threading
 from pathlib import Path
 
@@ -10,8 +9,9 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereocal.evaluation.evaluate import evaluate_runs
-from stereocal.store import jobs as kept_jobs
-from stereocal.store.photographs import ProjectPhotographs
+from stereocal.projects import jobs as kept_jobs
+from stereocal.projects.home import copy_database
+from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.ui import jobs, photographs
 from tests.pages.stored_projects import FULL, placed, session
 from tests.pages.test_pages import ROOT, SLOW, messages, open_sample, project_of
@@ -34,7 +34,7 @@ def keys(app: AppTest) -> set[str]:
 
 @pytest.fixture
 def interrupted(app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch) -> AppTest:
-    """A validation whose folder is as it was when half of it was finished."""
+    """A validation whose project is as it was when half of it was finished."""
     monkeypatch.setattr(kept_jobs, "EVERY_S", 0.0)
     half, let_go = threading.Event(), threading.Event()
     progress = jobs.Job.progress
@@ -53,13 +53,11 @@ def interrupted(app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch) -> Ap
         app.button(key="validate").click().run()
         job = jobs.job_of(project, "evaluation")
         assert job is not None and half.wait(SLOW)
-        kept = project.folder / "jobs"
-        shutil.copytree(kept, home / "as_it_was")
+        copy_database(project.database, home / "as_it_was")
         job.cancelled = True
         let_go.set()
         assert ended(project, "evaluation").state == "cancelled"
-    shutil.rmtree(kept)
-    shutil.copytree(home / "as_it_was", kept)
+    (home / "as_it_was").replace(project.database.path)
     jobs._jobs().clear()
     return app.run()
 
@@ -106,7 +104,7 @@ def test_with_changed_settings_it_can_only_start_anew(interrupted: AppTest, home
     app.button(key="discard_evaluation").click().run()
     assert STOPPED not in messages(app)
     assert "validate" in keys(app)
-    assert kept_jobs.find(project_of(app, home).folder, "evaluation") is None
+    assert kept_jobs.find(project_of(app, home).database, "evaluation") is None
 
 
 def test_start_says_it_in_the_list_and_a_new_session_finds_it(
@@ -138,7 +136,7 @@ def test_a_job_whose_tab_was_closed_is_there_when_the_page_is_opened_again(
 
 def test_a_job_of_another_server_is_shown_and_can_be_stopped(app: AppTest, home: Path) -> None:
     project = project_of(long_validation(app), home)
-    other = kept_jobs.begin(project.folder, "evaluation", ("runs",), {})
+    other = kept_jobs.begin(project.database, "evaluation", ("runs",), {})
     assert other is not None
     other.progress(0, 30, 300)
     app.run()
@@ -173,13 +171,6 @@ def test_an_unforeseen_error_is_a_calm_sentence_and_stands_in_the_log(
     assert "Something unforeseen happened" in messages(app.run())
 
 
-def test_a_home_that_cannot_be_written_to_is_said(app: AppTest, home: Path) -> None:
-    long_validation(app)
-    (project_of(app, home).folder / "jobs").write_text("a file in the way")
-    app.button(key="validate").click().run()
-    assert "cannot be written to" in messages(app)
-
-
 @pytest.mark.parametrize("kept", [True, False])
 def test_a_search_whose_result_was_kept_is_not_offered_again(kept: bool, home: Path) -> None:
     project = placed(FULL, home)
@@ -187,14 +178,10 @@ def test_a_search_whose_result_was_kept_is_not_offered_again(kept: bool, home: P
     frames = store.frames
     assert frames is not None
     work = photographs._work(store, [row.pair for row in store.rows])
-    job = kept_jobs.begin(project.folder, "photographs", work.stages, work.about)
-    assert job is not None
-    shutil.copytree(project.folder / "jobs", home / "jobs", ignore=shutil.ignore_patterns("lock"))
+    assert kept_jobs.begin(project.database, "photographs", work.stages, work.about) is not None
     store.keep_found(frames, store.photographs, work.digest if kept else "another")
-    job.end()
-    shutil.rmtree(project.folder / "jobs")
-    shutil.copytree(home / "jobs", project.folder / "jobs")  # as its server left it when it died
+    kept_jobs._HERE.clear()  # its server died just then
     app = session(project).switch_page("pages/data.py").run()
     assert not app.exception
     assert ("go_on_photographs" in keys(app)) != kept and (STOPPED in messages(app)) != kept
-    assert (kept_jobs.find(project.folder, "photographs") is None) == kept
+    assert (kept_jobs.find(project.database, "photographs") is None) == kept

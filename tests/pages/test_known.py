@@ -11,11 +11,11 @@ from streamlit.testing.v1 import AppTest
 
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.dataset_files import pack_dataset, parse_dataset, read_dataset
-from stereocal.project import Project
+from stereocal.projects.archive import pack_project, unpack_project
+from stereocal.projects.project import Project
 from stereocal.refined.unknowns import DEFAULT_FOCAL, baseline_sigma_m, lens_prior
 from stereocal.rig.camera import LensUncertainty
 from stereocal.rig.dataset import Dataset
-from stereocal.store.carry import pack_project, unpack_project
 from stereocal.ui.refined import refine_settings
 from tests.pages.test_pages import FIELD, SLOW, open_sample, project_of
 from tests.pages.test_pages import app as app

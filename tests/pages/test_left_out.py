@@ -9,8 +9,8 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereocal.formats.dataset_files import pack_dataset, read_dataset
-from stereocal.project import Project
-from stereocal.store.review import read_review
+from stereocal.projects.project import Project
+from stereocal.projects.review import read_review
 from stereocal.ui.screening import exchange
 from tests.pages.test_pages import FIELD, messages, project_of, zipped
 from tests.pages.test_pages import app as app
@@ -96,7 +96,7 @@ def test_validation_is_without_it(app: AppTest, project: Project) -> None:
 def test_of_photographs_the_review_exchanges_it(home: Path) -> None:
     """So it is undone there, and the contact sheet shows it."""
     store = new_store(home)
-    frames = found_frames(store.project.folder)
+    frames = found_frames(store)
     store.keep_frames(frames[:2])
     before = read_review(store).frame(frames[0].frame)
     exchange(store.project, before.frame)

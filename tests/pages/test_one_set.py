@@ -9,7 +9,7 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereocal.formats.dataset_files import pack_dataset, read_dataset
-from stereocal.project import Project
+from stereocal.projects.project import Project
 from stereocal.workflow import calibrate
 from tests.pages.test_pages import FIELD, messages, open_sample, project_of, zipped
 from tests.pages.test_pages import app as app

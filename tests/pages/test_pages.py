@@ -12,7 +12,7 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereocal.formats.dataset_files import pack_dataset, read_dataset
-from stereocal.project import Project
+from stereocal.projects.project import Project
 
 ROOT = Path(__file__).parents[2]
 FIELD = ROOT / "sample_data" / "field"

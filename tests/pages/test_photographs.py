@@ -15,9 +15,9 @@ from streamlit.testing.v1 import AppTest
 
 from stereocal.formats.camera_file import write_camera
 from stereocal.frames.pairing import Pair
-from stereocal.project import Project
-from stereocal.store.pair_rows import PairRow
-from stereocal.store.photographs import ProjectPhotographs
+from stereocal.projects.pair_rows import PairRow
+from stereocal.projects.photographs import ProjectPhotographs
+from stereocal.projects.project import Project
 from stereocal.ui.pairs import rows_of, table_of
 from tests.bar_photographs import bar_set
 from tests.pages.waiting import ended, wait_until

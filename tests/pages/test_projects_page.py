@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 from streamlit.testing.v1 import AppTest
 
-from stereocal.project import Project
-from stereocal.store.carry import pack_project
-from stereocal.store.projects import recent_projects, remove
+from stereocal.projects.archive import pack_project
+from stereocal.projects.home import delete, recent_projects, remove
+from stereocal.projects.project import Project
 from tests.pages.test_pages import ROOT, SLOW, messages, open_sample, project_of
 from tests.pages.test_pages import app as app
 from tests.pages.test_pages import home as home
@@ -60,9 +60,7 @@ def test_open_goes_to_the_data_of_that_project(app: AppTest, home: Path) -> None
 def test_what_went_meanwhile_is_said(app: AppTest, home: Path) -> None:
     project = project_of(open_sample(app), home)
     start(app)
-    for path in project.folder.iterdir():
-        if path.is_file():
-            path.unlink()
+    project.database.path.unlink()
     app.button(key=f"duplicate_{project.id}").click().run()
     assert "no project at this address" in messages(app)
 
@@ -139,7 +137,7 @@ def test_a_new_session_brings_back_from_the_list(app: AppTest, home: Path) -> No
 def test_what_cannot_be_brought_back_is_said(app: AppTest, home: Path) -> None:
     project = project_of(open_sample(app), home)
     start(app).button(key=f"remove_{project.id}").click().run()
-    (home / "removed" / project.id).rename(home / "removed" / f".gone.{project.id}")
+    delete(home, project.id)
     app.button(key=f"bring_back_{project.id}").click().run()
     assert "removed for good" in messages(app)
 
@@ -153,7 +151,7 @@ def test_who_has_the_address_brings_a_removed_project_back(
     monkeypatch.setenv("STEREOCAL_SHARED", shared)
     remove(home, project.id)
     noon = datetime(2026, 3, 14, 12).timestamp()
-    os.utime(home / "removed" / project.id, (noon, noon))
+    os.utime(project.database.marker, (noon, noon))
 
     stranger = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW).run()
     assert "was removed" not in messages(stranger)
@@ -179,7 +177,6 @@ def test_a_project_goes_out_as_a_zip_and_comes_in_again(
     zipped = tmp_path_factory.mktemp("elsewhere") / "field.zip"
     pack_project(project, zipped)
     start(app).button(key="pack").click().run()
-    assert not list(project.folder.glob(".packed*"))
     app.file_uploader(key="upload_project").upload(
         "field.zip", zipped.read_bytes(), "application/zip"
     ).run()

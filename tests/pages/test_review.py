@@ -18,10 +18,9 @@ from streamlit.testing.v1 import AppTest
 from stereocal.formats.camera_file import write_camera
 from stereocal.frames.frame import Centre, Frame
 from stereocal.frames.search import detect_frames
-from stereocal.project import Project
-from stereocal.store.photographs import ProjectPhotographs
-from stereocal.store.review import read_review
-from stereocal.system.photograph_files import keep_photograph
+from stereocal.projects.photographs import ProjectPhotographs
+from stereocal.projects.project import Project
+from stereocal.projects.review import read_review
 from stereocal.ui import picker
 from stereocal.ui.picker import Pick, encode, pick_of
 from stereocal.ui.review import take_back, take_pick
@@ -33,9 +32,8 @@ BARS = bar_set(7)
 
 
 @cache
-def found_frames(folder: Path) -> tuple[Frame, ...]:
+def found_frames(store: ProjectPhotographs) -> tuple[Frame, ...]:
     """The frames as detection finds them; frame 3 and 5 are made to need a person."""
-    store = ProjectPhotographs(Project(folder))
     with ThreadPoolExecutor(1) as executor:
         frames = detect_frames(
             [row.pair for row in store.rows], store.photographs,
@@ -57,12 +55,7 @@ def first(tmp_path_factory: pytest.TempPathFactory) -> ProjectPhotographs:
 def new_store(home: Path) -> ProjectPhotographs:
     project = Project.create(home)
     store = ProjectPhotographs(project)
-    store.add(
-        {
-            name: keep_photograph([content], name, store.files)
-            for name, content in BARS.files().items()
-        }
-    )
+    store.add({name: store.keep(name, content) for name, content in BARS.files().items()})
     cameras = {"primary": BARS.rig.primary, "secondary": BARS.rig.secondary}
     project.give(
         {name: (f"{name}.json", write_camera(camera)) for name, camera in cameras.items()},  # type: ignore[misc]
@@ -78,7 +71,7 @@ def store(
 ) -> ProjectPhotographs:
     monkeypatch.setenv("STEREOCAL_HOME", str(tmp_path))
     made = new_store(tmp_path)
-    made.keep_frames(found_frames(first.project.folder))
+    made.keep_frames(found_frames(first))
     return made
 
 
@@ -171,9 +164,10 @@ def test_from_the_sheet_to_one_frame_and_an_edit_of_the_sheet_is_undone(
 
 def test_a_photograph_that_has_gone_is_said(app: AppTest, store: ProjectPhotographs) -> None:
     st.cache_data.clear()
-    store.photographs["primary/left2.png"].unlink()
+    with store.database.act() as db:
+        db.execute("DELETE FROM named WHERE name = 'primary/left2.png'")
     app.selectbox(key="review_frame").set_value(2).run()
-    assert "primary/left2.png cannot be read: No such file" in said(app)
+    assert "primary/left2.png (primary): there is no such photograph" in said(app)
 
 
 class TestClick:
@@ -188,7 +182,7 @@ class TestClick:
 
     def click(self, store: ProjectPhotographs, number: int, u: float, v: float, raw: bool) -> str:
         frame = read_review(store).frame(number)
-        digest = store.photographs[frame.files[0]].stem
+        digest = store.photographs[frame.files[0]].name
         take_pick(store, number, 0, Pick(digest, u, v, raw))
         outcome = self.state["review_said"]
         assert isinstance(outcome, tuple) and outcome[0] == number

@@ -10,12 +10,12 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereocal.frames.review import choose
-from stereocal.project import Project
-from stereocal.store.pair_rows import merged
-from stereocal.store.photographs import ProjectPhotographs
-from stereocal.store.projects import remove
-from stereocal.store.review import change_review, read_review
-from stereocal.system.photograph_files import keep_photograph
+from stereocal.projects.files import StoredFile
+from stereocal.projects.folders import default_home
+from stereocal.projects.home import remove
+from stereocal.projects.photographs import ProjectPhotographs
+from stereocal.projects.project import Project
+from stereocal.projects.review import change_review, read_review
 from tests.pages.stored_projects import FULL, go, placed, session, told
 
 
@@ -87,7 +87,7 @@ def test_camera_files(project: Project) -> None:
 
 
 def placed_file(project: Project, slot: str) -> bytes:
-    return (project.folder / "inputs" / project.inputs.files[slot]).read_bytes()
+    return StoredFile(project.inputs.files[slot], project.database).read_bytes()
 
 
 def test_settings_of_forms(project: Project) -> None:
@@ -144,25 +144,6 @@ class TestPairs:
         assert "another tab" not in told(b, "info") and not store.rows[0].use
         sound(a, b)
 
-    def test_edits_of_different_pairs_are_both_kept(self, project: Project) -> None:
-        store = ProjectPhotographs(project)
-        rows = store.rows
-        store.change_rows(rows, [replace(rows[0], use=False), *rows[1:]])
-        store.change_rows(rows, [*rows[:5], replace(rows[5], use=False)])
-        assert [row.use for row in store.rows] == [False, True, True, True, True, False]
-
-    def test_of_two_edits_of_one_pair_the_last_holds(self, project: Project) -> None:
-        rows = ProjectPhotographs(project).rows
-        renumbered = replace(rows[0], pair=replace(rows[0].pair, frame=40))
-        left_out = replace(rows[0], use=False)
-        now = merged(rows, [left_out, *rows[1:]], [renumbered, *rows[1:]])
-        assert left_out in now and renumbered not in now and len(now) == 6
-
-    def test_a_pair_that_was_removed_stays_removed(self, project: Project) -> None:
-        rows = ProjectPhotographs(project).rows
-        now = merged(rows, [replace(rows[0], use=False), *rows[1:]], rows[:4])
-        assert [row.pair.frame for row in now] == [row.pair.frame for row in rows[:4]]
-
     def test_pairing_anew_waits_for_a_look(self, project: Project) -> None:
         a, b = tabs(project, "data")
         store = ProjectPhotographs(project)
@@ -186,7 +167,7 @@ def test_photographs_of_another_tab_are_not_removed_unseen(project: Project) -> 
     assert "Another tab has added photographs" in told(b, "error")
     b.run()
     b.button(key="no_photographs").click().run()
-    assert not store.photographs and not any(store.files.iterdir())
+    assert not store.photographs
     a.run()
     sound(a, b)
 
@@ -196,7 +177,7 @@ def test_a_photograph_that_another_tab_replaced_is_told(project: Project) -> Non
     store = ProjectPhotographs(project)
     name, path = next(iter(store.photographs.items()))
     assert "have changed" not in told(a, "warning")
-    store.add({name: keep_photograph([path.read_bytes() + b"\n"], name, store.files)})
+    store.add({name: store.keep(name, path.read_bytes() + b"\n")})
     b.run()
     assert "The pairs or their photographs have changed since" in told(b, "warning")
     sound(a, b)
@@ -270,12 +251,12 @@ def test_a_project_removed_in_another_tab_is_said_and_does_not_come_back(
     page: str, act: Callable[[AppTest], AppTest], project: Project
 ) -> None:
     app = go(session(project), page)
-    home = project.folder.parents[1]
-    remove(home, project.id)
+    before = project.database.path.read_bytes()
+    remove(default_home(), project.id)
     act(app).run()
     assert not app.exception
     assert "removed" in told(app, "error", "info", "warning")
-    assert not project.folder.exists()
+    assert project.database.path.read_bytes() == before
 
 
 def test_rename_and_duplicate(project: Project) -> None:

@@ -10,10 +10,10 @@ import streamlit as st
 from streamlit.testing.v1 import AppTest
 
 from stereocal.formats.dataset_files import pack_dataset, read_dataset
-from stereocal.store import jobs as kept_jobs
-from stereocal.store.application import ProjectApplication
-from stereocal.store.carry import pack_project
-from stereocal.store.projects import recent_projects
+from stereocal.projects import jobs as kept_jobs
+from stereocal.projects.application import ProjectApplication
+from stereocal.projects.archive import pack_project
+from stereocal.projects.home import recent_projects
 from tests.pages.test_apply import SET_2D
 from tests.pages.test_pages import FIELD, messages, open_sample, project_of, zipped
 from tests.pages.test_pages import app as app
@@ -54,8 +54,8 @@ def test_data_set(app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch, pla
 
 
 def test_a_search_for_targets_of_the_data_set_before_is_stopped(app: AppTest, home: Path) -> None:
-    folder = project_of(open_sample(app), home).folder
-    searching = kept_jobs.begin(folder, "photographs", ["photographs"], {})
+    project = project_of(open_sample(app), home)
+    searching = kept_jobs.begin(project.database, "photographs", ["photographs"], {})
     assert searching is not None and searching.progress(0, 1, 9)
     app.switch_page("pages/data.py").run()
     app.segmented_control(key="data_how").set_value("A zip").run()
@@ -86,7 +86,7 @@ def test_points(app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch) -> No
     app.switch_page("pages/apply.py").run()
     app.segmented_control(key="apply_points").set_value("Two point files").run()
     calls = click_meanwhile(
-        monkeypatch, "stereocal.store.application.ProjectApplication.offer_points"
+        monkeypatch, "stereocal.projects.application.ProjectApplication.offer_points"
     )
     upload(app, "upload_points_primary", "p.csv", b"frame,u,v\n0,1,2\n", calls)
     assert ProjectApplication(project).points("primary") is not None
@@ -103,7 +103,9 @@ def test_wand_file(app: AppTest, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_parameter_set(app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     project = project_of(open_sample(app), home)
     app.switch_page("pages/apply.py").run()
-    calls = click_meanwhile(monkeypatch, "stereocal.store.application.ProjectApplication.keep_set")
+    calls = click_meanwhile(
+        monkeypatch, "stereocal.projects.application.ProjectApplication.keep_set"
+    )
     upload(app, "upload_set_matching", "matching.json", SET_2D.dumps().encode(), calls)
     assert ProjectApplication(project).set_of("matching") is not None
 
@@ -111,7 +113,7 @@ def test_parameter_set(app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch
 def test_further_data_set(app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     project = project_of(open_sample(app), home)
     app.switch_page("pages/validate.py").run()
-    calls = click_meanwhile(monkeypatch, "stereocal.project.Project.add_dataset")
+    calls = click_meanwhile(monkeypatch, "stereocal.projects.project.Project.add_dataset")
     upload(app, "upload_more", "rig.zip", zipped(pack_dataset(read_dataset(FIELD))), calls)
     assert len(project.more_datasets) == 1
 

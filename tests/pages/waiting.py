@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from stereocal.project import Project
+from stereocal.projects.project import Project
 from stereocal.ui import jobs
 
 SLOW = 120

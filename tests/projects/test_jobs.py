@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-import json
 import random
 import subprocess
 import sys
 import time
-import zipfile
 from pathlib import Path
 
 import pytest
 
-from stereocal.errors import StereocalError
-from stereocal.formats.evaluation_files import unpack_evaluation
-from stereocal.store import jobs
-from stereocal.store.carry import pack_project, unpack_project
-from stereocal.store.projects import bring_back, duplicate, remove
+from stereocal.projects import jobs
+from stereocal.projects.archive import pack_project, unpack_project
+from stereocal.projects.database import Database
+from stereocal.projects.home import bring_back, duplicate, remove
+from stereocal.projects.project import Project
+from stereocal.projects.refusals import FullError
 from tests.projects.test_parts import same_runs
 from tests.projects.test_project import filled
 
@@ -25,13 +24,12 @@ STAGES = ("runs", "rest")
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
-    (tmp_path / "project.json").write_text("{}")
-    return tmp_path
+def database(tmp_path: Path) -> Database:
+    return Project.create(tmp_path).database
 
 
-def begun(folder: Path, work: dict[str, object] | None = None) -> jobs.KeptJob:
-    job = jobs.begin(folder, "evaluation", STAGES, WORK if work is None else work)
+def begun(database: Database, work: dict[str, object] | None = None) -> jobs.KeptJob:
+    job = jobs.begin(database, "evaluation", STAGES, WORK if work is None else work)
     assert job is not None
     return job
 
@@ -40,6 +38,7 @@ def keep(job: jobs.KeptJob, *keys: str) -> None:
     parts = job.parts("runs", str.encode, bytes.decode)
     for key in keys:
         parts.keep(key, key)
+    job.write()
 
 
 def kept(job: jobs.KeptJob, key: str) -> str | None:
@@ -47,81 +46,76 @@ def kept(job: jobs.KeptJob, key: str) -> str | None:
 
 
 def crash(job: jobs.KeptJob) -> None:
-    """As when the process ends: the lock is let go of, and nothing is said."""
-    job._lock.release()
+    """As when the process ends: nothing is said."""
+    jobs._HERE.discard(job.record.run)
 
 
-def state(folder: Path) -> str | None:
-    found = jobs.find(folder, "evaluation")
+def state(database: Database) -> str | None:
+    found = jobs.find(database, "evaluation")
     return found and found[0]
 
 
-def test_a_job_runs_once_and_leaves_nothing(folder: Path) -> None:
-    assert state(folder) is None and jobs.interrupted(folder) == []
-    job = begun(folder)
-    assert state(folder) == "running" and jobs.interrupted(folder) == []
-    assert jobs.begin(folder, "evaluation", STAGES, WORK) is None
-    other = jobs.begin(folder, "apply", STAGES, WORK)
+def test_a_job_runs_once_and_leaves_nothing(database: Database) -> None:
+    assert state(database) is None and jobs.interrupted(database) == []
+    job = begun(database)
+    assert state(database) == "running" and jobs.interrupted(database) == []
+    assert jobs.begin(database, "evaluation", STAGES, WORK) is None
+    other = jobs.begin(database, "apply", STAGES, WORK)
     assert other is not None
     keep(job, "a")
-    jobs.discard(folder, "evaluation")  # not of one that runs
-    assert state(folder) == "running"
+    jobs.discard(database, "evaluation")  # not of one that runs
+    assert state(database) == "running"
     job.end()
     other.end()
-    assert state(folder) is None
-    assert {path.name for path in (folder / "jobs" / "evaluation").iterdir()} == {"lock"}
+    assert state(database) is None
+    assert database.rows("SELECT count(*) FROM finished") == [(0,)]
 
 
 def test_an_interrupted_job_says_how_far_it_was_and_goes_on(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
+    database: Database, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(jobs, "EVERY_S", 0.0)
-    job = begun(folder)
+    job = begun(database)
     keep(job, "a", "b")
     assert job.progress(1, 340, 500)
     crash(job)
-    found = jobs.find(folder, "evaluation")
+    found = jobs.find(database, "evaluation")
     assert found is not None and found[0] == "interrupted"
     record = found[1]
     assert (record.at, record.done, record.total, record.stages) == (1, 340, 500, STAGES)
     assert record.work == WORK and record.digest == jobs.digest_of("evaluation", WORK)
-    assert jobs.interrupted(folder) == [record]
-    again = begun(folder)
+    assert jobs.interrupted(database) == [record]
+    again = begun(database)
     assert kept(again, "b") == "b"
     again.end()
 
 
-def test_progress_is_written_at_most_once_a_second(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
+def test_progress_and_parts_are_written_at_most_once_a_second(
+    database: Database, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    job = begun(folder)
+    job = begun(database)
+    parts = job.parts("runs", str.encode, bytes.decode)
     written = []
-    with monkeypatch.context() as patch:
-        now = 100.0
-        patch.setattr("stereocal.store.jobs.time.monotonic", lambda: now)
-        for done in range(12):
-            job.progress(0, done, 1000)
-            written.append(json.loads((job.folder / "progress.json").read_bytes())["done"])
-            now += 0.25
-    assert written == [0] * 4 + [4] * 4 + [8] * 4
-    crash(job)
-    # What is told last is written with the failure.
-    again = begun(folder)
-    again.progress(0, 1, 2)
-    again.progress(0, 2, 2)
-    again.fail("Why.")
-    found = jobs.find(folder, "evaluation")
-    assert found is not None and found[1].done == 2
+    now = 100.0
+    monkeypatch.setattr("stereocal.projects.jobs.time.monotonic", lambda: now)
+    for done in range(12):
+        parts.keep(f"{done}", "x")
+        job.progress(0, done, 1000)
+        written += database.rows("SELECT done, (SELECT count(*) FROM finished) FROM job")
+        now += 0.26
+    assert len(set(written)) == 3 and written[-1][1] == 9
+    assert parts.get("11") == "x"  # what waits is written first
+    job.end()
 
 
-def test_parts_of_other_work_are_removed(folder: Path) -> None:
-    job = begun(folder)
+def test_parts_of_other_work_are_removed(database: Database) -> None:
+    job = begun(database)
     keep(job, "a")
     crash(job)
-    other = begun(folder, {**WORK, "settings": {"runs": 4}})
+    other = begun(database, {**WORK, "settings": {"runs": 4}})
     assert kept(other, "a") is None
     crash(other)
-    again = begun(folder)
+    again = begun(database)
     assert kept(again, "a") is None
     again.end()
 
@@ -133,38 +127,40 @@ def test_other_software_is_other_work(monkeypatch: pytest.MonkeyPatch) -> None:
     assert before != jobs.digest_of("evaluation", WORK)
 
 
-def test_a_failed_job_keeps_its_sentence_and_parts_until_the_next(folder: Path) -> None:
-    job = begun(folder)
+def test_a_failed_job_keeps_its_sentence_and_parts_until_the_next(database: Database) -> None:
+    job = begun(database)
     keep(job, "a")
     job.fail("The disk is full.")
-    found = jobs.find(folder, "evaluation")
+    found = jobs.find(database, "evaluation")
     assert found is not None and (found[0], found[1].sentence) == ("failed", "The disk is full.")
-    assert jobs.interrupted(folder) == []
-    again = begun(folder)
-    assert state(folder) == "running" and kept(again, "a") == "a"
+    assert jobs.interrupted(database) == []
+    again = begun(database)
+    assert state(database) == "running" and kept(again, "a") == "a"
     again.end()
 
 
-def test_discard_forgets_everything(folder: Path) -> None:
-    job = begun(folder)
+def test_discard_forgets_everything(database: Database) -> None:
+    job = begun(database)
     keep(job, "a")
     crash(job)
-    jobs.discard(folder, "evaluation")
-    assert state(folder) is None
-    again = begun(folder)
+    jobs.discard(database, "evaluation")
+    assert state(database) is None
+    again = begun(database)
     assert kept(again, "a") is None
     again.end()
-    jobs.discard(folder, "apply")  # which never was
+    jobs.discard(database, "apply")  # which never was
 
 
-def test_another_server_can_ask_for_a_stop(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_another_server_can_ask_for_a_stop(
+    database: Database, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(jobs, "EVERY_S", 0.0)
-    job = begun(folder)
+    job = begun(database)
     assert job.progress(0, 1, 10)
-    jobs.ask_to_stop(folder, "evaluation")
+    jobs.ask_to_stop(database, "evaluation")
     assert not job.progress(0, 2, 10)
     job.end()
-    again = begun(folder)
+    again = begun(database)
     assert again.progress(0, 1, 10)
     again.end()
 
@@ -174,55 +170,54 @@ def test_a_removed_project_stops_its_job_and_can_go_on_when_it_is_back(
 ) -> None:
     monkeypatch.setattr(jobs, "EVERY_S", 0.0)
     project = filled(tmp_path)
-    job = begun(project.folder)
+    job = begun(project.database)
     keep(job, "a")
     assert job.progress(0, 1, 10)
     remove(tmp_path, project.id)
     assert not job.progress(0, 2, 10)
     job.fail("It was removed.")
-    assert not project.folder.exists()
     bring_back(tmp_path, project.id)
-    assert state(project.folder) == "interrupted"
-    again = begun(project.folder)
+    assert state(project.database) == "interrupted"
+    again = begun(project.database)
     assert kept(again, "a") == "a"
     again.end()
 
 
-@pytest.mark.parametrize("content", [b"", b"{", b"[]", b'{"format": "stereocal-job/1"}', b"\xff"])
-def test_a_damaged_record_is_none(folder: Path, content: bytes) -> None:
-    job = begun(folder)
-    crash(job)
-    (folder / "jobs" / "evaluation" / "job.json").write_bytes(content)
-    assert state(folder) is None
-    begun(folder).end()
+@pytest.mark.parametrize("content", ["", "{", "[]", "{}", '{"stages": 3}'])
+def test_a_damaged_record_is_none(database: Database, content: str) -> None:
+    crash(begun(database))
+    with database.act() as db:
+        db.execute("UPDATE job SET record = ?", [content])
+    assert state(database) is None
+    begun(database).end()
 
 
-def test_a_folder_that_cannot_be_written_to_is_said(tmp_path: Path) -> None:
-    (tmp_path / "jobs").write_text("a file in the way")
-    with pytest.raises(StereocalError, match="cannot be written to"):
-        begun(tmp_path)
+def test_on_a_full_disk_the_job_goes_on(
+    database: Database, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object, **__: object) -> None:
+        raise FullError("The disk is full.")
+
+    job = begun(database)
+    with monkeypatch.context() as patch:
+        patch.setattr(Database, "act", full)
+        keep(job, "a")
+        assert job.progress(0, 1, 2)
+    assert kept(job, "a") is None
+    job.end()
 
 
 def test_jobs_are_neither_carried_nor_copied(tmp_path: Path) -> None:
     project = filled(tmp_path)
-    job = begun(project.folder)
+    job = begun(project.database)
     keep(job, "a")
     crash(job)
     copy = duplicate(tmp_path, project.id)
-    assert not (copy.folder / "jobs").exists()
+    assert jobs.find(copy.database, "evaluation") is None
     pack_project(project, tmp_path / "packed.zip")
     opened = unpack_project(tmp_path / "packed.zip", "packed.zip", tmp_path)
-    assert not (opened.folder / "jobs").exists()
-    assert state(project.folder) == "interrupted"
-
-
-def test_jobs_of_a_strangers_zip_are_refused(tmp_path: Path) -> None:
-    project = filled(tmp_path)
-    pack_project(project, tmp_path / "packed.zip")
-    with zipfile.ZipFile(tmp_path / "packed.zip", "a") as archive:
-        archive.writestr("jobs/evaluation/job.json", json.dumps({"format": "stereocal-job/1"}))
-    with pytest.raises(StereocalError, match="no file of a project"):
-        unpack_project(tmp_path / "packed.zip", "packed.zip", tmp_path)
+    assert jobs.find(opened.database, "evaluation") is None
+    assert state(project.database) == "interrupted"
 
 
 CHILD = """
@@ -232,15 +227,16 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
 from stereocal.formats.evaluation_files import Evaluation, pack_runs, unpack_runs
-from stereocal.project import Project
+from stereocal.projects.database import Database
+from stereocal.projects.project import Project
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.store import jobs
+from stereocal.projects import jobs
 
-project = Project(Path(sys.argv[1]))
+project = Project(Database(Path(sys.argv[1])))
 dataset = project.dataset
 settings = EvaluationSettings(runs=300, refined=RefineSettings())
 work = {"dataset": dataset.sha256, "settings": settings.to_json()}
-job = jobs.begin(project.folder, "evaluation", ("runs",), work)
+job = jobs.begin(project.database, "evaluation", ("runs",), work)
 parts = job.parts("runs", pack_runs, unpack_runs)
 print("begun", len(parts), flush=True)
 
@@ -257,10 +253,12 @@ print("ended", flush=True)
 """
 
 
-def child(folder: Path, most: int = 1000) -> subprocess.Popen[str]:
+def child(project: Project, most: int = 1000) -> subprocess.Popen[str]:
     """A process that validates, and stops after `most` runs until it is killed."""
     return subprocess.Popen(
-        [sys.executable, "-c", CHILD, str(folder), str(most)], stdout=subprocess.PIPE, text=True
+        [sys.executable, "-c", CHILD, str(project.database.path), str(most)],
+        stdout=subprocess.PIPE,
+        text=True,
     )
 
 
@@ -269,38 +267,37 @@ def line(process: subprocess.Popen[str]) -> str:
     return process.stdout.readline().strip()
 
 
-def size_of_parts(project: Path) -> int:
-    return sum(path.stat().st_size for path in (project / "jobs").glob("*/*/runs"))
+def parts_of(database: Database) -> int:
+    return int(database.rows("SELECT count(*) FROM finished")[0][0])
 
 
 def test_killed_at_random_moments_it_ends_with_the_same_result(tmp_path: Path) -> None:
     """Three kills with SIGKILL while it computes, and another process goes on each time."""
     rng = random.Random(7)
     whole, project = filled(tmp_path), filled(tmp_path)
-    with child(whole.folder) as process:
+    with child(whole) as process:
         assert line(process) == "begun 0"
         assert line(process) == "ended"
     before = 0
     for most in (100, 200, 295):
-        size = size_of_parts(project.folder)
-        with child(project.folder, most) as process:
+        size = parts_of(project.database)
+        with child(project, most) as process:
             said, there = line(process).split()
             assert said == "begun" and int(there) >= before
             before = int(there)
-            assert state(project.folder) == "running"
-            assert jobs.begin(project.folder, "evaluation", STAGES, WORK) is None
-            while size_of_parts(project.folder) == size:
+            assert state(project.database) == "running"
+            assert jobs.begin(project.database, "evaluation", STAGES, WORK) is None
+            while parts_of(project.database) == size:
                 time.sleep(0.001)
             time.sleep(rng.uniform(0.0, 0.3))
             process.kill()
-        assert state(project.folder) == "interrupted"
+        assert state(project.database) == "interrupted"
         assert project.evaluation is None
-    with child(project.folder) as process:
+    with child(project) as process:
         said, there = line(process).split()
         assert 3 <= int(there) <= 60
         assert line(process) == "ended"
-    first, second_ = (
-        unpack_evaluation((one.folder / "evaluation.npz").read_bytes()) for one in (whole, project)
-    )
-    assert same_runs(list(first.runs[0]), list(second_.runs[0]))
-    assert first.settings == second_.settings
+    first, second = whole.evaluation, project.evaluation
+    assert first is not None and second is not None
+    assert same_runs(list(first.runs[0]), list(second.runs[0]))
+    assert first.settings == second.settings

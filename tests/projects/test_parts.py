@@ -1,10 +1,8 @@
-"""Finished parts on disk: the same to the last bit, whatever was damaged or cut off."""
+"""Finished parts of jobs: the same to the last bit."""
 
 from __future__ import annotations
 
-import errno
 import json
-import os
 from dataclasses import fields
 from pathlib import Path
 
@@ -16,7 +14,6 @@ from hypothesis import strategies as st
 
 from stereocal.detection.detect import Detection, detect_targets, refusal
 from stereocal.detection.fit import Corner
-from stereocal.errors import StereocalError
 from stereocal.evaluation.evaluate import EvaluationSettings, Run, evaluate_runs
 from stereocal.formats.evaluation_files import pack_runs, unpack_runs
 from stereocal.frames.detection_file import pack_detection, unpack_detection
@@ -25,120 +22,10 @@ from stereocal.intrinsics.boards import BoardView, Refused, find_board
 from stereocal.intrinsics.files import pack_board, pack_draws, unpack_board, unpack_draws
 from stereocal.matching.blocks import TableBlock, pack_block, unpack_block
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.store.parts import Parts
 from stereocal.system.photograph import read_photograph
 from tests import known_rig as rig
 
 SAMPLES = Path(__file__).parents[2] / "sample_data" / "photographs"
-
-
-def texts(path: Path) -> Parts[str]:
-    return Parts(path, str.encode, bytes.decode)
-
-
-def filled(path: Path, count: int = 5) -> dict[str, str]:
-    parts = texts(path)
-    content = {f"key {i}": f"value {i} ä" * (i + 1) for i in range(count)}
-    for key, value in content.items():
-        parts.keep(key, value)
-    parts.close()
-    return content
-
-
-def test_what_was_kept_is_there_again(tmp_path: Path) -> None:
-    content = filled(tmp_path / "a")
-    parts = texts(tmp_path / "a")
-    assert {key: parts.get(key) for key in content} == content
-    assert parts.get("another") is None
-    parts.keep("another", "new")
-    parts.keep("key 0", "replaced")
-    assert parts.get("key 0") == "replaced"
-    parts.close()
-    again = texts(tmp_path / "a")
-    assert (again.get("another"), again.get("key 0"), len(again)) == ("new", "replaced", 6)
-    again.close()
-
-
-def test_a_file_cut_off_anywhere_keeps_its_whole_parts(tmp_path: Path) -> None:
-    path = tmp_path / "a"
-    content = filled(path)
-    whole = path.read_bytes()
-    for length in range(len(whole)):
-        path.write_bytes(whole[:length])
-        parts = texts(path)
-        found = [parts.get(key) for key in content]
-        sound = sum(value is not None for value in found)
-        assert found[:sound] == list(content.values())[:sound]
-        assert sound < len(content)
-        parts.keep("after", "wards")
-        parts.close()
-        again = texts(path)
-        assert again.get("after") == "wards"
-        assert len(again) == sound + 1
-        again.close()
-
-
-@given(at=st.floats(0, 1, exclude_max=True), bit=st.integers(0, 7))
-def test_a_flipped_bit_never_gives_another_value(
-    at: float, bit: int, tmp_path_factory: pytest.TempPathFactory
-) -> None:
-    path = tmp_path_factory.mktemp("parts") / "a"
-    content = filled(path)
-    damaged = bytearray(path.read_bytes())
-    damaged[int(at * len(damaged))] ^= 1 << bit
-    path.write_bytes(damaged)
-    parts = texts(path)
-    found = {key: parts.get(key) for key in content}
-    assert all(value in (None, content[key]) for key, value in found.items())
-    assert None in found.values()
-    for key, value in content.items():
-        parts.keep(key, value)
-        assert parts.get(key) == value
-    parts.close()
-
-
-@given(content=st.binary(max_size=300))
-def test_any_bytes_are_a_file_without_parts(
-    content: bytes, tmp_path_factory: pytest.TempPathFactory
-) -> None:
-    path = tmp_path_factory.mktemp("parts") / "a"
-    path.write_bytes(content)
-    parts = texts(path)
-    assert len(parts) == 0
-    parts.close()
-
-
-def test_a_part_that_does_not_unpack_is_computed_again(tmp_path: Path) -> None:
-    filled(tmp_path / "a")
-    parts = Parts(tmp_path / "a", pack_runs, unpack_runs)
-    assert parts.get("key 0") is None
-    parts.close()
-
-
-def test_on_a_full_disk_the_job_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    content = filled(tmp_path / "a")
-    parts, write = texts(tmp_path / "a"), os.write
-
-    def full(handle: int, data: bytes) -> int:
-        if len(data) < 5:
-            raise OSError(errno.ENOSPC, "No space left on device")
-        return write(handle, data[:5])
-
-    monkeypatch.setattr(os, "write", full)
-    parts.keep("more", "of it")
-    monkeypatch.undo()
-    assert parts.get("more") is None
-    parts.keep("more", "of it")  # it has given up
-    assert parts.get("more") is None
-    parts.close()
-    again = texts(tmp_path / "a")
-    assert {key: again.get(key) for key in content} == content
-    again.close()
-
-
-def test_a_folder_that_is_not_there_is_said(tmp_path: Path) -> None:
-    with pytest.raises(StereocalError, match="cannot be written to"):
-        texts(tmp_path / "no" / "a")
 
 
 def same_runs(first: list[Run], second: list[Run]) -> bool:

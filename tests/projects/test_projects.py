@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 import stat
 import time
@@ -11,32 +10,25 @@ from pathlib import Path
 import pytest
 
 from stereocal.errors import StereocalError
-from stereocal.project import Project
-from stereocal.store.projects import (
+from stereocal.projects.files import keep_file
+from stereocal.projects.home import (
     bring_back,
     duplicate,
     recent_projects,
     remove,
     removed_at,
     removed_projects,
+    sweep,
 )
-from stereocal.store.sweep import sweep
+from stereocal.projects.project import Project
 from stereocal.workflow import calibrate
 from tests.projects.test_project import filled
 
 
-def aged(folder: Path, days: float) -> None:
-    """As if nothing of it had been touched for so long."""
+def aged(path: Path, days: float) -> None:
+    """As if it had not been touched for so long."""
     when = time.time() - days * 86_400
-    for path in (*folder.rglob("*"), folder):
-        os.utime(path, (when, when))
-
-
-def swept(home: Path, removed_days: float, unused_days: float = math.inf) -> int:
-    """What goes in two sweeps, the second one a day later."""
-    first = sweep(home, removed_days, unused_days, lambda: time.time() - 86_400)
-    assert first == 0
-    return sweep(home, removed_days, unused_days)
+    os.utime(path, (when, when))
 
 
 def calibrated(home: Path) -> Project:
@@ -51,7 +43,7 @@ def test_list_has_the_newest_first_and_says_what_is_finished(tmp_path: Path) -> 
     assert recent_projects(tmp_path) == []
     old, new = calibrated(tmp_path), filled(tmp_path)
     old.rename("Swifts <b>")
-    aged(old.folder, 2)
+    aged(old.database.path, 2)
     found = recent_projects(tmp_path)
     assert [listed.id for listed in found] == [new.id, old.id]
     assert [listed.finished for listed in found] == [(), ("calibration",)]
@@ -60,12 +52,17 @@ def test_list_has_the_newest_first_and_says_what_is_finished(tmp_path: Path) -> 
     assert len(recent_projects(tmp_path, most=1)) == 1
 
 
-def test_broken_and_foreign_folders_do_not_stop_the_list(tmp_path: Path) -> None:
-    good, broken = filled(tmp_path), filled(tmp_path)
-    (broken.folder / "project.json").write_bytes(b"{")
-    (tmp_path / "projects" / "notes").mkdir()
-    (tmp_path / "projects" / ("0" * 32)).write_text("a file")
-    assert [listed.id for listed in recent_projects(tmp_path)] == [good.id]
+def test_damaged_and_strange_files_do_not_stop_the_list(tmp_path: Path) -> None:
+    good, damaged, newer = filled(tmp_path), filled(tmp_path), filled(tmp_path)
+    damaged.database.path.write_bytes(b"{" * 5000)
+    with newer.database.act() as db:
+        db.execute("PRAGMA user_version = 9")
+    (tmp_path / "projects" / "notes.sqlite").write_text("a file")
+    aged(good.database.path, 1)
+    found = recent_projects(tmp_path)
+    assert [(one.id, one.damaged) for one in found] == [(damaged.id, True), (good.id, False)]
+    with pytest.raises(StereocalError, match=r"newer version of stereocal \(format 9\)"):
+        Project.open(tmp_path, newer.id)
 
 
 def test_a_copy_has_everything_and_its_own_life(tmp_path: Path) -> None:
@@ -80,7 +77,8 @@ def test_a_copy_has_everything_and_its_own_life(tmp_path: Path) -> None:
     copy.give({}, baseline_m=3.0)
     assert project.inputs.baseline_m == 4.5
     remove(tmp_path, project.id)
-    assert swept(tmp_path, removed_days=-1) == 1
+    assert sweep(tmp_path, removed_days=-1) == 1
+    assert not project.database.path.exists()
     assert copy.dataset is not None
     assert not list((tmp_path / "projects").glob(".new*"))
 
@@ -108,11 +106,9 @@ def test_removed_ones_are_listed_the_newest_first_also_damaged_ones(tmp_path: Pa
     for project in (new, damaged, old):
         assert removed_at(tmp_path, project.id) is None
         remove(tmp_path, project.id)
-    below = tmp_path / "removed"
-    (below / damaged.id / "project.json").write_bytes(b"{")
-    (below / ".gone.1").mkdir()
-    aged(below / old.id, 2)
-    aged(below / damaged.id, 1)
+    damaged.database.path.write_bytes(b"{" * 5000)
+    aged(old.database.marker, 2)
+    aged(damaged.database.marker, 1)
     found = removed_projects(tmp_path)
     assert [one.id for one in found] == [new.id, damaged.id, old.id]
     assert [one.name for one in found[1:]] == ["", "Swifts <b>"]
@@ -121,25 +117,37 @@ def test_removed_ones_are_listed_the_newest_first_also_damaged_ones(tmp_path: Pa
     assert [one.id for one in removed_projects(tmp_path, most=1)] == [new.id]
     bring_back(tmp_path, new.id)
     assert [one.id for one in removed_projects(tmp_path)] == [damaged.id, old.id]
-    assert removed_at(tmp_path, f"../removed/{old.id}") is None
+    assert removed_at(tmp_path, f"../projects/{old.id}") is None
 
 
 def test_sweep_takes_what_is_old_and_nothing_else(tmp_path: Path) -> None:
     old, new, removed = filled(tmp_path), filled(tmp_path), filled(tmp_path)
-    aged(old.folder, 41)
+    aged(old.database.path, 41)
     remove(tmp_path, removed.id)
     assert sweep(tmp_path, removed_days=30) == 0
-    assert swept(tmp_path, removed_days=30, unused_days=39) == 1
+    assert sweep(tmp_path, removed_days=30, unused_days=39) == 1
     assert [listed.id for listed in recent_projects(tmp_path)] == [new.id]
     assert bring_back(tmp_path, old.id).dataset is not None
-    aged(tmp_path / "removed" / removed.id, 32)
-    assert swept(tmp_path, removed_days=30) == 1
+    assert sweep(tmp_path, removed_days=30, unused_days=39) == 0
+    aged(removed.database.marker, 32)
+    assert sweep(tmp_path, removed_days=30) == 1
     with pytest.raises(StereocalError, match="for good"):
         bring_back(tmp_path, removed.id)
 
 
-def test_nobody_else_on_the_computer_may_look_in(tmp_path: Path) -> None:
+def test_a_sweep_frees_what_nothing_names_and_what_a_killed_server_left(tmp_path: Path) -> None:
     project = filled(tmp_path)
-    remove(tmp_path, project.id)
-    for name in ("projects", "removed"):
-        assert stat.S_IMODE((tmp_path / name).stat().st_mode) == 0o700
+    stray = keep_file(project.database, b"stored, and not named yet", "a.jpg")
+    left = tmp_path / "projects" / f".new-{project.id}.sqlite-wal"
+    left.touch()
+    sweep(tmp_path, 30)
+    assert stray.read_bytes() and left.exists()
+    sweep(tmp_path, 30, now=time.time() + 2 * 86_400)
+    assert project.dataset is not None and not left.exists()
+    with pytest.raises(StereocalError, match="has gone"):
+        stray.read_bytes()
+
+
+def test_nobody_else_on_the_computer_may_look_in(tmp_path: Path) -> None:
+    filled(tmp_path)
+    assert stat.S_IMODE((tmp_path / "projects").stat().st_mode) == 0o700

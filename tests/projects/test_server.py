@@ -7,7 +7,7 @@ import math
 import pytest
 
 from stereocal.errors import StereocalError
-from stereocal.store.server import ServerSettings
+from stereocal.projects.server_settings import ServerSettings
 
 
 def test_defaults_are_those_of_a_persons_own_computer() -> None:

@@ -14,11 +14,11 @@ from benchmarks.ordinary_path import with_frames_exchanged, with_points_off
 from benchmarks.refined_truth import turned
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.calibration.readings import LENGTHS_AGREE, fit_of
-from stereocal.calibration_files import pack_calibration, unpack_calibration
 from stereocal.cli import main
 from stereocal.errors import StereocalError
 from stereocal.figures.tables import left_out_line, why_not_trusted
 from stereocal.formats.dataset_files import pack_dataset
+from stereocal.projects.calibration_files import pack_calibration, unpack_calibration
 from stereocal.refined.blame import why_nothing_fits
 from stereocal.refined.screening import FEWEST_FRAMES, screen
 from stereocal.refined.unknowns import RefineSettings

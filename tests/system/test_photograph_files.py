@@ -16,7 +16,6 @@ from stereocal.errors import StereocalError
 from stereocal.system.photograph import read_photograph
 from stereocal.system.photograph_files import (
     is_photograph,
-    keep_photograph,
     of_the_bar,
     photographs_in,
     unpack_photographs,
@@ -86,13 +85,6 @@ def test_no_path_of_a_zip_is_written_to(name: str, tmp_path: Path) -> None:
     assert len(found) == 1
     assert [path.name for path in tmp_path.iterdir()] == ["deep"]
     assert [path.name for path in (tmp_path / "deep").iterdir()] == ["in"]
-
-
-def test_the_same_photograph_is_stored_once(tmp_path: Path) -> None:
-    first = keep_photograph([png(1)], "a.png", tmp_path)
-    assert keep_photograph([png(1)[:50], png(1)[50:]], "b.png", tmp_path) == first
-    assert keep_photograph([png(2)], "a.png", tmp_path) != first
-    assert len(list(tmp_path.iterdir())) == 2
 
 
 def test_nothing_half_written(tmp_path: Path) -> None:

@@ -30,11 +30,13 @@ class Inputs:
     the centre, which count once both are there. None: not stated, whatever the camera's file says.
     A camera that is not there: as its file says."""
     files: Mapping[str, str] = field(default_factory=dict)
-    """Slot to the file's name below `inputs/`."""
+    """Slot to the SHA-256 of its file."""
     labels: Mapping[str, str] = field(default_factory=dict)
     """Slot to the name that the person's file had."""
     exchanged: list[int] = field(default_factory=list)
     """Frames of the table whose targets a person has exchanged in the secondary image."""
+    put_back: list[int] = field(default_factory=list)
+    """Frames of the table that contradict the others and that a person uses all the same."""
 
     def known(self, which: Literal["primary", "secondary"], camera: Camera) -> Camera:
         """A camera with the uncertainty that was stated, in place of its file's.
@@ -91,8 +93,8 @@ def check_inputs(inputs: Inputs) -> None:
             raise TypeError(mapping)
     if not can_be_shown(inputs.name) or set(inputs.files) - set(inputs.labels):
         raise TypeError(inputs)
-    if not all(isinstance(frame, int) for frame in inputs.exchanged):
-        raise TypeError(inputs.exchanged)
+    if not all(isinstance(frame, int) for frame in (*inputs.exchanged, *inputs.put_back)):
+        raise TypeError(inputs)
     _check_lens_known(inputs.lens_known)
     for each in fields(Inputs):
         value = getattr(inputs, each.name)

@@ -43,25 +43,6 @@ def check_rows(rows: Sequence[PairRow], names: Mapping[str, Any]) -> None:
             taken.add(name)
 
 
-def merged(
-    before: Sequence[PairRow], after: Sequence[PairRow], now: Sequence[PairRow]
-) -> list[PairRow]:
-    """The pairs as they are now, with what an edit has made of those before."""
-    if list(before) == list(now):
-        return list(after)
-    added = [row for row in after if row not in before]
-    taken = {name for row in added for name in (row.pair.primary, row.pair.secondary)}
-    frames = {row.pair.frame for row in added}
-    rows = [
-        row
-        for row in now
-        if (row in after or row not in before)
-        and row.pair.frame not in frames
-        and not {row.pair.primary, row.pair.secondary} & taken
-    ]
-    return sorted([*rows, *added], key=lambda row: row.pair.frame)
-
-
 def with_new(kept: Sequence[PairRow], names: Sequence[str]) -> list[PairRow]:
     """The kept rows, and the proposed pairs of photographs that are in none of them."""
     taken = {name for row in kept for name in (row.pair.primary, row.pair.secondary)}

@@ -1,0 +1,1 @@
+"""Pieces of work on disk: a project is one SQLite file, `<home>/projects/<id>.sqlite`."""

@@ -1,0 +1,148 @@
+"""What the Apply page holds of a project: points, parameter files, the last result."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Callable, Mapping
+from concurrent.futures import Executor
+from pathlib import Path
+from typing import Literal
+
+from stereocal.errors import DAMAGED, StereocalError
+from stereocal.formats.other_files import refuse_other_camera
+from stereocal.matching.application import PAIRS, POINTS, Application, Outcome, apply_sets
+from stereocal.matching.blocks import TableBlock
+from stereocal.projects.files import (
+    StoredFile,
+    about_files,
+    files_of,
+    forget_files,
+    keep_file,
+    keep_result,
+    loaded,
+    name_files,
+    result_of,
+)
+from stereocal.projects.point_files import ASKING, ProjectPoints
+from stereocal.projects.refusals import DamagedError
+from stereocal.rig.parameters import RigParameters
+from stereocal.system.tasks import Pieces
+from stereocal.system.zip_files import pack_zip, unzip
+
+Use = Literal["matching", "measuring"]
+USES: tuple[Use, Use] = ("matching", "measuring")
+SETS, APPLIED = "sets", "applied"
+"""Parts of a project: parameter files, and what the last result consists of."""
+
+
+class ProjectApplication(ProjectPoints):
+    """What the Apply page knows of one project. Every change is on disk when its method returns."""
+
+    # Parameter files
+
+    def keep_set(self, use: Use, label: str, content: bytes) -> None:
+        """Take over a parameter file.
+
+        Raises:
+            StereocalError: it is none; nothing has changed.
+        """
+        _set_of(content, label)
+        with self.database.act():
+            self._name(SETS, use, content, label, label)
+            forget_files(self.database, ASKING, [use])
+
+    def offer_set(self, use: Use, files: Mapping[str, bytes]) -> None:
+        """Take over a parameter file; ask about the files of any other program.
+
+        Raises:
+            StereocalError: they are none; nothing has changed.
+        """
+        (label, content), *more = files.items()
+        if not more and label.lower().endswith(".json"):
+            self.keep_set(use, label, content)
+            return
+        if not more:
+            refuse_other_camera(content, label, may_be_toml=True)
+            files = unzip(content, label) if label.lower().endswith(".zip") else files
+        self.ask(use, ", ".join([label, *(name for name, _ in more)]), pack_zip(files))
+
+    def set_of(self, use: Use) -> tuple[str, RigParameters] | None:
+        """Name and content of a parameter file."""
+        with self.database.reading():
+            file = files_of(self.database, SETS).get(use)
+            label = str(about_files(self.database, SETS).get(use))
+        return None if file is None else (label, _set_of(file.read_bytes(), label))
+
+    # Results
+
+    @property
+    def result(self) -> tuple[Outcome, dict[str, StoredFile]] | None:
+        """The last finished result and its tables, `pairs.csv` and `points.csv`."""
+        with self.database.reading():
+            packed = result_of(self.database, APPLIED)
+            files = files_of(self.database, APPLIED)
+        if packed is None:
+            return None
+        try:
+            return Outcome(**loaded(packed.decode())), {
+                name: files[name] for name in (PAIRS, POINTS)
+            }
+        except DAMAGED as error:
+            raise DamagedError(
+                "The last result of this page is damaged; match and measure again."
+            ) from error
+
+    def forget_result(self) -> None:
+        """Forget the last result, so that it can be made again."""
+
+        def forget(_database: object) -> None:
+            forget_files(self.database, APPLIED)
+            keep_result(self.database, APPLIED, None)
+
+        self.database.free(forget)
+
+    def run(
+        self,
+        work: Application,
+        begin: Callable[[str], None] | None = None,
+        progress: Callable[[int, int], None] | None = None,
+        cancelled: Callable[[], bool] | None = None,
+        executor: Executor | None = None,
+        pieces: Pieces[TableBlock] | None = None,
+    ) -> bool:
+        """Match and measure, and keep the result in place of the last; False if cancelled.
+
+        Args as for `apply_sets`.
+
+        Raises:
+            StereocalError: it cannot be done; the last result stays.
+        """
+        with tempfile.TemporaryDirectory(prefix="stereocal-") as temporary:
+            folder = Path(temporary)
+            names = work.primary.name, work.secondary.name
+            tables = self._copied(names[0], folder), self._copied(names[1], folder)
+            outcome = apply_sets(
+                work, tables, folder, begin, progress, cancelled, executor, pieces
+            )  # fmt: skip
+            if outcome is None:
+                return False
+            files = {
+                name: keep_file(self.database, folder / name, name) for name in (PAIRS, POINTS)
+            }  # fmt: skip
+            for name in names:
+                if name in self._own:
+                    keep_file(self.database, self._own[name], name)
+        with self.database.act():
+            forget_files(self.database, APPLIED)
+            name_files(self.database, APPLIED, files)
+            name_files(self.database, APPLIED, {name: self.table(name) for name in names})
+            keep_result(self.database, APPLIED, json.dumps(outcome.to_json()).encode())
+        return True
+
+
+def _set_of(content: bytes, label: str) -> RigParameters:
+    try:
+        return RigParameters.loads(content.decode("utf-8-sig"), label)
+    except UnicodeDecodeError as error:
+        raise StereocalError(f"{label}: this is not a text file (JSON in UTF-8).") from error

@@ -1,0 +1,258 @@
+"""A project as a zip of plain files, out and in.
+
+project.json                          what the files are, lengths, settings, corrections
+dataset.json, correspondences.csv ... the data set as it is used; the command line opens it
+parameters_2d.json ...                the last result's parameter files
+inputs/, photographs/, results/ ...   all files as given, and all results
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import tempfile
+import zipfile
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import suppress
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from stereocal.errors import DAMAGED, StereocalError
+from stereocal.formats.dataset_files import pack_dataset, parse_dataset, read_dataset
+from stereocal.formats.lens_model import LensModel
+from stereocal.matching.parquet import PARQUET
+from stereocal.projects.application import APPLIED, SETS
+from stereocal.projects.database import Database
+from stereocal.projects.files import StoredFile, keep_file, keep_result, keep_values, name_files
+from stereocal.projects.folders import SUFFIX, new_database
+from stereocal.projects.home import check_whole
+from stereocal.projects.lens import WHICH
+from stereocal.projects.photographs import BAR
+from stereocal.projects.point_files import ASKING, POINT_FILES, TABLES
+from stereocal.projects.project import CALIBRATED, FURTHER, INPUT, SETTING, VALUES, Project
+from stereocal.rig.dataset import Dataset
+from stereocal.system.atomic_files import write_in_parts
+from stereocal.system.json_text import read_json
+from stereocal.system.zip_files import OpenZip, open_zip, unzip
+
+MANIFEST, MANIFEST_FORMAT = "project.json", "stereocal-project/1"
+BOARDS = tuple(f"boards_{which}" for which in WHICH)
+FOLDERS = {
+    INPUT: "inputs", CALIBRATED: "calibrated", FURTHER: "datasets", BAR: "photographs",
+    **{part: part for part in (*BOARDS, POINT_FILES, TABLES, ASKING, SETS, APPLIED)},
+}  # fmt: skip
+"""Where the files of each part are in the zip."""
+RESULTS = {
+    "calibration": "calibration.json", "evaluation": "evaluation.npz", "frames": "frames.json",
+    APPLIED: "applied.json", **{boards: f"{boards}.npz" for boards in BOARDS},
+    **{f"lens_{which}": f"lens_{which}.npz" for which in WHICH},
+}  # fmt: skip
+PACKED = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".zip", ".npz", ".parquet", ".h5", ".mat")
+UNSAFE = re.compile(r"[^A-Za-z0-9._-]|^\.+")
+PARQUET_BEGINS = b"PAR1"
+LookThrough = Callable[[str, Path, str], None]
+"""Is given the kind of a file that native code will decode, where it is, and its name."""
+
+
+def pack_project(project: Project, target: Path) -> None:
+    """Write a project with all its inputs and results as a zip, whole or not at all.
+
+    Raises:
+        StereocalError: the zip cannot be written, or the project not be read.
+    """
+    database = project.database
+    with (
+        write_in_parts(target) as waiting,
+        zipfile.ZipFile(waiting, "w", zipfile.ZIP_DEFLATED, strict_timestamps=False) as archive,
+        database.reading() as db,
+    ):
+        manifest: dict[str, Any] = {"format": MANIFEST_FORMAT, "values": {}, "files": []}
+        for part, name, text in db.execute("SELECT part, name, json FROM value"):
+            manifest["values"].setdefault(part, {})[name] = json.loads(text)
+        manifest["edits"] = [
+            json.loads(text) for (text,) in db.execute("SELECT json FROM edit ORDER BY number")
+        ]
+        rows = db.execute("SELECT part, name, sha256, about FROM named ORDER BY rowid").fetchall()
+        for (part, name, sha256, about), path in zip(rows, _paths(rows), strict=True):
+            manifest["files"].append(
+                {"part": part, "name": name, "about": json.loads(about), "path": path}
+            )
+            _write(archive, path, StoredFile(sha256, database).pieces())
+        for kind, content in db.execute("SELECT kind, content FROM result"):
+            _write(archive, f"results/{RESULTS[kind]}", [content])
+        archive.writestr(MANIFEST, json.dumps(manifest, indent=1))
+        with suppress(StereocalError):  # what is damaged is not in it
+            for name, content in _readable_files(project).items():
+                archive.writestr(name, content)
+
+
+def _readable_files(project: Project) -> dict[str, bytes]:
+    """The data set and the parameter files, for other programs and people."""
+    dataset = project.dataset
+    files = {} if dataset is None else pack_dataset(dataset)
+    calibration = project.calibration
+    if calibration is not None:
+        files |= {
+            "parameters_2d.json": calibration.parameters("2d").dumps().encode(),
+            "parameters_3d.json": calibration.parameters("3d").dumps().encode(),
+        }
+    return files
+
+
+def _paths(rows: Iterable[tuple[str, str, str, str]]) -> Iterator[str]:
+    """A path for each file that leads nowhere else, and as much of its name as can be."""
+    taken: set[str] = set()
+    for part, name, _, about in rows:
+        label = json.loads(about)
+        label = label["suffix"] if part == TABLES else label
+        suffix = PurePosixPath(f"_{label}").suffix if "." not in name and label else ""
+        plain = "/".join(UNSAFE.sub("_", each) or "_" for each in f"{name}{suffix}".split("/"))
+        path, again = f"{FOLDERS[part]}/{plain}", 1
+        while path in taken:
+            again += 1
+            path = f"{FOLDERS[part]}/{again}_{plain}"
+        taken.add(path)
+        yield path
+
+
+def _write(archive: zipfile.ZipFile, path: str, pieces: Iterable[bytes]) -> None:
+    info = zipfile.ZipInfo(path)
+    stored = path.lower().endswith(PACKED)
+    info.compress_type = zipfile.ZIP_STORED if stored else zipfile.ZIP_DEFLATED
+    with archive.open(info, "w", force_zip64=True) as file:
+        for piece in pieces:
+            file.write(piece)
+
+
+def unpack_project(
+    source: Path | bytes, name: str, home: Path, look_through: LookThrough | None = None
+) -> Project:
+    """The project of such a zip, under a new id below `home`.
+
+    Args:
+        look_through: called before a file is read by native code; what it raises refuses all.
+
+    Raises:
+        StereocalError: not a zip, no project in it, or one that cannot be used; nothing is left.
+    """
+
+    def fill(database: Database) -> None:
+        with open_zip(source, name) as opened:
+            check_whole(sum(map(opened.size, opened.names)))
+            _fill(Project(database), opened, name, look_through)
+
+    return Project(new_database(home, fill))
+
+
+def _fill(project: Project, opened: OpenZip, source: str, look: LookThrough | None) -> None:
+    manifest = _manifest(opened, source)
+    database = project.database
+    try:
+        with tempfile.TemporaryDirectory(prefix="stereocal-") as folder, database.act() as db:
+            for part, names in ((INPUT, VALUES), (BAR, ("pairs", "found_by")), (SETTING, None)):
+                values = dict(manifest["values"].get(part, {}))
+                kept = {key: values[key] for key in (names or values) if key in values}
+                keep_values(database, part, kept)
+            for item in manifest["files"]:
+                part, name, path = item["part"], str(item["name"]), str(item["path"])
+                file = _unpacked(opened, path, Path(folder))
+                kind = guarded_kind(part, file)
+                if look is not None and kind:
+                    look(kind, file, path)
+                stored = {name: keep_file(database, file, path)}
+                name_files(database, _known(part), stored, item["about"])
+            for kind, file_name in RESULTS.items():
+                if f"results/{file_name}" in opened.names:
+                    keep_result(database, kind, opened.read(f"results/{file_name}"))
+            edits = [(json.dumps(dict(edit)),) for edit in manifest["edits"]]
+            db.executemany("INSERT INTO edit (json) VALUES (?)", edits)
+            _ = project.dataset
+    except DAMAGED as error:
+        if isinstance(error, StereocalError):
+            raise
+        raise StereocalError(f"{source}: {MANIFEST} is damaged.") from error
+
+
+def _manifest(opened: OpenZip, source: str) -> Mapping[str, Any]:
+    if MANIFEST not in opened.names:
+        raise StereocalError(f"{source}: there is no stereocal project in this zip.")
+    manifest = read_json(opened.read(MANIFEST), f"{source}: {MANIFEST}")
+    found = manifest.get("format") if isinstance(manifest, dict) else None
+    if found != MANIFEST_FORMAT:
+        raise StereocalError(
+            f"{source}: the project was written by another version of stereocal ({found}); "
+            "update stereocal to open it."
+        )
+    try:
+        # Numbers that are none, and halves of signs, which no page can show.
+        json.dumps(manifest, ensure_ascii=False, allow_nan=False).encode()
+    except ValueError as error:
+        raise StereocalError(f"{source}: {MANIFEST} is damaged.") from error
+    return dict(manifest)
+
+
+def _known(part: str) -> str:
+    if part not in FOLDERS:
+        raise ValueError(part)
+    return part
+
+
+def _unpacked(opened: OpenZip, member: str, folder: Path) -> Path:
+    """A member in a temporary file, so that a large one is not held in memory."""
+    if member not in opened.names:
+        raise StereocalError(f"{member} is not in the zip.")
+    target = folder / f"file{PurePosixPath(member).suffix.lower()}"
+    with target.open("wb") as file:
+        for piece in opened.pieces(member):
+            file.write(piece)
+    with target.open("rb") as file:
+        if file.read(len(PARQUET_BEGINS)) == PARQUET_BEGINS:  # whatever it is called
+            return target.rename(folder / "file.parquet")
+    return target
+
+
+def guarded_kind(part: str, file: Path) -> str | None:
+    """As what native code may decode a file of a part; None where only Python will."""
+    suffix = file.suffix
+    if suffix in PARQUET:
+        return "table"
+    if part in (INPUT, CALIBRATED):
+        return "camera"
+    if part == ASKING and suffix == ".zip":
+        return "parameters"
+    return {BAR: "photograph", **dict.fromkeys(BOARDS, "photograph"), FURTHER: "dataset"}.get(part)
+
+
+def read_input(path: Path, lens_model: LensModel | None = None) -> Dataset:
+    """The data set of a folder or zip: one with `dataset.json`, or a project; or a project's file.
+
+    Args:
+        lens_model: as for `read_dataset`; in a project, a person has said it.
+
+    Raises:
+        StereocalError: none of them, or one that cannot be used; says what to do.
+    """
+    if path.suffix == SUFFIX and path.is_file():
+        project = Project(Database(path))
+        dataset = project.dataset
+        if dataset is None:
+            missing = ", ".join(project.inputs.missing)
+            raise StereocalError(f"{path}: the project has not everything yet; missing: {missing}.")
+        return dataset
+    if path.is_file() and zipfile.is_zipfile(path):
+        with open_zip(path, path.name) as opened:
+            holds_project = MANIFEST in opened.names
+        if holds_project:
+            return _of_zip(path)
+    return read_dataset(path, lens_model)
+
+
+def _of_zip(path: Path) -> Dataset:
+    """The data set of a packed project; its tables of points to match are left aside."""
+    files = unzip(path, path.name, lambda member: "/" not in member)
+    if "dataset.json" not in files:
+        raise StereocalError(
+            f"{path}: the project has not everything yet: open it on the dashboard, and give what "
+            "the Data page asks for."
+        )
+    return parse_dataset(files, str(path), lens_model="brown")

@@ -1,0 +1,266 @@
+"""Files that a person gave: contents by their SHA-256, and what each of them is.
+
+Files go in one by one; then one short act names them. A content that nothing names is freed when it
+is removed, or by a sweep once it is a day old.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import sqlite3
+import time
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import closing
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from stereocal.errors import StereocalError
+from stereocal.projects.database import Database
+from stereocal.projects.refusals import DamagedError
+from stereocal.projects.server_settings import ServerSettings
+
+MB = 1e6
+LARGEST = 990_000_000
+"""SQLite holds values of 1 GB at most, with what stands beside them."""
+PIECE = 4_000_000
+BOUND = 16_000_000
+"""A larger content is written piece by piece: as a value it would be three times in memory."""
+
+
+@dataclass(frozen=True)
+class StoredFile:
+    """A content in a project, read when it is needed; equal to others with the same content."""
+
+    sha256: str
+    database: Database = field(compare=False, repr=False)
+
+    @property
+    def name(self) -> str:
+        """The same for the same content alone."""
+        return self.sha256
+
+    def read_bytes(self) -> bytes:
+        """The content.
+
+        Raises:
+            StereocalError: it is not there any more, or damaged.
+        """
+        return b"".join(self.pieces())
+
+    def pieces(self) -> Iterator[bytes]:
+        """The content piece by piece; as `read_bytes`, what is damaged is said after the last."""
+        digest = hashlib.sha256()
+        with self.database.reading() as db:
+            found = db.execute("SELECT rowid FROM file WHERE sha256 = ?", [self.sha256]).fetchone()
+            if found is None:
+                raise StereocalError("A file has gone from the project; give it again.")
+            with closing(db.blobopen("file", "content", found[0], readonly=True)) as blob:
+                while piece := blob.read(PIECE):
+                    digest.update(piece)
+                    yield piece
+        if digest.hexdigest() != self.sha256:
+            raise DamagedError("A file of the project is damaged; give it again.")
+
+    def copy_to(self, path: Path) -> Path:
+        """Write the content to a file, for what reads only these; whose it is deletes it.
+
+        Raises:
+            StereocalError: as `read_bytes`, or the disk is full.
+        """
+        try:
+            with path.open("wb") as file:
+                for piece in self.pieces():
+                    file.write(piece)
+        except OSError as error:
+            raise StereocalError(
+                f"There is no room for temporary files: {error.strerror or error}."
+            ) from error
+        return path
+
+
+def keep_file(database: Database, content: bytes | Path, name: str) -> StoredFile:
+    """Store a content, which is to be named soon.
+
+    Args:
+        content: a path where it is too large to be held in memory.
+        name: what messages call it.
+
+    Raises:
+        StereocalError: it is too large for a project, or the disk is full.
+    """
+    size = len(content) if isinstance(content, bytes) else content.stat().st_size
+    if size > LARGEST:
+        raise StereocalError(
+            f"{name}: a file of a project may have {LARGEST / MB:g} MB, and this one has "
+            f"{size / MB:.1f} MB."
+        )
+    sha256 = _digest(content)
+    with database.act() as db:
+        known = db.execute(
+            "UPDATE file SET stored = ? WHERE sha256 = ? RETURNING rowid", [time.time(), sha256]
+        ).fetchall()
+        if not known:
+            check_room(database, size)
+            _insert(db, sha256, content, size)
+    return StoredFile(sha256, database)
+
+
+def _digest(content: bytes | Path) -> str:
+    if isinstance(content, bytes):
+        return hashlib.sha256(content).hexdigest()
+    with content.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _insert(db: sqlite3.Connection, sha256: str, content: bytes | Path, size: int) -> None:
+    row = "INSERT INTO file (sha256, stored, content) VALUES (?, ?, {}) RETURNING rowid"
+    if isinstance(content, bytes) and size <= BOUND:
+        db.execute(row.format("?"), [sha256, time.time(), content]).fetchall()
+        return
+    ((at,),) = db.execute(row.format("zeroblob(?)"), [sha256, time.time(), size]).fetchall()
+    with closing(db.blobopen("file", "content", at)) as blob:
+        if isinstance(content, bytes):
+            for start in range(0, size, PIECE):
+                blob.write(memoryview(content)[start : start + PIECE])
+            return
+        with content.open("rb") as file:
+            while piece := file.read(PIECE):
+                blob.write(piece)
+
+
+def files_of(database: Database, part: str) -> dict[str, StoredFile]:
+    """The files of a part by their names, in the order in which they were given."""
+    found = database.rows("SELECT name, sha256 FROM named WHERE part = ? ORDER BY rowid", part)
+    return {str(name): StoredFile(str(sha256), database) for name, sha256 in found}
+
+
+def about_files(database: Database, part: str) -> dict[str, Any]:
+    """What is known of the files of a part, by their names."""
+    found = database.rows("SELECT name, about FROM named WHERE part = ? ORDER BY rowid", part)
+    return {str(name): loaded(about) for name, about in found}
+
+
+def name_files(
+    database: Database, part: str, files: Mapping[str, StoredFile], about: Any = None
+) -> None:
+    """Say what stored files are; a name that is there already gets the new file.
+
+    Raises:
+        StereocalError: a file has gone since it was stored.
+    """
+    with database.act() as db:
+        for name, file in files.items():
+            if not db.execute("SELECT 1 FROM file WHERE sha256 = ?", [file.sha256]).fetchone():
+                raise StereocalError(f"{name} has gone from the project; give it again.")
+            before = db.execute(
+                "SELECT sha256 FROM named WHERE part = ? AND name = ?", [part, name]
+            ).fetchone()
+            db.execute(
+                "INSERT INTO named (part, name, sha256, about) VALUES (?, ?, ?, ?) "
+                "ON CONFLICT DO UPDATE SET sha256 = excluded.sha256, about = excluded.about",
+                [part, name, file.sha256, json.dumps(about, allow_nan=False)],
+            )
+            if before is not None:
+                free_content(db, before[0])
+
+
+def forget_files(database: Database, part: str, names: Collection[str] | None = None) -> None:
+    """Remove the names of a part, all or some; what nothing else names is freed (`Database.free`).
+
+    Raises:
+        StereocalError: as `Database.act`.
+    """
+    with database.act() as db:
+        found = db.execute("SELECT name, sha256 FROM named WHERE part = ?", [part]).fetchall()
+        for name, sha256 in found:
+            if names is None or name in names:
+                db.execute("DELETE FROM named WHERE part = ? AND name = ?", [part, name])
+                free_content(db, sha256)
+
+
+def free_content(db: sqlite3.Connection, sha256: str) -> None:
+    """Delete a content that nothing names any more."""
+    db.execute(
+        "DELETE FROM file WHERE sha256 = ?1 AND NOT EXISTS "
+        "(SELECT 1 FROM named WHERE named.sha256 = ?1)", [sha256],
+    )  # fmt: skip
+
+
+def free_unnamed(database: Database, before: float) -> int:
+    """Delete contents that were stored before this time and that nothing names.
+
+    Args:
+        before: seconds since 1970: what is being given is named only when all of it is there.
+
+    Returns:
+        How many there were.
+    """
+    where = "WHERE stored < ? AND sha256 NOT IN (SELECT sha256 FROM named)"
+    count = int(database.rows(f"SELECT count(*) FROM file {where}", before)[0][0])
+    if count:
+        database.free(lambda db: db.execute(f"DELETE FROM file {where}", [before]))
+    return count
+
+
+def check_room(database: Database, coming: int) -> None:
+    """Refuse what would make a project larger than the server allows.
+
+    Args:
+        coming: bytes that are to be stored.
+
+    Raises:
+        StereocalError: says the limit, the size now and what can be removed.
+    """
+    limit = ServerSettings.from_environment().project_mb * MB
+    if math.isinf(limit):
+        return
+    size = database.size
+    if size + coming > limit:
+        raise StereocalError(
+            f"A project may take {limit / MB:g} MB on this server. This one has {size / MB:.1f} "
+            f"MB, and {coming / MB:.1f} MB would be added: remove photographs, board photographs "
+            "or further data sets that are not needed, or begin another project."
+        )
+
+
+def loaded(text: str) -> Any:
+    """A value that stands in a project as JSON.
+
+    Raises:
+        DamagedError: it is none.
+    """
+    try:
+        return json.loads(text)
+    except (ValueError, TypeError, RecursionError) as error:
+        raise DamagedError("Something in the project's file is damaged.") from error
+
+
+def values_of(database: Database, part: str) -> dict[str, Any]:
+    """The values of a part by their names."""
+    found = database.rows("SELECT name, json FROM value WHERE part = ?", part)
+    return {str(name): loaded(text) for name, text in found}
+
+
+def keep_values(database: Database, part: str, values: Mapping[str, Any]) -> None:
+    """Keep values in place of those of the same names."""
+    rows = [(part, name, json.dumps(value, allow_nan=False)) for name, value in values.items()]
+    with database.act() as db:
+        db.executemany("INSERT OR REPLACE INTO value VALUES (?, ?, ?)", rows)
+
+
+def result_of(database: Database, kind: str) -> bytes | None:
+    """A result; None before the first."""
+    found = database.rows("SELECT content FROM result WHERE kind = ?", kind)
+    return bytes(found[0][0]) if found else None
+
+
+def keep_result(database: Database, kind: str, content: bytes | None) -> None:
+    """Keep a result in place of the last one; None forgets it."""
+    with database.act() as db:
+        if content is None:
+            db.execute("DELETE FROM result WHERE kind = ?", [kind])
+        else:
+            db.execute("INSERT OR REPLACE INTO result VALUES (?, ?)", [kind, content])

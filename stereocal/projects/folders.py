@@ -1,0 +1,85 @@
+"""Where a server keeps projects, and how a new one comes there."""
+
+from __future__ import annotations
+
+import os
+import re
+import secrets
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+from stereocal.errors import StereocalError
+from stereocal.projects.database import Database, create
+from stereocal.projects.journal import SUFFIXES, remove_database
+from stereocal.system.atomic_files import flush_folder, make_folder
+
+SUFFIX = ".sqlite"
+WAITING = ".new-"
+"""How the name of a project's file begins while it is not complete."""
+_ID = re.compile(r"[0-9a-f]{32}")
+
+
+def default_home() -> Path:
+    """STEREOCAL_HOME, or the user's data directory."""
+    if given := os.environ.get("STEREOCAL_HOME"):
+        return Path(given)
+    if sys.platform == "win32":
+        return Path(os.environ.get("LOCALAPPDATA", Path.home() / "AppData/Local")) / "stereocal"
+    if sys.platform == "darwin":
+        return Path.home() / "Library/Application Support/stereocal"
+    return Path(os.environ.get("XDG_DATA_HOME", Path.home() / ".local/share")) / "stereocal"
+
+
+def is_id(name: str) -> bool:
+    """Whether this can be a project's id: 32 hexadecimal digits."""
+    return _ID.fullmatch(name) is not None
+
+
+def private_folder(path: Path) -> Path:
+    """A folder that only the server's own user may look into; made if it is not there.
+
+    Raises:
+        StereocalError: it cannot be made.
+    """
+    try:
+        make_folder(path)
+        if path.stat().st_mode & 0o777 != 0o700:
+            path.chmod(0o700)
+    except OSError as error:
+        raise StereocalError(
+            f"The folder {path.name} cannot be made: {error.strerror or error}."
+        ) from error
+    return path
+
+
+def new_database(
+    home: Path,
+    fill: Callable[[Database], object],
+    make: Callable[[Path], Database] | None = None,
+) -> Database:
+    """A new project's file, under an id that nobody can guess; it appears when it is complete.
+
+    Args:
+        fill: puts in what the project begins with.
+        make: makes the database, if not an empty one.
+
+    Raises:
+        StereocalError: it cannot be stored; nothing is left.
+    """
+    folder = private_folder(home / "projects")
+    name = secrets.token_hex(16)
+    waiting, target = folder / f"{WAITING}{name}{SUFFIX}", folder / f"{name}{SUFFIX}"
+    try:
+        fill((make or create)(waiting))
+        if any(waiting.with_name(waiting.name + suffix).exists() for suffix in SUFFIXES[1:]):
+            raise StereocalError("The project's file is still open.")
+        waiting.rename(target)
+        flush_folder(folder)
+    except OSError as error:
+        raise StereocalError(f"The project cannot be stored: {error.strerror or error}.") from error
+    finally:
+        with suppress(OSError):
+            remove_database(waiting)
+    return Database(target)

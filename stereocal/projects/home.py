@@ -1,0 +1,269 @@
+"""The projects of a server: list, copy, remove and bring back, and what goes by itself.
+
+<home>/projects/<id>.sqlite     a project
+<home>/projects/<id>.removed    it was removed at the time of this file, and can be brought back
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import time
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from stereocal.errors import StereocalError
+from stereocal.projects.database import REMOVED, Database
+from stereocal.projects.files import MB, free_unnamed
+from stereocal.projects.folders import SUFFIX, WAITING, is_id, new_database, private_folder
+from stereocal.projects.jobs import interrupted
+from stereocal.projects.journal import PROBE, remove_database
+from stereocal.projects.project import Project
+from stereocal.projects.refusals import DamagedError
+from stereocal.projects.reserve import keep_reserve
+from stereocal.projects.server_settings import ServerSettings
+from stereocal.projects.servers import forget_dead
+from stereocal.system.atomic_files import flush_folder
+
+DAY_S = 86_400.0
+RESULTS = ("calibration", "evaluation")
+
+
+@dataclass(frozen=True)
+class Listed:
+    """What a list shows of a project."""
+
+    id: str
+    name: str
+    """As the person called it; empty where nobody did, or where it cannot be read."""
+    changed: float
+    """Seconds since 1970."""
+    finished: tuple[str, ...] = ()
+    """Which of `RESULTS` are there."""
+    interrupted: bool = False
+    damaged: bool = False
+
+
+@dataclass(frozen=True)
+class Removed:
+    """What a list shows of a project that was removed."""
+
+    id: str
+    name: str
+    """As the person called it; empty where nobody did, or where it cannot be read."""
+    removed: float
+    """Seconds since 1970."""
+
+
+def recent_projects(home: Path, most: int = 10) -> list[Listed]:
+    """The projects changed last, the newest first, damaged ones among them."""
+    dated = [(changed_at(path), path) for path in _files(home) if not _marker(path).exists()]
+    found: list[Listed] = []
+    for changed, path in sorted(dated, reverse=True):
+        if len(found) == most:
+            break
+        try:
+            found.append(listed(Project(Database(path))))
+        except DamagedError:
+            found.append(Listed(path.stem, "", changed, damaged=True))
+        except StereocalError:  # of a newer version, or not to be opened by this server
+            continue
+    return found
+
+
+def listed(project: Project) -> Listed:
+    """What a list shows of a project.
+
+    Raises:
+        StereocalError: it cannot be read.
+    """
+    database = project.database
+    there = {str(kind) for (kind,) in database.rows("SELECT kind FROM result")}
+    return Listed(
+        project.id, project.inputs.name, changed_at(database.path),
+        tuple(kind for kind in RESULTS if kind in there), bool(interrupted(database)),
+    )  # fmt: skip
+
+
+def removed_projects(home: Path, most: int = 20) -> list[Removed]:
+    """The projects removed last, the newest first; also damaged ones."""
+    dated = [(removed_at(home, path.stem), path) for path in _files(home)]
+    there = sorted(((when, path) for when, path in dated if when is not None), reverse=True)
+    return [Removed(path.stem, _name(path), when) for when, path in there[:most]]
+
+
+def removed_at(home: Path, project_id: str) -> float | None:
+    """When a project was removed, in seconds since 1970; None if it is not among the removed."""
+    path = home / "projects" / f"{project_id}{SUFFIX}"
+    if not is_id(project_id) or not path.exists():
+        return None
+    try:
+        return _marker(path).stat().st_mtime
+    except OSError:
+        return None
+
+
+def changed_at(path: Path) -> float:
+    """When a project's file was last changed, in seconds since 1970; 0 where it has gone."""
+    newest = 0.0
+    for name in (path.name, f"{path.name}-wal"):
+        with suppress(OSError):
+            newest = max(newest, path.with_name(name).stat().st_mtime)
+    return newest
+
+
+def duplicate(home: Path, project_id: str) -> Project:
+    """A copy under a new id, without jobs.
+
+    Raises:
+        StereocalError: there is no such project, it is too large, or the disk is full; nothing is
+            left behind.
+    """
+    source = Project.open(home, project_id)
+    check_whole(source.database.size)
+
+    def copied(path: Path) -> Database:
+        copy_database(source.database, path)
+        return Database(path)
+
+    def fill(database: Database) -> None:
+        with database.act() as db:
+            db.execute("DELETE FROM job")
+        copy = Project(database)
+        copy.rename(f"{copy.inputs.name or 'Project'} (copy)")
+
+    return Project(new_database(home, fill, copied))
+
+
+def copy_database(database: Database, path: Path) -> None:
+    """Write a project as it is now to another file: a backup. A copy of an open file is none.
+
+    Raises:
+        StereocalError: the project is damaged, or the disk is full.
+    """
+    with database.reading() as db:
+        db.execute("ROLLBACK")
+        db.execute("VACUUM INTO ?", [str(path)])
+
+
+def remove(home: Path, project_id: str) -> None:
+    """Put a project aside, also a damaged one and on a full disk; `bring_back` undoes it.
+
+    Raises:
+        StereocalError: there is no such project.
+    """
+    path = home / "projects" / f"{project_id}{SUFFIX}"
+    if not is_id(project_id) or not path.exists() or _marker(path).exists():
+        raise StereocalError("There is no project at this address, or it was removed.")
+    try:
+        _marker(path).touch()
+        flush_folder(path.parent)
+    except OSError as error:
+        raise StereocalError(
+            f"The project cannot be removed: {error.strerror or error}."
+        ) from error
+
+
+def bring_back(home: Path, project_id: str) -> Project:
+    """Undo `remove`.
+
+    Raises:
+        StereocalError: it is not among the removed ones any more.
+    """
+    if removed_at(home, project_id) is None:
+        raise StereocalError("This project was brought back already, or it was removed for good.")
+    path = home / "projects" / f"{project_id}{SUFFIX}"
+    with suppress(OSError):
+        os.utime(path)  # else the sweep that found it unused for too long would again
+        _marker(path).unlink(missing_ok=True)
+        flush_folder(path.parent)
+    return Project.open(home, project_id)
+
+
+def delete(home: Path, project_id: str) -> None:
+    """Delete a removed project for good, which gives its room back to the disk.
+
+    Raises:
+        StereocalError: it is not among the removed ones, or it cannot be deleted.
+    """
+    if removed_at(home, project_id) is None:
+        raise StereocalError("This project was brought back already, or it was removed for good.")
+    path = home / "projects" / f"{project_id}{SUFFIX}"
+    try:
+        remove_database(path)
+        _marker(path).unlink(missing_ok=True)
+    except OSError as error:
+        raise StereocalError(
+            f"The project cannot be deleted: {error.strerror or error}."
+        ) from error
+
+
+def check_whole(size: int) -> None:
+    """Refuse a project of so many bytes, as a copy or from elsewhere.
+
+    Raises:
+        StereocalError: says the limit and the size.
+    """
+    limit = ServerSettings.from_environment().project_mb * MB
+    if size > limit:
+        raise StereocalError(
+            f"A project may take {limit / MB:g} MB on this server, and this one takes "
+            f"{size / MB:.1f} MB: remove photographs or data sets from it before."
+        )
+
+
+def sweep(
+    home: Path, removed_days: float, unused_days: float = math.inf, now: float | None = None
+) -> int:
+    """Delete what was removed so many days ago, and remove what nobody has changed for longer.
+
+    Contents that nothing names, and what killed servers left behind, go as well once they are a
+    day old.
+
+    Returns:
+        How many projects were removed or deleted.
+    """
+    now = time.time() if now is None else now
+    folder = private_folder(home / "projects")
+    keep_reserve(folder)
+    count = 0
+    for path in _files(home):
+        removed = removed_at(home, path.stem)
+        with suppress(StereocalError):
+            if removed is not None and now - removed > removed_days * DAY_S:
+                delete(home, path.stem)
+                count += 1
+            elif removed is None and now - changed_at(path) > unused_days * DAY_S:
+                remove(home, path.stem)
+                count += 1
+            elif removed is None:
+                free_unnamed(Database(path), now - DAY_S)
+    for path in folder.iterdir():
+        alone = path.suffix == REMOVED and not path.with_suffix(SUFFIX).exists()
+        with suppress(OSError):
+            if (alone or path.name.startswith((WAITING, PROBE))) and (
+                path.stat().st_mtime < now - DAY_S
+            ):
+                path.unlink()
+    forget_dead(home, now - DAY_S)
+    return count
+
+
+def _files(home: Path) -> list[Path]:
+    """The files of all projects, removed ones too; none where it cannot be looked into."""
+    try:
+        return [path for path in (home / "projects").glob(f"*{SUFFIX}") if is_id(path.stem)]
+    except OSError:
+        return []
+
+
+def _marker(path: Path) -> Path:
+    return Database(path).marker
+
+
+def _name(path: Path) -> str:
+    try:
+        return Project(Database(path)).inputs.name
+    except StereocalError:
+        return ""

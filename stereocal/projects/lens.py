@@ -1,0 +1,120 @@
+"""The board photographs of one camera of a project, and the lens made of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Literal
+
+from stereocal.formats.camera_file import write_camera
+from stereocal.intrinsics.boards import BoardSearch
+from stereocal.intrinsics.calibrate_lens import LensCalibration
+from stereocal.intrinsics.files import about, pack_lens, pack_search, unpack_lens, unpack_search
+from stereocal.projects.files import (
+    StoredFile,
+    files_of,
+    forget_files,
+    keep_file,
+    keep_result,
+    name_files,
+    result_of,
+)
+from stereocal.projects.project import Project
+
+Which = Literal["primary", "secondary"]
+WHICH: tuple[Which, Which] = ("primary", "secondary")
+
+
+class ProjectLens:
+    """One camera's boards. Every change is on disk when its method returns."""
+
+    def __init__(self, project: Project, which: Which) -> None:
+        self.project = project
+        self.database = project.database
+        self.which = which
+        self._part = self._boards = f"boards_{which}"
+        self._lens = f"lens_{which}"
+
+    def keep(self, name: str, content: bytes) -> StoredFile:
+        """Store a photograph, which is the project's once it is added.
+
+        Raises:
+            StereocalError: the project would be too large, or the disk is full.
+        """
+        return keep_file(self.database, content, name)
+
+    @property
+    def photographs(self) -> dict[str, StoredFile]:
+        """Files by the person's names."""
+        return files_of(self.database, self._part)
+
+    def add(self, found: Mapping[str, StoredFile]) -> None:
+        """Take over stored photographs; a name given again is replaced.
+
+        Raises:
+            StereocalError: a photograph has gone since it was stored; nothing has changed.
+        """
+        with self.database.act():
+            before = self.photographs
+            name_files(self.database, self._part, found)
+            if any(before.get(name, file) != file for name, file in found.items()):
+                # Else the names tell that the boards are not those of these photographs.
+                keep_result(self.database, self._boards, None)
+
+    def clear(self) -> None:
+        """Forget the photographs and what was made of them, and free their room."""
+
+        def forget(_database: object) -> None:
+            forget_files(self.database, self._part)
+            for kind in (self._boards, self._lens):
+                keep_result(self.database, kind, None)
+
+        self.database.free(forget)
+
+    @property
+    def search(self) -> BoardSearch | None:
+        """The boards that were found in the photographs that are there now; None if not yet."""
+        content = result_of(self.database, self._boards)
+        if content is None:
+            return None
+        search = unpack_search(content)
+        names = [view.name for view in search.views] + [item.name for item in search.refused]
+        return search if set(names) == set(self.photographs) else None
+
+    def keep_search(self, search: BoardSearch) -> None:
+        """Keep the boards that were found."""
+        keep_result(self.database, self._boards, pack_search(search))
+
+    @property
+    def calibration(self) -> LensCalibration | None:
+        """The last finished calibration; None before the first."""
+        content = result_of(self.database, self._lens)
+        return None if content is None else unpack_lens(content)
+
+    def keep_calibration(self, lens: LensCalibration) -> None:
+        """Keep a finished calibration in place of the last one."""
+        keep_result(self.database, self._lens, pack_lens(lens))
+
+    def use(self) -> None:
+        """Make the lens the project's camera.
+
+        Raises:
+            StereocalError: the project's points do not fit its image; nothing has changed.
+        """
+        lens = self.calibration
+        if lens is not None:
+            content = write_camera(lens.camera, about(lens))
+            self.project.give({self.which: (label_of(lens), content)})
+
+    @property
+    def is_used(self) -> bool:
+        """Whether the project's camera is this lens."""
+        lens, at = self.calibration, WHICH.index(self.which)
+        camera = self.project.cameras[at]
+        return (
+            lens is not None and camera is not None and (camera.to_json() == lens.camera.to_json())
+        )
+
+
+def label_of(lens: LensCalibration) -> str:
+    """What the project calls a camera made of photographs."""
+    return f"lens from {len(lens.search.views)} board photographs"

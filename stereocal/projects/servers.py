@@ -1,0 +1,65 @@
+"""Which servers live: each holds a small database locked for as long as its process is there.
+
+The system lets go of the lock when the process ends, however it ends.
+"""
+
+from __future__ import annotations
+
+import sqlite3
+import threading
+import uuid
+from contextlib import closing, suppress
+from pathlib import Path
+
+from stereocal.projects.folders import SUFFIX, private_folder
+from stereocal.projects.journal import remove_database
+from stereocal.projects.refusals import told
+
+_HELD: dict[Path, tuple[str, sqlite3.Connection]] = {}
+_TAKING = threading.Lock()
+
+
+def this_server(home: Path) -> str:
+    """The name of this process among those that have the same home.
+
+    Raises:
+        StereocalError: nothing can be written to the home.
+    """
+    folder = private_folder(home / "servers")
+    with _TAKING:
+        if folder not in _HELD or not (folder / _HELD[folder][0]).exists():
+            name = f"{uuid.uuid4().hex}{SUFFIX}"
+            with told():
+                db = sqlite3.connect(folder / name, isolation_level=None, check_same_thread=False)
+                db.execute("BEGIN EXCLUSIVE")
+            _HELD[folder] = name, db
+        return _HELD[folder][0]
+
+
+def is_this(home: Path, name: str) -> bool:
+    """Whether this is the name of this process."""
+    held = _HELD.get(home / "servers")
+    return held is not None and held[0] == name
+
+
+def is_alive(home: Path, name: str) -> bool:
+    """Whether the process of this name still lives."""
+    path = home / "servers" / Path(name).name
+    if is_this(home, name) or not path.is_file():
+        return is_this(home, name)
+    try:
+        with closing(sqlite3.connect(path, timeout=0, isolation_level=None)) as db:
+            db.execute("BEGIN EXCLUSIVE")
+    except sqlite3.OperationalError:
+        return True
+    except sqlite3.Error:
+        pass
+    return False
+
+
+def forget_dead(home: Path, before: float) -> None:
+    """Remove the files of servers that ended, where they began before this time."""
+    for path in (home / "servers").glob(f"*{SUFFIX}"):
+        with suppress(OSError):
+            if path.stat().st_mtime < before and not is_alive(home, path.name):
+                remove_database(path)

@@ -1,1 +1,0 @@
-"""What a server keeps on disk beside `stereocal.project`."""

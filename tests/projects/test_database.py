@@ -1,0 +1,280 @@
+"""A project's file: whole acts, full disks, other journals, large values, damage, kills."""
+
+from __future__ import annotations
+
+import random
+import signal
+import sqlite3
+import subprocess
+import sys
+import threading
+import time
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from stereocal.errors import StereocalError
+from stereocal.projects import database as database_module
+from stereocal.projects import files, journal, servers
+from stereocal.projects.database import Database
+from stereocal.projects.files import StoredFile, files_of, keep_file, keep_values, values_of
+from stereocal.projects.home import copy_database, recent_projects
+from stereocal.projects.photographs import ProjectPhotographs
+from stereocal.projects.project import Project
+from stereocal.projects.refusals import FullError
+from stereocal.projects.review import read_review
+from stereocal.projects.salvage import salvage
+from tests.pages.stored_projects import FULL, placed
+
+
+@pytest.fixture
+def database(tmp_path: Path) -> Database:
+    return Project.create(tmp_path).database
+
+
+class ClickedAwayError(BaseException):
+    """As Streamlit ends a script in the middle."""
+
+
+def test_an_act_is_there_whole_or_not_at_all(database: Database) -> None:
+    with pytest.raises(ClickedAwayError), database.act():
+        keep_values(database, "a", {"x": 1})
+        assert values_of(database, "a") == {"x": 1}
+        raise ClickedAwayError
+    assert values_of(database, "a") == {}
+    with database.act():
+        keep_values(database, "a", {"x": 2})
+        with pytest.raises(ValueError, match="part"), database.act():
+            keep_values(database, "a", {"x": 3, "y": 3})
+            raise ValueError("part")
+        keep_values(database, "a", {"z": 4})
+    assert values_of(database, "a") == {"x": 2, "z": 4}
+
+
+def test_tabs_wait_for_each_other_and_the_last_write_holds(database: Database) -> None:
+    keep_values(database, "a", {"count": 0})
+
+    def add() -> None:
+        for _ in range(15):
+            with database.act():
+                keep_values(database, "a", {"count": values_of(database, "a")["count"] + 1})
+
+    threads = [threading.Thread(target=add) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert values_of(database, "a") == {"count": 60}
+
+
+def test_a_reader_sees_one_state_while_another_writes(database: Database) -> None:
+    keep_values(database, "a", {"x": 1})
+    with database.reading() as db:
+        thread = threading.Thread(target=lambda: keep_values(database, "a", {"x": 2}))
+        thread.start()
+        thread.join()
+        assert db.execute("SELECT json FROM value").fetchall() == [("1",)]
+    assert values_of(database, "a") == {"x": 2}
+
+
+def test_without_a_write_ahead_log_a_rollback_journal_is_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    carried = placed(FULL, tmp_path / "local")
+    journal.journal_of.cache_clear()
+    monkeypatch.setattr(journal, "_writes_ahead", lambda _folder: False)
+    project = placed(FULL, tmp_path / "remote")
+    target = tmp_path / "remote" / "projects" / carried.database.path.name
+    carried.database.path.rename(target)
+    for one in (project, Project(Database(target))):
+        test_tabs_wait_for_each_other_and_the_last_write_holds(one.database)
+        assert one.dataset is not None
+        with closing(sqlite3.connect(one.database.path)) as db:
+            assert db.execute("PRAGMA journal_mode").fetchone() == ("delete",)
+    journal.journal_of.cache_clear()
+
+
+@pytest.mark.parametrize(
+    ("mounts", "remote"),
+    [
+        ("/dev/vda / ext4 rw 0 0\nhost:/x /srv/my\\040data nfs4 rw 0 0\n", True),
+        ("host:/ / nfs rw 0 0\n/dev/vda /srv ext4 rw 0 0\n", False),
+        ("/dev/vda / ext4 rw 0 0\nhost:/x /srv/my\\040dat cifs rw 0 0\n", False),
+        ("nothing\n", False),
+    ],
+)
+def test_a_network_disk_is_known_by_its_mount(mounts: str, remote: bool, tmp_path: Path) -> None:
+    (tmp_path / "mounts").write_text(mounts)
+    assert journal.is_remote(Path("/srv/my data/home"), tmp_path / "mounts") == remote
+    assert not journal.is_remote(Path("/srv"), tmp_path / "none")
+
+
+def test_a_large_value_goes_in_and_out_piece_by_piece(
+    database: Database, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(files, "BOUND", 1000)
+    monkeypatch.setattr(files, "PIECE", 700)
+    content = random.Random(1).randbytes(12_345)
+    (tmp_path / "large").write_bytes(content)
+    for given in (content, tmp_path / "large"):
+        stored = keep_file(database, given, "large.csv")
+        assert stored.read_bytes() == content
+        assert stored.copy_to(tmp_path / "out").read_bytes() == content
+        database.free(lambda db: db.execute("DELETE FROM file"))
+
+
+def test_what_is_too_large_is_refused_before_anything_is_written(
+    database: Database, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(files, "LARGEST", 1000)
+    before = database.path.read_bytes()
+    with pytest.raises(StereocalError, match=r"a\.png: a file of a project may have 0\.001 MB"):
+        keep_file(database, bytes(1001), "a.png")
+    assert database.path.read_bytes() == before
+
+
+def test_a_full_disk_says_so_and_loses_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store = ProjectPhotographs(Project.create(tmp_path))
+    plain = database_module.connect
+
+    def small(path: Path) -> sqlite3.Connection:
+        db = plain(path)
+        db.execute("PRAGMA max_page_count = 100")
+        return db
+
+    monkeypatch.setattr(database_module, "connect", small)
+    kept = {}
+    with pytest.raises(FullError, match=r"disk is full\. Nothing was changed"):
+        for number in range(100):
+            name = f"left{number}.png"
+            file = store.keep(name, random.Random(number).randbytes(50_000))
+            store.add({name: file})
+            kept[name] = file
+    assert 3 < len(kept) < 10 and store.photographs == kept
+    assert all(file.read_bytes() for file in kept.values())
+    store.clear()
+    store.add({"again.png": store.keep("again.png", bytes(100_000))})
+    assert store.database.path.stat().st_size < 200_000
+
+
+def test_a_click_in_the_middle_of_an_upload_loses_nothing(tmp_path: Path) -> None:
+    store = ProjectPhotographs(Project.create(tmp_path))
+    contents = {f"left{number}.png": bytes([number]) * 5000 for number in range(6)}
+
+    def upload(until: int) -> None:
+        found = {}
+        for at, (name, content) in enumerate(contents.items()):
+            if at == until:
+                raise ClickedAwayError
+            found[name] = store.keep(name, content)
+        store.add(found)
+
+    with pytest.raises(ClickedAwayError):
+        upload(3)
+    assert store.photographs == {}
+    upload(99)
+    assert {name: file.read_bytes() for name, file in store.photographs.items()} == contents
+    assert store.database.rows("SELECT count(*) FROM file") == [(6,)]
+
+
+def test_a_backup_while_it_is_open_is_whole(tmp_path: Path) -> None:
+    project = placed(FULL, tmp_path)
+    with project.database.act():
+        keep_values(project.database, "setting", {"half": True})
+        thread = threading.Thread(
+            target=lambda: copy_database(project.database, tmp_path / "backup.sqlite")
+        )
+        thread.start()
+        thread.join()
+    backup = Project(Database(tmp_path / "backup.sqlite"))
+    assert "half" not in backup.settings and backup.inputs == project.inputs
+    assert backup.calibration is not None and len(ProjectPhotographs(backup).photographs) == 12
+
+
+def flipped(content: bytes, seed: int, count: int) -> bytes:
+    """Bits changed at random places."""
+    rng, damaged = random.Random(seed), bytearray(content)
+    for _ in range(count):
+        damaged[rng.randrange(len(damaged))] ^= 1 << rng.randrange(8)
+    return bytes(damaged)
+
+
+@pytest.mark.parametrize("seed", range(25))
+def test_damage_is_said_and_what_can_be_read_is_salvaged(seed: int, tmp_path: Path) -> None:
+    project = placed(FULL, tmp_path)
+    path = project.database.path
+    photographs = {file.sha256 for file in ProjectPhotographs(project).photographs.values()}
+    path.write_bytes(flipped(path.read_bytes(), seed, 1 + seed))
+    before = path.read_bytes()
+    assert len(recent_projects(tmp_path)) <= 1
+    try:
+        project.database.rows("PRAGMA integrity_check")
+        _ = project.inputs, project.calibration, project.evaluation
+        _ = [file.read_bytes() for file in ProjectPhotographs(project).photographs.values()]
+    except StereocalError as error:
+        assert "damaged" in str(error) or "again" in str(error) or "newer" in str(error)
+    try:
+        new, _ = salvage(tmp_path, project.id)
+    except StereocalError:
+        new = None
+    if new is not None:
+        assert new.database.rows("PRAGMA integrity_check") == [("ok",)]
+        found = {file.sha256 for file in files_of(new.database, "bar").values()}
+        assert found <= photographs
+        assert all(StoredFile(sha256, new.database).read_bytes() for sha256 in found)
+    assert path.read_bytes() == before
+
+
+def test_one_damaged_page_costs_what_is_on_it(tmp_path: Path) -> None:
+    project = placed(FULL, tmp_path)
+    path, rng = project.database.path, random.Random(3)
+    content = bytearray(path.read_bytes())
+    content[20 * 4096 : 21 * 4096] = rng.randbytes(4096)
+    path.write_bytes(bytes(content))
+    new, lost = salvage(tmp_path, project.id)
+    assert lost <= 2 and len(ProjectPhotographs(new).photographs) >= 10
+    assert new.calibration is not None or new.evaluation is not None
+    assert read_review(ProjectPhotographs(new)).frames
+
+
+WRITER = """
+import sys, os
+from pathlib import Path
+from stereocal.projects.database import Database
+from stereocal.projects.files import keep_file, keep_values, name_files
+from stereocal.projects.servers import this_server
+
+database = Database(Path(sys.argv[1]))
+print(this_server(database.path.parents[1]), flush=True)
+for number in range(100_000):
+    with database.act():
+        file = keep_file(database, os.urandom(100_000), "a")
+        name_files(database, "bar", {f"{number}": file})
+        keep_values(database, "a", {"count": number + 1})
+    print(number + 1, flush=True)
+"""
+
+
+def test_killed_at_random_moments_nothing_acknowledged_is_lost(database: Database) -> None:
+    rng, said = random.Random(5), 0
+    for _ in range(4):
+        with database.act() as db:
+            db.execute("DELETE FROM named")
+        with subprocess.Popen(
+            [sys.executable, "-c", WRITER, str(database.path)], stdout=subprocess.PIPE, text=True
+        ) as process:
+            assert process.stdout is not None
+            server = process.stdout.readline().strip()
+            process.stdout.readline()
+            assert servers.is_alive(database.path.parents[1], server)
+            time.sleep(rng.uniform(0.0, 0.2))
+            process.send_signal(signal.SIGKILL)
+            said = max([1, *(int(line) for line in process.stdout.read().split("\n")[:-1] if line)])
+        assert not servers.is_alive(database.path.parents[1], server)
+        count = values_of(database, "a")["count"]
+        assert said <= count <= said + 1
+        assert len(files_of(database, "bar")) == count
+        assert database.rows("PRAGMA integrity_check") == [("ok",)]
