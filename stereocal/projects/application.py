@@ -21,7 +21,7 @@ from stereocal.projects.files import (
     keep_file,
     keep_result,
     loaded,
-    name_files,
+    put_files,
     result_of,
 )
 from stereocal.projects.point_files import ASKING, ProjectPoints
@@ -133,10 +133,9 @@ class ProjectApplication(ProjectPoints):
             for name in names:
                 if name in self._own:
                     keep_file(self.database, self._own[name], name)
+        files |= {name: self.table(name) for name in names}
         with self.database.act():
-            forget_files(self.database, APPLIED)
-            name_files(self.database, APPLIED, files)
-            name_files(self.database, APPLIED, {name: self.table(name) for name in names})
+            put_files(self.database, APPLIED, files)
             keep_result(self.database, APPLIED, json.dumps(outcome.to_json()).encode())
         return True
 

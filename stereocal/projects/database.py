@@ -9,7 +9,7 @@ from __future__ import annotations
 import sqlite3
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -120,18 +120,20 @@ class Database:
         Raises:
             StereocalError: as `act`.
         """
-        home = self.path.parent
+        home, dropped = self.path.parent, False
         try:
             with self.act() as db:
                 remove(db)
         except FullError:
+            dropped = True
             drop_reserve(home)
             with self.act() as db:
                 remove(db)
         if self.path not in _open_here():
             with suppress(StereocalError):  # what is not given back is used again by the project
                 self._give_back()
-            keep_reserve(home)
+            if dropped:
+                keep_reserve(home)
 
     def _give_back(self) -> None:
         """Cut the file down to what is in it."""
@@ -179,17 +181,19 @@ def create(path: Path) -> Database:
     Raises:
         StereocalError: it cannot be stored.
     """
-    journal = journal_of(path.parent)
     with told():
         path.touch(0o600)
-        db = connect(path)
-        try:
+        with closing(connect(path)) as db:
             db.execute("PRAGMA auto_vacuum = INCREMENTAL")
-            db.execute(f"PRAGMA journal_mode = {journal}")
             db.executescript(f"BEGIN; {SCHEMA} PRAGMA user_version = {VERSION}; COMMIT;")
-        finally:
-            db.close()
+    set_journal(path)
     return Database(path)
+
+
+def set_journal(path: Path) -> None:
+    """Have a file that nobody uses keep the journal that its folder can hold."""
+    with told(), closing(connect(path)) as db:
+        db.execute(f"PRAGMA journal_mode = {journal_of(path.parent)}")
 
 
 def connect(path: Path) -> sqlite3.Connection:

@@ -167,6 +167,17 @@ def name_files(
                 free_content(db, before[0])
 
 
+def put_files(database: Database, part: str, files: Mapping[str, StoredFile]) -> None:
+    """Have these files, and no others, be a part; what was there already is not freed in between.
+
+    Raises:
+        StereocalError: as `name_files`.
+    """
+    with database.act():
+        name_files(database, part, files)
+        forget_files(database, part, set(files_of(database, part)) - set(files))
+
+
 def forget_files(database: Database, part: str, names: Collection[str] | None = None) -> None:
     """Remove the names of a part, all or some; what nothing else names is freed (`Database.free`).
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from stereocal.errors import StereocalError
-from stereocal.projects.database import REMOVED, Database
+from stereocal.projects.database import REMOVED, Database, set_journal
 from stereocal.projects.files import MB, free_unnamed
 from stereocal.projects.folders import SUFFIX, WAITING, is_id, new_database, private_folder
 from stereocal.projects.jobs import interrupted
@@ -145,6 +145,7 @@ def copy_database(database: Database, path: Path) -> None:
     with database.reading() as db:
         db.execute("ROLLBACK")
         db.execute("VACUUM INTO ?", [str(path)])
+    set_journal(path)
 
 
 def remove(home: Path, project_id: str) -> None:

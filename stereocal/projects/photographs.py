@@ -20,6 +20,7 @@ from stereocal.projects.files import (
     keep_result,
     keep_values,
     name_files,
+    put_files,
     result_of,
     values_of,
 )
@@ -159,8 +160,7 @@ class ProjectPhotographs:
                 # Rows that are none of the data set: they cannot be left out of it.
                 raise StereocalError(str(error)) from error
             if not again:
-                name_files(self.database, BAR, found)
-                forget_files(self.database, BAR, set(self.photographs) - set(found))
+                put_files(self.database, BAR, found)
                 keep_values(self.database, BAR, {"pairs": None, "found_by": ""})
                 self._forget_found()
         return again

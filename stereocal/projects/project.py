@@ -26,6 +26,7 @@ from stereocal.projects.files import (
     keep_result,
     keep_values,
     name_files,
+    put_files,
     result_of,
     values_of,
 )
@@ -225,8 +226,7 @@ class Project:
             slot: StoredFile(digest, self.database) for slot, digest in inputs.files.items()
         }  # fmt: skip
         with self.database.act():
-            forget_files(self.database, CALIBRATED)
-            name_files(self.database, CALIBRATED, files)
+            put_files(self.database, CALIBRATED, files)
             keep_result(self.database, "calibration", content)
 
     @property

@@ -420,6 +420,6 @@ def test_refined_set_serves_both(app: AppTest) -> None:
     for use in ("matching", "measuring"):
         app.selectbox(key=f"apply_{use}").set_value("refined").run()
     assert "50 of 50 pairs have the same target" in said(app, "success")
-    assert not app.warning
+    assert not app.error and not app.warning
     app.selectbox(key="apply_matching").set_value("3d").run()
     assert "made to measure: wrong pairs pass more often" in said(app, "warning")

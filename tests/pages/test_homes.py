@@ -31,7 +31,6 @@ def broken(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
         patch.setattr(Database, "act", full)
         patch.setattr(folders, "create", full)
         patch.setattr(home_module, "copy_database", full)
-        patch.setattr(home_module, "flush_folder", full)
         yield
 
 
@@ -70,9 +69,9 @@ def test_nothing_can_be_begun(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
             "p.json", (ROOT / "sample_data/field/primary.json").read_bytes(), "text/json"
         ).run()
         assert REASON in told(app, "error") and not app.exception
-    assert not list(tmp_path.glob("projects/*"))
+    assert not list(tmp_path.glob("projects/*.sqlite"))
     go(app, "start").button(key="demo").click().run()
-    assert not app.exception and len(list(tmp_path.glob("projects/*"))) == 1
+    assert not app.exception and len(list(tmp_path.glob("projects/*.sqlite"))) == 1
 
 
 def test_a_project_can_be_looked_at_and_every_change_is_refused_with_a_sentence(
@@ -104,7 +103,6 @@ def acts(project: Project) -> dict[str, list[Callable[[AppTest], AppTest]]]:
         "start": [
             lambda app: app.text_input(key=f"name_{project.id}").set_value("New name"),
             lambda app: app.button(key=f"duplicate_{project.id}").click(),
-            lambda app: app.button(key=f"remove_{project.id}").click(),
             lambda app: app.button(key="demo").click(),
         ],
         "data": [

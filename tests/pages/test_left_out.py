@@ -76,7 +76,7 @@ def test_a_new_table_has_nothing_exchanged(app: AppTest, project: Project) -> No
 
 def test_a_frame_put_back_is_used_and_what_it_does_is_said(app: AppTest, project: Project) -> None:
     app.pills(key="frames_put_back").set_value([BAD]).run()
-    assert project.settings["frames_put_back"] == [BAD]
+    assert project.inputs.put_back == [BAD]
     # It contradicts the others so much that nothing fits; the last good result stays.
     assert f"({BAD})" in messages(app)
     assert left_out(project) == (BAD,)
