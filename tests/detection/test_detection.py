@@ -19,7 +19,7 @@ from stereocal.simulation.backgrounds import outdoors
 from stereocal.simulation.photographs import BarSettings, photograph_bars, place_visible_bars
 from stereocal.simulation.rendering import Photograph, PhotographSettings
 from stereocal.simulation.simulate import field_rig
-from tests.boards import Board, paint
+from tests.detection.boards import Board, paint
 
 SIZE = (700, 400)
 LEFT = Board((170.3, 200.2), 80.0, 0.3, 0.5, 1.0)

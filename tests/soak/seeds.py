@@ -20,7 +20,7 @@ from stereocal.store.parts import Parts
 from tests.formats.test_point_files import wand
 from tests.known_rig import PRIMARY
 
-FIELD = Path(__file__).parents[1] / "sample_data" / "field"
+FIELD = Path(__file__).parents[2] / "sample_data" / "field"
 
 
 @cache
