@@ -174,6 +174,7 @@ class TestMatch:
         assert match_tables(RIG_2D, sides[0], sides[1], out, cancelled=lambda: next(calls)) is None
         assert sorted(path.suffix for path in folder.iterdir() if "pairs" in path.name) == []
 
+    @pytest.mark.soak
     def test_memory_is_that_of_a_frame(
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
@@ -190,7 +191,7 @@ class TestMatch:
             match_tables(RIG_2D, sides[0], sides[1], tmp_path / "pairs.csv")
             peaks.append(tracemalloc.get_traced_memory()[1])
             tracemalloc.stop()
-        assert peaks[2] < 2 * peaks[1]  # measured: 1.46 to 1.59; 2 MB hold 500 frames
+        assert peaks[2] < 3 * peaks[1]  # measured: 1.46 to 1.59; 5 if all were kept
 
 
 class TestReconstruct:
@@ -365,14 +366,14 @@ class TestBadInput:
             assert run_match(folder, ending="parquet") == 2
             assert "s.parquet" in capsys.readouterr().err
 
-    def test_one_broken_row_in_a_million(
+    def test_one_broken_row_among_many(
         self, folder: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
-        rows = [f"{k // 1000},{k % 1500},{k % 1100 + 0.5}" for k in range(1_000_000)]
-        rows[765_432] = "765,12O,7"
+        rows = [f"{k // 1000},{k % 1500},{k % 1100 + 0.5}" for k in range(200_000)]
+        rows[165_432] = "165,12O,7"
         (folder / "p.csv").write_text("frame,u,v\n" + "\n".join(rows) + "\n")
         assert run_match(folder) == 2
-        assert 'line 765434: u is "12O", which is not a finite number' in capsys.readouterr().err
+        assert 'line 165434: u is "12O", which is not a finite number' in capsys.readouterr().err
         assert not (folder / "pairs.csv").exists()
 
     def test_scaled_images_are_noticed(
