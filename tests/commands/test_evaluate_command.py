@@ -91,9 +91,9 @@ def test_figures_reach_the_parameter_files(threads: Path, tmp_path: Path) -> Non
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [
-        (["--calibration-frames", "24"], "has 25 frames; with 24 to calibrate, 1 are left"),
-        (["--calibration-frames", "0"], "must be at least 1"),
-        (["--runs", "0"], "must be at least 1"),
+        (["--calibration-frames", "24"], "25 frames"),
+        (["--calibration-frames", "0"], "frames"),
+        (["--runs", "0"], "runs"),
         (["--workers", "0"], "workers"),
         (["--scheduler", "tcp://127.0.0.1:1"], "scheduler"),
         (["--delta", "-1"], "delta"),
