@@ -30,8 +30,8 @@ from random import Random
 from typing import Any
 
 from stereocal.errors import LONGEST, StereocalError
-from tests.hostile import Reader, readers
-from tests.hostile_mutations import from_nothing, mutated
+from tests.soak.mutations import from_nothing, mutated
+from tests.soak.readers import Reader, readers
 
 BATCH = 50
 MOST_SECONDS = 5.0

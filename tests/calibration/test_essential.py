@@ -24,7 +24,7 @@ from stereocal.errors import StereocalError
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Angles, Pose, angles_of, residuals
 from tests.known_rig import ANGLES, ANY_ANGLES, BASELINE_M, RIG, SEEDS, bar_ends, dataset, rays_of
-from tests.machine_code import machine_code
+from tests.rig.machine_code import machine_code
 
 NOISY = dataset(20, noise_px=0.4).rays
 fill_slopes = machine_code(_fill_slopes)

@@ -48,7 +48,7 @@ from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose
 from tests import known_rig as rig
-from tests import reference
+from tests.calibration import reference
 
 NINETEEN = Path(__file__).parents[2] / "sample_data" / "nineteen"
 REAL = Path(os.environ.get("STEREOCAL_REAL_DATA", "none")) / "ewand12"

@@ -31,8 +31,6 @@ from stereocal.evaluation.summary import (
 )
 from stereocal.rig.compiled import FloatArray
 
-STUDIES = 400
-
 
 def run_of(correct: FloatArray, wrong: FloatArray, lengths: FloatArray | None = None) -> Run:
     """A run with these values of both quantities (not their logarithms), alike for all methods."""
@@ -74,23 +72,33 @@ def test_exact_overlap_is_that_of_the_textbook() -> None:
 @pytest.mark.parametrize(
     ("shift", "spreads"), [(1.0, (0.5, 0.5)), (2.4, (0.35, 0.6)), (3.2, (0.35, 0.7))]
 )
-def test_fcp_interval_covers_the_truth(shift: float, spreads: tuple[float, float]) -> None:
-    """FCP 0.32, 0.011 and 0.0022: 95 +- 3 % of 400 studies of 100 runs."""
+@pytest.mark.parametrize(
+    ("studies", "least"), [(60, 0.87), pytest.param(400, 0.92, marks=pytest.mark.soak)]
+)
+def test_fcp_interval_covers_the_truth(
+    shift: float, spreads: tuple[float, float], studies: int, least: float
+) -> None:
+    """FCP 0.32, 0.011 and 0.0022: 95 % of studies of 100 runs.
+
+    Of 60 studies the share is known to 2.8 %, of 400 to 1.1 %. An interval half as wide, which
+    would hold 67 %, is seen by the 60; one narrower by a sixth by the 400.
+    """
     rng = np.random.default_rng(0)
     truth = exact_overlap(shift, spreads)
     covered = []
-    for study in range(STUDIES):
+    for study in range(studies):
         counts = np.zeros((100, 3, 2, 2, BINS + 2), dtype=np.int64)
         for label, pairs, mean in ((CORRECT, 10, 0.0), (WRONG, 90, shift)):
             values = rng.normal(mean, spreads[0 if label == CORRECT else 1], (100, pairs))
             bins = np.minimum(np.floor((values - LOWEST) / FINE), ABOVE).astype(int)
             np.add.at(counts[:, 1, REPROJECTION, label], (np.arange(100)[:, None], bins), 1)
         covered.append(fcp_covers(counts[:, 1, REPROJECTION], truth, study))
-    assert 0.92 <= np.mean(covered) <= 0.98
+    assert np.mean(covered) >= least
+    assert studies < 400 or np.mean(covered) <= 0.98
 
 
 def fcp_covers(counts: np.ndarray, truth: float, seed: int) -> bool:
-    """Only what `summarise` does for one panel: all nine of 400 studies would take minutes."""
+    """Only what `summarise` does for one panel: all nine panels would take nine times as long."""
     weights = np.random.default_rng(seed).multinomial(100, np.full(100, 0.01), BOOTSTRAPS // 4)
     found = _fcp(_merged(counts, 5), weights)
     return found.low <= truth <= found.high

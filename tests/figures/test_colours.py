@@ -24,7 +24,7 @@ from stereocal.figures.style import (
     WRONG_COLOUR,
 )
 from stereocal.rig.compiled import FloatArray
-from tests.every_figure import every_figure
+from tests.figures.every_figure import every_figure
 
 PAGES = {"light": "#FFFFFF", "dark": "#12181E"}
 SIGHTS = {

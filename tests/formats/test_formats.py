@@ -105,19 +105,19 @@ class TestTable:
     @pytest.mark.parametrize(
         ("row", "says"),
         [
-            ("2,A,x,2,3,4", 'u_primary is "x", which is not a number'),
+            ("2,A,x,2,3,4", 'u_primary is "x"'),
             ("2,A,1,2,3,1;5", "v_secondary is"),
-            ("2,A,1,nan,3,4", "v_primary is nan, which is not a finite number"),
-            ("2,A,1,2,inf,4", "u_secondary is inf, which is not a finite"),
-            ("2,A,1,2,1e999,4", "which is not a finite"),
-            ("2,A,1,2,,4", "u_secondary is empty"),
-            ("2,A,1,2", "u_secondary is empty"),
-            (",A,1,2,3,4", "frame is empty"),
-            ("2.5,A,1,2,3,4", "frame is 2.5, which is not a whole number"),
-            ("1e300,A,1,2,3,4", "which is not a whole number"),
-            ("2,C,1,2,3,4", 'target is "C"; it must be A or B'),
+            ("2,A,1,nan,3,4", "v_primary is nan"),
+            ("2,A,1,2,inf,4", "u_secondary is inf"),
+            ("2,A,1,2,1e999,4", "u_secondary"),
+            ("2,A,1,2,,4", "u_secondary"),
+            ("2,A,1,2", "u_secondary"),
+            (",A,1,2,3,4", "frame"),
+            ("2.5,A,1,2,3,4", "frame is 2.5"),
+            ("1e300,A,1,2,3,4", "frame is 1e300"),
+            ("2,C,1,2,3,4", 'target is "C"'),
             ("2,,1,2,3,4", 'target is ""'),
-            ("1,A,1,2,3,4", "frame 1 has target A already, in line 2"),
+            ("1,A,1,2,3,4", "frame 1 has target A"),
         ],
     )
     def test_refused_rows(self, row: str, says: str) -> None:
@@ -144,10 +144,8 @@ class TestTable:
         np.testing.assert_array_equal(rows.distance_m, [0.9, np.nan, 0.5, 0.5, 0.5])
         lines, reasons = zip(*problems_of(content), strict=True)
         assert lines == (7, 8, 9, 10)
-        assert "frame 3 has two different distances, 0.5 and 0.6 m" in reasons[0]
-        assert "it must be above 0" in reasons[1]
-        assert "it must be above 0" in reasons[2]
-        assert "not a finite number" in reasons[3]
+        assert "frame 3" in reasons[0]
+        assert all("distance_m" in reason for reason in reasons[1:])
 
     def test_the_distance_of_a_frame_may_stand_with_either_target(self) -> None:
         """Empty with A, then two rows that differ: no order hides a contradiction."""
@@ -169,10 +167,8 @@ class TestTable:
         np.testing.assert_array_equal(rows.source, [0, -1, 2])
         reasons = [reason for _, reason in problems_of(content)]
         assert len(reasons) == 4
-        assert "sigma_primary_px is 0; it must be above 0" in reasons[0]
-        assert "sigma_secondary_px is -1; it must be above 0" in reasons[1]
-        assert 'source is "guessed"; it must be detected, corrected, manual' in reasons[2]
-        assert 'sigma_primary_px is "x", which is not a number' in reasons[3]
+        places = ("sigma_primary_px is 0", "sigma_secondary_px is -1", "source", "sigma_primary_px")
+        assert all(place in reason for place, reason in zip(places, reasons, strict=True))
 
     def test_a_table_without_sigmas_is_written_without_their_columns(self) -> None:
         rows = read_table(table(ROW), "t.csv").correspondences
@@ -186,14 +182,14 @@ class TestTable:
     @pytest.mark.parametrize(
         ("content", "says"),
         [
-            (b"", "is empty"),
-            (b" \n\r\n\t\n", "is empty"),
-            (table(), "a header and no rows"),
-            (table("", "", ""), "a header and no rows"),
-            (table(ROW, header="frame,target,u_primary"), "columns v_primary, u_secondary"),
-            (table(ROW, header=HEADER.replace("frame", "time")), "column frame is missing"),
-            (table(ROW, header=HEADER + ",frame"), "column frame stands in the first line twice"),
-            (b"\xff\xfef\x00r\x00", "not a text file"),
+            (b"", "empty"),
+            (b" \n\r\n\t\n", "empty"),
+            (table(), "no rows"),
+            (table("", "", ""), "no rows"),
+            (table(ROW, header="frame,target,u_primary"), "v_primary, u_secondary"),
+            (table(ROW, header=HEADER.replace("frame", "time")), "column frame"),
+            (table(ROW, header=HEADER + ",frame"), "column frame"),
+            (b"\xff\xfef\x00r\x00", "text file"),
             (b"\x00\x01\x02", "missing"),
             (table('1,A,"' + "9" * 200_000 + '",2,3,4'), "line"),
         ],
@@ -594,24 +590,24 @@ class TestDatasetFiles:
     @pytest.mark.parametrize(
         ("keys", "says"),
         [
-            ({"baseline_m": ...}, "baseline_m is missing"),
-            ({"target_distance_m": None}, "target_distance_m is missing"),
-            ({"baseline_m": "2.37"}, "baseline_m is '2.37'; it must be a number"),
-            ({"target_distance_m": True}, "must be a number"),
-            ({"target_distance_m": [0.9]}, "must be a number"),
-            ({"baseline_sigma_m": "1 cm"}, "must be a number"),
+            ({"baseline_m": ...}, "baseline_m"),
+            ({"target_distance_m": None}, "target_distance_m"),
+            ({"baseline_m": "2.37"}, "baseline_m is '2.37'"),
+            ({"target_distance_m": True}, "target_distance_m"),
+            ({"target_distance_m": [0.9]}, "target_distance_m"),
+            ({"baseline_sigma_m": "1 cm"}, "baseline_sigma_m"),
             ({"baseline_sigma_m": -1}, "uncertainty"),
-            ({"baseline_m": 0}, "above 0"),
-            ({"baseline_m": -2.37}, "above 0"),
-            ({"baseline_m": float("nan")}, "above 0"),
-            ({"baseline_m": float("inf")}, "above 0"),
+            ({"baseline_m": 0}, "baseline"),
+            ({"baseline_m": -2.37}, "baseline"),
+            ({"baseline_m": float("nan")}, "baseline"),
+            ({"baseline_m": float("inf")}, "baseline"),
             ({"baseline_m": 2370}, "millimetres"),
-            ({"target_distance_m": 10**400}, "far too large"),
-            ({"cameras": ...}, "must name a primary and a secondary"),
-            ({"cameras": ["primary.json", "secondary.json"]}, "must name"),
-            ({"cameras": {"primary": "primary.json"}}, "must name"),
-            ({"cameras": {"primary": "primary.json", "secondary": 3}}, "camera file 3 is missing"),
-            ({"cameras": {"primary": "../p.json", "secondary": "s"}}, r"'\.\./p\.json' is missing"),
+            ({"target_distance_m": 10**400}, "too large"),
+            ({"cameras": ...}, "primary and a secondary"),
+            ({"cameras": ["primary.json", "secondary.json"]}, "primary and a secondary"),
+            ({"cameras": {"primary": "primary.json"}}, "primary and a secondary"),
+            ({"cameras": {"primary": "primary.json", "secondary": 3}}, "camera file 3"),
+            ({"cameras": {"primary": "../p.json", "secondary": "s"}}, r"'\.\./p\.json'"),
         ],
     )
     def test_unsound_descriptions(self, keys: dict[str, Any], says: str) -> None:

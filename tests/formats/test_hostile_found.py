@@ -18,9 +18,9 @@ import pytest
 
 from stereocal.errors import StereocalError
 from stereocal.system.arrays import read_arrays
-from tests.hostile import readers
 from tests.hostile_projects import FILES
-from tests.hostile_seeds import parquet
+from tests.soak.readers import readers
+from tests.soak.seeds import parquet
 
 HUGE = 10**400
 NAN, INFINITE = float("nan"), float("inf")

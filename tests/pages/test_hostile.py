@@ -62,7 +62,7 @@ def test_a_file_that_crashes_its_decoder(number: int, home: Path, deadly: None) 
     assert deadly is None
     door, project = DOORS[number], begun(home)
     before = project.dataset
-    from tests.hostile import readers
+    from tests.soak.readers import readers
 
     app = AppTest.from_file(APP, default_timeout=SLOW_S)
     app.query_params["project"] = project.id

@@ -29,7 +29,7 @@ from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import fill_pose
 from tests import known_rig as rig
-from tests.machine_code import machine_code
+from tests.rig.machine_code import machine_code
 
 backward, factor = machine_code(decompositions.backward), machine_code(decompositions.factor)
 forward, loss = machine_code(decompositions.forward), machine_code(adjustment.loss)

@@ -123,7 +123,7 @@ def test_boards_face_the_viewpoint_but_for_the_tilt() -> None:
 
 def test_boards_do_not_hide_each_other() -> None:
     rig = field_rig()
-    scene = place_visible_bars(rig, np.random.default_rng(0), 200, FIELD_BAR_M)
+    scene = place_visible_bars(rig, np.random.default_rng(0), 60, FIELD_BAR_M)
     for points, camera in zip(scene.points_m, (rig.primary, rig.secondary), strict=True):
         pixels = camera.project(points).reshape(-1, 2, 2)
         nearest = points.reshape(-1, 2, 3)[:, :, 2].min(axis=1)

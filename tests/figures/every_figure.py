@@ -36,7 +36,7 @@ from tests.figures.test_apply_figures import (
 from tests.known_rig import BAR_M
 from tests.lens import search
 
-FIELD = Path(__file__).parents[1] / "sample_data" / "field"
+FIELD = Path(__file__).parents[2] / "sample_data" / "field"
 
 
 @dataclass(frozen=True)

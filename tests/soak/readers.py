@@ -41,10 +41,10 @@ from stereocal.system.limits import Limits
 from stereocal.system.photograph import read_photograph
 from stereocal.system.photograph_files import unpack_photographs
 from stereocal.ui.picker import pick_of
-from tests import hostile_seeds as seeds
 from tests.formats.test_exchange import RICHEST
 from tests.hostile_projects import FILES, dataset_zip, project_zip, read_inner, read_project_zip
 from tests.known_rig import PRIMARY, SECONDARY
+from tests.soak import seeds
 
 Read = Callable[[bytes, Path], object]
 Seeds = Callable[[], Sequence[bytes]]
@@ -56,7 +56,7 @@ class Reader:
 
     group: str
     kind: str
-    """How its files are changed: a key of `hostile_mutations.BY_KIND`."""
+    """How its files are changed: a key of `mutations.BY_KIND`."""
     name: str
     seeds: Seeds
     read: Read
