@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from stereocal.refined.bar_fit import BASELINE, PRIMARY, SECONDARY
-from stereocal.refined.distortion import bend
+from stereocal.refined.distortion import distort
 from stereocal.rig.compiled import FloatArray, IntArray, compiled
 from stereocal.rig.geometry import fill_pose, midpoint
 
@@ -36,7 +36,7 @@ def straighten(
             x, y = rays[2 * camera, k], rays[2 * camera + 1, k]
             error = np.inf
             for _ in range(MOST_BENDS):
-                u, v, xx, xy, yx, yy = bend(x, y, lenses, camera)
+                u, v, xx, xy, yx, yy = distort(x, y, lenses, camera)
                 scale = 1.0 / (xx * yy - xy * yx)
                 du, dv = u - bx, v - by
                 x -= scale * (yy * du - xy * dv)

@@ -189,7 +189,7 @@ BAD: dict[str, tuple[Callable[[Path], None], str]] = {
         r"line 3: frame \d+, target B: the primary point \(2336.2, .*\) is outside the 2336x1728",
     ),
     "too few pairs": (table(lambda lines: lines[:5]), "There are 4 pairs of points; at least 5"),
-    "one place": (table(one_place), "lie in one place"),
+    "one place": (table(one_place), "lie within"),
     "no bar": (
         table(lambda lines: [row for row in lines if ",B," not in row]),
         "No frame has both targets A and B",
@@ -271,7 +271,7 @@ def test_bad_settings_and_bad_output(
     assert main(["calibrate", str(field), "--out", out, "--acceptance", "2"]) == 2
     assert "acceptance is 2.0: it must be between 0 and 1" in capsys.readouterr().err
     assert main(["calibrate", str(field), "--out", out, "--calibration-frames", "26"]) == 2
-    assert "26 calibration frames are wanted" in capsys.readouterr().err
+    assert "26 calibration frames were requested" in capsys.readouterr().err
     (tmp_path / "file").write_text("kept")
     assert main(["calibrate", str(field), "--out", str(tmp_path / "file")]) == 2
     assert "cannot be written" in capsys.readouterr().err
