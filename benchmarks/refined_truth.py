@@ -32,7 +32,14 @@ from stereocal.refined.uncertainty import distance_sigmas, length_jacobian
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
-from stereocal.simulation.simulate import Given, Scene, field_rig, lens_off_by, observe, place_bars
+from stereocal.simulation.simulate import (
+    Nominal,
+    Scene,
+    field_rig,
+    lens_off_by,
+    observe,
+    place_bars,
+)
 from stereocal.workflow import calibrate
 
 NAMES = ("yaw", "pitch", "roll", "delta", "epsilon", "baseline", "held-out distance")
@@ -167,8 +174,8 @@ def against_the_paper(rigs: int, noise_px: float, seed: int) -> FloatArray:
             for camera in (scene.rig.primary, scene.rig.secondary)
         ]
         baseline = scene.rig.pose.baseline
-        given = Given(off[0], off[1], baseline, scene.bar_length_m)
-        fit, test = held_out(observe(scene, rng, noise_px, "rig", given), 25)
+        nominal = Nominal(off[0], off[1], baseline, scene.bar_length_m)
+        fit, test = held_out(observe(scene, rng, noise_px, "rig", nominal), 25)
         paper, found = calibrate(fit).methods, refine(fit)
         matching, measuring = (errors_of(test, paper[name].pose) for name in ("2d", "3d"))
         both = errors_of(found.apply(test), found.pose)

@@ -28,7 +28,7 @@ from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
 from stereocal.store.carry import read_input
 from stereocal.system.atomic_files import write_all
-from stereocal.verdict.verdict import run_splits, verdict
+from stereocal.verdict.one_or_two_sets import run_splits, verdict
 from stereocal.workflow import calibrate
 
 FILES: dict[Literal["2d", "3d"], str] = {"2d": "parameters_2d.json", "3d": "parameters_3d.json"}

@@ -45,8 +45,8 @@ from stereocal.ui.intake import escape_markdown
 from stereocal.ui.refined import calibrated, curves_of, inputs_of, map_of
 from stereocal.ui.results import show_figure
 from stereocal.ui.validation import kept_protocol
+from stereocal.verdict.one_or_two_sets import held_out, verdict
 from stereocal.verdict.tradeoff import TradeOff, costs_of
-from stereocal.verdict.verdict import held_out, verdict
 
 FIXED, FREED = "As given", "Freed"
 MOST_NAMED = 12

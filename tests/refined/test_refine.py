@@ -14,7 +14,7 @@ from stereocal.refined.refine import refine
 from stereocal.refined.solve import ASSUMED, ESTIMATED, GIVEN, scatter_of
 from stereocal.refined.unknowns import FIXED_LENS, LensPrior, RefineSettings
 from stereocal.rig.geometry import Angles, Pose
-from stereocal.simulation.simulate import Given, lens_off_by, observe
+from stereocal.simulation.simulate import Nominal, lens_off_by, observe
 from tests import known_rig as rig
 
 KNOWN = Misjudged()
@@ -37,13 +37,13 @@ def test_lenses_off_are_found_again_without_noise() -> None:
     """Lenses off by 0.3 % and 5 px: two frames' worth of priors against 40 exact bars."""
     scene = random_scene(np.random.default_rng(5), 40)
     true = scene.rig
-    given = Given(
+    nominal = Nominal(
         lens_off_by(true.primary, 0.003, (5.0, -4.0)),
         lens_off_by(true.secondary, -0.003, (-3.0, 5.0)),
         true.pose.baseline,
         scene.bar_length_m,
     )
-    data = observe(scene, np.random.default_rng(1), 0.0, "rig", given)
+    data = observe(scene, np.random.default_rng(1), 0.0, "rig", nominal)
     found = refine(data)
     # Measured: 0.003 px and 7e-7 rad: the priors pull a little.
     np.testing.assert_allclose(found.primary.K, true.primary.K, atol=0.05)
