@@ -78,7 +78,7 @@ def run(parsed: argparse.Namespace) -> None:
     )
     for screening in screenings:
         if screening.left_out:
-            print(f"{screening.given.name}: {left_out_line(screening)}")
+            print(f"{screening.full_dataset.name}: {left_out_line(screening)}")
     if caution := why_validation_not_trusted(pooled, screenings):
         print(f"Do not rely on this result: {caution}")
     print(validation_answer(pooled))

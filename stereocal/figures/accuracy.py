@@ -50,7 +50,7 @@ def plot_accuracy(
             hovertemplate="%{text} camera<extra></extra>",
         )
     )  # fmt: skip
-    ends = result.places_m[~result.outlying].reshape(-1, 3)
+    ends = result.points_m[~result.outlying].reshape(-1, 3)
     figure.add_trace(
         go.Scatter(
             x=ends[:, 0], y=ends[:, 2], mode="markers", name="Targets of the bar", showlegend=False,

@@ -14,7 +14,7 @@ from stereocal.evaluation.summary import Estimate, MethodSummary, best_methods
 from stereocal.refined.bar_fit import BAR
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.results import Calibration
-from stereocal.refined.screening import MOST_LEFT_OUT, Screening
+from stereocal.refined.screening import MAXIMUM_LEFT_OUT, Screening
 from stereocal.refined.uncertainty import standard_errors
 from stereocal.rig.compiled import IntArray
 from stereocal.rig.dataset import Dataset
@@ -161,10 +161,10 @@ def why_validation_not_trusted(
 
 def _not_trusted(screenings: Sequence[Screening], p95_length: float) -> str:
     found = [
-        f"{percent(each.share)} % of the frames of {each.given.name} contradict the others and "
-        "were left out."
+        f"{percent(each.share)} % of the frames of {each.full_dataset.name} contradict the others "
+        "and were left out."
         for each in screenings
-        if each.share > MOST_LEFT_OUT
+        if each.share > MAXIMUM_LEFT_OUT
     ]
     if p95_length > POOR_LENGTH:
         found.append(f"5 % of the bars come out more than {percent(p95_length)} % wrong in length.")

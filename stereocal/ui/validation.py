@@ -244,7 +244,7 @@ def _show_answer(
     """The answer; in green only where it can be relied on."""
     for screening in screenings:
         if screening.left_out:
-            line = f"{screening.given.name}: {left_out_line(screening)}"
+            line = f"{screening.full_dataset.name}: {left_out_line(screening)}"
             st.warning(escape_markdown(line))
     caution = why_validation_not_trusted(summaries, screenings)
     if caution:
@@ -270,7 +270,7 @@ def _downloads(
     screenings: Sequence[Screening], evaluation: Evaluation, pooled: Any, by_dataset: Any
 ) -> None:
     left, right = st.columns(2)
-    about = ([each.given for each in screenings], evaluation.settings, screenings)
+    about = ([each.full_dataset for each in screenings], evaluation.settings, screenings)
     left.download_button(
         "Download report.html", partial(report_html, pooled, by_dataset, *about), "report.html",
         "text/html", on_click="ignore", icon=":material/download:", key="download_report",

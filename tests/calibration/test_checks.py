@@ -66,7 +66,7 @@ class TestPoints:
             data = with_points(**points)
             if refused:
                 with pytest.raises(
-                    StereocalError, match=f"points of the {which} camera lie in one"
+                    StereocalError, match=f"points of the {which} camera lie within"
                 ):
                     check_points(data)
             else:

@@ -186,7 +186,7 @@ BAD: dict[str, tuple[Callable[[Path], None], str]] = {
         r"line 3: frame \d+, target B: .*primary .*2336\.2, .*2336x1728",
     ),
     "too few pairs": (table(lambda lines: lines[:5]), "4 pairs"),
-    "one place": (table(one_place), "in one place"),
+    "one place": (table(one_place), "lie within"),
     "no bar": (
         table(lambda lines: [row for row in lines if ",B," not in row]),
         "both targets",

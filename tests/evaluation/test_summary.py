@@ -10,17 +10,17 @@ from scipy.stats import norm
 
 from stereocal.calibration.methods import METHODS, Method
 from stereocal.errors import StereocalError
-from stereocal.evaluation.evaluate import Run
-from stereocal.evaluation.protocol import (
-    ABOVE,
-    BELOW,
+from stereocal.evaluation.compiled_run import (
+    BIN_WIDTH,
     BINS,
     CORRECT,
-    FINE,
     LOWEST,
+    OVERFLOW,
     REPROJECTION,
+    UNDERFLOW,
     WRONG,
 )
+from stereocal.evaluation.evaluate import Run
 from stereocal.evaluation.summary import (
     BOOTSTRAPS,
     MethodSummary,
@@ -36,10 +36,10 @@ def run_of(correct: FloatArray, wrong: FloatArray, lengths: FloatArray | None = 
     """A run with these values of both quantities (not their logarithms), alike for all methods."""
     counts = np.zeros((3, 2, 2, BINS + 2), dtype=np.int32)
     for label, values in ((CORRECT, correct), (WRONG, wrong)):
-        edges = 10 ** (LOWEST + FINE * np.arange(BINS + 1))
+        edges = 10 ** (LOWEST + BIN_WIDTH * np.arange(BINS + 1))
         counts[:, :, label, :BINS] = np.histogram(values, edges)[0]
-        counts[:, :, label, BELOW] = (values < edges[0]).sum()
-        counts[:, :, label, ABOVE] = (values >= edges[-1]).sum()
+        counts[:, :, label, UNDERFLOW] = (values < edges[0]).sum()
+        counts[:, :, label, OVERFLOW] = (values >= edges[-1]).sum()
     ratios = np.array([1.01, 0.98]) if lengths is None else lengths
     nans = np.zeros((3, 2), dtype=np.int64)
     return Run(counts, nans, np.tile(ratios, (3, 1)), np.zeros((3, 5)), np.ones(3))
@@ -90,7 +90,7 @@ def test_fcp_interval_covers_the_truth(
         counts = np.zeros((100, 3, 2, 2, BINS + 2), dtype=np.int64)
         for label, pairs, mean in ((CORRECT, 10, 0.0), (WRONG, 90, shift)):
             values = rng.normal(mean, spreads[0 if label == CORRECT else 1], (100, pairs))
-            bins = np.minimum(np.floor((values - LOWEST) / FINE), ABOVE).astype(int)
+            bins = np.minimum(np.floor((values - LOWEST) / BIN_WIDTH), OVERFLOW).astype(int)
             np.add.at(counts[:, 1, REPROJECTION, label], (np.arange(100)[:, None], bins), 1)
         covered.append(fcp_covers(counts[:, 1, REPROJECTION], truth, study))
     assert np.mean(covered) >= least

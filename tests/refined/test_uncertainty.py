@@ -13,7 +13,7 @@ from stereocal.refined.uncertainty import (
     accuracy_map,
     distance_sigmas,
     in_view,
-    length_slopes,
+    length_jacobian,
     point_covariances,
     standard_errors,
 )
@@ -71,7 +71,7 @@ def test_slopes_of_a_distance_are_those_of_finite_differences(result: RefinedRes
     """By a change of the angles and of the baseline, at a fixed pair of pixels."""
     ends = rig.bar_ends(6, seed=3)
     a, b = ends[0::2], ends[1::2]
-    slopes = length_slopes(result, a, b)
+    slopes = length_jacobian(result, a, b)
     both = np.concatenate([a, b])
     primary, secondary = (
         result.primary.undistort(result.primary.project(both)),
@@ -137,6 +137,6 @@ def test_the_map_covers_the_common_view(result: RefinedResult) -> None:
     np.testing.assert_array_equal(np.isfinite(found.point_m).ravel(), seen)
     assert 20 < seen.sum() < len(seen)
     assert (found.point_m[np.isfinite(found.point_m)] > 0).all()
-    assert found.z_m.max() > np.nanmax(result.places_m[..., 2])
+    assert found.z_m.max() > np.nanmax(result.points_m[..., 2])
     with pytest.raises(StereocalError, match="at least 2"):
         accuracy_map(result, 1)

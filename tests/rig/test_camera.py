@@ -185,7 +185,7 @@ class TestRefusals:
     @pytest.mark.parametrize("key", ["K", "distortion", "image_size"])
     def test_json_without_a_key(self, key: str) -> None:
         data = {name: value for name, value in PRIMARY.to_json().items() if name != key}
-        with pytest.raises(StereocalError, match=f"here: the camera lacks {key}"):
+        with pytest.raises(StereocalError, match=f"here: the camera has no {key}"):
             Camera.from_json(data, "here")
 
     @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from stereocal.rig.compiled import internal, plain
+from stereocal.rig.compiled import contiguous, internal
 
 ROOT = Path(__file__).parents[2]
 ASK = """
@@ -48,7 +48,7 @@ def test_python_runs_an_internal_function_as_it_is_written() -> None:
 
 def test_plain_copies_only_what_is_not_plain() -> None:
     writable = np.zeros((2, 3))
-    assert plain(writable) is writable
-    assert plain(writable.T).flags.carray
+    assert contiguous(writable) is writable
+    assert contiguous(writable.T).flags.carray
     writable.setflags(write=False)
-    assert plain(writable).flags.carray
+    assert contiguous(writable).flags.carray

@@ -72,9 +72,9 @@ class TestCorrespondences:
         ("columns", "says"),
         [
             ({"frame": np.array([1, 1, 1, 2, 3, 3])}, "twice"),
-            ({"source": np.array([0, 1, 2, -1, 3, 0])}, "detected"),
-            ({"sigma_primary_px": np.array([1, 1, 0, 1, 1, np.nan])}, "not above 0"),
-            ({"sigma_secondary_px": np.array([1, 1, -1, 1, 1, np.nan])}, "not above 0"),
+            ({"source": np.array([0, 1, 2, -1, 3, 0])}, "source is invalid"),
+            ({"sigma_primary_px": np.array([1, 1, 0, 1, 1, np.nan])}, "above 0"),
+            ({"sigma_secondary_px": np.array([1, 1, -1, 1, 1, np.nan])}, "above 0"),
             ({"target": np.array([0, 1, 0, 1, 0, 2])}, "neither A"),
             ({"target": np.zeros(5, int)}, "target has shape"),
             ({"primary": np.full((6, 2), np.nan)}, "not a finite number"),

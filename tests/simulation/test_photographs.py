@@ -20,7 +20,7 @@ from stereocal.rig.compiled import FloatArray
 from stereocal.rig.rig import Rig
 from stereocal.simulation.backgrounds import WALL_M, outdoors
 from stereocal.simulation.photographs import (
-    APART,
+    SEPARATION,
     BarSettings,
     facing,
     photograph_bars,
@@ -130,7 +130,7 @@ def test_boards_do_not_hide_each_other() -> None:
         side = camera.K[0, 0] * BarSettings.board_m / nearest
         apart = np.linalg.norm(pixels[:, 1] - pixels[:, 0], axis=1) / side
         # Measured across the line of sight to A; foreshortening takes up to a tenth.
-        assert apart.min() > 0.9 * APART
+        assert apart.min() > 0.9 * SEPARATION
     with pytest.raises(StereocalError, match="hide each other"):
         place_visible_bars(rig, np.random.default_rng(0), 1, FIELD_BAR_M, board_m=0.7)
 
