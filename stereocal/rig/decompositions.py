@@ -1,7 +1,10 @@
-"""Small decompositions for compiled code.
+"""Small decompositions for compiled code, where LAPACK's cost more.
 
-LAPACK does these too, but numba takes longer to compile a call of it: 5 s for `np.linalg.solve`,
-1.5 s for `np.linalg.qr`. The singular values are LAPACK's, with 1 s and 0.2 s for each further use.
+Processor time to compile a use of 9 x 9, and to run it:
+`np.linalg.solve` 4.6 s and 9.5 us, `solve_positive` 0.7 s and 1.5 us; `np.linalg.qr` 1.3 s and
+8.6 us, `triangle` 0.6 s and 3.0 us; `np.linalg.cholesky` 0.28 s and 4.1 us, and an exception where
+the matrix is not positive, `factor` 0.29 s and 1.8 us. The singular values are LAPACK's: 1.0 s, and
+0.2 s for each further use.
 """
 
 from __future__ import annotations
