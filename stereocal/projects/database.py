@@ -100,14 +100,19 @@ class Database:
         Raises:
             StereocalError: there is no such project, or it is damaged or of a newer version.
         """
-        outer = _open_here().get(self.path)
+        outer = _open_here().get(self.path) or _read_here().get(self.path)
         if outer is not None:
+            # A second connection could wait for a writer that waits for the first.
             yield outer
             return
         with self._connected() as db:
             db.execute("BEGIN")
             patiently(lambda: db.execute("SELECT 1 FROM value LIMIT 1").fetchall())
-            yield db
+            _read_here()[self.path] = db
+            try:
+                yield db
+            finally:
+                _read_here().pop(self.path, None)
 
     def rows(self, query: str, *values: Any) -> list[tuple[Any, ...]]:
         """What a query finds."""
@@ -238,6 +243,12 @@ _THREAD = threading.local()
 def _open_here() -> dict[Path, sqlite3.Connection]:
     """The databases in which this thread has begun an act."""
     found: dict[Path, sqlite3.Connection] = _THREAD.__dict__.setdefault("open", {})
+    return found
+
+
+def _read_here() -> dict[Path, sqlite3.Connection]:
+    """The databases that this thread reads."""
+    found: dict[Path, sqlite3.Connection] = _THREAD.__dict__.setdefault("read", {})
     return found
 
 
