@@ -123,7 +123,7 @@ def plain_search(
 def cost_cases() -> tuple[Case, ...]:
     """The three costs of 20 frames (40 correspondences) of the sample field, at the true pose."""
     scene, dataset = simulate_field(0)
-    return _cases(scene, dataset, COST_FRAMES, scene.rig.secondary_from_primary)
+    return _cases(scene, dataset, COST_FRAMES, scene.rig.pose)
 
 
 @functools.cache

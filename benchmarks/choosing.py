@@ -26,6 +26,7 @@ from stereocal.detection.detect import Detection, detect_targets
 from stereocal.frames.labelling import Labelling, label_targets
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
+from stereocal.rig.rig import Rig
 from stereocal.simulation.photographs import (
     BarSettings,
     PhotographPair,
@@ -40,7 +41,7 @@ from stereocal.simulation.rendering import (
     photograph,
     x_corner_board,
 )
-from stereocal.simulation.simulate import Rig, field_rig
+from stereocal.simulation.simulate import field_rig
 from tests.bar_photographs import BAR_M, BOARD_M, DEPTHS_M, small
 
 KINDS = ("clutter", "second board", "on the line", "at its length", "hidden")
@@ -53,7 +54,7 @@ SETTINGS = PhotographSettings()
 def small_rig() -> Rig:
     """The rig of the field study with pixels four times as large."""
     field = field_rig(baseline_m=2.0)
-    return Rig(small(field.primary), small(field.secondary), field.secondary_from_primary)
+    return Rig(small(field.primary), small(field.secondary), field.pose)
 
 
 def cluttered(size: tuple[int, int], rng: np.random.Generator) -> Picture:
@@ -90,8 +91,8 @@ def taken(kind: str, frames: int, rng: np.random.Generator) -> Iterator[Photogra
     backgrounds: list[Picture | float] = [110.0, 110.0]
     if kind == "clutter":
         backgrounds = [cluttered(camera.image_size, rng) for camera in cameras]
-    poses = (Pose(np.eye(3), np.zeros(3)), rig.secondary_from_primary)
-    viewpoint = 0.5 * rig.secondary_from_primary.inverse().T
+    poses = (Pose(np.eye(3), np.zeros(3)), rig.pose)
+    viewpoint = 0.5 * rig.pose.inverse().T
     place = next(_places(rig, rng))
     for frame, ends in enumerate(scene.ends_m, start=1):
         there = kind != "clutter" and rng.uniform() < WITH_ANOTHER
@@ -142,7 +143,7 @@ def _places(rig: Rig, rng: np.random.Generator) -> Iterator[FloatArray]:
 
 def _on_the_line(rig: Rig, ends: FloatArray, rng: np.random.Generator) -> FloatArray:
     """A place in the epipolar plane of target B, which both cameras see, apart from the bar."""
-    eye = rig.secondary_from_primary.inverse().T
+    eye = rig.pose.inverse().T
     for place in _places(rig, rng):
         normal = np.cross(eye, ends[1]) / np.linalg.norm(np.cross(eye, ends[1]))
         moved: FloatArray = place - (place @ normal) * normal
@@ -164,7 +165,7 @@ def _shows(rig: Rig, ends: FloatArray, place: FloatArray) -> bool:
     """Whether both cameras see a third board at this place whole, and apart from the bar's."""
     for camera, pose in (
         (rig.primary, Pose(np.eye(3), np.zeros(3))),
-        (rig.secondary, rig.secondary_from_primary),
+        (rig.secondary, rig.pose),
     ):
         pixels = camera.project(pose.apply(np.vstack([ends, place])))
         apart = np.linalg.norm(pixels[:2] - pixels[2], axis=1).min() > 60

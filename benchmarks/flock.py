@@ -6,12 +6,12 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from stereocal.rig.rig import Rig
 
 from stereocal.calibration.essential import Solver
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.parameters import RigParameters
+from stereocal.rig.rig import Rig
 from stereocal.simulation.nineteen import simulate_nineteen
 from stereocal.simulation.simulate import FIELD_DEPTHS_M, place_bars
 from stereocal.workflow import calibrate

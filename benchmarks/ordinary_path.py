@@ -186,7 +186,7 @@ def frames(rigs: int) -> None:
         within = {"2d": 0, "3d": 0}
         for number in range(rigs):
             scene, data, rng = rig(number)
-            truth = scene.rig.secondary_from_primary
+            truth = scene.rig.pose
             clean = calibrate(data)
             spoiled, bad = with_frames_exchanged(data, rng, count)
             try:
@@ -211,7 +211,7 @@ def points(rigs: int) -> None:
     right = refused = wrong = cautioned = 0
     for number in range(rigs):
         scene, data, rng = rig(number)
-        truth = scene.rig.secondary_from_primary
+        truth = scene.rig.pose
         clean = calibrate(data)
         spoiled, bad = with_points_off(data, rng)
         try:

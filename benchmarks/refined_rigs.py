@@ -9,7 +9,8 @@ import numpy as np
 from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose
-from stereocal.simulation.simulate import Given, Rig, Scene, lens_off_by, observe, place_bars
+from stereocal.rig.rig import Rig
+from stereocal.simulation.simulate import Given, Scene, lens_off_by, observe, place_bars
 from tests import known_rig as rig
 
 BAR_M = 0.87
@@ -68,7 +69,7 @@ def stated(
     given = Given(
         cameras[0],
         cameras[1],
-        (scene.rig.secondary_from_primary.baseline + off.baseline_m * rng.normal()) * baseline,
+        (scene.rig.pose.baseline + off.baseline_m * rng.normal()) * baseline,
         scene.bar_length_m + off.bar_m * rng.normal(),
     )
     return observe(scene, rng, off.noise_px, name, given)

@@ -52,7 +52,7 @@ def deviations(rigs: int, off: Misjudged, settings: RefineSettings, seed: int) -
         scene = random_scene(rng, 26)
         fit, test = held_out(stated(scene, rng, off), 1)
         result = refine(fit, settings)
-        truth = scene.rig.secondary_from_primary
+        truth = scene.rig.pose
         errors = result.q[:6] - np.append(truth.angles, truth.baseline)
         errors[:5] = (errors[:5] + np.pi) % (2 * np.pi) - np.pi
         found[k, :6] = errors / np.sqrt(np.diag(result.covariance)[:6])
@@ -83,7 +83,7 @@ def over_bound(
         C, ends = bound.covariance, scene.ends_m[-1]
         slope = length_slopes(bound, ends[:1], ends[1:])[0]
         length = result.apply(exact_test).reconstructed_lengths_m(result.pose)[0]
-        truth = scene.rig.secondary_from_primary
+        truth = scene.rig.pose
         rows[k] = (
             turned(result.pose, truth) ** 2,
             np.trace(axes(bound) @ C[:3, :3] @ axes(bound).T),
@@ -128,7 +128,7 @@ def calibration_error(result: RefinedResult, scene: Scene) -> tuple[float, float
     exact = observe(scene, np.random.default_rng(0), 0.0, "exact")
     lengths = result.apply(exact).reconstructed_lengths_m(result.pose)
     return (
-        turned(result.pose, scene.rig.secondary_from_primary),
+        turned(result.pose, scene.rig.pose),
         float(np.sqrt(np.mean((lengths / scene.bar_length_m - 1) ** 2))),
     )
 
@@ -166,7 +166,7 @@ def against_the_paper(rigs: int, noise_px: float, seed: int) -> FloatArray:
             )
             for camera in (scene.rig.primary, scene.rig.secondary)
         ]
-        baseline = scene.rig.secondary_from_primary.baseline
+        baseline = scene.rig.pose.baseline
         given = Given(off[0], off[1], baseline, scene.bar_length_m)
         fit, test = held_out(observe(scene, rng, noise_px, "rig", given), 25)
         paper, found = calibrate(fit).methods, refine(fit)

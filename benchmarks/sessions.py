@@ -43,9 +43,10 @@ from stereocal.frames.search import detect_frames
 from stereocal.projects.photographs import TABLE_LABEL
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
+from stereocal.rig.rig import Rig
 from stereocal.simulation.photographs import BarSettings, photograph_bars, place_visible_bars
 from stereocal.simulation.rendering import PhotographSettings
-from stereocal.simulation.simulate import FIELD_BAR_M, Rig, field_rig, observe, place_bars
+from stereocal.simulation.simulate import FIELD_BAR_M, field_rig, observe, place_bars
 from stereocal.workflow import calibrate
 from tests.bar_photographs import BOARD_M, DEPTHS_M, small
 
@@ -71,7 +72,7 @@ class Person:
         rig = field_rig((2.0 if self.has_photographs else 4.0) + 0.037 * self.number)
         if not self.has_photographs:
             return rig
-        return Rig(small(rig.primary), small(rig.secondary), rig.secondary_from_primary)
+        return Rig(small(rig.primary), small(rig.secondary), rig.pose)
 
     @property
     def bar_m(self) -> float:
@@ -137,7 +138,7 @@ class Person:
             self.name, read_camera(self.cameras["primary"], "primary"),
             read_camera(self.cameras["secondary"], "secondary"),
             read_table(table, self.name).strict(self.name),
-            self.rig.secondary_from_primary.baseline, self.bar_m,
+            self.rig.pose.baseline, self.bar_m,
         )  # fmt: skip
 
     def _found(self) -> bytes:
@@ -220,9 +221,7 @@ def _give(session: Session, person: Person) -> None:
     for slot, content in person.cameras.items():
         session.upload(f"upload_{slot}", [(f"{slot}_{number}.json", content)], "upload a camera")
         session.wait_for(f"In use: {slot}_{number}.json")
-    session.type_number(
-        "baseline_m_value", person.rig.secondary_from_primary.baseline, "type a length"
-    )
+    session.type_number("baseline_m_value", person.rig.pose.baseline, "type a length")
     session.type_number("target_distance_m_value", person.bar_m, "type a length")
     if person.has_photographs:
         begun = time.monotonic()

@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 
 from stereocal.rig.camera import Camera
+from stereocal.rig.rig import Rig
 from stereocal.simulation.photographs import (
     BarSettings,
     PhotographPair,
@@ -18,7 +19,7 @@ from stereocal.simulation.photographs import (
     place_visible_bars,
 )
 from stereocal.simulation.rendering import PhotographSettings
-from stereocal.simulation.simulate import Rig, field_rig
+from stereocal.simulation.simulate import field_rig
 
 SHRINK = 4
 BOARD_M, BAR_M, DEPTHS_M = 0.3, 0.9, (6.0, 9.0)
@@ -58,7 +59,7 @@ def bar_set(frames: int, seed: int = 3) -> BarSet:
     """Frames of 584 x 432 px before a plain background."""
     rng = np.random.default_rng(seed)
     field = field_rig(baseline_m=2.0)
-    rig = Rig(small(field.primary), small(field.secondary), field.secondary_from_primary)
+    rig = Rig(small(field.primary), small(field.secondary), field.pose)
     scene = place_visible_bars(rig, rng, frames, BAR_M, BOARD_M, depths_m=DEPTHS_M, margin_px=40.0)
     bar = BarSettings(board_m=BOARD_M)
     pairs = photograph_bars(scene, (110.0, 110.0), bar, PhotographSettings(), rng)

@@ -18,7 +18,7 @@ from stereocal.formats.camera_file import read_camera, write_camera, write_openc
 from stereocal.formats.correspondences_csv import read_table
 from stereocal.formats.dataset_files import parse_dataset, parse_zip, read_dataset
 from stereocal.formats.exchange.exchange import export_files, import_files
-from stereocal.formats.exchange.stereo import ExchangeOptions
+from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.pixel_origin import PixelOrigin
 from stereocal.formats.point_answers import (
     BarAnswers,

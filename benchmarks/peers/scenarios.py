@@ -61,7 +61,7 @@ class Scenario:
         K[0, 1] = 0.0  # most peers know no skew
         lens = np.append(drawn.secondary.distortion, 0.0)
         rig = replace(drawn, secondary=replace(drawn.secondary, K=K, distortion=lens))
-        pose = rig.secondary_from_primary
+        pose = rig.pose
         scene = place_bars(rig, rng, FRAMES + TEST_FRAMES, BAR_M, DEPTHS_M)
         off = Misjudged(
             baseline_m=BASELINE * pose.baseline if self.misjudged else 0.0,

@@ -8,10 +8,11 @@ from pathlib import Path
 from stereocal.commands.options import add_lens_model
 from stereocal.errors import StereocalError
 from stereocal.formats.exchange.exchange import FORMATS, export, export_notes, import_parameters
-from stereocal.formats.exchange.stereo import ExchangeOptions
+from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.pixel_origin import CORNERS, FLIPS, PixelOrigin
 from stereocal.formats.units import UNITS
 from stereocal.matching.reconstruction import read_world
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.parameters import RigParameters
 
 
@@ -62,7 +63,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
         metavar="FILE",
         help="4x4 table (JSON or CSV) that takes points of the primary camera's frame to yours",
     )
-    for which in ("primary", "secondary"):
+    for which in CAMERAS:
         command.add_argument(
             f"--image-size-{which}",
             metavar="WxH",

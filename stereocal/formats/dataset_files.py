@@ -12,7 +12,7 @@ from stereocal.errors import RefusedRowsError, StereocalError
 from stereocal.formats.camera_file import read_camera, write_camera
 from stereocal.formats.correspondences_csv import read_table, write_table
 from stereocal.formats.lens_model import LensModel
-from stereocal.rig.camera import Camera
+from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.dataset import Correspondences, Dataset
 from stereocal.system.json_text import read_json
 from stereocal.system.limits import Limits
@@ -159,7 +159,7 @@ def parse_survey(
     folder, description = find_description(files, source)
     where = f"{source}: {DESCRIPTION}"
     named = description.get("cameras")
-    if not isinstance(named, dict) or not {"primary", "secondary"} <= named.keys():
+    if not isinstance(named, dict) or not set(CAMERAS) <= named.keys():
         raise StereocalError(f'{where}: "cameras" must name a primary and a secondary camera file.')
 
     def camera(which: str) -> Camera:

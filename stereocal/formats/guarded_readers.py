@@ -53,7 +53,7 @@ def _dataset(path: Path) -> Prepared:
 def _parameters(path: Path) -> Prepared:
     # Not with the others: it takes 0.4 s of the start of every child, and is seldom needed.
     from stereocal.formats.exchange.exchange import import_files
-    from stereocal.formats.exchange.stereo import ExchangeOptions
+    from stereocal.formats.exchange.options import ExchangeOptions
 
     options = ExchangeOptions(unit="m", lens_model="brown")
     files = unzip(path.read_bytes(), path.name)

@@ -17,9 +17,8 @@ from stereocal.calibration.essential import calibrate_essential
 from stereocal.detection.detect import Detection
 from stereocal.errors import StereocalError
 from stereocal.frames.epipolar_labels import sampson
-from stereocal.frames.pairing import CAMERAS
 from stereocal.refined.outliers import MAD_TO_SIGMA
-from stereocal.rig.camera import Camera
+from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import BoolArray, FloatArray
 from stereocal.rig.geometry import Angles, Pose, triangulate_rays
 

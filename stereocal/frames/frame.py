@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
 from stereocal.errors import DAMAGED, StereocalError, can_be_shown
-from stereocal.frames.pairing import CAMERAS
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.dataset import SOURCES, TARGETS, Correspondences
 
 LARGEST_PX = 1_000_000

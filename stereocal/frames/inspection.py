@@ -7,7 +7,8 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, as_completed
 
 from stereocal.errors import StereocalError
-from stereocal.frames.pairing import CAMERAS, Pair
+from stereocal.frames.pairing import Pair
+from stereocal.rig.camera import CAMERAS
 from stereocal.system.photograph import FileContent, photograph_header
 from stereocal.system.photograph_files import Photographs
 

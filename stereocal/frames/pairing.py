@@ -12,8 +12,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from stereocal.frames.naming import Reading, candidates, side_and_key, twin_of
+from stereocal.rig.camera import CAMERAS
 
-CAMERAS = ("primary", "secondary")
 MOST_DIGITS = 15
 """A frame number must be a whole number that a table keeps exactly."""
 

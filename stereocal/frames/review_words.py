@@ -9,9 +9,8 @@ import pandas as pd
 from stereocal.errors import StereocalError
 from stereocal.frames.epipolar_residuals import epipolar_residuals_px
 from stereocal.frames.frame import Centre, Frame
-from stereocal.frames.pairing import CAMERAS
 from stereocal.frames.review import is_open
-from stereocal.rig.camera import Camera
+from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.dataset import TARGETS
 
 PLACED_BY = {

@@ -14,9 +14,9 @@ from stereocal.detection.fit import Corner
 from stereocal.frames.frame import Centre, CentrePair, Frame, State
 from stereocal.frames.inspection import Progress, look_through, wrong_sizes
 from stereocal.frames.labelling import FrameLabels, LabelledPair, label_targets
-from stereocal.frames.pairing import CAMERAS, Pair
+from stereocal.frames.pairing import Pair
 from stereocal.frames.series import detect_series
-from stereocal.rig.camera import Camera
+from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.dataset import TARGETS
 from stereocal.system.photograph import FileContent, GreyImage, read_photograph
 from stereocal.system.photograph_files import Photographs

@@ -22,6 +22,7 @@ from scipy.sparse.csgraph import connected_components, min_weight_full_bipartite
 
 from stereocal.errors import StereocalError
 from stereocal.matching.pair_candidates import pairs_within
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.parameters import RigParameters
 
@@ -222,7 +223,7 @@ def refuse_different_rigs(one: RigParameters, other: RigParameters) -> None:
     Raises:
         StereocalError: says what differs.
     """
-    for which in ("primary", "secondary"):
+    for which in CAMERAS:
         a, b = getattr(one, which), getattr(other, which)
         if a.image_size != b.image_size:
             raise StereocalError(

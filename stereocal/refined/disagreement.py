@@ -35,6 +35,7 @@ from stereocal.refined.unknowns import (
     distance_sigma_m,
     lens_prior,
 )
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.compiled import FloatArray
 
 ACCUSED = 3.2
@@ -148,7 +149,7 @@ def _columns(result: RefinedResult) -> dict[str, list[int]]:
     """The free numbers of each input."""
     names = result.unknowns.names
     groups = {"baseline": ["baseline"], "distance": ["bar"]}
-    for camera in ("primary", "secondary"):
+    for camera in CAMERAS:
         groups[f"{camera} focal"] = [f"{camera} {key}" for key in ("focal", "fx", "fy")]
         groups[f"{camera} centre"] = [f"{camera} {key}" for key in ("cx", "cy")]
     found = {

@@ -11,6 +11,7 @@ from stereocal.refined.bar_fit import BAR
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.stated_inputs import Input
 from stereocal.refined.uncertainty import LENS, standard_errors
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.geometry import Angles
 from stereocal.rig.parameters import RigParameters, inputs_of
 
@@ -18,7 +19,7 @@ COVARIANCE_OF = (
     *Angles._fields,
     "baseline_m",
     "bar_factor",
-    *(f"{camera}_{key}" for camera in ("primary", "secondary") for key in LENS),
+    *(f"{camera}_{key}" for camera in CAMERAS for key in LENS),
 )
 """Names of the rows of the covariance, in order."""
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.compiled import FloatArray
 
 LENGTHS = {"baseline", "distance"}
@@ -129,7 +130,7 @@ NAMES = {
     "distance": "the measured distance between the targets",
     **{
         f"{camera} {part}": f"the {camera} camera's {name}"
-        for camera in ("primary", "secondary")
+        for camera in CAMERAS
         for part, name in (("focal", "focal length"), ("centre", "principal point"))
     },
 }

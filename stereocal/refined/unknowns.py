@@ -10,7 +10,7 @@ import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.refined.bar_fit import BAR, BASELINE, EPSILON, PRIMARY, SECONDARY, SHARED
-from stereocal.rig.camera import Camera
+from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
@@ -97,7 +97,7 @@ class RefineSettings:
             StereocalError: a name that is no setting, or a value of the wrong kind or range.
         """
         given = {name: _number(value) for name, value in data.items()}
-        for lens in ("primary", "secondary"):
+        for lens in CAMERAS:
             if isinstance(own := given.get(lens), Mapping):
                 numbers = {name: _number(value) for name, value in own.items()}
                 given[lens] = LensPrior(**numbers)

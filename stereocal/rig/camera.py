@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import cv2
 import numpy as np
@@ -13,6 +13,8 @@ import numpy.typing as npt
 from stereocal.errors import StereocalError
 from stereocal.rig.compiled import FloatArray
 
+CameraName = Literal["primary", "secondary"]
+CAMERAS: tuple[CameraName, CameraName] = ("primary", "secondary")
 LARGEST_SIDE = 1_000_000
 MOST = 1e9
 DISTORTION_LENGTHS = (0, 4, 5, 8, 12, 14)

@@ -13,23 +13,18 @@ from typing import Any
 import cv2
 import numba
 import numpy as np
-import numpy.typing as npt
 import scipy
 
 import stereocal
 from stereocal.errors import DAMAGED, StereocalError
 from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import FloatArray, IntArray
+from stereocal.rig.compiled import IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import (
     Angles,
     Pose,
-    epipolar_distances,
-    reprojection_errors_of_rays,
-    residuals,
-    stack_rays,
-    triangulate,
 )
+from stereocal.rig.rig import Rig
 from stereocal.system.atomic_files import write_atomically
 from stereocal.system.json_text import read_json
 
@@ -42,8 +37,8 @@ UNITS = {"T": "m", "baseline_m": "m", "angles": "rad", "K": "px", "matching_thre
 
 
 @dataclass(frozen=True, eq=False)
-class RigParameters:
-    """One parameter set: two cameras, their relative pose, and what the set is for.
+class RigParameters(Rig):
+    """One parameter set: a rig, how it was found, and what it is for.
 
     The file is JSON (format `stereocal-parameters/1`) and describes itself.
 
@@ -53,10 +48,6 @@ class RigParameters:
 
     method: str
     """`2d`, `3d` or `refined`; `imported` for parameters that another program found."""
-    primary: Camera
-    secondary: Camera
-    pose: Pose
-    """`secondary_from_primary`."""
     cost: float | None
     """None for imported parameters, whose cost nobody knows."""
     settings: Mapping[str, Any]
@@ -87,41 +78,6 @@ class RigParameters:
     def purpose(self) -> str:
         """`matching` for the 2D set, `reconstruction` for the 3D set, else `both`."""
         return PURPOSES[self.method]
-
-    def reconstruct(self, primary_px: npt.ArrayLike, secondary_px: npt.ArrayLike) -> FloatArray:
-        """Points (n, 3) in metres in the primary frame, from raw pixels (n, 2) of each camera."""
-        return triangulate(
-            self.pose, self.primary.undistort(primary_px), self.secondary.undistort(secondary_px)
-        )
-
-    def reprojection_errors(
-        self, primary_px: npt.ArrayLike, secondary_px: npt.ArrayLike
-    ) -> FloatArray:
-        """Errors (n, 2) in pixels of the undistorted images, from raw pixels of each camera."""
-        rays = stack_rays(
-            self.primary.undistort(primary_px), self.secondary.undistort(secondary_px)
-        )
-        scale = np.array([self.primary.pixel_scale, self.secondary.pixel_scale])
-        return reprojection_errors_of_rays(self.pose.R, self.pose.T, rays, scale)
-
-    def residuals(self, primary_px: npt.ArrayLike, secondary_px: npt.ArrayLike) -> FloatArray:
-        """`q_secondary^T E q_primary` (n,), from raw pixels (n, 2) of each camera."""
-        return residuals(
-            self.pose.essential,
-            self.primary.undistort(primary_px),
-            self.secondary.undistort(secondary_px),
-        )
-
-    def epipolar_distances(
-        self, primary_px: npt.ArrayLike, secondary_px: npt.ArrayLike
-    ) -> FloatArray:
-        """Distances (n, 2) in undistorted pixels of points to their partners' epipolar lines."""
-        F = np.linalg.inv(self.secondary.K).T @ self.pose.essential @ np.linalg.inv(self.primary.K)
-        return epipolar_distances(
-            F,
-            self.primary.undistort_to_pixels(primary_px),
-            self.secondary.undistort_to_pixels(secondary_px),
-        )
 
     def to_json(self) -> dict[str, Any]:
         """The content of the file."""

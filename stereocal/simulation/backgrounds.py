@@ -15,10 +15,10 @@ import numpy as np
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
+from stereocal.rig.rig import Rig
 from stereocal.simulation.rays import ray_splines
 from stereocal.simulation.rendering import Picture, Placed, blurred, chessboard, paint, turned
 from stereocal.simulation.scenery import Canvas, clouded, paint_scenery
-from stereocal.simulation.simulate import Rig
 
 WALL_M = 40.0
 """Distance of the painted wall."""
@@ -41,7 +41,7 @@ def outdoors(
             primary: its corners look like targets.
     """
     cameras = (rig.primary, rig.secondary)
-    poses = (Pose(np.eye(3), np.zeros(3)), rig.secondary_from_primary)
+    poses = (Pose(np.eye(3), np.zeros(3)), rig.pose)
     canvas = _canvas_for(cameras, poses)
     paint_scenery(canvas, rng)
     lying = lying_chessboard(rig.primary, rng) if chessboard_about else None

@@ -16,10 +16,10 @@ from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose
+from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import (
     TRUTH,
     Given,
-    Rig,
     Scene,
     field_rig,
     lens_off_by,
@@ -106,8 +106,8 @@ def _set_up(baseline_m: float, rng: np.random.Generator) -> Rig:
     """The field rig with this true baseline, each angle a little off, as set up by hand."""
     rig = field_rig(baseline_m)
     off: FloatArray = POSE_SPREAD_RAD * rng.standard_normal(5)
-    angles = Angles(*(np.array(rig.secondary_from_primary.angles) + off).tolist())
-    return replace(rig, secondary_from_primary=Pose.from_angles(angles, baseline_m))
+    angles = Angles(*(np.array(rig.pose.angles) + off).tolist())
+    return replace(rig, pose=Pose.from_angles(angles, baseline_m))
 
 
 def _misjudged(camera: Camera, rng: np.random.Generator) -> Camera:

@@ -17,6 +17,7 @@ import numpy as np
 from stereocal.errors import StereocalError
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
+from stereocal.rig.rig import Rig
 from stereocal.simulation.rendering import (
     Board,
     Photograph,
@@ -28,7 +29,7 @@ from stereocal.simulation.rendering import (
     x_corner_board,
 )
 from stereocal.simulation.scenery import GROUND_M
-from stereocal.simulation.simulate import FIELD_DEPTHS_M, MOST_ROUNDS, Rig, Scene, place_bars
+from stereocal.simulation.simulate import FIELD_DEPTHS_M, MOST_ROUNDS, Scene, place_bars
 
 VISIBLE_MARGIN_PX = 110.0
 """No target nearer than this to the edge of an image: a 0.18 m board at 8 m reaches 113 px when it
@@ -96,16 +97,16 @@ def photograph_bars(
         backgrounds: what the primary and the secondary see behind the bar, in all frames.
     """
     rig = scene.rig
-    viewpoint = 0.5 * rig.secondary_from_primary.inverse().T
+    viewpoint = 0.5 * rig.pose.inverse().T
     for frame, ends in enumerate(scene.ends_m, start=1):
         objects = place_boards(ends, viewpoint, bar, rng)
-        moved = [placed.seen_from(rig.secondary_from_primary) for placed in objects]
+        moved = [placed.seen_from(rig.pose) for placed in objects]
         yield PhotographPair(
             frame,
             photograph(rig.primary, backgrounds[0], objects, settings, rng),
             photograph(rig.secondary, backgrounds[1], moved, settings, rng),
             rig.primary.project(ends),
-            rig.secondary.project(rig.secondary_from_primary.apply(ends)),
+            rig.secondary.project(rig.pose.apply(ends)),
         )
 
 
@@ -182,7 +183,7 @@ def place_visible_bars(
     Raises:
         StereocalError: too few such bars, because the boards are too large for the bar.
     """
-    eyes = (np.zeros(3), rig.secondary_from_primary.inverse().T)
+    eyes = (np.zeros(3), rig.pose.inverse().T)
     found = np.empty((0, 2, 3))
     for _ in range(MOST_ROUNDS):
         drawn = place_bars(rig, rng, frames, length_m, depths_m, margin_px).ends_m

@@ -10,8 +10,9 @@ import cv2
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.rig.camera import Camera
+from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.geometry import Angles, Pose
+from stereocal.rig.rig import Rig
 from stereocal.simulation.backgrounds import indoors, outdoors
 from stereocal.simulation.board_series import (
     LENS_PHOTOGRAPHS,
@@ -31,7 +32,6 @@ from stereocal.simulation.simulate import (
     FIELD_BAR_M,
     FIELD_BASELINE_M,
     FIELD_FRAMES,
-    Rig,
     Scene,
     field_rig,
     truth_of,
@@ -71,7 +71,7 @@ class PhotographedField:
 
     def board_photographs(self, which: str) -> Iterator[Photograph]:
         """The photographs of the chessboard by one camera, one at a time."""
-        rng = np.random.default_rng([self.seed, 2, ["primary", "secondary"].index(which)])
+        rng = np.random.default_rng([self.seed, 2, CAMERAS.index(which)])
         camera = self.cameras[which]
         board = chessboard(LENS_SQUARES, LENS_SQUARE_M)
         background = indoors(camera, rng)
@@ -101,7 +101,7 @@ def prepare_photographs(
 def drawn_rig(rng: np.random.Generator) -> Rig:
     """Like `field_rig`, with lenses and a set-up of its own; baseline 4.5 m."""
     rig = field_rig(FIELD_BASELINE_M)
-    angles = np.array(rig.secondary_from_primary.angles) + POSE_SPREAD_RAD * rng.standard_normal(5)
+    angles = np.array(rig.pose.angles) + POSE_SPREAD_RAD * rng.standard_normal(5)
     cameras = []
     for camera in (rig.primary, rig.secondary):
         K = camera.K.copy()
@@ -129,7 +129,7 @@ def true_of_photographs(field: PhotographedField) -> dict[str, Any]:
     truth = truth_of(field.scene, 0.0, field.seed)
     del truth["noise_px"]
     frames = len(field.scene.ends_m)
-    for which, points in zip(("primary", "secondary"), field.scene.points_m, strict=True):
+    for which, points in zip(CAMERAS, field.scene.points_m, strict=True):
         pixels = field.cameras[which].project(points).reshape(frames, 2, 2)
         for entry, centres in zip(truth["frames"], pixels, strict=True):
             entry[f"pixels_{which}"] = {"A": centres[0].tolist(), "B": centres[1].tolist()}

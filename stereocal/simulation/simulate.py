@@ -19,6 +19,7 @@ from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Correspondences, Dataset
 from stereocal.rig.geometry import Angles, Pose
+from stereocal.rig.rig import Rig
 
 TRUTH_FORMAT = "stereocal-truth/1"
 TRUTH = "truth.json"
@@ -36,15 +37,6 @@ MARGIN_PX = 20.0
 
 MOST_ROUNDS = 1000
 """Rounds without enough visible bars before the rig is refused; a field rig needs 2 or 3."""
-
-
-@dataclass(frozen=True, eq=False)
-class Rig:
-    """Two cameras and how they truly stand."""
-
-    primary: Camera
-    secondary: Camera
-    secondary_from_primary: Pose
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +69,7 @@ class Scene:
     def points_m(self) -> tuple[FloatArray, FloatArray]:
         """A and B of each frame in turn, (2 frames, 3), in the primary's and secondary's frame."""
         points = self.ends_m.reshape(-1, 3)
-        return points, self.rig.secondary_from_primary.apply(points)
+        return points, self.rig.pose.apply(points)
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,9 +85,7 @@ class Given:
     def exact(cls, scene: Scene) -> Given:
         """Everything believed is true."""
         rig = scene.rig
-        return cls(
-            rig.primary, rig.secondary, rig.secondary_from_primary.baseline, scene.bar_length_m
-        )
+        return cls(rig.primary, rig.secondary, rig.pose.baseline, scene.bar_length_m)
 
 
 def place_bars(
@@ -125,9 +115,7 @@ def place_bars(
         candidates = _random_bars(rig.primary, rng, 8 * frames, length_m, depths_m)
         points = candidates.reshape(-1, 3)
         seen = _in_view(rig.primary, points, depths_m, margin_px)
-        seen &= _in_view(
-            rig.secondary, rig.secondary_from_primary.apply(points), depths_m, margin_px
-        )
+        seen &= _in_view(rig.secondary, rig.pose.apply(points), depths_m, margin_px)
         found = np.concatenate([found, candidates[seen.reshape(-1, 2).all(axis=1)]])
         if len(found) >= frames:
             return Scene(rig, found[:frames])
@@ -209,7 +197,7 @@ def field_rig(baseline_m: float = FIELD_BASELINE_M) -> Rig:
             np.array([-0.07, 0.18, -6e-4, 3e-4, 0.1]),
             (2336, 1728),
         ),
-        secondary_from_primary=Pose.from_angles(angles, baseline_m),
+        pose=Pose.from_angles(angles, baseline_m),
     )
 
 
@@ -225,7 +213,7 @@ def simulate_field(seed: int) -> tuple[Scene, Dataset]:
 
 def truth_of(scene: Scene, noise_px: float, seed: int) -> dict[str, Any]:
     """Everything true of a scene, for JSON."""
-    rig, pose = scene.rig, scene.rig.secondary_from_primary
+    rig, pose = scene.rig, scene.rig.pose
     return {
         "format": TRUTH_FORMAT,
         "convention": "x_secondary = R @ x_primary + T; metres, radians",

@@ -10,7 +10,7 @@ import streamlit as st
 
 from stereocal.errors import StereocalError
 from stereocal.formats.exchange.exchange import FORMATS, import_files
-from stereocal.formats.exchange.stereo import ExchangeOptions, ImageSize
+from stereocal.formats.exchange.options import ExchangeOptions, ImageSize
 from stereocal.formats.lens_model import FourCoefficientsError, LensModel
 from stereocal.formats.units import UNITS, Unit, UnitError
 from stereocal.projects.application import ProjectApplication, Use

@@ -9,7 +9,7 @@ import streamlit as st
 from stereocal.errors import StereocalError
 from stereocal.formats.evaluation_files import Evaluation, validation_figures
 from stereocal.formats.exchange.exchange import FORMATS, export_files, export_notes
-from stereocal.formats.exchange.stereo import ExchangeOptions
+from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.pixel_origin import CORNERS, PixelOrigin
 from stereocal.projects.project import Project
 from stereocal.refined.file import refined_parameters

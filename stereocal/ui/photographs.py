@@ -8,11 +8,12 @@ import streamlit as st
 
 from stereocal.errors import StereocalError
 from stereocal.frames.detection_file import pack_detection, unpack_detection
-from stereocal.frames.pairing import CAMERAS, Pair
+from stereocal.frames.pairing import Pair
 from stereocal.frames.search import STAGES, detect_frames
 from stereocal.projects.inputs import Slot
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
+from stereocal.rig.camera import CAMERAS
 from stereocal.system.photograph import SUFFIXES
 from stereocal.ui import jobs
 from stereocal.ui.fields import one_of, setting

@@ -10,7 +10,6 @@ from stereocal.errors import StereocalError
 from stereocal.figures.style import TARGET_COLOURS, TARGET_SYMBOLS
 from stereocal.formats.correspondences_csv import write_table
 from stereocal.frames.frame import Frame, correspondences_of, name_in
-from stereocal.frames.pairing import CAMERAS
 from stereocal.frames.review import (
     Edit,
     Review,
@@ -29,6 +28,7 @@ from stereocal.frames.thumbnails import eight_bits
 from stereocal.projects.files import StoredFile
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.review import change_review, read_review
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.dataset import TARGETS
 from stereocal.system.photograph import read_photograph
 from stereocal.ui.contact_sheet import BADGES, show_contact_sheet

@@ -19,7 +19,7 @@ from tests.known_rig import PRIMARY, RIG, SECONDARY, images
 
 pytestmark = pytest.mark.browser
 Settled = Callable[[Page], None]
-SET_2D = RigParameters("2d", PRIMARY, SECONDARY, RIG, 1.0, {}, {}, matching_threshold_px=0.8)
+SET_2D = RigParameters(PRIMARY, SECONDARY, RIG, "2d", 1.0, {}, {}, matching_threshold_px=0.8)
 
 
 def fetch(page: Page, key: str, folder: Path) -> Path:

@@ -116,7 +116,7 @@ def test_photographs_to_lenses_and_rig(
         # Measured: 0.001 and 0.004: the 3D cost leaves the pitch almost free.
         pose = RigParameters.load(save(page, f"download_{method}", tmp_path)).pose
         assert pose.baseline == pytest.approx(BASELINE_M, rel=1e-9)
-        assert np.abs(pose.R - RIG.secondary_from_primary.R).max() < limit
+        assert np.abs(pose.R - RIG.pose.R).max() < limit
 
     # What the pages have put on disk, refined: all within the stated errors.
     dataset = Project.open(home, page.url.split("project=")[1][:32]).dataset

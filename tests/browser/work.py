@@ -36,7 +36,7 @@ def finished_project(home: Path) -> str:
             "secondary": ("secondary.json", write_camera(rig.secondary)),
         },
         name=NAME,
-        baseline_m=rig.secondary_from_primary.baseline,
+        baseline_m=rig.pose.baseline,
         target_distance_m=BAR_M,
     )
     with ThreadPoolExecutor(2) as executor:

@@ -97,7 +97,7 @@ def test_each_set_measures_and_matches(
     ends = rng.uniform([-0.5, -0.4, 2.4], [0.5, 0.4, 4.2], (200, 3))
     others = ends + BAR_M * rng.permuted(np.tile([1.0, 0.0, 0.0], (200, 1)), axis=1)
     pixels = [
-        (RIG.primary.project(at), RIG.secondary.project(RIG.secondary_from_primary.apply(at)))
+        (RIG.primary.project(at), RIG.secondary.project(RIG.pose.apply(at)))
         for at in (ends, others)
     ]
     first, second = (found.reconstruct(*seen) for seen in pixels)

@@ -28,7 +28,7 @@ from stereocal.matching.reconstruction_files import reconstruct
 from stereocal.rig.parameters import RigParameters
 from tests.known_rig import BAR_M, PRIMARY, RIG, SECONDARY, bar_ends, images
 
-SET = RigParameters("2d", PRIMARY, SECONDARY, RIG, 1.0, {}, {}, matching_threshold_px=0.8)
+SET = RigParameters(PRIMARY, SECONDARY, RIG, "2d", 1.0, {}, {}, matching_threshold_px=0.8)
 SIZES = (PRIMARY.image_size, SECONDARY.image_size)
 FRAMES = 8
 

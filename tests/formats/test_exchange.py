@@ -24,7 +24,7 @@ from stereocal.formats.exchange.exchange import (
     import_parameters,
 )
 from stereocal.formats.exchange.lens_fit import fewer_coefficients
-from stereocal.formats.exchange.stereo import ExchangeOptions
+from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.pixel_origin import Flip, PixelOrigin
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
@@ -33,7 +33,7 @@ from stereocal.rig.parameters import RigParameters
 from tests.known_rig import ANY_ANGLES, PRIMARY, RIG, SECONDARY, bar_ends, images
 
 POINTS = bar_ends(30)
-FULL = RigParameters("3d", PRIMARY, SECONDARY, RIG, 0.1, {}, {})
+FULL = RigParameters(PRIMARY, SECONDARY, RIG, "3d", 0.1, {}, {})
 """Skew, k3: what some formats cannot hold."""
 STRAIGHT = replace(SECONDARY, K=SECONDARY.K * [[1, 0, 1], [1, 1, 1], [1, 1, 1]])
 NO_SKEW = replace(FULL, secondary=STRAIGHT)

@@ -22,7 +22,7 @@ from stereocal.formats.correspondences_csv import TEMPLATE, read_table
 from stereocal.formats.dataset_files import pack_dataset, parse_dataset
 from stereocal.formats.evaluation_files import validation_in_summary
 from stereocal.formats.exchange.exchange import FORMATS, export, export_files, import_files
-from stereocal.formats.exchange.stereo import ExchangeOptions
+from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.lens_model import FourCoefficientsError
 from stereocal.formats.units import UNITS, Unit
 from stereocal.matching.reconstruction import read_world

@@ -25,7 +25,7 @@ from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.parameters import RigParameters
 from tests.known_rig import ANGLES, BASELINE_M, PRIMARY, RIG, SECONDARY, SEEDS, images
 
-RIG_2D = RigParameters("2d", PRIMARY, SECONDARY, RIG, 1.0, {}, {}, matching_threshold_px=0.8)
+RIG_2D = RigParameters(PRIMARY, SECONDARY, RIG, "2d", 1.0, {}, {}, matching_threshold_px=0.8)
 
 
 def cloud(points: int, seed: int, noise_px: float = 0.0) -> tuple[FloatArray, FloatArray]:

@@ -22,7 +22,7 @@ from stereocal.rig.parameters import RigParameters
 from tests.known_rig import PRIMARY, RIG, SECONDARY, images
 from tests.terminal import sentences
 
-RIG_2D = RigParameters("2d", PRIMARY, SECONDARY, RIG, 1.0, {}, {}, matching_threshold_px=0.8)
+RIG_2D = RigParameters(PRIMARY, SECONDARY, RIG, "2d", 1.0, {}, {}, matching_threshold_px=0.8)
 FRAMES = 12
 POINTS = 20
 

@@ -16,7 +16,7 @@ from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.parameters import RigParameters
 from tests.known_rig import ANGLES, BASELINE_M, PRIMARY, RIG, SECONDARY, bar_ends, images
 
-RIG_3D = RigParameters("3d", PRIMARY, SECONDARY, RIG, 1.0, {}, {})
+RIG_3D = RigParameters(PRIMARY, SECONDARY, RIG, "3d", 1.0, {}, {})
 POINTS = bar_ends(10)
 PIXELS = images(POINTS)
 WORLD = Pose.from_angles(Angles(0.3, -0.4, 1.2, 0.1, 0.2), 5.0)
@@ -77,7 +77,7 @@ def test_the_covariance_of_the_pose_adds() -> None:
     for _ in range(600):
         there = here + root @ rng.standard_normal(6)
         pose = Pose.from_angles(Angles(*there[:5].tolist()), there[5])
-        moved = RigParameters("3d", PRIMARY, SECONDARY, pose, 1.0, {}, {})
+        moved = RigParameters(PRIMARY, SECONDARY, pose, "3d", 1.0, {}, {})
         repeated.append(reconstruct_points(moved, *PIXELS).xyz)
     # Measured: within 8 %.
     np.testing.assert_allclose(np.array(repeated).std(axis=0), np.asarray(sigma), rtol=0.15)

@@ -223,7 +223,7 @@ def scattered(folder: Path) -> Application:
         path = folder / f"{which}.csv"
         table.to_csv(path, index=False)
         tables.append(Points(path.name, path.name, 2400, 400))
-    params = RigParameters("2d", rig.PRIMARY, rig.SECONDARY, rig.RIG, 0.0, {}, {})
+    params = RigParameters(rig.PRIMARY, rig.SECONDARY, rig.RIG, "2d", 0.0, {}, {})
     return Application(tables[0], tables[1], params, replace(params, method="3d"), 0.5)
 
 

@@ -26,7 +26,7 @@ from tests.pages.waiting import ended
 
 ROOT = Path(__file__).parents[2]
 SLOW = 120
-SET_2D = RigParameters("2d", PRIMARY, SECONDARY, RIG, 1.0, {}, {}, matching_threshold_px=0.8)
+SET_2D = RigParameters(PRIMARY, SECONDARY, RIG, "2d", 1.0, {}, {}, matching_threshold_px=0.8)
 SET_3D = replace(SET_2D, method="3d", matching_threshold_px=None)
 
 

@@ -96,7 +96,7 @@ def test_without_a_write_ahead_log_a_rollback_journal_is_kept(
 
 
 def test_with_a_rollback_journal_readers_and_writers_do_not_wait_for_each_other_forever(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path,
 ) -> None:
     project = placed(FULL, tmp_path)
     with closing(sqlite3.connect(project.database.path)) as db:

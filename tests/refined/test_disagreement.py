@@ -28,7 +28,7 @@ def wrong(baseline: float = 1.0, focal: float = 0.0) -> tuple[Dataset, float]:
     rng = np.random.default_rng([2, 7])
     scene = random_scene(rng)
     data = stated(scene, rng, KNOWN, baseline=baseline, focal=focal)
-    return data, scene.rig.secondary_from_primary.baseline
+    return data, scene.rig.pose.baseline
 
 
 @pytest.mark.parametrize(("what", "least"), [("baseline", 27), ("primary focal", 27)])

@@ -40,7 +40,7 @@ def test_lenses_off_are_found_again_without_noise() -> None:
     given = Given(
         lens_off_by(true.primary, 0.003, (5.0, -4.0)),
         lens_off_by(true.secondary, -0.003, (-3.0, 5.0)),
-        true.secondary_from_primary.baseline,
+        true.pose.baseline,
         scene.bar_length_m,
     )
     data = observe(scene, np.random.default_rng(1), 0.0, "rig", given)
@@ -48,7 +48,7 @@ def test_lenses_off_are_found_again_without_noise() -> None:
     # Measured: 0.003 px and 7e-7 rad: the priors pull a little.
     np.testing.assert_allclose(found.primary.K, true.primary.K, atol=0.05)
     np.testing.assert_allclose(found.secondary.K, true.secondary.K, atol=0.05)
-    assert turned(found.pose, true.secondary_from_primary) < 2e-5
+    assert turned(found.pose, true.pose) < 2e-5
 
 
 def test_noise_is_estimated_given_or_assumed() -> None:

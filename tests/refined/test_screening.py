@@ -72,7 +72,7 @@ def test_half_of_the_frames_may_be_bad() -> None:
         spoiled, bad = with_points_off(data, rng)
         found = calibrate(spoiled)
         assert set(found.screening.left_out) <= set(bad)
-        truth = scene.rig.secondary_from_primary
+        truth = scene.rig.pose
         assert np.degrees(turned(found.methods["2d"].pose, truth)) < 1.5
         assert "%" in why_not_trusted(found)
 

@@ -12,7 +12,8 @@ from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose
-from stereocal.simulation.simulate import Rig, Scene, observe, place_bars
+from stereocal.rig.rig import Rig
+from stereocal.simulation.simulate import Scene, observe, place_bars
 from tests import known_rig as rig
 
 

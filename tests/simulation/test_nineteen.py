@@ -51,7 +51,7 @@ def test_shipped_ones_are_what_the_code_makes() -> None:
         assert shipped.baseline_m == dataset.baseline_m
         assert shipped.target_distance_m == dataset.target_distance_m
         assert (shipped.baseline_sigma_m, shipped.target_distance_sigma_m) == (0.005, 0.0005)
-        assert truth["T"] == pytest.approx(scene.rig.secondary_from_primary.T.tolist(), abs=1e-9)
+        assert truth["T"] == pytest.approx(scene.rig.pose.T.tolist(), abs=1e-9)
         assert truth["target_distance_m"] == pytest.approx(scene.bar_length_m, abs=1e-12)
 
 
@@ -71,7 +71,7 @@ def test_lengths_span_the_papers_ranges_with_the_errors_of_a_range_finder() -> N
         assert len(set(read)) == 19
         assert read == [round(length, 3) for length in read]
         true = [
-            (s.rig.secondary_from_primary.baseline, s.bar_length_m)[at] for s, _ in made
+            (s.rig.pose.baseline, s.bar_length_m)[at] for s, _ in made
         ]  # fmt: skip
         sigma = (BASELINE_SIGMA_M, BAR_SIGMA_M)[at]
         # 19 errors of unit size: their standard deviation is 1 +- 0.17.
@@ -104,7 +104,7 @@ def test_noise_is_that_of_the_detection() -> None:
 
 def test_data_sets_differ_in_more_than_their_lengths() -> None:
     made = simulate_nineteen(0, datasets=4, frames=4)
-    rolls = [s.rig.secondary_from_primary.angles.roll for s, _ in made]
+    rolls = [s.rig.pose.angles.roll for s, _ in made]
     assert len({round(roll, 6) for roll in rolls}) == 4
 
 

@@ -17,6 +17,7 @@ from stereocal.errors import StereocalError
 from stereocal.formats.camera_file import read_camera
 from stereocal.formats.simulated import describing_files, write_photographs
 from stereocal.rig.compiled import FloatArray
+from stereocal.rig.rig import Rig
 from stereocal.simulation.backgrounds import WALL_M, outdoors
 from stereocal.simulation.photographs import (
     APART,
@@ -28,7 +29,7 @@ from stereocal.simulation.photographs import (
 )
 from stereocal.simulation.rendering import Photograph, PhotographSettings
 from stereocal.simulation.sample_photographs import JPEG_QUALITY, jpeg, prepare_photographs
-from stereocal.simulation.simulate import FIELD_BAR_M, Rig, Scene, field_rig
+from stereocal.simulation.simulate import FIELD_BAR_M, Scene, field_rig
 from tests.simulation.test_simulate import assert_same_numbers
 
 SHIPPED = Path(__file__).parents[2] / "sample_data" / "photographs"
@@ -43,7 +44,7 @@ def small_scene(seed: int, frames: int) -> Scene:
         K = camera.K.copy()
         K[:2] /= 4.0
         cameras.append(replace(camera, K=K, image_size=(584, 432)))
-    small = Rig(cameras[0], cameras[1], rig.secondary_from_primary)
+    small = Rig(cameras[0], cameras[1], rig.pose)
     return place_visible_bars(
         small, np.random.default_rng(seed), frames, FIELD_BAR_M, 0.3, (6.0, 9.0), margin_px=50.0
     )
@@ -65,7 +66,7 @@ def test_each_pair_shows_the_targets_at_the_true_centres() -> None:
     pairs = list(photograph_bars(scene, (120.0, 90.0), bar, PLAIN, np.random.default_rng(2)))
     assert [pair.frame for pair in pairs] == list(range(1, 13))
     for pair, ends in zip(pairs, scene.ends_m, strict=True):
-        moved = scene.rig.secondary_from_primary.apply(ends)
+        moved = scene.rig.pose.apply(ends)
         np.testing.assert_allclose(pair.centres_primary, scene.rig.primary.project(ends))
         np.testing.assert_allclose(pair.centres_secondary, scene.rig.secondary.project(moved))
         for image, centres in (
@@ -156,7 +157,7 @@ def test_both_cameras_see_the_same_background() -> None:
     v, u = np.mgrid[5:427:7, 5:579:7]
     rays = rig.primary.undistort(np.column_stack([u.ravel(), v.ravel()]))
     wall = WALL_M * np.column_stack([rays, np.ones(len(rays))])
-    pixels = rig.secondary.project(rig.secondary_from_primary.apply(wall))
+    pixels = rig.secondary.project(rig.pose.apply(wall))
     inside = ((pixels > 1) & (pixels < [582, 430])).all(axis=1)
     assert inside.sum() > 200
     first = pictures[0][v.ravel(), u.ravel()][inside]

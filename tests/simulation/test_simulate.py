@@ -19,6 +19,7 @@ from stereocal.formats.simulated import write_field
 from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose
+from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import (
     FIELD_BAR_M,
     FIELD_BASELINE_M,
@@ -26,7 +27,6 @@ from stereocal.simulation.simulate import (
     FIELD_NOISE_PX,
     MARGIN_PX,
     Given,
-    Rig,
     Scene,
     field_rig,
     lens_off_by,
@@ -177,16 +177,16 @@ def test_field_rig_is_asymmetric_in_everything() -> None:
         assert (np.abs(one.K[:2, 2] - (np.array(one.image_size) - 1) / 2) > 20).all()
         assert (one.distortion != other.distortion).all()
         assert len(one.distortion) == 5
-    angles = rig.secondary_from_primary.angles
+    angles = rig.pose.angles
     assert min(abs(angle) for angle in angles[:3]) > 0.01
-    assert np.abs(rig.secondary_from_primary.T).min() > 0.1
+    assert np.abs(rig.pose.T).min() > 0.1
 
 
 @pytest.mark.parametrize("baseline", [3.449, 4.5, 5.936])
 @pytest.mark.parametrize("bar", [0.811, 1.027])
 def test_all_rigs_of_the_paper_share_enough_view(baseline: float, bar: float) -> None:
     scene = place_bars(field_rig(baseline), np.random.default_rng(1), 25, bar)
-    assert scene.rig.secondary_from_primary.baseline == pytest.approx(baseline, rel=1e-12)
+    assert scene.rig.pose.baseline == pytest.approx(baseline, rel=1e-12)
     assert scene.bar_length_m == pytest.approx(bar, rel=1e-12)
 
 
@@ -221,7 +221,7 @@ def test_calibration_of_the_shipped_field_is_near_the_truth() -> None:
 def test_without_noise_every_method_finds_the_truth(seed: int, solver: Solver) -> None:
     """1e-6 rad is 0.007 px here; measured: 6e-15 rad and 5e-15 of the baseline at most."""
     scene, dataset = exact_field(seed)
-    true_pose = scene.rig.secondary_from_primary
+    true_pose = scene.rig.pose
     found = calibrate(dataset, CalibrationSettings(essential=solver))
     for method in METHODS:
         pose = found.methods[method].pose
@@ -239,7 +239,7 @@ def test_without_noise_both_costs_are_zero_at_the_truth_only(seed: int) -> None:
     across the angles. So the searches need the essential start, and are not held to the truth here.
     """
     scene, dataset = exact_field(seed)
-    true_pose = scene.rig.secondary_from_primary
+    true_pose = scene.rig.pose
     # Not the step's own 1e-3 rad: five moves of that size would lead back to the truth exactly.
     shift = 1e-3 * np.array([0.7, -1.3, 0.9, -1.1, 1.2])
     start = Pose.from_angles(Angles(*(true_pose.angles + shift)), true_pose.baseline)
@@ -291,8 +291,8 @@ def test_given_values_are_apart_from_the_truth() -> None:
 
 def test_cameras_that_look_apart_are_refused() -> None:
     rig = field_rig()
-    pose = rig.secondary_from_primary
-    apart = replace(rig, secondary_from_primary=Pose(pose.R.T, pose.T))
+    pose = rig.pose
+    apart = replace(rig, pose=Pose(pose.R.T, pose.T))
     with pytest.raises(StereocalError, match="too little view"):
         place_bars(apart, np.random.default_rng(0), 1, FIELD_BAR_M)
 

@@ -11,9 +11,9 @@ import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.formats.exchange.lens_fit import lens
-from stereocal.formats.exchange.stereo import (
+from stereocal.formats.exchange.options import (
     ExchangeOptions,
-    Stereo,
+    ReadRig,
     array_of,
     header,
     numbers,
@@ -21,11 +21,12 @@ from stereocal.formats.exchange.stereo import (
     size_of,
 )
 from stereocal.formats.lens_model import check_lens_model
-from stereocal.rig.camera import Camera
+from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.geometry import Pose
+from stereocal.rig.rig import Rig
 
 
-def write_aniposelib(stereo: Stereo, _: ExchangeOptions) -> dict[str, bytes]:
+def write_aniposelib(rig: Rig, _: ExchangeOptions) -> dict[str, bytes]:
     """`calibration.toml`.
 
     Raises:
@@ -36,11 +37,11 @@ def write_aniposelib(stereo: Stereo, _: ExchangeOptions) -> dict[str, bytes]:
         "The world is the frame of the primary camera, cam_0. rotation: rotation vector, radians.",
         "size: width, height; the centre of the top-left pixel is (0, 0).",
     )
-    turn, _jacobian = cv2.Rodrigues(stereo.pose.R)
+    turn, _jacobian = cv2.Rodrigues(rig.pose.R)
     for k, (which, camera, rotation, translation) in enumerate(
         (
-            ("primary", stereo.primary, np.zeros(3), np.zeros(3)),
-            ("secondary", stereo.secondary, np.asarray(turn, np.float64), stereo.pose.T),
+            ("primary", rig.primary, np.zeros(3), np.zeros(3)),
+            ("secondary", rig.secondary, np.asarray(turn, np.float64), rig.pose.T),
         )
     ):
         text += (
@@ -53,7 +54,7 @@ def write_aniposelib(stereo: Stereo, _: ExchangeOptions) -> dict[str, bytes]:
     return {"calibration.toml": (text + "\n[metadata]\nadjusted = false\n").encode()}
 
 
-def read_aniposelib(files: Mapping[str, bytes], options: ExchangeOptions, source: str) -> Stereo:
+def read_aniposelib(files: Mapping[str, bytes], options: ExchangeOptions, source: str) -> ReadRig:
     """Two cameras and their pose: in the order of the sections' names, as aniposelib has them.
 
     Raises:
@@ -69,7 +70,7 @@ def read_aniposelib(files: Mapping[str, bytes], options: ExchangeOptions, source
         raise StereocalError(f"{name}: two cameras are wanted, the file has {len(sections)}.")
     read = [_camera(data[key], k, options, f"{name}, {key}") for k, key in enumerate(sections)]
     (primary, first), (secondary, second) = read
-    return Stereo(primary, secondary, second @ first.inverse())
+    return Rig(primary, secondary, second @ first.inverse()), None
 
 
 def _camera(
@@ -77,7 +78,7 @@ def _camera(
 ) -> tuple[Camera, Pose]:
     coefficients = array_of(data.get("distortions"), (-1,), "distortions", source)
     check_lens_model(coefficients, data.get("fisheye"), options.lens_model, source)
-    which = ("primary", "secondary")[k]
+    which = CAMERAS[k]
     size = size_of(data.get("size"), options.image_sizes[k], which, source)
     try:
         camera = Camera(

@@ -15,9 +15,9 @@ from scipy.spatial.transform import Rotation
 
 from stereocal.errors import StereocalError
 from stereocal.formats.exchange.lens_fit import lens
-from stereocal.formats.exchange.stereo import (
+from stereocal.formats.exchange.options import (
     ExchangeOptions,
-    Stereo,
+    ReadRig,
     array_of,
     camera_matrix,
     header,
@@ -28,6 +28,7 @@ from stereocal.formats.exchange.stereo import (
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
+from stereocal.rig.rig import Rig
 
 FIRST_PIXEL = 0.5
 MODELS: Mapping[str, tuple[str, ...]] = {
@@ -42,7 +43,7 @@ MODELS: Mapping[str, tuple[str, ...]] = {
 }  # fmt: skip
 
 
-def write_colmap(stereo: Stereo, _: ExchangeOptions) -> dict[str, bytes]:
+def write_colmap(rig: Rig, _: ExchangeOptions) -> dict[str, bytes]:
     """`cameras.txt` and `rigs.txt` with the empty rest of a model, and `rig_config.json`.
 
     Raises:
@@ -56,7 +57,7 @@ def write_colmap(stereo: Stereo, _: ExchangeOptions) -> dict[str, bytes]:
     cameras = said + "#   CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n"
     config: list[dict[str, Any]] = []
     for k, (which, camera) in enumerate(
-        (("primary", stereo.primary), ("secondary", stereo.secondary)), start=1
+        (("primary", rig.primary), ("secondary", rig.secondary)), start=1
     ):
         model, parameters = _parameters(camera, which)
         width, height = camera.image_size
@@ -69,14 +70,14 @@ def write_colmap(stereo: Stereo, _: ExchangeOptions) -> dict[str, bytes]:
                 "camera_params": [float(value) for value in parameters],
             }
         )
-    quaternion = Rotation.from_matrix(stereo.pose.R).as_quat(scalar_first=True, canonical=True)
-    moved = " ".join(number(value) for value in [*quaternion, *stereo.pose.T])
+    quaternion = Rotation.from_matrix(rig.pose.R).as_quat(scalar_first=True, canonical=True)
+    moved = " ".join(number(value) for value in [*quaternion, *rig.pose.T])
     rigs = said + "#   RIG_ID, NUM_SENSORS, REF_SENSOR_TYPE, REF_SENSOR_ID, SENSORS[] as\n"
     rigs += "#   (SENSOR_TYPE, SENSOR_ID, HAS_POSE, [QW, QX, QY, QZ, TX, TY, TZ])\n"
     rigs += f"1 2 CAMERA 1 CAMERA 2 1 {moved}\n"
     config[0]["ref_sensor"] = True
     config[1]["cam_from_rig_rotation"] = quaternion.tolist()
-    config[1]["cam_from_rig_translation"] = stereo.pose.T.tolist()
+    config[1]["cam_from_rig_translation"] = rig.pose.T.tolist()
     empty = dict.fromkeys(("frames.txt", "images.txt", "points3D.txt"), said.encode())
     return {
         "cameras.txt": cameras.encode(),
@@ -86,7 +87,7 @@ def write_colmap(stereo: Stereo, _: ExchangeOptions) -> dict[str, bytes]:
     }
 
 
-def read_colmap(files: Mapping[str, bytes], _: ExchangeOptions, source: str) -> Stereo:
+def read_colmap(files: Mapping[str, bytes], _: ExchangeOptions, source: str) -> ReadRig:
     """The two cameras of the only rig of `cameras.txt` and `rigs.txt`.
 
     Raises:
@@ -113,7 +114,7 @@ def read_colmap(files: Mapping[str, bytes], _: ExchangeOptions, source: str) -> 
     if not 1e-9 < np.abs(values[:4]).max() < 1e9:
         raise StereocalError("rigs.txt: the rotation is not a quaternion.")
     R = Rotation.from_quat(values[:4], scalar_first=True).as_matrix()
-    return Stereo(cameras[cells[3]], cameras[cells[5]], Pose(R, values[4:]))
+    return Rig(cameras[cells[3]], cameras[cells[5]], Pose(R, values[4:])), None
 
 
 def _parameters(camera: Camera, which: str) -> tuple[str, FloatArray]:

@@ -14,9 +14,9 @@ import numpy as np
 from scipy.linalg import rq
 
 from stereocal.errors import StereocalError
-from stereocal.formats.exchange.stereo import (
+from stereocal.formats.exchange.options import (
     ExchangeOptions,
-    Stereo,
+    ReadRig,
     array_of,
     number,
     only_file,
@@ -25,6 +25,7 @@ from stereocal.formats.exchange.stereo import (
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
+from stereocal.rig.rig import Rig
 from stereocal.system.arrays import LARGEST
 
 ORIGIN_BEHIND_M = 1e-6
@@ -33,7 +34,7 @@ coefficients cannot be written then. So, without a world of the user's, the orig
 before the primary camera: a thousandth of a millimetre, which no measurement sees."""
 
 
-def write_dlt(stereo: Stereo, options: ExchangeOptions) -> dict[str, bytes]:
+def write_dlt(rig: Rig, options: ExchangeOptions) -> dict[str, bytes]:
     """`dlt.csv`.
 
     Raises:
@@ -42,7 +43,7 @@ def write_dlt(stereo: Stereo, options: ExchangeOptions) -> dict[str, bytes]:
     columns = [
         dlt_coefficients(camera, camera_from_world, options)
         for camera, camera_from_world in zip(
-            (stereo.primary, stereo.secondary), _poses(stereo, options.world), strict=True
+            (rig.primary, rig.secondary), _poses(rig, options.world), strict=True
         )
     ]
     rows = zip(*columns, strict=True)
@@ -68,7 +69,7 @@ def dlt_coefficients(
     return np.asarray((P / P[2, 3]).ravel()[:11])
 
 
-def read_dlt(files: Mapping[str, bytes], options: ExchangeOptions, source: str) -> Stereo:
+def read_dlt(files: Mapping[str, bytes], options: ExchangeOptions, source: str) -> ReadRig:
     """Two cameras without lens distortion, and their pose. The world's own frame is left out.
 
     Raises:
@@ -97,16 +98,16 @@ def read_dlt(files: Mapping[str, bytes], options: ExchangeOptions, source: str) 
     ours = np.allclose(poses[0].R, np.eye(3), rtol=0, atol=1e-6) and np.allclose(
         poses[0].T, [0.0, 0.0, ORIGIN_BEHIND_M], rtol=0, atol=1e-3 * ORIGIN_BEHIND_M
     )
-    return Stereo(cameras[0], cameras[1], poses[1] @ poses[0].inverse(), "m" if ours else None)
+    return Rig(cameras[0], cameras[1], poses[1] @ poses[0].inverse()), "m" if ours else None
 
 
-def _poses(stereo: Stereo, world: Pose | None) -> tuple[Pose, Pose]:
+def _poses(rig: Rig, world: Pose | None) -> tuple[Pose, Pose]:
     """Primary and secondary from the world."""
     if world is None:
         primary = Pose(np.eye(3), np.array([0.0, 0.0, ORIGIN_BEHIND_M]))
     else:
         primary = world.inverse()
-    return primary, stereo.pose @ primary
+    return primary, rig.pose @ primary
 
 
 def _decomposed(P: FloatArray, source: str) -> tuple[FloatArray, Pose]:

@@ -15,13 +15,14 @@ from stereocal.formats.exchange.kalibr import read_kalibr, write_kalibr
 from stereocal.formats.exchange.lens_fit import fewer_coefficients
 from stereocal.formats.exchange.matlab import read_matlab, write_matlab
 from stereocal.formats.exchange.opencv_stereo import read_opencv, write_opencv
+from stereocal.formats.exchange.options import LARGEST_BYTES, OUR_UNIT, ExchangeOptions, ReadRig
 from stereocal.formats.exchange.ros import read_ros, write_ros
-from stereocal.formats.exchange.stereo import LARGEST_BYTES, OUR_UNIT, ExchangeOptions, Stereo
 from stereocal.formats.lens_model import FourCoefficientsError
 from stereocal.formats.other_files import refuse_other_camera
 from stereocal.formats.units import Unit, UnitError, metres_per_unit
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
+from stereocal.rig.rig import Rig
 from stereocal.system.atomic_files import write_all
 
 Files = Mapping[str, bytes]
@@ -32,8 +33,9 @@ class ExchangeFormat:
     """One format: what people call it, and its functions."""
 
     title: str
-    write: Callable[[Stereo, ExchangeOptions], dict[str, bytes]]
-    read: Callable[[Files, ExchangeOptions, str], Stereo]
+    write: Callable[[Rig, ExchangeOptions], dict[str, bytes]]
+    read: Callable[[Files, ExchangeOptions, str], ReadRig]
+    """The rig, and the unit of its lengths where the file says it."""
     ignores_skew: bool = False
     without_lens: bool = False
     unit: Unit | None = None
@@ -69,19 +71,17 @@ FORMATS: Mapping[str, ExchangeFormat] = {
 }
 
 
-def export_files(
-    rig: RigParameters, name: str, options: ExchangeOptions | None = None
-) -> dict[str, bytes]:
+def export_files(rig: Rig, name: str, options: ExchangeOptions | None = None) -> dict[str, bytes]:
     """The files of a format by name.
 
     Raises:
         StereocalError: an unknown format, or one that cannot hold this rig.
     """
-    return _format(name).write(Stereo.of(rig), options or ExchangeOptions())
+    return _format(name).write(rig, options or ExchangeOptions())
 
 
 def export(
-    rig: RigParameters, name: str, path: str | Path, options: ExchangeOptions | None = None
+    rig: Rig, name: str, path: str | Path, options: ExchangeOptions | None = None
 ) -> list[Path]:
     """Write a format: into the folder `path`, which is made; a single file as `path` if that has an
     ending, as `dlt.csv`.
@@ -100,7 +100,7 @@ def export(
     return list(placed)
 
 
-def export_notes(rig: RigParameters, name: str) -> list[str]:
+def export_notes(rig: Rig, name: str) -> list[str]:
     """What the other program will not know, a sentence each."""
     known = _format(name)
     notes = []
@@ -134,7 +134,7 @@ def import_files(
     if not files:
         raise StereocalError(f"{source}: there are no files.")
     try:
-        stereo = _in_metres(files, _format(name), options or ExchangeOptions(), source)
+        rig = _in_metres(files, _format(name), options or ExchangeOptions(), source)
     except (FourCoefficientsError, UnitError):
         raise
     except StereocalError as error:
@@ -142,20 +142,21 @@ def import_files(
         known = text.startswith(source) or any(text.startswith(each) for each in files)
         raise StereocalError(text if known else f"{source}: {text}") from error
     digest = hashlib.sha256(b"".join(files[each] for each in sorted(files))).hexdigest()
-    return stereo.parameters({"format": name, "sha256": digest})
+    return RigParameters(
+        rig.primary, rig.secondary, rig.pose, method="imported", cost=None, settings={},
+        inputs={"format": name, "sha256": digest},
+    )  # fmt: skip
 
 
-def _in_metres(
-    files: Files, known: ExchangeFormat, options: ExchangeOptions, source: str
-) -> Stereo:
+def _in_metres(files: Files, known: ExchangeFormat, options: ExchangeOptions, source: str) -> Rig:
     if len(files) == 1:
         ((name, content),) = files.items()
         refuse_other_camera(content, name, may_be_toml=known.read is read_aniposelib)
-    stereo = known.read(files, options, source)
+    rig, unit = known.read(files, options, source)
     ours = any(OUR_UNIT.encode() in content for content in files.values())
-    stated: Unit | None = "m" if ours else stereo.unit
-    scale = metres_per_unit(stereo.pose.baseline, stated, options.unit, known.unit, source)
-    return replace(stereo, pose=Pose(stereo.pose.R, scale * stereo.pose.T))
+    stated: Unit | None = "m" if ours else unit
+    scale = metres_per_unit(rig.pose.baseline, stated, options.unit, known.unit, source)
+    return replace(rig, pose=Pose(rig.pose.R, scale * rig.pose.T))
 
 
 def import_parameters(

@@ -9,9 +9,9 @@ import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.formats.exchange.lens_fit import lens
-from stereocal.formats.exchange.stereo import (
+from stereocal.formats.exchange.options import (
     ExchangeOptions,
-    Stereo,
+    ReadRig,
     array_of,
     camera_matrix,
     header,
@@ -21,11 +21,12 @@ from stereocal.formats.exchange.stereo import (
     size_of,
 )
 from stereocal.formats.exchange.yaml_file import read_mapping
-from stereocal.rig.camera import Camera
+from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.geometry import Pose
+from stereocal.rig.rig import Rig
 
 
-def write_kalibr(stereo: Stereo, _: ExchangeOptions) -> dict[str, bytes]:
+def write_kalibr(rig: Rig, _: ExchangeOptions) -> dict[str, bytes]:
     """`camchain.yaml`.
 
     Raises:
@@ -37,15 +38,13 @@ def write_kalibr(stereo: Stereo, _: ExchangeOptions) -> dict[str, bytes]:
         "intrinsics: fu fv pu pv; distortion_coeffs: k1 k2 p1 p2; the centre of the top-left",
         "pixel is (0, 0).",
     )
-    for k, (which, camera) in enumerate(
-        (("primary", stereo.primary), ("secondary", stereo.secondary))
-    ):
+    for k, (which, camera) in enumerate((("primary", rig.primary), ("secondary", rig.secondary))):
         refuse_skew(camera, which, "Kalibr")
         coefficients = lens(camera, 4, which, "Kalibr")
         K = camera.K
         text += f"cam{k}:\n"
         if k == 1:
-            transform = np.vstack([np.column_stack([stereo.pose.R, stereo.pose.T]), [0, 0, 0, 1]])
+            transform = np.vstack([np.column_stack([rig.pose.R, rig.pose.T]), [0, 0, 0, 1]])
             text += "  T_cn_cnm1:\n" + "".join(f"  - {numbers(row)}\n" for row in transform)
         text += (
             "  camera_model: pinhole\n"
@@ -58,7 +57,7 @@ def write_kalibr(stereo: Stereo, _: ExchangeOptions) -> dict[str, bytes]:
     return {"camchain.yaml": text.encode()}
 
 
-def read_kalibr(files: Mapping[str, bytes], options: ExchangeOptions, source: str) -> Stereo:
+def read_kalibr(files: Mapping[str, bytes], options: ExchangeOptions, source: str) -> ReadRig:
     """Two cameras and their pose.
 
     Raises:
@@ -74,7 +73,7 @@ def read_kalibr(files: Mapping[str, bytes], options: ExchangeOptions, source: st
         )
     cameras = [_camera(data[key], k, options, f"{name}, {key}") for k, key in enumerate(chain)]
     transform = array_of(data["cam1"].get("T_cn_cnm1"), (4, 4), "T_cn_cnm1", f"{name}, cam1")
-    return Stereo(cameras[0], cameras[1], Pose(transform[:3, :3], transform[:3, 3]))
+    return Rig(cameras[0], cameras[1], Pose(transform[:3, :3], transform[:3, 3])), None
 
 
 def _camera(data: Any, k: int, options: ExchangeOptions, source: str) -> Camera:
@@ -94,7 +93,5 @@ def _camera(data: Any, k: int, options: ExchangeOptions, source: str) -> Camera:
         if distortion == "none"
         else array_of(data.get("distortion_coeffs"), (4,), "distortion_coeffs", source)
     )
-    size = size_of(
-        data.get("resolution"), options.image_sizes[k], ("primary", "secondary")[k], source
-    )
+    size = size_of(data.get("resolution"), options.image_sizes[k], CAMERAS[k], source)
     return Camera(camera_matrix(fx, fy, cx, cy), coefficients, size)

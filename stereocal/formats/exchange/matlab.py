@@ -13,9 +13,9 @@ import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.formats.exchange.lens_fit import lens
-from stereocal.formats.exchange.stereo import (
+from stereocal.formats.exchange.options import (
     ExchangeOptions,
-    Stereo,
+    ReadRig,
     array_of,
     header,
     number,
@@ -26,6 +26,7 @@ from stereocal.formats.units import Unit
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
+from stereocal.rig.rig import Rig
 
 FIRST_PIXEL = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]])
 BUILD = """try  % R2022b and later
@@ -43,7 +44,7 @@ stereoParams = stereoParameters(camera1, camera2, RotationOfCamera2, Translation
 """
 
 
-def write_matlab(stereo: Stereo, _: ExchangeOptions) -> dict[str, bytes]:
+def write_matlab(rig: Rig, _: ExchangeOptions) -> dict[str, bytes]:
     """`stereo_parameters.m`; running it leaves `stereoParams` in the workspace.
 
     Raises:
@@ -56,15 +57,15 @@ def write_matlab(stereo: Stereo, _: ExchangeOptions) -> dict[str, bytes]:
         "points are rows: x_secondary = x_primary * RotationOfCamera2 + TranslationOfCamera2.",
         "ImageSize: rows, columns. RadialDistortion: k1 k2 k3. TangentialDistortion: p1 p2.",
     )
-    for k, which, camera in ((1, "primary", stereo.primary), (2, "secondary", stereo.secondary)):
+    for k, which, camera in ((1, "primary", rig.primary), (2, "secondary", rig.secondary)):
         k1, k2, p1, p2, k3 = lens(camera, 5, which, "MATLAB's cameraParameters")
         width, height = camera.image_size
         text += _assign(f"K{k}", camera.K + FIRST_PIXEL)
         text += _assign(f"RadialDistortion{k}", np.array([[k1, k2, k3]]))
         text += _assign(f"TangentialDistortion{k}", np.array([[p1, p2]]))
         text += f"ImageSize{k} = [{height} {width}];\n"
-    text += _assign("RotationOfCamera2", stereo.pose.R.T)
-    text += _assign("TranslationOfCamera2", stereo.pose.T[None])
+    text += _assign("RotationOfCamera2", rig.pose.R.T)
+    text += _assign("TranslationOfCamera2", rig.pose.T[None])
     return {"stereo_parameters.m": (text + BUILD).encode()}
 
 
@@ -84,7 +85,7 @@ def _without_comments(text: str) -> str:
     return "".join(plain)
 
 
-def read_matlab(files: Mapping[str, bytes], options: ExchangeOptions, source: str) -> Stereo:
+def read_matlab(files: Mapping[str, bytes], options: ExchangeOptions, source: str) -> ReadRig:
     """Two cameras and their pose, from a script with these assignments, in its WorldUnits.
 
     Raises:
@@ -110,7 +111,7 @@ def read_matlab(files: Mapping[str, bytes], options: ExchangeOptions, source: st
             raise StereocalError(f"{name}, {which}: {error}") from error
     R = _wanted(given, "RotationOfCamera2", (3, 3), name).T
     pose = Pose(R, _wanted(given, "TranslationOfCamera2", (3,), name))
-    return Stereo(cameras[0], cameras[1], pose, _unit_of(code, name))
+    return Rig(cameras[0], cameras[1], pose), _unit_of(code, name)
 
 
 def _unit_of(code: str, source: str) -> Unit | None:

@@ -9,9 +9,9 @@ import cv2
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.formats.exchange.stereo import (
+from stereocal.formats.exchange.options import (
     ExchangeOptions,
-    Stereo,
+    ReadRig,
     array_of,
     header,
     number,
@@ -23,6 +23,7 @@ from stereocal.formats.lens_model import check_lens_model, five_or_more
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
+from stereocal.rig.rig import Rig
 from stereocal.system.json_text import read_json
 
 NAMES: Mapping[str, tuple[str, ...]] = {
@@ -36,16 +37,16 @@ NAMES: Mapping[str, tuple[str, ...]] = {
 """Names that people give to the same things; ours are OpenCV's own."""
 
 
-def write_opencv(stereo: Stereo, _: ExchangeOptions) -> dict[str, bytes]:
+def write_opencv(rig: Rig, _: ExchangeOptions) -> dict[str, bytes]:
     """The two files; R1, R2, P1, P2, Q rectify as `cv2.stereoRectify` does."""
-    intrinsics = [("M1", stereo.primary.K), ("D1", _row(stereo.primary.distortion))]
-    intrinsics += [("M2", stereo.secondary.K), ("D2", _row(stereo.secondary.distortion))]
+    intrinsics = [("M1", rig.primary.K), ("D1", _row(rig.primary.distortion))]
+    intrinsics += [("M2", rig.secondary.K), ("D2", _row(rig.secondary.distortion))]
     sizes = "".join(
         f"image_size_{k}: [ {camera.image_size[0]}, {camera.image_size[1]} ]\n"
-        for k, camera in ((1, stereo.primary), (2, stereo.secondary))
+        for k, camera in ((1, rig.primary), (2, rig.secondary))
     )
-    extrinsics = [("R", stereo.pose.R), ("T", stereo.pose.T[:, None])]
-    extrinsics += list(zip(("R1", "R2", "P1", "P2", "Q"), rectification(stereo), strict=True))
+    extrinsics = [("R", rig.pose.R), ("T", rig.pose.T[:, None])]
+    extrinsics += list(zip(("R1", "R2", "P1", "P2", "Q"), rectification(rig), strict=True))
     said = "1 is the primary camera, 2 the secondary."
     return {
         "intrinsics.yml": _file(
@@ -58,22 +59,22 @@ def write_opencv(stereo: Stereo, _: ExchangeOptions) -> dict[str, bytes]:
     }  # fmt: skip
 
 
-def rectification(stereo: Stereo) -> tuple[FloatArray, ...]:
+def rectification(rig: Rig) -> tuple[FloatArray, ...]:
     """R1, R2, P1, P2, Q of `cv2.stereoRectify`, with the rows of both images aligned."""
     found = cv2.stereoRectify(
-        stereo.primary.K,
-        _row(stereo.primary.distortion),
-        stereo.secondary.K,
-        _row(stereo.secondary.distortion),
-        stereo.primary.image_size,
-        stereo.pose.R,
-        stereo.pose.T[:, None],
+        rig.primary.K,
+        _row(rig.primary.distortion),
+        rig.secondary.K,
+        _row(rig.secondary.distortion),
+        rig.primary.image_size,
+        rig.pose.R,
+        rig.pose.T[:, None],
         flags=cv2.CALIB_ZERO_DISPARITY,
     )
     return tuple(np.asarray(each, dtype=np.float64) for each in found[:5])
 
 
-def read_opencv(files: Mapping[str, bytes], options: ExchangeOptions, source: str) -> Stereo:
+def read_opencv(files: Mapping[str, bytes], options: ExchangeOptions, source: str) -> ReadRig:
     """Two cameras and their pose, of one file or of several.
 
     Raises:
@@ -102,7 +103,7 @@ def read_opencv(files: Mapping[str, bytes], options: ExchangeOptions, source: st
         except StereocalError as error:
             raise StereocalError(f"{source}, {which}: {error}") from error
     R, T = array_of(found["R"], (3, 3), "R", source), array_of(found["T"], (3,), "T", source)
-    return Stereo(cameras[0], cameras[1], Pose(R, T))
+    return Rig(cameras[0], cameras[1], Pose(R, T)), None
 
 
 def _read_one(

@@ -10,9 +10,9 @@ import numpy as np
 from stereocal.errors import StereocalError
 from stereocal.formats.exchange.lens_fit import lens
 from stereocal.formats.exchange.opencv_stereo import rectification
-from stereocal.formats.exchange.stereo import (
+from stereocal.formats.exchange.options import (
     ExchangeOptions,
-    Stereo,
+    ReadRig,
     array_of,
     header,
     numbers,
@@ -20,22 +20,23 @@ from stereocal.formats.exchange.stereo import (
 )
 from stereocal.formats.exchange.yaml_file import read_mapping
 from stereocal.formats.lens_model import check_lens_model
-from stereocal.rig.camera import Camera
+from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
+from stereocal.rig.rig import Rig
 
 
-def write_ros(stereo: Stereo, _: ExchangeOptions) -> dict[str, bytes]:
+def write_ros(rig: Rig, _: ExchangeOptions) -> dict[str, bytes]:
     """`primary.yaml` and `secondary.yaml`.
 
     Raises:
         StereocalError: a lens with more than eight coefficients.
     """
-    R1, R2, P1, P2, _Q = rectification(stereo)
+    R1, R2, P1, P2, _Q = rectification(rig)
     files = {}
     for which, camera, R, P in (
-        ("primary", stereo.primary, R1, P1),
-        ("secondary", stereo.secondary, R2, P2),
+        ("primary", rig.primary, R1, P1),
+        ("secondary", rig.secondary, R2, P2),
     ):
         eight = lens(camera, 8, which, "A ROS camera_info")
         rational = bool(eight[5:].any())
@@ -59,7 +60,7 @@ def write_ros(stereo: Stereo, _: ExchangeOptions) -> dict[str, bytes]:
     return files
 
 
-def read_ros(files: Mapping[str, bytes], options: ExchangeOptions, source: str) -> Stereo:
+def read_ros(files: Mapping[str, bytes], options: ExchangeOptions, source: str) -> ReadRig:
     """Two cameras and their pose; the one whose projection matrix has no shift is the primary.
 
     Raises:
@@ -86,7 +87,7 @@ def read_ros(files: Mapping[str, bytes], options: ExchangeOptions, source: str) 
         raise StereocalError(f"{source}: the focal lengths of a projection matrix are not above 0.")
     T = R2.T @ np.array([P2[0, 3] / P2[0, 0], P2[1, 3] / P2[1, 1], 0.0])
     cameras = [_camera(*read[k], which, options) for which, k in enumerate((first, second))]
-    return Stereo(cameras[0], cameras[1], Pose(R2.T @ R1, T))
+    return Rig(cameras[0], cameras[1], Pose(R2.T @ R1, T)), None
 
 
 def _camera(name: str, data: Mapping[str, Any], k: int, options: ExchangeOptions) -> Camera:
@@ -99,7 +100,7 @@ def _camera(name: str, data: Mapping[str, Any], k: int, options: ExchangeOptions
             "rational_polynomial."
         )
     size = [data.get("image_width"), data.get("image_height")]
-    which = ("primary", "secondary")[k]
+    which = CAMERAS[k]
     return Camera(
         _numbers_of(data, "camera_matrix", (3, 3), name),
         coefficients,

@@ -7,7 +7,7 @@ from typing import Any
 import yaml
 
 from stereocal.errors import StereocalError
-from stereocal.formats.exchange.stereo import text_of
+from stereocal.formats.exchange.options import text_of
 
 LONGEST = 100_000
 """Ours have 4000 characters. The parser takes 15 s for a million, and longer for odd ones."""

@@ -1,4 +1,4 @@
-"""What all exchange formats share: two cameras and their pose, and what a format cannot hold."""
+"""What all exchange formats share: what they leave open, and numbers and text of their files."""
 
 from __future__ import annotations
 
@@ -16,41 +16,15 @@ from stereocal.formats.units import Unit
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
-from stereocal.rig.parameters import RigParameters
+from stereocal.rig.rig import Rig
 from stereocal.system.arrays import LARGEST
 
 LARGEST_BYTES = 4_000_000
 ImageSize = tuple[int, int]
+ReadRig = tuple[Rig, Unit | None]
+"""What a file holds, and the unit of its lengths where it says it."""
 OUR_UNIT = "lengths in metres"
 """In all files that stereocal writes, but for DLT coefficients."""
-
-
-@dataclass(frozen=True, eq=False)
-class Stereo:
-    """Two cameras and `secondary_from_primary`."""
-
-    primary: Camera
-    secondary: Camera
-    pose: Pose
-    unit: Unit | None = None
-    """What a file says that it has its lengths in; None where it does not."""
-
-    @classmethod
-    def of(cls, rig: RigParameters) -> Stereo:
-        """The part of a parameter set that other programs know."""
-        return cls(rig.primary, rig.secondary, rig.pose)
-
-    def parameters(self, inputs: Mapping[str, Any]) -> RigParameters:
-        """A parameter set of the method `imported`."""
-        return RigParameters(
-            method="imported",
-            primary=self.primary,
-            secondary=self.secondary,
-            pose=self.pose,
-            cost=None,
-            settings={},
-            inputs=inputs,
-        )
 
 
 @dataclass(frozen=True)

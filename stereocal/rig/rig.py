@@ -1,0 +1,64 @@
+"""Two cameras and their pose: what both images of a point say together."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import (
+    Pose,
+    epipolar_distances,
+    reprojection_errors_of_rays,
+    residuals,
+    stack_rays,
+    triangulate,
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Rig:
+    """Two cameras and their pose."""
+
+    primary: Camera
+    secondary: Camera
+    pose: Pose
+    """`secondary_from_primary`."""
+
+    def reconstruct(self, primary_px: npt.ArrayLike, secondary_px: npt.ArrayLike) -> FloatArray:
+        """Points (n, 3) in metres in the primary frame, from raw pixels (n, 2) of each camera."""
+        return triangulate(
+            self.pose, self.primary.undistort(primary_px), self.secondary.undistort(secondary_px)
+        )
+
+    def reprojection_errors(
+        self, primary_px: npt.ArrayLike, secondary_px: npt.ArrayLike
+    ) -> FloatArray:
+        """Errors (n, 2) in pixels of the undistorted images, from raw pixels of each camera."""
+        rays = stack_rays(
+            self.primary.undistort(primary_px), self.secondary.undistort(secondary_px)
+        )
+        scale = np.array([self.primary.pixel_scale, self.secondary.pixel_scale])
+        return reprojection_errors_of_rays(self.pose.R, self.pose.T, rays, scale)
+
+    def residuals(self, primary_px: npt.ArrayLike, secondary_px: npt.ArrayLike) -> FloatArray:
+        """`q_secondary^T E q_primary` (n,), from raw pixels (n, 2) of each camera."""
+        return residuals(
+            self.pose.essential,
+            self.primary.undistort(primary_px),
+            self.secondary.undistort(secondary_px),
+        )
+
+    def epipolar_distances(
+        self, primary_px: npt.ArrayLike, secondary_px: npt.ArrayLike
+    ) -> FloatArray:
+        """Distances (n, 2) in undistorted pixels of points to their partners' epipolar lines."""
+        F = np.linalg.inv(self.secondary.K).T @ self.pose.essential @ np.linalg.inv(self.primary.K)
+        return epipolar_distances(
+            F,
+            self.primary.undistort_to_pixels(primary_px),
+            self.secondary.undistort_to_pixels(secondary_px),
+        )
