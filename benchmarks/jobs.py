@@ -23,6 +23,7 @@ from stereocal.frames.detection_file import pack_detection, unpack_detection
 from stereocal.frames.series import detect_series
 from stereocal.projects import jobs
 from stereocal.projects.jobs import Parts
+from stereocal.projects.project import Project
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.system.fair_pool import FairPool
 from stereocal.system.photograph import read_photograph
@@ -45,7 +46,7 @@ def overhead(
     whole, plain = time.process_time() - before, time.thread_time() - own
     with tempfile.TemporaryDirectory() as folder:
         own = time.thread_time()
-        job = jobs.begin(Path(folder), "benchmark", ("pieces",), {})
+        job = jobs.begin(Project.create(Path(folder)).database, "benchmark", ("pieces",), {})
         assert job is not None
         parts: Parts[Any] = job.parts("pieces", pack, unpack)
         work(lambda done, total: job.progress(0, done, total), parts)

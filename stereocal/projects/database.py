@@ -6,6 +6,7 @@ the locking between them and the recovery after a kill or a power cut.
 
 from __future__ import annotations
 
+import os
 import sqlite3
 import threading
 from collections.abc import Callable, Iterator
@@ -202,17 +203,22 @@ def set_journal(path: Path) -> None:
 
 
 def connect(path: Path) -> sqlite3.Connection:
-    """A connection to a file that is there; one on a disk that is read-only can only be read."""
+    """A connection to a file that is there.
+
+    A write-ahead log comes with a small file that connections share. A full disk has no room for
+    it: then this one excludes all others. A folder that is read-only has no place for it: then the
+    file cannot change either.
+    """
     db = sqlite3.connect(_address(path, "mode=rw"), PATIENCE_S, isolation_level=None, uri=True)
     try:
         db.execute("PRAGMA schema_version").fetchone()
-    except sqlite3.OperationalError as error:
-        if code_of(error) != sqlite3.SQLITE_CANTOPEN:
+    except sqlite3.Error as error:
+        if code_of(error) not in (sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_IOERR):
             return db  # said where it is used
         db.close()
-        db = sqlite3.connect(_address(path, "immutable=1"), isolation_level=None, uri=True)
-    except sqlite3.Error:
-        pass
+        only = "mode=rw" if os.access(path.parent, os.W_OK) else "immutable=1"
+        db = sqlite3.connect(_address(path, only), PATIENCE_S, isolation_level=None, uri=True)
+        db.execute("PRAGMA locking_mode = EXCLUSIVE")
     return db
 
 
