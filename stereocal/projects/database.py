@@ -32,7 +32,9 @@ T = TypeVar("T")
 VERSION = 1
 SCHEMA = """
 CREATE TABLE value (part TEXT, name TEXT, json TEXT NOT NULL, PRIMARY KEY (part, name));
-CREATE TABLE file (sha256 TEXT PRIMARY KEY, stored REAL NOT NULL, content BLOB NOT NULL);
+CREATE TABLE file (sha256 TEXT PRIMARY KEY, stored REAL NOT NULL);
+CREATE TABLE content (sha256 TEXT PRIMARY KEY REFERENCES file (sha256) ON DELETE CASCADE,
+    bytes BLOB NOT NULL);
 CREATE TABLE named (part TEXT, name TEXT, sha256 TEXT NOT NULL REFERENCES file (sha256),
     about TEXT NOT NULL, PRIMARY KEY (part, name));
 CREATE INDEX named_file ON named (sha256);
@@ -45,7 +47,8 @@ CREATE TABLE job (kind TEXT PRIMARY KEY, digest TEXT NOT NULL, record TEXT NOT N
 CREATE TABLE finished (kind TEXT REFERENCES job (kind) ON DELETE CASCADE, stage TEXT, key TEXT,
     content BLOB NOT NULL, PRIMARY KEY (kind, stage, key));
 """
-"""value: lengths, settings and what else is JSON. file: contents. named: what each content is.
+"""value: lengths, settings and what else is JSON. file, content: contents, apart so that a new date
+does not write a large one again. named: what each content is.
 edit: corrections that can be undone. result: what was computed. job, finished: long work."""
 VACUUMED = 2000
 """Pages that one step gives back to the disk, 8 MB: the log of a step fits into the reserve."""
