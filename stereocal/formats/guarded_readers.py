@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 
@@ -72,14 +72,3 @@ READERS: Mapping[str, GuardedReader] = {
     "dataset": _dataset,
     "parameters": _parameters,
 }
-
-
-def guarded_files(folder: Path) -> Iterator[tuple[str, Path]]:
-    """Kind and path of each file of a project that native code will decode."""
-    for place, kind in (("photographs/files/*", "photograph"), ("lens/*/files/*", "photograph")):
-        yield from ((kind, path) for path in sorted(folder.glob(place)) if path.is_file())
-    for path in sorted(folder.glob("inputs/*")):
-        if path.is_file():
-            yield ("dataset" if path.suffix.lower() == ".zip" else "camera"), path
-    yield from (("parameters", path) for path in sorted(folder.glob("apply/files/*.zip")))
-    yield from (("table", path) for path in sorted(folder.glob("apply/files/*.parquet")))

@@ -6,6 +6,7 @@ the locking between them and the recovery after a kill or a power cut.
 
 from __future__ import annotations
 
+import os
 import sqlite3
 import threading
 from collections.abc import Callable, Iterator
@@ -31,7 +32,9 @@ T = TypeVar("T")
 VERSION = 1
 SCHEMA = """
 CREATE TABLE value (part TEXT, name TEXT, json TEXT NOT NULL, PRIMARY KEY (part, name));
-CREATE TABLE file (sha256 TEXT PRIMARY KEY, stored REAL NOT NULL, content BLOB NOT NULL);
+CREATE TABLE file (sha256 TEXT PRIMARY KEY, stored REAL NOT NULL);
+CREATE TABLE content (sha256 TEXT PRIMARY KEY REFERENCES file (sha256) ON DELETE CASCADE,
+    bytes BLOB NOT NULL);
 CREATE TABLE named (part TEXT, name TEXT, sha256 TEXT NOT NULL REFERENCES file (sha256),
     about TEXT NOT NULL, PRIMARY KEY (part, name));
 CREATE INDEX named_file ON named (sha256);
@@ -44,7 +47,8 @@ CREATE TABLE job (kind TEXT PRIMARY KEY, digest TEXT NOT NULL, record TEXT NOT N
 CREATE TABLE finished (kind TEXT REFERENCES job (kind) ON DELETE CASCADE, stage TEXT, key TEXT,
     content BLOB NOT NULL, PRIMARY KEY (kind, stage, key));
 """
-"""value: lengths, settings and what else is JSON. file: contents. named: what each content is.
+"""value: lengths, settings and what else is JSON. file, content: contents, apart so that a new date
+does not write a large one again. named: what each content is.
 edit: corrections that can be undone. result: what was computed. job, finished: long work."""
 VACUUMED = 2000
 """Pages that one step gives back to the disk, 8 MB: the log of a step fits into the reserve."""
@@ -100,14 +104,19 @@ class Database:
         Raises:
             StereocalError: there is no such project, or it is damaged or of a newer version.
         """
-        outer = _open_here().get(self.path)
+        outer = _open_here().get(self.path) or _read_here().get(self.path)
         if outer is not None:
+            # A second connection could wait for a writer that waits for the first.
             yield outer
             return
         with self._connected() as db:
             db.execute("BEGIN")
             patiently(lambda: db.execute("SELECT 1 FROM value LIMIT 1").fetchall())
-            yield db
+            _read_here()[self.path] = db
+            try:
+                yield db
+            finally:
+                _read_here().pop(self.path, None)
 
     def rows(self, query: str, *values: Any) -> list[tuple[Any, ...]]:
         """What a query finds."""
@@ -197,17 +206,22 @@ def set_journal(path: Path) -> None:
 
 
 def connect(path: Path) -> sqlite3.Connection:
-    """A connection to a file that is there; one on a disk that is read-only can only be read."""
+    """A connection to a file that is there.
+
+    A write-ahead log comes with a small file that connections share. A full disk has no room for
+    it: then this one excludes all others. A folder that is read-only has no place for it: then the
+    file cannot change either.
+    """
     db = sqlite3.connect(_address(path, "mode=rw"), PATIENCE_S, isolation_level=None, uri=True)
     try:
         db.execute("PRAGMA schema_version").fetchone()
-    except sqlite3.OperationalError as error:
-        if code_of(error) != sqlite3.SQLITE_CANTOPEN:
+    except sqlite3.Error as error:
+        if code_of(error) not in (sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_IOERR):
             return db  # said where it is used
         db.close()
-        db = sqlite3.connect(_address(path, "immutable=1"), isolation_level=None, uri=True)
-    except sqlite3.Error:
-        pass
+        only = "mode=rw" if os.access(path.parent, os.W_OK) else "immutable=1"
+        db = sqlite3.connect(_address(path, only), PATIENCE_S, isolation_level=None, uri=True)
+        db.execute("PRAGMA locking_mode = EXCLUSIVE")
     return db
 
 
@@ -238,6 +252,12 @@ _THREAD = threading.local()
 def _open_here() -> dict[Path, sqlite3.Connection]:
     """The databases in which this thread has begun an act."""
     found: dict[Path, sqlite3.Connection] = _THREAD.__dict__.setdefault("open", {})
+    return found
+
+
+def _read_here() -> dict[Path, sqlite3.Connection]:
+    """The databases that this thread reads."""
+    found: dict[Path, sqlite3.Connection] = _THREAD.__dict__.setdefault("read", {})
     return found
 
 

@@ -54,10 +54,12 @@ class StoredFile:
         """The content piece by piece; as `read_bytes`, what is damaged is said after the last."""
         digest = hashlib.sha256()
         with self.database.reading() as db:
-            found = db.execute("SELECT rowid FROM file WHERE sha256 = ?", [self.sha256]).fetchone()
+            found = db.execute(
+                "SELECT rowid FROM content WHERE sha256 = ?", [self.sha256]
+            ).fetchone()
             if found is None:
                 raise StereocalError("A file has gone from the project; give it again.")
-            with closing(db.blobopen("file", "content", found[0], readonly=True)) as blob:
+            with closing(db.blobopen("content", "bytes", found[0], readonly=True)) as blob:
                 while piece := blob.read(PIECE):
                     digest.update(piece)
                     yield piece
@@ -116,12 +118,13 @@ def _digest(content: bytes | Path) -> str:
 
 
 def _insert(db: sqlite3.Connection, sha256: str, content: bytes | Path, size: int) -> None:
-    row = "INSERT INTO file (sha256, stored, content) VALUES (?, ?, {}) RETURNING rowid"
+    db.execute("INSERT INTO file VALUES (?, ?)", [sha256, time.time()])
     if isinstance(content, bytes) and size <= BOUND:
-        db.execute(row.format("?"), [sha256, time.time(), content]).fetchall()
+        db.execute("INSERT INTO content VALUES (?, ?)", [sha256, content])
         return
-    ((at,),) = db.execute(row.format("zeroblob(?)"), [sha256, time.time(), size]).fetchall()
-    with closing(db.blobopen("file", "content", at)) as blob:
+    at = db.execute("INSERT INTO content VALUES (?, zeroblob(?))", [sha256, size]).lastrowid
+    assert at is not None
+    with closing(db.blobopen("content", "bytes", at)) as blob:
         if isinstance(content, bytes):
             for start in range(0, size, PIECE):
                 blob.write(memoryview(content)[start : start + PIECE])

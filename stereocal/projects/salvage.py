@@ -19,7 +19,8 @@ from stereocal.projects.refusals import told
 
 COLUMNS = {
     "value": ("part", "name", "json"),
-    "file": ("sha256", "stored", "content"),
+    "file": ("sha256", "stored"),
+    "content": ("sha256", "bytes"),
     "named": ("part", "name", "sha256", "about"),
     "edit": ("number", "json"),
     "result": ("kind", "content"),
@@ -48,8 +49,11 @@ def salvage(home: Path, project_id: str) -> tuple[Project, int]:
             db.execute("PRAGMA defer_foreign_keys = ON")
             taken = sum(_take(table, old, db) for table in COLUMNS)
             lost = db.execute(
-                "DELETE FROM named WHERE sha256 NOT IN (SELECT sha256 FROM file)"
+                "DELETE FROM named WHERE sha256 NOT IN "
+                "(SELECT sha256 FROM content JOIN file USING (sha256))"
             ).rowcount
+            db.execute("DELETE FROM file WHERE sha256 NOT IN (SELECT sha256 FROM content)")
+            db.execute("DELETE FROM content WHERE sha256 NOT IN (SELECT sha256 FROM file)")
             if not taken:
                 raise StereocalError("Nothing of this project can be read any more.")
             _mend(Project(database))
@@ -73,8 +77,8 @@ def _take(table: str, old: sqlite3.Connection, new: sqlite3.Connection) -> int:
 
 def _is_sound(table: str, row: tuple[Any, ...]) -> bool:
     """Whether a row is what it was: a content is known by its digest, a value by being JSON."""
-    if table == "file":
-        return bool(hashlib.sha256(row[2]).hexdigest() == row[0])
+    if table == "content":
+        return bool(hashlib.sha256(row[1]).hexdigest() == row[0])
     if table in ("value", "edit"):
         json.loads(row[-1])
     return all(each is not None for each in row)

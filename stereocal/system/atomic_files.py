@@ -6,9 +6,7 @@ without that the new name may be lost, though the content is not.
 
 from __future__ import annotations
 
-import errno
 import os
-import re
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -16,21 +14,15 @@ from pathlib import Path
 
 from stereocal.errors import StereocalError
 
-_PROJECT = re.compile(r"[0-9a-f]{32}")
-
 
 def make_folder(path: Path) -> None:
     """Make a folder, and those above that are missing, so that they are there after a power cut.
-
-    The folder of a project is never made: it was removed, and half of it would be back.
 
     Raises:
         OSError: it cannot be made.
     """
     if path.is_dir():
         return
-    if path.parent.name == "projects" and _PROJECT.fullmatch(path.name):
-        raise FileNotFoundError(errno.ENOENT, "the project was removed", str(path))
     make_folder(path.parent)
     with suppress(FileExistsError):  # by another thread; what is no folder fails when it is used
         path.mkdir()
@@ -50,20 +42,6 @@ def flush_folder(path: Path) -> None:
         os.fsync(handle)
     finally:
         os.close(handle)
-
-
-def flush_tree(path: Path) -> None:
-    """Wait until all files and names below a folder are on the disk.
-
-    Raises:
-        OSError: they cannot be brought there.
-    """
-    for below in path.rglob("*"):
-        if below.is_dir():
-            flush_folder(below)
-        elif below.stat().st_nlink == 1:  # what is shared with another folder is there already
-            flush_file(below)
-    flush_folder(path)
 
 
 def flush_file(path: Path) -> None:

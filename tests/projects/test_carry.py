@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import zipfile
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -13,8 +14,9 @@ import pytest
 
 from stereocal.cli import main
 from stereocal.errors import StereocalError
-from stereocal.projects.archive import pack_project, read_input, unpack_project
+from stereocal.projects.archive import guarded_kind, pack_project, read_input, unpack_project
 from stereocal.projects.project import Project
+from tests.pages.stored_projects import FULL
 from tests.projects.test_project import FIELD, filled
 from tests.projects.test_projects import calibrated
 
@@ -103,3 +105,32 @@ def test_strange_zips_are_refused_and_leave_nothing(
         unpack_project(content, "p.zip", tmp_path / "there")
     assert list((tmp_path / "there" / "projects").iterdir()) == []
     assert sorted(path.name for path in tmp_path.iterdir()) == ["here", "p.zip", "there"]
+
+
+def test_all_that_native_code_decodes_is_tried_before_it_is_read(tmp_path: Path) -> None:
+    tried: list[tuple[str, str]] = []
+
+    def look(kind: str, path: Path, name: str) -> None:
+        assert path.is_file()
+        tried.append((kind, name.split("/")[0]))
+
+    unpack_project(FULL, "full.zip", tmp_path, look)
+    assert Counter(tried) == {
+        ("photograph", "photographs"): 12, ("photograph", "boards_primary"): 7,
+        ("camera", "inputs"): 3, ("camera", "calibrated"): 3,
+    }  # fmt: skip
+    # A table of numbers in Parquet is one whatever it is called.
+    content = changed(FULL, lambda files: files.update({"points/primary.csv": b"PAR1 and more"}))
+    unpack_project(content, "full.zip", tmp_path, look)
+    assert ("table", "points") in tried
+
+
+@pytest.mark.parametrize(
+    ("part", "name", "kind"),
+    [
+        ("dataset", "1.zip", "dataset"), ("asking", "2.zip", "parameters"),
+        ("asking", "3.csv", None), ("sets", "4.json", None), ("tables", "5.parquet", "table"),
+    ],
+)  # fmt: skip
+def test_as_what_a_file_is_tried(part: str, name: str, kind: str | None) -> None:
+    assert guarded_kind(part, Path(name)) == kind

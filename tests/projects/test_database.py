@@ -95,6 +95,28 @@ def test_without_a_write_ahead_log_a_rollback_journal_is_kept(
     journal.journal_of.cache_clear()
 
 
+def test_with_a_rollback_journal_readers_and_writers_do_not_wait_for_each_other_forever(
+    tmp_path: Path,
+) -> None:
+    project = placed(FULL, tmp_path)
+    with closing(sqlite3.connect(project.database.path)) as db:
+        db.execute("PRAGMA journal_mode = DELETE")
+    over = threading.Event()
+
+    def write() -> None:
+        while not over.is_set():
+            project.keep_settings({"seed": 3})
+
+    thread = threading.Thread(target=write)
+    thread.start()
+    began = time.monotonic()
+    for _ in range(40):
+        assert project.inputs.baseline_m == 2.0
+    over.set()
+    thread.join()
+    assert time.monotonic() - began < 60
+
+
 @pytest.mark.parametrize(
     ("mounts", "remote"),
     [

@@ -16,9 +16,7 @@ import numpy as np
 import pytest
 
 from stereocal.errors import StereocalError
-from stereocal.formats import guarded_readers
 from stereocal.formats.camera_file import write_camera, write_opencv_camera
-from stereocal.formats.guarded_readers import guarded_files
 from stereocal.system.guarded import Guard
 from tests.known_rig import PRIMARY
 
@@ -182,27 +180,6 @@ def test_the_real_readers_in_the_child(tmp_path: Path) -> None:
     guard.check_content("dataset", b"PK\x05\x06", "a.zip")
     guard.check_content("table", b"PAR1 is none", "a.parquet", ".parquet")
     guard.close()
-
-
-def test_all_that_native_code_decodes_of_a_project_is_tried(tmp_path: Path) -> None:
-    kinds = {
-        "photographs/files/1.png": "photograph",
-        "lens/primary/files/2.jpg": "photograph",
-        "inputs/3-primary": "camera",
-        "inputs/4-correspondences": "camera",
-        "inputs/5-dataset.zip": "dataset",
-        "apply/files/6.parquet": "table",
-        "apply/files/7.csv": None,
-        "apply/files/8.zip": "parameters",
-        "project.json": None,
-    }
-    for place in kinds:
-        (tmp_path / place).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / place).write_bytes(b"x")
-    found = {str(path.relative_to(tmp_path)): kind for kind, path in guarded_files(tmp_path)}
-    assert found == {place: kind for place, kind in kinds.items() if kind}
-    # HDF5 is a text table before it is stored.
-    assert {*found.values(), "hdf5"} == set(guarded_readers.READERS)
 
 
 def test_a_large_photograph_after_a_small_one(tmp_path: Path) -> None:
