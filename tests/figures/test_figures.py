@@ -334,7 +334,7 @@ def test_bars_behind_a_camera_are_counted(calibration: Calibration) -> None:
 def test_rig_is_said(calibration: Calibration) -> None:
     text = describe_rig(calibration, "2d")
     assert "2D set" in text
-    assert "stands 2.370 m from the primary" in text
+    assert "is 2.370 m from the primary" in text
     assert "24 bars at depths" in text
     with pytest.raises(StereocalError, match='"4d" is not known'):
         plot_rig(calibration, "4d")

@@ -88,7 +88,7 @@ def test_accuracy_shows_the_map_cameras_and_targets(
     assert len(targets.x) == 50
     assert figure.layout.yaxis.scaleanchor == "x"
     words = describe_accuracy(found, quantity)
-    assert f"{np.nanmedian(values):.2g}{unit} in the middle" in words
+    assert f"{np.nanmedian(values):.2g}{unit} (median)" in words
 
 
 def test_no_common_view_is_said(result: RefinedResult) -> None:
