@@ -177,7 +177,7 @@ def bin_of(value: float) -> int:
         return OVERFLOW
     if value <= 0.0:
         return UNDERFLOW
-    place = np.floor((np.log10(value) - LOWEST) / BIN_WIDTH)
-    if place < 0.0:
+    index = np.floor((np.log10(value) - LOWEST) / BIN_WIDTH)
+    if index < 0.0:
         return UNDERFLOW
-    return OVERFLOW if place >= BINS else int(place)
+    return OVERFLOW if index >= BINS else int(index)

@@ -299,7 +299,7 @@ def length_innovations(
     R, T, x = np.empty((3, 3)), np.empty(3), np.empty(OWN)
     fill_pose(q, q[BASELINE], R, T)
     derivatives, J, V = np.empty((8, 4)), np.empty((ALL + 1, RESIDUALS)), np.empty((OWN, OWN))
-    slope = np.empty(OWN)
+    gradient = np.empty(OWN)
     for f in range(len(pixels)):
         found[f, 0] = found[f, 1] = np.nan
         for i in range(OWN):
@@ -309,14 +309,14 @@ def length_innovations(
         if not s < np.inf:  # NaN without a bar or without points
             continue
         for i in range(OWN):
-            slope[i] = J[i, 8]
+            gradient[i] = J[i, 8]
             J[i, 8] = 0.0
         normal_matrix(J, seen, V)
         if factor(V, 0.0):
-            forward(V, slope)
+            forward(V, gradient)
             found[f, 0], found[f, 1] = J[ERRORS, 8], 0.0
             for i in range(OWN):
-                found[f, 1] += slope[i] * slope[i]
+                found[f, 1] += gradient[i] * gradient[i]
 
 
 @compiled

@@ -182,7 +182,7 @@ def fill_shared_derivatives(
         yz = R[2, 0] * a + R[2, 1] * b + R[2, 2] * c
         for k in range(4 * target + 2, 4 * target + 4):
             p, s, t = derivatives[k, 0], derivatives[k, 1], derivatives[k, 2]
-            # slope . (axis x y) = axis . (y x slope)
+            # derivative . (axis x y) = axis . (y x derivative)
             m0, m1, m2 = yy * t - yz * s, yz * p - yx * t, yx * s - yy * p
             for i in range(3):
                 turn = motions[i, 0] * m0 + motions[i, 1] * m1 + motions[i, 2] * m2

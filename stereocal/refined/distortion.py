@@ -55,17 +55,17 @@ def distort(
     above = 1.0 + rr * (k1 + rr * (k2 + rr * k3))
     below = 1.0 / (1.0 + rr * (k4 + rr * (k5 + rr * k6)))
     radial = above * below
-    slope = below * (
+    by_rr = below * (
         k1 + rr * (2.0 * k2 + 3.0 * rr * k3) - radial * (k4 + rr * (2.0 * k5 + 3.0 * rr * k6))
     )
     u = x * radial + 2.0 * p1 * x * y + p2 * (rr + 2.0 * x * x) + rr * (s1 + rr * s2)
     v = y * radial + p1 * (rr + 2.0 * y * y) + 2.0 * p2 * x * y + rr * (s3 + rr * s4)
     prism_u, prism_v = 2.0 * (s1 + 2.0 * rr * s2), 2.0 * (s3 + 2.0 * rr * s4)
-    across = 2.0 * (x * y * slope + p1 * x + p2 * y)
-    ux = radial + 2.0 * x * x * slope + 2.0 * p1 * y + 6.0 * p2 * x + x * prism_u
+    across = 2.0 * (x * y * by_rr + p1 * x + p2 * y)
+    ux = radial + 2.0 * x * x * by_rr + 2.0 * p1 * y + 6.0 * p2 * x + x * prism_u
     uy = across + y * prism_u
     vx = across + x * prism_v
-    vy = radial + 2.0 * y * y * slope + 6.0 * p1 * y + 2.0 * p2 * x + y * prism_v
+    vy = radial + 2.0 * y * y * by_rr + 6.0 * p1 * y + 2.0 * p2 * x + y * prism_v
     if terms[12] == 0.0:
         return u, v, ux, uy, vx, vy
     scale = 1.0 / (terms[19] * u + terms[20] * v + terms[21])

@@ -54,13 +54,14 @@ class Screening:
     fit: RefinedResult | None
     """The robust fit; None if there is none."""
     left_out: tuple[int, ...]
-    """Numbers of the frames that contradict the others, less those put back; in order."""
+    """Numbers of the frames that contradict the others, except those put back; ascending."""
     exchanged: tuple[int, ...]
-    """Of `left_out`, those that fit when A and B are exchanged in one of the cameras."""
+    """The frames of `left_out` that fit if A and B are exchanged in one of the cameras."""
     together: str
-    """Where the frames left out lie together, which accuses the model and not them; else empty."""
+    """Message if the frames left out lie together in the image, in depth or in speed, so that the
+    lenses or the timing are wrong rather than these frames; else empty."""
     failure: str = ""
-    """Why no frame could be chi_squares_for; else empty."""
+    """Why the screening failed; else empty."""
 
     @cached_property
     def dataset(self) -> Dataset:

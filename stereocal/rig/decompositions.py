@@ -49,7 +49,7 @@ def triangle(columns: FloatArray) -> FloatArray:
 
 @internal
 def is_finite(A: FloatArray) -> bool:
-    """Whether no entry (n, m) is NaN or infinite: of others, LAPACK says so by an exception."""
+    """Whether all entries (n, m) are finite; LAPACK raises an exception if they are not."""
     total = 0.0
     for i in range(A.shape[0]):
         for j in range(A.shape[1]):
@@ -62,7 +62,7 @@ def solve_positive(A: FloatArray, b: FloatArray) -> bool:
     """Solve `A x = b` in place on `b`, with Cholesky's factor in place on `A` (n, n).
 
     Returns:
-        False where A is not positive definite; A and b then hold nothing of use.
+        False if A is not positive definite; A and b are then undefined.
     """
     if not factor(A, 0.0):
         return False
@@ -73,10 +73,10 @@ def solve_positive(A: FloatArray, b: FloatArray) -> bool:
 
 @internal
 def factor(A: FloatArray, least: float) -> bool:
-    """Cholesky's lower factor of A (n, n), in place; false if A is not positive.
+    """Cholesky's lower factor of A (n, n), in place; returns False if A is not positive definite.
 
     Args:
-        least: so much of each diagonal entry must be left when the columns before it are taken out.
+        least: minimum of each pivot over the diagonal entry of A.
     """
     for j in range(len(A)):
         before = A[j, j]

@@ -37,7 +37,6 @@ it is rotated by 45 degrees, so almost all boards are completely visible."""
 SEPARATION = 1.6
 """Least distance of the targets across the line of sight, in sides of a board, so that neither
 hides the other."""
-STEEPEST_RAD = float(np.deg2rad(60.0))
 ROD_SHADES = (60.0, 110.0, 145.0, 160.0, 140.0, 105.0, 65.0)
 """Grey levels across a round rod lit from the front."""
 

@@ -24,7 +24,7 @@ from stereocal.figures import (
     plot_rig,
     plot_traces,
 )
-from stereocal.figures.traces import MOST_DRAWN, drawn_moves
+from stereocal.figures.traces import MAXIMUM_DRAWN, drawn_moves
 from stereocal.refined.outliers import frame_reprojection_px
 from stereocal.refined.results import Calibration
 from stereocal.rig.geometry import Pose, triangulate_rays
@@ -158,14 +158,14 @@ def test_cost_axes_are_logarithmic_over_a_decade(
 
 
 def test_long_traces_are_thinned_and_keep_their_ends(calibration: Calibration) -> None:
-    assert drawn_moves(MOST_DRAWN).tolist() == list(range(MOST_DRAWN))
+    assert drawn_moves(MAXIMUM_DRAWN).tolist() == list(range(MAXIMUM_DRAWN))
     kept = drawn_moves(1_000_003)
-    assert len(kept) == MOST_DRAWN
+    assert len(kept) == MAXIMUM_DRAWN
     assert (kept[0], kept[-1]) == (0, 1_000_002)
     assert (np.diff(kept) > 0).all()
     long = Trace(np.linspace(5, 1, 90_001), np.geomspace(1e-3, 1e-6, 90_001), np.zeros(90_001))
     line = plot_traces(with_traces(calibration, long)).data[0]
-    assert (len(line.x), line.x[0], line.x[-1]) == (MOST_DRAWN, 1, 90_001)
+    assert (len(line.x), line.x[0], line.x[-1]) == (MAXIMUM_DRAWN, 1, 90_001)
     assert (line.y[0], line.y[-1]) == (5, 1)
 
 
@@ -334,7 +334,7 @@ def test_bars_behind_a_camera_are_counted(calibration: Calibration) -> None:
 def test_rig_is_said(calibration: Calibration) -> None:
     text = describe_rig(calibration, "2d")
     assert "2D set" in text
-    assert "stands 2.370 m from the primary" in text
+    assert "is 2.370 m from the primary" in text
     assert "24 bars at depths" in text
     with pytest.raises(StereocalError, match='"4d" is not known'):
         plot_rig(calibration, "4d")
