@@ -36,6 +36,7 @@ from tests.figures.test_apply_figures import (
 from tests.known_rig import BAR_M
 from tests.lens import search
 
+PLOTS = [name.removeprefix("plot_") for name in figures.__all__ if name.startswith("plot_")]
 FIELD = Path(__file__).parents[2] / "sample_data" / "field"
 
 
