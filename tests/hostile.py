@@ -167,7 +167,7 @@ def _packed() -> list[Reader]:
 
 
 def _images() -> list[Reader]:
-    modules = ("photograph", "photograph_headers")
+    modules = ("photograph",)
     return [
         Reader(
             "photographs", "png" if name == "PNG" else "image", f"photograph, {name}",

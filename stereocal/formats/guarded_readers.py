@@ -14,7 +14,7 @@ from stereocal.formats.dataset_files import parse_zip
 from stereocal.formats.sleap_h5 import point_text
 from stereocal.matching.point_table import PointTable
 from stereocal.system.guarded_child import GuardedReader, Prepared
-from stereocal.system.photograph import decode_checked, read_header
+from stereocal.system.photograph import decode_photograph, photograph_size
 from stereocal.system.zip_files import unzip
 
 cv2.setNumThreads(1)
@@ -29,9 +29,9 @@ BYTES_PER_PIXEL = 16
 
 def _photograph(path: Path) -> Prepared:
     content = path.read_bytes()
-    header = read_header(content, path.name)  # Python alone; refuses what is too large
-    room = SPARE + 3 * len(content) + BYTES_PER_PIXEL * header.width * header.height
-    return room, partial(decode_checked, content, header, path.name)
+    width, height = photograph_size(path)  # Python alone; refuses what is too large
+    room = SPARE + 3 * len(content) + BYTES_PER_PIXEL * width * height
+    return room, partial(decode_photograph, content, path.name)
 
 
 def _camera(path: Path) -> Prepared:

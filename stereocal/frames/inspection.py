@@ -10,7 +10,7 @@ from pathlib import Path
 from stereocal.errors import StereocalError
 from stereocal.frames.pairing import Pair
 from stereocal.rig.camera import CAMERAS
-from stereocal.system.photograph import photograph_header
+from stereocal.system.photograph import photograph_size
 from stereocal.system.photograph_files import Photographs
 
 Size = tuple[int, int]
@@ -79,6 +79,6 @@ def wrong_sizes(
 
 def _look(path: Path, name: str) -> Size | str:
     try:
-        return photograph_header(path, name).size
+        return photograph_size(path, name)
     except StereocalError as error:
         return str(error)
