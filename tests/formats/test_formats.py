@@ -680,6 +680,13 @@ class TestZip:
             return
         assert len(files["a.csv"]) <= 10
 
+    def test_an_encrypted_member(self) -> None:
+        content = bytearray(zipped({"a.csv": b"frame"}))
+        content[6] |= 1
+        content[content.index(b"PK\x01\x02") + 8] |= 1
+        with pytest.raises(StereocalError, match=r"not a sound zip.*encrypted"):
+            unzip(bytes(content), "z")
+
     def test_a_damaged_member(self) -> None:
         content = bytearray(self.content)
         content[80:90] = bytes(10)
