@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import streamlit as st
 
@@ -28,7 +27,6 @@ from stereocal.project import Project
 from stereocal.rig.dataset import Dataset
 from stereocal.store.photographs import ProjectPhotographs
 from stereocal.store.room import check_room
-from stereocal.system.guarded import server_guard
 from stereocal.system.limits import Limits
 from stereocal.system.photograph_files import (
     is_photograph,
@@ -38,6 +36,7 @@ from stereocal.system.photograph_files import (
 )
 from stereocal.system.zip_files import unzip
 from stereocal.ui import jobs
+from stereocal.ui.decoding import server_guard
 from stereocal.ui.fields import Field, one_of, setting
 from stereocal.ui.project import noted, project_to_write
 from stereocal.ui.refusal import ask_lens
@@ -130,7 +129,6 @@ def take_file(slot: Slot, upload: Upload | None) -> None:
         check_uploads([upload])
         content = upload.getvalue()
         if slot != "correspondences":
-            server_guard().check_content("camera", content, upload.name)
             _try_camera(slot, upload.name, content)
         else:
             if is_hdf5(content):
@@ -219,7 +217,8 @@ def give_dataset(
     store = ProjectPhotographs(project)
     photographs = of_the_bar(unpack(store.files))
     folder, description = find_description(files, source)
-    _try_decoding(files, folder, description, photographs, source)
+    for error in server_guard().refused("photograph", photographs).values():
+        raise error
     slots: dict[Slot, str] = {"primary": "", "secondary": ""}
     survey: Survey | Dataset
     if photographs and folder + TABLE not in files:
@@ -250,19 +249,6 @@ def survived(found: Mapping[str, Path]) -> dict[str, Path]:
         more = f" So do {len(refused) - 1} others." if len(refused) > 1 else ""
         refuse(StereocalError(f"{next(iter(refused.values()))}{more}"))
     return {name: path for name, path in found.items() if name not in refused}
-
-
-def _try_decoding(
-    files: Mapping[str, bytes], folder: str, description: Mapping[str, Any],
-    photographs: Mapping[str, Path], source: str,
-) -> None:  # fmt: skip
-    named = description.get("cameras")
-    for name in named.values() if isinstance(named, dict) else ():
-        if isinstance(name, str) and folder + name in files:
-            content = files[folder + name]
-            server_guard().check_content("camera", content, f"{source}: {name}")
-    for error in server_guard().refused("photograph", photographs).values():
-        raise error
 
 
 def is_new(*uploads: Upload) -> bool:

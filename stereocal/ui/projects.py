@@ -12,7 +12,6 @@ from pathlib import Path
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.formats.guarded_readers import guarded_files
 from stereocal.project import Project
 from stereocal.store.carry import pack_project, unpack_project
 from stereocal.store.folders import default_home
@@ -28,7 +27,7 @@ from stereocal.store.projects import (
 )
 from stereocal.store.room import MB, size_of
 from stereocal.store.server import ServerSettings
-from stereocal.system.guarded import server_guard
+from stereocal.ui.decoding import server_guard
 from stereocal.ui.intake import check_uploads, escape_markdown, is_new, taking
 from stereocal.ui.project import (
     bring_project_back,
@@ -168,9 +167,18 @@ def _carry(project: Project | None) -> None:
     st.switch_page("pages/data.py")
 
 
+NATIVE = {
+    "photographs/files/*": "photograph",
+    "lens/*/files/*": "photograph",
+    "apply/files/*.parquet": "table",
+}
+"""The files of a project that native code decodes; HDF5 is a text table before it is stored."""
+
+
 def _survive(folder: Path) -> None:
-    for kind, path in guarded_files(folder):
-        server_guard().check(kind, path, path.name)
+    for place, kind in NATIVE.items():
+        for path in sorted(folder.glob(place)):
+            server_guard().check(kind, path, path.name)
 
 
 def _offer_packed(project: Project, name: str) -> None:

@@ -26,7 +26,6 @@ SLOW_EXAMPLES = 30
 NO_READERS = {
     "arrays": "read through `lens` and the evaluation of a project",
     "evaluation_files": "read through the evaluation of a project",
-    "guarded_readers": "calls the readers",
     "left_over": "looks at names of files only",
     "lens_fit": "fits numbers",
     "lens_model": "looks at a name and a count that `camera_file` has read",
