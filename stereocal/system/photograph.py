@@ -110,6 +110,7 @@ def _look(content: bytes, name: str) -> tuple[str, tuple[int, int]]:
     Limits.from_environment().check_size(len(content), name)
     if not content:
         raise StereocalError(f"{name}: the file is empty (0 bytes).")
+    form = "file"
     try:
         image = Image.open(io.BytesIO(content), formats=FORMATS)
         form, size = CALLED.get(str(image.format), str(image.format)), image.size
@@ -120,7 +121,7 @@ def _look(content: bytes, name: str) -> tuple[str, tuple[int, int]]:
             "16 bits), whatever its name, or it is cut off."
         ) from error
     except Exception as error:  # whatever Pillow's parsers run into
-        raise StereocalError(f"{name}: the file is cut off or damaged; copy it again.") from error
+        raise StereocalError(f"{name}: the {form} is cut off or damaged; copy it again.") from error
     Limits.from_environment().check_pixels(*size, name)
     if problem:
         raise StereocalError(f"{name}: {problem}.")

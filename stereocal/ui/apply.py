@@ -31,8 +31,8 @@ from stereocal.projects.point_files import SIDES, Side
 from stereocal.projects.project import Project
 from stereocal.refined.results import Calibration
 from stereocal.rig.parameters import RigParameters
-from stereocal.system.guarded import server_guard
 from stereocal.ui import jobs
+from stereocal.ui.decoding import server_guard
 from stereocal.ui.fields import Field, number, one_of, setting, yes_or_no
 from stereocal.ui.given_sets import PURPOSES, given_set
 from stereocal.ui.intake import check_uploads, escape_markdown, is_new, settled, taking

@@ -38,7 +38,6 @@ from stereocal.projects.project import Project
 from stereocal.refined.screening import Screening
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
-from stereocal.system.guarded import server_guard
 from stereocal.ui import jobs
 from stereocal.ui.fields import Field, number, one_of, setting, yes_or_no
 from stereocal.ui.forms import search_form, search_values, settings_of
@@ -293,7 +292,6 @@ def _further(project: Project, more: Sequence[Dataset]) -> None:
             try:
                 check_uploads([upload])
                 content = upload.getvalue()
-                server_guard().check_content("dataset", content, upload.name)
                 project.add_dataset(upload.name, content)
             except StereocalError as error:
                 st.error(escape_markdown(str(error)))

@@ -22,7 +22,6 @@ from tests.soak.readers import Reader, readers
 FEW, MANY = 5, repeats(100, 400)
 NO_READERS = {
     "evaluation_files": "read as a file of a project",
-    "guarded_readers": "calls the others in a child process",
     "lens_fit": "fits numbers",
     "lens_model": "looks at a name and a count that `camera_file` has read",
     "simulated": "writes",
