@@ -294,7 +294,7 @@ def write(name: str, content: bytes) -> Spoil:
 
 BAD: dict[str, tuple[Spoil, str]] = {
     "a word": (spoil("p.csv", put(100, "u", "left")), 'line 102: u is "left"'),
-    "infinite": (spoil("s.csv", put(0, "v", "inf")), 'line 2: v is "inf'),
+    "infinite": (spoil("s.csv", put(0, "v", "inf")), "line 2: v is inf"),
     "half a point": (spoil("p.csv", put(3, "v", "")), "line 5: v "),
     "half a frame": (spoil("p.csv", put(3, "frame", "1.5")), "line 5: frame is 1.5"),
     "no frame": (spoil("p.csv", put(3, "frame", "")), "line 5: frame "),
