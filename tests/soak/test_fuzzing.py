@@ -25,8 +25,8 @@ NO_READERS = {
     "guarded_readers": "calls the others in a child process",
     "lens_fit": "fits numbers",
     "lens_model": "looks at a name and a count that `camera_file` has read",
+    "options": "what a person says of the exchange formats",
     "simulated": "writes",
-    "stereo": "shared by the exchange formats",
     "units": "multiplies",
 }
 """Modules of formats/ that read no untrusted file by themselves, and why."""
