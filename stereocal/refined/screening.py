@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.stats import mannwhitneyu
 
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
@@ -163,6 +162,8 @@ def _higher(values: FloatArray, some: BoolArray, others: BoolArray) -> bool:
     one, other = values[some & known], values[others & known]
     if min(len(one), len(other)) < MINIMUM_CASES:
         return False
+    # Importing it takes 0.4 s, which every command and worker would wait for.
+
     return bool(mannwhitneyu(one, other, alternative="greater").pvalue < COMMON_CAUSE_PROBABILITY)
 
 

@@ -24,8 +24,8 @@ NO_READERS = {
     "evaluation_files": "read as a file of a project",
     "lens_fit": "fits numbers",
     "lens_model": "looks at a name and a count that `camera_file` has read",
+    "options": "what a person says of the exchange formats",
     "simulated": "writes",
-    "options": "shared by the exchange formats",
     "units": "multiplies",
 }
 """Modules of formats/ that read no untrusted file by themselves, and why."""
