@@ -14,6 +14,7 @@ T = TypeVar("T")
 PATIENCE_S = 120.0
 """Another tab may store 900 MB meanwhile, which takes a tenth of this."""
 AGAIN_S = 0.02
+FULL_DISK = "The disk is full. Nothing was changed: remove something from it, and try again."
 DAMAGED_FILE = (
     "The project's file is damaged. It is kept as it is: on the Start page, what can still be read "
     "is taken into a new project."
@@ -59,9 +60,7 @@ def told() -> Iterator[None]:
 def _sentence(error: sqlite3.Error) -> Exception:
     code = code_of(error)
     if code == sqlite3.SQLITE_FULL:
-        return FullError(
-            "The disk is full. Nothing was changed: remove something from it, and try again."
-        )
+        return FullError(FULL_DISK)
     sentences = {
         sqlite3.SQLITE_READONLY: "The project cannot be written to: its disk or folder is "
         "read-only.",
