@@ -60,6 +60,7 @@ class Session:
         self._drawn: dict[tuple[int, ...], _Drawn] = {}
         self._timers: dict[str, tuple[float, float]] = {}
         self._run, self._fragments = "", frozenset[str]()
+        self._identity = ""
         self._running = False
         self._finished: int | None = None
         self._answer: Any = None
@@ -161,10 +162,22 @@ class Session:
         begun = time.monotonic()
         identity = self.id_of(key)
         (button,) = (e.download_button for e in self.elements if e.download_button.id == identity)
-        answer = self._http.get(self.url + button.url, timeout=LONGEST_S)
+        url = button.url or self._made(button.deferred_file_id)
+        answer = self._http.get(self.url + url, timeout=LONGEST_S)
         answer.raise_for_status()
         self.timings.append((f"download {key}", time.monotonic() - begun))
         return answer.content
+
+    def _made(self, file: str) -> str:
+        """Where a file stands that the server makes only when it is asked for."""
+        message = BackMsg()
+        message.backend_operation_request.request_id = file
+        message.backend_operation_request.session_id = self._identity
+        message.backend_operation_request.deferred_file.file_id = file
+        self._answer = None
+        self._socket.send(message.SerializeToString())
+        self._until(lambda: self._answer is not None, "a file to download")
+        return str(self._answer.deferred_file.url)
 
     def wait_for(self, text: str, what: str = "", longest_s: float = LONGEST_S) -> None:
         """Wait until the page says so, while its timers go on."""
@@ -285,6 +298,7 @@ class Session:
         kind = message.WhichOneof("type")
         if kind == "new_session":
             self._running, self._finished = True, None
+            self._identity = message.new_session.initialize.session_id
             self._run = message.metadata.run.script_run_id
             self._fragments = frozenset(message.metadata.run.fragment_ids)
             if not self._fragments:
@@ -299,6 +313,8 @@ class Session:
             self._set_timer(message)
         elif kind == "file_urls_response":
             self._answer = message.file_urls_response
+        elif kind == "backend_operation_response":
+            self._answer = message.backend_operation_response
         elif kind == "delta":
             self._draw(tuple(message.metadata.delta_path), message)
         elif kind == "script_finished":

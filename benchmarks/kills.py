@@ -183,7 +183,7 @@ class Trial:
             self.check_disk(name, ledger)
             self.check_page(name, ledger)
         self.server.stop()
-        files = list((self.home / "projects").glob("*.sqlite"))
+        files = list((self.home / "projects").glob("[!.]*.sqlite"))
         known = {ledger.project for _, ledger in self.ledgers} | set(self.bases.values())
         listed = {one.id for one in recent_projects(self.home, len(files))}
         others = {path for path in self.home.rglob("*") if path.is_file()} - set(files)

@@ -19,6 +19,7 @@ from urllib.parse import quote
 from stereocal.errors import StereocalError
 from stereocal.projects.journal import journal_of
 from stereocal.projects.refusals import (
+    FULL_DISK,
     PATIENCE_S,
     DamagedError,
     FullError,
@@ -89,6 +90,7 @@ class Database:
                         "It can be brought back on the Start page where it was removed."
                     )
                 yield db
+                _check_whole(db)
                 patiently(lambda: db.execute("COMMIT"))
             except BaseException:
                 with suppress(sqlite3.Error):
@@ -246,6 +248,12 @@ def _begin(db: sqlite3.Connection, path: Path) -> None:
             db.execute("PRAGMA journal_mode = DELETE")
 
 
+def _check_whole(db: sqlite3.Connection) -> None:
+    """Refuse to go on with an act that a full disk has taken back, whoever hid its error."""
+    if not db.in_transaction:
+        raise FullError(FULL_DISK)
+
+
 _THREAD = threading.local()
 
 
@@ -263,6 +271,7 @@ def _read_here() -> dict[Path, sqlite3.Connection]:
 
 @contextmanager
 def _part_of(db: sqlite3.Connection) -> Iterator[None]:
+    _check_whole(db)
     db.execute("SAVEPOINT part")
     try:
         yield

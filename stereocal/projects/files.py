@@ -268,7 +268,9 @@ def keep_values(database: Database, part: str, values: Mapping[str, Any]) -> Non
 def result_of(database: Database, kind: str) -> bytes | None:
     """A result; None before the first."""
     found = database.rows("SELECT content FROM result WHERE kind = ?", kind)
-    return bytes(found[0][0]) if found else None
+    if found and not isinstance(found[0][0], bytes):
+        raise DamagedError("A result in the project's file is damaged.")
+    return found[0][0] if found else None
 
 
 def keep_result(database: Database, kind: str, content: bytes | None) -> None:

@@ -174,18 +174,16 @@ class KeptJob:
 
     def end(self) -> None:
         """It has ended well, or was cancelled: nothing of it is kept."""
-        _HERE.discard(self.record.run)
-        with suppress(StereocalError):  # it is shown as interrupted
+        with suppress(StereocalError):  # else it is shown as interrupted
             self.database.free(lambda db: _delete(db, self.record.kind))
+        _HERE.discard(self.record.run)  # last, so that no page takes it for interrupted before
 
     def fail(self, sentence: str) -> None:
         """It could not be done. The reason is kept until the next, and what was finished too."""
         self.write()
-        _HERE.discard(self.record.run)
         with suppress(StereocalError), self.database.act() as db:
-            db.execute(
-                "UPDATE job SET sentence = ? WHERE kind = ?", [sentence, self.record.kind]
-            )  # fmt: skip
+            db.execute("UPDATE job SET sentence = ? WHERE kind = ?", [sentence, self.record.kind])
+        _HERE.discard(self.record.run)
 
 
 def begin(

@@ -27,7 +27,7 @@ from stereocal.projects.files import (
 from stereocal.projects.inputs import Slot
 from stereocal.projects.pair_rows import PairRow, check_rows, row_of, with_new
 from stereocal.projects.project import Project
-from stereocal.projects.refusals import DamagedError
+from stereocal.projects.refusals import DamagedError, FullError
 
 BAR = "bar"
 TABLE_LABEL = "targets found in the photographs"
@@ -234,6 +234,8 @@ class ProjectPhotographs:
             keep_result(self.database, "frames", pack_frames(frames))
             try:
                 self.project.give(_table(frames))
+            except FullError:
+                raise
             except StereocalError as error:
                 self.project.give({}, ("correspondences",))
                 return error

@@ -14,6 +14,11 @@ T = TypeVar("T")
 PATIENCE_S = 120.0
 """Another tab may store 900 MB meanwhile, which takes a tenth of this."""
 AGAIN_S = 0.02
+FULL_DISK = "The disk is full. Nothing was changed: remove something from it, and try again."
+DAMAGED_FILE = (
+    "The project's file is damaged. It is kept as it is: on the Start page, what can still be read "
+    "is taken into a new project."
+)
 BUSY = (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED, sqlite3.SQLITE_PROTOCOL)
 
 
@@ -48,19 +53,14 @@ def told() -> Iterator[None]:
         yield
     except sqlite3.Error as error:
         raise _sentence(error) from error
+    except UnicodeError as error:  # in what SQLite says of a damaged file
+        raise DamagedError(DAMAGED_FILE) from error
 
 
 def _sentence(error: sqlite3.Error) -> Exception:
     code = code_of(error)
     if code == sqlite3.SQLITE_FULL:
-        return FullError(
-            "The disk is full. Nothing was changed: remove something from it, and try again."
-        )
-    if code in (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB):
-        return DamagedError(
-            "The project's file is damaged. It is kept as it is: on the Start page, what can still "
-            "be read is taken into a new project."
-        )
+        return FullError(FULL_DISK)
     sentences = {
         sqlite3.SQLITE_READONLY: "The project cannot be written to: its disk or folder is "
         "read-only.",
@@ -76,7 +76,11 @@ def _sentence(error: sqlite3.Error) -> Exception:
             "and try again.",
         ),
     }  # fmt: skip
-    return StereocalError(sentences[code]) if code in sentences else error
+    if code in sentences:
+        return StereocalError(sentences[code])
+    # What is asked is always the same: that it cannot be answered, the file is to blame for.
+    damaged = type(error) in (sqlite3.OperationalError, sqlite3.DatabaseError)
+    return DamagedError(DAMAGED_FILE) if damaged else error
 
 
 def code_of(error: sqlite3.Error) -> int:

@@ -163,6 +163,7 @@ def _higher(values: FloatArray, some: BoolArray, others: BoolArray) -> bool:
     if min(len(one), len(other)) < MINIMUM_CASES:
         return False
     # Importing it takes 0.4 s, which every command and worker would wait for.
+    from scipy.stats import mannwhitneyu
 
     return bool(mannwhitneyu(one, other, alternative="greater").pvalue < COMMON_CAUSE_PROBABILITY)
 

@@ -117,7 +117,6 @@ def test_validation(dataset: Dataset, executor: Counting) -> None:
     finished = len(parts)
     assert 5 <= finished < 12
     executor.tasks = 0
-    parts = run_parts()
     told = StopAt(1000)
     again = evaluate(both, SETTINGS, executor, told.progress, chunk=4, pieces=parts)
     assert executor.tasks == 12 - finished

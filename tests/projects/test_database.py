@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import random
 import signal
 import sqlite3
@@ -180,6 +181,25 @@ def test_a_full_disk_says_so_and_loses_nothing(
     store.clear()
     store.add({"again.png": store.keep("again.png", bytes(100_000))})
     assert store.database.path.stat().st_size < 200_000
+
+
+def test_an_act_that_hides_the_error_of_a_full_disk_is_not_half_done(
+    database: Database, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plain = database_module.connect
+
+    def small(path: Path) -> sqlite3.Connection:
+        db = plain(path)
+        db.execute("PRAGMA max_page_count = 100")
+        return db
+
+    monkeypatch.setattr(database_module, "connect", small)
+    with pytest.raises(FullError), database.act():
+        keep_values(database, "a", {"first": 1})
+        with contextlib.suppress(StereocalError):
+            keep_file(database, bytes(1_000_000), "large")
+        keep_values(database, "a", {"second": 2})
+    assert values_of(database, "a") == {}
 
 
 def test_a_click_in_the_middle_of_an_upload_loses_nothing(tmp_path: Path) -> None:

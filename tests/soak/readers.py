@@ -182,7 +182,10 @@ def _browser() -> list[Reader]:
             "browser", "json", "click", lambda: [b'{"id": "a", "u": 1.5, "v": 2, "raw": false}'],
             lambda content, _: pick_of(_plain(content)),
         ),
-        Reader("browser", "text", "settings", lambda: [b"1", b"90.5"], _settings, ("server",)),
+        Reader(
+            "browser", "text", "settings", lambda: [b"1", b"90.5"], _settings,
+            ("server_settings",),
+        ),
     ]  # fmt: skip
 
 
