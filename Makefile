@@ -4,13 +4,22 @@ BIN := $(VENV)/bin
 
 PIP := $(BIN)/python -m pip install --disable-pip-version-check
 
-.PHONY: run test lint types browser benchmark audit clean
+.PHONY: run test soak lint types browser benchmark audit clean
 
 run: $(VENV)/.compiled
 	$(BIN)/streamlit run app.py
 
-test: $(VENV)/.dev
-	$(BIN)/python -m pytest -m "not browser"
+# A process per core, each of which takes over tests that others have not begun. All is compiled
+# before: else each process would compile for itself.
+PYTEST := $(BIN)/python -m pytest --numprocesses auto --dist worksteal
+
+test: $(VENV)/.dev $(VENV)/.compiled
+	$(PYTEST) -m "not browser and not soak"
+
+# Fuzzing, kills, faults at every disk call, many repeats. SOAK=short takes about 3 minutes.
+SOAK ?= whole
+soak: $(VENV)/.dev $(VENV)/.compiled
+	STEREOCAL_SOAK=$(SOAK) $(PYTEST) -m soak
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff check .

@@ -2,16 +2,19 @@
 
 from pathlib import Path
 
-import streamlit as st
-
-from stereocal.ui.frame import check_settings, frame_drawn, pages, run_page
-from stereocal.ui.project import keep_address
-from stereocal.ui.uploads import watch_uploads
-from stereocal.ui.warm_up import warm_up
-
 
 def main() -> None:
-    """Draw the frame and run the chosen page."""
+    """Draw the frame and run the chosen page.
+
+    The imports stand here because a child process that tries files imports this module.
+    """
+    import streamlit as st
+
+    from stereocal.ui.frame import check_settings, frame_drawn, pages, run_page
+    from stereocal.ui.project import keep_address
+    from stereocal.ui.uploads import watch_uploads
+    from stereocal.ui.warm_up import warm_up
+
     icon = Path(__file__).parent / "assets" / "icon.png"
     st.set_page_config(page_title="stereocal", page_icon=str(icon), layout="wide")
     check_settings()

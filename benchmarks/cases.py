@@ -16,7 +16,7 @@ from stereocal.rig.compiled import FloatArray, compiled
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose, fill_pose
 from stereocal.simulation.simulate import Scene, simulate_field
-from tests import reference
+from tests.calibration import reference
 
 PlainCost = Callable[[FloatArray, FloatArray], float]
 
@@ -38,7 +38,7 @@ class Case:
     plain: PlainCost
     """The cost of (R, T) in fast NumPy, from `benchmarks.vectorised`."""
     solving: PlainCost
-    """The cost of (R, T) in NumPy by solving, from `tests.reference`."""
+    """The cost of (R, T) in NumPy by solving, from `tests.calibration.reference`."""
 
     def compiled_cost(self) -> float:
         """One evaluation, called from Python."""

@@ -30,8 +30,8 @@ from random import Random
 from typing import Any
 
 from stereocal.errors import LONGEST, StereocalError
-from tests.hostile import Reader, readers
-from tests.hostile_mutations import from_nothing, mutated
+from tests.soak.mutations import from_nothing, mutated
+from tests.soak.readers import Reader, readers
 
 BATCH = 50
 MOST_SECONDS = 5.0
@@ -95,6 +95,7 @@ def read_one(reader: Reader, content: bytes, folder: Path, at: int, found: Found
 def work(pipe: Any, now: Any, seed: int) -> None:
     """A worker: batches in, `Found` out. `now` holds the input at hand and when it was begun."""
     warnings.simplefilter("error")
+    warnings.filterwarnings("ignore", module=r"PIL\.")
     os.environ["STEREOCAL_MOST_MEGAPIXELS"] = MEGAPIXELS
     known = readers()
     with tempfile.TemporaryDirectory() as scratch:

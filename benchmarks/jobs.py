@@ -25,8 +25,6 @@ from stereocal.projects import jobs
 from stereocal.projects.jobs import Parts
 from stereocal.projects.project import Project
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.system.fair_pool import FairPool
-from stereocal.system.photograph import read_photograph
 
 SAMPLES = Path(__file__).parents[1] / "sample_data"
 WORKERS = 2
@@ -54,17 +52,17 @@ def overhead(
         return whole, time.thread_time() - own - plain
 
 
-def waiting(own: Executor, other: Executor | None) -> float:
-    """Seconds until 10 runs are done, beside 500 of another where there is one."""
+def waiting(pool: Executor, is_alone: bool) -> float:
+    """Seconds until 10 runs are done, beside 500 of another where they are not alone."""
     dataset, stop = read_dataset(SAMPLES / "field"), threading.Event()
     settings = [EvaluationSettings(runs=n, refined=RefineSettings()) for n in (500, 10)]
     thread = threading.Thread(
-        target=lambda: other and evaluate([dataset], settings[0], other, None, stop.is_set)
+        target=lambda: is_alone or evaluate([dataset], settings[0], pool, None, stop.is_set)
     )
     thread.start()
     time.sleep(0.3)
     begun = time.perf_counter()
-    evaluate([dataset], settings[1], own)
+    evaluate([dataset], settings[1], pool)
     seconds = time.perf_counter() - begun
     stop.set()
     thread.join()
@@ -78,7 +76,8 @@ def main() -> None:
     evaluate_runs(dataset, settings, 0, [0])
     folder = SAMPLES / "photographs"
     # Names tell the content in a project's folder; here they must not be alike.
-    photographs = [*(folder / "primary").iterdir(), *(folder / "boards_primary").iterdir()][:25]
+    paths = [*(folder / "primary").iterdir(), *(folder / "boards_primary").iterdir()][:25]
+    photographs = {str(path): path for path in paths}
     with ThreadPoolExecutor(WORKERS) as threads:
         runs = [
             overhead(
@@ -92,7 +91,7 @@ def main() -> None:
         found = [
             overhead(
                 lambda progress, parts: detect_series(
-                    photographs, read_photograph, threads, progress, pieces=parts
+                    photographs, threads, progress, pieces=parts
                 ),
                 pack_detection, unpack_detection,
             )
@@ -103,14 +102,11 @@ def main() -> None:
         share = 100 * more / whole
         print(f"{what}: {whole.mean():.2f} s of CPU time, keeping them "
               f"{share.min():.2f} to {share.max():.2f} % more")  # fmt: skip
-    for name in ("alone", "one queue", "in turn"):
+    for name in ("alone", "beside 500"):
         seconds = []
         for _ in range(REPEATS):
-            with ThreadPoolExecutor(WORKERS) as queue:
-                fair = FairPool(WORKERS)
-                own, other = (queue, queue) if name == "one queue" else (fair.of("a"), fair.of("b"))
-                seconds.append(waiting(own, None if name == "alone" else other))
-                fair.shutdown()
+            with ThreadPoolExecutor(WORKERS) as pool:
+                seconds.append(waiting(pool, is_alone=name == "alone"))
         print(f"10 runs {name}: {min(seconds):.2f} to {max(seconds):.2f} s")
     print(f"load {os.getloadavg()[0]:.1f}")
 

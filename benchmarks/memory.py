@@ -23,7 +23,6 @@ from stereocal.simulation.photographs import BarSettings, photograph_bars, place
 from stereocal.simulation.rendering import PhotographSettings
 from stereocal.simulation.simulate import field_rig
 from stereocal.system.executors import engine
-from stereocal.system.photograph import read_photograph
 
 COUNTS = (50, 500)
 ENGINES = {"threads": None, "processes": 2}
@@ -54,17 +53,17 @@ def peak_mb(_: int = 0) -> float:
 
 def one_run(folder: Path, name: str) -> None:
     """Detect in all photographs of a folder and print the peak of this process and its workers."""
-    paths = sorted(folder.iterdir())
+    photographs = {path.name: path for path in sorted(folder.iterdir())}
     began = time.perf_counter()
     with engine(ENGINES[name]) as executor:
-        found = detect_series(paths, read_photograph, executor)
+        found = detect_series(photographs, executor)
         workers = max(executor.map(peak_mb, range(20)))
-    assert found is not None and len(found) == len(paths)
+    assert found is not None and len(found) == len(photographs)
     seconds = time.perf_counter() - began
-    right = sum(detection.state == "found" for detection in found)
+    right = sum(detection.state == "found" for detection in found.values())
     print(
-        f"{name}, {len(paths)} photographs ({right} found): peak {peak_mb():.0f} MB, of a worker "
-        f"{workers:.0f} MB; {seconds:.0f} s, load {os.getloadavg()[0]:.1f}",
+        f"{name}, {len(photographs)} photographs ({right} found): peak {peak_mb():.0f} MB, "
+        f"of a worker {workers:.0f} MB; {seconds:.0f} s, load {os.getloadavg()[0]:.1f}",
         flush=True,
     )
 

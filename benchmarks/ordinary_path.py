@@ -21,7 +21,7 @@ from stereocal.figures.tables import why_not_trusted
 from stereocal.refined.disagreement import what_disagrees
 from stereocal.refined.refine import refine
 from stereocal.refined.results import Calibration
-from stereocal.refined.stated_inputs import what_could_not_be_told
+from stereocal.refined.stated_inputs import undetectable_errors
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import Dataset
@@ -247,7 +247,7 @@ def inputs(rigs: int) -> None:
     for number in range(rigs):
         _, data, _ = rig(number)
         unstated = replace(data, baseline_sigma_m=None, target_distance_sigma_m=None)
-        asked += bool(what_could_not_be_told(what_disagrees(refine(unstated))))
+        asked += bool(undetectable_errors(what_disagrees(refine(unstated))))
     print(f"  nothing stated: asked for in {asked} of {rigs}")
 
 

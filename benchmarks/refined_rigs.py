@@ -10,7 +10,7 @@ from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.rig import Rig
-from stereocal.simulation.simulate import Given, Scene, lens_off_by, observe, place_bars
+from stereocal.simulation.simulate import Nominal, Scene, lens_off_by, observe, place_bars
 from tests import known_rig as rig
 
 BAR_M = 0.87
@@ -66,13 +66,13 @@ def stated(
         for camera in (scene.rig.primary, scene.rig.secondary)
     ]
     cameras[0] = lens_off_by(cameras[0], focal, (0.0, 0.0))
-    given = Given(
+    nominal = Nominal(
         cameras[0],
         cameras[1],
         (scene.rig.pose.baseline + off.baseline_m * rng.normal()) * baseline,
         scene.bar_length_m + off.bar_m * rng.normal(),
     )
-    return observe(scene, rng, off.noise_px, name, given)
+    return observe(scene, rng, off.noise_px, name, nominal)
 
 
 def held_out(dataset: Dataset, frames: int) -> tuple[Dataset, Dataset]:

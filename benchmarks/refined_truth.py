@@ -28,11 +28,18 @@ from benchmarks.refined_rigs import (
 from stereocal.calibration.results import errors_of
 from stereocal.refined.disagreement import what_disagrees
 from stereocal.refined.refine import RefinedResult, refine
-from stereocal.refined.uncertainty import distance_sigmas, length_slopes
+from stereocal.refined.uncertainty import distance_sigmas, length_jacobian
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
-from stereocal.simulation.simulate import Given, Scene, field_rig, lens_off_by, observe, place_bars
+from stereocal.simulation.simulate import (
+    Nominal,
+    Scene,
+    field_rig,
+    lens_off_by,
+    observe,
+    place_bars,
+)
 from stereocal.workflow import calibrate
 
 NAMES = ("yaw", "pitch", "roll", "delta", "epsilon", "baseline", "held-out distance")
@@ -81,7 +88,7 @@ def over_bound(
         # At the truth, with the true noise: its covariance is the bound.
         bound = refine(exact_fit, replace(settings, sigma_px=off.noise_px, scatter_m=0.0))
         C, ends = bound.covariance, scene.ends_m[-1]
-        slope = length_slopes(bound, ends[:1], ends[1:])[0]
+        slope = length_jacobian(bound, ends[:1], ends[1:])[0]
         length = result.apply(exact_test).reconstructed_lengths_m(result.pose)[0]
         truth = scene.rig.pose
         rows[k] = (
@@ -167,8 +174,8 @@ def against_the_paper(rigs: int, noise_px: float, seed: int) -> FloatArray:
             for camera in (scene.rig.primary, scene.rig.secondary)
         ]
         baseline = scene.rig.pose.baseline
-        given = Given(off[0], off[1], baseline, scene.bar_length_m)
-        fit, test = held_out(observe(scene, rng, noise_px, "rig", given), 25)
+        nominal = Nominal(off[0], off[1], baseline, scene.bar_length_m)
+        fit, test = held_out(observe(scene, rng, noise_px, "rig", nominal), 25)
         paper, found = calibrate(fit).methods, refine(fit)
         matching, measuring = (errors_of(test, paper[name].pose) for name in ("2d", "3d"))
         both = errors_of(found.apply(test), found.pose)

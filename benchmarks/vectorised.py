@@ -1,7 +1,7 @@
 """The costs and the essential method in NumPy as fast as NumPy goes: a row of numbers at a time.
 
-`tests.reference` is written to be right, and solves a 3x3 system for each point. A ratio against it
-would flatter the compiled code, so the ratios are taken against this.
+`tests.calibration.reference` is written to be right, and solves a 3x3 system for each point. A
+ratio against it would flatter the compiled code, so the ratios are taken against this.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The errors that people see: what is wrong, where, and what to do."""
+"""Errors with messages for the user: what is wrong, where, and what to do."""
 
 from __future__ import annotations
 
@@ -6,34 +6,34 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 LONGEST = 500
-"""Characters of a sentence; what it quotes of a file may be longer."""
-KEPT_END = 160
-
+"""Maximum length of a message, in characters."""
+KEPT_TAIL = 160
+"""Characters kept at the end of a message that is shortened."""
 
 DAMAGED = (
     ArithmeticError, AttributeError, EOFError, LookupError, MemoryError, OSError, RecursionError,
     TypeError, ValueError,
 )  # fmt: skip
-"""What Python raises where a damaged file is taken for a sound one."""
+"""Exceptions that Python raises while a damaged file is parsed."""
 
 
 class StereocalError(ValueError):
-    """Input that cannot be used. Its text is one sentence for the person who gave the input.
+    """Invalid input. The message tells the user what is wrong and what to do.
 
-    What it quotes of a file is a stranger's: signs that cannot be shown become spaces, and of a
-    text that is too long the middle is left out, since the end says what to do.
+    Messages may quote untrusted files: characters that are not printable are replaced by spaces,
+    and a message over `LONGEST` characters loses its middle, because its end says what to do.
     """
 
     def __init__(self, text: str = "") -> None:
-        text = "".join(sign if sign.isprintable() else " " for sign in text)
+        text = "".join(character if character.isprintable() else " " for character in text)
         if len(text) > LONGEST:
-            text = f"{text[: LONGEST - KEPT_END - 5]} ... {text[-KEPT_END:]}"
+            text = f"{text[: LONGEST - KEPT_TAIL - 5]} ... {text[-KEPT_TAIL:]}"
         super().__init__(text)
 
 
 @dataclass(frozen=True)
 class RowProblem:
-    """One refused row of a table: where it stands and why."""
+    """A rejected row of a table: its line number (0 if unknown) and the reason."""
 
     line: int
     reason: str
@@ -43,7 +43,7 @@ class RowProblem:
 
 
 class RefusedRowsError(StereocalError):
-    """Rows of a table that cannot be used. The text names the first three, `problems` all."""
+    """Invalid rows of a table. The message lists the first three, `problems` all of them."""
 
     def __init__(self, source: str, problems: Sequence[RowProblem], what: str) -> None:
         shown = "; ".join(str(p) if p.line else p.reason for p in problems[:3])
@@ -54,5 +54,5 @@ class RefusedRowsError(StereocalError):
 
 
 def can_be_shown(text: object) -> bool:
-    """Whether it is a text that a page can show: JSON can hold halves of signs, which none can."""
+    """Whether `text` is a string without lone surrogates, which JSON allows but UTF-8 does not."""
     return isinstance(text, str) and text == text.encode("utf-8", "replace").decode()

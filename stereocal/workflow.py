@@ -1,4 +1,4 @@
-"""Run all methods on a data set: screening, the paper's three (section 3), the refined one."""
+"""Run all methods on a data set: screening, the paper's three (Section 3), the refined one."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from stereocal.calibration.essential import EssentialResult, calibrate_essential
 from stereocal.calibration.methods import CalibrationSettings, Method
 from stereocal.calibration.montecarlo import Problem, minimise
 from stereocal.calibration.problems import reconstruction_problem, reprojection_problem
-from stereocal.calibration.readings import check_reading, fit_at
 from stereocal.calibration.results import POOR_LENGTH, MethodResult, errors_of
+from stereocal.calibration.wrong_inputs import check_inputs, pose_fit
 from stereocal.errors import StereocalError
-from stereocal.refined.blame import doubts_about, why_nothing_fits
+from stereocal.refined.diagnosis import explain_failure, warnings_about_fit
 from stereocal.refined.refine import refine
 from stereocal.refined.results import Calibration
 from stereocal.refined.screening import Screening, screen, screened
@@ -30,62 +30,63 @@ def calibrate(
     progress: Callable[[str], None] | None = None,
     refined: RefineSettings | None = None,
 ) -> Calibration:
-    """Run the paper's three methods and, where its settings are given, the refined one.
+    """Calibrate with the paper's three methods and, if `refined` is given, the refined method.
 
-    Frames that contradict the others are left out first, unless the settings trust every frame.
-
-    The random numbers of the two searches are independent streams of `settings.search.seed`.
+    Frames that contradict the others are left out first, unless `settings.all_frames` is set. The
+    2D and the 3D search use independent random streams derived from `settings.search.seed`.
 
     Args:
         trace: record every move of the searches.
-        progress: called with the name of each method as it begins.
-        refined: settings of the refined method. If it fails, the others stand, and a warning says
-            why.
+        progress: called with the name of each method when it starts.
+        refined: settings of the refined method. If that method fails, the result has the other
+            methods and a warning with the reason.
 
     Raises:
-        StereocalError: the data do not allow a calibration; says why and what to do.
+        StereocalError: the data do not determine the pose; the message says why and what to do.
     """
     settings = settings or CalibrationSettings()
-    say = progress or (lambda _: None)
-    of_split, of_2d, of_3d = np.random.SeedSequence(settings.search.seed).spawn(3)
-    say("screening")
+    report = progress or (lambda _: None)
+    split_seed, seed_2d, seed_3d = np.random.SeedSequence(settings.search.seed).spawn(3)
+    report("screening")
     screening = screened(dataset, settings)
     kept = screening.dataset
-    frames = _draw_frames(screening, settings.calibration_frames, of_split)
+    frames = _draw_frames(screening, settings.calibration_frames, split_seed)
     chosen = _only(kept, frames)
     checks.check_points(chosen)
     reconstruction = reconstruction_problem(chosen, settings.known_points)
     warnings = checks.warnings_about(chosen)
 
-    say("essential")
+    report("essential")
     start = _essential(chosen, settings, reconstruction, screening)
-    warnings += check_reading(chosen, fit_at(chosen, start.pose))
+    warnings += check_inputs(chosen, pose_fit(chosen, start.pose))
     results: dict[Method, MethodResult] = {
         "essential": MethodResult(
             "essential", start.pose, start.cost, start.evaluations, start.stop_reason, start.seconds
         )
     }
     searches: tuple[tuple[Method, Problem, np.random.SeedSequence], ...] = (
-        ("2d", reprojection_problem(chosen), of_2d),
-        ("3d", reconstruction, of_3d),
+        ("2d", reprojection_problem(chosen), seed_2d),
+        ("3d", reconstruction, seed_3d),
     )
     for method, problem, seed in searches:
-        say(method)
+        report(method)
         found = minimise(problem, start.pose, settings.search, seed, trace)
         results[method] = MethodResult(
             method, found.pose, found.cost, found.evaluations, found.stop_reason, found.seconds,
             found.trace,
         )  # fmt: skip
     poor = errors_of(chosen, results["3d"].pose).p95_length > POOR_LENGTH
-    warnings += doubts_about(chosen, screening, poor)
-    fourth = None
+    warnings += warnings_about_fit(chosen, screening, poor)
+    refined_result = None
     if refined is not None:
-        say("refined")
+        report("refined")
         try:
-            fourth = refine(chosen, refined, start.pose)
+            refined_result = refine(chosen, refined, start.pose)
         except StereocalError as error:
             warnings.append(f"There is no refined set: {error}")
-    return Calibration(dataset, settings, screening, frames, results, tuple(warnings), fourth)
+    return Calibration(
+        dataset, settings, screening, frames, results, tuple(warnings), refined_result
+    )
 
 
 def _essential(
@@ -94,18 +95,18 @@ def _essential(
     reconstruction: Problem,
     screening: Screening,
 ) -> EssentialResult:
-    """The essential method, whose pose agrees with the stated lengths.
+    """The essential method, with a check of the scale against the stated lengths.
 
-    Where the 8-point estimate leads nowhere, as with bars in one plane, the constrained solver
-    begins at the pose of the robust fit.
+    If the 8-point estimate fails, as with all bars in one plane, the constrained solver is started
+    again from the pose of the robust fit.
 
     Raises:
-        StereocalError: it does not agree; says what is wrong, as far as the data tell.
+        StereocalError: no plausible pose; the message gives the likely cause.
     """
     fit = screening.fit
-    begin = [None, fit.pose] if fit is not None and settings.essential == "constrained" else [None]
+    starts = [None, fit.pose] if fit is not None and settings.essential == "constrained" else [None]
     failure = ""
-    for pose in begin:
+    for pose in starts:
         try:
             start = calibrate_essential(
                 dataset.rays, dataset.baseline_m, settings.essential, reconstruction.cost, pose
@@ -115,16 +116,20 @@ def _essential(
                 return start
         except StereocalError as error:
             failure = failure or f"{error} "
-    raise StereocalError(failure + why_nothing_fits(dataset, fit or screen(dataset).fit))
+    raise StereocalError(failure + explain_failure(dataset, fit or screen(dataset).fit))
 
 
 def _draw_frames(screening: Screening, count: int | None, seed: np.random.SeedSequence) -> IntArray:
-    """So many of the frames that are left, or all of them where that is fewer than were given."""
-    given = len(screening.given.correspondences.frames)
+    """`count` random frames of those that passed the screening; all of them if fewer are left.
+
+    Raises:
+        StereocalError: the data set has fewer than `count` frames.
+    """
+    total = len(screening.full_dataset.correspondences.frames)
     frames = screening.dataset.correspondences.frames
-    if count is not None and count > given:
+    if count is not None and count > total:
         raise StereocalError(
-            f"{count} calibration frames are wanted, but the data set has {given}."
+            f"{count} calibration frames were requested, but the data set has {total}."
         )
     if count is None or count >= len(frames):
         return frames

@@ -4,18 +4,23 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Mapping
-from functools import partial
+from collections.abc import Mapping
 from pathlib import Path
 
+import numpy as np
+
 from stereocal.errors import StereocalError
-from stereocal.system.guarded_child import GuardedReader, Prepared
+from stereocal.system.guarded import Reader
+
+
+def _abort(_: Path) -> None:
+    os.abort()
 
 
 def _eat(_: Path) -> None:
     held = []
     while True:
-        held.append(bytearray(10_000_000))
+        held.append(np.empty(100_000_000, np.uint8))  # addresses, no memory
 
 
 def _spin(path: Path) -> None:
@@ -36,39 +41,36 @@ def _wait(path: Path) -> None:
 
 
 def _begun(path: Path) -> None:
-    path.with_suffix(".begun").touch()
+    path.with_suffix(".begun").write_text(str(os.getpid()))
 
 
 def _refuse(_: Path) -> None:
     raise StereocalError("damaged")
 
 
-def _count(path: Path) -> None:
-    with path.with_suffix(".count").open("a") as file:
-        file.write("x")
-
-
 def _raise(_: Path) -> None:
     raise ZeroDivisionError
 
 
-def _prepared(read: Callable[[Path], object], path: Path) -> Prepared:
-    return 200_000_000, partial(read, path)
+def _print(_: Path) -> None:
+    os.write(1, b"from the decoder\n")
+    os.write(2, b"from the decoder\n")
 
 
-READERS: Mapping[str, GuardedReader] = {
-    name: partial(_prepared, read)
-    for name, read in {
-        "abort": lambda _: os.abort(),
-        "exit": lambda _: os._exit(0),
-        "hang": _hang,
-        "spin": _spin,
-        "eat": _eat,
-        "raise": _raise,
-        "refuse": _refuse,
-        "count": _count,
-        "print": lambda _: os.write(1, b"survived\nfailed\n"),
-        "wait": _wait,
-        "fine": lambda _: None,
-    }.items()
+def _fine(_: Path) -> None:
+    pass
+
+
+READERS: Mapping[str, Reader] = {
+    "abort": _abort,
+    "hang": _hang,
+    "spin": _spin,
+    "eat": _eat,
+    "raise": _raise,
+    "refuse": _refuse,
+    "print": _print,
+    "wait": _wait,
+    "fine": _fine,
 }
+ALL_ABORT: Mapping[str, Reader] = dict.fromkeys(("photograph", "table", "hdf5"), _abort)
+"""The kinds that the dashboard tries; each file of them crashes."""

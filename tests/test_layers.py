@@ -1,4 +1,4 @@
-"""Who may import what: the science knows no screen, and the pages compute nothing."""
+"""Who may import what: imports of the package run one way, and the pages compute nothing."""
 
 from __future__ import annotations
 
@@ -10,10 +10,31 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-SCIENCE = sorted(
-    path
-    for path in (ROOT / "stereocal").rglob("*.py")
-    if "ui" not in path.relative_to(ROOT / "stereocal").parts
+PACKAGE = ROOT / "stereocal"
+ORDER = (
+    "errors",
+    "system",
+    "rig",
+    "calibration",
+    "refined",
+    "evaluation",
+    "simulation",
+    "verdict",
+    "detection",
+    "frames",
+    "intrinsics",
+    "matching",
+    "formats",
+    "figures",
+    "workflow",
+    "projects",
+    "commands",
+    "cli",
+    "ui",
+)
+"""Each room imports from itself and from those before it, never from one after it."""
+MODULES = sorted(
+    path for path in PACKAGE.rglob("*.py") if path.parent != PACKAGE or path.stem in ORDER
 )
 PAGES = sorted((ROOT / "pages").glob("*.py"))
 NUMERICS = ("numpy", "scipy", "cv2", "numba")
@@ -52,16 +73,38 @@ def forbidden(source: str, banned: tuple[str, ...], module: str = "") -> set[str
     }
 
 
-@pytest.mark.parametrize("path", SCIENCE, ids=lambda path: str(path.relative_to(ROOT)))
-def test_the_science_knows_no_screen(path: Path) -> None:
+def upward(source: str, module: str) -> set[str]:
+    """What a module imports of rooms after its own; the package's version is free."""
+    _, room, *_ = module.split(".")
+    found = set()
+    for name in imported(source, module):
+        package, _, rest = name.partition(".")
+        if package != "stereocal" or rest in ("", "__version__"):
+            continue
+        other = rest.split(".")[0]
+        if other not in ORDER or ORDER.index(other) > ORDER.index(room):
+            found.add(name)
+    return found
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_imports_run_one_way(path: Path) -> None:
     module = ".".join(path.relative_to(ROOT).with_suffix("").parts)
-    assert not forbidden(path.read_text(encoding="utf-8"), ("streamlit", "stereocal.ui"), module)
+    source = path.read_text(encoding="utf-8")
+    assert not upward(source, module)
+    if module.split(".")[1] != "ui":
+        assert not forbidden(source, ("streamlit",), module)
 
 
-def test_the_science_was_found() -> None:
-    names = {path.name for path in SCIENCE}
-    assert {"geometry.py", "costs.py", "camera_file.py"} <= names
-    assert not any("ui" in path.parts[len(ROOT.parts) :] for path in SCIENCE)
+def test_every_room_has_its_place() -> None:
+    """Beside the rooms stand only the package's own face and the command line's."""
+    rooms = {
+        path.stem
+        for path in PACKAGE.iterdir()
+        if path.suffix == ".py" or (path / "__init__.py").is_file()
+    }
+    assert rooms == {*ORDER, "__init__", "__main__"}
+    assert len(MODULES) > 100
 
 
 @pytest.mark.parametrize("path", PAGES, ids=lambda path: path.name)
@@ -94,6 +137,28 @@ def test_pages_were_found() -> None:
 )
 def test_the_guard_bites(source: str) -> None:
     assert forbidden(source, ("streamlit", "stereocal.ui"), "stereocal.x")
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        "from stereocal.verdict import tradeoff",
+        "import stereocal.ui.forms",
+        "from stereocal import workflow",
+        "from stereocal import calibrate",
+        "from ..verdict import tradeoff",
+        "def f():\n    from stereocal.verdict.tradeoff import pareto",
+        "import importlib\nimportlib.import_module('stereocal.figures')",
+        "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from stereocal.workflow import x",
+    ],
+)
+def test_an_import_upward_is_seen(source: str) -> None:
+    assert upward(source, "stereocal.evaluation.summary")
+
+
+def test_imports_downward_pass() -> None:
+    source = "from stereocal import __version__\nfrom stereocal.rig import camera\nimport numpy"
+    assert not upward(source, "stereocal.evaluation.summary")
 
 
 def test_the_guard_lets_others_pass() -> None:

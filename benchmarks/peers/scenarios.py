@@ -15,7 +15,7 @@ from stereocal.formats.camera_file import read_camera
 from stereocal.formats.correspondences_csv import read_table
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
-from stereocal.simulation.simulate import Given, place_bars
+from stereocal.simulation.simulate import Nominal, place_bars
 
 FRAMES = 25
 TEST_FRAMES = 50
@@ -75,8 +75,8 @@ class Scenario:
         fit, test = data.of_frames(frames[:FRAMES]), data.of_frames(frames[FRAMES:])
         if self.outliers:
             fit, _ = spoiled(fit, rng, OUTLIERS)
-        given = Given.exact(scene)
-        test = replace(test, target_distance_m=given.target_distance_m)
+        nominal = Nominal.exact(scene)
+        test = replace(test, target_distance_m=nominal.target_distance_m)
         return Task(fit, test, Solution(pose.R, pose.T, (rig.primary, rig.secondary)))
 
 

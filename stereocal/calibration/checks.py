@@ -1,4 +1,4 @@
-"""What can be wrong with a data set as a whole, found before anyone trusts a result."""
+"""Checks of a data set and of the first estimate: too few points, no spread, wrong scale."""
 
 from __future__ import annotations
 
@@ -11,28 +11,32 @@ from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose, triangulate_rays
 
 SMALLEST_SPREAD = 0.01
-"""Points within 1 % of the image's diagonal are in one place: they fix no angle."""
+"""Smallest extent of the points, as a fraction of the image diagonal; less fixes no angle."""
 
 LARGEST_SCALE_ERROR = 1.5
-"""Lens errors of several percent move lengths by as much, never by half."""
+"""Lens errors of several percent change lengths by as much, not by half."""
 
 FEW_PAIRS = 8
 FEW_BARS = 5
-"""Five angles cannot be found from fewer lengths."""
+"""Five angles need at least five lengths."""
 
 
 def check_points(dataset: Dataset, rows: BoolArray | None = None) -> None:
-    """Refuse too few points, and points all in one place; of all rows, or of some (n,).
+    """Check that there are enough points and that they are spread over both images.
+
+    Args:
+        rows: mask (n,) of the rows to check; all if None.
 
     Raises:
-        StereocalError: as said.
+        StereocalError: fewer than 5 pairs, or all points of a camera close together.
     """
     table = dataset.correspondences
     count = len(table) if rows is None else int(np.count_nonzero(rows))
     if count < MINIMUM_PAIRS:
         raise StereocalError(
             f"There {'is 1 pair' if count == 1 else f'are {count} pairs'} of points; at "
-            f"least {MINIMUM_PAIRS} are needed, and 40 or more are wise (20 frames of the bar)."
+            f"least {MINIMUM_PAIRS} are needed, and 40 or more (20 frames of the bar) are "
+            "recommended."
         )
     for which, points, camera in (
         ("primary", table.primary, dataset.primary),
@@ -42,16 +46,16 @@ def check_points(dataset: Dataset, rows: BoolArray | None = None) -> None:
         extent = float(np.hypot(*np.ptp(chosen, axis=0)))
         if extent < SMALLEST_SPREAD * float(np.hypot(*camera.image_size)):
             raise StereocalError(
-                f"All {count} points of the {which} camera lie in one place, within "
-                f"{extent:.1f} px: move the bar through the whole view and through the depth."
+                f"All {count} points of the {which} camera lie within {extent:.1f} px: move the "
+                "bar through the whole view and through the depth."
             )
 
 
 def check_in_front(dataset: Dataset, pose: Pose) -> None:
-    """Refuse pairs that meet behind a camera: they are no pictures of one point.
+    """Check that all pairs are triangulated in front of both cameras.
 
     Raises:
-        StereocalError: names the first three.
+        StereocalError: some are not; the message names the first three.
     """
     points = triangulate_rays(pose.R, pose.T, dataset.rays)
     behind = np.flatnonzero(np.isnan(points[:, 0]))
@@ -64,7 +68,10 @@ def check_in_front(dataset: Dataset, pose: Pose) -> None:
 
 
 def scale_is_plausible(dataset: Dataset, pose: Pose) -> bool:
-    """Whether baseline and distance go together, unlike metres and millimetres."""
+    """Whether the bar reconstructed with the stated baseline has about its stated length.
+
+    False, for instance, if one of them is in metres and the other in millimetres.
+    """
     if not len(dataset.correspondences.bars):
         return True
     ratio = float(np.median(dataset.bar_distances_m / dataset.reconstructed_lengths_m(pose)))
@@ -72,13 +79,13 @@ def scale_is_plausible(dataset: Dataset, pose: Pose) -> bool:
 
 
 def warnings_about(dataset: Dataset) -> list[str]:
-    """What is odd but allowed, a sentence each."""
+    """Warnings about a data set that can be calibrated but has unusual values."""
     found = []
     pairs = len(dataset.correspondences)
     if pairs < FEW_PAIRS:
         found.append(
             f"{pairs} pairs of points are very few: errors of tens of percent are possible. Do not "
-            "measure with this result; bring 20 frames or more."
+            "measure with this result; record 20 frames or more."
         )
     bars = len(dataset.correspondences.bars)
     if 0 < bars < FEW_BARS:
@@ -87,11 +94,11 @@ def warnings_about(dataset: Dataset) -> list[str]:
             f"needs at least {FEW_BARS} to fix the five angles."
         )
     for which, camera in (("primary", dataset.primary), ("secondary", dataset.secondary)):
-        if camera.other_size is not None:
+        if camera.size_factor is not None:
             width, height = camera.image_size
             found.append(
                 f"The {which} camera's principal point ({camera.K[0, 2]:.0f}, "
-                f"{camera.K[1, 2]:.0f}) lies far from the middle of its image of {width}x{height} "
-                "px. Unless the image was cropped, K or the image size is another's."
+                f"{camera.K[1, 2]:.0f}) is far from the centre of its image of {width}x{height} "
+                "px. Unless the image was cropped, K and the image size do not belong together."
             )
     return found

@@ -1,15 +1,15 @@
 """The costs that the Monte Carlo search minimises (paper, Section 3.2.1), compiled.
 
-All costs share one signature, so that one search serves them. `rays` has shape (4, n), as in
-`geometry`; what `reference` holds depends on the cost:
+All costs have one signature, so that one search handles them all. `rays` has shape (4, n), as in
+`geometry`; the content of `reference` depends on the cost:
 
-- `REPROJECTION` (2D): nothing, shape (0, 0). Sum over pairs of E2D(1) + E2D(2), in pixels.
+- `REPROJECTION` (2D): empty, shape (0, 0). Sum over pairs of E2D(1) + E2D(2), in pixels.
 - `DISTANCE` (3D): distances in metres, shape (1, m). The first m rays are ends A, the next m ends B
   of the bars. Sum over bars of |D - D^R|, in metres.
 - `POINTS` (3D, the paper's footnote 4): known points in the primary frame, shape (3, n). Sum over
   points of |Q - Q^R|, in metres.
 
-A point behind a camera makes the cost NaN, and the search never accepts NaN.
+The cost is NaN if a point is behind a camera; the search never accepts NaN.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ def distance_cost(R: FloatArray, T: FloatArray, rays: FloatArray, distances: Flo
 
 @inlined
 def points_cost(R: FloatArray, T: FloatArray, rays: FloatArray, points: FloatArray) -> float:
-    """Sum over points of the distance between known and reconstructed place, in metres."""
+    """Sum over points of the distance between known and reconstructed point, in metres."""
     total = 0.0
     for k in range(rays.shape[1]):
         x, y, z, _, _, _ = midpoint(R, T, rays[0, k], rays[1, k], rays[2, k], rays[3, k])

@@ -1,9 +1,9 @@
 """Method 1, the essential matrix (paper, Section 3.1), with the scale of the measured baseline.
 
 `solver="linear"`: the normalised 8-point estimate (Hartley), projected to an essential matrix, as
-the textbooks do; the five-point estimate where there are fewer than 8 pairs. `solver="constrained"`
-goes on from there to the minimiser of the sum of squared residuals over the five angles: the
-paper's "two constraints" (its footnote 1) hold exactly.
+in the textbooks; the five-point estimate if there are fewer than 8 pairs. `solver="constrained"`
+starts there and minimises the sum of squared residuals over the five angles, so that the "two
+constraints" of the paper's footnote 1 hold exactly.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ from stereocal.rig.geometry import Angles, Pose, fill_essential, fill_pose, midp
 Solver = Literal["constrained", "linear"]
 MINIMUM_PAIRS = 5
 LINEAR_PAIRS = 8
-MOST_ROUNDS = 200
+MAXIMUM_EVALUATIONS = 200
 SMALLEST_STEP = 1e-7
-"""rad. A smaller step that does not lower the cost is one that rounding hides."""
+"""rad. If a smaller step does not lower the cost, the difference is rounding."""
 
 
 @dataclass(frozen=True, eq=False)
 class EssentialResult:
-    """The pose that the essential matrix gives, its cost, and how it was found."""
+    """The pose computed from the essential matrix, and details of the computation."""
 
     pose: Pose
     cost: float
@@ -55,9 +55,9 @@ def calibrate_essential(
     Args:
         rays: (4, n), as in `geometry`; n >= 5.
         baseline: measured distance between the cameras, in metres.
-        tie_breaker: a cost that tells poses apart which fit equally well. Five pairs fit up to ten
+        tie_breaker: a cost that selects among poses that fit equally well: five pairs fit up to ten
             essential matrices exactly.
-        start: where to begin instead of at the 8-point or 5-point estimate.
+        start: initial pose, instead of the 8-point or 5-point estimate.
 
     Raises:
         StereocalError: fewer than 5 pairs, or points that determine no pose.
@@ -70,7 +70,7 @@ def calibrate_essential(
         )
     if start is not None:
         candidates = [start.essential]
-        stop_reason = "as it was begun"
+        stop_reason = "the initial pose was kept"
     elif pairs >= LINEAR_PAIRS:
         candidates = [linear_essential(rays)]
         stop_reason = "solved in one step (8-point)"
@@ -79,29 +79,29 @@ def calibrate_essential(
         stop_reason = "solved in one step (5-point)"
     if not candidates or not all(np.isfinite(E).all() for E in candidates):
         raise StereocalError(
-            "The points do not determine how the cameras stand: they lie too close together, or "
-            "all alike. Spread the bar over the whole view and over different depths."
+            "The points do not determine the pose of the cameras: they are too close together or "
+            "in a degenerate arrangement. Move the bar through the whole view and the depth."
         )
-    found, conditions = [], _conditions(rays)
+    found, coefficients = [], _residual_coefficients(rays)
     for E in candidates:
         R, t, in_front = choose_pose(E, rays)
         if in_front:
             pose = Pose(R, t)
-            found.append((in_front, _sum_of_squares(pose, conditions), pose))
+            found.append((in_front, _sum_of_squares(pose, coefficients), pose))
     if not found:
         raise StereocalError(
-            "No position of the cameras has the points in front of both. Check that the points of "
+            "No pose of the cameras has the points in front of both. Check that the points of "
             "the two cameras, and the two camera files, are not exchanged."
         )
-    # Solved with a baseline of 1, so that the direction does not depend on what was measured.
+    # Solved with a baseline of 1, so that the angles do not depend on the measured length.
     cost, pose = _best(found, baseline, tie_breaker)
     evaluations = len(candidates)
     if solver == "constrained":
         angles, more, converged = constrain(np.array(pose.angles), rays)
         pose = Pose.from_angles(Angles(*angles.tolist()), 1.0)
-        cost = _sum_of_squares(pose, conditions)
+        cost = _sum_of_squares(pose, coefficients)
         evaluations += more
-        stop_reason = "converged" if converged else "the largest number of rounds was reached"
+        stop_reason = "converged" if converged else "the largest number of evaluations was reached"
     pose = Pose(pose.R, baseline * pose.T)
     return EssentialResult(pose, cost, evaluations, stop_reason, clock() - started, solver)
 
@@ -111,12 +111,15 @@ def _best(
     baseline: float,
     tie_breaker: Callable[[Pose], float] | None,
 ) -> tuple[float, Pose]:
-    """Most points in front, then least residual; exact fits are told apart by `tie_breaker`."""
+    """Cost and pose with the most points in front, then with the least cost.
+
+    `tie_breaker` selects among exact fits.
+    """
     most = max(in_front for in_front, _, _ in found)
-    left = [(cost, pose) for in_front, cost, pose in found if in_front == most]
-    least = min(cost for cost, _ in left)
-    # Residuals of an exact fit are rounding: 1e-15 each on rays of order 1.
-    ties = [(cost, pose) for cost, pose in left if cost <= max(least, 1e-24)]
+    remaining = [(cost, pose) for in_front, cost, pose in found if in_front == most]
+    least = min(cost for cost, _ in remaining)
+    # The residuals of an exact fit are rounding errors: 1e-15 each for rays of order 1.
+    ties = [(cost, pose) for cost, pose in remaining if cost <= max(least, 1e-24)]
     if len(ties) > 1 and tie_breaker is not None:
         return min(
             ties,
@@ -127,12 +130,12 @@ def _best(
     return min(ties, key=lambda tie: tie[0])
 
 
-def _sum_of_squares(pose: Pose, conditions: FloatArray) -> float:
-    return float(np.sum((pose.essential.ravel() @ conditions) ** 2))
+def _sum_of_squares(pose: Pose, coefficients: FloatArray) -> float:
+    return float(np.sum((pose.essential.ravel() @ coefficients) ** 2))
 
 
-def _conditions(rays: FloatArray) -> FloatArray:
-    """(9, n): the residuals are `E.ravel() @ _conditions(rays)`."""
+def _residual_coefficients(rays: FloatArray) -> FloatArray:
+    """(9, n): the residuals are `E.ravel() @ _residual_coefficients(rays)`."""
     p, q = np.ones((3, rays.shape[1])), np.ones((3, rays.shape[1]))
     p[:2], q[:2] = rays[:2], rays[2:]
     return (q[:, None] * p).reshape(9, -1)
@@ -141,9 +144,9 @@ def _conditions(rays: FloatArray) -> FloatArray:
 def _five_point(rays: FloatArray) -> list[FloatArray]:
     """Essential matrices of all subsets of 5 pairs (Nister's solver, from OpenCV).
 
-    None where the pairs give fewer than 5 conditions, such as one pair given five times.
+    Empty if the pairs give fewer than 5 independent equations, such as one pair repeated.
     """
-    singular = np.linalg.svd(_conditions(rays), compute_uv=False)
+    singular = np.linalg.svd(_residual_coefficients(rays), compute_uv=False)
     if singular[MINIMUM_PAIRS - 1] < 1e-12 * singular[0]:
         return []
     candidates: list[FloatArray] = []
@@ -160,7 +163,7 @@ def _five_point(rays: FloatArray) -> list[FloatArray]:
 def linear_essential(rays: FloatArray) -> FloatArray:
     """The 8-point estimate with Hartley's normalisation, projected to an essential matrix (3, 3).
 
-    NaN where the points do not determine it.
+    NaN if the points do not determine it.
     """
     normalised, middle, scale = np.empty(rays.shape), np.zeros(4), np.empty(4)
     _normalise(rays, normalised, middle, scale)
@@ -170,7 +173,7 @@ def linear_essential(rays: FloatArray) -> FloatArray:
     _, singular, vt = np.linalg.svd(r)
     if singular[7] < 1e-12 * singular[0]:
         return E
-    # Back to the rays as they were: F = N_secondary^T G N_primary.
+    # Undo the normalisation: F = N_secondary^T G N_primary.
     F = np.empty((3, 3))
     for i in range(3):
         for j in range(2):
@@ -212,10 +215,10 @@ def _normalise(
 def choose_pose(E: FloatArray, rays: FloatArray) -> tuple[FloatArray, FloatArray, int]:
     """The one of E's four poses with the most points in front of both cameras.
 
-    Returns R, the unit vector t, and how many points are in front.
+    Returns R (3, 3), the unit vector t (3,), and the number of points in front.
     """
     u, _, vt = np.linalg.svd(E)
-    for i in range(3):  # the third vectors, so that both are right-handed
+    for i in range(3):  # the third vectors as cross products: both matrices are right-handed
         j, k = (i + 1) % 3, (i + 2) % 3
         u[i, 2] = u[j, 0] * u[k, 1] - u[k, 0] * u[j, 1]
         vt[2, i] = vt[0, j] * vt[1, k] - vt[0, k] * vt[1, j]
@@ -247,18 +250,23 @@ def fill_candidate(
 def constrain(start: FloatArray, rays: FloatArray) -> tuple[FloatArray, int, bool]:
     """Minimise the sum of squared residuals over the five angles (Levenberg-Marquardt).
 
-    A residual is linear in E, so n residuals have the sum of squares of the 9 numbers `r @ vec(E)`,
-    where `r` is the triangle of the QR decomposition of their (n, 9) coefficients: a round costs
-    the same for 40 pairs and for 40,000.
+    The residuals are linear in E. Their sum of squares is that of the 9 numbers `r @ vec(E)`, where
+    `r` is the upper triangle of the QR decomposition of the (n, 9) coefficients. An iteration
+    therefore takes as long for 40,000 pairs as for 40.
 
-    Returns the angles, the evaluations, and whether it converged.
+    Args:
+        start: (5,), the initial angles in radians.
+        rays: (4, n).
+
+    Returns:
+        The angles (5,), the number of evaluations, and whether the minimisation converged.
     """
     r = triangle(_coefficients(rays))
     angles, trial, step = start.copy(), start.copy(), np.empty(5)
     errors, tried, J, A = np.empty(9), np.empty(9), np.empty((5, 9)), np.empty((5, 5))
     cost, damping, evaluations = _fill_errors(r, angles, errors), 1e-4, 1
-    _fill_slopes(r, angles, J)
-    while evaluations < MOST_ROUNDS and damping < 1e12:
+    _fill_jacobian(r, angles, J)
+    while evaluations < MAXIMUM_EVALUATIONS and damping < 1e12:
         for i in range(5):
             step[i] = 0.0
             for k in range(9):
@@ -277,7 +285,7 @@ def constrain(start: FloatArray, rays: FloatArray) -> tuple[FloatArray, int, boo
         evaluations += 1
         if solved and found < cost:
             angles, trial, errors, tried, cost = trial, angles, tried, errors, found
-            _fill_slopes(r, angles, J)
+            _fill_jacobian(r, angles, J)
             damping *= 0.1
         elif solved and largest < SMALLEST_STEP:
             return angles, evaluations, True
@@ -287,12 +295,11 @@ def constrain(start: FloatArray, rays: FloatArray) -> tuple[FloatArray, int, boo
 
 
 @internal
-def _fill_slopes(r: FloatArray, angles: FloatArray, J: FloatArray) -> None:
+def _fill_jacobian(r: FloatArray, angles: FloatArray, J: FloatArray) -> None:
     """Write the derivatives of the 9 errors by the five angles, (5, 9).
 
-    E is a sum of products of sines and cosines of each angle once, and of terms without it. Half
-    the difference between a quarter turn ahead and a quarter turn back is the derivative of all of
-    them.
+    As a function of one angle a, each entry of E has the form A sin(a) + B cos(a) + C. Its exact
+    derivative is half the difference between its values at a + pi/2 and a - pi/2.
     """
     turned, ahead, back = angles.copy(), np.empty(9), np.empty(9)
     for i in range(5):
@@ -307,7 +314,7 @@ def _fill_slopes(r: FloatArray, angles: FloatArray, J: FloatArray) -> None:
 
 @internal
 def _fill_errors(r: FloatArray, angles: FloatArray, errors: FloatArray) -> float:
-    """Write `r @ E.ravel()` of an upper triangle (9, 9) and five angles; returns its square."""
+    """Write the errors `r @ E.ravel()` (9,) of an upper triangle r; return their sum of squares."""
     R, T, E = np.empty((3, 3)), np.empty(3), np.empty((3, 3))
     fill_pose(angles, 1.0, R, T)
     fill_essential(R, T, E)
@@ -322,7 +329,7 @@ def _fill_errors(r: FloatArray, angles: FloatArray, errors: FloatArray) -> float
 
 @internal
 def _coefficients(rays: FloatArray) -> FloatArray:
-    """As `_conditions`, in compiled code."""
+    """As `_residual_coefficients`, in compiled code."""
     coefficients = np.empty((9, rays.shape[1]))
     for k in range(rays.shape[1]):
         for i in range(3):

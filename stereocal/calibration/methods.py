@@ -1,4 +1,4 @@
-"""The names of the methods, and everything that can be tuned."""
+"""The names of the methods, and the settings of a calibration."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from stereocal.errors import StereocalError
 
 Method = Literal["essential", "2d", "3d", "refined"]
 METHODS: tuple[Method, ...] = ("essential", "2d", "3d")
-"""The paper's."""
+"""The paper's methods."""
 ALL_METHODS: tuple[Method, ...] = (*METHODS, "refined")
 METHOD_NAMES: Mapping[Method, str] = {
     "essential": "Essential matrix",
@@ -25,7 +25,7 @@ COST_UNITS: Mapping[Method, str] = {"essential": "", "2d": "px", "3d": "m", "ref
 
 @dataclass(frozen=True)
 class CalibrationSettings:
-    """Everything that can be tuned; the defaults are the paper's.
+    """The settings of a calibration; the defaults are the paper's.
 
     Raises:
         StereocalError: a value outside its range.
@@ -34,18 +34,18 @@ class CalibrationSettings:
     search: SearchSettings = field(default_factory=SearchSettings)
     essential: Solver = "constrained"
     calibration_frames: int | None = None
-    """Calibrate with so many frames, drawn at random; with all when None."""
+    """Number of frames to calibrate with, drawn at random; None for all."""
     known_points: bool = False
-    """The footnote's 3D cost: distance from known points instead of lengths of bars."""
+    """Use the 3D cost of the paper's footnote 4: known points instead of bar lengths."""
     all_frames: bool = False
-    """Trust every frame, as the paper does: leave none out that contradicts the others."""
+    """Use every frame, as the paper does, without screening."""
     frames_put_back: tuple[int, ...] = ()
-    """Frames to keep though they contradict the others."""
+    """Numbers of frames that the screening must keep."""
 
     def __post_init__(self) -> None:
         if self.essential not in ("constrained", "linear"):
             raise StereocalError(
-                f'The essential solver "{self.essential}" is not known: constrained or linear.'
+                f'The essential solver "{self.essential}" is unknown: constrained or linear.'
             )
         if self.calibration_frames is not None and self.calibration_frames < 1:
             raise StereocalError("The number of calibration frames must be at least 1.")
@@ -63,10 +63,10 @@ class CalibrationSettings:
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> CalibrationSettings:
-        """The settings that `to_json` describes; what is missing keeps its default.
+        """The settings that `to_json` describes; missing ones keep their defaults.
 
         Raises:
-            StereocalError: a name that is no setting, or a value of the wrong kind or range.
+            StereocalError: an unknown setting, or a value of the wrong type or out of range.
         """
         rest = dict(data)
         own: dict[str, Any] = {
@@ -80,7 +80,7 @@ class CalibrationSettings:
                     raise TypeError(f"{name} is neither true nor false")
             back = rest.pop("frames_put_back", [])
             if not all(isinstance(frame, int) for frame in back):
-                raise TypeError("frames_put_back is no list of frame numbers")
+                raise TypeError("frames_put_back is not a list of frame numbers")
             own["frames_put_back"] = tuple(sorted(back))
             if not isinstance(own.get("calibration_frames"), int | None):
                 raise TypeError("calibration_frames is not a whole number")

@@ -1,8 +1,8 @@
 """The Monte Carlo search over the five angles of a rig (paper, Section 3.2, Steps 1 to 6).
 
-One search serves every cost in `costs`. What the paper leaves open and how it is settled: the
-acceptance ratio is looked at only after `minimum_moves` tries, because after one try it is 0 or 1
-and the step would shrink at nearly every rejection; `minimum_moves=1` is the paper to the letter.
+One search handles every cost in `costs`. The paper does not say when the acceptance ratio is
+checked; here, after `minimum_moves` trials. After a single trial the ratio is 0 or 1, so nearly
+every rejection would shrink the step; `minimum_moves=1` follows the paper literally.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from stereocal.calibration import costs
 from stereocal.errors import StereocalError
 from stereocal.rig.compilations import clock
-from stereocal.rig.compiled import FloatArray, compiled, plain
+from stereocal.rig.compiled import FloatArray, compiled, contiguous
 from stereocal.rig.geometry import Angles, Pose, fill_pose
 
 STEP_TOO_SMALL = "the step fell below its smallest size"
@@ -30,21 +30,21 @@ class SearchSettings:
     """
 
     delta: float = 1e-3
-    """First size of a step, in radians (paper: 0.001)."""
+    """Initial step, in radians (paper: 0.001)."""
     delta_min: float = 1e-6
-    """The search ends when the step is smaller, in radians (paper: 1e-6)."""
+    """The search ends when the step falls below this, in radians (paper: 1e-6)."""
     acceptance: float = 0.2
-    """The step shrinks when a smaller part of the moves is accepted (paper: 0.2)."""
+    """The step shrinks when the acceptance ratio falls below this (paper: 0.2)."""
     shrink: float = 0.75
-    """Factor of a shrinking step (paper: 0.75)."""
+    """Factor by which the step shrinks (paper: 0.75)."""
     minimum_moves: int = 20
-    """Moves at one step before the acceptance ratio is looked at (paper: 1, implied)."""
+    """Trials with one step before the acceptance ratio is checked (paper: 1, implied)."""
     maximum_moves: int = 2_000_000
-    """A guard against a search without end; the paper has none."""
+    """Limit of the number of trials (paper: none)."""
     seed: int = 0
 
     def __post_init__(self) -> None:
-        for name, good, wanted in (
+        for name, valid, allowed in (
             ("delta", 0 < self.delta <= 0.5, "above 0 and at most 0.5 rad"),
             ("delta_min", 1e-12 <= self.delta_min <= self.delta, "from 1e-12 rad to delta"),
             ("acceptance", 0 < self.acceptance < 1, "between 0 and 1"),
@@ -53,32 +53,32 @@ class SearchSettings:
             ("maximum_moves", self.maximum_moves >= 1, "at least 1"),
             ("seed", 0 <= self.seed < 2**63, "a whole number from 0 to 2^63 - 1"),
         ):
-            if not good:
-                raise StereocalError(f"{name} is {getattr(self, name)}: it must be {wanted}.")
+            if not valid:
+                raise StereocalError(f"{name} is {getattr(self, name)}: it must be {allowed}.")
 
 
 @dataclass(frozen=True, eq=False)
 class Trace:
-    """The course of a search, one entry per move, each of shape (moves,)."""
+    """The history of a search: one entry per move, arrays of shape (moves,)."""
 
     cost: FloatArray
     """Cost after the move, in the cost's unit."""
     delta: FloatArray
     """Size of the step, in radians."""
     ratio: FloatArray
-    """Accepted moves over all moves since the step last shrank."""
+    """Acceptance ratio: accepted over tried moves since the step last shrank."""
 
 
 @dataclass(frozen=True, eq=False)
 class SearchResult:
-    """What a search found, with the settings that made it and why it stopped."""
+    """The result of a search, with its settings and the reason why it stopped."""
 
     pose: Pose
     cost: float
     """In pixels for the 2D cost, in metres for the 3D costs."""
     initial_cost: float
     evaluations: int
-    """How often the cost was computed."""
+    """Number of evaluations of the cost."""
     stop_reason: str
     seconds: float
     settings: SearchSettings
@@ -87,7 +87,7 @@ class SearchResult:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """A cost with its data, as `costs` describes them."""
+    """A cost and its data, with the arrays described in `costs`."""
 
     kind: int
     rays: FloatArray
@@ -96,7 +96,7 @@ class Problem:
 
     def cost(self, pose: Pose) -> float:
         """The cost of a pose; NaN if a point cannot be reconstructed in front of both cameras."""
-        R, T = plain(pose.R), plain(pose.T)
+        R, T = contiguous(pose.R), contiguous(pose.T)
         return costs.cost(self.kind, R, T, self.rays, self.reference, self.pixel_scale)
 
 
@@ -107,21 +107,21 @@ def minimise(
     seed: np.random.SeedSequence | None = None,
     trace: bool = False,
 ) -> SearchResult:
-    """Search for the five angles of least cost from `start`, whose baseline is kept.
+    """Minimise the cost over the five angles, starting at `start` and keeping its baseline.
 
     Args:
-        seed: the source of randomness; `SeedSequence(settings.seed)` when not given.
-        trace: record every move. The search is then run a second time with the same random
-            numbers, because the length of the record is not known before.
+        seed: `SeedSequence(settings.seed)` if None.
+        trace: record every move. The search then runs a second time with the same random numbers,
+            because the length of the record is not known before.
 
     Raises:
-        StereocalError: the cost cannot be computed at the start.
+        StereocalError: at the start, a point is behind a camera.
     """
     started = clock()
     initial_cost = problem.cost(start)
     if not np.isfinite(initial_cost):
         raise StereocalError(
-            "The search cannot start: with the first estimate a point lies behind a camera."
+            "The search cannot start: with the first estimate a point is behind a camera."
         )
     sequence = seed or np.random.SeedSequence(settings.seed)
     angles = np.array(start.angles)
@@ -152,7 +152,7 @@ def _run(
     angles: FloatArray,
     history_length: int,
 ) -> tuple[float, int, bool, FloatArray]:
-    """One search; `angles` holds the start and then the result."""
+    """Run one search; `angles` holds the start and is overwritten with the result."""
     history = np.empty((3, history_length))
     cost, evaluations, stopped = search(
         problem.kind,
@@ -190,7 +190,10 @@ def search(
     maximum_moves: int,
     history: FloatArray,
 ) -> tuple[float, int, bool]:
-    """The search itself, in place on `angles`; returns cost, evaluations, and whether it ended."""
+    """The search, in place on `angles`.
+
+    Returns the cost, the number of evaluations, and whether the step fell below `delta_min`.
+    """
     R, T = np.empty((3, 3)), np.empty(3)
     fill_pose(angles, baseline, R, T)
     best = costs.cost(kind, R, T, rays, reference, pixel_scale)

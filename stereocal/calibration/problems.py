@@ -1,4 +1,4 @@
-"""The two costs of the search, on the points and the bars of a data set."""
+"""Set up the 2D and the 3D minimisation problem of a data set."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from stereocal.rig.dataset import Dataset
 
 
 def reprojection_problem(dataset: Dataset, rows: BoolArray | None = None) -> Problem:
-    """The 2D cost on all pairs of a data set, or on those of some rows (n,)."""
+    """The 2D cost over the pairs of a data set: all of them, or those in the mask `rows` (n,)."""
     rays = dataset.rays if rows is None else np.ascontiguousarray(dataset.rays[:, rows])
     return Problem(costs.REPROJECTION, rays, np.empty((0, 0)), dataset.pixel_scale)
 
@@ -20,15 +20,18 @@ def reprojection_problem(dataset: Dataset, rows: BoolArray | None = None) -> Pro
 def reconstruction_problem(
     dataset: Dataset, known_points: bool = False, rows: BoolArray | None = None
 ) -> Problem:
-    """The 3D cost on all bars of a data set, or on its known points; or on those of some rows (n,).
+    """The 3D cost over the bars of a data set, or over its known points.
+
+    Args:
+        rows: mask (n,) of the rows to use; all if None.
 
     Raises:
         StereocalError: no frame has both targets, or no row has a known point.
     """
     table = dataset.correspondences
-    wanted = np.ones(len(table), dtype=np.bool_) if rows is None else rows
+    used = np.ones(len(table), dtype=np.bool_) if rows is None else rows
     if known_points:
-        known = wanted & np.isfinite(table.known_points_m).all(axis=1)
+        known = used & np.isfinite(table.known_points_m).all(axis=1)
         if not known.any():
             raise StereocalError(
                 "No row has a known point: the columns x_m, y_m, z_m are missing or empty."
@@ -39,7 +42,7 @@ def reconstruction_problem(
             np.ascontiguousarray(table.known_points_m[known].T),
             dataset.pixel_scale,
         )
-    bars = dataset.bars_among(wanted)
+    bars = dataset.bars_among(used)
     if not bars.any():
         raise StereocalError(
             "No frame has both targets A and B, so there is no length to measure: the 3D method "

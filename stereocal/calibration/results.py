@@ -1,4 +1,4 @@
-"""What one method found, and how it fits a data set."""
+"""The result of one method, and its errors on a data set."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose, reprojection_errors_of_rays
 
 POOR_LENGTH = 0.05
-"""A set that measures 5 % of the bars worse than this is not one to measure with."""
+"""Relative length error; a set whose 95th percentile is above it is not fit to measure with."""
 
 
 @dataclass(frozen=True, eq=False)
 class MethodResult:
-    """The pose that one method found, and how."""
+    """The pose computed by one method, and details of the computation."""
 
     method: Method
     pose: Pose
@@ -33,30 +33,30 @@ class MethodResult:
 
 @dataclass(frozen=True, eq=False)
 class Errors:
-    """How a pose fits the data set, frame by frame; the means are of the frames not left out."""
+    """Errors of a pose on all pairs and bars of a data set; means exclude the frames left out."""
 
     reprojection_px: FloatArray
-    """(n,), per pair the mean over both cameras; NaN where the point is behind a camera."""
+    """(n,): of each pair the mean over both cameras; NaN behind a camera."""
     length: FloatArray
-    """(m,), per bar |D - D^R| / D, a fraction; NaN likewise."""
+    """(m,): of each bar |D - D^R| / D; NaN behind a camera."""
     kept_pairs: BoolArray
-    """(n,): false for the pairs of frames that were left out."""
+    """(n,): false for pairs of frames that were left out."""
     kept_bars: BoolArray
-    """(m,): the same for bars."""
+    """(m,): false for bars of frames that were left out."""
 
     @property
     def mean_reprojection_px(self) -> float:
-        """Mean over the pairs that have a value; NaN if none has."""
+        """Mean over the kept pairs with a value; NaN if there are none."""
         return _mean(self.reprojection_px[self.kept_pairs])
 
     @property
     def mean_length(self) -> float:
-        """Mean relative length error over the bars that have a value; NaN if none has."""
+        """Mean relative length error over the kept bars with a value; NaN if there are none."""
         return _mean(self.length[self.kept_bars])
 
     @property
     def p95_length(self) -> float:
-        """The relative length error that 95 % of the bars stay below; NaN if none has one."""
+        """95th percentile of the relative length error; NaN if there are no values."""
         known = self.length[self.kept_bars & np.isfinite(self.length)]
         return float(np.percentile(known, 95)) if len(known) else float("nan")
 
@@ -65,7 +65,7 @@ def errors_of(dataset: Dataset, pose: Pose, left_out: Collection[int] = ()) -> E
     """Reprojection and length errors of a pose on a data set.
 
     Args:
-        left_out: numbers of frames that the means are without.
+        left_out: numbers of the frames that the means exclude.
     """
     rows = dataset.correspondences
     kept = ~np.isin(rows.frame, list(left_out))

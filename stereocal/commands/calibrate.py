@@ -20,15 +20,15 @@ from stereocal.figures.tables import answer, left_out_line, listed, why_not_trus
 from stereocal.formats.evaluation_files import validation_in_summary
 from stereocal.projects.archive import read_input
 from stereocal.refined.disagreement import what_disagrees
-from stereocal.refined.file import refined_parameters
+from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.results import Calibration
-from stereocal.refined.stated_inputs import Input, what_could_not_be_told
+from stereocal.refined.stated_inputs import Input, undetectable_errors
 from stereocal.refined.uncertainty import standard_errors
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
 from stereocal.system.atomic_files import write_all
-from stereocal.verdict.verdict import run_splits, verdict
+from stereocal.verdict.one_or_two_sets import run_splits, verdict
 from stereocal.workflow import calibrate
 
 FILES: dict[Literal["2d", "3d"], str] = {"2d": "parameters_2d.json", "3d": "parameters_3d.json"}
@@ -113,7 +113,7 @@ def run(parsed: argparse.Namespace) -> None:
     if caution := why_not_trusted(calibration):
         print(f"Do not rely on this result: {caution}")
     accused = [item.advice for item in inputs if item.accused]
-    for note in [*calibration.warnings, *accused, what_could_not_be_told(inputs)]:
+    for note in [*calibration.warnings, *accused, undetectable_errors(inputs)]:
         if note:
             print(f"Note: {note}")
     if refined is not None and parsed.runs:

@@ -7,7 +7,7 @@ import tempfile
 from contextlib import ExitStack
 from pathlib import Path
 
-from stereocal.commands.options import add_lens_model
+from stereocal.commands.options import add_lens_model, add_workers, workers_from
 from stereocal.commands.progress import ProgressBar, say
 from stereocal.errors import StereocalError
 from stereocal.formats.correspondences_csv import write_table
@@ -16,7 +16,6 @@ from stereocal.frames.frame import correspondences_of, describe_frames, report_l
 from stereocal.frames.pairing import Pairing, pair_names
 from stereocal.frames.search import compile_detection, detect_frames
 from stereocal.system.atomic_files import write_atomically
-from stereocal.system.executors import engine
 from stereocal.system.photograph_files import of_the_bar, photographs_in
 
 
@@ -32,7 +31,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
         "--doubtful", action="store_true", help="doubtful frames go into the table too"
     )
     add_lens_model(command)
-    command.add_argument("--workers", type=int, metavar="N", help="N processes (default: threads)")
+    add_workers(command)
 
 
 def run(parsed: argparse.Namespace) -> None:
@@ -45,9 +44,7 @@ def run(parsed: argparse.Namespace) -> None:
         pairing = pair_names(photographs_of_bar)
         say(f"{len(photographs_of_bar)} photographs. {pairing.sentence}")
         _refuse_unclear(pairing, str(parsed.dataset))
-        if parsed.workers:  # so that the processes do not all compile the same
-            compile_detection()
-        with engine(parsed.workers) as executor, ExitStack() as stack:
+        with workers_from(parsed, compile_detection) as executor, ExitStack() as stack:
             bars: list[ProgressBar] = []
             frames = detect_frames(
                 pairing.pairs, photographs_of_bar, (survey.primary, survey.secondary), executor,

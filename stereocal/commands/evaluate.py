@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import argparse
+from functools import partial
 from pathlib import Path
 
 from stereocal.commands.options import (
     add_lens_model,
     add_search_options,
+    add_workers,
     settings_from,
     with_sigmas,
+    workers_from,
 )
 from stereocal.commands.progress import ProgressBar
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate, evaluate_runs
@@ -21,7 +24,6 @@ from stereocal.projects.archive import read_input
 from stereocal.refined.screening import screened
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.system.atomic_files import write_all
-from stereocal.system.executors import engine
 
 
 def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -43,8 +45,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
         action="store_false",
         help="the paper's three methods only",
     )
-    command.add_argument("--workers", type=int, metavar="N", help="N processes (default: threads)")
-    command.add_argument("--scheduler", metavar="ADDRESS", help="a Dask cluster: tcp://host:8786")
+    add_workers(command)
 
 
 def run(parsed: argparse.Namespace) -> None:
@@ -60,9 +61,8 @@ def run(parsed: argparse.Namespace) -> None:
     )
     screenings = [screened(dataset, settings.calibration) for dataset in datasets]
     kept = [screening.dataset for screening in screenings]
-    if parsed.workers:  # compiles here, so that the processes do not all do the same
-        evaluate_runs(kept[0], settings, 0, [0])
-    with engine(parsed.workers, parsed.scheduler) as executor, ProgressBar("runs") as bar:
+    one_run = partial(evaluate_runs, kept[0], settings, 0, [0])
+    with workers_from(parsed, one_run) as executor, ProgressBar("runs") as bar:
         runs = evaluate(kept, settings, executor, bar.show)
     assert runs is not None  # nobody cancels here
     pooled, by_dataset = summarise_all(unique_names(datasets), runs)
@@ -78,7 +78,7 @@ def run(parsed: argparse.Namespace) -> None:
     )
     for screening in screenings:
         if screening.left_out:
-            print(f"{screening.given.name}: {left_out_line(screening)}")
+            print(f"{screening.full_dataset.name}: {left_out_line(screening)}")
     if caution := why_validation_not_trusted(pooled, screenings):
         print(f"Do not rely on this result: {caution}")
     print(validation_answer(pooled))

@@ -6,6 +6,7 @@ import argparse
 import tempfile
 from pathlib import Path
 
+from stereocal.commands.options import add_workers, workers_from
 from stereocal.commands.progress import ProgressBar
 from stereocal.formats.camera_file import write_camera, write_opencv_camera
 from stereocal.intrinsics.board_pattern import BoardPattern
@@ -15,7 +16,6 @@ from stereocal.intrinsics.files import about
 from stereocal.intrinsics.quality import advice, hint
 from stereocal.intrinsics.tables import LENS_COLUMNS, lens_answer, lens_rows
 from stereocal.system.atomic_files import write_atomically
-from stereocal.system.executors import engine
 from stereocal.system.photograph_files import Photographs, photographs_in
 
 OPENCV_SUFFIXES = (".yml", ".yaml")
@@ -53,6 +53,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     command.add_argument(
         "--leave-out", nargs="+", default=[], metavar="NAME", help="photographs not to use"
     )
+    add_workers(command)
 
 
 def run(parsed: argparse.Namespace) -> None:
@@ -61,7 +62,7 @@ def run(parsed: argparse.Namespace) -> None:
     settings = LensSettings(
         parsed.subset, parsed.repeats, parsed.seed, parsed.fix_k3, parsed.zero_tangential
     )
-    with tempfile.TemporaryDirectory() as store, engine() as executor:
+    with tempfile.TemporaryDirectory() as store, workers_from(parsed) as executor:
         photographs = _photographs(parsed.images, Path(store), parsed.leave_out)
         with ProgressBar("photographs searched") as bar:
             search = find_boards(photographs, pattern, executor, bar.show)

@@ -4,14 +4,21 @@ from __future__ import annotations
 
 import argparse
 import tempfile
+from functools import partial
 from pathlib import Path
 
+import numpy as np
+
+from stereocal.commands.options import add_workers, workers_from
 from stereocal.commands.point_options import add_point_options, point_tables
 from stereocal.commands.progress import ProgressBar
 from stereocal.errors import StereocalError
+from stereocal.matching.matching import match_points
 from stereocal.matching.matching_files import match_tables
 from stereocal.matching.pairs import Threshold
 from stereocal.rig.parameters import RigParameters
+
+A_POINT = np.zeros((1, 2))
 
 
 def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -43,6 +50,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     command.add_argument(
         "--unmatched", type=Path, metavar="FILE", help="write the points without a partner here"
     )
+    add_workers(command)
     add_point_options(command)
 
 
@@ -54,10 +62,11 @@ def run(parsed: argparse.Namespace) -> None:
         raise StereocalError("--out and --unmatched name the same file.")
     with tempfile.TemporaryDirectory(prefix="stereocal-") as folder:
         primary, secondary = point_tables(parsed, rig, Path(folder))
-        with ProgressBar("frames") as bar:
+        compile_first = partial(match_points, rig, A_POINT, A_POINT, 1.0)
+        with workers_from(parsed, compile_first) as executor, ProgressBar("frames") as bar:
             report = match_tables(
                 rig, primary, secondary, parsed.out, threshold, tuple(parsed.depth),
-                parsed.unmatched, bar.show,
+                parsed.unmatched, bar.show, executor=executor,
             )  # fmt: skip
     assert report is not None  # nobody cancels here
     if report.chosen is not None:

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor
+from contextlib import contextmanager
 from dataclasses import replace
 
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.calibration.montecarlo import SearchSettings
 from stereocal.formats.lens_model import LENS_MODELS
 from stereocal.rig.dataset import Dataset
+from stereocal.system.executors import engine
 
 
 def add_search_options(parser: argparse.ArgumentParser) -> None:
@@ -61,6 +65,30 @@ def add_lens_model(parser: argparse.ArgumentParser) -> None:
         parser.add_argument(
             option, type=float, metavar="S", help=f"how well {what} is known: its standard error, m"
         )
+
+
+def add_workers(parser: argparse.ArgumentParser) -> None:
+    """Where a long command computes."""
+    parser.add_argument("--workers", type=int, metavar="N", help="N processes (default: threads)")
+    parser.add_argument("--scheduler", metavar="ADDRESS", help="a Dask cluster: tcp://host:8786")
+
+
+@contextmanager
+def workers_from(
+    parsed: argparse.Namespace, compile_first: Callable[[], object] | None = None
+) -> Iterator[Executor]:
+    """The executor of `add_workers`.
+
+    Args:
+        compile_first: uses what the workers will; processes then find it compiled, on this disk.
+
+    Raises:
+        StereocalError: both options, fewer than 1 worker, or a cluster that cannot be used.
+    """
+    with engine(parsed.workers, parsed.scheduler) as executor:
+        if parsed.workers and compile_first is not None:
+            compile_first()
+        yield executor
 
 
 def with_sigmas(dataset: Dataset, parsed: argparse.Namespace) -> Dataset:

@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import argparse
+from functools import partial
 from pathlib import Path
 
+import numpy as np
+
+from stereocal.commands.options import add_workers, workers_from
 from stereocal.commands.progress import ProgressBar
 from stereocal.matching.matching import refuse_different_rigs
 from stereocal.matching.point_table import PointTable
-from stereocal.matching.reconstruction import read_world
+from stereocal.matching.reconstruction import read_world, reconstruct_points
 from stereocal.matching.reconstruction_files import PIXELS, reconstruct_table
 from stereocal.rig.parameters import RigParameters
+
+A_POINT = np.zeros((1, 2))
 
 
 def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -40,6 +46,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
         metavar="FILE",
         help="the parameter file of match: refuse if it is of another rig",
     )
+    add_workers(command)
 
 
 def run(parsed: argparse.Namespace) -> None:
@@ -49,8 +56,11 @@ def run(parsed: argparse.Namespace) -> None:
         refuse_different_rigs(RigParameters.load(parsed.matched_with), rig)
     world = None if parsed.world is None else read_world(parsed.world)
     pairs = PointTable(parsed.pairs, PIXELS)
-    with ProgressBar("pairs") as bar:
-        report = reconstruct_table(rig, pairs, parsed.out, world, parsed.sigma_px, bar.show)
+    compile_first = partial(reconstruct_points, rig, A_POINT, A_POINT)
+    with workers_from(parsed, compile_first) as executor, ProgressBar("pairs") as bar:
+        report = reconstruct_table(
+            rig, pairs, parsed.out, world, parsed.sigma_px, bar.show, executor=executor
+        )
     assert report is not None  # nobody cancels here
     print(report.sentence())
     for note in report.notes:

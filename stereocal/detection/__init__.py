@@ -1,1 +1,1 @@
-"""Targets in one photograph: candidates, edges, corner model, fit."""
+"""Detect the two targets in one photograph: candidates, edges, corner model, fit, checks."""

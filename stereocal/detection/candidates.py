@@ -1,9 +1,8 @@
-"""Where in a photograph an X-corner may be: saddles of the brightness, at several scales.
+"""Find candidates for X-corners: saddle points of the intensity, at several scales.
 
-A saddle has det(Hessian) < 0 (Beaudet, 1978); its neighbourhood is then asked on a ring: four
-changes of sign, and the same brightness on opposite sides. What is left is fitted in a small window
-(`corner_model`), which tells crossings of two straight edges from most of what leaves, fences and
-windows show.
+A saddle point has det(Hessian) < 0 (Beaudet, 1978). The intensity on a ring around it must change
+sign four times and be equal on opposite sides. The remaining points are fitted with `corner_model`
+in a small window, which excludes most structures of leaves, fences and windows.
 """
 
 from __future__ import annotations
@@ -20,41 +19,41 @@ from stereocal.detection.solver import minimise
 from stereocal.rig.compiled import FloatArray, compiled, internal
 
 LEVELS = 5
-"""Each half the size of the one before: the last one sees edges with a blur of 20 px."""
+"""Levels of the image pyramid, each half the size; the last detects edges with 20 px of blur."""
 SMALLEST_SIDE = 16
-"""px; of a level of the pyramid."""
+"""Smallest side of a level, px."""
 SMOOTHING = 1.1
 WEAKEST = 1.0
-"""Root of -det(Hessian), grey levels per px^2: a contrast of 40 with a blur of 3 px has 3 at the
-level where it is strongest."""
+"""Least root of -det(Hessian), grey levels per px^2; a contrast of 40 with a blur of 3 px has 3 at
+its strongest level."""
 RING = np.array([(4, 0), (4, 2), (3, 3), (2, 4), (0, 4), (-2, 4), (-3, 3), (-4, 2)])
 RING = np.vstack([RING, -RING]).astype(np.int64)
 RING_ANGLES = np.unwrap(np.arctan2(RING[:, 1], RING[:, 0]).astype(np.float64))
 BORDER = 5
 ASYMMETRY = 0.3
-"""Largest mean square difference of opposite sides of the ring, per its variance."""
+"""Largest mean square difference of opposite sides of the ring, over its variance."""
 SMALLEST_CONTRAST = 8.0
-"""Grey levels of 255, white less black."""
+"""Least difference of white and black, in grey levels of 255."""
 HALF_WINDOW = 5.0
-"""px of the level."""
-MOST, MOST_OF_ALL = 64, 400
-"""Fits for each level: the starts that look most like a crossing. Corners of larger chessboards
-count in the second number only, so that they crowd nothing out. In 80 photographs of the bar among
-clutter each target was among the first 24 of one level at least."""
+"""Half size of the window, px of the level."""
+MAXIMUM_FITS, MAXIMUM_STARTS = 64, 400
+"""Number of points to fit in each level, best correlation first. Corners of larger chessboards
+count only in the second number, so that they do not displace others. In 80 photographs of the bar
+with clutter, each target was among the first 24 of at least one level."""
 ROUNDS, TOLERANCE_PX = 8, 0.02
 EXPLAINED = 0.6
-"""Share of the variance that a crossing explains there: 0.86 with a contrast of 40 and noise of 8
-at full size, where a window may also hold some border of the smallest boards."""
-LOOK = 30.0
-"""The arms are followed so many half windows."""
+"""Least share of the variance that the model explains; it is 0.86 for a contrast of 40 and noise of
+8, and less if the window includes the border of a very small board."""
+ARM_REACH = 30.0
+"""Maximum length of an arm, in half windows."""
 SCORE, FLIPS, LEVEL = ALL, ALL + 1, ALL + 2
 COLUMNS = ALL + 3
-"""Of a candidate: the parameters, its score, flips, and the level."""
+"""Columns of a candidate: the parameters, its score, flips, and level."""
 
 
 @internal
 def _saddle(image: GreyImage, y: int, strength: GreyImage) -> None:
-    """Fills -det(Hessian) of one row, (w,), by second differences; its ends stay."""
+    """Write -det(Hessian) of one row, (w,), by second differences, except at its ends."""
     for x in range(1, image.shape[1] - 1):
         xx = image[y, x + 1] - 2 * image[y, x] + image[y, x - 1]
         yy = image[y + 1, x] - 2 * image[y, x] + image[y - 1, x]
@@ -65,7 +64,7 @@ def _saddle(image: GreyImage, y: int, strength: GreyImage) -> None:
 
 @internal
 def _crossings(ring: FloatArray, middle: float, edges: FloatArray) -> bool:
-    """Whether a ring changes sign four times; then the angles (4,), in order."""
+    """Whether a ring changes sign four times; the angles (4,) are written to `edges`."""
     n, count = ring.size, 0
     for i in range(n):
         here, ahead = ring[i] - middle, ring[(i + 1) % n] - middle
@@ -80,7 +79,7 @@ def _crossings(ring: FloatArray, middle: float, edges: FloatArray) -> bool:
 
 @internal
 def _ring(image: GreyImage, x: int, y: int, ring: FloatArray, p: FloatArray) -> bool:
-    """Whether a ring looks like that of an X-corner; then p is the start of its fit."""
+    """Whether a ring looks like that of an X-corner; the initial parameters are written to p."""
     n, darkest, brightest = ring.size, math.inf, -math.inf
     for i in range(n):
         ring[i] = image[y + RING[i, 1], x + RING[i, 0]]
@@ -99,7 +98,7 @@ def _ring(image: GreyImage, x: int, y: int, ring: FloatArray, p: FloatArray) -> 
         return False
     first = 0.5 * (edges[0] + edges[2] - math.pi)
     second = 0.5 * (edges[1] + edges[3] - math.pi)
-    # Just after the first change of sign the ring is bright or dark: between the two edges.
+    # Whether the ring is bright just after the first change of sign, between the two edges.
     bright = True
     for i in range(n):
         if RING_ANGLES[i] > edges[0]:
@@ -115,7 +114,7 @@ def _ring(image: GreyImage, x: int, y: int, ring: FloatArray, p: FloatArray) -> 
 
 
 @internal
-def _likeness(image: GreyImage, x: int, y: int, p: FloatArray) -> float:
+def _correlation(image: GreyImage, x: int, y: int, p: FloatArray) -> float:
     """Correlation of 9x9 pixels with a crossing whose edges are ramps of 4 px."""
     cos1, sin1, cos2, sin2 = math.cos(p[2]), math.sin(p[2]), math.cos(p[3]), math.sin(p[3])
     n, one, two, both, square1, square2 = 0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -136,7 +135,7 @@ def _likeness(image: GreyImage, x: int, y: int, p: FloatArray) -> float:
 
 @compiled
 def _starts(image: GreyImage, weakest: float) -> FloatArray:
-    """(n, 14): starts of the fits at the saddles that pass the ring, and their likeness."""
+    """(n, 14): initial parameters at the saddle points that pass the ring, and the correlation."""
     height, width = image.shape
     found = np.empty((256, ALL + 1))
     ring = np.empty(RING.shape[0])
@@ -156,7 +155,7 @@ def _starts(image: GreyImage, weakest: float) -> FloatArray:
             if max(below[x - 1], below[x], below[x + 1]) > s:
                 continue
             if _ring(image, x, y, ring, found[n]):
-                found[n, ALL] = _likeness(image, x, y, found[n])
+                found[n, ALL] = _correlation(image, x, y, found[n])
                 n += 1
                 if n == found.shape[0]:
                     found = _doubled(found)
@@ -173,16 +172,18 @@ def _doubled(rows: FloatArray) -> FloatArray:
 
 
 @compiled
-def _screen(level: GreyImage, starts: FloatArray, scores: FloatArray) -> None:
-    """Fits each start in a small window, in place; scores (n, 2): `Corner.quality`, flips.
+def _fit_starts(level: GreyImage, starts: FloatArray, scores: FloatArray) -> None:
+    """Fit each start in a small window, in place.
 
-    Starts beyond `MOST`, the corners of larger chessboards not counted, keep the score 0.
+    Args:
+        scores: (n, 2), written: score and number of flips. The score remains 0 for starts after the
+            first `MAXIMUM_FITS`, not counting corners of larger chessboards.
     """
     along, half = np.empty((2, 2)), np.full(2, HALF_WINDOW)
     penalty, before = np.zeros(ALL), np.empty(ALL)
-    # numba compiles once more for each constant that is given as it stands.
+    # numba would compile again for each literal constant.
     size, rounds, samples, stride = int(CORE), int(ROUNDS), 0, 1
-    left = MOST
+    left = MAXIMUM_FITS
     for i in range(starts.shape[0]):
         if left == 0:
             break
@@ -201,21 +202,22 @@ def _screen(level: GreyImage, starts: FloatArray, scores: FloatArray) -> None:
         explained = 1.0 - cost / max(np.var(pixels[:, 2]) * pixels.shape[0], 1e-9)
         if explained < EXPLAINED:
             continue
-        arms, flips, cut = follow(level, p, half, LOOK)
+        arms, flips, cut = follow(level, p, half, ARM_REACH)
         for a in range(4):
-            arms[a] = min(arms[a], LOOK * HALF_WINDOW)
+            arms[a] = min(arms[a], ARM_REACH * HALF_WINDOW)
         scores[i, 0], scores[i, 1] = explained * arm_quality(arms, cut, math.exp(p[4])), flips
         left += int(flips >= 2)
 
 
 def candidates(image: GreyImage) -> FloatArray:
-    """X-corners that a photograph may show, the best first.
+    """Find possible X-corners in a photograph.
 
     Args:
         image: (h, w), grey levels from 0 to about 255.
 
-    Returns (n, 16): the parameters of `corner_model` in px of the photograph, the score, along how
-    many arms a next square follows, and the level of the pyramid.
+    Returns:
+        (n, 16), best first: the parameters of `corner_model` in px of the photograph, the score,
+        the number of arms followed by another square, and the level of the pyramid.
     """
     found = []
     level = image
@@ -224,10 +226,10 @@ def candidates(image: GreyImage) -> FloatArray:
             break
         smooth: GreyImage = np.asarray(cv2.GaussianBlur(level, (5, 5), SMOOTHING), np.float32)
         starts = _starts(smooth, WEAKEST**2)
-        likest = np.argsort(-starts[:, ALL], kind="stable")[:MOST_OF_ALL]
-        p = np.ascontiguousarray(starts[likest, :ALL])
+        best = np.argsort(-starts[:, ALL], kind="stable")[:MAXIMUM_STARTS]
+        p = np.ascontiguousarray(starts[best, :ALL])
         scores = np.zeros((len(p), 2))
-        _screen(level, p, scores)
+        _fit_starts(level, p, scores)
         good = scores[:, 0] > 0.0
         found.append(_at_full_size(p[good], scores[good], depth))
         half = cv2.resize(level, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
@@ -237,7 +239,7 @@ def candidates(image: GreyImage) -> FloatArray:
 
 
 def _at_full_size(p: FloatArray, scores: FloatArray, depth: int) -> FloatArray:
-    """Candidates of one level in px of the photograph."""
+    """Candidates of one level, converted to px of the photograph."""
     scale = 2.0**depth
     rows = np.column_stack([p, scores, np.full(len(p), depth)])
     rows[:, :2] = (rows[:, :2] + 0.5) * scale - 0.5

@@ -1,22 +1,22 @@
-"""The image of one X-corner, fitted to sub-pixel, with the covariance of its centre.
+"""The model of the image of an X-corner, with derivatives.
 
-A 2x2 checkerboard shows two straight edges that cross. Seen through a Gaussian blur of standard
-deviation s, the crossing of two half-planes with signed distances l1 and l2 is
+A 2x2 checkerboard has two straight edges that cross. Let l1 and l2 be the signed distances to the
+edges and s the standard deviation of a Gaussian blur. The normalised intensity is
     F(h, k, rho) = E[sign(h + x) sign(k + y)],  h = l1 / s, k = l2 / s, rho = n1 . n2,
-where x and y are standard normal with correlation rho: the blur acts on both distances at once.
-For edges at right angles (rho = 0) this is erf(h / sqrt 2) erf(k / sqrt 2). Its value comes from
+where x and y are standard normal with correlation rho, because the blur affects both distances.
+For perpendicular edges (rho = 0) this is erf(h / sqrt 2) erf(k / sqrt 2). In general F follows from
 Plackett's identity, dF/drho = 4 phi2(h, k, rho), integrated as in Drezner and Wesolowsky (1990),
-J. Stat. Comput. Simul. 35, 101; its derivatives are closed.
+J. Stat. Comput. Simul. 35, 101; its derivatives have closed forms.
 
 The parameters, in this order:
     0, 1    centre (u, v), px
     2, 3    directions of the two normals, rad
     4       log of the blur s, px
     5, 6    offset a and half contrast b, grey levels
-    7, 8    curvature of the two edges, 1/px: what a lens does to a straight line
-    9 - 12  gradients of a and of b over the window, by u and by v: shade and vignetting
-The last six have priors around 0, so that a small window leaves them there and a large one finds
-them; what they leave unknown is in the covariance.
+    7, 8    curvature of the two edges by lens distortion, 1/px
+    9 - 12  gradients of a and of b over the window, by u and by v: shading and vignetting
+The last six have priors with mean 0: in a small window they remain close to 0, in a large one they
+are estimated. The covariance includes their uncertainty.
 """
 
 from __future__ import annotations
@@ -31,21 +31,21 @@ CORE, ALL = 7, 13
 FRAME = 17
 ROOT_HALF, ROOT_TWO_BY_PI = math.sqrt(0.5), math.sqrt(2.0 / math.pi)
 CURVATURE_SIGMA = 3e-5
-"""1/px. A line at distance d from the axis of a lens bends by 2 k1 d / f^2: 5e-6 for k1 = -0.12 and
-f = 7100 px at d = 1000 px; 1.5e-4 for k1 = -0.2 and f = 1500 px at 800 px, which boards large
-enough to suffer from it show clearly."""
+"""1/px. The curvature of a line at distance d from the optical axis is 2 k1 d / f^2: 5e-6 for
+k1 = -0.12 and f = 7100 px at d = 1000 px; 1.5e-4 for k1 = -0.2 and f = 1500 px at 800 px, where
+boards large enough for it to matter determine it well."""
 GRADIENT_SIGMA = 0.05
-"""Change of offset and contrast from the centre to the end of the window, per half contrast."""
+"""Change of offset and contrast from the centre to the edge of the window, over half contrast."""
 FAR = 5.0
-"""Beyond so many blurs an edge has no more effect: F differs from 1 by 6e-7."""
+"""Distance from an edge, in blurs, beyond which its effect is neglected: F is within 6e-7 of 1."""
 NODES, WEIGHTS = (np.ascontiguousarray(part) for part in np.polynomial.legendre.leggauss(6))
 PIXEL_NODE = 0.5 / math.sqrt(3.0)
-"""Gauss points of a pixel of width 1: sums over 2x2 of them integrate cubics over its area."""
+"""Gauss points of a pixel of width 1: 2x2 of them integrate cubics over its area exactly."""
 
 
 @compiled
 def fill_frame(p: FloatArray, radius: float, samples: int, frame: FloatArray) -> None:
-    """Fills (14,): what all pixels share, so that no pixel needs a sine."""
+    """Write the quantities that all pixels share to `frame` (FRAME,), such as sines and cosines."""
     cos1, sin1 = math.cos(p[2]), math.sin(p[2])
     cos2, sin2 = math.cos(p[3]), math.sin(p[3])
     rho = cos1 * cos2 + sin1 * sin2
@@ -60,7 +60,7 @@ def fill_frame(p: FloatArray, radius: float, samples: int, frame: FloatArray) ->
 
 @inlined
 def _quick_erf(h: float, bell: float) -> float:
-    """erf(h / sqrt 2) to 1.5e-7, where exp(-h^2 / 2) is known.
+    """erf(h / sqrt 2) to 1.5e-7, from `bell` = exp(-h^2 / 2).
 
     Abramowitz and Stegun (1964), 7.1.26.
     """
@@ -86,7 +86,7 @@ def _crossing(h: float, k: float, frame: FloatArray) -> tuple[float, float, floa
     value, by_h, by_k, by_rho = erf_h * erf_k, 0.0, 0.0, 0.0
     square, product = h * h + k * k, h * k
     if square >= 40.0:
-        # Far from the crossing only one edge is near, and F is that edge's.
+        # Far from the crossing at most one edge is near, and F depends only on that edge.
         if near_h:
             by_h = math.copysign(ROOT_TWO_BY_PI, k) * bell_h
         if near_k:
@@ -112,24 +112,24 @@ def _crossing(h: float, k: float, frame: FloatArray) -> tuple[float, float, floa
 def fill_rows(
     p: FloatArray, frame: FloatArray, pixels: FloatArray, first: int, count: int, rows: FloatArray
 ) -> None:
-    """The model at `count` pixels from the first one: its derivatives and its errors.
+    """Write the derivatives and residuals of the model at `count` pixels, starting at `first`.
 
     Args:
         p: (13,).
         frame: from `fill_frame`.
         pixels: (n, 3): u, v, grey level.
-        rows: (14, count) or more columns; filled with the derivatives of the grey level by the 13
-            parameters, and last with the model's grey level less that of the pixel.
+        rows: (14, count) or more columns, written: the derivatives of the grey level by the 13
+            parameters, and last the model's grey level minus that of the pixel.
     """
     cos1, sin1, cos2, sin2 = frame[0], frame[1], frame[2], frame[3]
     sharp, by_angle = frame[7], frame[8]
     per_radius, over_area = frame[FRAME - 2], frame[FRAME - 1] > 1.0
-    u, v, contrast, bent1, bent2 = p[0], p[1], p[6], p[7], p[8]
+    u, v, contrast, curve1, curve2 = p[0], p[1], p[6], p[7], p[8]
     for n in range(count):
         x, y = pixels[first + n, 0] - u, pixels[first + n, 1] - v
         gx, gy = x * per_radius, y * per_radius
         f, by_u, by_v, by_1, by_2 = 0.0, 0.0, 0.0, 0.0, 0.0
-        by_blur, bend1, bend2, share = 0.0, 0.0, 0.0, 1.0
+        by_blur, by_curve1, by_curve2, share = 0.0, 0.0, 0.0, 1.0
         for i in range(4):
             dx, dy = x, y
             if over_area:
@@ -137,21 +137,21 @@ def fill_rows(
                 dy += PIXEL_NODE * ((i & 2) - 1)
             n1, t1 = cos1 * dx + sin1 * dy, cos1 * dy - sin1 * dx
             n2, t2 = cos2 * dx + sin2 * dy, cos2 * dy - sin2 * dx
-            h = (n1 + 0.5 * bent1 * t1 * t1) * sharp
-            k = (n2 + 0.5 * bent2 * t2 * t2) * sharp
+            h = (n1 + 0.5 * curve1 * t1 * t1) * sharp
+            k = (n2 + 0.5 * curve2 * t2 * t2) * sharp
             if i == 0 and min(abs(h), abs(k)) > FAR + 1.5 * sharp:
                 f = 1.0 if (h > 0.0) == (k > 0.0) else -1.0
                 break
             value, by_h, by_k, by_rho = _crossing(h, k, frame)
             f += value
             along1, along2 = by_h * sharp, by_k * sharp
-            by_u -= along1 * (cos1 - bent1 * t1 * sin1) + along2 * (cos2 - bent2 * t2 * sin2)
-            by_v -= along1 * (sin1 + bent1 * t1 * cos1) + along2 * (sin2 + bent2 * t2 * cos2)
-            by_1 += along1 * t1 * (1.0 - bent1 * n1) + by_rho * by_angle
-            by_2 += along2 * t2 * (1.0 - bent2 * n2) - by_rho * by_angle
+            by_u -= along1 * (cos1 - curve1 * t1 * sin1) + along2 * (cos2 - curve2 * t2 * sin2)
+            by_v -= along1 * (sin1 + curve1 * t1 * cos1) + along2 * (sin2 + curve2 * t2 * cos2)
+            by_1 += along1 * t1 * (1.0 - curve1 * n1) + by_rho * by_angle
+            by_2 += along2 * t2 * (1.0 - curve2 * n2) - by_rho * by_angle
             by_blur -= by_h * h + by_k * k
-            bend1 += along1 * 0.5 * t1 * t1
-            bend2 += along2 * 0.5 * t2 * t2
+            by_curve1 += along1 * 0.5 * t1 * t1
+            by_curve2 += along2 * 0.5 * t2 * t2
             if not over_area:
                 break
             if i == 3:
@@ -162,6 +162,11 @@ def fill_rows(
         rows[0, n] = share * by_u - (p[9] + p[11] * f) * per_radius
         rows[1, n] = share * by_v - (p[10] + p[12] * f) * per_radius
         rows[2, n], rows[3, n], rows[4, n] = share * by_1, share * by_2, share * by_blur
-        rows[5, n], rows[6, n], rows[7, n], rows[8, n] = 1.0, f, share * bend1, share * bend2
+        rows[5, n], rows[6, n], rows[7, n], rows[8, n] = (
+            1.0,
+            f,
+            share * by_curve1,
+            share * by_curve2,
+        )
         rows[9, n], rows[10, n], rows[11, n], rows[12, n] = gx, gy, gx * f, gy * f
         rows[13, n] = p[5] + p[9] * gx + p[10] * gy + half * f - pixels[first + n, 2]

@@ -1,8 +1,9 @@
-"""The two targets of the bar in one photograph: found, doubtful, or refused with the reason.
+"""Detect the two targets of the bar in one photograph; the result may be doubtful or rejected.
 
-A target is a 2x2 checkerboard that stands alone: one X-corner whose four edges end at the board's
-border. Candidates (`candidates`) are fitted (`corner_fit`); corners with a next square belong to a
-larger chessboard. Of what is left the best pair of boards that look alike is taken.
+A target is a separate 2x2 checkerboard: one X-corner whose four edges end at the border of the
+board. Candidates (`candidates`) are fitted (`fit`). Corners whose edges continue into another
+square belong to a larger chessboard and are excluded. Of the remaining boards, the best pair of
+similar ones is selected.
 """
 
 from __future__ import annotations
@@ -16,128 +17,128 @@ import numpy as np
 import numpy.typing as npt
 
 from stereocal.detection.candidates import FLIPS, LEVEL, SCORE, candidates
-from stereocal.detection.corner_model import ALL
-from stereocal.detection.fit import Corner, fit_corner
-from stereocal.detection.intensity import Light, prepare
-from stereocal.detection.refusals import (
+from stereocal.detection.checks import (
     RUNNER_UP_DOUBTFUL,
     Reason,
     doubts_of,
-    why_none,
-    why_refused,
+    explain_missing,
+    rejection_of,
 )
+from stereocal.detection.corner_model import ALL
+from stereocal.detection.fit import Corner, fit_corner
+from stereocal.detection.intensity import Intensity, normalise_intensity
 from stereocal.rig.compiled import FloatArray
 
 State = Literal["found", "doubtful", "refused"]
 
 SMALLEST_IMAGE = 16
 FITS = 20
-"""So many of the best candidates are fitted at full size."""
-MUCH_LESS = 0.6
-"""Once two are found, candidates with less than this part of their score are left."""
-ALTERNATIVE, MOST_ALTERNATIVES = 0.4, 12
-"""Where the best pair is in doubt, the other frames choose among pairs of boards with more than
-this part of its score: less than `RUNNER_UP_DOUBTFUL`, that the right pair be one of them."""
+"""Number of the best candidates that are fitted at full size."""
+RELATIVE_SCORE = 0.6
+"""Once two boards are found, candidates with a smaller fraction of their score are ignored."""
+ALTERNATIVE, MAXIMUM_ALTERNATIVES = 0.4, 12
+"""If the best pair is doubtful, pairs with at least this fraction of its score are kept, from which
+the other frames select. It is below `RUNNER_UP_DOUBTFUL`, so that they include the correct pair."""
 NEAR = 1.5
-"""Corners of a larger chessboard lie within so many times twice their square."""
+"""Distance within which the corners of a larger chessboard lie, in units of two squares."""
 SMALLEST_QUALITY = 0.45
-SIZE_SPREAD, LIGHT_SPREAD, BLACK_SPREAD = 0.4, 0.5, 0.25
-"""Of the logarithms of the size and of the contrast of the two boards of a bar: one may be half as
-far again as the other, and more in the shade. The last is of the difference of the black squares,
-per sum of the contrasts."""
+SIZE_SPREAD, CONTRAST_SPREAD, BLACK_SPREAD = 0.4, 0.5, 0.25
+"""Tolerances for the two boards of a bar: logarithm of the size ratio (one may be 1.5 times as far
+as the other), logarithm of the contrast ratio (one may be in the shade), and difference of the
+black levels over the sum of the contrasts."""
 
 
 @dataclass(frozen=True, eq=False)
 class Detection:
-    """What was found in one photograph."""
+    """The result for one photograph."""
 
     image_size: tuple[int, int]
     """(width, height)."""
     targets: tuple[Corner, Corner] | None
-    """From left to right, or from top to bottom where the bar is steeper than 45 degrees."""
+    """From left to right, or from top to bottom if the bar is steeper than 45 degrees."""
     score: float
     """0 to 1."""
     reason: Reason | None
-    """Why it was refused; None where there are targets."""
+    """Reason of the rejection; None if there are targets."""
     doubts: tuple[str, ...]
-    """One sentence for each."""
+    """Messages for the user."""
     sentence: str
-    """What a person should know: the refusal, or the doubts; empty where all is well."""
+    """Message for the user: the rejection, or all doubts; empty if there are none."""
     alternatives: tuple[Detection, ...] = ()
-    """Where more than two boards look like targets: each pair of boards that may be the targets, as
-    if there were no other, the best first. Empty where the best pair stands out."""
+    """If more than two boards look like targets: the results for the possible pairs, each without
+    regard to the others, best first. Empty if the best pair is clearly the best."""
 
     @property
     def state(self) -> State:
-        """Found, doubtful (a person should look), or refused."""
+        """Found, doubtful (the user should check), or refused."""
         if self.targets is None:
             return "refused"
         return "doubtful" if self.doubts else "found"
 
 
 def detect_targets(image: npt.NDArray[Any]) -> Detection:
-    """Find the two targets of the bar.
+    """Detect the two targets of the bar.
 
     Args:
-        image: (h, w), grey, of 8- or 16-bit or floating-point numbers.
+        image: (h, w): grey levels, as 8-bit, 16-bit or floating-point numbers.
 
     Raises:
         StereocalError: not such an array.
     """
-    light = prepare(image)
+    intensity = normalise_intensity(image)
     size = (int(image.shape[1]), int(image.shape[0]))
     if min(size) < SMALLEST_IMAGE:
         return refusal(size, "too few candidates", f"It is only {size[0]}x{size[1]} px.")
-    corners, chess = _corners(light)
+    corners, chess = _corners(intensity)
     pairs = sorted(
-        ((_alike(*pair), pair) for pair in itertools.combinations(corners, 2)),
+        ((_pair_score(*pair), pair) for pair in itertools.combinations(corners, 2)),
         key=lambda scored: -scored[0],
     )
     if not pairs:
-        return refusal(size, *why_none(light, corners, chess))
+        return refusal(size, *explain_missing(intensity, corners, chess))
     score, pair = pairs[0]
     runner_up = pairs[1][0] / score if len(pairs) > 1 else 0.0
     alternatives: tuple[Detection, ...] = ()
     if runner_up > RUNNER_UP_DOUBTFUL:
-        likely = [one for one in pairs[:MOST_ALTERNATIVES] if one[0] > ALTERNATIVE * score]
-        alternatives = tuple(_as_if_alone(size, light, *one) for one in likely)
-    refused = why_refused(pair, runner_up)
+        likely = [one for one in pairs[:MAXIMUM_ALTERNATIVES] if one[0] > ALTERNATIVE * score]
+        alternatives = tuple(_without_others(size, intensity, *one) for one in likely)
+    refused = rejection_of(pair, runner_up)
     if refused is not None:
         return replace(refusal(size, *refused), alternatives=alternatives)
     found = _in_order(*pair)
-    doubts = doubts_of(found, light, score, runner_up)
+    doubts = doubts_of(found, intensity, score, runner_up)
     return Detection(size, found, score, None, doubts, " ".join(doubts), alternatives)
 
 
 def corner_near(
     image: npt.NDArray[Any], point: tuple[float, float], reach: float = 12.0
 ) -> Corner | None:
-    """The X-corner nearest to a point that a person gave.
+    """The X-corner nearest to a point that the user clicked; also one of a larger chessboard.
 
     Args:
         image: as for `detect_targets`.
         point: (u, v), px.
-        reach: the corner may be so far away, px, or 0.3 times the size of its board if that is
-            more.
+        reach: maximum distance, px; 0.3 times the size of the board if that is more.
 
-    Returns None where there is none. A corner of a larger chessboard will do too.
+    Returns:
+        None if there is no corner within the distance.
     """
-    light = prepare(image)
+    intensity = normalise_intensity(image)
     height, width = image.shape
     if not (-0.5 <= point[0] <= width - 0.5 and -0.5 <= point[1] <= height - 0.5):
         return None
     around = 160
     left, top = max(0, int(point[0]) - around), max(0, int(point[1]) - around)
-    part = np.ascontiguousarray(light.image[top : top + 2 * around, left : left + 2 * around])
+    part = np.ascontiguousarray(intensity.image[top : top + 2 * around, left : left + 2 * around])
     best: Corner | None = None
     least = math.inf
     for row in candidates(part):
         row[:2] += left, top
         away = math.dist(row[:2], point)
-        # A cheap look first: nothing beyond the reach of a board as large as the part looked at.
+        # Skip the fit if the corner is too far even for the largest board in this part.
         if away > max(reach, 0.3 * 2 * around) or away > least + 3.0:
             continue
-        corner = _fitted(light, row)
+        corner = _fitted(intensity, row)
         if corner is None or corner.quality < 0.5 * SMALLEST_QUALITY:
             continue
         away = math.dist(corner.centre, point)
@@ -147,32 +148,34 @@ def corner_near(
 
 
 def refusal(size: tuple[int, int], reason: Reason, sentence: str) -> Detection:
-    """A photograph without targets."""
+    """The result for a photograph without targets."""
     return Detection(size, None, 0.0, reason, (), sentence)
 
 
-def _as_if_alone(
-    size: tuple[int, int], light: Light, score: float, pair: tuple[Corner, Corner]
+def _without_others(
+    size: tuple[int, int], intensity: Intensity, score: float, pair: tuple[Corner, Corner]
 ) -> Detection:
-    """A pair of boards, without a look at the others; one to be refused is doubtful at least."""
+    """The result for a pair without regard to other boards; a rejection becomes a doubt."""
     found = _in_order(*pair)
-    refused = why_refused(found, 0.0)
+    refused = rejection_of(found, 0.0)
     doubts = dict.fromkeys(
-        [*([refused[1]] if refused else []), *doubts_of(found, light, score, 0.0)]
+        [*([refused[1]] if refused else []), *doubts_of(found, intensity, score, 0.0)]
     )
     return Detection(size, found, score, None, tuple(doubts), " ".join(doubts))
 
 
-def _fitted(light: Light, row: FloatArray) -> Corner | None:
-    """A candidate, fitted at full size."""
+def _fitted(intensity: Intensity, row: FloatArray) -> Corner | None:
+    """Fit a candidate at full size."""
     half = 5.0 * 2.0 ** row[LEVEL]
     start = np.ascontiguousarray(row[:ALL])
-    return fit_corner(light.image, start, half, light.quantum, light.gain)
+    return fit_corner(intensity.image, start, half, intensity.quantum, intensity.gain)
 
 
-def _without_chance_flips(corner: Corner, saddles: FloatArray) -> Corner:
-    """The next square of a chessboard has a corner too: what turns without one is chance, such as
-    a fence or leaves behind the board."""
+def _confirm_flips(corner: Corner, saddles: FloatArray) -> Corner:
+    """Count only flips with a candidate nearby, since the next square has a corner too.
+
+    Other flips are coincidences, such as a fence or leaves behind the board.
+    """
     if not corner.flips:
         return corner
     forward = np.repeat(corner.directions, 2, axis=0) * np.array([[1.0], [-1.0], [1.0], [-1.0]])
@@ -182,11 +185,11 @@ def _without_chance_flips(corner: Corner, saddles: FloatArray) -> Corner:
     return replace(corner, flips=min(corner.flips, beside))
 
 
-def _corners(light: Light) -> tuple[list[Corner], int]:
-    """Boards that stand alone, and how many corners of larger chessboards there were."""
+def _corners(intensity: Intensity) -> tuple[list[Corner], int]:
+    """The separate boards, and the number of corners of larger chessboards."""
     found: list[Corner] = []
     tried: list[tuple[float, float, float]] = []
-    rows = candidates(light.image)
+    rows = candidates(intensity.image)
     in_rows = rows[rows[:, FLIPS] >= 2, :2]
     fits, good = 0, 0.0
     for row in rows[rows[:, FLIPS] < 2]:
@@ -194,18 +197,18 @@ def _corners(light: Light) -> tuple[list[Corner], int]:
         near = [
             corner for corner in found if math.dist(corner.centre, (u, v)) < 0.3 * corner.board_px
         ]
-        # The same saddle at two levels is fitted twice only if the first fit failed.
+        # A saddle point found at two levels is fitted again only if the first fit failed.
         again = any(math.dist(t[:2], (u, v)) < 2.0 and t[2] == row[LEVEL] for t in tried)
         if near or again:
             continue
-        if fits == FITS or row[SCORE] < MUCH_LESS * good:
+        if fits == FITS or row[SCORE] < RELATIVE_SCORE * good:
             break
         fits += 1
         tried.append((u, v, float(row[LEVEL])))
-        corner = _fitted(light, row)
+        corner = _fitted(intensity, row)
         if corner is None or corner.quality < SMALLEST_QUALITY:
             continue
-        corner = _without_chance_flips(corner, rows[:, :2])
+        corner = _confirm_flips(corner, rows[:, :2])
         neighbours = np.hypot(*(in_rows - corner.centre).T) < NEAR * corner.board_px
         if corner.flips >= 2 or (corner.flips and neighbours.sum() >= 2):
             in_rows = np.vstack([in_rows, corner.centre])
@@ -228,15 +231,15 @@ def _corners(light: Light) -> tuple[list[Corner], int]:
     return single, len(in_rows) + len(found) - len(single)
 
 
-def _alike(first: Corner, second: Corner) -> float:
-    """0 to 1: how well two corners are the two targets of one bar."""
+def _pair_score(first: Corner, second: Corner) -> float:
+    """0 to 1: the qualities of two corners times their similarity."""
     size = math.log(np.hypot(*first.lengths) / np.hypot(*second.lengths)) / SIZE_SPREAD
-    light = math.log(first.contrast / second.contrast) / LIGHT_SPREAD
+    contrast = math.log(first.contrast / second.contrast) / CONTRAST_SPREAD
     dark = (first.black - second.black) / (first.contrast + second.contrast) / BLACK_SPREAD
-    like = math.exp(-0.5 * (size**2 + light**2 + dark**2))
+    similarity = math.exp(-0.5 * (size**2 + contrast**2 + dark**2))
     if math.dist(first.centre, second.centre) < 0.5 * (first.board_px + second.board_px):
-        like *= 0.1  # boards side by side: parts of one thing
-    return first.quality * second.quality * like
+        similarity *= 0.1  # adjacent boards are probably parts of one object
+    return first.quality * second.quality * similarity
 
 
 def _in_order(first: Corner, second: Corner) -> tuple[Corner, Corner]:

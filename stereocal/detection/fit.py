@@ -1,8 +1,7 @@
-"""One X-corner of a photograph: how far its board reaches, and where exactly its centre is.
+"""Fit one X-corner: its centre with covariance, and the extent of its board.
 
-The fit (`corner_model`) starts in a small window. Along the four half edges the contrast between
-the two sides tells where the board ends; the window grows with the edges that are found straight,
-up to most of the board, and never takes in its outer border.
+The fit (`corner_model`) starts in a small window. The contrast across the four arms shows where the
+board ends, and the window grows until it covers most of the board without its outer border.
 """
 
 from __future__ import annotations
@@ -14,34 +13,36 @@ import numpy as np
 
 from stereocal.detection.corner_model import ALL, CORE, CURVATURE_SIGMA, GRADIENT_SIGMA
 from stereocal.detection.edges import GreyImage, arm_quality, follow
-from stereocal.detection.solver import minimise, spread
+from stereocal.detection.solver import covariance_and_noise, minimise
 from stereocal.rig.compiled import FloatArray, compiled
 
 INSIDE = 0.96
-"""The window reaches so far along each arm, less one blur: boards in perspective are no
-parallelograms, and their border is blurred too."""
+"""Fraction of each arm that the window covers, minus one blur, since a board in perspective is not
+a parallelogram, and its border is blurred."""
 SMALLEST_HALF_WINDOW = 2.5
 GROWTH = 3.0
 PIXELS_WHILE_GROWING = 1500
 SMALLEST_SINE = 0.35
-"""Edges closer than 20 degrees: a board tilted by more than 70."""
-FARTHEST = 30.0
+"""Sine of 20 degrees, the least angle between the edges: a board tilted by 70 degrees."""
+BORDER_REACH = 30.0
+"""Maximum length of the arms of a board at the border, in half windows."""
 WORST_ARMS = 0.4
 ROUNDS = 30
 WHILE_GROWING_PX, AT_LAST_PX = 1e-2, 1e-5
 """Tolerances of the fits."""
 MISFIT = 0.06
-"""Boards have 0.00 to 0.03, pickets and leaves 0.05 to 0.15."""
+"""Scale of `Corner.misfit` in the quality: boards have 0.00 to 0.03, pickets and leaves 0.05 to
+0.15."""
 PATTERN, SMALLER, SUSPECT = 0.035, 0.7, 0.055
-"""Where the fit leaves a pattern, a smaller window may still be good: what is behind the board made
-an arm seem longer. Such a corner is never sure: it counts as if its misfit were the last number."""
+"""If the misfit is above `PATTERN`, the window is reduced by the factor `SMALLER`, since something
+behind the board may have extended an arm. If that fit is good, the misfit is set to `SUSPECT`."""
 SHARP = 1.3
-"""Below this blur, in px, the model is averaged over each pixel."""
+"""Blur in px below which the model is averaged over each pixel."""
 
 
 @dataclass(frozen=True, eq=False)
 class Corner:
-    """A fitted X-corner. Lengths in px, brightness in grey levels of the photograph."""
+    """A fitted X-corner. Lengths are in px, intensities in grey levels of the photograph."""
 
     centre: FloatArray
     """(2,): u, v."""
@@ -50,31 +51,32 @@ class Corner:
     directions: FloatArray
     """(2, 2): unit vectors along the two edges."""
     arms: FloatArray
-    """(4,): how far the edges reach: forward and back along the first, then along the second."""
+    """(4,): lengths of the half edges: forward and back along the first, then the second edge."""
     flips: int
-    """Along so many arms a next square follows in the opposite order: a larger chessboard."""
+    """Number of arms followed by another square, as in a larger chessboard."""
     cut: int
-    """Bit i is set where arm i ends at the border of the image."""
+    """Bit i is set if arm i ends at the border of the image."""
     blur: float
+    """Standard deviation."""
     contrast: float
-    """White less black."""
+    """White minus black."""
     black: float
     white: float
     residual: float
-    """Root mean square of what the fit leaves."""
+    """RMS of the residuals."""
     misfit: float
-    """What the fit leaves that is no noise, root mean square, per contrast."""
+    """RMS of the residuals that is not noise, over the contrast."""
 
     @property
     def sigma_px(self) -> float:
-        """Standard deviation of the centre, the mean over both directions."""
+        """Standard deviation of the centre, RMS of both directions."""
         return math.sqrt(0.5 * float(np.trace(self.covariance)))
 
     @property
     def quality(self) -> float:
-        """0 to 1: less where the fit leaves a pattern, and where the arms differ or are short.
+        """0 to 1; reduced by a misfit and by short or unequal arms.
 
-        Saddles of leaves, fences and clouds are curved and soft: most have less than 0.6.
+        Most saddle points of leaves, fences and clouds have less than 0.6.
         """
         return arm_quality(self.arms, self.cut, self.blur) * math.exp(
             -0.5 * (self.misfit / MISFIT) ** 2
@@ -82,12 +84,12 @@ class Corner:
 
     @property
     def lengths(self) -> FloatArray:
-        """(2,): lengths of the board along its two edges; the shorter arm counts twice."""
+        """(2,): lengths of the board along its two edges, twice the shorter arm."""
         return np.array([2.0 * min(self.arms[:2]), 2.0 * min(self.arms[2:])])
 
     @property
     def board_px(self) -> float:
-        """Size of the board: the mean of its two lengths."""
+        """Size of the board, the mean of its two lengths."""
         return float(self.lengths.mean())
 
 
@@ -106,7 +108,7 @@ def _fit(
     samples: int,
     tolerance: float = WHILE_GROWING_PX,
 ) -> tuple[FloatArray, FloatArray, FloatArray, bool]:
-    """Fit in one window: pixels, parameters, penalty, and whether it converged."""
+    """Fit in one window; returns pixels, parameters, penalty, and whether the fit converged."""
     pixels = window(image, p[0], p[1], _directions(p), half, stride)
     penalty = np.zeros(ALL)
     radius = float(half.max())
@@ -120,7 +122,7 @@ def _fit(
 
 
 def _stride(half: FloatArray) -> int:
-    """Every so many rows and columns hold about `PIXELS_WHILE_GROWING` pixels of a window."""
+    """The stride with which a window has about `PIXELS_WHILE_GROWING` pixels."""
     return max(1, round(math.sqrt(4.0 * half[0] * half[1] / PIXELS_WHILE_GROWING)))
 
 
@@ -133,13 +135,16 @@ def window(
     half: FloatArray,
     stride: int,
 ) -> FloatArray:
-    """(n, 3): the pixels u, v, grey level of a parallelogram around (u, v).
+    """The pixels of a parallelogram around (u, v).
 
     Args:
         image: (h, w).
         along: (2, 2), unit vectors along the two edges.
-        half: (2,), how far it reaches along each of them, px.
-        stride: take every so many rows and columns.
+        half: (2,), half size along each of them, px.
+        stride: step of rows and columns.
+
+    Returns:
+        (n, 3): u, v, grey level.
     """
     height, width = image.shape
     reach_u = abs(along[0, 0]) * half[0] + abs(along[1, 0]) * half[1]
@@ -164,7 +169,7 @@ def window(
 
 @compiled
 def plausible(p: FloatArray, start: FloatArray, reach: float) -> bool:
-    """Whether a fit stayed at its corner and kept two different edges and a blur that can be."""
+    """Whether a fit stayed at its corner, with two distinct edges and a possible blur."""
     moved = math.hypot(p[0] - start[0], p[1] - start[1])
     return (
         math.isfinite(p[:CORE].sum())
@@ -178,16 +183,17 @@ def plausible(p: FloatArray, start: FloatArray, reach: float) -> bool:
 def fit_corner(
     image: GreyImage, start: FloatArray, half: float, quantum: float, gain: float = 1.0
 ) -> Corner | None:
-    """Fit the X-corner near a start.
+    """Fit the X-corner near initial parameters.
 
     Args:
         image: (h, w), grey levels times `gain`.
-        start: (13,), the first seven parameters of `corner_model` near their values.
-        half: px; the first window reaches so far from the centre along both edges.
-        quantum: step of the numbers in `image`: the gain for a photograph of integers, or 0.
-        gain: the result is given in grey levels.
+        start: (13,), the initial parameters of `corner_model`; the first seven must be close.
+        half: half size of the first window along both edges, px.
+        quantum: quantisation step in `image`: the gain for integer photographs, or 0.
+        gain: factor of `image`, by which the intensities in the result are divided.
 
-    Returns None where the fit finds no crossing of two edges.
+    Returns:
+        None if there is no crossing of two edges.
     """
     p = start.copy()
     reach = np.array([half, half])
@@ -213,9 +219,9 @@ def fit_corner(
         if done:
             break
     if cut:
-        # A board at the border has a small window, from which its other arms reach far.
-        arms, flips, cut = follow(image, p, reach, FARTHEST)
-    # One arm may seem endless: the bar goes on along its edge. It was followed so far at least.
+        # At the border the window is small, and the other arms are long in comparison.
+        arms, flips, cut = follow(image, p, reach, BORDER_REACH)
+    # One arm of an edge may be infinite, where the bar extends it; it is clipped below.
     ends = np.array([min(arms[:2]), min(arms[2:])])
     if not np.isfinite(ends).all():
         return None
@@ -239,11 +245,11 @@ def _final(
     scale: tuple[float, float],
     ends: tuple[FloatArray, int, int],
 ) -> Corner | None:
-    """The fit of all pixels of the last window, and what is said of it."""
+    """Fit all pixels of the final window."""
     quantum, gain = scale
     smallest = max(quantum**2 / 12.0, (1e-5 * p[6]) ** 2)
     radius = float(half.max())
-    # The first fit is for the noise, which the priors are weighed with.
+    # The first fit estimates the noise, which the weights of the priors need.
     for stride, tolerance in ((_stride(half), WHILE_GROWING_PX), (1, AT_LAST_PX)):
         samples = 4 if math.exp(p[4]) < SHARP else 1
         pixels, fitted, penalty, converged = _fit(
@@ -252,14 +258,14 @@ def _final(
         if not converged or not plausible(fitted, p, float(min(half))):
             return None
         p = fitted
-        found = spread(pixels, p, radius, samples, penalty)
+        found = covariance_and_noise(pixels, p, radius, samples, penalty)
         noise = max(found[3], smallest)
     variance = max(found[3], found[4], smallest)
     if not np.isfinite(found).all():
         return None
     covariance = variance * np.array([[found[0], found[1]], [found[1], found[2]]])
     contrast = 2.0 * abs(p[6])
-    # Chance gives the products of n residuals of pure noise a spread of 1 / sqrt(n).
+    # The mean product of n residuals of pure noise has a standard deviation of 1 / sqrt(n).
     pattern = float(found[5] - 2.0 * found[3] / math.sqrt(len(pixels)))
     return Corner(
         centre=p[:2].copy(),

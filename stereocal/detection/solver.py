@@ -1,4 +1,4 @@
-"""Levenberg-Marquardt for the image of an X-corner (`corner_model`), and what its residuals say.
+"""Levenberg-Marquardt fit of an X-corner (`corner_model`), covariance and residual noise.
 
 Small dense systems are solved by Cholesky's method: `np.linalg.solve` takes 5 s to compile.
 """
@@ -13,7 +13,7 @@ from stereocal.rig.decompositions import backward, factor, forward
 
 CHUNK = 64
 SMALLEST_PIVOT = 1e-14
-"""Of a diagonal entry: less is rounding."""
+"""Relative to the diagonal entry; a smaller pivot is rounding."""
 
 
 @internal
@@ -26,10 +26,9 @@ def _normal_equations(
     H: FloatArray,
     g: FloatArray,
 ) -> float:
-    """Fills H = J^T J + diag(penalty) and g = J^T e + penalty p; returns their cost.
+    """Write H = J^T J + diag(penalty) and g = J^T e + penalty p; return the cost.
 
-    Rows of J and e stand side by side for `CHUNK` pixels at a time, so that each product is a sum
-    over neighbours in memory: faster than pixel by pixel.
+    `CHUNK` pixels are processed at a time, so that the products sum over consecutive memory.
     """
     size, n = g.size, pixels.shape[0]
     frame, rows = np.empty(FRAME), np.empty((ALL + 1, CHUNK))
@@ -58,7 +57,7 @@ def _normal_equations(
 
 @internal
 def _damp(H: FloatArray, g: FloatArray, damping: float, L: FloatArray, step: FloatArray) -> None:
-    """Write H with its diagonal raised to L (the lower half), and g to `step`."""
+    """Write the lower half of H with a damped diagonal to L, and g to `step`."""
     for a in range(g.size):
         step[a] = g[a]
         for b in range(a):
@@ -82,16 +81,17 @@ def minimise(
     Args:
         pixels: (n, 3): u, v, grey level.
         p: (13,), the start, then the result.
-        size: 7 (one straight crossing, even light) or 13.
-        radius: of the window in px: the unit of the gradients.
-        samples: 4 averages the model over each pixel, for blurs that are not large against one;
-            1 takes its middle; 0 also takes the edges to be at right angles, which is quick.
-        penalty: (13,), what the cost gains for each parameter squared.
-        rounds: at most so many.
-        tolerance: px; it ends with a step of the centre below this that lowers the cost by less
-            than a tenth of it, relatively.
+        size: 7 (straight edges, uniform illumination) or 13.
+        radius: of the window in px, the unit of the gradients.
+        samples: 4 averages the model over each pixel, for small blurs; 1 uses the pixel's centre;
+            0 also assumes perpendicular edges, which is fastest.
+        penalty: (13,): weights of the squared parameters in the cost.
+        rounds: maximum number of iterations.
+        tolerance: px; the fit ends when a step moves the centre by less than this and lowers the
+            cost by less than a tenth of it, relatively.
 
-    Returns the cost and whether it converged.
+    Returns:
+        The cost, and whether the fit converged.
     """
     H, L, trial = np.empty((size, size)), np.empty((size, size)), p.copy()
     g, step = np.empty(size), np.empty(size)
@@ -129,16 +129,17 @@ def minimise(
 
 
 @compiled
-def spread(
+def covariance_and_noise(
     pixels: FloatArray, p: FloatArray, radius: float, samples: int, penalty: FloatArray
 ) -> FloatArray:
-    """(6,): covariance uu, uv, vv for noise of variance 1, three measures of the noise.
+    """Covariance of the centre and measures of the residuals.
 
-    First its variance. Then that of its edges: the mean squared residual weighted by how much each
-    pixel moves the centre, as near the edges the noise differs from that of the flat squares, and
-    so does what the model misses. Last the mean product of residuals side by side: noise has none,
-    things that are no board do.
-    All NaN where the pixels do not determine the parameters.
+    Returns:
+        (6,): uu, uv, vv of the covariance for unit noise variance; the variance of the residuals;
+        their variance weighted by the influence of each pixel on the centre, since noise and model
+        errors are different near the edges; the mean product of neighbouring residuals, which is 0
+        for noise, and positive for objects that are not a board. All NaN if the pixels do not
+        determine the parameters.
     """
     found = np.full(6, np.nan)
     L, g = np.empty((ALL, ALL)), np.empty(ALL)

@@ -1,1 +1,1 @@
-"""The paper's Section 6: splits, counts, intervals, summary."""
+"""Validation (paper, Section 6): random splits, error counts, intervals, summary."""

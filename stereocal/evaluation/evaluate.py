@@ -1,20 +1,20 @@
-"""How well each method matches and measures on frames it has not seen (paper, Section 6).
+"""Validation on held-out frames by repeated random splits (paper, Section 6).
 
 A run draws k of n frames, calibrates with them, and tests on the others: every point of the primary
-camera against every point of the secondary. Pairs of the same target in the same frame are correct,
-all others wrong: 10 and 90 for 5 frames. Beyond `MOST_PARTNERS` points, each point meets only so
-many wrong partners, drawn at random: the cost grows with the frames and not with their square.
+camera is paired with every point of the secondary. Pairs of the same target in the same frame are
+correct, all others wrong: 10 and 90 for 5 frames. With more than `MAXIMUM_PARTNERS` points, each
+point gets only that number of random wrong partners, so that the cost grows linearly.
 
-Errors are not kept but counted, in bins of log10; pooling runs and data sets adds counts. A value
-of 0 counts as below all bins, and a pair that cannot be reconstructed in front of both cameras
-(NaN) as above all bins: nobody would match it. Both are counted and reported.
+Errors are counted in bins of log10; runs and data sets are pooled by adding counts. Errors of 0
+count in the underflow bin. Pairs that cannot be reconstructed in front of both cameras (NaN) count
+in the overflow bin, because they would not be matched. The numbers of both are reported.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import closing
 from dataclasses import dataclass, field, fields, replace
@@ -28,35 +28,37 @@ from stereocal.calibration.methods import METHODS, CalibrationSettings
 from stereocal.calibration.montecarlo import minimise
 from stereocal.calibration.problems import reconstruction_problem, reprojection_problem
 from stereocal.errors import StereocalError
-from stereocal.evaluation.protocol import BINS, calibrate_rays, validate_rays
+from stereocal.evaluation.compiled_run import BINS, calibrate_rays, validate_rays
 from stereocal.refined.refine import refine
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.compiled import BoolArray, CountArray, FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose
-from stereocal.system.tasks import Pieces, Task, each_finished
+from stereocal.system.tasks import Pieces, Progress, StoppedError, Task, run_tasks
 
-MOST_PARTNERS = 99
+MAXIMUM_PARTNERS = 99
 MINIMUM_VALIDATION_FRAMES = 2
 
 
 @dataclass(frozen=True)
 class EvaluationSettings:
-    """The protocol; the defaults are the paper's.
+    """Settings of the validation; the defaults are the paper's.
 
     Raises:
-        StereocalError: a number below 1.
+        StereocalError: a number is below 1.
     """
 
     calibration: CalibrationSettings = field(default_factory=CalibrationSettings)
     runs: int = 100
     calibration_frames: int = 20
     refined: RefineSettings | None = None
-    """Settings of the refined method; None leaves it out."""
+    """Settings of the refined method; None to validate only the paper's methods."""
 
     def __post_init__(self) -> None:
         if self.runs < 1 or self.calibration_frames < 1:
-            raise StereocalError("The runs and the calibration frames must be at least 1.")
+            raise StereocalError(
+                "The number of runs and the number of calibration frames must be at least 1."
+            )
 
     def to_json(self) -> dict[str, Any]:
         """All settings in one flat object."""
@@ -72,41 +74,41 @@ class EvaluationSettings:
         """The settings that `to_json` describes.
 
         Raises:
-            StereocalError: a name that is no setting, or a value out of range.
+            StereocalError: an unknown setting, or a value of the wrong type or out of range.
         """
         rest = dict(data)
         own = {name: rest.pop(name) for name in ("runs", "calibration_frames") if name in rest}
         if not all(isinstance(value, int) for value in own.values()):
             raise StereocalError("The settings cannot be read: a count is not a whole number.")
-        given = rest.pop("refined", None)
-        refined = RefineSettings.from_json(given) if given else None
+        of_refined = rest.pop("refined", None)
+        refined = RefineSettings.from_json(of_refined) if of_refined else None
         return cls(CalibrationSettings.from_json(rest), refined=refined, **own)
 
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """What one run counted. First axis: the methods, in the order of `ALL_METHODS`; 3 or 4."""
+    """The counts of one run. The first axis is the methods, in the order of `ALL_METHODS`."""
 
     counts: CountArray
     """(methods, 2, 2, BINS + 2): method; residual, reprojection; wrong, correct; bin."""
     nans: IntArray
     """(methods, 2): pairs not reconstructed in front of both cameras; wrong, correct."""
     lengths: FloatArray
-    """(methods, m): D^R / D of the validation bars; NaN where there is none."""
+    """(methods, m): D^R / D of the validation bars; NaN if not reconstructed."""
     angles: FloatArray
-    """(methods, 5), in radians; NaN where the refined method found nothing."""
+    """(methods, 5), in radians; NaN if the refined method failed."""
     correct_px: FloatArray
-    """(methods,): mean reprojection error of the correct pairs; NaN where none has a value."""
+    """(methods,): mean reprojection error of the correct pairs; NaN if none has a value."""
 
 
 def evaluate_run(dataset: Dataset, settings: EvaluationSettings, number: int, run: int) -> Run:
-    """Run `run` of the data set that stands at place `number` of the study.
+    """Compute run `run` of data set `number`.
 
-    The random numbers depend on the seed, the data set's place and the run alone, so any engine
-    gives the same result (the refined method's to about 1e-9: it stops at a tolerance).
+    The random numbers depend only on the seed, `number` and `run`, so that every executor gives the
+    same result (for the refined method to about 1e-9, since it stops at a tolerance).
 
     Raises:
-        StereocalError: too few frames, or points that allow no calibration.
+        StereocalError: too few frames, or points that do not determine the pose.
     """
     own = settings.calibration
     seeds = np.random.SeedSequence([own.search.seed, number, run]).spawn(4)
@@ -128,7 +130,7 @@ def _fit(
     of_2d: np.random.SeedSequence,
     of_3d: np.random.SeedSequence,
 ) -> FloatArray:
-    """The angles of the three methods, (3, 5), calibrated with some rows (n,)."""
+    """The angles (3, 5) of the three methods, calibrated with the rows in the mask `rows` (n,)."""
     matching = reprojection_problem(dataset, rows)
     measuring = reconstruction_problem(dataset, settings.known_points, rows)
     search = settings.search
@@ -141,7 +143,7 @@ def _fit(
         (search.minimum_moves, search.maximum_moves),
     ):  # fmt: skip
         return angles
-    # Fewer than 8 pairs, or points that allow no calibration: the way that also says why.
+    # Fewer than 8 pairs, or a failure: the functions that raise errors with the reason.
     start = calibrate_essential(
         matching.rays, dataset.baseline_m, settings.essential, measuring.cost
     ).pose
@@ -152,10 +154,10 @@ def _fit(
 
 
 def split(dataset: Dataset, calibration_frames: int, seed: np.random.SeedSequence) -> BoolArray:
-    """Which rows to fit, (n,); the frames are drawn at random, and the other rows are the test.
+    """Mask (n,) of the rows of randomly drawn calibration frames; the other rows are the test.
 
     Raises:
-        StereocalError: fewer than 2 frames are left to test with.
+        StereocalError: fewer than 2 frames are left for the test.
     """
     check_split(dataset, calibration_frames)
     rows = dataset.correspondences
@@ -167,10 +169,10 @@ def split(dataset: Dataset, calibration_frames: int, seed: np.random.SeedSequenc
 
 
 def check_split(dataset: Dataset, calibration_frames: int) -> None:
-    """Refuse a split that leaves nothing to test with.
+    """Check that a split leaves enough frames for the test.
 
     Raises:
-        StereocalError: as said.
+        StereocalError: fewer than 2 frames are left.
     """
     frames = len(dataset.correspondences.frames)
     if frames - calibration_frames < MINIMUM_VALIDATION_FRAMES:
@@ -188,9 +190,9 @@ def _refined(
     settings: RefineSettings,
     partners: IntArray,
 ) -> Run:
-    """The refined method, fitted to some rows (n,) and tested on the others with its own lenses.
+    """The refined method, fitted to the rows in `fit` (n,) and tested on the others.
 
-    Where it finds nothing, no pair and no bar has a value.
+    It is tested with its own lenses. If it fails, all values are NaN.
     """
     pose = Pose.from_angles(Angles(*start.tolist()), dataset.baseline_m)
     try:
@@ -207,11 +209,11 @@ def _refined(
 
 
 def count_set(dataset: Dataset, pose: Pose, seed: int = 0) -> Run:
-    """All pairs and bars of a data set, counted with one set: frames are not held out.
+    """Count all pairs and bars of a data set with one parameter set, without held-out frames.
 
     Args:
-        dataset: with the cameras of the set.
-        seed: of the wrong partners that are drawn where there are very many points.
+        dataset: with the cameras of the parameter set.
+        seed: for drawing wrong partners, if there are more than `MAXIMUM_PARTNERS` points.
     """
     rows = np.ones(len(dataset.correspondences), dtype=np.bool_)
     partners = _partners(len(rows), np.random.default_rng(seed))
@@ -220,13 +222,13 @@ def count_set(dataset: Dataset, pose: Pose, seed: int = 0) -> Run:
 
 
 def _stacked(first: Run, second: Run) -> Run:
-    """One run with the methods of both."""
+    """One run with the methods of both, concatenated along the first axis."""
     pairs = ((getattr(first, one.name), getattr(second, one.name)) for one in fields(Run))
     return Run(*(np.concatenate(pair) for pair in pairs))
 
 
 def _test(dataset: Dataset, rows: BoolArray, angles: FloatArray, partners: IntArray) -> Run:
-    """Count all pairs of some rows (n,) with the angles of each method, (methods, 5)."""
+    """Count all pairs of the rows in `rows` (n,) with the angles (methods, 5) of each method."""
     counts = np.zeros((len(angles), 2, 2, BINS + 2), dtype=np.int32)
     nans = np.zeros((len(angles), 2), dtype=np.int64)
     correct_px = np.empty(len(angles))
@@ -243,10 +245,10 @@ def _test(dataset: Dataset, rows: BoolArray, angles: FloatArray, partners: IntAr
 
 
 def _partners(points: int, rng: np.random.Generator) -> IntArray:
-    """(points, p): the secondary points that each primary point meets, itself first."""
+    """(points, p): the secondary points paired with each primary point, the correct one first."""
     steps = np.arange(1, points)
-    if len(steps) > MOST_PARTNERS:
-        steps = rng.choice(steps, MOST_PARTNERS, replace=False)
+    if len(steps) > MAXIMUM_PARTNERS:
+        steps = rng.choice(steps, MAXIMUM_PARTNERS, replace=False)
     own = np.arange(points)[:, None]
     return np.asarray((own + np.concatenate([[0], steps])) % points, dtype=np.int64)
 
@@ -255,7 +257,7 @@ def evaluate(
     datasets: Sequence[Dataset],
     settings: EvaluationSettings,
     executor: Executor,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
     cancelled: Callable[[], bool] | None = None,
     chunk: int = 10,
     pieces: Pieces[list[Run]] | None = None,
@@ -264,7 +266,7 @@ def evaluate(
 
     Args:
         progress: called with the runs done and the runs in all.
-        cancelled: asked after each chunk of runs; if true, what is left is dropped.
+        cancelled: asked while they are computed; if true, what is left is dropped.
         pieces: chunks that were finished before, and where more are kept.
 
     Returns:
@@ -275,31 +277,32 @@ def evaluate(
     """
     for dataset in datasets:
         check_split(dataset, settings.calibration_frames)
-    tasks: dict[str, Task[list[Run]]] = {}
+    tasks = _tasks(datasets, settings, chunk)
+    total = settings.runs * len(datasets)
+    by_dataset: list[list[Run]] = [[] for _ in datasets]
+    try:
+        with closing(run_tasks(tasks, executor, total, progress, cancelled, pieces)) as finished:
+            for task, of_chunk in finished:
+                _, _, number, _ = task.arguments
+                by_dataset[number] += of_chunk
+    except StoppedError:
+        return None
+    return by_dataset
+
+
+def _tasks(
+    datasets: Sequence[Dataset], settings: EvaluationSettings, chunk: int
+) -> Iterator[Task[list[Run]]]:
     for number, dataset in enumerate(datasets):
         of_dataset = _key(dataset, settings, number)
         for first in range(0, settings.runs, chunk):
             runs = range(first, min(first + chunk, settings.runs))
             key = f"{of_dataset} {runs.start}-{runs.stop}"
-            tasks[key] = (evaluate_runs, (dataset, settings, number, runs))
-    found: dict[str, list[Run]] = {}
-    done, total = 0, settings.runs * len(datasets)
-    with closing(each_finished(executor, tasks, pieces)) as finished:
-        for key, of_chunk in finished:
-            found[key] = of_chunk
-            done += len(of_chunk)
-            if progress:
-                progress(done, total)
-            if cancelled and cancelled():
-                return None
-    by_dataset: list[list[Run]] = [[] for _ in datasets]
-    for key, (_, (_, _, number, _)) in tasks.items():
-        by_dataset[number] += found[key]
-    return by_dataset
+            yield Task(key, evaluate_runs, (dataset, settings, number, runs), len(runs))
 
 
 def _key(dataset: Dataset, settings: EvaluationSettings, number: int) -> str:
-    """Names all that a run depends on, but for its own number."""
+    """A digest of everything that a run depends on, except its own number."""
     protocol = {name: value for name, value in settings.to_json().items() if name != "runs"}
     sigmas = [dataset.baseline_sigma_m, dataset.target_distance_sigma_m]
     content = json.dumps([dataset.sha256, sigmas, protocol, number], sort_keys=True)
@@ -309,5 +312,5 @@ def _key(dataset: Dataset, settings: EvaluationSettings, number: int) -> str:
 def evaluate_runs(
     dataset: Dataset, settings: EvaluationSettings, number: int, runs: Sequence[int]
 ) -> list[Run]:
-    """Several runs of one data set: the piece of work that an executor gets."""
+    """Several runs of one data set; the unit of work of an executor."""
     return [evaluate_run(dataset, settings, number, run) for run in runs]

@@ -1,10 +1,10 @@
-"""What the runs of an evaluation say: PDFs, FCP, threshold, 3D error (paper, Section 6 and Fig. 4).
+"""Summary of validation runs: PDFs, FCP, threshold, 3D error (paper, Section 6 and Fig. 4).
 
-FCP, the false correspondence probability, is the area in which the PDFs of log10 of correct and of
-wrong pairs overlap: 0 when they are apart, 1 when they are the same. Pairs of no value (0, or not
-to be reconstructed) belong to the whole of which the PDFs are parts. 95 % intervals come from
-bootstraps over the runs, or over the data sets when there are several, for runs of one data set
-share its frames. (Those of the FCP: see `_fcp`.)
+FCP, the false correspondence probability, is the overlap of the PDFs of log10 of the errors of
+correct and of wrong pairs: 0 if they are separate, 1 if they are equal. Pairs without a value (0 or
+NaN) count in the total to which the PDFs are normalised. 95 % intervals come from a bootstrap over
+the runs, or over the data sets if there are several, because the runs of a data set share its
+frames. For the interval of the FCP see `_fcp`.
 """
 
 from __future__ import annotations
@@ -18,24 +18,24 @@ from scipy.special import stdtrit
 
 from stereocal.calibration.methods import ALL_METHODS, Method
 from stereocal.errors import StereocalError
-from stereocal.evaluation.evaluate import Run
-from stereocal.evaluation.protocol import (
-    ABOVE,
-    BELOW,
+from stereocal.evaluation.compiled_run import (
+    BIN_WIDTH,
     BINS,
     CORRECT,
-    FINE,
     LOWEST,
+    OVERFLOW,
     REPROJECTION,
     RESIDUAL,
+    UNDERFLOW,
     WRONG,
 )
+from stereocal.evaluation.evaluate import Run
 from stereocal.rig.compiled import FloatArray, IntArray
 
 BOOTSTRAPS = 1000
 INTERVAL = (2.5, 97.5)
 ACCEPTABLE = 0.01
-"""The paper's line at -2: a 3D error of 1 %."""
+"""3D error of 1 %: the paper's line at -2."""
 
 
 @dataclass(frozen=True)
@@ -49,38 +49,38 @@ class Estimate:
 
 @dataclass(frozen=True, eq=False)
 class Pdf:
-    """A PDF of log10 of an error, with what is not in its bins."""
+    """A PDF of log10 of an error, with the numbers of values outside its bins."""
 
     edges: FloatArray
     """(b + 1,), log10."""
     density: FloatArray
-    """(b,), per decade; its area is the share of the values that lie in the bins."""
+    """(b,), per decade; its integral is the share of the values inside the bins."""
     n: int
-    """All values, also those outside the bins."""
+    """Number of all values, including those outside the bins."""
     zeros: int
-    """Values of 0, or below all bins."""
+    """Number of values that are 0 or below the bins."""
     nans: int
-    """Values that could not be computed."""
+    """Number of values that could not be computed."""
 
 
 @dataclass(frozen=True, eq=False)
 class Discrimination:
-    """How well one quantity tells correct from wrong pairs."""
+    """How well one quantity separates correct from wrong pairs."""
 
     correct: Pdf
     wrong: Pdf
     fcp: Estimate
     threshold: float
-    """Where the PDFs cross: the recommended limit for a match, in the quantity's unit."""
+    """Crossing of the PDFs, the recommended matching threshold, in the unit of the quantity."""
     correct_lost: float
-    """Share of correct pairs above the threshold."""
+    """Share of the correct pairs above the threshold."""
     wrong_let_in: float
-    """Share of wrong pairs below the threshold."""
+    """Share of the wrong pairs below the threshold."""
 
 
 @dataclass(frozen=True, eq=False)
 class Reconstruction:
-    """How well the lengths of held-out bars come out; errors are |D - D^R| / D."""
+    """Length errors |D - D^R| / D of held-out bars."""
 
     pdf: Pdf
     median: Estimate
@@ -88,14 +88,14 @@ class Reconstruction:
     mean: float
     fraction_above_1_percent: float
     wand_score: float
-    """100 std / mean of D^R / D: it does not see an error of the scale."""
+    """100 std / mean of D^R / D, which is independent of the scale."""
     mean_length_error: float
-    """Mean of D^R / D - 1, signed: the error of the scale."""
+    """Mean of D^R / D - 1, the error of the scale."""
 
 
 @dataclass(frozen=True, eq=False)
 class MethodSummary:
-    """All figures of one method."""
+    """All figures of merit of one method."""
 
     residual: Discrimination
     reprojection: Discrimination
@@ -106,7 +106,7 @@ class MethodSummary:
     """(datasets, 5), standard deviation over the runs, radians."""
 
     def to_json(self) -> dict[str, Any]:
-        """The figures for `summary.json`; errors as fractions, no value as null."""
+        """The figures for `summary.json`; errors are fractions, missing values null."""
         matching, lengths = self.reprojection, self.reconstruction
         figures = {
             "fcp_residual": vars(self.residual.fcp),
@@ -142,20 +142,22 @@ def summarise(
     """Pool the runs of all data sets.
 
     Args:
-        runs: by data set, as `evaluation.evaluate` returns them.
+        runs: by data set, as returned by `evaluate.evaluate`.
         bin_width: width of the bins of the PDFs in decades, a multiple of 0.02 up to 1.
         seed: of the bootstrap.
 
     Raises:
-        StereocalError: no runs, or a bin width that cannot be.
+        StereocalError: no runs, or an invalid bin width.
     """
     if not runs or not all(runs):
         raise StereocalError("There are no runs to summarise.")
-    merge = round(bin_width / FINE)
-    if not 1 <= merge <= round(1 / FINE) or abs(merge * FINE - bin_width) > 1e-9:
-        raise StereocalError(f"The bin width must be a multiple of {FINE:g} from {FINE:g} to 1.")
+    merge = round(bin_width / BIN_WIDTH)
+    if not 1 <= merge <= round(1 / BIN_WIDTH) or abs(merge * BIN_WIDTH - bin_width) > 1e-9:
+        raise StereocalError(
+            f"The bin width must be a multiple of {BIN_WIDTH:g} from {BIN_WIDTH:g} to 1."
+        )
     rng = np.random.default_rng(seed)
-    # Runs of one data set are resampled; with several data sets, the data sets.
+    # The bootstrap resamples the data sets if there are several, else the runs.
     units = [[run] for run in runs[0]] if len(runs) == 1 else [list(of_one) for of_one in runs]
     weights = rng.multinomial(len(units), np.full(len(units), 1 / len(units)), BOOTSTRAPS)
     counts = np.array(
@@ -183,10 +185,10 @@ def summarise(
 def summarise_all(
     names: Sequence[str], runs: Sequence[Sequence[Run]], bin_width: float = 0.1
 ) -> tuple[dict[Method, MethodSummary], dict[str, dict[Method, MethodSummary]]]:
-    """All data sets pooled, and each by its name; one alone is its own pool.
+    """The summary of all data sets pooled, and the summary of each by name.
 
     Raises:
-        StereocalError: as `summarise`.
+        StereocalError: as in `summarise`.
     """
     pooled = summarise(runs, bin_width)
     if len(runs) == 1:
@@ -196,18 +198,18 @@ def summarise_all(
 
 
 def figures_of_set(run: Run, bin_width: float = 0.1) -> tuple[float, float]:
-    """FCP by reprojection error, and median 3D error, of the one set that `count_set` counted.
+    """FCP of the reprojection error and median 3D error of a run from `evaluate.count_set`.
 
-    NaN where nothing has a value. Without intervals, for nothing was drawn again.
+    NaN if there are no values.
     """
-    merged = _merged(run.counts[0, REPROJECTION].astype(np.int64), round(bin_width / FINE))
+    merged = _merged(run.counts[0, REPROJECTION].astype(np.int64), round(bin_width / BIN_WIDTH))
     errors = np.abs(run.lengths[0] - 1)
     known = errors[np.isfinite(errors)]
     return float(_overlap(merged)), float(np.median(known)) if len(known) else float("nan")
 
 
 def best_methods(summaries: Mapping[Method, MethodSummary]) -> dict[str, Method]:
-    """The best method of each column of the figure: residual, reprojection, reconstruction."""
+    """The best method for each quantity: residual, reprojection, reconstruction."""
     return {
         "residual": min(summaries, key=lambda m: summaries[m].residual.fcp.value),
         "reprojection": min(summaries, key=lambda m: summaries[m].reprojection.fcp.value),
@@ -219,7 +221,7 @@ def best_methods(summaries: Mapping[Method, MethodSummary]) -> dict[str, Method]
 
 
 def _angles(runs: Sequence[Run], at: int) -> FloatArray:
-    """(runs with a value, 5), unwrapped: an angle near +-180 degrees does not jump."""
+    """(runs with a value, 5): angles, unwrapped so that none jumps by 360 degrees."""
     found = np.array([run.angles[at] for run in runs])
     known = found[np.isfinite(found).all(axis=1)]
     return np.asarray(np.unwrap(known, axis=0)) if len(known) else np.full((1, 5), np.nan)
@@ -228,18 +230,25 @@ def _angles(runs: Sequence[Run], at: int) -> FloatArray:
 def _discrimination(
     counts: IntArray, nans: IntArray, merge: int, weights: IntArray
 ) -> Discrimination:
-    """`counts`: (units, 2, BINS + 2)."""
+    """Figures of one quantity.
+
+    Args:
+        counts: (units, 2, BINS + 2); wrong, correct. The bootstrap resamples units.
+        nans: (2,); wrong, correct.
+        merge: number of bins that form one bin of the PDFs.
+        weights: (bootstraps, units): how often each unit is drawn.
+    """
     pooled = counts.sum(axis=0)
     merged = _merged(counts, merge)
     bin_of_threshold = _crossing(pooled)
     total = pooled.sum(axis=1, keepdims=True)
-    shares = pooled / np.where(total, total, np.nan)  # no pair has a value: no share is known
-    below = shares[:, BELOW] + shares[:, :bin_of_threshold].sum(axis=1)
+    shares = pooled / np.where(total, total, np.nan)  # NaN without pairs
+    below = shares[:, UNDERFLOW] + shares[:, :bin_of_threshold].sum(axis=1)
     return Discrimination(
         correct=_pdf(pooled[CORRECT], int(nans[CORRECT]), merge),
         wrong=_pdf(pooled[WRONG], int(nans[WRONG]), merge),
         fcp=_fcp(merged, weights),
-        threshold=float(10 ** (LOWEST + bin_of_threshold * FINE)),
+        threshold=float(10 ** (LOWEST + bin_of_threshold * BIN_WIDTH)),
         correct_lost=float(1 - below[CORRECT]),
         wrong_let_in=float(below[WRONG]),
     )
@@ -248,13 +257,14 @@ def _discrimination(
 def _fcp(counts: IntArray, weights: IntArray) -> Estimate:
     """The overlap of counts (units, 2, bins), with its 95 % interval.
 
-    The least of two noisy bins lies below the least of the true ones, and each bootstrap adds the
-    same again; so the interval lies about the value less that shift. A few pairs on the wrong side
-    are not normally distributed, and none of 1000 does not prove a share of 0; so it is Wilson's
-    interval of a share, for as many pairs as would have the variance that the bootstrap finds plus
-    that of a single pair, with Student's factor for the number of units.
+    The minimum of two noisy bins is biased low, and the bootstrap adds the same bias again; the
+    interval is centred on the value corrected for it. Small overlaps are not normally distributed,
+    and an observed overlap of 0 does not prove a true one of 0. The interval is therefore Wilson's
+    interval of a proportion. Its effective number of pairs is that which gives the variance of the
+    bootstrap plus the variance of a single pair, and its factor is Student's t for the number of
+    units.
 
-    Coverage, measured on 150 studies each of 100 runs (10 correct, 90 wrong pairs), for a true FCP
+    Coverage, measured on 150 studies of 100 runs each (10 correct, 90 wrong pairs), for a true FCP
     of 0.76, 0.32, 0.088, 0.011, 0.0022: 94, 93, 92, 95, 97 %. The percentiles of the bootstrap
     cover 92, 93, 92, 89, 60 %.
     """
@@ -266,15 +276,15 @@ def _fcp(counts: IntArray, weights: IntArray) -> Estimate:
     factor = float(stdtrit(max(len(counts) - 1, 1), 0.975)) ** 2
     share = min(max(2 * value - float(bootstrap.mean()), 0.0), 1.0)
     variance = float(bootstrap.var()) + 1 / pairs**2
-    alike = max(share * (1 - share), 1 / pairs) / variance
-    middle = share + factor / (2 * alike)
-    half = float(np.sqrt(factor * (share * (1 - share) / alike + factor / (4 * alike**2))))
-    low, high = ((middle + sign * half) / (1 + factor / alike) for sign in (-1, 1))
+    effective = max(share * (1 - share), 1 / pairs) / variance
+    middle = share + factor / (2 * effective)
+    half = float(np.sqrt(factor * (share * (1 - share) / effective + factor / (4 * effective**2))))
+    low, high = ((middle + sign * half) / (1 + factor / effective) for sign in (-1, 1))
     return Estimate(value, max(min(low, value), 0.0), min(max(high, value), 1.0))
 
 
 def _merged(counts: IntArray, merge: int) -> IntArray:
-    """Fine bins (..., BINS + 2) added up to wide ones; the two outer counters stay apart."""
+    """Counts (..., BINS + 2) in wider bins of `merge` bins each; the last two counters stay."""
     spare = -BINS % merge
     inner = np.concatenate(
         [counts[..., :BINS], np.zeros((*counts.shape[:-1], spare), dtype=counts.dtype)], axis=-1
@@ -284,19 +294,19 @@ def _merged(counts: IntArray, merge: int) -> IntArray:
 
 
 def _overlap(counts: IntArray | FloatArray) -> FloatArray:
-    """The common areas of pairs of PDFs given by counts (..., 2, bins)."""
+    """The overlap (...) of pairs of histograms with counts (..., 2, bins)."""
     total = counts.sum(axis=-1, keepdims=True)
     return np.asarray((counts / np.maximum(total, 1)).min(axis=-2).sum(axis=-1))
 
 
 def _crossing(pooled: IntArray) -> int:
-    """The fine bin at whose lower edge the PDFs cross.
+    """The bin at whose lower edge the PDFs cross.
 
-    There, the share of correct pairs below less that of wrong pairs below is largest. Where the
-    PDFs are apart, this holds along the whole gap; its middle in log10 is taken.
+    There the difference of the cumulative distributions, correct minus wrong, is largest. If the
+    PDFs are separate, this holds in the whole gap, and its centre in log10 is used.
     """
     shares = pooled / np.maximum(pooled.sum(axis=1, keepdims=True), 1)
-    below = np.cumsum(np.concatenate([shares[:, [BELOW]], shares[:, :BINS]], axis=1), axis=1)
+    below = np.cumsum(np.concatenate([shares[:, [UNDERFLOW]], shares[:, :BINS]], axis=1), axis=1)
     gain = below[CORRECT] - below[WRONG]
     best = np.flatnonzero(gain >= gain.max() - 1e-12)
     return int((best[0] + best[-1]) // 2)
@@ -304,33 +314,38 @@ def _crossing(pooled: IntArray) -> int:
 
 def _pdf(counts: IntArray, nans: int, merge: int) -> Pdf:
     wide = _merged(counts, merge)[:-2]
-    width = merge * FINE
+    width = merge * BIN_WIDTH
     total = int(counts.sum())
     return Pdf(
         edges=np.array(LOWEST + width * np.arange(len(wide) + 1), dtype=np.float64),
         density=wide / max(total, 1) / width,
         n=total,
-        zeros=int(counts[BELOW]),
+        zeros=int(counts[UNDERFLOW]),
         nans=nans,
     )
 
 
 def _reconstruction(ratios: Sequence[FloatArray], merge: int, weights: IntArray) -> Reconstruction:
-    """`ratios`: D^R / D of the bars of each unit that is resampled."""
+    """Figures of the lengths.
+
+    Args:
+        ratios: D^R / D of the bars of each unit that the bootstrap resamples.
+        merge, weights: as in `_discrimination`.
+    """
     pooled = np.concatenate(ratios)
     known = pooled[np.isfinite(pooled)]
     errors = np.abs(known - 1)
     nan = float("nan")
     if not len(known):
-        all_above = np.bincount([ABOVE] * len(pooled), minlength=BINS + 2)
+        all_above = np.bincount([OVERFLOW] * len(pooled), minlength=BINS + 2)
         empty = _pdf(all_above, len(pooled), merge)
         return Reconstruction(empty, Estimate(nan, nan, nan), nan, nan, nan, nan, nan)
     with np.errstate(divide="ignore"):
-        places = np.floor((np.log10(errors) - LOWEST) / FINE)
-    bins = np.where(places < 0, BELOW, np.where(places >= BINS, ABOVE, places)).astype(np.int64)
+        index = np.floor((np.log10(errors) - LOWEST) / BIN_WIDTH)
+    bins = np.where(index < 0, UNDERFLOW, np.where(index >= BINS, OVERFLOW, index)).astype(np.int64)
     counts = np.bincount(bins, minlength=BINS + 2)
-    counts[ABOVE] += len(pooled) - len(known)
-    with np.errstate(divide="ignore", invalid="ignore"):  # a mean of 0 gives no score
+    counts[OVERFLOW] += len(pooled) - len(known)
+    with np.errstate(divide="ignore", invalid="ignore"):  # NaN or infinite for a mean of 0
         score = float(100 * known.std() / known.mean())
     low, high = np.percentile(_bootstrap_medians(ratios, weights), INTERVAL)
     return Reconstruction(
@@ -345,7 +360,7 @@ def _reconstruction(ratios: Sequence[FloatArray], merge: int, weights: IntArray)
 
 
 def _bootstrap_medians(ratios: Sequence[FloatArray], weights: IntArray) -> FloatArray:
-    """Weighted medians of the errors, a row of `weights` (bootstraps, units) each."""
+    """Weighted medians of the errors, one for each row of `weights` (bootstraps, units)."""
     errors = np.concatenate([np.abs(unit - 1) for unit in ratios])
     unit_of = np.repeat(np.arange(len(ratios)), [len(unit) for unit in ratios])
     keep = np.isfinite(errors)
@@ -360,7 +375,7 @@ def _bootstrap_medians(ratios: Sequence[FloatArray], weights: IntArray) -> Float
 
 
 def _plain(value: Any) -> Any:
-    """NaN as None, also within a dict: JSON has no NaN."""
+    """The value with NaN replaced by None, since JSON has no NaN."""
     if isinstance(value, dict):
         return {key: _plain(inner) for key, inner in value.items()}
     if isinstance(value, list):

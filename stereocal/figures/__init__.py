@@ -1,6 +1,7 @@
-"""Every figure: a result in, a Plotly figure out; and a sentence that says the same as the figure.
+"""Plotly figures of all results (`plot_*`), and their descriptions in words (`describe_*`).
 
-Backgrounds are transparent and no text has a colour of its own: the page decides, light or dark.
+Backgrounds are transparent and texts have no colour, so that the page's light or dark theme
+applies.
 """
 
 from stereocal.figures.accuracy import describe_accuracy, plot_accuracy

@@ -1,4 +1,4 @@
-"""How accurate the rig is, by place: a look from above."""
+"""Map of the predicted accuracy of the rig, seen from above."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ UNITS: dict[Quantity, str] = {"distance": " %", "point": " mm"}
 def plot_accuracy(
     found: AccuracyMap, result: RefinedResult, quantity: Quantity = "distance"
 ) -> go.Figure:
-    """Standard error of what is measured at each place that both cameras see, from above."""
+    """Predicted standard error of points or distances where both cameras see, from above."""
     values = _values(found, quantity)
     if not np.isfinite(values).any():
         return sentence_only("The cameras share no view at the height of the primary camera.")
@@ -50,7 +50,7 @@ def plot_accuracy(
             hovertemplate="%{text} camera<extra></extra>",
         )
     )  # fmt: skip
-    ends = result.places_m[~result.outlying].reshape(-1, 3)
+    ends = result.points_m[~result.outlying].reshape(-1, 3)
     figure.add_trace(
         go.Scatter(
             x=ends[:, 0], y=ends[:, 2], mode="markers", name="Targets of the bar", showlegend=False,
@@ -73,8 +73,8 @@ def describe_accuracy(found: AccuracyMap, quantity: Quantity = "distance") -> st
     unit = UNITS[quantity]
     return (
         f"Seen from above: {TITLES[quantity].lower().split(' (')[0]}, one standard error, is "
-        f"{middle:.2g}{unit} in the middle of the places that both cameras see, from {low:.2g} to "
-        f"{high:.2g}{unit} (5 and 95 % of the places), and least {found.z_m[j]:.1f} m ahead and "
+        f"{middle:.2g}{unit} (median) where both cameras see, from {low:.2g} to {high:.2g}{unit} "
+        f"(5th to 95th percentile), and least {found.z_m[j]:.1f} m ahead and "
         f"{found.x_m[i]:.1f} m to the right of the primary camera. Points: the targets of the bar."
     )
 

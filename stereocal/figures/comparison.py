@@ -1,4 +1,4 @@
-"""Several data sets side by side: how well each method matches and measures on each."""
+"""Comparison of the methods over several data sets."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def plot_comparison(by_dataset: Mapping[str, Mapping[Method, MethodSummary]]) ->
 
 
 def describe_comparison(by_dataset: Mapping[str, Mapping[Method, MethodSummary]]) -> str:
-    """The comparison in one sentence."""
+    """The figure in words."""
     parts = []
     for row, what in ((1, "FCP of the reprojection error"), (2, "median 3D error")):
         of_methods = []
@@ -78,7 +78,7 @@ def _estimate(summary: MethodSummary, row: int) -> Estimate:
 
 
 def _floor(estimates: Sequence[Estimate]) -> float:
-    """Where a zero is drawn on a logarithmic axis: below all that is above 0."""
+    """The position of zeros on a logarithmic axis, below all positive values."""
     positive = [v for e in estimates for v in (e.value, e.low, e.high) if v > 0]
     return min(positive) / 2 if positive else 1e-6
 

@@ -1,4 +1,4 @@
-"""Where the targets lay in the two images."""
+"""Positions of the targets in the two images."""
 
 from __future__ import annotations
 
@@ -20,24 +20,24 @@ from stereocal.rig.dataset import TARGETS, Dataset
 
 HEIGHT = 440
 GRID_CELLS = 4
-"""The description counts covered cells of a grid of so many by so many."""
+"""The description counts the covered cells of a grid with this many rows and columns."""
 
 
 def plot_coverage(dataset: Dataset) -> go.Figure:
-    """The points of A and B in both images, side by side, the bar of each frame joined."""
+    """The points of A and B in both images, side by side, joined by the bar of each frame."""
     figure = make_subplots(rows=1, cols=2, horizontal_spacing=0.04)
     finish(figure, HEIGHT)
     for column, (side, camera, points) in enumerate(_sides(dataset), start=1):
         _add_image(figure, column, camera)
         _add_points(figure, column, dataset, points)
         _set_axes(figure, column, side, camera)
-    # The panels' titles stand between the legend and the images, so its place is fixed.
+    # Fixed margins, because the panels' titles are between the legend and the images.
     figure.update_layout(margin_t=125, legend={"yref": "container", "y": 1.0, "yanchor": "top"})
     return figure
 
 
 def describe_coverage(dataset: Dataset) -> str:
-    """The coverage of both images in one sentence."""
+    """The figure in words."""
     rows = dataset.correspondences
     parts = [
         f"in the {side.lower()} image they fall into {_covered_cells(points, camera)} of "
@@ -64,7 +64,7 @@ def _size(camera: Camera) -> str:
 
 
 def _add_image(figure: go.Figure, column: int, camera: Camera) -> None:
-    """The border of the image: pixels reach 0.5 px around their centres."""
+    """Draw the border of the image, 0.5 px beyond the outermost pixel centres."""
     right, bottom = (side - 0.5 for side in camera.image_size)
     figure.add_trace(
         go.Scatter(
@@ -109,7 +109,7 @@ def _add_points(figure: go.Figure, column: int, dataset: Dataset, points: FloatA
 
 
 def _set_axes(figure: go.Figure, column: int, side: str, camera: Camera) -> None:
-    """Image axes: u to the right along the top, v downwards, equal scales."""
+    """Set image axes: u to the right along the top, v downwards, equal scales."""
     width, height = camera.image_size
     margin = 0.01 * max(width, height)
     figure.update_xaxes(
@@ -127,6 +127,6 @@ def _set_axes(figure: go.Figure, column: int, side: str, camera: Camera) -> None
 
 
 def _covered_cells(points: FloatArray, camera: Camera) -> int:
-    """How many cells of a grid over the image have a point."""
+    """Number of cells of a grid over the image that contain a point."""
     cells = (points + 0.5) / np.array(camera.image_size) * GRID_CELLS
     return len(np.unique(np.clip(cells.astype(int), 0, GRID_CELLS - 1), axis=0))

@@ -1,4 +1,4 @@
-"""How far the images want to move each stated input."""
+"""Figure of the disagreement of each stated input with the other data."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ NAMES = {
 
 
 def plot_disagreement(inputs: Sequence[Input]) -> go.Figure:
-    """A bar for each input, in standard errors; beyond the line it disagrees with the others."""
+    """The test value of each input in standard errors, with the threshold of disagreement."""
     shown = list(reversed(inputs))
     figure = finish(go.Figure(), FRAME + ROW * max(len(shown), 1))
     values = np.array([item.standard_errors for item in shown])
@@ -35,7 +35,7 @@ def plot_disagreement(inputs: Sequence[Input]) -> go.Figure:
             marker={
                 "color": [WRONG_COLOUR if item.accused else FAINT for item in shown],
                 "line": {"color": NEUTRAL, "width": 1},
-                # Never by colour alone.
+                # A pattern too, for readers who cannot distinguish the colours.
                 "pattern": {"shape": ["/" if item.accused else "" for item in shown]},
             },
             text=["none" if np.isnan(v) else digits(v, 2) for v in values], textposition="outside",
@@ -46,7 +46,7 @@ def plot_disagreement(inputs: Sequence[Input]) -> go.Figure:
     figure.add_vline(x=ACCUSED, line={"color": NEUTRAL, "dash": "dash", "width": 2})
     most = float(np.nanmax(np.append(values, ACCUSED)))
     figure.update_xaxes(
-        title_text=f"Pulled by (standard errors)<br>Dashed: disagrees beyond {ACCUSED:g}",
+        title_text=f"Disagreement (standard errors)<br>Dashed: threshold {ACCUSED:g}",
         range=[0, 1.2 * most],
     )
     return figure
@@ -55,17 +55,17 @@ def plot_disagreement(inputs: Sequence[Input]) -> go.Figure:
 def describe_disagreement(inputs: Sequence[Input]) -> str:
     """The figure in words."""
     parts = [_words(item) for item in inputs]
-    return f"How far images and lengths pull each input: {'; '.join(parts)}."
+    return f"Disagreement of each input with images and lengths: {'; '.join(parts)}."
 
 
 def name_of(item: Input) -> str:
-    """The input as people call it; also for fx and fy apart."""
+    """The name of an input for the user."""
     return NAMES.get(item.key, item.key.capitalize())
 
 
 def _words(item: Input) -> str:
     if np.isnan(item.standard_errors):
-        return f"{name_of(item)}: the images say nothing of it"
+        return f"{name_of(item)}: the images have no information about it"
     return (
         f"{name_of(item)}: stated {_numbers(item.stated)} {item.unit}, estimated "
         f"{_numbers(item.estimate)} {item.unit}, {digits(item.standard_errors, 2)} standard errors"

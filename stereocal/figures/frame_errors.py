@@ -32,18 +32,19 @@ from stereocal.rig.compiled import FloatArray, IntArray
 
 HEIGHT = 600
 LOG_BEYOND = 30.0
-"""Logarithmic axis when the largest error is so many times the smallest median of a method."""
+"""Ratio of the largest error to the smallest median of a method above which the axis is
+logarithmic."""
 LOWEST_OF_MEDIAN = 0.01
-"""A logarithmic axis begins here, as a part of that median: an error may be zero by chance."""
-MOST_LABELS = 12
+"""Lower end of a logarithmic axis over that median, since single errors may be close to 0."""
+MAXIMUM_LABELS = 12
 LABEL_WIDTH, LABEL_HEIGHT = 0.09, 0.12
-"""Room for the number of a frame, as parts of a panel on a narrow screen."""
+"""Size of a frame number, as fractions of a panel on a narrow screen."""
 SIZES = {"essential": 9, "2d": 7, "3d": 8}
 
 
 @dataclass(frozen=True, eq=False)
 class _Panel:
-    """One kind of error: its frames, its values by method, and the frames to name."""
+    """One kind of error: frames, values by method, and the frames to label."""
 
     title: str
     unit: str
@@ -54,7 +55,7 @@ class _Panel:
 
     @property
     def known(self) -> FloatArray:
-        """The values of all methods that could be computed."""
+        """All finite values of all methods."""
         every = np.concatenate(list(self.values.values()))
         known: FloatArray = every[np.isfinite(every)]
         return known
@@ -93,7 +94,7 @@ def plot_frame_errors(calibration: Calibration) -> go.Figure:
 
 
 def describe_frame_errors(calibration: Calibration) -> str:
-    """Median and largest errors of the methods, and the frames that stand out, in one sentence."""
+    """The figure in words: median and largest errors of the methods, and outlying frames."""
     parts = []
     for panel in _panels(calibration):
         values = [
@@ -107,8 +108,8 @@ def describe_frame_errors(calibration: Calibration) -> str:
     left = int(held_out(calibration, frames).sum())
     without = int(left_out(calibration, frames).sum())
     outliers = outlying_frames(calibration)
-    named = ", ".join(map(str, outliers[:MOST_LABELS]))
-    more = " and more" if len(outliers) > MOST_LABELS else ""
+    named = ", ".join(map(str, outliers[:MAXIMUM_LABELS]))
+    more = " and more" if len(outliers) > MAXIMUM_LABELS else ""
     ending = [
         *_missing(_panels(calibration)),
         f"{count(len(outliers), 'frame')} standing out{': ' if outliers else ''}{named}{more}",
@@ -138,7 +139,7 @@ def _panels(calibration: Calibration) -> tuple[_Panel, _Panel]:
 def _add_method(
     figure: go.Figure, row: int, calibration: Calibration, panel: _Panel, method: Method
 ) -> None:
-    """Up to three traces: frames calibrated with, filled; held out, open; left out, dotted."""
+    """Draw up to three traces: calibration frames filled, held-out open, left-out dotted."""
     left = held_out(calibration, panel.frames)
     without = left_out(calibration, panel.frames)
     for chosen, kind, suffix in (
@@ -167,7 +168,7 @@ def _add_method(
 
 
 def _add_labels(figure: go.Figure, row: int, panel: _Panel) -> None:
-    """Name the outlying frames above their highest symbol, the worst first, where there is room."""
+    """Label the outlying frames above their highest symbol, worst first, without overlap."""
     at, heights = _labelled(panel)
     if not len(at):
         return
@@ -183,7 +184,7 @@ def _add_labels(figure: go.Figure, row: int, panel: _Panel) -> None:
 
 
 def _labelled(panel: _Panel) -> tuple[IntArray, FloatArray]:
-    """Positions in `panel.frames` of the outlying frames to name, and the height of each name."""
+    """Indices into `panel.frames` of the outlying frames to label, and the label heights."""
     at = np.flatnonzero(np.isin(panel.frames, panel.outliers))
     at = at[np.isfinite(panel.values[panel.labelled][at])]
     at = at[np.argsort(-panel.values[panel.labelled][at], kind="stable")]
@@ -198,13 +199,13 @@ def _labelled(panel: _Panel) -> tuple[IntArray, FloatArray]:
             abs(across[i] - across[k]) < LABEL_WIDTH and abs(up[i] - up[k]) < LABEL_HEIGHT
             for k in kept
         )
-        if not crowded and len(kept) < MOST_LABELS:
+        if not crowded and len(kept) < MAXIMUM_LABELS:
             kept.append(i)
     return at[kept], heights[kept]
 
 
 def _height_of_axis(panel: _Panel) -> float:
-    """From the lower to the upper end of the axis: in decades where it is logarithmic."""
+    """The length of the axis, in decades if it is logarithmic."""
     if not len(panel.known):
         return 1.0
     if panel.is_log:
@@ -213,7 +214,7 @@ def _height_of_axis(panel: _Panel) -> float:
 
 
 def _add_key(figure: go.Figure, calibration: Calibration) -> None:
-    """Say in the legend what open and dotted symbols are, if there are any."""
+    """Explain open and dotted symbols in the legend, if there are any."""
     frames = calibration.dataset.correspondences.frames
     for symbol, name, chosen in (
         ("circle-open", "Open: held out", held_out(calibration, frames)),
@@ -245,7 +246,7 @@ def _lowest_drawn(panel: _Panel) -> float:
 
 
 def _frame_title(calibration: Calibration, panels: tuple[_Panel, ...]) -> str:
-    """The title of the frame axis, and below it what the panels cannot show."""
+    """The title of the frame axis, with notes on values that are not drawn."""
     title = f"Frame (n = {len(calibration.dataset.correspondences.frames)})"
     notes = _missing(panels)
     for panel in panels:
@@ -262,7 +263,7 @@ def _frame_title(calibration: Calibration, panels: tuple[_Panel, ...]) -> str:
 
 
 def _missing(panels: tuple[_Panel, ...]) -> list[str]:
-    """A phrase for each method and error with frames that have no value."""
+    """A note for each method and error with frames that have no value."""
     return [
         f"{METHOD_NAMES[method]}: {count(int(np.isnan(values).sum()), 'frame')} without "
         f"{panel.title.lower()} (point behind a camera)"

@@ -1,4 +1,4 @@
-"""The lens: results of the draws, errors of the photographs, what the lens leaves over."""
+"""Figures of a lens calibration: results of the draws, errors by photograph, residual field."""
 
 from __future__ import annotations
 
@@ -16,26 +16,26 @@ BAND = "rgba(213,94,0,0.22)"
 COLUMNS = 3
 BINS = 14
 LONGEST_ARROW = 0.9
-"""Of the spacing of the cells."""
+"""As a fraction of the spacing of the cells."""
 
 
 def plot_draws(lens: LensCalibration) -> go.Figure:
-    """A histogram of each parameter over the draws, its median, and its standard error."""
+    """Histogram of each parameter over the draws, with median and standard error."""
     free = [at for at in range(len(PARAMETERS)) if lens.settings.free[at]]
     rows = -(-len(free) // COLUMNS)
     figure = make_subplots(
         rows=rows, cols=COLUMNS, horizontal_spacing=0.06, vertical_spacing=0.34 / rows
     )
     finish(figure, 60 + 190 * rows)
-    for place, at in enumerate(free):
-        row, column = place // COLUMNS + 1, place % COLUMNS + 1
+    for number, at in enumerate(free):
+        row, column = number // COLUMNS + 1, number % COLUMNS + 1
         unit = " px" if at < 4 else ""
         name, value = PARAMETERS[at], float(lens.values[at])
         sigma = float(lens.standard_errors[at])
         low, high = float(np.min(lens.draws[:, at])), float(np.max(lens.draws[:, at]))
         figure.add_trace(
             go.Histogram(
-                x=lens.draws[:, at], marker_color=BLUE, showlegend=place == 0,
+                x=lens.draws[:, at], marker_color=BLUE, showlegend=number == 0,
                 name=f"Results of the draws (n = {len(lens.draws)})",
                 xbins={"start": low, "end": high + 1e-12, "size": max((high - low) / BINS, 1e-12)},
                 hovertemplate=f"{name} %{{x}}{unit}<br>%{{y}} draws<extra></extra>",
@@ -66,7 +66,7 @@ def plot_draws(lens: LensCalibration) -> go.Figure:
 
 
 def describe_draws(lens: LensCalibration) -> str:
-    """The draws in one sentence."""
+    """The figure in words."""
     settings = lens.settings
     widest = lens.spread[:2].max() / lens.values[0]
     found = [
@@ -80,13 +80,13 @@ def describe_draws(lens: LensCalibration) -> str:
         f"{settings.repeats} calibrations, each with {settings.subset} of "
         f"{len(lens.search.views)} photographs; the focal lengths spread by {100 * widest:.3f} %. "
         f"Median and standard error: {', '.join(found)}. "
-        "The line is the median, the band one standard error, which is not the spread of the "
-        "results: they share photographs."
+        "The line is the median, the band one standard error, which differs from the spread of "
+        "the results because they share photographs."
     )
 
 
 def plot_view_errors(lens: LensCalibration) -> go.Figure:
-    """A bar for each photograph: how far its corners lie from where the lens puts them."""
+    """The RMS reprojection error of the corners of each photograph."""
     names = [view.name for view in lens.search.views]
     outlying = set(lens.outlying)
     figure = finish(go.Figure(), 380)
@@ -123,19 +123,19 @@ def plot_view_errors(lens: LensCalibration) -> go.Figure:
 
 
 def describe_view_errors(lens: LensCalibration) -> str:
-    """The errors of the photographs in one sentence."""
+    """The figure in words."""
     worst = int(np.argmax(lens.view_errors))
     outlying = lens.outlying
-    said = f"; {count(len(outlying), 'photograph')} more than twice the median" if outlying else ""
+    note = f"; {count(len(outlying), 'photograph')} more than twice the median" if outlying else ""
     return (
         f"Errors of {count(len(lens.view_errors), 'photograph')}: median "
         f"{np.median(lens.view_errors):.3f} px, the largest {lens.view_errors[worst]:.3f} px in "
-        f"{lens.search.views[worst].name}{said}."
+        f"{lens.search.views[worst].name}{note}."
     )
 
 
 def plot_residual_field(lens: LensCalibration) -> go.Figure:
-    """Where the corners lay, and the mean residual in each part of the image, enlarged."""
+    """Positions of the corners, and the mean residual in each part of the image, enlarged."""
     field = residual_field(lens)
     width, height = field.image_size
     figure = finish(go.Figure(), 480)
@@ -178,7 +178,7 @@ def plot_residual_field(lens: LensCalibration) -> go.Figure:
 
 
 def arrow_scale(lens: LensCalibration) -> float:
-    """How many times the arrows are enlarged: 1, 2 or 5 times a power of ten."""
+    """Enlargement of the arrows: 1, 2 or 5 times a power of ten."""
     field = residual_field(lens)
     if not field.largest_px > 0:
         return 1.0
@@ -189,11 +189,11 @@ def arrow_scale(lens: LensCalibration) -> float:
 
 
 def describe_residual_field(lens: LensCalibration) -> str:
-    """The residual field in one sentence."""
+    """The figure in words."""
     field = residual_field(lens)
     return (
-        f"What the lens leaves over, averaged in {int(np.isfinite(field.mean[..., 0]).sum())} "
+        f"Mean residuals in {int(np.isfinite(field.mean[..., 0]).sum())} "
         f"parts of the image: typically {field.typical_px:.3f} px, at most {field.largest_px:.3f} "
-        f"px; noise alone would leave {field.noise_px:.3f} px. The corners reach "
+        f"px; noise alone would cause {field.noise_px:.3f} px. The corners cover "
         f"{100 * coverage(lens.search):.0f} % of the image."
     )

@@ -1,4 +1,4 @@
-"""The matches of one frame on both images: partners alike, points without a partner hollow."""
+"""The pairs of one frame in both images, and the points without a partner."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from stereocal.figures.style import NEUTRAL, count, finish
 from stereocal.rig.compiled import BoolArray, FloatArray
 
 HEIGHT = 480
-MOST_NUMBERS = 40
-"""With more pairs than this, their numbers would cover each other: colours and hover remain."""
+MAXIMUM_NUMBERS = 40
+"""Maximum number of pairs that are numbered; more numbers would overlap."""
 PAIR_COLOURS = ((0.0, "#1F83C4"), (0.33, "#009E73"), (0.67, "#D55E00"), (1.0, "#CC79A7"))
 ImageSize = tuple[int, int]
 
@@ -37,7 +37,7 @@ def plot_matches(
         (("primary", primary, sizes[0]), ("secondary", secondary, sizes[1])), start=1
     ):
         _add_border(figure, column, size)
-        _add_lonely(figure, column, side, points[lonely(pairs, points, side)])
+        _add_unmatched(figure, column, side, points[unmatched(pairs, points, side)])
         _add_pairs(figure, column, side, pairs)
         _set_axes(figure, column, side, size)
     figure.update_layout(margin_t=125, legend={"yref": "container", "y": 1.0, "yanchor": "top"})
@@ -47,9 +47,9 @@ def plot_matches(
 def describe_matches(
     pairs: pd.DataFrame, primary: FloatArray, secondary: FloatArray, frame: int
 ) -> str:
-    """The matches of one frame in one sentence."""
+    """The figure in words."""
     left = [
-        int(lonely(pairs, points, side).sum())
+        int(unmatched(pairs, points, side).sum())
         for side, points in (("primary", primary), ("secondary", secondary))
     ]
     return (
@@ -59,14 +59,14 @@ def describe_matches(
     )
 
 
-def lonely(pairs: pd.DataFrame, points: FloatArray, side: str) -> BoolArray:
+def unmatched(pairs: pd.DataFrame, points: FloatArray, side: str) -> BoolArray:
     """(n,): which of the points (n, 2) are in no pair."""
     taken = {tuple(row) for row in pairs[[f"u_{side}", f"v_{side}"]].to_numpy(dtype=np.float64)}
     return np.array([tuple(point) not in taken for point in points], dtype=np.bool_)
 
 
 def _add_border(figure: go.Figure, column: int, size: ImageSize) -> None:
-    """The border of the image: pixels reach 0.5 px around their centres."""
+    """Draw the border of the image, 0.5 px beyond the outermost pixel centres."""
     right, bottom = (side - 0.5 for side in size)
     figure.add_trace(
         go.Scatter(
@@ -78,7 +78,7 @@ def _add_border(figure: go.Figure, column: int, size: ImageSize) -> None:
     )  # fmt: skip
 
 
-def _add_lonely(figure: go.Figure, column: int, side: str, points: FloatArray) -> None:
+def _add_unmatched(figure: go.Figure, column: int, side: str, points: FloatArray) -> None:
     figure.add_trace(
         go.Scatter(
             x=points[:, 0], y=points[:, 1], mode="markers",
@@ -91,8 +91,8 @@ def _add_lonely(figure: go.Figure, column: int, side: str, points: FloatArray) -
 
 
 def _add_pairs(figure: go.Figure, column: int, side: str, pairs: pd.DataFrame) -> None:
-    """Sure pairs as discs, ambiguous ones as diamonds; the colour is the place in the primary."""
-    numbered = len(pairs) <= MOST_NUMBERS
+    """Pairs as discs, ambiguous ones as diamonds, coloured by their order in the primary image."""
+    numbered = len(pairs) <= MAXIMUM_NUMBERS
     rank = np.arange(len(pairs)) / max(len(pairs) - 1, 1)
     ambiguous = pairs["ambiguous"].to_numpy(dtype=np.bool_)
     for chosen, name, symbol in (
@@ -124,7 +124,7 @@ def _add_pairs(figure: go.Figure, column: int, side: str, pairs: pd.DataFrame) -
 
 
 def _set_axes(figure: go.Figure, column: int, side: str, size: ImageSize) -> None:
-    """Image axes: u to the right along the top, v downwards, equal scales."""
+    """Set image axes: u to the right along the top, v downwards, equal scales."""
     width, height = size
     margin = 0.01 * max(width, height)
     figure.update_xaxes(

@@ -1,4 +1,4 @@
-"""Measured points in space, and measured lengths against a known one."""
+"""Reconstructed 3D points, and measured lengths compared with a known length."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from stereocal.matching.lengths import LengthCheck
 from stereocal.rig.compiled import BoolArray, FloatArray
 
 HEIGHT = 580
-MOST_DRAWN = 20_000
-"""More points make a scene slow to turn; evenly spread ones are drawn then."""
+MAXIMUM_DRAWN = 20_000
+"""Maximum number of points drawn, evenly thinned, since larger scenes rotate slowly."""
 Colour = Literal["frame", "error"]
 TITLES: dict[Colour, str] = {"frame": "Frame", "error": "Error (px)"}
 COLOURS = ((0.0, "#1F83C4"), (0.5, "#009E73"), (1.0, "#D55E00"))
 FAR_OUT = 1.5
-"""Points farther than so many times the middle 98 % of all are left out of view: one wrong pair at
-a distance of kilometres would make a dot of the rest."""
+"""Points are not drawn beyond this multiple of the extent of the central 98 %, because a single
+wrong pair at a distance of kilometres would shrink the others to a dot."""
 
 
 def plot_points(points: pd.DataFrame, colour: Colour, secondary_m: FloatArray) -> go.Figure:
@@ -29,14 +29,14 @@ def plot_points(points: pd.DataFrame, colour: Colour, secondary_m: FloatArray) -
 
     Args:
         points: rows of `points.csv`.
-        colour: what the colour means.
-        secondary_m: (3,) where the secondary camera stands.
+        colour: the quantity shown as colour.
+        secondary_m: (3,) position of the secondary camera.
     """
     xyz = points[["x", "y", "z"]].to_numpy(dtype=np.float64)
     shown = np.flatnonzero(in_view(xyz))
     if not len(shown):
         return sentence_only("No pair meets in front of both cameras: there is nothing to draw.")
-    shown = shown[:: int(np.ceil(len(shown) / MOST_DRAWN))]
+    shown = shown[:: int(np.ceil(len(shown) / MAXIMUM_DRAWN))]
     values = points["frame" if colour == "frame" else "error_px"].to_numpy(dtype=np.float64)[shown]
     figure = finish(go.Figure(), HEIGHT)
     figure.add_trace(
@@ -78,7 +78,7 @@ def plot_points(points: pd.DataFrame, colour: Colour, secondary_m: FloatArray) -
 
 
 def describe_points(points: pd.DataFrame) -> str:
-    """Where the points are, in one sentence."""
+    """The figure in words."""
     xyz = points[["x", "y", "z"]].to_numpy(dtype=np.float64)
     finite = np.isfinite(xyz).all(axis=1)
     shown = in_view(xyz)
@@ -90,8 +90,8 @@ def describe_points(points: pd.DataFrame) -> str:
         f"from {x.min():.2f} to {x.max():.2f} m, y from {y.min():.2f} to {y.max():.2f} m, depth z "
         f"from {z.min():.2f} to {z.max():.2f} m"
     )
-    if shown.sum() > MOST_DRAWN:
-        text += f"; about {MOST_DRAWN} of them, evenly spread, are drawn"
+    if shown.sum() > MAXIMUM_DRAWN:
+        text += f"; about {MAXIMUM_DRAWN} of them, evenly spread, are drawn"
     if far := int((finite & ~shown).sum()):
         text += f"; {count(far, 'point')} far away from all others not drawn"
     if behind := int((~finite).sum()):
@@ -100,7 +100,7 @@ def describe_points(points: pd.DataFrame) -> str:
 
 
 def in_view(xyz: FloatArray) -> BoolArray:
-    """(n,): which points (n, 3) exist and are not far out."""
+    """(n,): whether points (n, 3) are finite and not far from the others."""
     finite: BoolArray = np.asarray(np.isfinite(xyz).all(axis=1))
     if not finite.any():
         return finite
@@ -112,7 +112,7 @@ def in_view(xyz: FloatArray) -> BoolArray:
 
 
 def _top(values: FloatArray, colour: Colour) -> float:
-    """The end of the colour scale: for errors, what 98 % stay below."""
+    """The end of the colour scale; for errors, the 98th percentile."""
     top = float(np.percentile(values, 98)) if colour == "error" else float(values.max())
     return top if top > values.min() else float(values.min()) + 1.0
 
@@ -135,7 +135,7 @@ def plot_lengths(check: LengthCheck) -> go.Figure:
 
 
 def describe_lengths(check: LengthCheck) -> str:
-    """The figure in one sentence."""
+    """The figure in words."""
     errors = 100 * check.errors
     return (
         f"Error of a known length of {check.known_m:.4g} m in {count(len(errors), 'frame')}: from "

@@ -1,4 +1,4 @@
-"""The errors that a matching threshold parts: best partners from runners-up."""
+"""Histograms of best and second-best matching errors, with the threshold."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from stereocal.rig.compiled import FloatArray
 
 HEIGHT = 340
 BINS_PER_DECADE = 10
-MOST_DECADES = 5.0
-"""Below the largest error: smaller ones stand in the first bin."""
+MAXIMUM_DECADES = 5.0
+"""Range of the histogram below the largest error; smaller errors count in the first bin."""
 
 
 def plot_pair_errors(nearest: NearestErrors, threshold_px: float) -> go.Figure:
@@ -55,12 +55,12 @@ def plot_pair_errors(nearest: NearestErrors, threshold_px: float) -> go.Figure:
 
 
 def describe_pair_errors(nearest: NearestErrors, threshold_px: float) -> str:
-    """What the threshold parts, in one sentence."""
+    """The figure in words."""
     best, second = nearest.within(threshold_px)
     return (
         f"Of {count(len(nearest), 'point')} of the primary camera in "
         f"{count(nearest.frames, 'frame')}, {best} have a partner within {threshold_px:.3g} px, "
-        f"and {second} have a second one: a good threshold lies between the two heaps."
+        f"and {second} have a second one: a good threshold lies between the two distributions."
     )
 
 
@@ -70,7 +70,7 @@ def _edges(nearest: NearestErrors, threshold_px: float) -> FloatArray | None:
     if not len(positive):
         return None
     top = max(float(positive.max()), 2 * threshold_px)
-    low = max(min(float(positive.min()), threshold_px / 2 or np.inf), top / 10**MOST_DECADES)
+    low = max(min(float(positive.min()), threshold_px / 2 or np.inf), top / 10**MAXIMUM_DECADES)
     first, last = (np.floor(np.log10(low) * 10) / 10, np.ceil(np.log10(top) * 10) / 10)
     decades = max(last - first, 0.1)
     edges: FloatArray = np.logspace(first, last, round(decades * BINS_PER_DECADE) + 1)

@@ -171,7 +171,7 @@ def _datasets(datasets: Sequence[Dataset], screenings: Sequence[Screening]) -> s
             + f'<td class="digest">{escape(dataset.sha256)}</td>'
         )
     notes = [f"{d.name}: {d.notes}" for d in datasets if d.notes]
-    notes += [f"{s.given.name}: {left_out_line(s)}" for s in screenings if s.left_out]
+    notes += [f"{s.full_dataset.name}: {left_out_line(s)}" for s in screenings if s.left_out]
     head = "".join(f'<th scope="col">{text}</th>' for text in heads)
     body = "\n".join(f"<tr>{row}</tr>" for row in rows)
     return (

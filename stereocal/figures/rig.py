@@ -33,12 +33,12 @@ from stereocal.rig.geometry import Pose, triangulate_rays
 
 HEIGHT = 520
 FRUSTUM_OF_DEPTH = 0.15
-"""A camera is drawn as deep as this part of the scene: its true size would be a dot."""
+"""Depth of a drawn camera over the depth of the scene; at its true size it would be a dot."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Scene:
-    """What one method makes of the data set, in the primary camera's frame."""
+    """The data set reconstructed by one method, in the primary camera's frame."""
 
     dataset: Dataset
     pose: Pose
@@ -62,12 +62,12 @@ class _Scene:
 
     @cached_property
     def drawn(self) -> npt.NDArray[np.bool_]:
-        """(m,): the bars that have a length."""
+        """(m,): whether the bars have a length."""
         return np.isfinite(self.lengths)
 
     @cached_property
     def depth(self) -> float:
-        """Largest depth of a point; the baseline where there is no point."""
+        """Largest depth of a point, in metres; the baseline if there are no points."""
         depths = self.points[np.isfinite(self.points[:, 2]), 2]
         return float(depths.max()) if len(depths) else self.pose.baseline
 
@@ -78,7 +78,7 @@ class _Scene:
 
     @cached_property
     def hover(self) -> list[str]:
-        """A text for each bar."""
+        """The hover text of each bar."""
         frames = self.dataset.correspondences.frame[self.dataset.correspondences.bars[:, 0]]
         return [
             f"frame {frame}<br>length {length:.4f} m, error {100 * error:.2f} %"
@@ -87,7 +87,11 @@ class _Scene:
 
 
 def plot_rig(calibration: Calibration, method: str) -> go.Figure:
-    """The rig as one method sees it, with the bars; equal axes, metres."""
+    """The rig and the bars reconstructed by one method; equal axes, metres.
+
+    Raises:
+        StereocalError: an unknown method.
+    """
     chosen = _method(method)
     scene = _scene(calibration, chosen)
     figure = finish(go.Figure(), HEIGHT)
@@ -100,12 +104,12 @@ def plot_rig(calibration: Calibration, method: str) -> go.Figure:
 
 
 def describe_rig(calibration: Calibration, method: str) -> str:
-    """The rig and its bars in one sentence."""
+    """The figure in words."""
     chosen = _method(method)
     scene = _scene(calibration, chosen)
     x, y, z = scene.secondary_centre
     text = (
-        f"The rig with the {METHOD_NAMES[chosen]}: the secondary camera stands "
+        f"The rig with the {METHOD_NAMES[chosen]}: the secondary camera is "
         f"{scene.pose.baseline:.3f} m from the primary, {abs(x):.2f} m to the "
         f"{'right' if x >= 0 else 'left'}, {abs(y):.2f} m {'down' if y >= 0 else 'up'} and "
         f"{abs(z):.2f} m {'forward' if z >= 0 else 'back'} in the primary's view"
@@ -135,7 +139,7 @@ def _scene(calibration: Calibration, method: Method) -> _Scene:
 
 
 def _add_bars(figure: go.Figure, scene: _Scene, method: Method) -> None:
-    """One trace for all bars: A, middle, B, gap; the middle is there to be pointed at."""
+    """One trace for all bars: A, centre, B, gap; the centre is a hover point."""
     bars = scene.bars[scene.drawn]
     path = np.full((len(bars), 4, 3), np.nan)
     path[:, 0], path[:, 1], path[:, 2] = bars[:, 0], bars.mean(axis=1), bars[:, 1]
@@ -178,7 +182,7 @@ def _add_targets(figure: go.Figure, scene: _Scene) -> None:
 
 
 def _add_cameras(figure: go.Figure, scene: _Scene) -> None:
-    """Both frusta, with their optical centres named."""
+    """Draw both frusta, and label their optical centres."""
     size = FRUSTUM_OF_DEPTH * scene.depth
     primary_from_secondary = scene.pose.inverse()
     for name, camera, corners in (
@@ -212,7 +216,7 @@ def _add_cameras(figure: go.Figure, scene: _Scene) -> None:
 
 
 def _corners(camera: Camera, depth: float) -> FloatArray:
-    """The image's four corners at a depth, in the camera's frame, without lens distortion."""
+    """The four image corners (4, 3) at a depth, in the camera's frame, without distortion."""
     width, height = camera.image_size
     right, bottom = width - 0.5, height - 0.5
     pixels = np.array([[-0.5, -0.5, 1], [right, -0.5, 1], [right, bottom, 1], [-0.5, bottom, 1]])

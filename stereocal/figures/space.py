@@ -1,4 +1,4 @@
-"""What all figures in space share: upright axes of equal scale, and a view that holds the scene."""
+"""Common parts of 3D figures: upright axes of equal scale, and a viewpoint that shows the scene."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ from stereocal.figures.style import GRID_3D, TRANSPARENT
 from stereocal.rig.compiled import FloatArray
 
 EYE_OF_DIAGONAL = 1.4
-"""Distance of the eye, as a part of the scene's diagonal: it fits narrow screens too."""
+"""Distance of the eye over the scene's diagonal; also suitable for narrow screens."""
 AXIS_TITLES = {"xaxis": "x (m)", "yaxis": "z (m), depth", "zaxis": "−y (m), up"}
 
 
 def upright(points: FloatArray) -> dict[str, FloatArray]:
-    """Points (..., 3) of the primary's frame as the figure's axes: x, depth, up."""
+    """Points (..., 3) in the primary's frame, as the figure's coordinates: x, depth, up."""
     return {
         "x": points[..., 0].ravel(), "y": points[..., 2].ravel(), "z": -points[..., 1].ravel()
     }  # fmt: skip
 
 
 def set_scene(figure: go.Figure) -> None:
-    """Equal axes in metres, and a view that holds all that is drawn."""
+    """Set equal axes in metres, and a viewpoint that shows everything drawn."""
     axis = {
         "showbackground": False, "gridcolor": GRID_3D, "linecolor": GRID_3D, "zeroline": False,
         "nticks": 6, "tickfont": {"size": 12}, "showspikes": False,
@@ -40,9 +40,9 @@ def set_scene(figure: go.Figure) -> None:
 
 
 def _view(figure: go.Figure) -> dict[str, dict[str, float]]:
-    """A view from behind the primary camera, from the right and above, that holds the scene.
+    """A viewpoint behind, right of and above the primary camera, from which the scene is visible.
 
-    Plotly scales a scene to a volume of 1 and counts the eye's distance in that unit.
+    Plotly scales a scene to a volume of 1; the eye's distance is in that unit.
     """
     spans = [
         np.ptp(values[np.isfinite(values)])

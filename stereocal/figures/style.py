@@ -1,7 +1,7 @@
-"""What all figures share: colours (after Okabe and Ito), symbols, axes, legend.
+"""The common style of all figures: colours (after Okabe and Ito), symbols, axes, legend.
 
-The colours have a contrast of at least 3:1 on white and on the dark page, and colour-blind people
-tell the methods apart (tests/figures/test_colours.py).
+The colours have a contrast of at least 3:1 on the light and the dark page, and the methods can be
+distinguished with colour blindness (tests/figures/test_colours.py).
 """
 
 from __future__ import annotations
@@ -33,19 +33,19 @@ FILLS: Mapping[str, str] = {
     "3d": "rgba(213,94,0,0.45)",
     "refined": "rgba(161,69,138,0.45)",
 }
-"""What fills the area below a curve; that of wrong pairs is hatched."""
+"""Colours of the area below a curve; the area of wrong pairs is hatched."""
 TARGET_COLOURS: Mapping[str, str] = {"A": "#009E73", "B": "#CC79A7"}
 TARGET_SYMBOLS: Mapping[str, str] = {"A": "circle", "B": "diamond"}
 NEUTRAL = "#7F7F7F"
 FAINT = "rgba(127,127,127,0.45)"
 GRID = "rgba(127,127,127,0.25)"
 GRID_3D = "#8C9399"
-"""Opaque: a see-through line in a 3D scene is blended with white, whatever the page is."""
+"""Opaque, because Plotly blends transparent lines in 3D scenes with white on every page."""
 TRANSPARENT = "rgba(0,0,0,0)"
 
 
 def finish(figure: go.Figure, height: int) -> go.Figure:
-    """Give a figure the common look: transparent, small margins, legend in rows above the plot."""
+    """Apply the common style: transparent, small margins, legend in rows above the plot."""
     figure.update_layout(
         height=height,
         paper_bgcolor=TRANSPARENT,
@@ -62,7 +62,7 @@ def finish(figure: go.Figure, height: int) -> go.Figure:
         "showline": True, "linecolor": FAINT, "ticks": "outside", "tickcolor": FAINT,
         "tickfont": {"size": 13}, "title.font": {"size": 14}, "title.standoff": 6,
     }  # fmt: skip
-    # One by one: `update_xaxes` takes four times as long, a quarter of a busy server's work.
+    # Set one by one, because `update_xaxes` takes four times as long.
     for axis in (*figure.select_xaxes(), *figure.select_yaxes()):
         for name, value in axes.items():
             axis[name] = value
@@ -70,7 +70,7 @@ def finish(figure: go.Figure, height: int) -> go.Figure:
 
 
 def sentence_only(text: str, height: int = 160) -> go.Figure:
-    """A figure with nothing to draw, which says why."""
+    """An empty figure with a message."""
     figure = finish(go.Figure(), height)
     figure.update_xaxes(visible=False)
     figure.update_yaxes(visible=False)

@@ -1,4 +1,4 @@
-"""Results in words and in tables, for people: units said, digits that mean something."""
+"""Results in words and tables for the user, with units and significant digits."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from stereocal.evaluation.summary import Estimate, MethodSummary, best_methods
 from stereocal.refined.bar_fit import BAR
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.results import Calibration
-from stereocal.refined.screening import MOST_LEFT_OUT, Screening
+from stereocal.refined.screening import MAXIMUM_LEFT_OUT, Screening
 from stereocal.refined.uncertainty import standard_errors
 from stereocal.rig.compiled import IntArray
 from stereocal.rig.dataset import Dataset
@@ -36,7 +36,7 @@ ANGLE_TITLES = {
 
 
 def results_table(calibration: Calibration) -> pd.DataFrame:
-    """The three methods side by side: a column a method, a row a quantity, all as text."""
+    """The results of the three methods as text: one column per method, one row per quantity."""
     return pd.DataFrame(
         {METHOD_NAMES[name]: _column(calibration, name) for name in METHODS}
     ).rename_axis(_frames_in_words(calibration))
@@ -106,12 +106,12 @@ def parameters_table(rig: RigParameters) -> pd.DataFrame:
 
 
 def answer(calibration: Calibration) -> str:
-    """The result in one or two sentences, on the held-out frames where there are any."""
+    """The result in one or two sentences, on the held-out frames if there are any."""
     testing = len(calibration.held_out_frames)
     dataset = calibration.dataset.of_frames(_tested(calibration))
     where = "the frames it was fitted to"
     if testing:
-        where = f"{testing} frames that took no part in the fit"
+        where = f"{testing} frames that were not used for the fit"
     matching = errors_of(dataset, calibration.methods["2d"].pose)
     measuring = errors_of(dataset, calibration.methods["3d"].pose)
     first = (
@@ -121,7 +121,7 @@ def answer(calibration: Calibration) -> str:
     if math.isnan(measuring.mean_length):
         return first
     return (
-        f"{first} To measure, use the 3D set: bar lengths come out right to "
+        f"{first} To measure, use the 3D set: bar lengths are correct to "
         f"{digits(100 * measuring.mean_length)} % on average, and 95 % of them within "
         f"{digits(100 * measuring.p95_length)} % (with the 2D set "
         f"{digits(100 * matching.mean_length)} % on average)."
@@ -129,7 +129,7 @@ def answer(calibration: Calibration) -> str:
 
 
 def left_out_line(screening: Screening) -> str:
-    """Which frames were left out, and which of them only look exchanged."""
+    """A sentence on the frames left out, and on those whose targets look exchanged; or empty."""
     frames = screening.left_out
     if not frames:
         return ""
@@ -144,7 +144,7 @@ def left_out_line(screening: Screening) -> str:
 
 
 def why_not_trusted(calibration: Calibration) -> str:
-    """What keeps a result from being one to rely on; empty where nothing does."""
+    """Why a calibration is not reliable; empty if there is no reason."""
     dataset = calibration.dataset.of_frames(_tested(calibration))
     error = errors_of(dataset, calibration.methods["3d"].pose).p95_length
     return _not_trusted([calibration.screening], error)
@@ -153,7 +153,7 @@ def why_not_trusted(calibration: Calibration) -> str:
 def why_validation_not_trusted(
     summaries: Mapping[Method, MethodSummary], screenings: Sequence[Screening]
 ) -> str:
-    """The same of a validation, by the set that measures best on the held-out frames."""
+    """Why a validation is not reliable, judged by the set that measures best; or empty."""
     errors = [found.reconstruction.p95 for found in summaries.values()]
     known = [error for error in errors if math.isfinite(error)]
     return _not_trusted(screenings, min(known, default=math.nan))
@@ -161,18 +161,18 @@ def why_validation_not_trusted(
 
 def _not_trusted(screenings: Sequence[Screening], p95_length: float) -> str:
     found = [
-        f"{percent(each.share)} % of the frames of {each.given.name} contradict the others and "
-        "were left out."
+        f"{percent(each.share)} % of the frames of {each.full_dataset.name} contradict the others "
+        "and were left out."
         for each in screenings
-        if each.share > MOST_LEFT_OUT
+        if each.share > MAXIMUM_LEFT_OUT
     ]
     if p95_length > POOR_LENGTH:
-        found.append(f"5 % of the bars come out more than {percent(p95_length)} % wrong in length.")
+        found.append(f"5 % of the bars have length errors above {percent(p95_length)} %.")
     return " ".join(found)
 
 
 def listed(frames: Sequence[object], most: int = 12) -> str:
-    """Numbers of frames in a sentence: `3, 8 and 12`, and how many more."""
+    """Frame numbers in a sentence, `3, 8 and 12`, with the number of further ones."""
     shown = [str(frame) for frame in frames[:most]]
     if len(frames) > most:
         return f"{', '.join(shown)} and {len(frames) - most} more"
@@ -180,13 +180,13 @@ def listed(frames: Sequence[object], most: int = 12) -> str:
 
 
 def _tested(calibration: Calibration) -> IntArray:
-    """The frames to judge a result by: the held-out ones, or those it was fitted to."""
+    """The frames on which a result is tested: held-out ones if there are any, else fitted ones."""
     held_out = calibration.held_out_frames
     return held_out if len(held_out) else calibration.frames
 
 
 def contents_table(dataset: Dataset) -> pd.DataFrame:
-    """What was read: a row a quantity."""
+    """The contents of a data set, one row per quantity."""
     rows = dataset.correspondences
     frames = rows.frames
     primary, secondary = dataset.primary, dataset.secondary
@@ -214,7 +214,7 @@ def _distances(dataset: Dataset) -> str:
 
 
 def validation_table(summaries: Mapping[Method, MethodSummary]) -> pd.DataFrame:
-    """The validation figures side by side: a column a method, a row a quantity, all as text."""
+    """The validation figures as text: one column per method, one row per quantity."""
     return pd.DataFrame(
         {
             METHOD_NAMES[method]: {
@@ -270,11 +270,11 @@ def _counts_column(summary: MethodSummary) -> dict[str, str]:
 
 
 def validation_answer(summaries: Mapping[Method, MethodSummary]) -> str:
-    """Which set to match with, at which limit, and which to measure with, and how well.
+    """Which set to match with, at which threshold, and which to measure with, with their errors.
 
-    The 2D set is named for matching and the 3D set for measuring where they are best, or where
-    their interval overlaps that of the best; then it is said which methods are level with them. The
-    refined set, where there is one, has a sentence of its own.
+    The 2D set is recommended for matching and the 3D set for measuring if they are best, or if
+    their intervals overlap that of the best; methods with overlapping intervals are listed. The
+    refined set has a separate sentence.
     """
     paper = {method: summaries[method] for method in METHODS if method in summaries}
     answer = _answer_of(paper)
@@ -317,7 +317,7 @@ def _recommended(found: Mapping[Method, Estimate], best: Method, made_for_it: Me
 
 
 def _level(found: Mapping[Method, Estimate], chosen: Method, what: str) -> str:
-    """A clause on the methods whose interval overlaps that of the chosen one."""
+    """A clause that lists the methods whose intervals overlap that of the chosen one; or empty."""
     level = [
         f"{_name(method)} with {percent(estimate.value)} %"
         for method, estimate in found.items()
@@ -326,7 +326,7 @@ def _level(found: Mapping[Method, Estimate], chosen: Method, what: str) -> str:
     if not level:
         return ""
     return (
-        f" (level with it, for the intervals overlap: {' and '.join(level)}; its own {what} is "
+        f" (not significantly different: {' and '.join(level)}; its own {what} is "
         f"{percent(found[chosen].value)} %)"
     )
 
@@ -340,12 +340,12 @@ def _name(method: Method) -> str:
 
 
 def percent(fraction: float, significant: int = 2) -> str:
-    """A fraction in percent, without the sign: `0.0037` is `0.37`."""
+    """A fraction in percent, without the percent sign: 0.0037 gives `0.37`."""
     return digits(round(100 * fraction, 9) + 0.0, significant)
 
 
 def interval(estimate: Estimate) -> str:
-    """The interval of a fraction in percent: `0.18 to 0.51`."""
+    """The interval of a fraction, in percent: `0.18 to 0.51`."""
     return f"{percent(estimate.low)} to {percent(estimate.high)}"
 
 
@@ -356,7 +356,7 @@ def _with_interval(estimate: Estimate) -> str:
 
 
 def digits(value: float, significant: int = 3) -> str:
-    """A number with so many significant digits, without an exponent where it can be read."""
+    """A number with `significant` digits, with an exponent only from 1e5 or below 1e-4."""
     if not math.isfinite(value):
         return "none"
     if value == 0 or 1e-4 <= abs(value) < 1e5:

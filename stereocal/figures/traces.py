@@ -1,4 +1,4 @@
-"""The course of the two searches."""
+"""Progress of the two searches: cost, step and acceptance ratio."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from stereocal.refined.results import Calibration
 from stereocal.rig.compiled import FloatArray, IntArray
 
 HEIGHT = 760
-MOST_DRAWN = 2000
-"""Moves drawn of a search: more are thinned evenly, first and last kept."""
+MAXIMUM_DRAWN = 2000
+"""Maximum number of moves drawn; more are thinned evenly, with the first and the last."""
 SEARCHES: tuple[Method, ...] = ("2d", "3d")
 DASHES = {"2d": "solid", "3d": "dot"}
 NOTHING = "The course of the searches<br>was not recorded."
@@ -50,7 +50,7 @@ def plot_traces(calibration: Calibration) -> go.Figure:
 
 
 def describe_traces(calibration: Calibration) -> str:
-    """The course of both searches in one sentence."""
+    """The figure in words."""
     traces = _traces(calibration)
     if not traces:
         return "The course of the searches was not recorded."
@@ -64,10 +64,10 @@ def describe_traces(calibration: Calibration) -> str:
 
 
 def drawn_moves(moves: int) -> IntArray:
-    """Indices of the moves to draw: all, or `MOST_DRAWN` evenly with the first and the last."""
-    if moves <= MOST_DRAWN:
+    """Indices of the moves to draw: all, or `MAXIMUM_DRAWN` evenly spaced ones."""
+    if moves <= MAXIMUM_DRAWN:
         return np.arange(moves)
-    return np.linspace(0, moves - 1, MOST_DRAWN).round().astype(np.int64)
+    return np.linspace(0, moves - 1, MAXIMUM_DRAWN).round().astype(np.int64)
 
 
 def _traces(calibration: Calibration) -> dict[Method, Trace]:

@@ -1,4 +1,4 @@
-"""The trade-off between matching and measuring, with all methods on it."""
+"""The trade-off curves between matching and measuring, with the sets of all methods."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from stereocal.rig.compiled import FloatArray
 from stereocal.verdict.tradeoff import TradeOff, TradeOffPoint
 
 HEIGHT = 520
-NAMES = {"fixed": "Lenses as given", "freed": "Lenses freed"}
+NAMES = {"fixed": "Nominal lenses", "freed": "Lenses freed"}
 DASHES = {"fixed": "dot", "freed": "solid"}
-FARTHEST = 3.0
-"""A set beyond so many times the largest cost of the curves is drawn at the edge: the 3D set may
-lie a hundred times farther in the 2D cost, and the curves would shrink to a dot."""
+MAXIMUM_COST = 3.0
+"""A set with a cost above this multiple of the curves' largest is drawn at the edge. The 2D cost of
+the 3D set can be a hundred times larger, which would shrink the curves to a dot."""
 
 
 def plot_trade_off(
@@ -32,7 +32,7 @@ def plot_trade_off(
     costs: Mapping[Method, tuple[float, float]],
     chosen: TradeOffPoint | None = None,
 ) -> go.Figure:
-    """Both curves, 2D cost to the right and 3D cost upwards; nearer to the corner is better.
+    """Both curves, with the 2D cost to the right and the 3D cost upwards.
 
     Args:
         costs: 2D cost in pixels and 3D cost in metres of each method's set.
@@ -94,12 +94,12 @@ def _add_set(
     ends: FloatArray,
     middle_px: float,
 ) -> None:
-    """A set as a point; one far beyond the curves stands at the edge, with its value beside it."""
+    """Draw a set as a point; one far beyond the curves at the edge, with its value as text."""
     at = _drawn([cost])[0]
     shown, beyond = np.minimum(at, ends), at > ends
     texts = [f"{digits(at[0])} px →"] * bool(beyond[0])
     texts += [f"{digits(at[1])} mm ↑"] * bool(beyond[1])
-    # Towards the middle: at the edge it would be cut off.
+    # Text towards the centre, since it would be cut off at the edge.
     side = "top left" if beyond[0] or at[0] > middle_px else "middle right"
     figure.add_trace(
         go.Scatter(
@@ -124,10 +124,10 @@ def _of_curves(curves: TradeOff) -> FloatArray:
 
 
 def _ends(curves: TradeOff, costs: Mapping[Method, tuple[float, float]]) -> FloatArray:
-    """(2,): where sets far beyond the curves are drawn; infinite where there is none."""
+    """(2,): where sets far beyond the curves are drawn; infinite if there are none."""
     points = _of_curves(curves)
     every = np.concatenate([points, _drawn(list(costs.values()))])
-    inside = every <= FARTHEST * points.max(axis=0)
+    inside = every <= MAXIMUM_COST * points.max(axis=0)
     ends = np.full(2, np.inf)
     for axis in range(2):
         if not inside[:, axis].all():
@@ -139,7 +139,7 @@ def _ends(curves: TradeOff, costs: Mapping[Method, tuple[float, float]]) -> Floa
 def _axes(
     curves: TradeOff, costs: Mapping[Method, tuple[float, float]], ends: FloatArray
 ) -> tuple[dict[str, str], dict[str, str]]:
-    """Logarithmic where more than a decade is to be seen."""
+    """Properties of both axes: logarithmic if the values span more than a decade."""
     values = np.concatenate([_of_curves(curves), _drawn(list(costs.values()))])
     values = np.minimum(values, ends)
     x, y = (

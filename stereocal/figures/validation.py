@@ -1,4 +1,4 @@
-"""The paper's Fig. 4 for the user's own rig: how well each method matches and measures."""
+"""The paper's Fig. 4 for the user's rig: PDFs of the errors of each method."""
 
 from __future__ import annotations
 
@@ -44,13 +44,13 @@ AXIS_TITLES = {
 }
 UNITS = {"residual": "", "reprojection": " px", "reconstruction": ""}
 SHOWN = (0.01, 0.999)
-"""Quantiles of every PDF of a column that its axis reaches at least."""
+"""Quantiles of every PDF of a column that its axis must include."""
 LEGEND_LINE, LINE_HEIGHT, FOOT_HEIGHT = 24, 17, 80
 
 
 @dataclass(frozen=True, eq=False)
 class _Panel:
-    """One method and one quantity, and where it stands in the grid."""
+    """One method and one quantity, and their position in the grid."""
 
     method: Method
     quantity: str
@@ -59,11 +59,11 @@ class _Panel:
     row: int
     column: int
     axis: str
-    """What Plotly appends to `x` and `y` for this panel."""
+    """Suffix of Plotly's axis names `x` and `y` for this panel."""
 
     @property
     def matching(self) -> Discrimination | None:
-        """Correct and wrong pairs; None in the column of the 3D error."""
+        """Figures of correct and wrong pairs; None in the column of the 3D error."""
         if self.quantity == "residual":
             return self.summary.residual
         return self.summary.reprojection if self.quantity == "reprojection" else None
@@ -75,27 +75,27 @@ class _Panel:
 
     @property
     def line(self) -> float:
-        """Where the vertical line stands, in the quantity's unit."""
+        """Position of the vertical line, in the unit of the quantity."""
         return self.matching.threshold if self.matching else ACCEPTABLE
 
 
 def plot_validation(
     summaries: Mapping[Method, MethodSummary], columns: Sequence[str] = COLUMNS
 ) -> go.Figure:
-    """PDFs of residual, reprojection error and 3D error; a row a method, the best framed.
+    """PDFs of residual, reprojection error and 3D error; one row per method, the best framed.
 
     Args:
         columns: the quantities to draw, of `COLUMNS`; on a narrow screen one at a time.
 
     Raises:
-        StereocalError: a column that is none.
+        StereocalError: an unknown column.
     """
     panels = _panels(summaries, columns)
     methods = [method for method in ALL_METHODS if method in summaries]
     titles = {(panel.row, panel.column): _title(panel) for panel in panels}
     height = ROW_HEIGHT * len(methods)
     lines = max(len(title) for title in titles.values())
-    # On a narrow screen, each entry of the legend has a line of its own.
+    # On a narrow screen, each entry of the legend is on a separate line.
     top = LEGEND_LINE * (4 if len(columns) == 1 else 2) + LINE_HEIGHT * lines + 8
     figure = make_subplots(
         rows=len(methods), cols=len(columns), shared_xaxes="columns",
@@ -115,7 +115,7 @@ def plot_validation(
 
 
 def describe_validation(summaries: Mapping[Method, MethodSummary]) -> str:
-    """The figure in words, a sentence a column."""
+    """The figure in words, one sentence per column."""
     best = best_methods(summaries)
     sentences = []
     for quantity in COLUMNS:
@@ -156,7 +156,7 @@ def _panels(summaries: Mapping[Method, MethodSummary], columns: Sequence[str]) -
 
 
 def _title(panel: _Panel) -> list[str]:
-    """The lines above a panel: the figure, how many values, and what has no place in the PDF."""
+    """The lines above a panel: the main figure, the number of values, and values not in the PDF."""
     found, lengths = panel.matching, panel.summary.reconstruction
     heading = f"<b>{HEADINGS[panel.quantity]}{': best' if panel.is_best else ''}</b>"
     if found:
@@ -199,7 +199,7 @@ def _in_words(panel: _Panel) -> str:
 
 
 def _span(panels: Sequence[_Panel]) -> tuple[float, float]:
-    """The range of a column's axis: all PDFs between two quantiles, and all lines."""
+    """The range of a column's axis: the quantiles `SHOWN` of all PDFs, and all lines."""
     ends = [float(np.log10(panel.line)) for panel in panels]
     for pdf in (pdf for panel in panels for pdf in panel.pdfs):
         running = np.cumsum(pdf.density)
@@ -211,7 +211,7 @@ def _span(panels: Sequence[_Panel]) -> tuple[float, float]:
 
 
 def _outside(panels: Sequence[_Panel], span: tuple[float, float]) -> int:
-    """How many values lie in bins that are wholly beside the axis."""
+    """Number of values in bins that are completely outside the axis."""
     total = 0.0
     for pdf in (pdf for panel in panels for pdf in panel.pdfs):
         beside = (pdf.edges[1:] <= span[0]) | (pdf.edges[:-1] >= span[1])
@@ -222,7 +222,7 @@ def _outside(panels: Sequence[_Panel], span: tuple[float, float]) -> int:
 def _add_column(
     figure: go.Figure, quantity: str, panels: Sequence[tuple[_Panel, list[str]]]
 ) -> None:
-    """The panels of one quantity, on the same axes."""
+    """Draw the panels of one quantity, with equal axes."""
     own = [panel for panel, _ in panels]
     span = _span(own)
     highest = max((float(pdf.density.max(initial=0)) for p in own for pdf in p.pdfs), default=0.0)
@@ -265,7 +265,7 @@ def _add_panel(
 
 
 def _add_pdf(figure: go.Figure, panel: _Panel, pdf: Pdf, kind: str) -> None:
-    """The PDF as a filled step line; wrong pairs are hatched and dotted."""
+    """Draw a PDF as a filled step line; wrong pairs are hatched and dotted."""
     drawn = _drawn(pdf)
     ends = 10 ** np.column_stack([pdf.edges[:-1], pdf.edges[1:]])[drawn]
     pairs = {"correct": CORRECT_COLOUR, "wrong": WRONG_COLOUR}
@@ -297,7 +297,7 @@ def _add_pdf(figure: go.Figure, panel: _Panel, pdf: Pdf, kind: str) -> None:
 
 
 def _drawn(pdf: Pdf) -> slice:
-    """From one bin before the first value to one after the last."""
+    """The bins to draw, from one before the first value to one after the last."""
     filled = np.flatnonzero(pdf.density)
     if not len(filled):
         return slice(0, 0)
@@ -305,10 +305,10 @@ def _drawn(pdf: Pdf) -> slice:
 
 
 def _add_line(figure: go.Figure, panel: _Panel, span: tuple[float, float], highest: float) -> None:
-    """The threshold, or the line at 1 %, with its value in the free part above the PDFs."""
+    """Draw the threshold, or the line at 1 %, with its value above the PDFs."""
     at = float(np.log10(panel.line))
-    place = (at - span[0]) / (span[1] - span[0])
-    side = "center" if 0.15 < place < 0.85 else "right" if place < 0.5 else "left"
+    relative = (at - span[0]) / (span[1] - span[0])
+    side = "center" if 0.15 < relative < 0.85 else "right" if relative < 0.5 else "left"
     value = f"{digits(panel.line, 2)}{UNITS[panel.quantity]}" if panel.matching else "1 %"
     name = "Recommended threshold" if panel.matching else "3D error of 1 %"
     figure.add_trace(
@@ -323,7 +323,7 @@ def _add_line(figure: go.Figure, panel: _Panel, span: tuple[float, float], highe
 
 
 def _add_key(figure: go.Figure, columns: Sequence[str]) -> None:
-    """The legend, by traces without points: it does not switch single panels off."""
+    """The legend, made of traces without points, so that clicks do not hide single panels."""
     filled = {"mode": "lines", "fill": "tozeroy"}
     keys: list[dict[str, object]] = []
     if set(columns) - {"reconstruction"}:

@@ -9,12 +9,17 @@ from typing import Any
 import cv2
 
 from stereocal.errors import StereocalError
-from stereocal.formats.file_storage import find_node, lens_model_of, matrix_of, open_storage
+from stereocal.formats.file_storage import (
+    Storage,
+    find_node,
+    is_number,
+    lens_model_of,
+    matrix_of,
+    read_storage,
+)
 from stereocal.formats.lens_model import LensModel, check_lens_model, five_or_more
 from stereocal.formats.other_files import refuse_other_camera
 from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import FloatArray
-from stereocal.system.json_text import read_json
 
 CAMERA_FORMAT = "stereocal-camera/1"
 LARGEST_BYTES = 4_000_000
@@ -51,20 +56,19 @@ def read_camera(content: bytes, source: str, lens_model: LensModel | None = None
     except UnicodeDecodeError as error:
         raise StereocalError(f"{source}: this is not a camera file; {EXPECTED}.") from error
     start = text.lstrip()
-    if start.startswith("{"):
-        data = dict(read_json(text, source))
-        if str(data.get("format", "")).startswith("stereocal-camera"):
-            if data["format"] != CAMERA_FORMAT:
-                raise StereocalError(
-                    f"{source}: the format {data['format']!r} is not known; "
-                    f'this version reads "{CAMERA_FORMAT}".'
-                )
-            return Camera.from_json(data, source)
-        if isinstance(_first(data, K_NAMES), list):
-            return _read_plain_json(data, source, lens_model)
-    elif not start.startswith(("%YAML", "<?xml")):
+    if not start.startswith(("{", "%YAML", "<?xml")):
         raise StereocalError(f"{source}: the format of the camera file is not known; {EXPECTED}.")
-    return _read_file_storage(start, source, lens_model)
+    storage = read_storage(text, source)
+    if str(storage.get("format", "")).startswith("stereocal-camera"):
+        if storage["format"] != CAMERA_FORMAT:
+            raise StereocalError(
+                f"{source}: the format {storage['format']!r} is not known; "
+                f'this version reads "{CAMERA_FORMAT}".'
+            )
+        return Camera.from_json(storage, source)
+    if start.startswith("{") and isinstance(find_node(storage, K_NAMES), list):
+        return _read_nested_lists(storage, source, lens_model)
+    return _read_matrices(storage, source, lens_model)
 
 
 def write_camera(camera: Camera, about: Mapping[str, Any] | None = None) -> bytes:
@@ -98,58 +102,47 @@ def write_opencv_camera(camera: Camera) -> bytes:
     return str(storage.releaseAndGetString()).encode()
 
 
-def _first(data: Mapping[str, Any], names: tuple[str, ...]) -> Any:
-    return next((data[name] for name in names if name in data), None)
-
-
-def _read_plain_json(data: Mapping[str, Any], source: str, lens_model: LensModel | None) -> Camera:
+def _read_nested_lists(storage: Storage, source: str, lens_model: LensModel | None) -> Camera:
     """A camera as nested lists, by our names or OpenCV's."""
-    size = _first(data, SIZE_NAMES) or [_first(data, WIDTH_NAMES), _first(data, HEIGHT_NAMES)]
-    distortion = _first(data, ("distortion", *DISTORTION_NAMES))
+    size = find_node(storage, SIZE_NAMES) or [
+        find_node(storage, WIDTH_NAMES),
+        find_node(storage, HEIGHT_NAMES),
+    ]
+    distortion = find_node(storage, ("distortion", *DISTORTION_NAMES))
     if distortion is None or (isinstance(size, list) and None in size):
         what = "distortion" if distortion is None else "image_size"
         raise StereocalError(f"{source}: {what} is missing; {EXPECTED}.")
-    named = {"K": _first(data, K_NAMES), "distortion": distortion, "image_size": size}
-    camera = Camera.from_json({**data, **named}, source)
-    stated = data.get("distortion_model", data.get("fisheye_model"))
+    named = {"K": find_node(storage, K_NAMES), "distortion": distortion, "image_size": size}
+    camera = Camera.from_json({**storage, **named}, source)
+    stated = storage.get("distortion_model", storage.get("fisheye_model"))
     check_lens_model(camera.distortion, stated, lens_model, source)
     return camera
 
 
-def _read_file_storage(text: str, source: str, lens_model: LensModel | None) -> Camera:
-    storage = open_storage(text, source)
-    try:
-        K = _matrix(storage, K_NAMES, source)
-        distortion = _matrix(storage, DISTORTION_NAMES, source)
-        width = _number(storage, WIDTH_NAMES, source)
-        height = _number(storage, HEIGHT_NAMES, source)
-        stated = lens_model_of(storage)
-    except cv2.error as error:
-        raise StereocalError(f"{source}: a matrix in this file is damaged.") from error
-    finally:
-        storage.release()
+def _read_matrices(storage: Storage, source: str, lens_model: LensModel | None) -> Camera:
+    """A camera as OpenCV's own matrices."""
+    K = matrix_of(_node(storage, K_NAMES, source), K_NAMES[0], source)
+    distortion = matrix_of(_node(storage, DISTORTION_NAMES, source), DISTORTION_NAMES[0], source)
+    width = _number(storage, WIDTH_NAMES, source)
+    height = _number(storage, HEIGHT_NAMES, source)
     K = K.reshape(3, 3) if K.size == 9 else K
     try:
         camera = Camera(K, distortion, (int(width), int(height)))
     except (StereocalError, ValueError, OverflowError) as error:
         raise StereocalError(f"{source}: {error}") from error
-    check_lens_model(camera.distortion, stated, lens_model, source)
+    check_lens_model(camera.distortion, lens_model_of(storage), lens_model, source)
     return camera
 
 
-def _node(storage: Any, names: tuple[str, ...], source: str) -> Any:
+def _node(storage: Storage, names: tuple[str, ...], source: str) -> Any:
     node = find_node(storage, names)
     if node is None:
         raise StereocalError(f"{source}: {names[0]} is missing; {EXPECTED}.")
     return node
 
 
-def _matrix(storage: Any, names: tuple[str, ...], source: str) -> FloatArray:
-    return matrix_of(_node(storage, names, source), names[0], source)
-
-
-def _number(storage: Any, names: tuple[str, ...], source: str) -> float:
+def _number(storage: Storage, names: tuple[str, ...], source: str) -> float:
     node = _node(storage, names, source)
-    if not (node.isInt() or node.isReal()):
+    if not is_number(node):
         raise StereocalError(f"{source}: {names[0]} is not a number.")
-    return float(node.real())
+    return float(node)

@@ -6,16 +6,26 @@ import csv
 import io
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
+from stereocal.rig.compiled import IntArray
 from stereocal.rig.dataset import SOURCES, TARGETS, UNKNOWN_SOURCE, Correspondences
 from stereocal.system.limits import Limits
-
-if TYPE_CHECKING:
-    from _csv import Reader
+from stereocal.system.tables import (
+    EMPTY,
+    Column,
+    Reasons,
+    Values,
+    cells_of,
+    check_names,
+    delimiter_of,
+    numbers_in,
+    rows_below,
+    text_of,
+)
 
 PIXELS = ("u_primary", "v_primary", "u_secondary", "v_secondary")
 REQUIRED = ("frame", "target", *PIXELS)
@@ -23,6 +33,11 @@ KNOWN_POINT = ("x_m", "y_m", "z_m")
 SIGMAS = ("sigma_primary_px", "sigma_secondary_px")
 OPTIONAL = ("distance_m", *KNOWN_POINT, *SIGMAS)
 SOURCE = "source"
+NUMBERS = (
+    Column("frame", is_whole=True),
+    *(Column(name) for name in PIXELS),
+    *(Column(name, may_be_empty=True, is_positive=name not in KNOWN_POINT) for name in OPTIONAL),
+)
 TEMPLATE = (
     "frame,target,u_primary,v_primary,u_secondary,v_secondary\n"
     "1,A,1012.31,655.02,884.77,671.40\n"
@@ -56,22 +71,76 @@ def read_table(content: bytes, source: str) -> Table:
     Raises:
         StereocalError: the file as a whole is no such table, or is too large.
     """
-    limits = Limits.from_environment()
-    limits.check_size(len(content), source)
-    limits.check_pairs(max(content.count(b"\n"), content.count(b"\r")) - 1, source)
-    try:
-        text = content.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise StereocalError(f"{source}: this is not a text file (CSV in UTF-8).") from error
-    if not text.strip():
-        raise StereocalError(f"{source}: the file is empty.")
-    first = text.lstrip("\r\n").splitlines()[0]
-    delimiter = max(",;\t", key=first.count)
-    reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter)
-    try:
-        return _read_rows(reader, source, decimal_comma=delimiter == ";")
-    except csv.Error as error:
-        raise StereocalError(f"{source}, line {reader.line_num}: {error}.") from error
+    text = text_of(content, source)
+    Limits.from_environment().check_pairs(max(text.count("\n"), text.count("\r")) - 1, source)
+    lines = text.splitlines()
+    first = next(number for number, line in enumerate(lines) if line.strip())
+    delimiter = delimiter_of(lines[first])
+    header = cells_of(lines[first], delimiter, source)[0]
+    names = [cell.strip().lower() for cell in header]
+    check_names(names, REQUIRED, (*REQUIRED, *OPTIONAL, SOURCE), source)
+    raw, problems = rows_below(text, first + 1, len(names), delimiter, source)
+    if not len(raw) and not problems:
+        raise StereocalError(f"{source}: the table has a header and no rows.")
+    raw.columns = pd.Index(names)
+    if SOURCE not in names:
+        raw[SOURCE] = ""
+    values, reasons = numbers_in(raw, NUMBERS, delimiter == ";", EMPTY)
+    words = {name: raw[name].str.strip() for name in ("target", SOURCE)}
+    target = words["target"].str.upper().map({name: i for i, name in enumerate(TARGETS)})
+    origin = (
+        words[SOURCE].str.lower().map({"": UNKNOWN_SOURCE} | {n: i for i, n in enumerate(SOURCES)})
+    )
+    for name, found, allowed in (
+        ("target", target, "A or B"), (SOURCE, origin, f"{', '.join(SOURCES)} or empty")
+    ):  # fmt: skip
+        bad = np.flatnonzero(found.isna())
+        for row, cell in zip(bad.tolist(), words[name].iloc[bad].tolist(), strict=True):
+            reasons.setdefault(row, f'{name} is "{cell[:40]}"; it must be {allowed}')
+    codes = np.column_stack([target.fillna(0), origin.fillna(0)]).astype(np.int64)
+    reasons |= _contradictions(values, codes[:, 0], raw.index.to_numpy(), reasons)
+    problems += [RowProblem(int(raw.index[row]), reason) for row, reason in reasons.items()]
+    sound = np.ones(len(raw), dtype=bool)
+    sound[list(reasons)] = False
+    numbers = np.column_stack([values[name] for name in (*PIXELS, *OPTIONAL)])[sound]
+    return Table(
+        Correspondences(
+            frame=values["frame"][sound].astype(np.int64),
+            target=codes[sound, 0],
+            primary=numbers[:, 0:2].copy(),
+            secondary=numbers[:, 2:4].copy(),
+            distance_m=numbers[:, 4].copy(),
+            known_points_m=numbers[:, 5:8].copy(),
+            sigma_primary_px=numbers[:, 8].copy(),
+            sigma_secondary_px=numbers[:, 9].copy(),
+            source=codes[sound, 1],
+            line=raw.index.to_numpy(dtype=np.int64)[sound],
+        ),
+        sorted(problems, key=lambda problem: problem.line),
+    )
+
+
+def _contradictions(values: Values, target: IntArray, lines: IntArray, bad: Reasons) -> Reasons:
+    """Sound rows that contradict an earlier one of their frame."""
+    rows = pd.DataFrame(
+        {"frame": values["frame"], "target": target, "own": values["distance_m"], "line": lines}
+    ).drop(index=list(bad))
+    earlier = rows.groupby(["frame", "target"])["line"].transform("first")
+    firsts = rows.drop_duplicates("frame").set_index("frame")["own"]
+    known = rows["frame"].map(firsts)
+    again = rows["line"] != earlier
+    differ = rows["own"].notna() & known.notna() & (rows["own"] != known)
+    reasons: Reasons = {}
+    found = rows.assign(earlier=earlier, known=known)[again | differ]
+    for row, (frame, which, own, line, first, other) in zip(
+        found.index.tolist(), found.to_numpy().tolist(), strict=True
+    ):
+        if line != first:
+            said = f"has target {TARGETS[int(which)]} already, in line {first:.0f}"
+        else:
+            said = f"has two different distances, {other:g} and {own:g} m"
+        reasons[row] = f"frame {frame:.0f} {said}"
+    return reasons
 
 
 def write_table(rows: Correspondences) -> bytes:
@@ -96,130 +165,3 @@ def write_table(rows: Correspondences) -> bytes:
             cells.append("" if code == UNKNOWN_SOURCE else SOURCES[code])
         writer.writerow([int(rows.frame[i]), TARGETS[rows.target[i]], *cells])
     return out.getvalue().encode()
-
-
-class _RefusedError(Exception):
-    """A row that cannot be used; the text is the reason."""
-
-
-@dataclass
-class _Row:
-    frame: int
-    target: int
-    numbers: list[float]
-    """The four pixels, then the columns of `OPTIONAL`; NaN where a cell is empty."""
-    source: int
-    line: int
-
-
-def _read_rows(reader: Reader, source: str, decimal_comma: bool) -> Table:
-    columns: dict[str, int] | None = None
-    width = 0
-    rows: list[_Row] = []
-    problems: list[RowProblem] = []
-    seen: dict[tuple[int, int], int] = {}
-    distances: dict[int, float] = {}
-    for cells in reader:
-        if not any(cell.strip() for cell in cells):
-            continue
-        if columns is None:
-            columns, width = _columns_of(cells, source), len(cells)
-            continue
-        try:
-            if any(cell.strip() for cell in cells[width:]):
-                raise _RefusedError(f"{len(cells)} cells instead of {width}")
-            row = _read_row(cells, columns, reader.line_num, decimal_comma)
-            key = (row.frame, row.target)
-            if key in seen:
-                raise _RefusedError(
-                    f"frame {row.frame} has target {TARGETS[row.target]} already, "
-                    f"in line {seen[key]}"
-                )
-            distance = row.numbers[4]
-            known = distances.setdefault(row.frame, distance)
-            if not (math.isnan(distance) or math.isnan(known)) and distance != known:
-                raise _RefusedError(
-                    f"frame {row.frame} has two different distances, {known:g} and {distance:g} m"
-                )
-            seen[key] = row.line
-            rows.append(row)
-        except _RefusedError as refused:
-            problems.append(RowProblem(reader.line_num, str(refused)))
-    if not rows and not problems:
-        raise StereocalError(f"{source}: the table has a header and no rows.")
-    numbers = np.array([row.numbers for row in rows], dtype=np.float64)
-    numbers = numbers.reshape(-1, len(PIXELS) + len(OPTIONAL))
-    return Table(
-        Correspondences(
-            frame=np.array([row.frame for row in rows], dtype=np.int64),
-            target=np.array([row.target for row in rows], dtype=np.int64),
-            primary=numbers[:, 0:2].copy(),
-            secondary=numbers[:, 2:4].copy(),
-            distance_m=numbers[:, 4].copy(),
-            known_points_m=numbers[:, 5:8].copy(),
-            sigma_primary_px=numbers[:, 8].copy(),
-            sigma_secondary_px=numbers[:, 9].copy(),
-            source=np.array([row.source for row in rows], dtype=np.int64),
-            line=np.array([row.line for row in rows], dtype=np.int64),
-        ),
-        problems,
-    )
-
-
-def _columns_of(header: list[str], source: str) -> dict[str, int]:
-    names = [cell.strip().lower() for cell in header]
-    missing = [name for name in REQUIRED if name not in names]
-    if missing:
-        raise StereocalError(
-            f"{source}: the column{'s' if len(missing) > 1 else ''} {', '.join(missing)} "
-            f"{'are' if len(missing) > 1 else 'is'} missing; the first line must name the columns "
-            f"{', '.join(REQUIRED)}, and names {', '.join(names)[:200]}."
-        )
-    twice = [name for name in (*REQUIRED, *OPTIONAL, SOURCE) if names.count(name) > 1]
-    if twice:
-        raise StereocalError(f"{source}: the column {twice[0]} stands in the first line twice.")
-    return {name: i for i, name in enumerate(names)}
-
-
-def _read_row(cells: list[str], columns: dict[str, int], line: int, decimal_comma: bool) -> _Row:
-    def cell(name: str) -> str:
-        at = columns.get(name, len(cells))
-        return cells[at].strip() if at < len(cells) else ""
-
-    def number(name: str, optional: bool = False) -> float:
-        return _number(name, cell(name), optional, decimal_comma)
-
-    frame = number("frame")
-    if frame != int(frame) or abs(frame) > 2**53:
-        raise _RefusedError(f"frame is {cell('frame')[:40]}, which is not a whole number")
-    target = cell("target").upper()
-    if target not in TARGETS:
-        raise _RefusedError(f'target is "{cell("target")[:40]}"; it must be A or B')
-    numbers = [number(name) for name in PIXELS]
-    optional = {name: number(name, optional=True) for name in OPTIONAL}
-    for name in ("distance_m", *SIGMAS):
-        if optional[name] <= 0:
-            raise _RefusedError(f"{name} is {optional[name]:g}; it must be above 0")
-    numbers += optional.values()
-    return _Row(int(frame), TARGETS.index(target), numbers, _source_of(cell(SOURCE)), line)
-
-
-def _number(name: str, text: str, optional: bool, decimal_comma: bool) -> float:
-    if not text and optional:
-        return math.nan
-    if not text:
-        raise _RefusedError(f"{name} is empty")
-    try:
-        value = float(text.replace(",", ".") if decimal_comma else text)
-    except ValueError:
-        raise _RefusedError(f'{name} is "{text[:40]}", which is not a number') from None
-    if not math.isfinite(value):
-        raise _RefusedError(f"{name} is {text[:40]}, which is not a finite number")
-    return value
-
-
-def _source_of(text: str) -> int:
-    if text and text.lower() not in SOURCES:
-        words = ", ".join(SOURCES)
-        raise _RefusedError(f'{SOURCE} is "{text[:40]}"; it must be {words} or empty')
-    return SOURCES.index(text.lower()) if text else UNKNOWN_SOURCE

@@ -15,8 +15,8 @@ import numpy as np
 import stereocal
 from stereocal.calibration.methods import Method
 from stereocal.errors import DAMAGED, StereocalError
+from stereocal.evaluation.compiled_run import BINS
 from stereocal.evaluation.evaluate import EvaluationSettings, Run
-from stereocal.evaluation.protocol import BINS
 from stereocal.evaluation.summary import MethodSummary, summarise
 from stereocal.refined.screening import Screening
 from stereocal.rig.dataset import Dataset

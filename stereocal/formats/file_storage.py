@@ -1,108 +1,113 @@
-"""OpenCV FileStorage (YAML, XML, JSON): opened without risk, read number by number."""
+"""OpenCV FileStorage (YAML, XML, JSON) as plain data."""
 
 from __future__ import annotations
 
-import re
+from collections.abc import Mapping
 from typing import Any
+from xml.etree import ElementTree
 
-import cv2
 import numpy as np
 
 from stereocal.errors import StereocalError
+from stereocal.formats.yaml_text import read_yaml
 from stereocal.rig.compiled import FloatArray
+from stereocal.system.json_text import read_json
 
-MOST_VALUES = 100
+Storage = Mapping[str, Any]
+"""The nodes of a file: numbers, texts, lists, and matrices as `rows`, `cols` and `data`."""
 DEEPEST = 50
-"""OpenCV's parser calls itself for every level, and ends the whole program when there are many."""
-BLANKS_A_LEVEL = 20
-"""Far more than anybody indents a level by."""
 
 
-def open_storage(text: str, source: str) -> Any:
-    """A `cv2.FileStorage` of a text; the caller releases it.
+def read_storage(text: str, source: str) -> Storage:
+    """The nodes of a file.
 
     Raises:
-        StereocalError: damaged, or nested too deeply.
+        StereocalError: damaged, nested too deeply, or no mapping.
     """
-    if _depth(text) > DEEPEST:
-        raise StereocalError(f"{source}: this is not a camera file, it is nested too deeply.")
-    try:
-        return cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
-    except (cv2.error, SystemError) as error:
-        raise StereocalError(
-            f"{source}: OpenCV cannot read this file; it is cut off or damaged."
-        ) from error
+    start = text.lstrip()
+    if start.startswith("<"):
+        return _read_xml(start, source)
+    if not start.startswith("{"):
+        return read_yaml(start, source)
+    data = read_json(start, source)
+    return data if isinstance(data, dict) else {}
 
 
-def find_node(storage: Any, names: tuple[str, ...]) -> Any:
+def find_node(storage: Storage, names: tuple[str, ...]) -> Any:
     """The first node of these names that is there, else None."""
-    for name in names:
-        node = storage.getNode(name)
-        if not node.empty():
-            return node
-    return None
+    return next((storage[name] for name in names if name in storage), None)
 
 
 def matrix_of(node: Any, name: str, source: str) -> FloatArray:
-    """The numbers of an OpenCV matrix, or of a plain sequence: (rows, cols), or one row.
-
-    Read one by one: `FileNode.mat()` of OpenCV 5.0 writes past its memory, and ends the whole
-    program, where rows or cols are missing or negative.
+    """The numbers of an OpenCV matrix, or of a list, flat or of rows: (rows, cols), or one row.
 
     Raises:
         StereocalError: no matrix, or not of numbers.
     """
-    if node.isSeq():
-        parts = [node.at(i) for i in range(min(node.size(), MOST_VALUES))]
-        if any(part.isSeq() for part in parts):
-            table = [_row(part, name, source) for part in parts]
-            if len({len(row) for row in table}) != 1:
-                raise StereocalError(f"{source}: the rows of {name} are not equally long.")
-            return np.array(table, dtype=np.float64)
-        return np.array([_row(node, name, source)], dtype=np.float64)
-    rows, cols, data = (
-        node.getNode(key) if node.isMap() else None for key in ("rows", "cols", "data")
-    )
-    if rows is None or cols is None or data is None or not (rows.isInt() and cols.isInt()):
+    rows, cols = (node.get("rows"), node.get("cols")) if isinstance(node, dict) else (0, 0)
+    data = node.get("data") if isinstance(node, dict) else node
+    if not isinstance(data, list) or type(rows) is not int or type(cols) is not int:
         raise StereocalError(f"{source}: {name} is not a matrix (!!opencv-matrix).")
-    shape = (int(rows.real()), int(cols.real()))
-    numbers = _row(data, name, source)
-    if min(shape) < 0 or shape[0] * shape[1] != len(numbers):
-        raise StereocalError(f"{source}: {name} does not hold the numbers of a matrix.")
-    return np.array(numbers, dtype=np.float64).reshape(shape)
-
-
-def lens_model_of(storage: Any) -> str | bool | None:
-    """What a file says of its lens model: its name, or whether it is a fisheye."""
-    node = storage.getNode("distortion_model")
-    if node.isString():
-        return str(node.string())
-    node = storage.getNode("fisheye_model")  # of OpenCV's calibration program
-    return bool(node.real()) if node.isInt() else None
-
-
-def _row(node: Any, name: str, source: str) -> list[float]:
-    values = [node.at(i) for i in range(min(node.size(), MOST_VALUES))] if node.isSeq() else []
-    if not all(value.isInt() or value.isReal() for value in values):
+    table = data if data and all(isinstance(row, list) for row in data) else [data]
+    if len({len(row) for row in table}) != 1:
+        raise StereocalError(f"{source}: the rows of {name} are not equally long.")
+    if not all(is_number(value) for row in table for value in row):
         raise StereocalError(f"{source}: {name} holds something that is not a number.")
-    return [value.real() for value in values]
+    found = np.array(table, dtype=np.float64)
+    if not isinstance(node, dict):
+        return found
+    if min(rows, cols) < 0 or rows * cols != found.size:
+        raise StereocalError(f"{source}: {name} does not hold the numbers of a matrix.")
+    return found.reshape(rows, cols)
 
 
-def _depth(text: str) -> int:
-    """At least as many levels as the brackets, tags, dashes, names and blanks of a file nest."""
-    depth = deepest = 0
-    for mark in re.finditer(r"[\[{]|[\]}]|</|/>|<(?=\w)", text):
-        depth += -1 if mark[0] in ("]", "}", "</", "/>") else 1
-        deepest = max(deepest, depth)
-    if text.lstrip().startswith("{"):  # JSON, in which names of one level may share a line
-        return deepest
-    return max(deepest, max(map(_depth_of_line, text.splitlines()), default=0))
+def is_number(value: object) -> bool:
+    """Whether a node is a number that can be computed with."""
+    return isinstance(value, float) or (type(value) is int and abs(value) < 1 << 63)
 
 
-def _depth_of_line(line: str) -> int:
-    """At least as many levels as a line of YAML opens, in `- - a: b: 1`, or stands in."""
-    code = line.lstrip(" \t")
-    if code.startswith("#"):
-        return 0
-    dashes = len(re.findall(r"-(?=[ \t-])", code))  # not that of a number
-    return max((len(line) - len(code)) // BLANKS_A_LEVEL, dashes, code.count(":"))
+def lens_model_of(storage: Storage) -> str | bool | None:
+    """What a file says of its lens model: its name, or whether it is a fisheye."""
+    model, fisheye = storage.get("distortion_model"), storage.get("fisheye_model")
+    if isinstance(model, str):
+        return model
+    return bool(fisheye) if isinstance(fisheye, int) else None  # of OpenCV's calibration program
+
+
+def _read_xml(text: str, source: str) -> Storage:
+    # OpenCV writes no document type, the only place from which entities can swell.
+    if "<!DOCTYPE" in text:
+        raise StereocalError(f"{source}: this XML file has a document type, which is not read.")
+    try:
+        root = ElementTree.fromstring(text)
+    except (ElementTree.ParseError, ValueError) as error:
+        raise StereocalError(f"{source}: this is not valid XML ({error}).") from error
+    nodes = _children(root, source)
+    return nodes if isinstance(nodes, dict) else {}
+
+
+def _children(element: ElementTree.Element, source: str, depth: int = 0) -> Any:
+    """The value of an element: OpenCV's lists are numbers in its text, or elements called `_`."""
+    if depth > DEEPEST:
+        raise StereocalError(f"{source}: this is not a camera file, it is nested too deeply.")
+    if not len(element):
+        values = [_value(word) for word in (element.text or "").split()]
+        if all(map(is_number, values)) and values:
+            return values[0] if len(values) == 1 and element.tag != "data" else values
+        return (element.text or "").strip().strip('"')
+    children = [(child.tag, _children(child, source, depth + 1)) for child in element]
+    if all(tag == "_" for tag, _ in children):
+        return [value for _, value in children]
+    found = dict(children)
+    if len(found) < len(children):
+        raise StereocalError(f"{source}: a name stands twice in <{element.tag[:60]}>.")
+    return found
+
+
+def _value(word: str) -> Any:
+    for kind in (int, float):
+        try:
+            return kind(word.lower().replace(".nan", "nan").replace(".inf", "inf"))
+        except ValueError:
+            continue
+    return word

@@ -9,7 +9,6 @@ are meant) stands in `questions`, for a person to answer.
 
 from __future__ import annotations
 
-import csv
 import io
 import itertools
 from dataclasses import dataclass, field
@@ -19,14 +18,12 @@ import pandas as pd
 
 from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
 from stereocal.formats.pixel_origin import PixelOrigin
-from stereocal.matching.point_table import MOST_COLUMNS, is_missing, numbers_of, rows_error
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Correspondences
 from stereocal.system.limits import Limits
+from stereocal.system.tables import MISSING, Column, cells_of, numbers_in, rows_below, text_of
 
 HEAD = 1_000_000
-MOST_CELLS = 100_000_000
-"""The whole table is held in memory here."""
 
 
 @dataclass(frozen=True)
@@ -158,68 +155,28 @@ def _table(
     content: bytes, layout: PointLayout, source: str, first_rows: int | None
 ) -> pd.DataFrame:
     """The rows under the header, all as text; the index holds the lines of the file."""
-    limits = Limits.from_environment()
-    limits.check_size(len(content), source)
-    limits.check_rows(content.count(b"\n"), source)
-    cells = content.count(layout.delimiter.encode())
-    if cells > MOST_CELLS:
-        raise StereocalError(f"{source}: {cells} cells are too many for one table.")
-    try:
-        text = content.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise StereocalError(f"{source}: this is not a text file (CSV in UTF-8).") from error
-    head = list(itertools.islice(io.StringIO(text[:HEAD], newline=None), layout.header_rows + 8))
-    columns = 1 + max((line.count(layout.delimiter) for line in head), default=0)
-    if columns > MOST_COLUMNS:
-        raise StereocalError(
-            f"{source}: {columns} columns are too many; at most {MOST_COLUMNS} are read."
-        )
-    try:
-        raw = pd.read_csv(
-            io.StringIO(text),
-            sep=layout.delimiter,
-            header=None,
-            skiprows=layout.header_rows,
-            nrows=first_rows,
-            dtype=str,
-            keep_default_na=False,
-            skip_blank_lines=False,
-        )
-    except (pd.errors.ParserError, pd.errors.EmptyDataError) as error:
-        raise rows_error(error, source) from error
-    raw.index += layout.header_rows + 1
-    _refuse_longer(raw, head[: layout.header_rows], layout.delimiter, source)
-    raw = raw[(raw != "").any(axis=1)]
-    named = [layout.frame, *(index for _, index in layout.further)]
-    for each in layout.columns:
-        named += [each.u, each.v, each.likelihood]
-    last = max(index for index in named if index is not None)
-    if raw.shape[1] <= last:
-        raise StereocalError(
-            f"{source}: the layout ({layout.program}) needs {last + 1} columns; the file has "
-            f"{raw.shape[1]}."
-        )
-    return raw
-
-
-def _refuse_longer(raw: pd.DataFrame, head: list[str], delimiter: str, source: str) -> None:
-    """Refuse rows with more cells than the header: which is which, nobody knows."""
-    try:
-        named = max((len(row) for row in csv.reader(head, delimiter=delimiter)), default=0)
-    except csv.Error as error:
-        raise StereocalError(f"{source}: this is not a CSV file ({error}).") from error
-    if not named or raw.shape[1] <= named:
-        return
-    further = (raw.iloc[:, named:].fillna("") != "").to_numpy()
-    problems = [
-        RowProblem(
-            int(raw.index[row]), f"{named + 1 + np.flatnonzero(cells)[-1]} cells instead of {named}"
-        )
-        for row, cells in enumerate(further)
-        if cells.any()
-    ]
+    text = text_of(content, source)
+    Limits.from_environment().check_rows(text.count("\n"), source)
+    head = list(itertools.islice(io.StringIO(text[:HEAD]), layout.header_rows + 8))
+    cells = cells_of("".join(head), layout.delimiter, source)
+    below = [len(row) for row in cells[layout.header_rows :] if any(row)]
+    named = max((len(row) for row in cells[: layout.header_rows]), default=max(below, default=0))
+    raw, problems = rows_below(
+        text, layout.header_rows, named, layout.delimiter, source, first_rows
+    )
     if problems:
         raise RefusedRowsError(f"{source}: ", problems, "cannot be used")
+    wanted = [layout.frame, *(index for _, index in layout.further)]
+    for each in layout.columns:
+        wanted += [each.u, each.v, each.likelihood]
+    last = max(index for index in wanted if index is not None)
+    there = min(named, below[0] if below else named)
+    if there <= last:
+        raise StereocalError(
+            f"{source}: the layout ({layout.program}) needs {last + 1} columns; the file has "
+            f"{there}."
+        )
+    return raw
 
 
 def _frames(
@@ -227,12 +184,8 @@ def _frames(
 ) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
     if layout.frame is None:
         return np.arange(layout.first_frame, layout.first_frame + len(raw))
-    values = _numbers(raw, layout, layout.frame, source)
-    bad = np.flatnonzero(~((values == np.round(values)) & (np.abs(values) < 2**53)))
-    if len(bad):
-        problems = [RowProblem(int(raw.index[int(k)]), "no whole frame number") for k in bad]
-        raise RefusedRowsError(f"{source}: ", problems, "cannot be used")
-    return values.astype(np.int64)
+    column = Column(f"column {layout.frame + 1}", is_whole=True)
+    return _numbers(raw, layout, layout.frame, source, column).astype(np.int64)
 
 
 def _pixels(
@@ -257,15 +210,13 @@ def _pixels(
     return layout.origin.to_ours(pixels * layout.px_per_unit, image_height or 0)
 
 
-def _numbers(raw: pd.DataFrame, layout: PointLayout, index: int, source: str) -> FloatArray:
-    column = raw[index]
-    values = numbers_of(column, decimal_comma=layout.delimiter == ";")
-    missing = column.isna().to_numpy() | is_missing(column)
-    bad = np.flatnonzero(~np.isfinite(values) & ~missing)
-    if len(bad):
-        problems = [
-            RowProblem(line, f'column {index + 1} is "{str(cell)[:40]}", which is not a number')
-            for line, cell in zip(raw.index[bad].tolist(), column.iloc[bad], strict=True)
-        ]
+def _numbers(
+    raw: pd.DataFrame, layout: PointLayout, index: int, source: str, column: Column | None = None
+) -> FloatArray:
+    column = column or Column(f"column {index + 1}", may_be_empty=True)
+    own = raw[[index]].set_axis([column.name], axis=1)
+    values, reasons = numbers_in(own, [column], layout.delimiter == ";", MISSING)
+    if reasons:
+        problems = [RowProblem(int(raw.index[row]), reasons[row]) for row in reasons]
         raise RefusedRowsError(f"{source}: ", problems, "cannot be used")
-    return values
+    return values[column.name]

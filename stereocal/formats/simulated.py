@@ -26,7 +26,7 @@ from stereocal.simulation.simulate import (
     FIELD_FRAMES,
     FIELD_NOISE_PX,
     TRUTH,
-    Given,
+    Nominal,
     observe,
     simulate_field,
     truth_of,
@@ -101,7 +101,7 @@ def write_photographs(
 def describing_files(field: PhotographedField) -> dict[str, bytes]:
     """`dataset.json`, the two camera files and `truth.json`."""
     given = replace(
-        Given.exact(field.scene), baseline_m=FIELD_BASELINE_M, target_distance_m=FIELD_BAR_M
+        Nominal.exact(field.scene), baseline_m=FIELD_BASELINE_M, target_distance_m=FIELD_BAR_M
     )
     notes = f"Synthetic photographs, seed {field.seed}; the truth is in {TRUTH}."
     exact = observe(field.scene, np.random.default_rng(0), 0.0, "photographs", given, notes)

@@ -10,9 +10,9 @@ import pandas as pd
 
 from stereocal.errors import DAMAGED, StereocalError
 from stereocal.formats.other_files import is_hdf5, refuse_other_points
-from stereocal.formats.point_files import MOST_CELLS
 from stereocal.rig.compiled import FloatArray
 from stereocal.system.limits import Limits
+from stereocal.system.tables import MOST_CELLS
 
 ARRAYS = {
     "tracks": (4, "f", True),

@@ -8,9 +8,9 @@ from typing import Any, get_args
 
 import numpy as np
 
+from stereocal.detection.checks import Reason
 from stereocal.detection.detect import Detection
 from stereocal.detection.fit import Corner
-from stereocal.detection.refusals import Reason
 
 
 def pack_detection(found: Detection) -> bytes | None:

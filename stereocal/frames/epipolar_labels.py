@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from stereocal.calibration.essential import calibrate_essential, linear_essential
 from stereocal.errors import StereocalError
-from stereocal.rig.compiled import FloatArray, plain
+from stereocal.rig.compiled import FloatArray, contiguous
 from stereocal.rig.geometry import Pose, triangulate_rays
 
 FEWEST_FRAMES = 6
@@ -100,7 +100,7 @@ def _samples(rays: FloatArray, rng: np.random.Generator) -> list[FloatArray]:
     for _ in range(SAMPLES):
         chosen = rng.permutation(frames)[:SAMPLED_FRAMES]
         for way in ways:
-            E = linear_essential(plain(rays[way, chosen].reshape(-1, 4).T))
+            E = linear_essential(contiguous(rays[way, chosen].reshape(-1, 4).T))
             if np.isfinite(E).all():
                 found.append((float(np.median(_distances(E, judges).min(axis=0))), E))
     found.sort(key=lambda sample: sample[0])

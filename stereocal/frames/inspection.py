@@ -4,46 +4,38 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor, as_completed
 
 from stereocal.errors import StereocalError
 from stereocal.frames.pairing import Pair
 from stereocal.rig.camera import CAMERAS
-from stereocal.system.photograph import FileContent, photograph_header
+from stereocal.system.photograph import photograph_size
 from stereocal.system.photograph_files import Photographs
+from stereocal.system.tasks import Progress
 
 Size = tuple[int, int]
-Progress = Callable[[int, int], None]
 
 
 def look_through(
-    photographs: Photographs,
-    executor: Executor,
-    progress: Progress,
-    cancelled: Callable[[], bool],
+    photographs: Photographs, progress: Progress, cancelled: Callable[[], bool]
 ) -> tuple[dict[str, Size], dict[str, str]] | None:
     """Size of each sound photograph, and what is wrong with each of the others.
+
+    Here, not on workers: a photograph takes 0.5 ms, its search 100 times as long.
 
     Returns:
         Both by name, the second a sentence; None if it was cancelled.
     """
-    work = {executor.submit(_look, path, name): name for name, path in photographs.items()}
     sizes: dict[str, Size] = {}
     problems: dict[str, str] = {}
-    try:
-        for done, future in enumerate(as_completed(work)):
-            if cancelled():
-                return None
-            seen = future.result()
-            if isinstance(seen, str):
-                problems[work[future]] = seen
-            else:
-                sizes[work[future]] = seen
-            progress(done + 1, len(work))
-        return sizes, problems
-    finally:
-        for future in work:
-            future.cancel()
+    for done, (name, path) in enumerate(photographs.items()):
+        if cancelled():
+            return None
+        try:
+            sizes[name] = photograph_size(path, name)
+        except StereocalError as error:
+            problems[name] = str(error)
+        progress(done + 1, len(photographs))
+    return sizes, problems
 
 
 def wrong_sizes(
@@ -74,10 +66,3 @@ def wrong_sizes(
                 width, height = sizes[name]
                 problems[name] = f"{name}: it has {width}x{height} px, and {reason}."
     return problems
-
-
-def _look(path: FileContent, name: str) -> Size | str:
-    try:
-        return photograph_header(path, name).size
-    except StereocalError as error:
-        return str(error)

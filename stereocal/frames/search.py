@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from functools import partial
 
 import cv2
 import numpy as np
@@ -12,15 +11,14 @@ import numpy as np
 from stereocal.detection.detect import Detection, detect_targets, refusal
 from stereocal.detection.fit import Corner
 from stereocal.frames.frame import Centre, CentrePair, Frame, State
-from stereocal.frames.inspection import Progress, look_through, wrong_sizes
+from stereocal.frames.inspection import look_through, wrong_sizes
 from stereocal.frames.labelling import FrameLabels, LabelledPair, label_targets
 from stereocal.frames.pairing import Pair
 from stereocal.frames.series import detect_series
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.dataset import TARGETS
-from stereocal.system.photograph import FileContent, GreyImage, read_photograph
 from stereocal.system.photograph_files import Photographs
-from stereocal.system.tasks import Pieces
+from stereocal.system.tasks import Pieces, Progress
 
 STAGES = ("photographs looked through", "photographs searched for targets")
 NOTHING: CentrePair = (None, None)
@@ -52,7 +50,7 @@ def detect_frames(
     begin(STAGES[0])
     wanted = dict.fromkeys(name for pair in pairs for name in (pair.primary, pair.secondary))
     there = {name: photographs[name] for name in wanted if name in photographs}
-    looked = look_through(there, executor, progress, cancelled)
+    looked = look_through(there, progress, cancelled)
     if looked is None:
         return None
     sizes, problems = looked
@@ -60,12 +58,11 @@ def detect_frames(
     problems |= wrong_sizes(pairs, sizes, [camera.image_size for camera in cameras])
     begin(STAGES[1])
     sound = [name for name in there if name not in problems]
-    read = partial(_read, {there[name]: name for name in sound})
-    paths = [there[name] for name in sound]
-    found = detect_series(paths, read, executor, progress, cancelled, pieces)
-    if found is None:
+    seen = detect_series(
+        {name: there[name] for name in sound}, executor, progress, cancelled, pieces
+    )
+    if seen is None:
         return None
-    seen = dict(zip(sound, found, strict=True))
     seen |= {name: refusal(UNREADABLE, "unreadable", said) for name, said in problems.items()}
     return _agree(pairs, seen, cameras)
 
@@ -101,11 +98,6 @@ def compile_detection() -> None:
     for left in (60, 190):
         photograph[85:155, left : left + 70] = board
     detect_targets(cv2.GaussianBlur(photograph, (0, 0), 1.0))
-
-
-def _read(names: Mapping[FileContent, str], path: FileContent) -> GreyImage:
-    """The photograph at `path`, which messages call by the person's name for it."""
-    return read_photograph(path, names[path])
 
 
 def _agree(

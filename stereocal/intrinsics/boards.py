@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import itertools
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import closing
 from dataclasses import dataclass, replace
@@ -23,7 +23,8 @@ from stereocal.intrinsics.board_pattern import BoardPattern
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.system.photograph import FileContent, GreyImage, read_photograph
 from stereocal.system.photograph_files import Photographs
-from stereocal.system.tasks import Pieces, Task, each_finished
+from stereocal.system.photograph_tasks import PhotographFile, for_worker, read_for_worker
+from stereocal.system.tasks import Pieces, Progress, StoppedError, Task, run_tasks
 
 NARROWEST_PX = 5.0
 """Nearer than this the corners run into each other: the board is edge-on or far away."""
@@ -122,18 +123,18 @@ def find_boards(
     photographs: Photographs,
     pattern: BoardPattern,
     executor: Executor,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
     cancelled: Callable[[], bool] | None = None,
     pieces: Pieces[BoardView | Refused] | None = None,
 ) -> BoardSearch | None:
     """The boards in one camera's photographs, on any `concurrent.futures` executor.
 
-    Only paths go to the workers, and each holds one photograph at a time.
+    Each worker holds one photograph at a time.
 
     Args:
         photographs: names to files.
         progress: called with the photographs done and all of them.
-        cancelled: asked after each photograph; if true, what is left is dropped.
+        cancelled: asked while they are searched; if true, what is left is dropped.
         pieces: what was found before, by the file's name, which must tell its content, and where
             more is kept.
 
@@ -146,20 +147,24 @@ def find_boards(
     if not photographs:
         raise StereocalError("There are no photographs of the board.")
     of_pattern = hashlib.sha256(repr(pattern).encode()).hexdigest()[:16]
-    tasks: dict[str, Task[BoardView | Refused]] = {
-        f"{path.name} {of_pattern} {name}": (find_board_in_file, (path, pattern, name))
+    tasks: Iterator[Task[BoardView | Refused]] = (
+        Task(
+            f"{path.name} {of_pattern} {name}",
+            find_board_in_file,
+            (for_worker(path, executor), pattern, name),
+        )
         for name, path in photographs.items()
-    }
+    )
     found: dict[str, BoardView | Refused] = {}
-    with closing(each_finished(executor, tasks, pieces)) as finished:
-        for _, result in finished:
-            found[result.name] = result
-            if progress:
-                progress(len(found), len(photographs))
-            if len(found) == TELLING:
-                _check_size(photographs, found, pattern)
-            if cancelled and cancelled():
-                return None
+    every = run_tasks(tasks, executor, len(photographs), progress, cancelled, pieces)
+    try:
+        with closing(every) as finished:
+            for _, result in finished:
+                found[result.name] = result
+                if len(found) == TELLING:
+                    _check_size(photographs, found, pattern)
+    except StoppedError:
+        return None
     if len(found) < TELLING:
         _check_size(photographs, found, pattern)
     results = [found[name] for name in sorted(photographs)]
@@ -171,13 +176,14 @@ def find_boards(
     return BoardSearch(pattern, views, refused)
 
 
-def find_board_in_file(path: FileContent, pattern: BoardPattern, name: str) -> BoardView | Refused:
+def find_board_in_file(
+    photograph: PhotographFile, pattern: BoardPattern, name: str
+) -> BoardView | Refused:
     """The board in the photograph of a file: the piece of work that an executor gets."""
     try:
-        image = read_photograph(path, name)
+        image = read_for_worker(photograph, name)
     except StereocalError as error:
-        reason = str(error).removeprefix(f"{name}: ")
-        return Refused(name, reason.rstrip("."))
+        return Refused(name, str(error).removeprefix(f"{name}: ").rstrip("."))
     return find_board(image, pattern, name)
 
 

@@ -32,7 +32,7 @@ from stereocal.intrinsics.board_pattern import BoardPattern
 from stereocal.intrinsics.boards import BoardSearch, BoardView
 from stereocal.rig.camera import Camera, LensUncertainty
 from stereocal.rig.compiled import FloatArray, IntArray
-from stereocal.system.tasks import Pieces, Task, each_finished
+from stereocal.system.tasks import Pieces, Progress, StoppedError, Task, run_tasks
 
 PARAMETERS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
 FEWEST_VIEWS = 3
@@ -154,7 +154,7 @@ def calibrate_lens(
     search: BoardSearch,
     settings: LensSettings,
     executor: Executor,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
     cancelled: Callable[[], bool] | None = None,
     pieces: Pieces[FloatArray] | None = None,
 ) -> LensCalibration | None:
@@ -162,7 +162,7 @@ def calibrate_lens(
 
     Args:
         progress: called with the draws done and all of them.
-        cancelled: asked after each few draws; if true, what is left is dropped.
+        cancelled: asked while they are computed; if true, what is left is dropped.
         pieces: draws that were finished before, and where more are kept.
 
     Returns:
@@ -178,22 +178,16 @@ def calibrate_lens(
     chunks = [every, *(drawn[at : at + CHUNK] for at in range(0, settings.repeats, CHUNK))]
     about = (search.pattern, views, search.image_size, settings)
     of_views = _key(search, settings)
-    tasks: dict[str, Task[FloatArray]] = {
-        f"{of_views} {number}": (solve_draws, (*about, chunk))
+    tasks = (
+        Task(f"{of_views} {number}", solve_draws, (*about, chunk), len(chunk) * (number > 0))
         for number, chunk in enumerate(chunks)
-    }
-    of_every = next(iter(tasks))
-    found: dict[str, FloatArray] = {}
-    done = 0
-    with closing(each_finished(executor, tasks, pieces)) as finished:
-        for key, of_chunk in finished:
-            found[key] = of_chunk
-            done += len(of_chunk) * (key != of_every)
-            if progress and key != of_every:
-                progress(done, settings.repeats)
-            if cancelled and cancelled():
-                return None
-    of_all, *draws = (found[key] for key in tasks)
+    )
+    every_draw = run_tasks(tasks, executor, settings.repeats, progress, cancelled, pieces)
+    try:
+        with closing(every_draw) as finished:
+            of_all, *draws = (found for _, found in finished)
+    except StoppedError:
+        return None
     calibration = LensCalibration(search, settings, drawn, np.vstack(draws), of_all[0])
     _check_lens(calibration)
     return calibration

@@ -117,7 +117,7 @@ def apply_sets(
 
     Args:
         tables: the primary's and the secondary's points.
-        executor: threads that compute blocks of both tables.
+        executor: computes blocks of both tables; None does it here.
         pieces: blocks of this very work that were finished before, and where more are kept.
 
     Raises:

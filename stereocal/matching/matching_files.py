@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, field
@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from stereocal.errors import RowProblem, StereocalError
-from stereocal.matching.blocks import TableBlock, in_order
+from stereocal.matching.blocks import TableBlock
 from stereocal.matching.matching import (
     ANY_DEPTH,
     check_depths,
@@ -29,11 +29,11 @@ from stereocal.matching.pairs import (
     pixels_of,
 )
 from stereocal.matching.point_table import Contents, PointTable
-from stereocal.matching.table_writer import CancelledError, open_table
+from stereocal.matching.table_writer import open_table
 from stereocal.matching.threshold import FramePixels, ThresholdChoice, choose_threshold, sample_of
 from stereocal.rig.camera import Camera
 from stereocal.rig.parameters import RigParameters
-from stereocal.system.tasks import Pieces
+from stereocal.system.tasks import Pieces, Progress, StoppedError, Task, run_tasks
 
 LOST_COLUMNS = ("camera", "frame", "u", "v")
 OTHER_IMAGES = 0.2
@@ -44,9 +44,6 @@ BLOCK_FRAMES, BLOCK_ROWS, AHEAD = 25, 2000, 6
 Frame = tuple[int, pd.DataFrame, pd.DataFrame]
 """Number, and rows of the primary and of the secondary camera."""
 Frames = list[Frame]
-
-Progress = Callable[[int, int], None]
-"""Frames done, and all."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +87,8 @@ def match_tables(
     Args:
         depths_m: nearest and farthest depth in the primary's frame.
         unmatched: where to write the points without a partner (`camera,frame,u,v` and more).
-        executor: threads that match blocks of frames.
+        progress: frames done, and all.
+        executor: matches blocks of frames; None does it here.
         pieces: blocks of this very work that were finished before, and where more are kept; for
             CSV, and without `unmatched`.
 
@@ -112,12 +110,18 @@ def match_tables(
     total = len(np.union1d(contents[0].frames, contents[1].frames))
     columns = [*PAIR_COLUMNS, *names.columns]
 
-    def compute(block: Frames) -> TableBlock:
-        found = _match_block(rig, block, gate, depths_m, names)
-        return found if pieces is None else found.as_lines(columns)
-
+    lines_of = None if pieces is None else columns
+    tasks = (
+        Task(
+            f"matched {block[0][0]} to {block[-1][0]}",
+            _match_block,
+            (rig, block, gate, depths_m, names, lines_of),
+            len(block),
+        )
+        for block in _blocks(_side_by_side(primary, secondary))
+    )
+    matched = run_tasks(tasks, executor, total, progress, cancelled, pieces, AHEAD)
     counts = np.zeros(4, dtype=np.int64)
-    done = 0
     try:
         with ExitStack() as stack:
             pairs = stack.enter_context(open_table(out, columns))
@@ -125,17 +129,12 @@ def match_tables(
             if unmatched is not None:
                 further = dict.fromkeys([*primary.further, *secondary.further])
                 lost = stack.enter_context(open_table(unmatched, [*LOST_COLUMNS, *further]))
-            blocks = _blocks(_side_by_side(primary, secondary), cancelled)
-            matched = in_order(blocks, _name, compute, executor, pieces, AHEAD)
-            for block, found in stack.enter_context(closing(matched)):
+            for _, found in stack.enter_context(closing(matched)):
                 pairs.add(found.rows)
                 if lost is not None and found.others is not None:
                     lost.add(found.others)
                 counts += found.numbers.astype(np.int64)
-                done += len(block)
-                if progress is not None:
-                    progress(done, total)
-    except CancelledError:
+    except StoppedError:
         return None
     count, ambiguous, left_primary, left_secondary = counts.tolist()
     if count < FEW_MATCHED * min(each.rows for each in contents):
@@ -190,19 +189,11 @@ def check_points(table: PointTable, camera: Camera, which: str) -> Contents:
     return table.check(refuse)
 
 
-def _blocks(
-    frames: Iterator[Frame], cancelled: Callable[[], bool] | None = None
-) -> Iterator[Frames]:
-    """A few frames at a time: about 0.1 s of work.
-
-    Raises:
-        CancelledError: somebody stopped the work; asked before each frame.
-    """
+def _blocks(frames: Iterator[Frame]) -> Iterator[Frames]:
+    """A few frames at a time: about 0.1 s of work."""
     block: list[Frame] = []
     rows = 0
     for frame in frames:
-        if cancelled is not None and cancelled():
-            raise CancelledError
         block.append(frame)
         rows += len(frame[1]) + len(frame[2])
         if len(block) == BLOCK_FRAMES or rows >= BLOCK_ROWS:
@@ -212,18 +203,19 @@ def _blocks(
         yield block
 
 
-def _name(block: Frames) -> str:
-    return f"matched {block[0][0]} to {block[-1][0]}"
-
-
 def _match_block(
     rig: RigParameters,
     block: Frames,
     gate: float,
     depths_m: tuple[float, float],
     names: FurtherNames,
+    lines_of: Sequence[str] | None,
 ) -> TableBlock:
-    """The pairs of some frames; numbers: pairs, ambiguous ones, and points left, by camera."""
+    """The pairs of some frames; numbers: pairs, ambiguous ones, and points left, by camera.
+
+    Args:
+        lines_of: columns of the pairs, if they come as lines of CSV.
+    """
     found, lonely = zip(
         *(match_frame(rig, *frame, gate, depths_m, names) for frame in block), strict=True
     )
@@ -236,11 +228,12 @@ def _match_block(
     ]
     filled = [table for table in found if len(table)]
     left = [table for table in lonely if len(table)]
-    return TableBlock(
+    matched = TableBlock(
         pd.concat(filled) if filled else found[0],
         np.array(numbers, dtype=np.float64),
         pd.concat(left) if left else lonely[0],
     )
+    return matched if lines_of is None else matched.as_lines(lines_of)
 
 
 def _side_by_side(

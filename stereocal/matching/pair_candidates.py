@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from stereocal.rig.compiled import FloatArray, IntArray, compiled, internal, plain
+from stereocal.rig.compiled import FloatArray, IntArray, compiled, contiguous, internal
 from stereocal.rig.geometry import reprojection_shift
 
 
@@ -37,7 +37,8 @@ def pairs_within(
     of_primary = np.full((len(primary), 2), np.inf)
     of_secondary = np.full((len(secondary), 2), np.inf)
     found = _pairs_within(
-        plain(R), plain(T), plain(primary), plain(secondary.T), plain(pixel_scale), float(gate),
+        contiguous(R), contiguous(T), contiguous(primary), contiguous(secondary.T),
+        contiguous(pixel_scale), float(gate),
         float(near), float(far), of_primary, of_secondary,
     )  # fmt: skip
     rows = found[:, :2].astype(np.int64)

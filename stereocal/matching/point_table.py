@@ -15,24 +15,29 @@ from __future__ import annotations
 
 import csv
 import itertools
-import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
 from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
 from stereocal.matching.parquet import PARQUET, block_rows, parquet_chunks, parquet_names
-from stereocal.rig.compiled import FloatArray, IntArray
+from stereocal.rig.compiled import IntArray
 from stereocal.system.limits import Limits
+from stereocal.system.tables import (
+    MISSING,
+    Column,
+    cells_of,
+    check_names,
+    chunks_of_file,
+    delimiter_of,
+    is_missing,
+    numbers_in,
+)
 
-MOST_COLUMNS = 2_000
 LONGEST_HEADER = 1_000_000
-MISSING = ("", "nan", "na", "none", "null")
 
 
 @dataclass(frozen=True)
@@ -75,7 +80,7 @@ class PointTable:
             reason = getattr(error, "strerror", None) or error
             raise StereocalError(f"{self.label}: the file cannot be read ({reason}).") from error
         self.names = tuple(name.strip() for name in names)
-        self._refuse_columns()
+        check_names(self.names, ("frame", *self.numbers), self.names, self.label)
         self.further = tuple(n for n in self.names if n != "frame" and n not in self.numbers)
         self._left_out = 0
         self._in_order: bool | None = None
@@ -159,8 +164,12 @@ class PointTable:
         self._in_order = True
 
     def _chunks(self) -> Iterator[pd.DataFrame]:
-        for raw in parquet_chunks(self.path, self.label) if self.is_parquet else self._csv_chunks():
-            yield self._converted(raw)
+        if self.is_parquet:
+            chunks = parquet_chunks(self.path, self.label)
+        else:
+            rows = block_rows(self.names)
+            chunks = chunks_of_file(self.path, self.names, self.delimiter, rows, self.label)
+        yield from map(self._converted, chunks)
 
     def _csv_names(self) -> list[str]:
         with self.path.open(encoding="utf-8-sig", newline="") as file:
@@ -170,8 +179,8 @@ class PointTable:
                     f"{self.label}: the file is empty, or its first line is; it must name the "
                     f"columns frame, {', '.join(self.numbers)}."
                 )
-            self.delimiter = max(",;\t", key=first.count)
-            names = next(csv.reader([first], delimiter=self.delimiter))
+            self.delimiter = delimiter_of(first)
+            (names,) = cells_of(first, self.delimiter, self.label)
             # A quoted cell may go on in the next line.
             lines = iter(lambda: file.readline(LONGEST_HEADER), "")
             cells = next(csv.reader(lines, delimiter=self.delimiter), [])
@@ -182,49 +191,6 @@ class PointTable:
                 )
             return names
 
-    def _refuse_columns(self) -> None:
-        if len(self.names) > MOST_COLUMNS:
-            raise StereocalError(
-                f"{self.label}: {len(self.names)} columns are too many; at most {MOST_COLUMNS} are "
-                "read."
-            )
-        missing = [name for name in ("frame", *self.numbers) if name not in self.names]
-        if missing:
-            raise StereocalError(
-                f"{self.label}: the column{'s' if len(missing) > 1 else ''} {', '.join(missing)} "
-                f"{'are' if len(missing) > 1 else 'is'} missing; the first line must name the "
-                f"columns frame, {', '.join(self.numbers)}, and names "
-                f"{', '.join(self.names)[:200]}."
-            )
-        twice = [name for name in self.names if self.names.count(name) > 1]
-        if twice:
-            raise StereocalError(
-                f"{self.label}: the column {twice[0]} stands in the first line twice."
-            )
-
-    def _csv_chunks(self) -> Iterator[pd.DataFrame]:
-        try:
-            with pd.read_csv(
-                self.path,
-                sep=self.delimiter,
-                names=list(self.names),
-                header=0,
-                index_col=False,
-                dtype=str,
-                keep_default_na=False,
-                skip_blank_lines=False,
-                encoding="utf-8-sig",
-                chunksize=block_rows(self.names),
-                on_bad_lines="error",
-            ) as reader:
-                for chunk in reader:
-                    chunk.index += 2  # line 1 names the columns
-                    yield chunk
-        except pd.errors.ParserError as error:
-            raise rows_error(error, self.label) from error
-        except (OSError, UnicodeDecodeError) as error:
-            raise StereocalError(f"{self.label}: the file cannot be read ({error}).") from error
-
     def _converted(self, raw: pd.DataFrame) -> pd.DataFrame:
         """Numbers as numbers; rows without points left out.
 
@@ -232,82 +198,23 @@ class PointTable:
             RefusedRowsError: names the lines of the others that cannot be used.
         """
         raw.columns = pd.Index(self.names)
-        columns, missing = {}, {}
-        for name in ("frame", *self.numbers):
-            columns[name] = numbers_of(raw[name], decimal_comma=self.delimiter == ";")
-            missing[name] = is_missing(raw[name])
-        points = np.column_stack([columns[name] for name in self.numbers])
-        unseen = np.logical_and.reduce([missing[name] for name in self.numbers])
-        whole = columns["frame"] == np.round(columns["frame"])
-        good = np.isfinite(points).all(axis=1) & whole & (np.abs(columns["frame"]) < 2**53)
-        bad = np.flatnonzero(~good & ~unseen)
-        if len(bad):
-            lines = raw.index.to_numpy()
-            texts = {name: raw[name].to_numpy() for name in columns}
-            problems = [
-                RowProblem(int(lines[row]), _reason(int(row), columns, missing, texts))
-                for row in bad
-            ]
-            raise RefusedRowsError(f"{self.label}: ", problems, "cannot be used")
-        kept = good & ~unseen
+        columns = [Column("frame", is_whole=True), *map(Column, self.numbers)]
+        unseen = np.logical_and.reduce([is_missing(raw[name]) for name in self.numbers])
         # A blank line is no row.
-        self._left_out += int((unseen & ~missing["frame"]).sum())
-        table = pd.DataFrame(
-            {"frame": columns["frame"][kept].astype(np.int64)}, index=raw.index[kept]
-        )
-        for i, name in enumerate(self.numbers):
-            table[name] = points[kept, i]
+        self._left_out += int((unseen & ~is_missing(raw["frame"])).sum())
+        raw = raw[~unseen]
+        values, reasons = numbers_in(raw, columns, self.delimiter == ";", MISSING)
+        if reasons:
+            lines = raw.index.to_numpy()
+            problems = [RowProblem(int(lines[row]), reasons[row]) for row in sorted(reasons)]
+            raise RefusedRowsError(f"{self.label}: ", problems, "cannot be used")
+        table = pd.DataFrame({"frame": values["frame"].astype(np.int64)}, index=raw.index)
+        for name in self.numbers:
+            table[name] = values[name]
         for name in self.further:
-            table[name] = raw[name][kept]
+            table[name] = raw[name]
         return table
-
-
-def _reason(
-    row: int,
-    columns: Mapping[str, FloatArray],
-    missing: Mapping[str, npt.NDArray[np.bool_]],
-    texts: Mapping[str, npt.NDArray[Any]],
-) -> str:
-    """Why a row cannot be used."""
-    for name, values in columns.items():
-        value, text = values[row], str(texts[name][row]).strip()[:40]
-        if missing[name][row]:
-            return f"{name} is empty"
-        if not np.isfinite(value):
-            return f'{name} is "{text}", which is not a finite number'
-        if name == "frame" and (value != round(value) or abs(value) >= 2**53):
-            return f"frame is {text}, which is not a whole number"
-    return "it cannot be read"
 
 
 class _OutOfOrderError(Exception):
     """The rows are not in the order of the frames."""
-
-
-def rows_error(error: ValueError, source: str) -> StereocalError:
-    """What pandas says of a row that it cannot read, with the line."""
-    found = re.search(r"Expected (\d+) fields in line (\d+), saw (\d+)", str(error))
-    where = f"line {found[2]}: {found[3]} cells instead of {found[1]}" if found else error
-    return StereocalError(f"{source}: 1 row cannot be used: {where}.")
-
-
-def numbers_of(column: pd.Series[Any], decimal_comma: bool) -> FloatArray:
-    """A column as numbers; NaN for what is none."""
-    if not pd.api.types.is_numeric_dtype(column):
-        column = _texts(column)
-        if decimal_comma:
-            column = column.str.replace(",", ".", regex=False)
-    return pd.to_numeric(column, errors="coerce").to_numpy(dtype=np.float64, na_value=np.nan)
-
-
-def _texts(column: pd.Series[Any]) -> pd.Series[Any]:
-    """Words for what a Parquet file can have in place of numbers: dates, lists, bytes."""
-    return column.map(str) if column.dtype == object else column.astype(str)
-
-
-def is_missing(column: pd.Series[Any]) -> npt.NDArray[np.bool_]:
-    """Where a column is empty, or says that it is (NaN, NA, none)."""
-    if pd.api.types.is_numeric_dtype(column):
-        return column.isna().to_numpy()
-    words = _texts(column).str.strip().str.lower()
-    return (column.isna() | words.isin(MISSING)).to_numpy()

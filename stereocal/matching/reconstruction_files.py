@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from contextlib import closing
 from dataclasses import dataclass, field
@@ -12,15 +12,15 @@ import numpy as np
 import pandas as pd
 
 from stereocal.errors import RowProblem, StereocalError
-from stereocal.matching.blocks import TableBlock, in_order
+from stereocal.matching.blocks import TableBlock
 from stereocal.matching.matching import purpose_warning
 from stereocal.matching.pairs import ERROR_DECIMALS
 from stereocal.matching.point_table import PointTable
 from stereocal.matching.reconstruction import noise_of_file, reconstruct_points
-from stereocal.matching.table_writer import CancelledError, open_table
+from stereocal.matching.table_writer import open_table
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
-from stereocal.system.tasks import Pieces
+from stereocal.system.tasks import Pieces, Progress, StoppedError, Task, run_tasks
 
 PIXELS = ("u_primary", "v_primary", "u_secondary", "v_secondary")
 POINT_COLUMNS = ("frame", "x", "y", "z", "error_px")
@@ -33,7 +33,6 @@ FAR_OFF = 0.05
 
 AHEAD = 2
 """Blocks in memory: each may have 100,000 rows."""
-Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True)
@@ -107,7 +106,8 @@ def reconstruct_table(
     """Reconstruct a table of pairs on disk, a block at a time, and write the points.
 
     Args:
-        executor: threads that measure blocks.
+        progress: pairs done, and all.
+        executor: measures blocks; None does it here.
         pieces: blocks of this very work that were finished before, and where more are kept; for
             CSV.
 
@@ -122,25 +122,24 @@ def reconstruct_table(
     columns = [*POINT_COLUMNS, *(SIGMA_COLUMNS if has_errors else ())]
     columns += list(_carried(pairs.names).values())
 
-    def compute(block: pd.DataFrame) -> TableBlock:
-        table = reconstruct(rig, block, world, sigma_px)
-        found = TableBlock(table, table["error_px"].to_numpy(dtype=np.float32))
-        return found if pieces is None else found.as_lines(columns)
-
+    lines_of = None if pieces is None else columns
+    tasks = (
+        Task(
+            f"measured {block.index[0]} to {block.index[-1]}",
+            _measure_block,
+            (rig, block, world, sigma_px, lines_of),
+            len(block),
+        )
+        for block in pairs.blocks()
+    )
+    measured = run_tasks(tasks, executor, contents.rows, progress, cancelled, pieces, AHEAD)
     errors = []
-    done = 0
-    measured = in_order(pairs.blocks(), _name, compute, executor, pieces, AHEAD)
     try:
         with open_table(out, columns) as writer, closing(measured):
-            for block, found in measured:
-                if cancelled is not None and cancelled():
-                    raise CancelledError
+            for _, found in measured:
                 writer.add(found.rows)
                 errors.append(found.numbers)
-                done += len(block)
-                if progress is not None:
-                    progress(done, contents.rows)
-    except CancelledError:
+    except StoppedError:
         return None
     pooled = np.concatenate(errors)
     behind = int(np.isnan(pooled).sum())
@@ -155,8 +154,17 @@ def reconstruct_table(
     return ReconstructionReport(len(pooled), behind, median, notes)
 
 
-def _name(block: pd.DataFrame) -> str:
-    return f"measured {block.index[0]} to {block.index[-1]}"
+def _measure_block(
+    rig: RigParameters,
+    block: pd.DataFrame,
+    world: Pose | None,
+    sigma_px: float | None,
+    lines_of: Sequence[str] | None,
+) -> TableBlock:
+    """The points of some pairs, as lines of CSV if columns are given; numbers: their errors."""
+    table = reconstruct(rig, block, world, sigma_px)
+    measured = TableBlock(table, table["error_px"].to_numpy(dtype=np.float32))
+    return measured if lines_of is None else measured.as_lines(lines_of)
 
 
 def _carried(names: tuple[str, ...]) -> dict[str, str]:

@@ -15,10 +15,6 @@ from stereocal.system.atomic_files import write_in_parts
 ROWS_AT_ONCE = 50_000
 
 
-class CancelledError(Exception):
-    """Somebody stopped the work: raised inside `open_table`, it drops the table."""
-
-
 class TableWriter:
     """Collects rows and writes them in large pieces; made by `open_table`."""
 

@@ -212,15 +212,10 @@ def _unpacked(opened: OpenZip, member: str, folder: Path) -> Path:
 
 
 def guarded_kind(part: str, file: Path) -> str | None:
-    """As what native code may decode a file of a part; None where only Python will."""
-    suffix = file.suffix
-    if suffix in PARQUET:
+    """As what native code decodes a file of a part; None where only Python reads it."""
+    if file.suffix in PARQUET:
         return "table"
-    if part in (INPUT, CALIBRATED):
-        return "camera"
-    if part == ASKING and suffix == ".zip":
-        return "parameters"
-    return {BAR: "photograph", **dict.fromkeys(BOARDS, "photograph"), FURTHER: "dataset"}.get(part)
+    return "photograph" if part in (BAR, *BOARDS) else None
 
 
 def read_input(path: Path, lens_model: LensModel | None = None) -> Dataset:

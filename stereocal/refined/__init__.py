@@ -1,1 +1,1 @@
-"""The parts of method 4 (`stereocal.refined.refine`), and what follows from its result."""
+"""Method 4 (`stereocal.refined.refine`), and the screening and diagnosis that are based on it."""

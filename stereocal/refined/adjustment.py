@@ -1,9 +1,9 @@
 """The refined method's least squares over all frames, compiled.
 
-For each q (see `bar_fit`) the places of the targets are found frame by frame; the least sum of
-squares of a frame, s(q), depends on q alone. The cost is the sum of rho(s) over the frames plus the
-priors. Its normal equations come from the frame's Jacobian with the places eliminated (Schur
-complement), so that time and memory grow with the frames and not with their square.
+For each q (see `bar_fit`), the 3D points are fitted frame by frame. The chi-square of a frame,
+s(q), is the minimum of its sum of squares. The cost is the sum of rho(s) over the frames plus the
+priors. In the normal equations the points are eliminated (Schur complement), so that time and
+memory grow linearly with the number of frames.
 """
 
 from __future__ import annotations
@@ -17,28 +17,28 @@ from stereocal.refined.bar_fit import (
     OWN,
     RESIDUALS,
     SHARED,
-    descent,
     fill_motions,
+    fill_residuals,
+    fill_shared_derivatives,
+    fit_points,
     normal_matrix,
-    residuals_of,
-    settle,
-    shared_slopes,
+    row_product,
 )
 from stereocal.rig.compiled import FloatArray, compiled, internal
 from stereocal.rig.decompositions import backward, factor, forward
 from stereocal.rig.geometry import fill_pose, midpoint
 
-CONVERGED = 1e-9
-"""A solve ends with a step that was to lower the cost by less: 3e-5 standard errors."""
-ROUGHLY = 1e-2
-"""The same while the limit still comes down: a tenth of a standard error."""
+TOLERANCE = 1e-9
+"""A solve ends when a step is predicted to lower the cost by less: 3e-5 standard errors."""
+ROUGH_TOLERANCE = 1e-2
+"""The same while the limit is still being lowered: a tenth of a standard error."""
 
 
 @internal
 def loss(s: float, limit: float) -> tuple[float, float]:
-    """Tukey's biweight rho(s) of a sum of squares, and its slope, the frame's weight.
+    """Tukey's biweight rho(s) of a chi-square s, and its derivative, the frame's weight.
 
-    rho is s near 0 and constant above `limit`: such a frame has no say. An infinite limit is plain
+    rho is s near 0 and constant above `limit`, where the weight is 0. An infinite limit gives plain
     least squares, a limit of 0 leaves the frame out.
     """
     if limit == np.inf:
@@ -50,7 +50,7 @@ def loss(s: float, limit: float) -> tuple[float, float]:
 
 
 @compiled
-def sums(
+def sum_normal_equations(
     q: FloatArray,
     lenses: FloatArray,
     pixels: FloatArray,
@@ -59,24 +59,26 @@ def sums(
     weight: float,
     length_weight: float,
     limits: FloatArray,
-    places: FloatArray,
-    misfits: FloatArray,
+    points: FloatArray,
+    chi_squares: FloatArray,
     H: FloatArray,
     g: FloatArray,
 ) -> float:
-    """Cost of all frames; writes places (n, 6), misfits s (n,), H (15, 15) and g (15,).
-
-    H and g are those of the places at their best: J J^T and J r with x eliminated.
+    """Fit the points of all frames, sum the normal equations, and return the cost.
 
     Args:
-        pixels: (n, 2, 4), NaN for a target that was not seen.
-        rays: (n, 2, 4): the same undistorted with the stated lenses, where places must be started.
-        distances: (n,), NaN without a bar.
+        pixels: (n, 2, 4): as in `bar_fit.fill_residuals`.
+        rays: (n, 2, 4): the same points undistorted with the stated lenses, for initial points.
+        distances: (n,): in metres; NaN without a bar.
+        points: (n, 6), updated: 3D points; NaN where initial points are needed.
+        chi_squares: (n,), written.
+        H: (15, 15), written: J J^T with x eliminated.
+        g: (15,), written: J r with x eliminated.
     """
     R, T, motions = np.empty((3, 3)), np.empty(3), np.empty((6, 3))
     fill_pose(q, q[BASELINE], R, T)
     fill_motions(q, R, motions)
-    slopes, J, V = np.empty((8, 4)), np.empty((ALL + 1, RESIDUALS)), np.empty((OWN, OWN))
+    derivatives, J, V = np.empty((8, 4)), np.empty((ALL + 1, RESIDUALS)), np.empty((OWN, OWN))
     x, Y = np.empty(OWN), np.empty((SHARED + 1, OWN))
     for i in range(SHARED):
         g[i] = 0.0
@@ -85,19 +87,19 @@ def sums(
     cost = 0.0
     for f in range(len(pixels)):
         own = 0.0 if np.isnan(distances[f]) else length_weight
-        start(R, T, rays, places, f, x)
+        start_points(R, T, rays, points, f, x)
         seen = pixels[f]
-        s = settle(q, R, T, lenses, seen, distances[f], weight, own, x, slopes, J, V)
-        misfits[f] = s
+        s = fit_points(q, R, T, lenses, seen, distances[f], weight, own, x, derivatives, J, V)
+        chi_squares[f] = s
         rho, w = loss(s, limits[f])
         cost += rho
         if w > 0.0 and s < np.inf:
-            shared_slopes(R, motions, seen, distances[f], weight, own, x, slopes, J)
+            fill_shared_derivatives(R, motions, seen, distances[f], weight, own, x, derivatives, J)
             normal_matrix(J, seen, V)
             if factor(V, 0.0):
                 eliminate(J, V, w, Y, H, g)
         for i in range(OWN):
-            places[f, i] = x[i] if s < np.inf else np.nan
+            points[f, i] = x[i] if s < np.inf else np.nan
     for i in range(SHARED):
         for j in range(i):
             H[j, i] = H[i, j]
@@ -105,16 +107,16 @@ def sums(
 
 
 @internal
-def start(
-    R: FloatArray, T: FloatArray, rays: FloatArray, places: FloatArray, f: int, x: FloatArray
+def start_points(
+    R: FloatArray, T: FloatArray, rays: FloatArray, points: FloatArray, f: int, x: FloatArray
 ) -> None:
-    """Write the places of a frame; where there are none, midpoints of the targets seen.
+    """Write the initial points of a frame to x: `points[f]`, or midpoints if these are NaN.
 
-    A target that was not seen starts 1 m in front of the camera.
+    A target that was not seen is put 1 m in front of the camera.
     """
     known = 0.0
     for i in range(OWN):
-        x[i] = places[f, i]
+        x[i] = points[f, i]
         known += x[i]
     if not np.isnan(known):
         return
@@ -137,7 +139,7 @@ def eliminate(
     """
     for i in range(SHARED + 1):  # the unknowns, and last the residuals
         for j in range(OWN):
-            Y[i, j] = descent(J, j, OWN + i)
+            Y[i, j] = row_product(J, j, OWN + i)
         forward(L, Y[i])
     for i in range(SHARED + 1):
         for j in range(min(i + 1, SHARED)):
@@ -165,32 +167,35 @@ def adjust(
     weight: float,
     length_weight: float,
     limits: FloatArray,
-    places: FloatArray,
-    misfits: FloatArray,
+    points: FloatArray,
+    chi_squares: FloatArray,
     H: FloatArray,
     tolerance: float,
     most_steps: int,
 ) -> tuple[float, int, bool]:
-    """Levenberg-Marquardt over the free numbers p, with q = origin + M p; in place.
+    """Minimise the cost over the free parameters p (Levenberg-Marquardt), with q = origin + M p.
 
-    The prior of p is normal about 0 with the given precision (0: none). Returns the cost with the
-    priors, the number of steps tried, and whether it converged.
+    p, points, chi_squares and H are updated in place. The prior of p is normal with mean 0 and the
+    given precision (0 for no prior).
+
+    Returns:
+        The cost with the priors, the number of steps tried, and whether it converged.
     """
     k, gain, cost, damping = len(p), np.inf, np.inf, 1e-5
     q, g, trial_g = np.empty(SHARED), np.empty(SHARED), np.empty(SHARED)
-    trial_p, trial_places, trial_misfits = p.copy(), places.copy(), misfits.copy()
+    trial_p, trial_points, trial_chi_squares = p.copy(), points.copy(), chi_squares.copy()
     trial_H, A, d = np.empty((SHARED, SHARED)), np.empty((k, k)), np.empty(k)
     for step in range(most_steps + 1):
         fill_shared(origin, M, trial_p, q)
-        trial = sums(
-            q, lenses, pixels, rays, distances, weight, length_weight, limits, trial_places,
-            trial_misfits, trial_H, trial_g,
+        trial = sum_normal_equations(
+            q, lenses, pixels, rays, distances, weight, length_weight, limits, trial_points,
+            trial_chi_squares, trial_H, trial_g,
         ) + prior_cost(trial_p, precision)  # fmt: skip
         if trial <= cost or step == 0:
             cost = trial
-            copy(trial_places, places)
+            copy(trial_points, points)
             copy(trial_H, H)
-            copy_row(trial_misfits, misfits)
+            copy_row(trial_chi_squares, chi_squares)
             copy_row(trial_g, g)
             copy_row(trial_p, p)
             if gain < tolerance:
@@ -198,11 +203,11 @@ def adjust(
             if step > 0:
                 damping *= 0.05
         else:
-            if gain < 1e-6:  # rounding, or the error that is left in the places
+            if gain < 1e-6:  # rounding, or the remaining error of the points
                 return cost, step, True
-            copy(places, trial_places)
+            copy(points, trial_points)
             damping = max(20.0 * damping, 1e-4)
-        normal_equations(H, g, M, p, precision, A, d)
+        reduce_normal_equations(H, g, M, p, precision, A, d)
         for i in range(k):
             A[i, i] *= 1.0 + damping
         if not factor(A, 0.0):
@@ -219,7 +224,7 @@ def adjust(
 
 @internal
 def copy(given: FloatArray, into: FloatArray) -> None:
-    """Write all of a 2D array into another: an assignment of slices takes a second to compile."""
+    """Copy a 2D array into another. An assignment of slices would take a second to compile."""
     for i in range(given.shape[0]):
         for j in range(given.shape[1]):
             into[i, j] = given[i, j]
@@ -227,7 +232,7 @@ def copy(given: FloatArray, into: FloatArray) -> None:
 
 @internal
 def copy_row(given: FloatArray, into: FloatArray) -> None:
-    """The same of a 1D array."""
+    """Copy a 1D array into another."""
     for i in range(len(given)):
         into[i] = given[i]
 
@@ -243,7 +248,7 @@ def fill_shared(origin: FloatArray, M: FloatArray, p: FloatArray, q: FloatArray)
 
 @internal
 def prior_cost(p: FloatArray, precision: FloatArray) -> float:
-    """Sum of the squared deviations from the stated values, in standard deviations."""
+    """Sum of the squared deviations from the stated values, in units of their prior sigmas."""
     total = 0.0
     for i in range(len(p)):
         total += precision[i] * p[i] * p[i]
@@ -251,7 +256,7 @@ def prior_cost(p: FloatArray, precision: FloatArray) -> float:
 
 
 @internal
-def normal_equations(
+def reduce_normal_equations(
     H: FloatArray,
     g: FloatArray,
     M: FloatArray,
@@ -282,45 +287,47 @@ def length_innovations(
     pixels: FloatArray,
     distances: FloatArray,
     weight: float,
-    places: FloatArray,
+    points: FloatArray,
     found: FloatArray,
 ) -> None:
-    """Write to `found`, (n, 2), what the pixels alone say of each bar's length.
+    """Write the length of each bar as the pixels alone determine it, to `found` (n, 2).
 
-    Column 0: the length of the bar at `places`, which must be those of the pixels alone, less the
-    stated one, in metres. Column 1: its variance from the noise of the pixels, in square metres:
-    l^T (J_x J_x^T)^-1 l, where l is the slope of the length. NaN where there is no bar.
+    Column 0: the distance between `points`, which must be fitted to the pixels alone, minus the
+    stated length, in metres. Column 1: its variance from the noise of the pixels, in square metres:
+    l^T (J_x J_x^T)^-1 l, where l is the gradient of the length. NaN if there is no bar.
     """
     R, T, x = np.empty((3, 3)), np.empty(3), np.empty(OWN)
     fill_pose(q, q[BASELINE], R, T)
-    slopes, J, V = np.empty((8, 4)), np.empty((ALL + 1, RESIDUALS)), np.empty((OWN, OWN))
-    slope = np.empty(OWN)
+    derivatives, J, V = np.empty((8, 4)), np.empty((ALL + 1, RESIDUALS)), np.empty((OWN, OWN))
+    gradient = np.empty(OWN)
     for f in range(len(pixels)):
         found[f, 0] = found[f, 1] = np.nan
         for i in range(OWN):
-            x[i] = places[f, i]
+            x[i] = points[f, i]
         seen = pixels[f]
-        s = residuals_of(q, R, T, lenses, seen, distances[f], weight, 1.0, x, slopes, J)
-        if not s < np.inf:  # also where there is no bar, and where there are no places
+        s = fill_residuals(q, R, T, lenses, seen, distances[f], weight, 1.0, x, derivatives, J)
+        if not s < np.inf:  # NaN without a bar or without points
             continue
         for i in range(OWN):
-            slope[i] = J[i, 8]
+            gradient[i] = J[i, 8]
             J[i, 8] = 0.0
         normal_matrix(J, seen, V)
         if factor(V, 0.0):
-            forward(V, slope)
+            forward(V, gradient)
             found[f, 0], found[f, 1] = J[ERRORS, 8], 0.0
             for i in range(OWN):
-                found[f, 1] += slope[i] * slope[i]
+                found[f, 1] += gradient[i] * gradient[i]
 
 
 @compiled
-def point_slopes(
-    q: FloatArray, lenses: FloatArray, weight: float, points: FloatArray, slopes: FloatArray
+def fill_point_jacobians(
+    q: FloatArray, lenses: FloatArray, weight: float, points: FloatArray, derivatives: FloatArray
 ) -> None:
-    """Write `slopes`, (n, 18, 4), of the pixels of points (n, 3): by the place and by q.
+    """Write the derivatives of the pixels of points (n, 3), by the point and by q.
 
-    In units of 1 / `weight` pixels. NaN behind a camera.
+    Args:
+        weight: 1 / sigma_px, by which the derivatives are multiplied.
+        derivatives: (n, 18, 4), written; NaN behind a camera.
     """
     R, T, motions = np.empty((3, 3)), np.empty(3), np.empty((6, 3))
     fill_pose(q, q[BASELINE], R, T)
@@ -332,9 +339,9 @@ def point_slopes(
     for k in range(len(points)):
         for j in range(3):
             x[j] = points[k, j]
-        s = residuals_of(q, R, T, lenses, pixels, 0.0, weight, 0.0, x, work, J)
-        shared_slopes(R, motions, pixels, 0.0, weight, 0.0, x, work, J)
+        s = fill_residuals(q, R, T, lenses, pixels, 0.0, weight, 0.0, x, work, J)
+        fill_shared_derivatives(R, motions, pixels, 0.0, weight, 0.0, x, work, J)
         for j in range(3 + SHARED):
             row = j if j < 3 else OWN + j - 3
             for i in range(4):
-                slopes[k, j, i] = J[row, i] if s < np.inf else np.nan
+                derivatives[k, j, i] = J[row, i] if s < np.inf else np.nan

@@ -1,19 +1,20 @@
-"""One frame of the refined method: where its targets are, given the rig, and what that costs.
+"""One frame of the refined method: its 3D points, residuals and Jacobian, compiled.
 
-The unknowns that all frames share are `q`, 15 numbers: the five angles, the baseline in metres, the
-factor of the bar's length, and fx, fy, cx, cy of the primary and of the secondary camera. A frame
-adds the places of its targets, `x`: six numbers in metres, in the primary's frame. Its residuals
-are nine: eight pixel coordinates over sigma_px, and the length |A - B| less the bar's over its
-scatter. Their slopes by x and then by q are the first 21 rows of `J`, shape (22, 9), and they
-themselves the last: a row is one unknown, because sums run over residuals, and those of a row lie
-side by side in memory.
+All frames share the unknowns `q` (15,): the five angles, the baseline in metres, the factor of the
+bar's length, and fx, fy, cx, cy of the primary and of the secondary camera. A frame adds the 3D
+points of its targets, `x` (6,), in metres in the primary's frame. It has nine residuals: eight
+pixel coordinates over sigma_px, and the length |A - B| minus the bar's, over its scatter.
+
+`J` has shape (22, 9): the derivatives of the residuals by x and by q in the first 21 rows, the
+residuals in the last. Each row belongs to one unknown, so that sums over the residuals read
+consecutive memory.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from stereocal.refined.distortion import bend
+from stereocal.refined.distortion import distort
 from stereocal.rig.compiled import FloatArray, internal
 from stereocal.rig.decompositions import backward, factor, forward
 
@@ -25,19 +26,19 @@ ALL = OWN + SHARED
 ERRORS = ALL
 """The row of J that holds the residuals."""
 
-MOST_STEPS = 12
-SETTLED = 1e-6
-"""The places are found when a step was to lower the sum of squares by less; what is left then is
-the square of a small number smaller (measured: below 1e-9)."""
+MAXIMUM_STEPS = 12
+TOLERANCE = 1e-6
+"""Relative reduction of the sum of squares by a step, below which the points have converged
+(measured: the remaining reduction is below 1e-9)."""
 
 
 @internal
 def fill_motions(q: FloatArray, R: FloatArray, motions: FloatArray) -> None:
-    """How the secondary's coordinates move with the pose: `motions`, shape (6, 3).
+    """Write the derivatives of coordinates in the secondary's frame by the pose, (6, 3).
 
-    Rows 0 to 2: axes a of yaw, pitch, roll, with d(R x) = a x (R x): R is a product of turns about
-    y, x and z, so the derivative by each angle is a turn about that axis as the turns to its left
-    have moved it. Rows 3 to 5: dT by delta, epsilon, baseline.
+    Rows 0 to 2: the axes a of yaw, pitch and roll, with d(R x) = a x (R x). R is a product of
+    rotations about y, x and z; the derivative by an angle is a rotation about its axis, rotated by
+    the factors to its left. Rows 3 to 5: the derivatives of T by delta, epsilon and baseline.
     """
     cy, sy = np.cos(q[YAW]), np.sin(q[YAW])
     cd, sd = np.cos(q[DELTA]), np.sin(q[DELTA])
@@ -52,7 +53,7 @@ def fill_motions(q: FloatArray, R: FloatArray, motions: FloatArray) -> None:
 
 
 @internal
-def residuals_of(
+def fill_residuals(
     q: FloatArray,
     R: FloatArray,
     T: FloatArray,
@@ -62,24 +63,25 @@ def residuals_of(
     weight: float,
     length_weight: float,
     x: FloatArray,
-    slopes: FloatArray,
+    derivatives: FloatArray,
     J: FloatArray,
 ) -> float:
-    """Write the residuals of a frame and their slopes by x to J; return the sum of squares.
-
-    Infinite where a target is behind a camera. NaN pixels are a target that was not seen: its
-    residuals are 0.
+    """Write the residuals of a frame and their derivatives by x to J.
 
     Args:
         lenses: (2, 23): skew and `distortion.lens_terms` of each camera.
-        pixels: (2, 4): for each target u, v in the primary and in the secondary.
+        pixels: (2, 4): of each target u, v in the primary and in the secondary; NaN for a target
+            that was not seen, whose residuals are 0.
         weight: 1 / sigma_px.
         length_weight: 1 / scatter of the bar's length; 0 leaves the length out.
-        slopes: (8, 4), written: of each pixel coordinate its slopes by the point in the camera's
-            frame, and the bent point's coordinate along the same axis.
+        derivatives: (8, 4), written: of each pixel coordinate its derivatives by the point in the
+            camera's frame, and the distorted point's coordinate along the same axis.
+
+    Returns:
+        The sum of squares; infinite if a target is behind a camera.
     """
-    clear(J, 0, OWN)
-    clear(J, ERRORS, ERRORS + 1)
+    zero_rows(J, 0, OWN)
+    zero_rows(J, ERRORS, ERRORS + 1)
     for target in range(2):
         if np.isnan(pixels[target, 0]):
             continue
@@ -96,17 +98,20 @@ def residuals_of(
             row, own = 4 * target + 2 * camera, PRIMARY + 4 * camera
             fx, fy, skew, near = q[own], q[own + 1], lenses[camera, 0], 1.0 / c
             nx, ny = a * near, b * near
-            bx, by, xx, xy, yx, yy = bend(nx, ny, lenses, camera)
+            bx, by, xx, xy, yx, yy = distort(nx, ny, lenses, camera)
             u, v = pixels[target, 2 * camera], pixels[target, 2 * camera + 1]
             J[ERRORS, row] = weight * (fx * bx + skew * by + q[own + 2] - u)
             J[ERRORS, row + 1] = weight * (fy * by + q[own + 3] - v)
             scale = weight * near
             ux, uy = scale * (fx * xx + skew * yx), scale * (fx * xy + skew * yy)
             vx, vy = scale * fy * yx, scale * fy * yy
-            slopes[row, 0], slopes[row, 1], slopes[row, 3] = ux, uy, bx
-            slopes[row + 1, 0], slopes[row + 1, 1], slopes[row + 1, 3] = vx, vy, by
-            slopes[row, 2], slopes[row + 1, 2] = -(ux * nx + uy * ny), -(vx * nx + vy * ny)
-            place_slopes(R, slopes, row, at, J)
+            derivatives[row, 0], derivatives[row, 1], derivatives[row, 3] = ux, uy, bx
+            derivatives[row + 1, 0], derivatives[row + 1, 1], derivatives[row + 1, 3] = vx, vy, by
+            derivatives[row, 2], derivatives[row + 1, 2] = (
+                -(ux * nx + uy * ny),
+                -(vx * nx + vy * ny),
+            )
+            fill_point_derivatives(R, derivatives, row, at, J)
     if length_weight > 0.0:
         length_residual(q[BAR] * distance, length_weight, x, J)
     total = 0.0
@@ -116,20 +121,22 @@ def residuals_of(
 
 
 @internal
-def place_slopes(R: FloatArray, slopes: FloatArray, row: int, at: int, J: FloatArray) -> None:
-    """Write the slopes of two pixel coordinates by the place, which is in the primary's frame."""
+def fill_point_derivatives(
+    R: FloatArray, derivatives: FloatArray, row: int, at: int, J: FloatArray
+) -> None:
+    """Write the derivatives of two pixel coordinates by the point in the primary's frame."""
     for k in range(row, row + 2):
-        p, s, t = slopes[k, 0], slopes[k, 1], slopes[k, 2]
+        p, s, t = derivatives[k, 0], derivatives[k, 1], derivatives[k, 2]
         for j in range(3):
             if row % 4 == 0:
-                J[at + j, k] = slopes[k, j]
+                J[at + j, k] = derivatives[k, j]
             else:
                 J[at + j, k] = p * R[0, j] + s * R[1, j] + t * R[2, j]
 
 
 @internal
-def clear(J: FloatArray, first: int, end: int) -> None:
-    """Zeros in some rows of J."""
+def zero_rows(J: FloatArray, first: int, end: int) -> None:
+    """Set the rows `first` to `end` - 1 of J to 0."""
     for row in range(first, end):
         for k in range(RESIDUALS):
             J[row, k] = 0.0
@@ -137,7 +144,7 @@ def clear(J: FloatArray, first: int, end: int) -> None:
 
 @internal
 def length_residual(expected: float, weight: float, x: FloatArray, J: FloatArray) -> None:
-    """Write the residual of the bar's length and its slopes by x."""
+    """Write the residual of the bar's length and its derivatives by x."""
     square = 0.0
     for j in range(3):
         square += (x[j] - x[j + 3]) ** 2
@@ -149,7 +156,7 @@ def length_residual(expected: float, weight: float, x: FloatArray, J: FloatArray
 
 
 @internal
-def shared_slopes(
+def fill_shared_derivatives(
     R: FloatArray,
     motions: FloatArray,
     pixels: FloatArray,
@@ -157,25 +164,25 @@ def shared_slopes(
     weight: float,
     length_weight: float,
     x: FloatArray,
-    slopes: FloatArray,
+    derivatives: FloatArray,
     J: FloatArray,
 ) -> None:
-    """Write the slopes by q to J, after `residuals_of` with the same arguments."""
-    clear(J, OWN, ALL)
+    """Write the derivatives by q to J, after `fill_residuals` with the same arguments."""
+    zero_rows(J, OWN, ALL)
     for target in range(2):
         if np.isnan(pixels[target, 0]):
             continue
         for k in range(4 * target, 4 * target + 4):
             vertical = k % 2
             own = OWN + PRIMARY + 4 * (k % 4 // 2) + vertical
-            J[own, k], J[own + 2, k] = weight * slopes[k, 3], weight
+            J[own, k], J[own + 2, k] = weight * derivatives[k, 3], weight
         a, b, c = x[3 * target], x[3 * target + 1], x[3 * target + 2]
         yx = R[0, 0] * a + R[0, 1] * b + R[0, 2] * c
         yy = R[1, 0] * a + R[1, 1] * b + R[1, 2] * c
         yz = R[2, 0] * a + R[2, 1] * b + R[2, 2] * c
         for k in range(4 * target + 2, 4 * target + 4):
-            p, s, t = slopes[k, 0], slopes[k, 1], slopes[k, 2]
-            # slope . (axis x y) = axis . (y x slope)
+            p, s, t = derivatives[k, 0], derivatives[k, 1], derivatives[k, 2]
+            # derivative . (axis x y) = axis . (y x derivative)
             m0, m1, m2 = yy * t - yz * s, yz * p - yx * t, yx * s - yy * p
             for i in range(3):
                 turn = motions[i, 0] * m0 + motions[i, 1] * m1 + motions[i, 2] * m2
@@ -186,19 +193,19 @@ def shared_slopes(
 
 @internal
 def normal_matrix(J: FloatArray, pixels: FloatArray, V: FloatArray) -> None:
-    """J_x J_x^T, (6, 6), the lower half; 1 in the diagonal for a target that was not seen.
+    """Write the lower half of J_x J_x^T (6, 6), with a diagonal of 1 for a target not seen.
 
-    Only the length joins the two targets.
+    The two targets are coupled only by the length.
     """
     for i in range(OWN):
         for j in range(i + 1):
-            V[i, j] = descent(J, i, j) if i // 3 == j // 3 else J[i, 8] * J[j, 8]
+            V[i, j] = row_product(J, i, j) if i // 3 == j // 3 else J[i, 8] * J[j, 8]
         if np.isnan(pixels[i // 3, 0]):
             V[i, i] = 1.0
 
 
 @internal
-def descent(J: FloatArray, i: int, row: int) -> float:
+def row_product(J: FloatArray, i: int, row: int) -> float:
     """Row i of J_x times another row of J: four pixel coordinates and the length."""
     first = 4 * (i // 3)
     total: float = J[i, 8] * J[row, 8]
@@ -208,7 +215,7 @@ def descent(J: FloatArray, i: int, row: int) -> float:
 
 
 @internal
-def settle(
+def fit_points(
     q: FloatArray,
     R: FloatArray,
     T: FloatArray,
@@ -218,25 +225,25 @@ def settle(
     weight: float,
     length_weight: float,
     x: FloatArray,
-    slopes: FloatArray,
+    derivatives: FloatArray,
     J: FloatArray,
     V: FloatArray,
 ) -> float:
-    """Move x to the places of least sum of squares, by Levenberg-Marquardt; return that sum.
+    """Minimise the sum of squares over x (Levenberg-Marquardt), in place; return the minimum.
 
-    `slopes` and J are left as they are there.
+    On return, `derivatives` and J are those at the minimum.
     """
-    best = residuals_of(
-        q, R, T, lenses, pixels, distance, weight, length_weight, x, slopes, J
+    best = fill_residuals(
+        q, R, T, lenses, pixels, distance, weight, length_weight, x, derivatives, J
     )  # fmt: skip
     if not best < np.inf:
         return np.inf
     step, tried, damping = np.empty(OWN), np.empty(OWN), 0.0
-    for _ in range(MOST_STEPS):
+    for _ in range(MAXIMUM_STEPS):
         normal_matrix(J, pixels, V)
         for i in range(OWN):
             V[i, i] *= 1.0 + damping
-            step[i] = descent(J, i, ERRORS)
+            step[i] = row_product(J, i, ERRORS)
         if not factor(V, 0.0):
             break
         forward(V, step)
@@ -246,8 +253,8 @@ def settle(
         backward(V, step)
         for i in range(OWN):
             tried[i] = x[i] - step[i]
-        found = residuals_of(
-            q, R, T, lenses, pixels, distance, weight, length_weight, tried, slopes, J
+        found = fill_residuals(
+            q, R, T, lenses, pixels, distance, weight, length_weight, tried, derivatives, J
         )
         if found <= best:
             best = found
@@ -256,7 +263,9 @@ def settle(
             damping *= 0.1
         else:
             damping = max(10.0 * damping, 1e-3)
-            residuals_of(q, R, T, lenses, pixels, distance, weight, length_weight, x, slopes, J)
-        if gain < SETTLED * (1.0 + best):
-            break  # found, or what is left is rounding
+            fill_residuals(
+                q, R, T, lenses, pixels, distance, weight, length_weight, x, derivatives, J
+            )
+        if gain < TOLERANCE * (1.0 + best):
+            break  # converged, or limited by rounding
     return best

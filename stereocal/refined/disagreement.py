@@ -1,19 +1,19 @@
-"""Which input disagrees with the others: the baseline, the bar, a focal length, a principal point.
+"""Test which input disagrees with the others: baseline, bar, focal length, principal point.
 
-An input with prior variance P that is estimated with posterior variance C differs from the stated
-value by a number of variance P - C, if all is as stated. That quotient is the test of a single
-observation (Baarda's w-test), and of several wrong suspects the one with the largest is the
-likeliest. So the largest is named, freed, and the others are tested again without it: one wrong
-input pulls at all of them, and the healthy ones must not be accused for it.
+If an input with prior variance P is estimated with posterior variance C, the difference between
+the estimate and the stated value has the variance P - C, provided that all inputs are correct. The
+test value is the difference over its standard deviation (Baarda's w-test). The input with the
+largest value is the likeliest to be wrong. It is reported and freed, and the others are tested
+again without it, because a wrong input biases the estimates of the correct ones.
 
-A wrong input also leaves residuals, which must not be taken for noise: the noise is estimated with
-all priors ten times as wide, and held while testing. (Measured, baseline typed 3 % wrong: without
-this the test's value is 4.8, with it 7.5.)
+A wrong input also increases the residuals, which must not count as noise. The noise is therefore
+estimated with all priors ten times as wide, and held fixed during the tests. (Measured with a
+baseline that is 3 % wrong: test value 7.5, and 4.8 without this.)
 
-Images fix the ratio of baseline and bar, not which of the two is wrong. Of inputs that explain the
-conflict equally well, the one is named that has to be off by the fewest of its own uncertainties
-(the baseline by twice as many: it ends at points inside the lenses, that nobody can see or touch);
-the others are its rivals and are named beside it.
+The images determine the ratio of baseline and bar, not which of the two is wrong. Of inputs that
+explain the conflict equally well, the one with the smallest error in units of its own uncertainty
+is reported first, and the others are its rivals. The baseline may have twice the error, because it
+ends at invisible points inside the lenses.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from scipy.special import ndtri_exp
 from stereocal.errors import StereocalError
 from stereocal.refined.bar_fit import BAR, BASELINE, PRIMARY, SECONDARY, SHARED
 from stereocal.refined.refine import RefinedResult, refine
-from stereocal.refined.stated_inputs import LENGTHS, Input, advice_on, doubt, pair_advice
+from stereocal.refined.stated_inputs import LENGTHS, Input, advice_on, note_on_rivals, pair_advice
 from stereocal.refined.unknowns import (
     LensPrior,
     RefineSettings,
@@ -39,24 +39,27 @@ from stereocal.rig.camera import CAMERAS
 from stereocal.rig.compiled import FloatArray
 
 ACCUSED = 3.2
-"""In standard errors. With six inputs, a sound rig is accused in 1 % of all cases."""
+"""Threshold of the test value, in standard errors: with six correct inputs, one of them exceeds it
+in 1 % of the cases."""
 
 WIDER = 10.0
 
-AS_WELL = 0.95
-"""An input whose test comes so near to the largest explains the conflict as well."""
+EQUAL_FIT = 0.95
+"""An input whose test value is this fraction of the largest explains the conflict equally well."""
 
-EASILY_WRONG = {"baseline": 2.0}
-"""An input so many times as easily off as its uncertainty says, compared with its rivals."""
+UNCERTAINTY_FACTOR = {"baseline": 2.0}
+"""Factor of the uncertainty of an input when it is compared with its rivals."""
 
-SILENT = 1e-4
-"""Where the images lower the prior's variance by a smaller part, they say nothing about it."""
+MINIMUM_INFORMATION = 1e-4
+"""The images have no information about an input if they reduce its prior variance by less than this
+fraction."""
 
 
 def what_disagrees(result: RefinedResult) -> list[Input]:
-    """All inputs that have a prior; the accused ones first, then by `standard_errors`.
+    """Test all inputs that have a prior; solves again for each accused input.
 
-    Solves again for each accused input.
+    Returns:
+        The accused inputs first, then the others by falling `standard_errors`.
     """
     current = _with_its_noise(result)
     found = {key: _input(result, key, value) for key, (value, _) in _tests(current).items()}
@@ -70,8 +73,8 @@ def what_disagrees(result: RefinedResult) -> list[Input]:
         if not suspects:
             break
         largest = max(value for value, _ in suspects.values())
-        alike = [k for k, (value, _) in suspects.items() if value >= AS_WELL * largest]
-        key, *rivals = sorted(alike, key=lambda k: suspects[k][1] / EASILY_WRONG.get(k, 1.0))
+        alike = [k for k, (value, _) in suspects.items() if value >= EQUAL_FIT * largest]
+        key, *rivals = sorted(alike, key=lambda k: suspects[k][1] / UNCERTAINTY_FACTOR.get(k, 1.0))
         named.append(key)
         freed = {
             each: refine(result.dataset, _freed(current, each), current.pose, result.rows)
@@ -87,14 +90,14 @@ def what_disagrees(result: RefinedResult) -> list[Input]:
 
 
 def _the_only_scale(result: RefinedResult, key: str) -> bool:
-    """Whether nothing else fixes the scale: the other length is free already."""
+    """Whether nothing else fixes the scale, because the other length has been freed."""
     settings = result.settings
     other = {"baseline": settings.distance_sigma_m, "distance": settings.baseline_sigma_m}.get(key)
     return other is not None and bool(np.isinf(other))
 
 
 def _with_its_noise(result: RefinedResult) -> RefinedResult:
-    """The result with the noise of a solve whose priors are wide, where it was not given."""
+    """The result of a solve whose noise, unless given, was estimated with wide priors."""
     settings, dataset = result.settings, result.dataset
     wide = replace(
         settings,
@@ -107,7 +110,7 @@ def _with_its_noise(result: RefinedResult) -> RefinedResult:
         noise = refine(dataset, wide, result.pose, result.rows)
         held = replace(settings, sigma_px=noise.sigma_px.value, scatter_m=noise.scatter_m.value)
         return refine(dataset, held, result.pose, result.rows)
-    except StereocalError:  # so few frames that wide priors fit anything
+    except StereocalError:  # too few frames for wide priors
         return result
 
 
@@ -116,8 +119,9 @@ def _widened(lens: LensPrior) -> LensPrior:
 
 
 def _tests(result: RefinedResult) -> dict[str, tuple[float, float]]:
-    """Of each input that has a prior: how many standard errors the data want to move it, and by
-    how many of its own uncertainties it must be off for the conflict to vanish.
+    """The test value of each input with a prior, and the error that would explain the conflict.
+
+    The error is in units of the input's own uncertainty.
     """
     found = {}
     for key, columns in _columns(result).items():
@@ -128,7 +132,7 @@ def _tests(result: RefinedResult) -> dict[str, tuple[float, float]]:
         scale = 1.0 / np.sqrt(np.diag(prior))
         informed, along = np.linalg.eigh(gained * np.outer(scale, scale))
         moved = along.T @ (result.p[columns] * scale)
-        keep = informed > SILENT
+        keep = informed > MINIMUM_INFORMATION
         if not keep.any():
             found[key] = float("nan"), float("nan")
             continue
@@ -138,15 +142,15 @@ def _tests(result: RefinedResult) -> dict[str, tuple[float, float]]:
     return found
 
 
-def _as_normal(square: float, freedom: int) -> float:
-    """|z| of a normal number that is as rare as this value of chi-squared with 1 or 2 degrees."""
-    if freedom == 1:
-        return float(np.sqrt(square))
-    return max(float(-ndtri_exp(-0.5 * square - np.log(2.0))), 0.0)
+def _as_normal(chi_square: float, degrees_of_freedom: int) -> float:
+    """|z| of the normal distribution with the p-value of this chi-square (1 or 2 degrees)."""
+    if degrees_of_freedom == 1:
+        return float(np.sqrt(chi_square))
+    return max(float(-ndtri_exp(-0.5 * chi_square - np.log(2.0))), 0.0)
 
 
 def _columns(result: RefinedResult) -> dict[str, list[int]]:
-    """The free numbers of each input."""
+    """The indices in p of the free parameters of each input."""
     names = result.unknowns.names
     groups = {"baseline": ["baseline"], "distance": ["bar"]}
     for camera in CAMERAS:
@@ -160,7 +164,7 @@ def _columns(result: RefinedResult) -> dict[str, list[int]]:
 
 
 def _values(result: RefinedResult, key: str, values: FloatArray) -> FloatArray:
-    """What belongs to an input of the 15 shared unknowns, in its unit."""
+    """The values of an input among the 15 shared unknowns, in the input's unit."""
     if key == "baseline":
         return values[[BASELINE]]
     if key == "distance":
@@ -177,7 +181,9 @@ def _input(result: RefinedResult, key: str, standard_errors: float) -> Input:
     after = _values(result, key, np.sqrt(np.diag(result.covariance)))
     with np.errstate(divide="ignore", invalid="ignore"):
         informed = 1.0 - np.square(after / before)
-        noticed = np.where(informed > SILENT, ACCUSED * before / np.sqrt(informed), np.inf)
+        detectable = np.where(
+            informed > MINIMUM_INFORMATION, ACCUSED * before / np.sqrt(informed), np.inf
+        )
     return Input(
         key=key,
         unit="m" if key in LENGTHS else "px",
@@ -191,7 +197,7 @@ def _input(result: RefinedResult, key: str, standard_errors: float) -> Input:
         others_sigma=None,
         rivals=(),
         sigma_stated=_sigma_stated(result, key),
-        noticed=noticed,
+        detectable=detectable,
         advice="",
     )
 
@@ -203,9 +209,9 @@ def _sigma_stated(result: RefinedResult, key: str) -> bool:
     if key == "distance":
         return (settings.distance_sigma_m or dataset.target_distance_sigma_m) is not None
     which = key.split()[0]
-    # A result has its lens priors written out: nobody stated the usual ones.
-    usual = getattr(settings, which) in (None, LensPrior())
-    return not usual or getattr(dataset, which).uncertainty is not None
+    # The settings of a result have explicit lens priors: the default ones were not stated.
+    default = getattr(settings, which) in (None, LensPrior())
+    return not default or getattr(dataset, which).uncertainty is not None
 
 
 def _freed(result: RefinedResult, key: str) -> RefineSettings:
@@ -238,15 +244,15 @@ def _accused(
                 (each, *_others_say(each.key, freed))
                 for each in (item, *(inputs[key] for key in freed if key != item.key))
             ]
-        ) + doubt(tuple(set(rivals) - LENGTHS))
+        ) + note_on_rivals(tuple(set(rivals) - LENGTHS))
     else:
-        advice = advice_on(item.key, item.stated, say, sigma) + doubt(rivals)
+        advice = advice_on(item.key, item.stated, say, sigma) + note_on_rivals(rivals)
     return replace(
         item, accused=True, others_say=say, others_sigma=sigma, rivals=rivals, advice=advice
     )
 
 
 def _others_say(key: str, freed: Mapping[str, RefinedResult]) -> tuple[FloatArray, FloatArray]:
-    """What the others say of an input, and its standard error."""
+    """The estimate of an input from the other data, and its standard error."""
     own = freed[key]
     return _values(own, key, own.q), _values(own, key, np.sqrt(np.diag(own.covariance)))

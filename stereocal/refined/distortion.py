@@ -1,4 +1,4 @@
-"""OpenCV's lens model with its slopes, compiled: what `camera.Camera` bends, for the adjustment."""
+"""OpenCV's distortion model and its derivatives, compiled, for the refined method."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray, internal
 
 TERMS = 22
-"""k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4, whether the sensor is tilted, and its 3x3 map."""
+"""k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4, 1 if the sensor is tilted else 0, and its 3x3 homography."""
 TILTED = 12
 
 
 def lens_terms(camera: Camera) -> FloatArray:
-    """The coefficients of a camera's lens in the order that `bend` reads, shape (22,)."""
+    """The distortion coefficients of a camera in the order of `TERMS`, shape (22,)."""
     terms = np.zeros(TERMS)
     known = camera.distortion
     terms[: min(len(known), TILTED)] = known[:TILTED]
@@ -26,7 +26,7 @@ def lens_terms(camera: Camera) -> FloatArray:
 
 
 def _tilt(tau_x: float, tau_y: float) -> FloatArray:
-    """The map of a tilted sensor, (3, 3) (OpenCV, `computeTiltProjectionMatrix`)."""
+    """The homography of a tilted sensor, (3, 3) (OpenCV, `computeTiltProjectionMatrix`)."""
     cx, sx, cy, sy = np.cos(tau_x), np.sin(tau_x), np.cos(tau_y), np.sin(tau_y)
     turn = np.array([[cy, 0.0, -sy], [0.0, 1.0, 0.0], [sy, 0.0, cy]]) @ np.array(
         [[1.0, 0.0, 0.0], [0.0, cx, sx], [0.0, -sx, cx]]
@@ -39,13 +39,13 @@ def _tilt(tau_x: float, tau_y: float) -> FloatArray:
 
 
 @internal
-def bend(
+def distort(
     x: float, y: float, lenses: FloatArray, camera: int
 ) -> tuple[float, float, float, float, float, float]:
-    """The bent point (x', y') of a straight one, and dx'/dx, dx'/dy, dy'/dx, dy'/dy.
+    """The distorted point (x', y') of a normalised point, and dx'/dx, dx'/dy, dy'/dx, dy'/dy.
 
     Args:
-        lenses: (2, 23): of each camera the skew, which bends nothing, then `lens_terms`.
+        lenses: (2, 23): of each camera the skew, which is not used here, and `lens_terms`.
     """
     terms = lenses[camera, 1:]
     k1, k2, p1, p2, k3 = terms[0], terms[1], terms[2], terms[3], terms[4]
@@ -55,17 +55,17 @@ def bend(
     above = 1.0 + rr * (k1 + rr * (k2 + rr * k3))
     below = 1.0 / (1.0 + rr * (k4 + rr * (k5 + rr * k6)))
     radial = above * below
-    slope = below * (
+    by_rr = below * (
         k1 + rr * (2.0 * k2 + 3.0 * rr * k3) - radial * (k4 + rr * (2.0 * k5 + 3.0 * rr * k6))
     )
     u = x * radial + 2.0 * p1 * x * y + p2 * (rr + 2.0 * x * x) + rr * (s1 + rr * s2)
     v = y * radial + p1 * (rr + 2.0 * y * y) + 2.0 * p2 * x * y + rr * (s3 + rr * s4)
     prism_u, prism_v = 2.0 * (s1 + 2.0 * rr * s2), 2.0 * (s3 + 2.0 * rr * s4)
-    across = 2.0 * (x * y * slope + p1 * x + p2 * y)
-    ux = radial + 2.0 * x * x * slope + 2.0 * p1 * y + 6.0 * p2 * x + x * prism_u
+    across = 2.0 * (x * y * by_rr + p1 * x + p2 * y)
+    ux = radial + 2.0 * x * x * by_rr + 2.0 * p1 * y + 6.0 * p2 * x + x * prism_u
     uy = across + y * prism_u
     vx = across + x * prism_v
-    vy = radial + 2.0 * y * y * slope + 6.0 * p1 * y + 2.0 * p2 * x + y * prism_v
+    vy = radial + 2.0 * y * y * by_rr + 6.0 * p1 * y + 2.0 * p2 * x + y * prism_v
     if terms[12] == 0.0:
         return u, v, ux, uy, vx, vy
     scale = 1.0 / (terms[19] * u + terms[20] * v + terms[21])

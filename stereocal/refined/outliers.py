@@ -1,4 +1,4 @@
-"""Frames that stand out: a mixed-up target, a moved bar, a misread point."""
+"""Outlying frames: exchanged targets, a moved bar, a wrong point."""
 
 from __future__ import annotations
 
@@ -9,72 +9,79 @@ from stereocal.calibration.methods import Method
 from stereocal.refined.results import Calibration
 from stereocal.rig.compiled import FloatArray, IntArray
 
-SPREADS = 6.0
-"""A frame stands out beyond the median by so many robust standard deviations (1.4826 MAD)."""
+OUTLIER_SIGMAS = 6.0
+"""A value is an outlier if it exceeds the median by this many robust standard deviations."""
 
 MAD_TO_SIGMA = 1.4826
+"""Standard deviation over median absolute deviation, for normal numbers."""
 SMALLEST_EXCESS_PX = 0.01
-"""No image point is known better: without it, data free of noise would have outlying frames."""
+"""Least excess of an outlier over the median. No image point is more precise than this; without the
+limit, noise-free data would have outliers."""
 SMALLEST_EXCESS_LENGTH = 1e-5
-"""The same for lengths, as a fraction."""
+"""The same for relative length errors."""
 
 
 def frame_reprojection_px(calibration: Calibration, method: Method) -> FloatArray:
-    """(f,): of each frame of the data set the larger reprojection error of its targets.
+    """(f,): the larger reprojection error of the two targets of each frame, in pixels.
 
-    NaN where a target of the frame has no value.
+    NaN if a target of the frame has none.
     """
     rows = calibration.dataset.correspondences
     worst = np.full(len(rows.frames), -np.inf)
     at = np.searchsorted(rows.frames, rows.frame)
-    with np.errstate(invalid="ignore"):  # NumPy 1 warns of NaN
+    with np.errstate(invalid="ignore"):  # NumPy 1 warns about NaN
         np.maximum.at(worst, at, calibration.errors[method].reprojection_px)
     return worst
 
 
 def bar_frames(calibration: Calibration) -> IntArray:
-    """(m,): the frame of each bar, in the order of `Errors.length`."""
+    """(m,): the frame number of each bar, in the order of `Errors.length`."""
     rows = calibration.dataset.correspondences
     return rows.frame[rows.bars[:, 0]]
 
 
 def held_out(calibration: Calibration, frames: IntArray) -> npt.NDArray[np.bool_]:
-    """(f,): true for the frames that were neither calibrated with nor left out."""
+    """(f,): true for the frames used neither for calibration nor left out by the screening."""
     return np.isin(frames, calibration.held_out_frames)
 
 
 def left_out(calibration: Calibration, frames: IntArray) -> npt.NDArray[np.bool_]:
-    """(f,): true for the frames that were left out, since they contradict the others."""
+    """(f,): true for the frames that the screening left out."""
     return np.isin(frames, calibration.screening.left_out)
 
 
 def outlying(values: FloatArray, smallest_excess: float) -> npt.NDArray[np.bool_]:
-    """(n,): true for values far above the median, and for those that could not be computed."""
+    """(n,): true for NaN and for values far above the median.
+
+    Args:
+        values: (n,).
+        smallest_excess: values closer to the median than this are never outliers.
+    """
     known = values[np.isfinite(values)]
     if not len(known):
         return np.isnan(values)
     median = np.median(known)
     spread = MAD_TO_SIGMA * np.median(np.abs(known - median))
-    limit = median + max(SPREADS * spread, smallest_excess)
-    usual: npt.NDArray[np.bool_] = values <= limit
-    return ~usual
+    limit = median + max(OUTLIER_SIGMAS * spread, smallest_excess)
+    inliers: npt.NDArray[np.bool_] = values <= limit
+    return ~inliers
 
 
 def reprojection_outliers(calibration: Calibration) -> list[int]:
-    """Frames whose reprojection error stands out with the 2D set, in order."""
+    """Numbers of the frames whose reprojection error with the 2D set is an outlier, ascending."""
     found = outlying(frame_reprojection_px(calibration, "2d"), SMALLEST_EXCESS_PX)
     return [int(frame) for frame in calibration.dataset.correspondences.frames[found]]
 
 
 def length_outliers(calibration: Calibration) -> list[int]:
-    """Frames whose length error stands out with the 3D set, in order."""
+    """Numbers of the frames whose length error with the 3D set is an outlier, ascending."""
     found = outlying(calibration.errors["3d"].length, SMALLEST_EXCESS_LENGTH)
     return [int(frame) for frame in bar_frames(calibration)[found]]
 
 
 def outlying_frames(calibration: Calibration) -> list[int]:
-    """Frames that stand out in the images (2D set) or in length (3D set), in order.
+    """Numbers of the frames that are outliers in reprojection (2D set) or length (3D set).
 
-    A frame with a point that cannot be reconstructed in front of both cameras stands out too.
+    A frame with a point that is not reconstructed in front of both cameras is an outlier too.
     """
     return sorted({*reprojection_outliers(calibration), *length_outliers(calibration)})

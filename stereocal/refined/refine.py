@@ -1,12 +1,12 @@
-"""Method 4, refined: one set that matches and measures, by one weighted least squares.
+"""Method 4, refined: one parameter set to match and to measure, by one weighted least squares.
 
-Pixel residuals over their noise, lengths of the bar over their scatter, and priors on the measured
-baseline, the measured bar and both lenses are adjusted together (`adjustment`). The places of the
-targets are eliminated, so a bar far away or along the line of sight weighs as little as the images
-say of its length.
+The adjustment (`adjustment`) combines pixel residuals over their noise, bar-length residuals over
+their scatter, and priors on the measured baseline, the measured bar and both lenses. The 3D points
+of the targets are eliminated. A bar that is far away or along the line of sight therefore gets
+little weight, because the images determine its length poorly.
 
-Frames with gross errors are found, named and left out (`solve`); the covariance is that of the
-least squares over the others.
+Frames with gross errors are detected and left out (`solve`); the covariance is that of the least
+squares over the other frames.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose, residuals
 
 OUT_OF_STEPS = "the largest number of steps was reached"
-UNBELIEVABLE_PX = 30.0
-"""Noise beyond this is no noise: the points do not belong together."""
+MAXIMUM_NOISE_PX = 30.0
+"""A fit with more noise is rejected: the points do not belong together."""
 
 
 @dataclass(frozen=True, eq=False)
 class RefinedResult:
-    """The one set: pose and lenses with their covariance, and how each frame fits."""
+    """The refined set: pose and lenses with their covariance, and the fit of each frame."""
 
     dataset: Dataset
     settings: RefineSettings
@@ -43,27 +43,29 @@ class RefinedResult:
     primary: Camera
     secondary: Camera
     rows: BoolArray | None
-    """(n,), the rows that were fitted; None for all."""
+    """(n,): mask of the rows that were fitted; None for all."""
     unknowns: Unknowns
     p: FloatArray
-    """(k,), what was estimated, as departures from `unknowns.origin`."""
+    """(k,): the estimated free parameters, as deviations from `unknowns.origin`."""
     information: FloatArray
-    """(15, 15), of the images and lengths on the shared unknowns, without the priors."""
+    """(15, 15): information matrix of the shared unknowns from images and lengths, without the
+    priors."""
     sigma_px: Noise
+    """Standard deviation of an image coordinate."""
     scatter_m: Noise
-    """Error of the bar's length that differs from frame to frame."""
+    """Standard deviation of the bar's length from frame to frame."""
     frames: IntArray
-    """(f,), the frame numbers."""
-    misfits: FloatArray
-    """(f,): sum of squares of each frame in standard deviations; infinite behind a camera."""
-    freedom: IntArray
-    """(f,): what a good frame's misfit is on average: 3 for a bar, 1 for a single target."""
+    """(f,): the frame numbers."""
+    chi_squares: FloatArray
+    """(f,): chi-square of each frame; infinite behind a camera."""
+    degrees_of_freedom: IntArray
+    """(f,): 3 for a frame with a bar, 1 for a single target."""
     outlying: BoolArray
-    """(f,): the frames that were left out."""
-    places_m: FloatArray
-    """(f, 2, 3): A and B in the primary's frame, with the lengths taken in; NaN if not seen."""
+    """(f,): true for the frames that were left out."""
+    points_m: FloatArray
+    """(f, 2, 3): adjusted 3D points of A and B in the primary's frame; NaN if not seen."""
     cost: float
-    """Sum of the misfits of the frames used and of the priors."""
+    """Sum of the chi-squares of the frames used and of the priors."""
     steps: int
     stop_reason: str
     seconds: float
@@ -80,7 +82,7 @@ class RefinedResult:
 
     @cached_property
     def p_covariance(self) -> FloatArray:
-        """(k, k): covariance of the free numbers, priors included."""
+        """(k, k): covariance of the free parameters, priors included."""
         M = self.unknowns.M
         A = M.T @ self.information @ M + np.diag(self.unknowns.precision)
         scale = 1.0 / np.sqrt(np.diag(A))
@@ -88,29 +90,31 @@ class RefinedResult:
 
     @cached_property
     def covariance(self) -> FloatArray:
-        """(15, 15): covariance of the shared unknowns; 0 for those held fixed."""
+        """(15, 15): covariance of the shared unknowns, in the units of `q`; 0 for fixed ones."""
         M = self.unknowns.M
         return np.asarray(M @ self.p_covariance @ M.T)
 
     @property
     def outlying_frames(self) -> dict[int, float]:
-        """The frames left out with their share of the misfit of all frames, largest first."""
-        finite = np.where(np.isfinite(self.misfits), self.misfits, np.nanmax(self._known) * 10)
+        """The frames left out with their share of the total chi-square, largest first."""
+        finite = np.where(
+            np.isfinite(self.chi_squares), self.chi_squares, np.nanmax(self._known) * 10
+        )
         share = finite / max(float(finite.sum()), 1e-300)
         order = np.argsort(-finite, kind="stable")
         return {int(self.frames[i]): float(share[i]) for i in order if self.outlying[i]}
 
     @property
     def _known(self) -> FloatArray:
-        return np.append(self.misfits[np.isfinite(self.misfits)], 1.0)
+        return np.append(self.chi_squares[np.isfinite(self.chi_squares)], 1.0)
 
     @property
     def bar_factor(self) -> float:
-        """True over stated length of the bar, as estimated."""
+        """Estimated over stated length of the bar."""
         return float(self.q[BAR])
 
     def apply(self, dataset: Dataset) -> Dataset:
-        """Another data set of the same rig, seen through the refined lenses."""
+        """A data set of the same rig, with the refined lenses instead of its own."""
         return replace(dataset, primary=self.primary, secondary=self.secondary)
 
 
@@ -120,40 +124,40 @@ def refine(
     start: Pose | None = None,
     rows: BoolArray | None = None,
 ) -> RefinedResult:
-    """The refined set of a data set.
+    """Compute the refined set of a data set.
 
     Args:
-        rows: (n,), which rows to fit; all when not given.
-        start: where to begin, such as the essential method's pose; found here when not given.
-            Where frames stand out, a start that ignores gross errors is tried too.
+        start: initial pose, such as that of the essential method; computed if None. If the fit
+            from there has outlying frames, a robust initial pose is tried too.
+        rows: mask (n,) of the rows to fit; all if None.
 
     Raises:
-        StereocalError: too few points, no scale, or nothing that fits.
+        StereocalError: too few points, nothing that determines the scale, or no fit.
     """
     settings = with_lens_priors(settings or RefineSettings(), dataset)
-    began = clock()
+    started = clock()
     found: Solve | None = None
     rays = dataset.rays if rows is None else np.ascontiguousarray(dataset.rays[:, rows])
     for pose in _starts(dataset, rays, start, settings):
         if found is not None and not found.outlying.any():
             break
-        other = _solved(dataset, pose, settings, rows)
-        if found is None or (other is not None and other.better_than(found)):
-            found = other
-    if found is None or found.sigma_px > UNBELIEVABLE_PX:
+        solve = Solve(dataset, pose, settings, rows)
+        if solve.run() and (found is None or solve.better_than(found)):
+            found = solve
+    if found is None or found.sigma_px > MAXIMUM_NOISE_PX:
         raise StereocalError(
-            "The refined method found no position of the cameras that fits: check that points, "
+            "The refined method found no pose of the cameras that fits: check that points, "
             "targets and camera files are not exchanged."
         )
-    return _result(found, rows, clock() - began)
+    return _result(found, rows, clock() - started)
 
 
 def _starts(
     dataset: Dataset, rays: FloatArray, start: Pose | None, settings: RefineSettings
 ) -> list[Pose]:
-    """Where to begin: the given or the essential pose and one that ignores gross errors.
+    """Initial poses: `start` or the essential pose, and a robust estimate.
 
-    The better one, by the median of the residuals, comes first.
+    They are sorted by the median of the absolute residuals.
     """
     if start is None:
         try:
@@ -171,7 +175,10 @@ def _starts(
 
 
 def robust_start(dataset: Dataset, rays: FloatArray) -> Pose | None:
-    """The pose of an essential matrix that ignores wrong pairs (MAGSAC++, from OpenCV)."""
+    """The pose of an essential matrix robust to wrong pairs (MAGSAC++, from OpenCV).
+
+    None if there are fewer than 6 pairs or no solution.
+    """
     if rays.shape[1] < 6:
         return None
     focal = float(np.sqrt(np.prod(dataset.pixel_scale[:, 0])))
@@ -185,16 +192,7 @@ def robust_start(dataset: Dataset, rays: FloatArray) -> Pose | None:
     return Pose(R, dataset.baseline_m * t) if in_front else None
 
 
-def _solved(
-    dataset: Dataset, start: Pose, settings: RefineSettings, rows: BoolArray | None
-) -> Solve | None:
-    """The solve from one start; None if it leads nowhere."""
-    solve = Solve(dataset, start, settings, rows)
-    return solve if solve.run() else None
-
-
 def _result(solve: Solve, rows: BoolArray | None, seconds: float) -> RefinedResult:
-    """What a finished solve says."""
     q = solve.q
     seen = np.isfinite(solve.pixels[:, :, :1])
     return RefinedResult(
@@ -210,10 +208,10 @@ def _result(solve: Solve, rows: BoolArray | None, seconds: float) -> RefinedResu
         sigma_px=Noise(solve.sigma_px, solve.source_px),
         scatter_m=Noise(solve.scatter, solve.source_scatter),
         frames=solve.frames,
-        misfits=solve.misfits,
-        freedom=solve.freedom,
+        chi_squares=solve.chi_squares,
+        degrees_of_freedom=solve.degrees_of_freedom,
         outlying=solve.outlying,
-        places_m=np.where(seen, solve.places.reshape(-1, 2, 3), np.nan),
+        points_m=np.where(seen, solve.points.reshape(-1, 2, 3), np.nan),
         cost=float(solve.cost),
         steps=solve.steps,
         stop_reason="converged" if solve.converged else OUT_OF_STEPS,

@@ -1,4 +1,4 @@
-"""The results of all methods on a data set, with what was left out of it."""
+"""The results of all methods on a data set, with the frames that were left out."""
 
 from __future__ import annotations
 
@@ -20,28 +20,28 @@ from stereocal.rig.parameters import RigParameters, inputs_of
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """The results of all methods, with the data and the settings that made them."""
+    """The results of all methods, with their data and settings."""
 
     dataset: Dataset
     settings: CalibrationSettings
     screening: Screening
-    """Which frames were left out, because they contradict the others."""
+    """The frames that were left out because they contradict the others."""
     frames: IntArray
-    """The frames that were calibrated with; the others that are left only test."""
+    """Numbers of the frames used for calibration."""
     methods: Mapping[Method, MethodResult]
     warnings: tuple[str, ...]
-    """What is odd about the data, a sentence each."""
+    """Messages for the user."""
     refined: RefinedResult | None = None
-    """The refined set, where it was asked for and could be found."""
+    """None if the refined method was not requested or failed."""
 
     @cached_property
     def held_out_frames(self) -> IntArray:
-        """The frames that were neither calibrated with nor left out."""
+        """Numbers of the frames used neither for calibration nor left out by the screening."""
         return np.setdiff1d(self.screening.dataset.correspondences.frames, self.frames)
 
     @cached_property
     def errors(self) -> Mapping[Method, Errors]:
-        """Errors of each method on all frames, also those not calibrated with."""
+        """Errors of each of the paper's methods on all frames."""
         left_out = self.screening.left_out
         return {
             name: errors_of(self.dataset, found.pose, left_out)
@@ -50,7 +50,7 @@ class Calibration:
 
     @cached_property
     def refined_errors(self) -> Errors | None:
-        """Errors of the refined set, seen through its own lenses, on all frames."""
+        """Errors of the refined set with its own lenses, on all frames."""
         if self.refined is None:
             return None
         left_out = self.screening.left_out
@@ -64,8 +64,8 @@ class Calibration:
         """The parameter set to save: `2d` for matching, `3d` for reconstruction.
 
         Args:
-            validation: figures of a validation of this data set, where there was one; its
-                `threshold_px` becomes the recommended limit of a match.
+            validation: figures of a validation of this data set; its `threshold_px` becomes the
+                recommended matching threshold.
         """
         found = self.methods[method]
         return RigParameters(

@@ -1,9 +1,9 @@
-"""The solve of the refined method: from a start to the least squares, with noise and gross errors.
+"""The solve of the refined method: robust fit, outlying frames, noise, final least squares.
 
-A frame's loss is Tukey's biweight of its misfit s, a sum of squares that follows chi-squared for a
-good frame, with a limit that comes down to its place in steps (graduated non-convexity; Yang et
-al., IEEE RA-L 2020). Frames beyond the limit at the end are left out, and the rest are adjusted by
-plain least squares. Noise that is not given is estimated between the rounds.
+The loss of a frame is Tukey's biweight of its chi-square, with a limit that is lowered in steps
+(graduated non-convexity; Yang et al., IEEE RA-L 2020). Frames beyond the final limit are left out,
+and the others are adjusted by plain least squares. Noise that is not given is estimated between
+the rounds.
 """
 
 from __future__ import annotations
@@ -14,7 +14,13 @@ from typing import Any
 import numpy as np
 from scipy.special import chdtri, fdtri
 
-from stereocal.refined.adjustment import CONVERGED, ROUGHLY, adjust, length_innovations, sums
+from stereocal.refined.adjustment import (
+    ROUGH_TOLERANCE,
+    TOLERANCE,
+    adjust,
+    length_innovations,
+    sum_normal_equations,
+)
 from stereocal.refined.bar_fit import OWN, SHARED
 from stereocal.refined.distortion import lens_terms
 from stereocal.refined.unknowns import RefineSettings, Unknowns, unknowns_of
@@ -25,40 +31,40 @@ from stereocal.rig.geometry import Pose
 GIVEN, ESTIMATED = "given", "estimated from the residuals"
 ASSUMED = "assumed, for there are too few points to estimate it"
 ASSUMED_PX = 0.5
-FEWEST_PAIRS = 10
-"""Five angles leave five residuals of ten pairs to tell the noise by."""
-FEWEST_BARS = 5
-CHANCE = 0.05
-"""A bar counts as rigid unless its lengths scatter more than so few rigid ones would."""
+MINIMUM_PAIRS = 10
+"""Pairs needed to estimate the noise: the five angles leave five degrees of freedom."""
+MINIMUM_BARS = 5
+SCATTER_SIGNIFICANCE = 0.05
+"""Significance level of the test whether the bar's length varies."""
 
-FREEDOMS = np.arange(1, 4)
-RARE = 1e-5
-"""A frame stands out when a good one would have such a misfit so seldom."""
-SOFT = 2.0
-"""The biweight ends at so many times the limit: a usual frame keeps 0.86 of its weight."""
+DEGREES = np.arange(1, 4)
+OUTLIER_PROBABILITY = 1e-5
+"""Probability that a good frame exceeds the limit."""
+BIWEIGHT_LIMIT = 2.0
+"""End of the biweight in units of the limit: a typical frame keeps 0.86 of its weight."""
 SMALLEST_SIGMA_PX = 1e-3
-"""No image point is known better."""
+"""Lower bound of the estimated noise."""
 SMALLEST_SCATTER = 1e-5
-"""As a fraction of the bar."""
+"""Lower bound of the estimated scatter, as a fraction of the bar."""
 THIRD = 1 / 3
-"""Robust scales look at the best third: with 3 of 10 points wrong, half of the frames are bad."""
-THIRDS = np.append(np.nan, chdtri(FREEDOMS, 1 - THIRD))
-"""That quantile of chi-squared with 1, 2 and 3 degrees of freedom; NaN for 0."""
-MOST_ROUNDS = 8
+"""Robust scales use this quantile: with 3 of 10 points wrong, half of the frames are bad."""
+CHI2_THIRDS = np.append(np.nan, chdtri(DEGREES, 1 - THIRD))
+"""That quantile of chi-square with 1, 2 and 3 degrees of freedom; NaN for 0."""
+MAXIMUM_ROUNDS = 8
 SAME_NOISE = 0.01
-"""The noise is found when a round changes it by a smaller part."""
+"""Relative change of the noise in a round, below which it has converged."""
 
 
 @dataclass(frozen=True)
 class Noise:
-    """A standard deviation and where it comes from: `GIVEN`, `ESTIMATED` or `ASSUMED`."""
+    """A standard deviation and its source: `GIVEN`, `ESTIMATED` or `ASSUMED`."""
 
     value: float
     source: str
 
 
 class Solve:
-    """The state of a solve: arrays that the compiled code reads and writes. `run` does it."""
+    """A solve from one initial pose: the arrays that the compiled code reads and writes."""
 
     def __init__(
         self,
@@ -84,21 +90,21 @@ class Solve:
         self.distances[of_bars] = dataset.bar_distances_m[bars]
         bar = np.isfinite(self.distances)
         self.targets = np.isfinite(self.pixels[:, :, 0]).sum(axis=1)
-        self.freedom = self.targets + bar
-        self.limit = limits_of(self.freedom, len(self.unknowns.names))
+        self.degrees_of_freedom = self.targets + bar
+        self.limit = limits_of(self.degrees_of_freedom, len(self.unknowns.names))
         self.lenses = lenses_of(dataset)
         self.p = np.zeros(len(self.unknowns.names))
-        self.places = np.full((n, OWN), np.nan)
-        self.misfits = np.full(n, np.inf)
+        self.points = np.full((n, OWN), np.nan)
+        self.chi_squares = np.full(n, np.inf)
         self.H = np.zeros((SHARED, SHARED))
         self.smallest_scatter = SMALLEST_SCATTER * dataset.target_distance_m
         self.sigma_px = settings.sigma_px or ASSUMED_PX
         self.scatter = max(settings.scatter_m or 0.0, self.smallest_scatter)
         self.source_px = self.source_scatter = GIVEN
         if settings.sigma_px is None:
-            self.source_px = ESTIMATED if len(target) >= FEWEST_PAIRS else ASSUMED
+            self.source_px = ESTIMATED if len(target) >= MINIMUM_PAIRS else ASSUMED
         if settings.scatter_m is None:
-            self.source_scatter = ESTIMATED if bar.sum() >= FEWEST_BARS else ASSUMED
+            self.source_scatter = ESTIMATED if bar.sum() >= MINIMUM_BARS else ASSUMED
         self.outlying = np.zeros(n, dtype=np.bool_)
         self.cost, self.steps, self.converged = np.inf, 0, False
 
@@ -107,68 +113,68 @@ class Solve:
         return np.asarray(self.unknowns.origin + self.unknowns.M @ self.p)
 
     def run(self) -> bool:
-        """From the start to the end; false if no frame fits anywhere."""
-        if not (self._come_down() if self.settings.loss == "robust" else self._begin()):
+        """Solve; return False if there is no solution with a frame that fits."""
+        if not (self._anneal() if self.settings.loss == "robust" else self._start_plain()):
             return False
-        for _ in range(MOST_ROUNDS):
+        for _ in range(MAXIMUM_ROUNDS):
             before = (self.sigma_px, self.scatter, self.outlying)
             self._solve(np.where(self.outlying, 0.0, np.inf))
             if not np.isfinite(self.cost) or not self._estimate_noise():
                 return False
             if self.settings.loss == "robust":
-                now = self.misfits * (before[0] / self.sigma_px) ** 2
+                now = self.chi_squares * (before[0] / self.sigma_px) ** 2
                 self.outlying = ~(now <= self.limit)
-            if self._settled(before, SAME_NOISE):
+            if self._is_unchanged(before, SAME_NOISE):
                 break
         self._solve(np.where(self.outlying, 0.0, np.inf))
         return bool(np.isfinite(self.cost)) and not self.outlying.all()
 
-    def judged(
+    def chi_squares_for(
         self, unknowns: Unknowns, p: FloatArray, sigma_px: float, scatter_m: float
     ) -> FloatArray:
-        """(f,): the misfits that the frames have with a fit to other frames."""
+        """(f,): the chi-squares of the frames with another fit's parameters and noise."""
         self.unknowns, self.p = unknowns, p
         self.sigma_px, self.scatter = sigma_px, scatter_m
         self._evaluate(self.limit)
-        return self.misfits
+        return self.chi_squares
 
     def better_than(self, other: Solve) -> bool:
-        """Whether frames fit better here, all measured by the smaller noise of the two."""
+        """Whether the frames fit better here, both measured with the smaller noise."""
         noise = min(self.sigma_px, other.sigma_px)
         own, its = (
-            float(np.minimum(a.misfits * (a.sigma_px / noise) ** 2, a.limit).sum())
+            float(np.minimum(a.chi_squares * (a.sigma_px / noise) ** 2, a.limit).sum())
             for a in (self, other)
         )
         return own < its
 
-    def _begin(self) -> bool:
-        """Plain least squares with the noise that the start leaves."""
+    def _start_plain(self) -> bool:
+        """Estimate the noise at the initial pose, for plain least squares."""
         return self._estimate_noise(robust=True)
 
-    def _come_down(self) -> bool:
-        """The biweight with a limit that comes down to its place, noise by medians."""
-        for _ in range(MOST_ROUNDS):
+    def _anneal(self) -> bool:
+        """Lower the limit of the biweight in steps; noise from robust scales."""
+        for _ in range(MAXIMUM_ROUNDS):
             before = (self.sigma_px, self.scatter, self.outlying)
             if not self._estimate_noise(robust=True):
                 return False
             self._evaluate(self.limit)
-            scale = _third(self.misfits / THIRDS[self.freedom])
+            scale = _lower_third(self.chi_squares / CHI2_THIRDS[self.degrees_of_freedom])
             if not np.isfinite(scale):
                 return False
             while True:
                 scale = max(1.0, scale)
-                self._solve(SOFT * scale * self.limit, ROUGHLY)
+                self._solve(BIWEIGHT_LIMIT * scale * self.limit, ROUGH_TOLERANCE)
                 if not np.isfinite(self.cost):
                     return False
                 if scale == 1.0:
                     break
                 scale *= 0.25
-            if self._settled(before, 0.1):
+            if self._is_unchanged(before, 0.1):
                 break
-        self.outlying = ~(self.misfits <= self.limit)
+        self.outlying = ~(self.chi_squares <= self.limit)
         return bool((~self.outlying).any())
 
-    def _settled(self, before: tuple[float, float, BoolArray], same: float) -> bool:
+    def _is_unchanged(self, before: tuple[float, float, BoolArray], same: float) -> bool:
         sigma, scatter, outlying = before
         return (
             abs(self.sigma_px - sigma) <= same * sigma
@@ -176,44 +182,47 @@ class Solve:
             and bool((outlying == self.outlying).all())
         )
 
-    def _solve(self, limits: FloatArray, tolerance: float = CONVERGED) -> None:
+    def _solve(self, limits: FloatArray, tolerance: float = TOLERANCE) -> None:
         self.cost, steps, self.converged = adjust(
             self.unknowns.origin, self.unknowns.M, self.unknowns.precision, self.p, self.lenses,
             self.pixels, self.rays, self.distances, 1 / self.sigma_px, 1 / self.scatter, limits,
-            self.places, self.misfits, self.H, tolerance, self.settings.maximum_steps,
+            self.points, self.chi_squares, self.H, tolerance, self.settings.maximum_steps,
         )  # fmt: skip
         self.steps += steps
 
     def _evaluate(self, limits: FloatArray) -> None:
-        sums(
+        sum_normal_equations(
             self.q, self.lenses, self.pixels, self.rays, self.distances, 1 / self.sigma_px,
-            1 / self.scatter, limits, self.places, self.misfits, self.H, np.empty(SHARED),
+            1 / self.scatter, limits, self.points, self.chi_squares, self.H, np.empty(SHARED),
         )  # fmt: skip
 
     def _estimate_noise(self, robust: bool = False) -> bool:
-        """sigma_px from the misfit of the pixels alone, the scatter from what the lengths add."""
-        places, misfits = self.places.copy(), np.empty(len(self.frames))
+        """Estimate sigma_px from the pixel residuals alone, and then the scatter of the lengths.
+
+        Returns False if no frame can be fitted.
+        """
+        points, chi_squares = self.points.copy(), np.empty(len(self.frames))
         H = np.empty((SHARED, SHARED))
         used = np.where(self.outlying, 0.0, np.inf)
-        sums(
+        sum_normal_equations(
             self.q, self.lenses, self.pixels, self.rays, self.distances, 1 / self.sigma_px, 0.0,
-            used, places, misfits, H, np.empty(SHARED),
+            used, points, chi_squares, H, np.empty(SHARED),
         )  # fmt: skip
         spent_px, spent_m = (0.0, 0.0) if robust else self._spent(H)
         if self.source_px == ESTIMATED:
             if robust:
-                ratio = _third(misfits / THIRDS[self.targets])
+                ratio = _lower_third(chi_squares / CHI2_THIRDS[self.targets])
             else:
-                good = ~self.outlying & np.isfinite(misfits)
+                good = ~self.outlying & np.isfinite(chi_squares)
                 left = float(self.targets[good].sum()) - spent_px
-                ratio = float(misfits[good].sum()) / max(left, 1.0)
+                ratio = float(chi_squares[good].sum()) / max(left, 1.0)
             if not np.isfinite(ratio):
                 return False
             self.sigma_px = max(self.sigma_px * float(np.sqrt(ratio)), SMALLEST_SIGMA_PX)
         if self.source_scatter == ESTIMATED:
             found = np.empty((len(self.frames), 2))
             length_innovations(
-                self.q, self.lenses, self.pixels, self.distances, 1 / self.sigma_px, places, found
+                self.q, self.lenses, self.pixels, self.distances, 1 / self.sigma_px, points, found
             )
             good = np.isfinite(found[:, 0]) & ~self.outlying
             self.scatter = max(
@@ -222,7 +231,10 @@ class Solve:
         return True
 
     def _spent(self, of_pixels: FloatArray) -> tuple[float, float]:
-        """How many pixel residuals and lengths went into the unknowns (traces of the hat)."""
+        """Degrees of freedom used by the unknowns, of the pixels and of the lengths.
+
+        They are the traces of the two parts of the hat matrix.
+        """
         M = self.unknowns.M
         pixels, everything = M.T @ of_pixels @ M, M.T @ self.H @ M
         scale = 1.0 / np.sqrt(np.maximum(np.diag(everything) + self.unknowns.precision, 1e-300))
@@ -231,19 +243,23 @@ class Solve:
         return float(np.sum(C * pixels)), max(float(np.sum(C * (everything - pixels))), 0.0)
 
 
-def limits_of(freedom: IntArray, unknowns: int) -> FloatArray:
-    """(n,): the misfit beyond which a frame of so many degrees of freedom stands out.
+def limits_of(degrees_of_freedom: IntArray, unknowns: int) -> FloatArray:
+    """(n,): the chi-square above which a frame is an outlier.
 
-    The noise is estimated from the same frames, so a good frame's misfit over its degrees of
-    freedom follows F rather than chi-squared: with 25 bars the limit is 26 instead of 21.
+    The noise is estimated from the same frames. Chi-square over degrees of freedom therefore
+    follows the F distribution: with 25 bars the limit is 26 instead of 21.
+
+    Args:
+        degrees_of_freedom: (n,), of each frame.
+        unknowns: number of unknowns.
     """
-    left = max(int(freedom.sum()) - unknowns, 1)
-    by_freedom = np.append(np.nan, FREEDOMS * fdtri(FREEDOMS, left, 1.0 - RARE))
-    return np.asarray(by_freedom[freedom])
+    left = max(int(degrees_of_freedom.sum()) - unknowns, 1)
+    by_freedom = np.append(np.nan, DEGREES * fdtri(DEGREES, left, 1.0 - OUTLIER_PROBABILITY))
+    return np.asarray(by_freedom[degrees_of_freedom])
 
 
 def lenses_of(dataset: Dataset) -> FloatArray:
-    """(2, 23): what of the two lenses stays: skew and distortion."""
+    """(2, 23): skew and `lens_terms` of both cameras, which the adjustment does not change."""
     return np.array(
         [np.append(c.K[0, 1], lens_terms(c)) for c in (dataset.primary, dataset.secondary)]
     )
@@ -252,32 +268,34 @@ def lenses_of(dataset: Dataset) -> FloatArray:
 def scatter_of(
     innovations: FloatArray, variances: FloatArray, spent: float = 0.0, robust: bool = False
 ) -> float:
-    """The scatter that explains the lengths beyond the noise of the pixels, in metres.
+    """The scatter of the bar's length beyond the noise of the pixels, in metres.
 
-    Solves sum(e^2 / (scatter^2 + v)) = n - spent (Mandel and Paule), or, `robust`, the same for the
-    best third of squared normal numbers. 0 where the pixels explain all, which is believed unless
-    the sum without scatter is rarer than `CHANCE`: half of all rigid bars would have a scatter
-    otherwise, and the scale would seem less sure than it is (measured on 25 frames: errors of the
-    baseline are 0.93 of the stated ones, 0.97 with this).
+    Solves sum(e^2 / (scatter^2 + v)) = n - spent (Mandel and Paule), or, if `robust`, the same for
+    the lower third. Returns 0 unless the sum without scatter is significant at the level
+    `SCATTER_SIGNIFICANCE`. Otherwise half of all rigid bars would get a scatter, and the standard
+    error of the scale would be too large (measured with 25 frames: errors of the baseline are 0.93
+    of the stated ones, and 0.97 with the test).
 
     Args:
-        innovations: (n,), e, reconstructed less stated lengths, in metres.
-        variances: (n,), v, from the pixels, in square metres.
-        spent: how many lengths went into the unknowns.
+        innovations: (n,): e, reconstructed minus stated lengths, in metres.
+        variances: (n,): v, the variances of e from the pixels, in square metres.
+        spent: degrees of freedom of the lengths used by the unknowns.
     """
     squares = np.square(innovations)
     left = max(len(squares) - spent, 1.0)
-    if len(squares) < 2 or not float(np.sum(squares / variances)) > chdtri(left, CHANCE):
+    if len(squares) < 2 or not float(np.sum(squares / variances)) > chdtri(
+        left, SCATTER_SIGNIFICANCE
+    ):
         return 0.0
     high = float(squares.max()) * len(squares) * 10
     candidates = np.geomspace(1e-9 * high, high, 64)
-    for _ in range(3):  # ends within 1e-4 of the root; 64 at once take as long as one
+    for _ in range(3):  # within 1e-4 of the root; 64 candidates at once take as long as one
         terms = squares / (candidates[:, None] + variances)
         if robust:
-            excess = _third(terms, axis=1) / THIRDS[1] - 1.0
+            excess = _lower_third(terms, axis=1) / CHI2_THIRDS[1] - 1.0
         else:
             excess = terms.sum(axis=1) / left - 1.0
-        above = int(np.count_nonzero(excess > 0))  # it falls with the scatter
+        above = int(np.count_nonzero(excess > 0))  # the excess falls with the scatter
         if above == 0:
             return float(np.sqrt(candidates[0]))
         last = min(above, len(candidates) - 1)
@@ -285,6 +303,6 @@ def scatter_of(
     return float(np.sqrt(candidates[32]))
 
 
-def _third(values: FloatArray, axis: int | None = None) -> Any:
-    """The value that a third stays below, infinite ones included."""
+def _lower_third(values: FloatArray, axis: int | None = None) -> Any:
+    """The lower third quantile; values may be infinite."""
     return np.quantile(values, THIRD, axis=axis, method="lower")

@@ -1,4 +1,4 @@
-"""One stated input against what the other data say, and the words for it."""
+"""The comparison of a stated input with the other data, and its messages."""
 
 from __future__ import annotations
 
@@ -11,12 +11,15 @@ from stereocal.rig.camera import CAMERAS
 from stereocal.rig.compiled import FloatArray
 
 LENGTHS = {"baseline", "distance"}
-"""Images fix their ratio, so one of them must stay known."""
+"""The images determine only their ratio."""
 
 
 @dataclass(frozen=True, eq=False)
 class Input:
-    """One stated input against what the other data say. Arrays: one number, or two for a point."""
+    """One stated input compared with the other data.
+
+    Arrays have one number, or two for (fx, fy) and (cx, cy).
+    """
 
     key: str
     """`baseline`, `distance`, `primary focal`, `primary centre`, `secondary focal`, ..."""
@@ -25,50 +28,55 @@ class Input:
     stated: FloatArray
     prior_sigma: FloatArray
     estimate: FloatArray
-    """With the prior."""
+    """Estimate that includes the prior."""
     sigma: FloatArray
+    """Standard error of `estimate`."""
     standard_errors: float
-    """How far the data want to move it: the test's value; NaN where they say nothing."""
+    """Test value: disagreement with the other data in standard errors; NaN if they have no
+    information about this input."""
     accused: bool
+    """Whether the input disagrees with the other data."""
     others_say: FloatArray | None
-    """The estimate without its own prior, for an accused input."""
+    """For an accused input: its estimate from the other data alone; else None."""
     others_sigma: FloatArray | None
     rivals: tuple[str, ...]
-    """Keys of inputs that, wrong, would explain as much as this accused one."""
+    """For an accused input: keys of inputs whose error would explain the data equally well."""
     sigma_stated: bool
-    """Whether somebody said how well it is known; else a usual figure is assumed."""
-    noticed: FloatArray
-    """From which error on the images would contradict it; infinite where they say nothing."""
+    """Whether its uncertainty was stated; otherwise a default is assumed."""
+    detectable: FloatArray
+    """Smallest error that the test would detect; infinite if the other data have no information."""
     advice: str
-    """What disagrees and what to do, for an accused input; else empty."""
+    """For an accused input: message with the disagreement and the remedy; else empty."""
 
 
-def what_could_not_be_told(inputs: Sequence[Input]) -> str:
-    """What nobody stated the uncertainty of, which errors that hides, and what to state.
+def undetectable_errors(inputs: Sequence[Input]) -> str:
+    """Message about errors that cannot be detected because uncertainties were not stated.
 
-    Empty where all was stated.
+    It says how large such errors can be and what to state; empty if all uncertainties are stated.
     """
     hidden, assumed, remedies = [], [], []
     for keys, name, remedy in _ASKED:
         unstated = [item for item in inputs if item.key in keys and not item.sigma_stated]
         if not unstated:
             continue
-        # The one of a kind that the images say most of.
-        item = min(unstated, key=lambda each: float(each.noticed.min() / each.prior_sigma.min()))
-        noticed, unit = float(item.noticed.min()), item.unit
+        # Of the two cameras, the one about which the images have most information.
+        item = min(unstated, key=lambda each: float(each.detectable.min() / each.prior_sigma.min()))
+        detectable, unit = float(item.detectable.min()), item.unit
         sigma = float(item.prior_sigma.min())
         if unit == "m":
-            noticed, sigma, unit = 1000 * noticed, 1000 * sigma, "mm"
-        limit = f"up to {_round(noticed)} {unit}" if np.isfinite(noticed) else "of any size"
+            detectable, sigma, unit = 1000 * detectable, 1000 * sigma, "mm"
+        limit = (
+            f"up to {_round_up(detectable)} {unit}" if np.isfinite(detectable) else "of any size"
+        )
         hidden.append(f"of {name} {limit}")
-        assumed.append(f"± {_round(sigma)} {unit}")
+        assumed.append(f"± {_round_up(sigma)} {unit}")
         remedies += [remedy] * (remedy not in remedies)
     if not hidden:
         return ""
     return (
-        f"Cannot tell errors {', '.join(hidden)}: how well these are known was not stated, and "
-        f"{', '.join(assumed)} {'was' if len(assumed) == 1 else 'were'} assumed. To settle it, "
-        f"state {'; '.join(remedies)}."
+        f"Errors {', '.join(hidden)} cannot be detected: the uncertainties of these inputs were "
+        f"not stated, and {', '.join(assumed)} {'was' if len(assumed) == 1 else 'were'} assumed. "
+        f"To detect them, state {'; '.join(remedies)}."
     )
 
 
@@ -93,6 +101,14 @@ _ASKED = (
 
 
 def advice_on(key: str, stated: FloatArray, say: FloatArray, sigma: FloatArray) -> str:
+    """The message for an accused input.
+
+    Args:
+        key: as in `Input`.
+        stated: the stated value.
+        say: the estimate from the other data.
+        sigma: its standard error.
+    """
     given, found = in_digits(stated, sigma), f"{in_digits(say, sigma)} ± {in_digits(sigma, sigma)}"
     if key == "baseline":
         return (
@@ -107,18 +123,19 @@ def advice_on(key: str, stated: FloatArray, say: FloatArray, sigma: FloatArray) 
     camera, part = key.split()
     if part == "focal":
         return (
-            f"The {camera} camera's focal length (fx, fy) is given as {given} px; images and "
-            f"lengths say {found} px. Were focus or zoom touched after this lens was calibrated? "
+            f"The {camera} camera's focal length (fx, fy) is stated as {given} px; images and "
+            f"lengths say {found} px. Was focus or zoom changed after this lens was calibrated? "
             "Calibrate it again, or widen its uncertainty."
         )
     return (
-        f"The {camera} camera's principal point (cx, cy) is given as {given} px; images and "
+        f"The {camera} camera's principal point (cx, cy) is stated as {given} px; images and "
         f"lengths say {found} px. Was the image cropped or the lens moved after it was calibrated? "
         "Calibrate it again, or widen its uncertainty."
     )
 
 
-def doubt(rivals: tuple[str, ...]) -> str:
+def note_on_rivals(rivals: tuple[str, ...]) -> str:
+    """A sentence that names the inputs that would explain the data equally well; or empty."""
     if not rivals:
         return ""
     names = " or ".join(NAMES[key] for key in rivals)
@@ -137,23 +154,24 @@ NAMES = {
 
 
 def in_digits(values: FloatArray, sigma: FloatArray) -> str:
-    """As many digits as the standard error allows: its first two."""
+    """The values as text, rounded to the first two digits of the smallest standard error."""
     smallest = max(float(np.min(sigma)), 1e-12)
     digits = int(np.clip(1 - np.floor(np.log10(smallest)), 0, 9))
     return ", ".join(f"{value:.{digits}f}" for value in values)
 
 
-def _round(value: float) -> str:
-    """Two significant digits, rounded up: an error above it shows."""
+def _round_up(value: float) -> str:
+    """Two significant digits, rounded up."""
     step = 10.0 ** (np.floor(np.log10(value)) - 1)
     return f"{np.ceil(value / step) * step:.{max(0, -int(np.floor(np.log10(step))))}f}"
 
 
 def pair_advice(cases_of: Sequence[tuple[Input, FloatArray, FloatArray]]) -> str:
-    """Baseline and bar, which the images cannot tell apart, with what speaks against each.
+    """The message for a baseline and a bar that contradict each other.
 
     Args:
-        cases_of: the likelier one first: what was stated, what the others say, its standard error.
+        cases_of: for each of the two, the likelier one first: the input, its estimate from the
+            other data, and the standard error of that.
     """
     item = cases_of[0][0]
     cases = []
@@ -162,15 +180,16 @@ def pair_advice(cases_of: Sequence[tuple[Input, FloatArray, FloatArray]]) -> str
         stated = "stated" if each.sigma_stated else "assumed"
         cases.append(
             f"{NAMES[each.key]} is {in_digits(say, sigma)} ± {in_digits(sigma, sigma)} m and not "
-            f"{in_digits(each.stated, sigma)} m, off by {off:.2g} times its {stated} uncertainty"
+            f"{in_digits(each.stated, sigma)} m, an error of {off:.2g} times its {stated} "
+            "uncertainty"
         )
     reason = (
-        "It ends at points inside the lenses: measure it again, between the entrance pupils."
+        "Measure it again, between the entrance pupils inside the lenses."
         if item.key == "baseline"
         else "Measure it again, between the centres of the targets."
     )
     return (
-        "Baseline and distance between the targets do not go together; the images fix their "
+        "Baseline and distance between the targets contradict each other; the images fix their "
         f"ratio, not which is wrong. Either {cases[0]}; or {cases[1]}. The first is likelier. "
         f"{reason}"
     )

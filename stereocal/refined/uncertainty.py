@@ -1,10 +1,10 @@
-"""How well the refined set is known, and what it measures: standard errors, and errors by place.
+"""Standard errors of the refined set, and of the points and distances that it reconstructs.
 
-The midpoint of two rays is the point X of least sum of squared distances to them. Where camera c
-has the slopes J_c (2, 3) of its pixels by X, a change du of the pixels, or dq of the cameras,
-shifts its ray near X by J_c^+ (du - J_q dq), square to the ray, and the midpoint by N^-1 times the
-sum of both shifts, N = sum of J_c^+ J_c. So the error of a point has two parts: that of its own
-pixels, and that of the cameras, which all points share.
+The midpoint of two rays is the point X with the least sum of squared distances to them. Let J_c
+(2, 3) be the Jacobian of camera c's pixels by X. A change du of the pixels, or dq of the shared
+unknowns, shifts the ray near X by J_c^+ (du - J_q dq), perpendicular to the ray, and the midpoint
+by N^-1 times the sum of both shifts, N = sum of J_c^+ J_c. The error of a point therefore has two
+parts: one from the noise of its pixels, one from the cameras, which all points share.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stereocal.errors import StereocalError
-from stereocal.refined.adjustment import point_slopes
+from stereocal.refined.adjustment import fill_point_jacobians
 from stereocal.refined.bar_fit import BASELINE, PRIMARY, SECONDARY, SHARED
 from stereocal.refined.refine import RefinedResult
 from stereocal.rig.camera import Camera
@@ -26,7 +26,7 @@ LENS = ("fx", "fy", "cx", "cy")
 
 @dataclass(frozen=True)
 class Value:
-    """An estimate with its standard error; 0 for a number that was held fixed."""
+    """An estimate and its standard error, which is 0 if the value was held fixed."""
 
     value: float
     sigma: float
@@ -36,85 +36,92 @@ def standard_errors(result: RefinedResult) -> dict[str, Value]:
     """The five angles in radians, `baseline_m`, and fx, fy, cx, cy of each camera in pixels."""
     sigma = np.sqrt(np.diag(result.covariance))
     names = [*result.pose.angles._fields, "baseline_m"]
-    places = [*range(5), BASELINE]
+    indices = [*range(5), BASELINE]
     for name, at in (("primary", PRIMARY), ("secondary", SECONDARY)):
         names += [f"{name}_{key}" for key in LENS]
-        places += range(at, at + 4)
+        indices += range(at, at + 4)
     return {
         name: Value(float(result.q[at]), float(sigma[at]))
-        for name, at in zip(names, places, strict=True)
+        for name, at in zip(names, indices, strict=True)
     }
 
 
 def point_covariances(result: RefinedResult, points_m: npt.ArrayLike) -> FloatArray:
-    """(n, 3, 3), in square metres: of reconstructed points at (n, 3) in the primary's frame.
+    """Covariances of reconstructed points, (n, 3, 3) in square metres; NaN behind a camera.
 
-    Own noise of the pixels and error of the cameras together. NaN behind a camera.
+    They include the noise of the points' own pixels and the errors of the cameras.
+
+    Args:
+        points_m: (n, 3), in the primary's frame.
     """
-    own, moves = _point_errors(result, points_m)
-    return np.asarray(own + moves @ result.covariance @ moves.transpose(0, 2, 1))
+    own, jacobian = _point_errors(result, points_m)
+    return np.asarray(own + jacobian @ result.covariance @ jacobian.transpose(0, 2, 1))
 
 
 def distance_sigmas(
     result: RefinedResult, first_m: npt.ArrayLike, second_m: npt.ArrayLike
 ) -> FloatArray:
-    """(n,), in metres: standard errors of reconstructed distances between (n, 3) and (n, 3) points.
+    """Standard errors of reconstructed distances, (n,) in metres; NaN behind a camera.
 
-    NaN behind a camera.
+    Args:
+        first_m, second_m: (n, 3) each, in the primary's frame.
     """
-    along, own, slopes = _length_errors(result, first_m, second_m)
+    along, own, jacobian = _length_errors(result, first_m, second_m)
     variance = np.einsum("ni,nij,nj->n", along, own, along)
-    variance += np.einsum("ni,ij,nj->n", slopes, result.covariance, slopes)
+    variance += np.einsum("ni,ij,nj->n", jacobian, result.covariance, jacobian)
     return np.asarray(np.sqrt(variance))
 
 
-def length_slopes(
+def length_jacobian(
     result: RefinedResult, first_m: npt.ArrayLike, second_m: npt.ArrayLike
 ) -> FloatArray:
-    """(n, 15): slopes of reconstructed distances by the shared unknowns of `bar_fit`."""
+    """(n, 15): derivatives of reconstructed distances by the shared unknowns of `bar_fit`."""
     return _length_errors(result, first_m, second_m)[2]
 
 
 def _length_errors(
     result: RefinedResult, first_m: npt.ArrayLike, second_m: npt.ArrayLike
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Direction (n, 3) of each distance, covariance (n, 3, 3) of its ends' difference, slopes."""
+    """Unit directions (n, 3), covariances from the pixels (n, 3, 3) of the ends' differences, and
+    derivatives (n, 15) of the distances by the shared unknowns.
+    """
     a, b = (np.asarray(points, dtype=np.float64) for points in (first_m, second_m))
     along = (a - b) / np.linalg.norm(a - b, axis=1, keepdims=True)
-    own_a, moves_a = _point_errors(result, a)
-    own_b, moves_b = _point_errors(result, b)
-    return along, own_a + own_b, np.einsum("ni,nij->nj", along, moves_a - moves_b)
+    own_a, jacobian_a = _point_errors(result, a)
+    own_b, jacobian_b = _point_errors(result, b)
+    return along, own_a + own_b, np.einsum("ni,nij->nj", along, jacobian_a - jacobian_b)
 
 
 @dataclass(frozen=True, eq=False)
 class AccuracyMap:
-    """Predicted errors on the plane y = 0 of the primary's frame; NaN out of a camera's view."""
+    """Predicted errors on the plane y = 0 of the primary's frame; NaN outside a camera's view."""
 
     x_m: FloatArray
     """(i,)."""
     z_m: FloatArray
     """(j,)."""
     point_m: FloatArray
-    """(j, i): root of the sum of the three variances of a point."""
+    """(j, i): standard error of a point: root of the sum of its three variances, in metres."""
     distance: FloatArray
-    """(j, i): error of a distance as long as the bar, as a fraction, mean over three directions."""
+    """(j, i): relative standard error of a distance of the bar's length, mean over the directions
+    x, y and z."""
 
 
 def accuracy_map(result: RefinedResult, size: int = 60) -> AccuracyMap:
-    """How accurate the rig is, by place, from the cameras to beyond the farthest bar.
+    """Predicted errors from the cameras to beyond the farthest bar, on a grid of `size` x `size`.
 
     Raises:
-        StereocalError: fewer than 2 places a side.
+        StereocalError: `size` is below 2.
     """
     if size < 2:
-        raise StereocalError("The map needs at least 2 places a side.")
-    ends = result.places_m[~result.outlying].reshape(-1, 3)
+        raise StereocalError(f"The accuracy map needs at least 2 points per side, not {size}.")
+    ends = result.points_m[~result.outlying].reshape(-1, 3)
     ends = ends[np.isfinite(ends).all(axis=1)]
     far = 1.2 * float(ends[:, 2].max())
     half = 1.2 * float(np.abs(ends[:, 0]).max())
     x, z = np.linspace(-half, half, size), np.linspace(far / size, far, size)
-    places = np.stack([*np.meshgrid(x, z)], axis=-1).reshape(-1, 2)
-    points = np.column_stack([places[:, 0], np.zeros(len(places)), places[:, 1]])
+    grid = np.stack([*np.meshgrid(x, z)], axis=-1).reshape(-1, 2)
+    points = np.column_stack([grid[:, 0], np.zeros(len(grid)), grid[:, 1]])
     seen = in_view(result.primary, points) & in_view(result.secondary, result.pose.apply(points))
     point, distance = np.full(len(points), np.nan), np.full(len(points), np.nan)
     if seen.any():
@@ -131,12 +138,12 @@ def accuracy_map(result: RefinedResult, size: int = 60) -> AccuracyMap:
 
 
 def in_view(camera: Camera, points_m: FloatArray) -> BoolArray:
-    """(n,): which points of the camera's own frame lie in its image."""
+    """(n,): whether points (n, 3) in the camera's own frame are inside its image."""
     pixels = camera.project(points_m)
     with np.errstate(invalid="ignore"):
         size = np.array(camera.image_size)
         inside = np.asarray(((pixels >= -0.5) & (pixels <= size - 0.5)).all(axis=1))
-        # Far outside the view a lens polynomial can turn back and put a point into the image.
+        # Far outside the view a distortion polynomial can fold back and map points into the image.
         seen = np.flatnonzero(inside)
         rays = points_m[seen, :2] / points_m[seen, 2:]
         inside[seen] = np.abs(camera.undistort(pixels[seen]) - rays).max(axis=1, initial=0) < 1e-6
@@ -144,19 +151,19 @@ def in_view(camera: Camera, points_m: FloatArray) -> BoolArray:
 
 
 def _point_errors(result: RefinedResult, points_m: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Covariances (n, 3, 3) from the pixels, and moves (n, 3, 15) by the shared unknowns."""
+    """Covariances (n, 3, 3) of points from the noise of their pixels, and derivatives (n, 3, 15)
+    of the points by the shared unknowns.
+    """
     points = np.ascontiguousarray(points_m, dtype=np.float64).reshape(-1, 3)
-    slopes = np.empty((len(points), 3 + SHARED, 4))
-    point_slopes(result.q, result.lenses, 1 / result.sigma_px.value, points, slopes)
-    by_place, by_cameras = slopes[:, :3].transpose(0, 2, 1), slopes[:, 3:].transpose(0, 2, 1)
-    usable = np.asarray(np.isfinite(by_place).all(axis=(1, 2)))
+    jacobians = np.empty((len(points), 3 + SHARED, 4))
+    fill_point_jacobians(result.q, result.lenses, 1 / result.sigma_px.value, points, jacobians)
+    by_point, by_shared = jacobians[:, :3].transpose(0, 2, 1), jacobians[:, 3:].transpose(0, 2, 1)
+    usable = np.asarray(np.isfinite(by_point).all(axis=(1, 2)))
     own = np.full((len(points), 3, 3), np.nan)
-    moves = np.full((len(points), 3, SHARED), np.nan)
-    of_both = by_place[usable]
-    shifts = np.concatenate(
-        [np.linalg.pinv(of_both[:, :2]), np.linalg.pinv(of_both[:, 2:])], axis=2
-    )
-    gain = np.linalg.solve(shifts @ of_both, shifts)
+    jacobian = np.full((len(points), 3, SHARED), np.nan)
+    J = by_point[usable]
+    shifts = np.concatenate([np.linalg.pinv(J[:, :2]), np.linalg.pinv(J[:, 2:])], axis=2)
+    gain = np.linalg.solve(shifts @ J, shifts)
     own[usable] = gain @ gain.transpose(0, 2, 1)
-    moves[usable] = -gain @ by_cameras[usable]
-    return own, moves
+    jacobian[usable] = -gain @ by_shared[usable]
+    return own, jacobian

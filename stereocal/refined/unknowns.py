@@ -1,4 +1,4 @@
-"""What the refined method may move, from where, and how far: its unknowns and their priors."""
+"""The unknowns of the refined method, their priors, and its settings."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from stereocal.rig.geometry import Pose
 DEFAULT_FOCAL = 0.01
 DEFAULT_CENTRE_PX = 10.0
 DEFAULT_BASELINE = 0.01
-"""As a fraction of the baseline; it is measured between housings, the model's lies within."""
+"""As a fraction of the baseline, which is measured between housings but ends inside the lenses."""
 DEFAULT_DISTANCE = 0.001
 """As a fraction of the bar: half a millimetre on half a metre."""
 
@@ -27,7 +27,7 @@ ANGLES = ("yaw", "pitch", "roll", "delta", "epsilon")
 
 @dataclass(frozen=True)
 class LensPrior:
-    """How well a lens is known; 0 holds it fixed, infinity knows nothing.
+    """Standard deviations of the prior of a lens; 0 holds a value fixed, infinity means no prior.
 
     Raises:
         StereocalError: a negative number or NaN.
@@ -38,7 +38,7 @@ class LensPrior:
     centre_px: float = DEFAULT_CENTRE_PX
     """Standard deviation of each coordinate of the principal point, in pixels."""
     apart: bool = False
-    """fx and fy each by itself; else both by one factor."""
+    """Whether fx and fy vary separately; otherwise they share one factor."""
 
     def __post_init__(self) -> None:
         if not (self.focal >= 0 and self.centre_px >= 0):
@@ -50,27 +50,28 @@ FIXED_LENS = LensPrior(0.0, 0.0)
 
 @dataclass(frozen=True)
 class RefineSettings:
-    """Settings of the refined method. An uncertainty of 0 holds the number fixed.
+    """Settings of the refined method. An uncertainty of 0 holds the value fixed.
 
     Raises:
         StereocalError: a negative number, NaN, or an unknown loss.
     """
 
     primary: LensPrior | None = None
-    """None: what the camera says of its own uncertainty, else 1 % and 10 px."""
+    """None: the camera's own uncertainty if it has one, else 1 % and 10 px."""
     secondary: LensPrior | None = None
     baseline_sigma_m: float | None = None
-    """None: what the data set says, else 1 % of the baseline."""
+    """None: the data set's value if it has one, else 1 % of the baseline."""
     distance_sigma_m: float | None = None
-    """Error of the measured bar that all frames share. None: the data set's, else 0.1 %."""
+    """Standard deviation of the measured bar length, common to all frames. None: the data set's
+    value if it has one, else 0.1 %."""
     sigma_px: float | None = None
     """Noise of an image coordinate. None: estimated from the residuals."""
     scatter_m: float | None = None
-    """Error of the bar's length that differs from frame to frame. None: from the residuals."""
+    """Scatter of the bar's length from frame to frame. None: estimated from the residuals."""
     loss: Literal["robust", "squares"] = "robust"
-    """`squares` trusts every frame."""
+    """`squares` uses every frame with full weight."""
     maximum_steps: int = 60
-    """Of each of the few solves."""
+    """Maximum number of steps of each solve."""
 
     def __post_init__(self) -> None:
         for name in ("baseline_sigma_m", "distance_sigma_m", "scatter_m", "sigma_px"):
@@ -78,23 +79,23 @@ class RefineSettings:
             if value is not None and not value >= 0:
                 raise StereocalError(f"{name} is {value}: it must be 0 or more.")
         if self.sigma_px == 0:
-            raise StereocalError("sigma_px is 0: no image point is known exactly.")
+            raise StereocalError("sigma_px is 0: it must be above 0.")
         if self.loss not in ("robust", "squares"):
-            raise StereocalError(f'The loss "{self.loss}" is not known: robust or squares.')
+            raise StereocalError(f'The loss "{self.loss}" is unknown: robust or squares.')
         if self.maximum_steps < 1:
             raise StereocalError("maximum_steps must be at least 1.")
 
     def to_json(self) -> dict[str, Any]:
-        """All settings; infinity as the text "inf", which JSON does not know."""
+        """All settings; infinity is written as the string "inf", since JSON has no infinity."""
         settings: dict[str, Any] = _without_infinity(asdict(self))
         return settings
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> RefineSettings:
-        """The settings that `to_json` describes; what is missing keeps its default.
+        """The settings that `to_json` describes; missing ones keep their defaults.
 
         Raises:
-            StereocalError: a name that is no setting, or a value of the wrong kind or range.
+            StereocalError: an unknown setting, or a value of the wrong type or out of range.
         """
         given = {name: _number(value) for name, value in data.items()}
         for lens in CAMERAS:
@@ -109,15 +110,15 @@ class RefineSettings:
 
 @dataclass(frozen=True, eq=False)
 class Unknowns:
-    """The free numbers p of a solve and the 15 shared ones, q = origin + M p."""
+    """The free parameters p of a solve and the 15 shared unknowns q = origin + M p."""
 
     names: tuple[str, ...]
     origin: FloatArray
-    """(15,), with the stated values; angles and start of the others at p = 0."""
+    """(15,): the initial angles, and the stated values of the others."""
     M: FloatArray
     """(15, k)."""
     sigma: FloatArray
-    """(k,), standard deviation of the prior of each p, infinite where there is none."""
+    """(k,): standard deviations of the priors of p; infinite without a prior."""
 
     @property
     def precision(self) -> FloatArray:
@@ -131,10 +132,10 @@ def unknowns_of(
     """The unknowns of a data set.
 
     Args:
-        bars: whether there are bars; without, nothing is to be known of their length.
+        bars: whether there are bars; if not, the bar's length is held fixed.
 
     Raises:
-        StereocalError: nothing fixes the scale.
+        StereocalError: neither baseline nor bar has a prior, so nothing determines the scale.
     """
     origin = np.empty(SHARED)
     origin[: EPSILON + 1] = start.angles
@@ -145,7 +146,7 @@ def unknowns_of(
     bar = distance_sigma_m(dataset, settings) / dataset.target_distance_m if bars else 0.0
     if np.isinf(baseline) and (np.isinf(bar) or not bars):
         raise StereocalError(
-            "Nothing fixes the scale: give the baseline or the bar an uncertainty."
+            "Nothing fixes the scale: give the baseline or the bar a finite uncertainty."
         )
     columns: list[tuple[str, float, FloatArray]] = [
         (name, np.inf, _unit(i)) for i, name in enumerate(ANGLES)
@@ -177,11 +178,10 @@ def unknowns_of(
 
 
 def lens_prior(camera: Camera, given: LensPrior | None) -> LensPrior:
-    """How well a lens is known: as given, else as its calibration says, else the default.
+    """The prior of a lens: `given`, else from the camera's uncertainty, else the default.
 
-    The calibration's standard errors are of fx, fy, cx and cy each; the prior has one number for
-    the focal length, their root mean square, and one for both coordinates of the principal point,
-    the larger.
+    The camera's uncertainty has standard errors of fx, fy, cx and cy. The prior uses the root mean
+    square of the relative errors of fx and fy, and the larger error of cx and cy.
     """
     if given is not None:
         return given
@@ -193,7 +193,7 @@ def lens_prior(camera: Camera, given: LensPrior | None) -> LensPrior:
 
 
 def with_lens_priors(settings: RefineSettings, dataset: Dataset) -> RefineSettings:
-    """The same settings with the priors of both lenses written out."""
+    """The same settings with explicit priors of both lenses."""
     return replace(
         settings,
         primary=lens_prior(dataset.primary, settings.primary),
@@ -202,14 +202,14 @@ def with_lens_priors(settings: RefineSettings, dataset: Dataset) -> RefineSettin
 
 
 def baseline_sigma_m(dataset: Dataset, settings: RefineSettings) -> float:
-    """Standard deviation of the measured baseline, as `RefineSettings` says."""
+    """Standard deviation of the measured baseline, with the defaults of `RefineSettings`."""
     return _first(
         settings.baseline_sigma_m, dataset.baseline_sigma_m, DEFAULT_BASELINE * dataset.baseline_m
     )
 
 
 def distance_sigma_m(dataset: Dataset, settings: RefineSettings) -> float:
-    """Standard deviation of the measured bar, as `RefineSettings` says."""
+    """Standard deviation of the measured bar, with the defaults of `RefineSettings`."""
     return _first(
         settings.distance_sigma_m,
         dataset.target_distance_sigma_m,
@@ -218,7 +218,7 @@ def distance_sigma_m(dataset: Dataset, settings: RefineSettings) -> float:
 
 
 def camera_of(stated: Camera, lens: FloatArray) -> Camera:
-    """The stated camera with other fx, fy, cx, cy."""
+    """The stated camera with `lens`, (fx, fy, cx, cy), instead of its own."""
     K = stated.K.copy()
     K[0, 0], K[1, 1], K[0, 2], K[1, 2] = lens
     return Camera(K, stated.distortion, stated.image_size)

@@ -1,1 +1,1 @@
-"""Conventions: geometry, cameras, two cameras and their pose, data sets, what numba needs."""
+"""Geometry and conventions, cameras, the rig, data sets, compilation with numba."""

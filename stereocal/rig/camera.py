@@ -1,4 +1,4 @@
-"""A camera with a known lens: OpenCV's model, both ways."""
+"""A camera with OpenCV's lens model: distortion, undistortion, projection."""
 
 from __future__ import annotations
 
@@ -16,22 +16,23 @@ from stereocal.rig.compiled import FloatArray
 CameraName = Literal["primary", "secondary"]
 CAMERAS: tuple[CameraName, CameraName] = ("primary", "secondary")
 LARGEST_SIDE = 1_000_000
-MOST = 1e9
+MAXIMUM_K = 1e9
 DISTORTION_LENGTHS = (0, 4, 5, 8, 12, 14)
-OTHER_SIZE = 1.3
-"""A principal point so many times farther from the corner than the middle is of another size."""
+SIZE_FACTOR_TOLERANCE = 1.3
+"""The principal point may be this many times the image centre, or one over it, before K counts as
+that of another image size."""
 
 
 @dataclass(frozen=True, eq=False)
 class LensUncertainty:
-    """Standard errors of a lens: 0 for a number that was held fixed.
+    """Standard errors of the lens parameters; 0 for a parameter that was held fixed.
 
     Args:
         fx, fy, cx, cy: in pixels.
         distortion: one for each coefficient of the camera.
 
     Raises:
-        StereocalError: a number that is below 0 or not finite.
+        StereocalError: a number is negative or not finite.
     """
 
     fx: float
@@ -42,8 +43,8 @@ class LensUncertainty:
 
     def __post_init__(self) -> None:
         distortion = np.array(self.distortion, dtype=np.float64).ravel()
-        every = np.array([self.fx, self.fy, self.cx, self.cy, *distortion])
-        if not (np.isfinite(every).all() and (every >= 0).all()):
+        sigmas = np.array([self.fx, self.fy, self.cx, self.cy, *distortion])
+        if not (np.isfinite(sigmas).all() and (sigmas >= 0).all()):
             raise StereocalError("An uncertainty of the lens is below 0 or not a finite number.")
         distortion.setflags(write=False)
         object.__setattr__(self, "distortion", distortion)
@@ -57,7 +58,7 @@ class LensUncertainty:
 
     @classmethod
     def from_json(cls, data: Any, source: str) -> LensUncertainty:
-        """The uncertainty that `to_json` describes; further keys are let pass.
+        """The uncertainty that `to_json` describes; other keys are ignored.
 
         Raises:
             StereocalError: a key is missing or its value cannot be read.
@@ -82,10 +83,11 @@ class Camera:
         K: (3, 3), `[[fx, skew, cx], [0, fy, cy], [0, 0, 1]]`, in pixels.
         distortion: OpenCV's coefficients k1 k2 p1 p2 [k3 [k4 k5 k6 [s1..s4 [tx ty]]]].
         image_size: (width, height) in pixels.
-        uncertainty: standard errors of fx, fy, cx, cy and the coefficients, where known.
+        uncertainty: standard errors of fx, fy, cx, cy and the coefficients; None if unknown.
 
     Raises:
-        StereocalError: a matrix that is no camera matrix, NaN, or a wrong number of coefficients.
+        StereocalError: K is not a camera matrix, a number is not finite, or the number of
+            distortion coefficients is wrong.
     """
 
     K: FloatArray
@@ -105,9 +107,10 @@ class Camera:
                 f"The camera matrix K cannot be inverted: the focal lengths fx = {K[0, 0]:g} and "
                 f"fy = {K[1, 1]:g} must both be above 0."
             )
-        if np.abs(K).max() > MOST or min(K[0, 0], K[1, 1]) < 1 / MOST:
+        if np.abs(K).max() > MAXIMUM_K or min(K[0, 0], K[1, 1]) < 1 / MAXIMUM_K:
             raise StereocalError(
-                f"The camera matrix K cannot be one: fx = {K[0, 0]:g}, fy = {K[1, 1]:g}."
+                "The camera matrix K has impossible values: "
+                f"fx = {K[0, 0]:g}, fy = {K[1, 1]:g}; they must be in pixels."
             )
         if K[1, 0] != 0 or not np.array_equal(K[2], [0, 0, 1]):
             raise StereocalError(
@@ -125,7 +128,7 @@ class Camera:
         if self.uncertainty is not None and self.uncertainty.distortion.size != distortion.size:
             raise StereocalError(
                 f"The lens has {distortion.size} distortion coefficients, but "
-                f"{self.uncertainty.distortion.size} uncertainties of them."
+                f"{self.uncertainty.distortion.size} uncertainties for them."
             )
         K.setflags(write=False)
         distortion.setflags(write=False)
@@ -139,18 +142,18 @@ class Camera:
         return np.array([self.K[0, 0], self.K[0, 1], self.K[1, 1]])
 
     @property
-    def other_size(self) -> float | None:
-        """How many times as large an image K seems to be made for; None where the sizes agree.
+    def size_factor(self) -> float | None:
+        """The size of the image that K belongs to, over `image_size`; None where they agree.
 
-        Told by the principal point, which lies about in the middle of an image.
+        Judged by the principal point, which lies near the centre of an image.
         """
-        middle = 0.5 * (np.array(self.image_size) - 1.0)
-        factor = float(np.mean(np.maximum(self.K[:2, 2], 1e-9) / middle))
-        return factor if abs(np.log(factor)) > np.log(OTHER_SIZE) else None
+        centre = 0.5 * (np.array(self.image_size) - 1.0)
+        factor = float(np.mean(np.maximum(self.K[:2, 2], 1e-9) / centre))
+        return factor if abs(np.log(factor)) > np.log(SIZE_FACTOR_TOLERANCE) else None
 
     def distort(self, normalised: npt.ArrayLike) -> FloatArray:
-        """Raw pixels (n, 2) of normalised points (n, 2): lens, then K."""
-        return self._to_pixels(self._bend(np.asarray(normalised, dtype=np.float64)))
+        """Raw pixels (n, 2) of undistorted, normalised points (n, 2)."""
+        return self._to_pixels(self._distort(np.asarray(normalised, dtype=np.float64)))
 
     def project(self, points: npt.ArrayLike) -> FloatArray:
         """Raw pixels (n, 2) of points (n, 3) in this camera's frame; NaN behind the camera."""
@@ -159,25 +162,25 @@ class Camera:
         return self.distort(points[:, :2] / depth[:, None])
 
     def undistort(self, pixels: npt.ArrayLike) -> FloatArray:
-        """Normalised points (n, 2) of raw pixels (n, 2); NaN where the lens cannot be inverted.
+        """Normalised points (n, 2) of raw pixels (n, 2); NaN where the lens model has no inverse.
 
-        Newton's method on OpenCV's forward model, with OpenCV's own inverse as the start, which
-        alone stops after 5 rounds: 0.02 px off at the corners of a 1280 px image with k1 = -0.22.
+        Newton's method on OpenCV's forward model, started at OpenCV's own inverse, which stops
+        after 5 iterations: 0.02 px off at the corners of a 1280 px image with k1 = -0.22.
         """
         pixels = np.asarray(pixels, dtype=np.float64).reshape(-1, 2)
-        bent = np.column_stack([pixels, np.ones(len(pixels))]) @ np.linalg.inv(self.K).T
-        bent = np.ascontiguousarray(bent[:, :2])
-        if not self.distortion.any() or not len(bent):
-            return bent
-        guess = cv2.undistortPoints(bent[:, None], np.eye(3), self.distortion).reshape(-1, 2)
-        straight = np.asarray(guess, dtype=np.float64)
+        distorted = np.column_stack([pixels, np.ones(len(pixels))]) @ np.linalg.inv(self.K).T
+        distorted = np.ascontiguousarray(distorted[:, :2])
+        if not self.distortion.any() or not len(distorted):
+            return distorted
+        guess = cv2.undistortPoints(distorted[:, None], np.eye(3), self.distortion).reshape(-1, 2)
+        points = np.asarray(guess, dtype=np.float64)
         with np.errstate(all="ignore"):
             for _ in range(20):
-                error = self._bend(straight) - bent
-                along_x, along_y = self._slopes(straight)
+                error = self._distort(points) - distorted
+                along_x, along_y = self._jacobian(points)
                 determinant = along_x[:, 0] * along_y[:, 1] - along_x[:, 1] * along_y[:, 0]
-                straight = (
-                    straight
+                points = (
+                    points
                     - np.column_stack(
                         [
                             error[:, 0] * along_y[:, 1] - error[:, 1] * along_y[:, 0],
@@ -188,14 +191,14 @@ class Camera:
                 )
                 if np.nanmax(np.abs(error), initial=0.0) < 1e-13:
                     break
-            found = np.abs(self._bend(straight) - bent).max(axis=1) < 1e-10
-            # The model folds back far out, where it has further solutions that no lens has: all the
-            # way from the centre, both eigenvalues of the slopes must be above 0.
+            found = np.abs(self._distort(points) - distorted).max(axis=1) < 1e-10
+            # Far from the centre the polynomial folds back and has spurious solutions. A solution
+            # counts if both eigenvalues of the Jacobian are positive all the way from the centre.
             for part in (0.25, 0.5, 0.75, 1.0):
-                along_x, along_y = self._slopes(part * straight)
+                along_x, along_y = self._jacobian(part * points)
                 found &= along_x[:, 0] * along_y[:, 1] > along_x[:, 1] * along_y[:, 0]
                 found &= along_x[:, 0] + along_y[:, 1] > 0
-        return np.where(found[:, None], straight, np.nan)
+        return np.where(found[:, None], points, np.nan)
 
     def undistort_to_pixels(self, pixels: npt.ArrayLike) -> FloatArray:
         """Pixels (n, 2) of the undistorted image, from raw pixels (n, 2)."""
@@ -218,7 +221,7 @@ class Camera:
         """
         missing = [key for key in ("K", "distortion", "image_size") if key not in data]
         if missing:
-            raise StereocalError(f"{source}: the camera lacks {', '.join(missing)}.")
+            raise StereocalError(f"{source}: the camera has no {', '.join(missing)}.")
         try:
             width, height = data["image_size"]
             K = np.array(data["K"], dtype=np.float64)
@@ -228,29 +231,29 @@ class Camera:
             raise StereocalError(
                 f"{source}: K, distortion and image_size must be lists of numbers."
             ) from error
-        given = data.get("uncertainty")
-        uncertainty = None if given is None else LensUncertainty.from_json(given, source)
+        stated = data.get("uncertainty")
+        uncertainty = None if stated is None else LensUncertainty.from_json(stated, source)
         try:
             return cls(K, distortion, size, uncertainty)
         except StereocalError as error:
             raise StereocalError(f"{source}: {error}") from error
 
-    def _bend(self, normalised: FloatArray) -> FloatArray:
-        """Lens distortion of normalised points, by OpenCV's full model."""
+    def _distort(self, normalised: FloatArray) -> FloatArray:
+        """Distorted normalised points (n, 2), by OpenCV's full model."""
         if not len(normalised) or not self.distortion.any():
             return normalised
         points = np.column_stack([normalised, np.ones(len(normalised))])
-        bent, _ = cv2.projectPoints(
+        distorted, _ = cv2.projectPoints(
             points[:, None], np.zeros(3), np.zeros(3), np.eye(3), self.distortion
         )
-        return np.asarray(bent, dtype=np.float64).reshape(-1, 2)
+        return np.asarray(distorted, dtype=np.float64).reshape(-1, 2)
 
-    def _slopes(self, normalised: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Derivatives (n, 2) of the bent points by x and by y of the straight ones."""
+    def _jacobian(self, normalised: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Derivatives (n, 2) of the distorted points by x, and by y, by finite differences."""
         step = 1e-6
-        along_x = self._bend(normalised + np.array([step, 0.0]))
-        along_y = self._bend(normalised + np.array([0.0, step]))
-        here = self._bend(normalised)
+        along_x = self._distort(normalised + np.array([step, 0.0]))
+        along_y = self._distort(normalised + np.array([0.0, step]))
+        here = self._distort(normalised)
         return (along_x - here) / step, (along_y - here) / step
 
     def _to_pixels(self, normalised: FloatArray) -> FloatArray:

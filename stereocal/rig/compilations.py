@@ -1,4 +1,4 @@
-"""What numba compiles, counted in all threads, and a clock that stands still meanwhile."""
+"""Count numba's compilations, and a clock that excludes the time they take."""
 
 from __future__ import annotations
 
@@ -12,46 +12,50 @@ from numba.core import event
 
 
 @contextmanager
-def compilations(heard: Callable[[int], None]) -> Iterator[None]:
-    """Call `heard` with 0 when the first function of stereocal begins to be compiled, and with
-    their number so far whenever one is finished; not for what is read from the cache.
+def compilations(on_count: Callable[[int], None]) -> Iterator[None]:
+    """Report the compilations of stereocal's functions, in all threads, inside a `with` block.
+
+    `on_count` is called with 0 when the first compilation starts, and with the number of finished
+    ones after each. Functions loaded from the cache do not count.
     """
-    with event.install_listener("numba:compile", _Listener(heard)):
+    with event.install_listener("numba:compile", _Listener(on_count)):
         yield
 
 
 class _Listener(event.Listener):
-    def __init__(self, heard: Callable[[int], None]) -> None:
-        self._heard = heard
-        self._begun = False
+    def __init__(self, on_count: Callable[[int], None]) -> None:
+        self._on_count = on_count
+        self._started = False
         self._finished = 0
 
     def on_start(self, found: Any) -> None:
-        if not self._begun and _is_ours(found):
-            self._begun = True
-            self._heard(0)
+        if not self._started and _is_ours(found):
+            self._started = True
+            self._on_count(0)
 
     def on_end(self, found: Any) -> None:
         if _is_ours(found):
             self._finished += 1
-            self._heard(self._finished)
+            self._on_count(self._finished)
 
 
 def _is_ours(found: Any) -> bool:
-    """What numba compiles of its own, for a function of NumPy, is not counted."""
+    """Whether the compiled function is stereocal's; numba compiles its own versions of NumPy's."""
     module: str = found.data["dispatcher"].py_func.__module__
     return module.startswith("stereocal.")
 
 
 def clock() -> float:
-    """Seconds, as `time.perf_counter`, but for those in which this thread compiles, reads compiled
-    code from the cache, or waits for another thread that does.
+    """Seconds as from `time.perf_counter`, without the time that this thread spent compiling.
+
+    Loading compiled code from the cache, and waiting for another thread's compilation, are left
+    out as well.
     """
     return time.perf_counter() - _waited.seconds
 
 
 class _Waited(threading.local):
-    """Of one thread."""
+    """Seconds that one thread spent in numba's compiler lock."""
 
     seconds = 0.0
     depth = 0
@@ -59,7 +63,7 @@ class _Waited(threading.local):
 
 
 class _LockListener(event.Listener):
-    """Compiling a function compiles those that it calls: only the outermost counts."""
+    """Times the outermost lock: compiling a function also compiles the functions that it calls."""
 
     def on_start(self, _: Any) -> None:
         if not _waited.depth:

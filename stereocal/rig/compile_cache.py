@@ -1,8 +1,7 @@
-"""Where compiled code is kept when the program's own folder cannot be written to.
+"""Choose numba's cache folder when the installation folder is read-only.
 
-numba keeps it beside the sources, or else in the user's cache folder, and refuses to be imported
-where it can write to neither: a program that an administrator installed, run by a user without a
-home.
+numba caches compiled code beside the sources, or else in the user's cache folder. If it can write
+to neither, its import fails: for instance a system-wide installation run by a user without a home.
 """
 
 from __future__ import annotations
@@ -20,14 +19,14 @@ PACKAGE = Path(__file__).parents[1]
 
 
 def use_writable_cache(package: Path = PACKAGE) -> None:
-    """Have numba keep compiled code in a folder that can be written to.
+    """Make numba cache compiled code in a writable folder.
 
-    `NUMBA_CACHE_DIR` and the folder of the sources come first. Otherwise `NUMBA_CACHE_DIR` is set,
-    so that child processes use the same folder: one in the user's cache folder, or else one below
-    the temporary folder, which is the same each time.
+    Nothing changes if `NUMBA_CACHE_DIR` or the folder of the sources is writable. Otherwise
+    `NUMBA_CACHE_DIR` is set, which child processes inherit: to a folder in the user's cache folder,
+    or else to one in the temporary folder that has the same name each time.
     """
-    given = os.environ.get(VARIABLE)
-    if (given and _can_write(Path(given))) or _can_write_beside(package):
+    configured = os.environ.get(VARIABLE)
+    if (configured and _can_write(Path(configured))) or _can_write_beside(package):
         return
     folder = next(filter(_is_ours, _candidates()), None)
     if folder is None:
@@ -38,7 +37,7 @@ def use_writable_cache(package: Path = PACKAGE) -> None:
 
 
 def _can_write_beside(package: Path) -> bool:
-    """Whether all sources of a package have a `__pycache__` that can be written to."""
+    """Whether the `__pycache__` folders of a package and its subpackages are writable."""
     folders = [package, *(path.parent for path in package.rglob("__init__.py"))]
     caches = [folder / "__pycache__" for folder in folders]
     return all(
@@ -53,7 +52,7 @@ def _candidates() -> Iterator[Path]:
 
 
 def _can_write(folder: Path) -> bool:
-    """Whether there is such a folder, or can be, and files can be made in it."""
+    """Whether files can be created in the folder, which is created if it is missing."""
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         tempfile.TemporaryFile(dir=folder).close()
@@ -63,7 +62,7 @@ def _can_write(folder: Path) -> bool:
 
 
 def _is_ours(folder: Path) -> bool:
-    """Whether this user can write to a folder, and no other: compiled code is run unseen."""
+    """Whether this user and no other can write to the folder, since cached code is executed."""
     if not _can_write(folder):
         return False
     found = folder.lstat()

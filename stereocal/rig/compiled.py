@@ -1,4 +1,4 @@
-"""How hot functions are compiled: to machine code, cached on disk, without the interpreter lock."""
+"""Decorators that compile hot functions with numba: cached on disk, without the GIL."""
 
 from __future__ import annotations
 
@@ -29,22 +29,21 @@ _PACKAGE = Path(__file__).parents[1]
 _IMPORTED = re.compile(rf"^from ({_PACKAGE.name}[.\w]*) import ([\w, ]*)", re.MULTILINE)
 
 FAST_MATH = {"contract", "nsz", "arcp", "reassoc"}
-"""Sums may be reordered, so that loops over points use vector instructions; NaN stays NaN."""
+"""Allows reordered sums, so that loops over points are vectorised; keeps the rules for NaN."""
 
 
 def compiled(function: Callable[P, T]) -> Callable[P, T]:
-    """Compile `function`, which Python calls, with numba on its first call.
+    """Compile a function that Python calls, at its first call.
 
-    A division by zero gives inf or NaN as in NumPy (`error_model`), which a cost then carries to
-    the search, where NaN never counts as an improvement.
+    A division by zero gives inf or NaN as in NumPy. A NaN cost never counts as an improvement.
     """
     return _decorated(function)
 
 
 class _Internal(Generic[P, T]):
-    """A function that compiled code calls compiled, and Python as it was written.
+    """A function that compiled code calls in compiled form, and Python in its original form.
 
-    numba's own object without what a call from Python needs ends the process when Python calls it.
+    A numba dispatcher without a Python wrapper crashes the process when Python calls it.
     """
 
     def __init__(self, function: Callable[P, T], **options: bool) -> None:
@@ -62,21 +61,21 @@ def _type_of_internal(value: _Internal[P, T], _: object) -> types.Dispatcher:
 
 
 def internal(function: Callable[P, T]) -> Callable[P, T]:
-    """As `compiled`, for what only compiled code calls: a wrapper less to compile for each."""
+    """As `compiled`, for functions that only compiled code calls; saves compiling a wrapper."""
     return _Internal(function)
 
 
 def inlined(function: Callable[P, T]) -> Callable[P, T]:
-    """As `internal`, and copied into its callers: a call in a loop keeps it from vectorising."""
+    """As `internal`, inlined into its callers: a call inside a loop prevents vectorisation."""
     return _Internal(function, forceinline=True)
 
 
 def _decorated(function: Callable[P, T], **options: bool) -> Callable[P, T]:
-    every: dict[str, Any] = {"no_cfunc_wrapper": True, **options}  # numba's types lack these
+    untyped: dict[str, Any] = {"no_cfunc_wrapper": True, **options}  # not in numba's type hints
     decorated: Callable[P, T] = numba.njit(
-        cache=True, nogil=True, error_model="numpy", fastmath=FAST_MATH, **every
+        cache=True, nogil=True, error_model="numpy", fastmath=FAST_MATH, **untyped
     )(function)
-    # numba itself trusts what is on disk for as long as the function's own file is the same.
+    # By itself, numba invalidates the cache only when the function's own file changes.
     on_disk = getattr(getattr(decorated, "_cache", None), "_cache_file", None)
     if on_disk is not None:  # None with NUMBA_DISABLE_JIT
         on_disk._source_stamp = _stamp(Path(inspect.getfile(function)))
@@ -85,9 +84,9 @@ def _decorated(function: Callable[P, T], **options: bool) -> Callable[P, T]:
 
 @functools.cache
 def _stamp(path: Path) -> str:
-    """A digest of a file and of all of this package that it imports, directly or not.
+    """A digest of a source file and of all modules of this package that it imports, recursively.
 
-    Compiled code holds a copy of what it calls and the constants it reads, also of other files.
+    Compiled code contains the functions it calls and the constants it reads from other modules.
     """
     seen, left = {path}, [path]
     while left:
@@ -100,9 +99,9 @@ def _stamp(path: Path) -> str:
     return hashlib.sha256(b"".join(each.read_bytes() for each in sorted(seen))).hexdigest()
 
 
-def plain(array: FloatArray) -> FloatArray:
-    """The array, or a copy, of the one kind that compiled code is given: contiguous and writable.
+def contiguous(array: FloatArray) -> FloatArray:
+    """The array, or a copy of it, C-contiguous and writable.
 
-    numba compiles a function once more for each other kind.
+    numba compiles a function again for every other memory layout.
     """
     return array if array.flags.carray else np.array(array, order="C")

@@ -1,4 +1,4 @@
-"""What a calibration starts from: the points of the bar, the cameras, the measured lengths."""
+"""The data set of a calibration: image points of the bar, cameras, measured lengths."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ from stereocal.rig.geometry import Pose, stack_rays, triangulate_rays
 
 TARGETS = ("A", "B")
 SOURCES = ("detected", "corrected", "manual")
-"""Who placed a point: the detector, a person with the detector's help, or a person alone."""
+"""Origin of an image point: detector, detector after a user's click, or user alone."""
 UNKNOWN_SOURCE = -1
 LONGEST_PLAUSIBLE_M = 1000.0
-"""A baseline or bar beyond a kilometre is a number in millimetres."""
+"""A longer baseline or bar is taken for a number in millimetres."""
 
 
 @dataclass(frozen=True, eq=False)
 class Correspondences:
-    """Images of the two targets A and B in both cameras, one row per frame and target.
+    """Image points of the targets A and B in both cameras, one row per frame and target.
 
-    All arrays have n rows. Pixels are raw (distorted), (0, 0) is the centre of the top-left pixel.
+    All arrays have n rows. Pixels are raw (distorted); (0, 0) is the centre of the top-left pixel.
 
     Raises:
-        StereocalError: arrays of different lengths, NaN, or a frame with the same target twice.
+        StereocalError: arrays of different lengths, NaN, or the same target twice in a frame.
     """
 
     frame: IntArray
@@ -43,16 +43,16 @@ class Correspondences:
     secondary: FloatArray
     """(n, 2)."""
     distance_m: FloatArray
-    """Distance A-B measured for this frame; NaN where the data set's own distance holds."""
+    """Distance A-B measured for this frame; NaN to use the distance of the data set."""
     known_points_m: FloatArray
-    """(n, 3) places in the primary camera's frame, where known; else NaN."""
+    """(n, 3) known 3D points in the primary camera's frame; NaN if unknown."""
     sigma_primary_px: FloatArray
-    """Standard error of the primary point, of one coordinate; NaN where it is not known."""
+    """Standard error of each coordinate of the primary point; NaN if unknown."""
     sigma_secondary_px: FloatArray
     source: IntArray
-    """Index into `SOURCES`; -1 where it is not known."""
+    """Index into `SOURCES`; -1 if unknown."""
     line: IntArray
-    """Line of the file that the row came from, for messages; 0 where there is none."""
+    """Line of the row in its file, for messages; 0 if there is no file."""
 
     def __post_init__(self) -> None:
         n = len(self.frame)
@@ -64,16 +64,16 @@ class Correspondences:
         for name, shape in shapes.items():
             if getattr(self, name).shape != shape:
                 raise StereocalError(
-                    f"{name} has shape {getattr(self, name).shape}; {shape} is needed."
+                    f"{name} has shape {getattr(self, name).shape}; it must be {shape}."
                 )
         if not (np.isfinite(self.primary).all() and np.isfinite(self.secondary).all()):
             raise StereocalError("An image point is not a finite number.")
         if not np.isin(self.target, (0, 1)).all():
             raise StereocalError("A target is neither A (0) nor B (1).")
         if not np.isin(self.source, range(UNKNOWN_SOURCE, len(SOURCES))).all():
-            raise StereocalError(f"A source is none of {', '.join(SOURCES)}.")
+            raise StereocalError(f"A source is invalid: it must be {', '.join(SOURCES)} or empty.")
         if (self.sigma_primary_px <= 0).any() or (self.sigma_secondary_px <= 0).any():
-            raise StereocalError("The standard error of an image point is not above 0.")
+            raise StereocalError("The standard error of an image point must be above 0.")
         if len(np.unique(np.column_stack([self.frame, self.target]), axis=0)) < n:
             raise StereocalError("A frame has the same target twice.")
         for name in ("frame", *shapes):
@@ -92,15 +92,20 @@ class Correspondences:
         sigma_secondary_px: npt.ArrayLike | None = None,
         source: Iterable[str] | None = None,
     ) -> Correspondences:
-        """From arrays as a script has them.
+        """Correspondences from plain arrays of n rows.
 
-        `target` holds "A" and "B"; `source` the words of `SOURCES`, and "" where it is not known.
+        Args:
+            target: "A" or "B".
+            source: a word of `SOURCES`, or "" if unknown.
+
+        Raises:
+            StereocalError: as for the class, or an unknown source.
         """
         frames = np.array(frame, dtype=np.int64)
         n = len(frames)
 
-        def optional(given: npt.ArrayLike | None, *shape: int) -> FloatArray:
-            return np.full((n, *shape), np.nan) if given is None else np.array(given, float)
+        def optional(values: npt.ArrayLike | None, *shape: int) -> FloatArray:
+            return np.full((n, *shape), np.nan) if values is None else np.array(values, float)
 
         words = [""] * n if source is None else list(source)
         return cls(
@@ -128,12 +133,12 @@ class Correspondences:
 
     @cached_property
     def frames(self) -> IntArray:
-        """The frame numbers, each once, in order."""
+        """The distinct frame numbers, ascending."""
         return np.unique(self.frame)
 
     @cached_property
     def bars(self) -> IntArray:
-        """(m, 2): the rows of A and of B of each frame that has both, in order of the frames."""
+        """(m, 2): the rows of A and of B of each frame that has both, ascending by frame."""
         rows = [
             {int(f): i for i, f in enumerate(self.frame) if self.target[i] == t} for t in (0, 1)
         ]
@@ -141,7 +146,7 @@ class Correspondences:
         return np.array([(rows[0][f], rows[1][f]) for f in both], dtype=np.int64).reshape(-1, 2)
 
     def where(self, keep: npt.NDArray[np.bool_]) -> Correspondences:
-        """The rows for which `keep`, of shape (n,), is true."""
+        """The rows for which `keep` (n,) is true."""
         return Correspondences(*(getattr(self, field.name)[keep] for field in fields(self)))
 
     def of_frames(self, frames: npt.ArrayLike) -> Correspondences:
@@ -149,11 +154,11 @@ class Correspondences:
         return self.where(np.isin(self.frame, np.asarray(frames)))
 
     def without_lines(self, lines: Iterable[int]) -> Correspondences:
-        """All rows but those from these lines of the file."""
+        """All rows except those from these lines of the file."""
         return self.where(~np.isin(self.line, list(lines)))
 
     def name_of(self, row: int) -> str:
-        """How messages name a row: "frame 12, target A (line 25)"."""
+        """The name of a row in messages: "frame 12, target A (line 25)"."""
         name = f"frame {self.frame[row]}, target {TARGETS[self.target[row]]}"
         return f"{name} (line {self.line[row]})" if self.line[row] else name
 
@@ -163,8 +168,8 @@ class Dataset:
     """Correspondences with the two cameras and the two measured lengths.
 
     Raises:
-        StereocalError: a length that cannot be, points outside an image, or a lens that cannot be
-            inverted where a point lies.
+        StereocalError: an impossible length, a point outside its image, or a point where the lens
+            model cannot be inverted.
     """
 
     name: str
@@ -196,19 +201,20 @@ class Dataset:
             raise StereocalError(self._not_inverted(int(lost[0])))
 
     def _not_inverted(self, row: int) -> str:
-        """Whose lens does not reach a point, and what to look at."""
+        """The message for a point where the lens model cannot be inverted."""
         which, camera = (
             ("secondary", self.secondary)
             if np.isfinite(self.rays[:2, row]).all()
             else ("primary", self.primary)
         )
         width, height = camera.image_size
-        size = camera.other_size
-        hint = f" K seems to be that of an image {size:.3g} times as large." if size else ""
+        size = camera.size_factor
+        hint = f" K seems to belong to an image {size:.3g} times as large." if size else ""
         return (
-            f"The {which} camera's lens cannot be as given: its model cannot be inverted at "
-            f"{self.correspondences.name_of(row)}. Focal length and distortion do not fit a point "
-            f"this far from the centre of {width}x{height} px.{hint}"
+            f"The {which} camera's lens model cannot be inverted at "
+            f"{self.correspondences.name_of(row)}: its focal length and distortion are impossible "
+            f"for a point this far from the centre of the {width}x{height} px image. Check the "
+            f"camera file.{hint}"
         )
 
     def of_frames(self, frames: npt.ArrayLike) -> Dataset:
@@ -216,9 +222,9 @@ class Dataset:
         return replace(self, correspondences=self.correspondences.of_frames(frames))
 
     def with_targets_exchanged(self, frames: npt.ArrayLike) -> Dataset:
-        """The same with A and B exchanged in the secondary image of the given frames.
+        """The data set with A and B exchanged in the secondary image of the given frames.
 
-        A frame with one target stays: what the other camera saw there belongs to no other row.
+        Frames with one target are not changed.
         """
         rows = self.correspondences
         a, b = rows.bars[np.isin(rows.frame[rows.bars[:, 0]], np.asarray(frames))].T
@@ -229,7 +235,7 @@ class Dataset:
 
     @cached_property
     def rays(self) -> FloatArray:
-        """Undistorted, normalised points, shape (4, n), as in `geometry`. Computed once."""
+        """Undistorted, normalised points, shape (4, n), as in `geometry`."""
         return stack_rays(
             self.primary.undistort(self.correspondences.primary),
             self.secondary.undistort(self.correspondences.secondary),
@@ -248,11 +254,11 @@ class Dataset:
         return np.where(np.isnan(of_frame), self.target_distance_m, of_frame)
 
     def bars_among(self, rows: BoolArray) -> BoolArray:
-        """(m,): which bars of `correspondences.bars` have their frame among these rows (n,)."""
+        """(m,): which bars of `correspondences.bars` are selected by `rows`, a mask (n,)."""
         return rows[self.correspondences.bars[:, 0]]
 
     def reconstructed_lengths_m(self, pose: Pose) -> FloatArray:
-        """(m,): the lengths of the bars as `pose` gives them; NaN behind a camera."""
+        """(m,): the lengths of the bars reconstructed with `pose`; NaN behind a camera."""
         points = triangulate_rays(pose.R, pose.T, self.rays)
         bars = self.correspondences.bars
         lengths: FloatArray = np.linalg.norm(points[bars[:, 0]] - points[bars[:, 1]], axis=1)
@@ -260,7 +266,7 @@ class Dataset:
 
     @cached_property
     def sha256(self) -> str:
-        """Digest of all numbers that a calibration depends on, however they were stored."""
+        """Digest of all numbers that a calibration depends on, independent of the file format."""
         rows = self.correspondences
         content: dict[str, Any] = {
             "cameras": [_numbers_of(camera) for camera in (self.primary, self.secondary)],
@@ -273,7 +279,7 @@ class Dataset:
             ],
         }  # fmt: skip
         if rows.has_sigmas:
-            # Beside the rows, so that a table without them has the digest that it always had.
+            # A separate entry keeps the digest of tables without standard errors unchanged.
             sigmas = (rows.sigma_primary_px, rows.sigma_secondary_px)
             content["sigmas_px"] = [sigma.tolist() for sigma in sigmas]
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
@@ -285,23 +291,25 @@ def _numbers_of(camera: Camera) -> dict[str, Any]:
 
 
 def source_code(word: str) -> int:
-    """The index of a word of `SOURCES`; -1 for an empty one.
+    """The index of `word` in `SOURCES`; -1 if it is empty.
 
     Raises:
-        StereocalError: it is none of them.
+        StereocalError: an unknown word.
     """
     if not word:
         return UNKNOWN_SOURCE
     if word not in SOURCES:
-        raise StereocalError(f'The source "{word[:40]}" is none of {", ".join(SOURCES)}.')
+        raise StereocalError(
+            f'The source "{word[:40]}" is invalid: it must be {", ".join(SOURCES)} or empty.'
+        )
     return SOURCES.index(word)
 
 
 def check_length(what: str, value: float) -> None:
-    """Refuse a measured length that cannot be.
+    """Check a measured length in metres.
 
     Raises:
-        StereocalError: zero, negative, not finite, or evidently in millimetres.
+        StereocalError: zero, negative, not finite, or so long that it must be in millimetres.
     """
     if not np.isfinite(value) or value <= 0:
         raise StereocalError(f"The {what} is {value:g} m: it must be a length above 0.")
@@ -315,9 +323,9 @@ def check_length(what: str, value: float) -> None:
 def points_outside(
     correspondences: Correspondences, primary: Camera | None, secondary: Camera | None
 ) -> list[RowProblem]:
-    """Rows with a point outside its image; a pixel reaches 0.5 px around its centre.
+    """Rows with a point outside its image, which ends 0.5 px beyond the outermost pixel centres.
 
-    A camera that is None is not looked at.
+    A camera that is None is not checked.
     """
     problems = []
     for which, points, camera in (

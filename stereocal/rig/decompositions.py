@@ -1,7 +1,10 @@
-"""Small decompositions for compiled code.
+"""Small decompositions for compiled code, where LAPACK's cost more.
 
-LAPACK does these too, but numba takes longer to compile a call of it: 5 s for `np.linalg.solve`,
-1.5 s for `np.linalg.qr`. The singular values are LAPACK's, with 1 s and 0.2 s for each further use.
+Processor time to compile a use of 9 x 9, and to run it:
+`np.linalg.solve` 4.6 s and 9.5 us, `solve_positive` 0.7 s and 1.5 us; `np.linalg.qr` 1.3 s and
+8.6 us, `triangle` 0.6 s and 3.0 us; `np.linalg.cholesky` 0.28 s and 4.1 us, and an exception where
+the matrix is not positive, `factor` 0.29 s and 1.8 us. The singular values are LAPACK's: 1.0 s, and
+0.2 s for each further use.
 """
 
 from __future__ import annotations
@@ -46,7 +49,7 @@ def triangle(columns: FloatArray) -> FloatArray:
 
 @internal
 def is_finite(A: FloatArray) -> bool:
-    """Whether no entry (n, m) is NaN or infinite: of others, LAPACK says so by an exception."""
+    """Whether all entries (n, m) are finite; LAPACK raises an exception if they are not."""
     total = 0.0
     for i in range(A.shape[0]):
         for j in range(A.shape[1]):
@@ -59,7 +62,7 @@ def solve_positive(A: FloatArray, b: FloatArray) -> bool:
     """Solve `A x = b` in place on `b`, with Cholesky's factor in place on `A` (n, n).
 
     Returns:
-        False where A is not positive definite; A and b then hold nothing of use.
+        False if A is not positive definite; A and b are then undefined.
     """
     if not factor(A, 0.0):
         return False
@@ -70,10 +73,10 @@ def solve_positive(A: FloatArray, b: FloatArray) -> bool:
 
 @internal
 def factor(A: FloatArray, least: float) -> bool:
-    """Cholesky's lower factor of A (n, n), in place; false if A is not positive.
+    """Cholesky's lower factor of A (n, n), in place; returns False if A is not positive definite.
 
     Args:
-        least: so much of each diagonal entry must be left when the columns before it are taken out.
+        least: minimum of each pivot over the diagonal entry of A.
     """
     for j in range(len(A)):
         before = A[j, j]

@@ -1,4 +1,4 @@
-"""Every convention of stereocal, once: poses, the five angles, residuals, triangulation.
+"""The conventions of stereocal: poses, the five angles, residuals, triangulation.
 
 - Camera axes as in OpenCV: x right, y down, z forward. Metres, radians.
 - A pose named `b_from_a` maps coordinates: `x_b = R @ x_a + T`; names cancel when composed.
@@ -22,14 +22,14 @@ import numpy as np
 import numpy.typing as npt
 
 from stereocal.errors import StereocalError
-from stereocal.rig.compiled import FloatArray, compiled, inlined, plain
+from stereocal.rig.compiled import FloatArray, compiled, contiguous, inlined
 
 FARTHEST_M = 1e12
 ROTATION_TOLERANCE = 1e-6
-"""Largest entry of R R^T - I that still passes for a rotation: six printed digits."""
+"""Tolerance for the entries of R R^T - I; enough for matrices printed with six digits."""
 
 PARALLEL_SINE_SQUARED = 1e-14
-"""Rays closer than 1e-7 rad to parallel have no usable crossing: the depth has lost all digits."""
+"""Rays within 1e-7 rad of parallel are not triangulated: rounding dominates their depth."""
 
 
 class Angles(NamedTuple):
@@ -63,10 +63,15 @@ class Pose:
         if not (np.isfinite(R).all() and np.isfinite(T).all()):
             raise StereocalError("A pose has a number that is not finite (NaN or infinite).")
         if np.abs(T).max() > FARTHEST_M:
-            raise StereocalError(f"A pose that shifts by {np.abs(T).max():g} m cannot be.")
-        # The numbers first, whose squares may not be numbers any more.
-        turns = np.abs(R).max() < 2 and np.abs(R @ R.T - np.eye(3)).max() <= ROTATION_TOLERANCE
-        if not turns or np.linalg.det(R) < 0:
+            raise StereocalError(
+                f"A pose with a translation of {np.abs(T).max():g} m is impossible; "
+                "T must be in metres."
+            )
+        # Entries are checked first, because their squares may overflow.
+        orthonormal = (
+            np.abs(R).max() < 2 and np.abs(R @ R.T - np.eye(3)).max() <= ROTATION_TOLERANCE
+        )
+        if not orthonormal or np.linalg.det(R) < 0:
             raise StereocalError("R is not a rotation: its rows must be orthonormal, with det +1.")
         R.setflags(write=False)
         T.setflags(write=False)
@@ -90,14 +95,14 @@ class Pose:
         """The five angles, in radians.
 
         Raises:
-            StereocalError: the angles are not defined: a pitch of +-90 degrees, or one camera
-                straight ahead of the other.
+            StereocalError: the angles are undefined: a pitch of +-90 degrees, or a baseline along
+                the primary's z axis.
         """
-        R, T = plain(self.R), plain(self.T)
+        R, T = contiguous(self.R), contiguous(self.T)
         if is_degenerate(R, T):
             raise StereocalError(
-                "The rig cannot be described by the five angles: one camera stands straight ahead "
-                "of the other, or is pitched by 90 degrees. Move one camera aside."
+                "The rig cannot be described by the five angles: one camera is straight ahead of "
+                "the other, or is pitched by 90 degrees. Move one camera aside."
             )
         return Angles(*angles_of(R, T))
 
@@ -118,7 +123,7 @@ class Pose:
     def essential(self) -> FloatArray:
         """`E = [t]x R` with |t| = 1, shape (3, 3) (paper, eq. 4)."""
         E = np.empty((3, 3))
-        fill_essential(plain(self.R), plain(self.T), E)
+        fill_essential(contiguous(self.R), contiguous(self.T), E)
         return E
 
 
@@ -139,7 +144,7 @@ def fill_pose(angles: FloatArray, baseline: float, R: FloatArray, T: FloatArray)
 
 @compiled
 def is_degenerate(R: FloatArray, T: FloatArray) -> bool:
-    """Whether the five angles are not defined: a pitch of +-90 degrees, or T along z."""
+    """Whether the five angles are undefined: a pitch of +-90 degrees, or T along z."""
     cos_pitch, in_plane = np.hypot(R[1, 0], R[1, 1]), np.hypot(T[0], T[1])
     return bool(cos_pitch < 1e-9 or in_plane <= 1e-9 * np.hypot(in_plane, T[2]))
 
@@ -174,10 +179,10 @@ def midpoint(
     """Midpoint of the shortest segment between two rays, in both camera frames (paper's Q^R).
 
     Returns (X, Y, Z) in the primary frame, then in the secondary frame; all NaN where the rays are
-    parallel or the point lies behind a camera.
+    parallel or the point is behind a camera.
 
-    Worked in the secondary frame: the primary's ray is `T + s d` with `d = R p`, the secondary's is
-    `r q`. Setting the derivative of `|T + s d - r q|^2` to zero gives s and r.
+    In the secondary frame, the primary's ray is `T + s d` with `d = R p`, the secondary's is `r q`.
+    Setting the derivatives of `|T + s d - r q|^2` to zero gives s and r.
     """
     dx = R[0, 0] * xp + R[0, 1] * yp + R[0, 2]
     dy = R[1, 0] * xp + R[1, 1] * yp + R[1, 2]
@@ -191,14 +196,14 @@ def midpoint(
     scale = 1.0 / sine_squared
     s = (pq * qt - qq * pt) * scale
     r = (pp * qt - pq * pt) * scale
-    # Half the way from the point r q on the secondary's ray to T + s d on the primary's.
+    # The midpoint of r q on the secondary's ray and T + s d on the primary's.
     x2 = 0.5 * (T[0] + s * dx + r * xs)
     y2 = 0.5 * (T[1] + s * dy + r * ys)
     z2 = 0.5 * (T[2] + s * dz + r)
     ux, uy, uz = x2 - T[0], y2 - T[1], z2 - T[2]
     z1 = R[0, 2] * ux + R[1, 2] * uy + R[2, 2] * uz
-    # A factor and no early return: a branch here keeps the loops over points from being vectorised
-    # (measured: 72 ns a pair with it).
+    # A factor instead of an early return: a branch would prevent vectorisation of the loops over
+    # points (measured: 72 ns per pair with it).
     usable = (sine_squared > PARALLEL_SINE_SQUARED * pp * qq) & (z1 > 0.0) & (z2 > 0.0)
     keep = 1.0 if usable else np.nan
     x1 = (R[0, 0] * ux + R[1, 0] * uy + R[2, 0] * uz) * keep
@@ -212,7 +217,7 @@ def midpoint(
 
 @inlined
 def bar_length(R: FloatArray, T: FloatArray, rays: FloatArray, a: int, b: int) -> float:
-    """Distance between the midpoints of two pairs of `rays` (4, n); NaN where one has none."""
+    """Distance between the midpoints of pairs a and b of `rays` (4, n); NaN if one has none."""
     ax, ay, az, _, _, _ = midpoint(R, T, rays[0, a], rays[1, a], rays[2, a], rays[3, a])
     bx, by, bz, _, _, _ = midpoint(R, T, rays[0, b], rays[1, b], rays[2, b], rays[3, b])
     length: float = np.sqrt((ax - bx) ** 2 + (ay - by) ** 2 + (az - bz) ** 2)
@@ -220,9 +225,9 @@ def bar_length(R: FloatArray, T: FloatArray, rays: FloatArray, a: int, b: int) -
 
 
 def triangulate_rays(R: FloatArray, T: FloatArray, rays: FloatArray) -> FloatArray:
-    """Midpoints of n pairs in the primary frame, shape (n, 3); NaN where there is none."""
+    """Midpoints of n pairs in the primary frame, (n, 3) in metres; NaN as in `midpoint`."""
     points = np.empty((rays.shape[1], 3))
-    _fill_points(plain(R), plain(T), plain(rays), points)
+    _fill_points(contiguous(R), contiguous(T), contiguous(rays), points)
     return points
 
 
@@ -243,9 +248,9 @@ def reprojection_shift(
     ys: float,
     pixel_scale: FloatArray,
 ) -> tuple[float, float, float]:
-    """E2D(1) and E2D(2) of one pair in pixels: point against reprojected midpoint (paper, eq. 6).
+    """Reprojection errors E2D(1), E2D(2) of one pair in pixels (paper, eq. 6), and the depth.
 
-    Also returns the midpoint's depth Z in the primary frame. `pixel_scale` has a row
+    The depth is that of the midpoint, Z in the primary frame. `pixel_scale` has a row
     (fx, skew, fy) for each camera: the part of K that acts on differences.
     """
     x1, y1, z1, x2, y2, z2 = midpoint(R, T, xp, yp, xs, ys)
@@ -260,9 +265,9 @@ def reprojection_shift(
 def reprojection_errors_of_rays(
     R: FloatArray, T: FloatArray, rays: FloatArray, pixel_scale: FloatArray
 ) -> FloatArray:
-    """E2D(1) and E2D(2) of n pairs in pixels, shape (n, 2); NaN where there is no point."""
+    """E2D(1) and E2D(2) of n pairs in pixels, shape (n, 2); NaN as in `midpoint`."""
     errors = np.empty((rays.shape[1], 2))
-    _fill_errors(plain(R), plain(T), plain(rays), plain(pixel_scale), errors)
+    _fill_errors(contiguous(R), contiguous(T), contiguous(rays), contiguous(pixel_scale), errors)
     return errors
 
 
@@ -283,7 +288,7 @@ def stack_rays(primary: npt.ArrayLike, secondary: npt.ArrayLike) -> FloatArray:
 
 
 def triangulate(pose: Pose, primary: npt.ArrayLike, secondary: npt.ArrayLike) -> FloatArray:
-    """Points in the primary frame, shape (n, 3), from normalised points of shape (n, 2) each."""
+    """3D points (n, 3) in the primary frame, from normalised points (n, 2) of each camera."""
     return triangulate_rays(pose.R, pose.T, stack_rays(primary, secondary))
 
 

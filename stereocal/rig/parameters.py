@@ -1,4 +1,4 @@
-"""The parameters of a rig: what the downloaded files hold."""
+"""The parameter file of a rig: reading, writing, checking."""
 
 from __future__ import annotations
 
@@ -38,9 +38,9 @@ UNITS = {"T": "m", "baseline_m": "m", "angles": "rad", "K": "px", "matching_thre
 
 @dataclass(frozen=True, eq=False)
 class RigParameters(Rig):
-    """One parameter set: a rig, how it was found, and what it is for.
+    """One parameter set: a rig, the method and settings that produced it, and its purpose.
 
-    The file is JSON (format `stereocal-parameters/1`) and describes itself.
+    The file is self-describing JSON, format `stereocal-parameters/1`.
 
     Raises:
         StereocalError: on construction and `load`: an unknown format, a non-rotation, NaN.
@@ -49,24 +49,28 @@ class RigParameters(Rig):
     method: str
     """`2d`, `3d` or `refined`; `imported` for parameters that another program found."""
     cost: float | None
-    """None for imported parameters, whose cost nobody knows."""
+    """None for imported parameters."""
     settings: Mapping[str, Any]
     inputs: Mapping[str, Any]
     matching_threshold_px: float | None = None
     validation: Mapping[str, Any] | None = None
     triangulation: str = "midpoint"
     uncertainties: Mapping[str, Any] | None = None
-    """Of a refined set: what `refined_file` writes. None, and no key in the file, without them."""
+    """Noise, standard errors and covariance of a refined set; None, and no key in the file, for
+    other methods."""
     frames_left_out: tuple[int, ...] = ()
-    """Frames that contradict the others, and were not calibrated with."""
+    """Numbers of the frames that the screening excluded from the calibration."""
 
     def __post_init__(self) -> None:
         if self.method not in PURPOSES:
-            raise StereocalError(f'A parameter set of method "{self.method}" is not known.')
+            raise StereocalError(
+                f'The method "{self.method}" of the parameter set is unknown: '
+                f"it must be one of {', '.join(PURPOSES)}."
+            )
         if self.triangulation != "midpoint":
             raise StereocalError(
                 f'The parameters were fitted with the triangulation "{self.triangulation}"; '
-                "this version knows midpoint only."
+                "this version supports only midpoint."
             )
         if self.method != "imported" and (self.cost is None or not np.isfinite(self.cost)):
             raise StereocalError("The cost of the parameter set is not a finite number.")
@@ -114,7 +118,7 @@ class RigParameters(Rig):
         }
 
     def dumps(self) -> str:
-        """The file as text; the same parameters give the same text, but for `created`."""
+        """The file as text; equal parameters give equal text, except for `created`."""
         return json.dumps(self.to_json(), indent=2, allow_nan=False) + "\n"
 
     def save(self, path: str | Path) -> None:
@@ -126,7 +130,7 @@ class RigParameters(Rig):
         """Read a parameter file.
 
         Raises:
-            StereocalError: the file cannot be read or is not a sound parameter set.
+            StereocalError: the file cannot be read or is not a valid parameter set.
         """
         path = Path(path)
         try:
@@ -158,13 +162,16 @@ class RigParameters(Rig):
     @classmethod
     def _from_dict(cls, data: Mapping[str, Any], source: str) -> RigParameters:
         if data["convention"] != CONVENTION:
-            raise StereocalError(f"{source}: the convention {data['convention']!r} is not known.")
+            raise StereocalError(
+                f"{source}: the convention {data['convention']!r} is unknown; "
+                f'this version reads "{CONVENTION}".'
+            )
         try:
             pose = Pose(np.array(data["R"], float), np.array(data["T"], float))
             stated = Pose.from_angles(Angles(**data["angles"]), pose.baseline)
         except StereocalError as error:
             raise StereocalError(f"{source}: {error}") from error
-        # "not <=" refuses NaN too.
+        # "not <=" rejects NaN too.
         if not abs(pose.baseline - float(data["baseline_m"])) <= 1e-6 * pose.baseline:
             raise StereocalError(f"{source}: the length of T and baseline_m contradict each other.")
         if not (np.allclose(stated.R, pose.R, atol=1e-6) and np.allclose(stated.T, pose.T, 1e-6)):
@@ -192,7 +199,7 @@ class RigParameters(Rig):
 
 
 def inputs_of(dataset: Dataset, frames: IntArray) -> dict[str, Any]:
-    """What a file says of the data that its parameters come from."""
+    """The `inputs` entry of a parameter file: data set, measured lengths, calibration frames."""
     return {
         "sha256": dataset.sha256,
         "name": dataset.name,
@@ -204,19 +211,24 @@ def inputs_of(dataset: Dataset, frames: IntArray) -> dict[str, Any]:
 
 def _check_size(size: int, source: str) -> None:
     if size > LARGEST_TEXT:
-        raise StereocalError(f"{source}: {size} bytes are too many for a parameter file.")
+        raise StereocalError(
+            f"{source}: a file of {size} bytes is too large for a parameter file "
+            f"(at most {LARGEST_TEXT})."
+        )
 
 
 def _object(data: Any, name: str, source: str) -> Mapping[str, Any]:
-    """A part of a file that is kept as it stands there.
+    """An entry of the file that is kept unchanged.
 
     Raises:
-        StereocalError: not an object, or one that could not be written again.
+        StereocalError: not an object, or with a number that JSON cannot represent.
     """
     if not isinstance(data, dict):
         raise StereocalError(f"{source}: {name} is not an object.")
     try:
         json.dumps(data, allow_nan=False)
     except ValueError as error:
-        raise StereocalError(f"{source}: {name} holds what is not a finite number.") from error
+        raise StereocalError(
+            f"{source}: {name} has a number that is not finite (NaN or infinite)."
+        ) from error
     return data

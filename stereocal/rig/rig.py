@@ -1,4 +1,4 @@
-"""Two cameras and their pose: what both images of a point say together."""
+"""Two cameras and their pose: triangulation, residuals, epipolar distances."""
 
 from __future__ import annotations
 
@@ -55,7 +55,11 @@ class Rig:
     def epipolar_distances(
         self, primary_px: npt.ArrayLike, secondary_px: npt.ArrayLike
     ) -> FloatArray:
-        """Distances (n, 2) in undistorted pixels of points to their partners' epipolar lines."""
+        """Distance of each point to the epipolar line of its partner, (n, 2) undistorted pixels.
+
+        Args:
+            primary_px, secondary_px: raw pixels (n, 2) of each camera.
+        """
         F = np.linalg.inv(self.secondary.K).T @ self.pose.essential @ np.linalg.inv(self.primary.K)
         return epipolar_distances(
             F,

@@ -1,1 +1,1 @@
-"""Rigs, scenes and photographs with known truth."""
+"""Synthetic rigs, scenes and photographs with known ground truth."""

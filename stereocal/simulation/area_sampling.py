@@ -1,8 +1,8 @@
-"""Averages of a table of cells over the area of each pixel, blurred.
+"""Average the cells of a board over the area of each pixel, with optical blur.
 
-Each pixel is cut into parts. A part that one edge crosses takes the exact areas on its two sides; a
-part where more cells meet takes many samples. One weighted sum over the parts is then both the
-pixel's area and the optical blur.
+Each pixel is divided into parts. A part crossed by one edge uses the exact areas on both sides; a
+part where more cells meet is sampled. A weighted sum over the parts then applies the pixel area and
+the blur together.
 """
 
 from __future__ import annotations
@@ -13,24 +13,24 @@ import numpy.typing as npt
 from stereocal.rig.compiled import FloatArray, compiled, inlined
 
 SAMPLES = 233
-"""Samples of a part of a pixel where more than two cells meet; a Fibonacci number."""
-THIN = 1e-6
-"""An edge whose direction is this near to the pixels' rows or columns is along them."""
+"""Number of samples of a part where more than two cells meet; a Fibonacci number."""
+PARALLEL = 1e-6
+"""Tolerance within which an edge counts as parallel to the rows or columns of the pixels."""
 BLUR_REACH = 4.0
-"""The blur's kernel ends at so many standard deviations."""
+"""Half width of the blur kernel, in standard deviations."""
 
 
 def sample_offsets() -> FloatArray:
-    """(SAMPLES, 2) in the unit square: a Fibonacci lattice, even in every direction."""
+    """(SAMPLES, 2): a Fibonacci lattice in the unit square."""
     i = np.arange(SAMPLES)
     return (np.column_stack([i, i * 144 % SAMPLES]) + 0.5) / SAMPLES
 
 
 def pixel_weights(blur_px: float, parts: int) -> npt.NDArray[np.float32]:
-    """Weights of the parts along one axis that a pixel sums: its own area, then the blur."""
+    """Weights of the parts along one axis: the pixel area convolved with the blur."""
     reach = int(np.ceil(BLUR_REACH * blur_px)) * parts
-    places = np.arange(-reach, reach + 1) / parts
-    blur = np.exp(-0.5 * (places / max(blur_px, 1e-9)) ** 2)
+    offsets = np.arange(-reach, reach + 1) / parts
+    blur = np.exp(-0.5 * (offsets / max(blur_px, 1e-9)) ** 2)
     weights = np.convolve(blur / blur.sum(), np.full(parts, 1.0 / parts))
     return weights.astype(np.float32)
 
@@ -44,14 +44,14 @@ def fill_parts(
     parts: int,
     fine: npt.NDArray[np.float32],
 ) -> None:
-    """Average grey (times cover) and cover of each part of each pixel.
+    """Average grey level (times coverage) and coverage of each part of each pixel.
 
     Args:
-        s: (h + 1, w + 1) column on the board, in cells, of the pixels' corners; NaN off the plane.
+        s: (h + 1, w + 1): column on the board, in cells, of the pixel corners; NaN off the plane.
         t: the same for the row.
         cells: (rows, columns) grey levels.
-        offsets: (n, 2) places of the samples in the unit square.
-        fine: (2, h parts, w parts), filled here.
+        offsets: (n, 2) positions of the samples in the unit square.
+        fine: (2, h parts, w parts), written.
     """
     for i in range(s.shape[0] - 1):
         for j in range(s.shape[1] - 1):
@@ -70,7 +70,7 @@ def fill_parts(
 def one_cell(
     s: tuple[float, float, float, float], t: tuple[float, float, float, float], cells: FloatArray
 ) -> tuple[bool, float, float]:
-    """Whether an area sees one grey level only (or nothing of the board), its grey and cover."""
+    """Whether an area sees a single grey level (or no board), its grey level and its coverage."""
     rows, columns = cells.shape
     first_column, last_column = np.floor(min(s)), np.floor(max(s))
     first_row, last_row = np.floor(min(t)), np.floor(max(t))
@@ -88,23 +88,23 @@ def one_cell(
 
 @inlined
 def at(corners: tuple[float, float, float, float], a: float, b: float) -> float:
-    """A value at (a, b) of a unit square, bilinear between its corners."""
+    """Bilinear interpolation at (a, b) in a unit square."""
     above = (1.0 - a) * corners[0] + a * corners[1]
     return (1.0 - b) * above + b * ((1.0 - a) * corners[2] + a * corners[3])
 
 
 @inlined
 def share_below(corners: tuple[float, float, float, float], level: float) -> float:
-    """The share of a square where a value, linear over it, is below a level.
+    """The fraction of a square in which a linear function is below `level`.
 
     Args:
-        corners: the value at the corners, as in `at`.
+        corners: the function at the corners, as in `at`.
     """
     a = 0.5 * abs(corners[1] - corners[0] + corners[3] - corners[2])
     b = 0.5 * abs(corners[2] - corners[0] + corners[3] - corners[1])
     low = 0.25 * (corners[0] + corners[1] + corners[2] + corners[3]) - 0.5 * (a + b)
     c = level - low
-    if min(a, b) < THIN * max(a, b):
+    if min(a, b) < PARALLEL * max(a, b):
         return min(max(c / (a + b), 0.0), 1.0)
     corner = max(c, 0.0) ** 2 - max(c - a, 0.0) ** 2
     return (corner - max(c - b, 0.0) ** 2 + max(c - a - b, 0.0) ** 2) / (2.0 * a * b)
@@ -112,7 +112,7 @@ def share_below(corners: tuple[float, float, float, float], level: float) -> flo
 
 @inlined
 def cell_at(cells: FloatArray, row: float, column: float) -> tuple[float, float]:
-    """Grey and cover of a cell: nothing off the board, and where row or column is NaN."""
+    """Grey level and coverage of a cell: 0 off the board, or if row or column is NaN."""
     if 0 <= row < cells.shape[0] and 0 <= column < cells.shape[1]:
         return cells[int(row), int(column)], 1.0
     return 0.0, 0.0
@@ -128,9 +128,10 @@ def part_average(
     q: int,
     parts: int,
 ) -> tuple[float, float]:
-    """Average grey (times cover) and cover over the part (row p, column q) of a pixel.
+    """Average grey level (times coverage) and coverage of the part (row p, column q) of a pixel.
 
-    `s` and `t` are the board coordinates of the pixel's corners, bilinear between them.
+    Args:
+        s, t: board coordinates of the pixel's corners, interpolated bilinearly.
     """
     left, right, top, bottom = q / parts, (q + 1) / parts, p / parts, (p + 1) / parts
     across = at(s, left, top), at(s, right, top), at(s, left, bottom), at(s, right, bottom)
@@ -166,10 +167,10 @@ def sum_parts(
 
     Args:
         fine: (h parts, w parts).
-        weights: of an odd number of pixels' parts, along either axis.
+        weights: of the parts of an odd number of pixels, for both axes.
 
     Returns:
-        (h - r, w - r) with r whole pixels less, half of them on each side.
+        (h - r, w - r): r pixels smaller, by half of r on each side.
     """
     reach = len(weights) // parts - 1
     height, width = fine.shape[0] // parts - reach, fine.shape[1] // parts - reach

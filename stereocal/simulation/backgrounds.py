@@ -1,8 +1,8 @@
-"""What stands behind the bar: sky, trees, a house with windows, a fence, bushes and grass.
+"""Backgrounds of photographs: sky, trees, houses with windows, a fence, bushes and grass.
 
-All is painted on one large upright wall far behind the bar (`scenery`), once for a rig, and each
-camera sees its part of that wall through its own lens. So the clutter agrees between the two
-cameras, as it does outdoors, and is the same in all frames, as the cameras do not move.
+The scenery (`scenery`) is painted on one large upright plane far behind the bar, once for a rig.
+Each camera sees it through its own lens, so that both cameras see the same clutter, as outdoors.
+It is the same in all frames, because the cameras do not move.
 """
 
 from __future__ import annotations
@@ -16,18 +16,18 @@ from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
-from stereocal.simulation.rays import ray_splines
+from stereocal.simulation.pixel_rays import ray_splines
 from stereocal.simulation.rendering import Picture, Placed, blurred, chessboard, paint, turned
 from stereocal.simulation.scenery import Canvas, clouded, paint_scenery
 
 WALL_M = 40.0
-"""Distance of the painted wall."""
+"""Distance of the painted plane."""
 LARGEST_CANVAS_PX = 9000
-"""Longest side of the painting; a wide view is painted more coarsely."""
+"""Longest side of the painting; a wide view is painted with a lower resolution."""
 WIDEST = 2.0
-"""Nothing is painted further aside than this times the distance; it is mirrored there."""
+"""Half width of the painting over its distance; it is mirrored beyond."""
 CHESSBOARD_M = 26.0
-"""Distance of the chessboard that lies about: behind the bar, wherever it is held."""
+"""Distance of the chessboard on the grass, behind all positions of the bar."""
 
 
 def outdoors(
@@ -36,7 +36,7 @@ def outdoors(
     """Backgrounds of the two cameras, (height, width) grey levels before the optics.
 
     Args:
-        softness_px: standard deviation of the blur of what is out of focus; 0 leaves all sharp.
+        softness_px: standard deviation of the defocus blur.
         chessboard_about: whether a chessboard of 6x4 squares lies on the grass, in view of the
             primary: its corners look like targets.
     """
@@ -55,7 +55,7 @@ def outdoors(
 
 
 def indoors(camera: Camera, rng: np.random.Generator) -> Picture:
-    """What is behind a board in the lab: a wall out of focus, with shelves and papers on it."""
+    """Background of a board in the lab: a defocused wall with shelves and papers."""
     width, height = camera.image_size
     canvas = Canvas(np.zeros((height, width), dtype=np.uint8), 0.0, 0.0, width / 4.0)
     canvas.grey[:] = np.clip(125.0 + 12.0 * clouded((height, width), rng, width / 3, 60.0), 0, 255)
@@ -66,7 +66,7 @@ def indoors(camera: Camera, rng: np.random.Generator) -> Picture:
 
 
 def seen_wall(canvas: Canvas, camera: Camera, camera_from_primary: Pose) -> Picture:
-    """The painted wall as a camera sees it, (height, width); mirrored beyond its edges."""
+    """The painted plane as a camera sees it, (height, width); mirrored beyond its edges."""
     width, height = camera.image_size
     x, y = _wall_points(
         camera, camera_from_primary, np.arange(float(width)), np.arange(float(height))
@@ -98,7 +98,7 @@ def lying_chessboard(camera: Camera, rng: np.random.Generator) -> Placed:
 def _wall_points(
     camera: Camera, camera_from_primary: Pose, columns: FloatArray, rows: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Where the rays of a grid of pixels meet the wall: x and y in the primary's frame, metres."""
+    """Intersections of the rays of a pixel grid with the plane: x, y in the primary's frame, m."""
     splines = ray_splines(camera, columns, rows)
     rays = np.stack(
         [spline(rows, columns) for spline in splines] + [np.ones((len(rows), len(columns)))], -1
@@ -114,7 +114,7 @@ def _wall_points(
 
 
 def _canvas_for(cameras: Sequence[Camera], poses: Sequence[Pose]) -> Canvas:
-    """An empty canvas that holds what the cameras see, as fine as their pixels if it can be."""
+    """An empty canvas that covers both views, with the resolution of the cameras if possible."""
     seen = []
     for camera, pose in zip(cameras, poses, strict=True):
         width, height = camera.image_size

@@ -1,4 +1,4 @@
-"""Photographs of a chessboard for the calibration of a lens, with the true pose of each board."""
+"""Synthetic photographs of a chessboard for lens calibration, with known poses."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ LENS_SQUARES = (19, 13)
 LENS_SQUARE_M = 0.03
 LENS_PHOTOGRAPHS = 30
 BOARD_SHARE = (0.55, 0.95)
-"""Width of the board, if it stood upright, over the width of the image."""
+"""Width of the untilted board over the width of the image."""
 TILT_RAD = (0.15, 0.85)
-"""Between the board's normal and the line of sight. A long lens shows its focal length only by the
-foreshortening of a tilted board."""
+"""Angle between the board's normal and the line of sight. The focal length of a long lens can only
+be determined from the foreshortening of a tilted board."""
 SPIN_RAD = 0.3
-"""Standard deviation of the turn in the board's plane."""
+"""Standard deviation of the rotation in the board's plane."""
 EDGE_PX = 4.0
-"""What the outer squares keep from the edge of the image."""
+"""Least distance of the outer squares from the edge of the image."""
 CHARUCO_MARKER = 0.75
 """Side of a marker of a ChArUco board, in squares."""
-MOST_TRIES = 20_000
+MAXIMUM_TRIES = 20_000
 
 
 def charuco_board(
@@ -59,7 +59,7 @@ def charuco_board(
     drawn = cv2.aruco.CharucoBoard(
         squares, 1.0, CHARUCO_MARKER, cv2.aruco.getPredefinedDictionary(dictionary)
     ).generateImage((80 * columns, 80 * rows), marginSize=0)
-    # Drawn large, one pixel of each cell taken: OpenCV 4.9 rounds small markers to wrong places.
+    # Drawn large, then one pixel per cell is used: OpenCV 4.9 misplaces small markers by rounding.
     drawn = np.asarray(drawn)[5::10, 5::10]
     cells = np.pad(np.where(drawn > 127, white, black), 8, constant_values=white)
     return Board(cells, ((columns + 2) * square_m, (rows + 2) * square_m))
@@ -72,17 +72,17 @@ def draw_board_poses(
     squares: tuple[int, int] = LENS_SQUARES,
     square_m: float = LENS_SQUARE_M,
 ) -> list[Pose]:
-    """Poses (camera from board) of boards that are whole in the image, and together fill it.
+    """Poses (camera from board) of boards that lie inside the image and together fill it.
 
-    Size, tilt and turn are random. The place is anywhere that the board fits, the edges and
-    corners of the image more often than its middle.
+    Size, tilt and rotation are random. The position is random too, more often near the edges and
+    corners of the image than in its centre.
 
     Raises:
-        StereocalError: the board cannot be fitted into the image.
+        StereocalError: the board does not fit into the image.
     """
     outline = _outline(squares, square_m)
     poses: list[Pose] = []
-    for _ in range(MOST_TRIES):
+    for _ in range(MAXIMUM_TRIES):
         pose = _draw_pose(camera, rng, outline)
         if pose is not None:
             poses.append(pose)
@@ -102,7 +102,7 @@ def photograph_boards(
     settings: PhotographSettings,
     rng: np.random.Generator,
 ) -> Iterator[Photograph]:
-    """One photograph for each pose of the board, made one at a time."""
+    """Render one photograph for each pose of the board, one at a time."""
     for pose in poses:
         yield photograph(camera, background, [Placed(board, pose)], settings, rng)
 
@@ -113,7 +113,7 @@ def true_corners(
     squares: tuple[int, int] = LENS_SQUARES,
     square_m: float = LENS_SQUARE_M,
 ) -> FloatArray:
-    """Raw pixels (n, 2) of a board's inner corners, row by row from its top left."""
+    """Raw pixels (n, 2) of a board's inner corners, row by row from the top left."""
     return camera.project(pose.apply(chessboard_corners(squares, square_m)))
 
 
@@ -130,7 +130,7 @@ def _outline(squares: tuple[int, int], square_m: float) -> FloatArray:
 
 
 def _draw_pose(camera: Camera, rng: np.random.Generator, outline: FloatArray) -> Pose | None:
-    """One random pose, or None where the board does not fit."""
+    """One random pose; None if the board does not fit into the image."""
     size = np.array(camera.image_size, dtype=np.float64)
     depth = camera.K[0, 0] * np.ptp(outline[:, 0]) / (rng.uniform(*BOARD_SHARE) * size[0])
     tilt, azimuth = rng.uniform(*TILT_RAD), rng.uniform(-np.pi, np.pi)
@@ -143,20 +143,20 @@ def _draw_pose(camera: Camera, rng: np.random.Generator, outline: FloatArray) ->
     lowest = middle - pixels.min(axis=0) + EDGE_PX
     highest = size - 1.0 - EDGE_PX - (pixels.max(axis=0) - middle)
     # Beta(1/2, 1/2) is densest at both ends.
-    place = lowest + (highest - lowest) * rng.beta(0.5, 0.5, 2)
+    position = lowest + (highest - lowest) * rng.beta(0.5, 0.5, 2)
     if (highest < lowest).any():
         return None
-    pixels = _pixels(camera, outline, R, place, depth)
+    pixels = _pixels(camera, outline, R, position, depth)
     if pixels is None or not ((pixels >= EDGE_PX) & (pixels <= size - 1.0 - EDGE_PX)).all():
         return None
-    return Pose(R, depth * _ray(camera, place))
+    return Pose(R, depth * _ray(camera, position))
 
 
 def _pixels(
-    camera: Camera, outline: FloatArray, R: FloatArray, place: FloatArray, depth: float
+    camera: Camera, outline: FloatArray, R: FloatArray, position: FloatArray, depth: float
 ) -> FloatArray | None:
-    """Pixels of the outline with its middle at a pixel, or None where some is not in view."""
-    ray = _ray(camera, place)
+    """Pixels of the outline with its centre at the pixel `position`; None if not all in view."""
+    ray = _ray(camera, position)
     points = outline @ R.T + depth * ray
     if not np.isfinite(points).all() or (points[:, 2] <= 0.1 * depth).any():
         return None

@@ -1,8 +1,8 @@
-"""Nineteen synthetic data sets like the paper's (its Section 5), with errors as real ones have.
+"""Nineteen synthetic data sets like the paper's (Section 5), with realistic errors.
 
-The same two cameras stand in nineteen places. Their lenses were calibrated once, in the lab, so the
-error of a lens is drawn once per camera and is the same in all data sets: it does not average out,
-as it does not in the field. Baseline and bar are read anew for each data set.
+The same two cameras are set up nineteen times. As their lenses are calibrated once, the error of a
+lens is drawn once per camera and is the same in all data sets; it does not average out. Baseline
+and bar are measured again for each data set.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import (
     TRUTH,
-    Given,
+    Nominal,
     Scene,
     field_rig,
     lens_off_by,
@@ -30,9 +30,9 @@ from stereocal.simulation.simulate import (
 DATASETS = 19
 FRAMES = 25
 BASELINES_M = (3.449, 5.936)
-"""Shortest and longest baseline as read (paper, Section 5)."""
+"""Shortest and longest measured baseline (paper, Section 5)."""
 BARS_M = (0.811, 1.027)
-"""Shortest and longest distance of the targets as read (paper, Section 5)."""
+"""Shortest and longest measured distance of the targets (paper, Section 5)."""
 NOISE_PX = 0.15
 BASELINE_SIGMA_M = 0.005
 BAR_SIGMA_M = 0.0005
@@ -41,15 +41,15 @@ FOCAL_ERROR = (0.001, 0.003)
 CENTRE_ERROR_PX = (3.0, 5.0)
 """Length of the shift of a principal point, in any direction."""
 POSE_SPREAD_RAD = 0.01
-"""Each rig is set up by hand: standard deviation of each of its five angles."""
+"""Standard deviation of each of the five angles of a rig."""
 PIXEL_DECIMALS = 3
-"""Image points are rounded to 0.001 px, far below the noise: the tables are half as long."""
+"""Image points are rounded to 0.001 px, far below the noise, which halves the tables."""
 
 
 def simulate_nineteen(
     seed: int, datasets: int = DATASETS, frames: int = FRAMES
 ) -> list[tuple[Scene, Dataset]]:
-    """The truth and the data set of each, in order of the baselines.
+    """The scene and the data set of each, by ascending baseline.
 
     Raises:
         StereocalError: no data sets or frames.
@@ -61,7 +61,7 @@ def simulate_nineteen(
         for sequence in np.random.SeedSequence(seed).spawn(1 + datasets)
     )
     rig = field_rig()
-    lenses = _misjudged(rig.primary, common), _misjudged(rig.secondary, common)
+    lenses = _with_error(rig.primary, common), _with_error(rig.secondary, common)
     baselines = np.linspace(*BASELINES_M, datasets).round(3)
     bars = common.permutation(np.linspace(*BARS_M, datasets).round(3))
     return [
@@ -78,16 +78,16 @@ def _simulate_one(
     rng: np.random.Generator,
     name: str,
 ) -> tuple[Scene, Dataset]:
-    """One data set; the two lengths are what the range finder reads, rounded to 1 mm.
+    """One data set with the measured lengths `baseline_m` and `bar_m`.
 
-    The truth lies about the reading and not the other way round, so that the readings span the
-    paper's ranges exactly.
+    The true lengths scatter about the measured ones, so that the measured ones have exactly the
+    paper's ranges.
     """
     rig = _set_up(baseline_m + BASELINE_SIGMA_M * rng.standard_normal(), rng)
     scene = place_bars(rig, rng, frames, bar_m + BAR_SIGMA_M * rng.standard_normal())
     notes = f"Synthetic; the truth is in {TRUTH}."
-    given = Given(*lenses, baseline_m, bar_m)
-    dataset = observe(scene, rng, NOISE_PX, name, given, notes)
+    nominal = Nominal(*lenses, baseline_m, bar_m)
+    dataset = observe(scene, rng, NOISE_PX, name, nominal, notes)
     rows = dataset.correspondences
     rounded = replace(
         rows,
@@ -103,17 +103,17 @@ def _simulate_one(
 
 
 def _set_up(baseline_m: float, rng: np.random.Generator) -> Rig:
-    """The field rig with this true baseline, each angle a little off, as set up by hand."""
+    """The field rig with this true baseline and a random error of each angle."""
     rig = field_rig(baseline_m)
     off: FloatArray = POSE_SPREAD_RAD * rng.standard_normal(5)
     angles = Angles(*(np.array(rig.pose.angles) + off).tolist())
     return replace(rig, pose=Pose.from_angles(angles, baseline_m))
 
 
-def _misjudged(camera: Camera, rng: np.random.Generator) -> Camera:
-    """The lens as the lab gives it, to 0.01 px."""
+def _with_error(camera: Camera, rng: np.random.Generator) -> Camera:
+    """The lens with a random calibration error, rounded to 0.01 px."""
     focal = rng.choice([-1.0, 1.0]) * rng.uniform(*FOCAL_ERROR)
     length, direction = rng.uniform(*CENTRE_ERROR_PX), rng.uniform(0.0, 2.0 * np.pi)
     shift = (float(length * np.cos(direction)), float(length * np.sin(direction)))
-    given = lens_off_by(camera, float(focal), shift)
-    return replace(given, K=given.K.round(2))
+    wrong = lens_off_by(camera, float(focal), shift)
+    return replace(wrong, K=wrong.K.round(2))

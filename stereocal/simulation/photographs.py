@@ -1,10 +1,10 @@
-"""Pairs of photographs of a bar with a board at each end, with the true places of the targets.
+"""Synthetic pairs of photographs of a bar with a board at each end, with the true image points.
 
     scene = place_visible_bars(field_rig(), rng, frames=25, length_m=0.9)
     for pair in photograph_bars(scene, (120.0, 120.0), BarSettings(), PhotographSettings(), rng):
         ...
 
-One pair is made at a time, so that a thousand need no more memory than one.
+Pairs are rendered one at a time, to save memory.
 """
 
 from __future__ import annotations
@@ -29,17 +29,16 @@ from stereocal.simulation.rendering import (
     x_corner_board,
 )
 from stereocal.simulation.scenery import GROUND_M
-from stereocal.simulation.simulate import FIELD_DEPTHS_M, MOST_ROUNDS, Scene, place_bars
+from stereocal.simulation.simulate import FIELD_DEPTHS_M, MAXIMUM_ROUNDS, Scene, place_bars
 
 VISIBLE_MARGIN_PX = 110.0
-"""No target nearer than this to the edge of an image: a 0.18 m board at 8 m reaches 113 px when it
-stands on its corner, so almost all boards are whole."""
-APART = 1.6
-"""Least distance of the targets across the line of sight, in sides of a board: neither hides the
-other."""
-STEEPEST_RAD = float(np.deg2rad(60.0))
+"""Least distance of a target from the edge of an image: a 0.18 m board at 8 m extends to 113 px if
+it is rotated by 45 degrees, so almost all boards are completely visible."""
+SEPARATION = 1.6
+"""Least distance of the targets across the line of sight, in sides of a board, so that neither
+hides the other."""
 ROD_SHADES = (60.0, 110.0, 145.0, 160.0, 140.0, 105.0, 65.0)
-"""Grey levels across a round rod that is lit from ahead."""
+"""Grey levels across a round rod lit from the front."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +46,7 @@ class BarSettings:
     """The bar and its boards.
 
     Raises:
-        StereocalError: lengths or tilts that are not possible.
+        StereocalError: an impossible length or tilt.
     """
 
     board_m: float = 0.18
@@ -72,13 +71,13 @@ class BarSettings:
 
 @dataclass(frozen=True, eq=False)
 class PhotographPair:
-    """One frame of the bar in both cameras, and where its targets truly are in the photographs."""
+    """The photographs of one frame, and the true image points of its targets."""
 
     frame: int
     primary: Photograph
     secondary: Photograph
     centres_primary: FloatArray
-    """(2, 2): raw pixels (u, v) of the X-corners of A and of B."""
+    """(2, 2): raw pixels (u, v) of the targets A and B."""
     centres_secondary: FloatArray
 
 
@@ -89,12 +88,12 @@ def photograph_bars(
     settings: PhotographSettings,
     rng: np.random.Generator,
 ) -> Iterator[PhotographPair]:
-    """The photographs of a scene, frame by frame, numbered from 1.
+    """Render the photographs of a scene frame by frame, numbered from 1.
 
-    Each board of each frame has its own tilt, turn in its plane and order of black and white.
+    Tilt, in-plane rotation and polarity of each board are random.
 
     Args:
-        backgrounds: what the primary and the secondary see behind the bar, in all frames.
+        backgrounds: backgrounds of the primary and the secondary, the same in all frames.
     """
     rig = scene.rig
     viewpoint = 0.5 * rig.pose.inverse().T
@@ -117,7 +116,7 @@ def place_boards(
 
     Args:
         ends_m: (2, 3) targets A and B.
-        viewpoint: (3,) what the boards face: the middle of the cameras.
+        viewpoint: (3,) the point that the boards face, between the cameras.
     """
     objects = []
     if bar.rod_m:
@@ -139,13 +138,13 @@ def place_boards(
 def facing(
     centre: FloatArray, viewpoint: FloatArray, tilt: float, azimuth: float, spin: float
 ) -> Pose:
-    """The pose of a board that faces a viewpoint but for a tilt; radians.
+    """The pose of a board that faces a viewpoint, except for a tilt; angles in radians.
 
     Args:
-        centre: (3,) place of its origin.
-        tilt: between its normal and the line to the viewpoint.
-        azimuth: direction in which it is tilted.
-        spin: turn in its own plane.
+        centre: (3,) position of its origin.
+        tilt: angle between its normal and the line to the viewpoint.
+        azimuth: direction of the tilt.
+        spin: rotation in its own plane.
     """
     away = (centre - viewpoint) / np.linalg.norm(centre - viewpoint)
     across = np.cross([0.0, 1.0, 0.0], away)
@@ -156,7 +155,7 @@ def facing(
 
 
 def rod(start: FloatArray, end: FloatArray, viewpoint: FloatArray, thickness_m: float) -> Placed:
-    """A round rod, as the flat strip that it looks like from the viewpoint."""
+    """A round rod, approximated by a flat strip that faces the viewpoint."""
     length = float(np.linalg.norm(end - start))
     along = (end - start) / length
     middle = 0.5 * (start + end)
@@ -178,21 +177,21 @@ def place_visible_bars(
     depths_m: tuple[float, float] = FIELD_DEPTHS_M,
     margin_px: float = VISIBLE_MARGIN_PX,
 ) -> Scene:
-    """As `simulate.place_bars`, of bars whose boards do not hide each other in either camera.
+    """As `simulate.place_bars`, for bars whose boards do not hide each other in either camera.
 
     Raises:
-        StereocalError: too few such bars, because the boards are too large for the bar.
+        StereocalError: no such bars are found, because the boards are too large for the bar.
     """
     eyes = (np.zeros(3), rig.pose.inverse().T)
     found = np.empty((0, 2, 3))
-    for _ in range(MOST_ROUNDS):
+    for _ in range(MAXIMUM_ROUNDS):
         drawn = place_bars(rig, rng, frames, length_m, depths_m, margin_px).ends_m
         clear = np.ones(len(drawn), dtype=bool)
         for eye in eyes:
             sight = drawn[:, 0] - eye
             sight = sight / np.linalg.norm(sight, axis=1, keepdims=True)
             across = np.linalg.norm(np.cross(drawn[:, 1] - drawn[:, 0], sight), axis=1)
-            clear &= across > APART * board_m
+            clear &= across > SEPARATION * board_m
         found = np.concatenate([found, drawn[clear]])
         if len(found) >= frames:
             return Scene(rig, found[:frames])

@@ -1,10 +1,10 @@
-"""Photographs of flat boards, as a camera with its full lens would take them.
+"""Render photographs of flat boards with the full lens model.
 
-A board is a grid of cells of one grey level each, averaged over the area of each pixel
-(`area_sampling`), so the image of a corner lies where `Camera.project` says, with no bias of the
-pixel grid.
+A board is a grid of cells with one grey level each. The cells are averaged over the area of each
+pixel (`area_sampling`), so that corners appear exactly where `Camera.project` puts them, without a
+bias from the pixel grid.
 
-Grey levels are those of an 8-bit picture, 0 to 255, at every depth of bits.
+Grey levels are 0 to 255, independent of the bit depth.
 """
 
 from __future__ import annotations
@@ -27,32 +27,32 @@ from stereocal.simulation.area_sampling import (
     sample_offsets,
     sum_parts,
 )
-from stereocal.simulation.rays import on_plane, ray_splines
+from stereocal.simulation.pixel_rays import on_plane, ray_splines
 
 Picture = npt.NDArray[np.float32]
-"""(height, width) grey levels before the sensor, 255 being full scale."""
+"""(height, width) grey levels before the sensor; 255 is full scale."""
 Photograph = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 
 WHITE_LEVEL = 255.0
 STRIP_ROWS = 64
-"""Rows of the photograph that are painted at once: keeps the parts in the processor's cache."""
+"""Rows rendered at once, so that the parts stay in the processor's cache."""
 PARTS_TIMES_BLUR = 2.8
-"""Parts per pixel times blur in pixels: an edge blurred by 0.8 px is right to 0.3 %."""
-MOST_PARTS = 8
+"""Parts per pixel times blur in pixels: an edge blurred by 0.8 px is accurate to 0.3 %."""
+MAXIMUM_PARTS = 8
 
 
 @dataclass(frozen=True, eq=False)
 class Board:
-    """A flat board: cells of one grey level each.
+    """A flat board: a grid of cells with one grey level each.
 
-    Its frame: origin in the middle, x along the columns, y down along the rows, z away from who
-    looks at it; metres. Seen upright from straight ahead its pose has R = I.
+    Its frame in metres: origin in the centre, x right along the rows of cells, y down, z away from
+    the viewer. Seen upright and frontally, its pose has R = I.
     """
 
     cells: FloatArray
     """(rows, columns) grey levels."""
     size_m: tuple[float, float]
-    """Width and height."""
+    """Width and height in metres."""
 
     def __post_init__(self) -> None:
         cells = np.array(self.cells, dtype=np.float64)
@@ -66,7 +66,7 @@ class Board:
 
 @dataclass(frozen=True, eq=False)
 class Placed:
-    """A board and where it is."""
+    """A board and its pose."""
 
     board: Board
     camera_from_board: Pose
@@ -81,23 +81,23 @@ class PhotographSettings:
     """Optics and sensor.
 
     Raises:
-        StereocalError: a number out of its range.
+        StereocalError: a value outside its range.
     """
 
     blur_px: float = 0.8
-    """Standard deviation of the optical blur (Gaussian), in px; the pixel's area comes on top."""
+    """Standard deviation of the Gaussian optical blur, in px, without the pixel area."""
     vignetting: float = 0.15
-    """Share of the light lost in the corners of the image; it grows as the radius squared."""
+    """Fraction of the intensity lost in the corners; it grows with the radius squared."""
     full_well_e: float = 10_000.0
-    """Electrons at grey level 255: the photon noise. Infinite: none."""
+    """Electrons at grey level 255, which determine the photon noise; infinite for none."""
     read_noise: float = 0.8
-    """Standard deviation, in grey levels of 255."""
+    """Standard deviation of the read noise, in grey levels (of 255)."""
     bits: int = 8
-    """Depth; above 8 the photograph is an array of 16-bit numbers from 0 to 2**bits - 1."""
+    """Bit depth; above 8 the photograph has 16-bit values from 0 to 2**bits - 1."""
 
     def __post_init__(self) -> None:
         if not 8 <= self.bits <= 16:
-            raise StereocalError(f"{self.bits} bits: photographs have 8 to 16.")
+            raise StereocalError(f"The bit depth is {self.bits}: it must be 8 to 16.")
         if not (0 <= self.blur_px <= 50 and 0 <= self.vignetting <= 1 and self.read_noise >= 0):
             raise StereocalError(
                 "The blur must be 0 to 50 px, the vignetting 0 to 1, the read noise 0 or more."
@@ -113,7 +113,7 @@ def x_corner_board(
 
     Args:
         size_m: length of a side.
-        black_first: the top left square is black.
+        black_first: whether the top left square is black.
     """
     first, second = (black, white) if black_first else (white, black)
     return Board(np.array([[first, second], [second, first]]), (size_m, size_m))
@@ -144,7 +144,7 @@ def chessboard_corners(squares: tuple[int, int], square_m: float) -> FloatArray:
 
 
 def turned(rotation_vector: npt.ArrayLike) -> FloatArray:
-    """The rotation (3, 3) by a rotation vector (3,), in radians."""
+    """The rotation matrix (3, 3) of a rotation vector (3,) in radians."""
     R, _ = cv2.Rodrigues(np.asarray(rotation_vector, dtype=np.float64))
     return np.asarray(R, dtype=np.float64)
 
@@ -156,11 +156,10 @@ def photograph(
     settings: PhotographSettings,
     rng: np.random.Generator,
 ) -> Photograph:
-    """What the camera records of boards in front of a background.
+    """Render a photograph of boards in front of a background.
 
     Args:
-        background: (height, width) grey levels as the camera sees it before the optics blur it, or
-            one grey level.
+        background: (height, width) grey levels before the optical blur, or one grey level.
         boards: from the farthest to the nearest.
 
     Returns:
@@ -185,18 +184,18 @@ def photograph(
 
 
 def paint(picture: Picture, camera: Camera, placed: Placed, blur_px: float) -> None:
-    """Draw a board into a picture, blurred, over what is there.
+    """Draw a board with blur over a picture, in place.
 
-    A board seen from behind shows its plain back.
+    A board seen from behind has a uniform grey level.
 
     Raises:
-        StereocalError: the board is not wholly in front of the camera.
+        StereocalError: the board is not completely in front of the camera.
     """
     box = _box(camera, placed, BLUR_REACH * blur_px + 1.0)
     if box is None:
         return
     left, top, right, bottom = box
-    parts = int(np.clip(np.ceil(PARTS_TIMES_BLUR / max(blur_px, 0.01)), 2, MOST_PARTS))
+    parts = int(np.clip(np.ceil(PARTS_TIMES_BLUR / max(blur_px, 0.01)), 2, MAXIMUM_PARTS))
     weights = pixel_weights(blur_px, parts)
     pad = (len(weights) // parts - 1) // 2
     columns = np.arange(left - pad, right + pad + 1) - 0.5
@@ -222,31 +221,31 @@ def paint(picture: Picture, camera: Camera, placed: Placed, blur_px: float) -> N
 
 
 def expose(picture: Picture, settings: PhotographSettings, rng: np.random.Generator) -> Photograph:
-    """What the sensor makes of the light: vignetting, noise, and rounding to whole numbers.
+    """The sensor's output: vignetting, noise, quantisation.
 
-    Photon noise is normal with the variance of Poisson's distribution; at 10,000 electrons of full
-    scale and a grey level of 5 (200 electrons) the two cannot be told apart.
+    Photon noise is normal with the variance of the Poisson distribution, a good approximation even
+    at a grey level of 5 (200 of 10,000 electrons).
     """
     height, width = picture.shape
     x2 = np.linspace(-1.0, 1.0, width, dtype=np.float32) ** 2 * width**2
     y2 = np.linspace(-1.0, 1.0, height, dtype=np.float32) ** 2 * height**2
     lost = np.float32(settings.vignetting / (width**2 + height**2))
-    light = picture * (1.0 - lost * (x2 + y2[:, None]))
-    variance = light * np.float32(WHITE_LEVEL / settings.full_well_e)
+    intensity = picture * (1.0 - lost * (x2 + y2[:, None]))
+    variance = intensity * np.float32(WHITE_LEVEL / settings.full_well_e)
     np.maximum(variance, 0.0, out=variance)
     variance += np.float32(settings.read_noise**2)
-    light += np.sqrt(variance) * rng.standard_normal(light.shape, dtype=np.float32)
+    intensity += np.sqrt(variance) * rng.standard_normal(intensity.shape, dtype=np.float32)
     highest = 2**settings.bits - 1
-    light *= np.float32(highest / WHITE_LEVEL)
-    np.rint(light, out=light)
-    np.clip(light, 0, highest, out=light)
+    intensity *= np.float32(highest / WHITE_LEVEL)
+    np.rint(intensity, out=intensity)
+    np.clip(intensity, 0, highest, out=intensity)
     if settings.bits == 8:
-        return np.asarray(light, dtype=np.uint8)
-    return np.asarray(light, dtype=np.uint16)
+        return np.asarray(intensity, dtype=np.uint8)
+    return np.asarray(intensity, dtype=np.uint16)
 
 
 def blurred(picture: Picture, blur_px: float) -> Picture:
-    """The picture after a Gaussian blur; beyond its border it is mirrored."""
+    """The picture after a Gaussian blur, with mirrored borders."""
     if blur_px == 0:
         return picture.copy()
     soft = cv2.GaussianBlur(picture, (0, 0), blur_px, borderType=cv2.BORDER_REFLECT_101)
@@ -254,7 +253,7 @@ def blurred(picture: Picture, blur_px: float) -> Picture:
 
 
 def _box(camera: Camera, placed: Placed, reach: float) -> tuple[int, int, int, int] | None:
-    """The pixels (left, top, right, bottom) that the board and its blur can touch; None if none."""
+    """Box (left, top, right, bottom) of the blurred board in the image; None if outside."""
     width, height = camera.image_size
     along = np.linspace(-0.5, 0.5, 17)
     ends = np.full_like(along, 0.5)
@@ -269,11 +268,11 @@ def _box(camera: Camera, placed: Placed, reach: float) -> tuple[int, int, int, i
     )
     points = placed.camera_from_board.apply(np.column_stack([outline, np.zeros(len(outline))]))
     if (points[:, 2] <= 0).any():
-        raise StereocalError("A board to be painted is not wholly in front of the camera.")
+        raise StereocalError("A board is not completely in front of the camera.")
     pixels = camera.project(points)
     back = camera.undistort(pixels)
     if not (np.abs(back - points[:, :2] / points[:, 2:]).max(axis=1) < 1e-6).all():
-        # Far outside the view the lens polynomial folds back: the outline says nothing.
+        # Far outside the view the distortion polynomial folds back: the outline is not usable.
         return 0, 0, width, height
     low, high = pixels.min(axis=0) - reach, pixels.max(axis=0) + reach
     left, top = (int(v) for v in np.clip(np.floor(low), 0, [width, height]))

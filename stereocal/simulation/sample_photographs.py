@@ -38,18 +38,18 @@ from stereocal.simulation.simulate import (
 )
 
 JPEG_QUALITY = 80
-"""Of the photographs of the bar; what it costs is in sample_data/README.md."""
+"""For the photographs of the bar; its effect on accuracy is in sample_data/README.md."""
 JPEG_QUALITY_BOARDS = 75
-"""Of the chessboards: their many corners average over the errors."""
+"""For the chessboards, whose many corners average the errors."""
 POSE_SPREAD_RAD = 0.01
 FOCAL_SPREAD = 0.005
 CENTRE_SPREAD_PX = 15.0
-"""Standard deviations of the rig's angles and lenses about those of `field_rig`."""
+"""Standard deviations of the rig's angles and lenses from those of `field_rig`."""
 
 
 @dataclass(frozen=True, eq=False)
 class PhotographedField:
-    """All that is known of the sample before a photograph is taken."""
+    """The ground truth and settings from which the photographs are rendered."""
 
     scene: Scene
     boards: dict[str, list[Pose]]
@@ -60,17 +60,17 @@ class PhotographedField:
 
     @property
     def cameras(self) -> dict[str, Camera]:
-        """By their names."""
+        """The two cameras by name."""
         return {"primary": self.scene.rig.primary, "secondary": self.scene.rig.secondary}
 
     def pairs(self) -> Iterator[PhotographPair]:
-        """The photographs of the bar, one pair at a time."""
+        """Render the photographs of the bar, one pair at a time."""
         rng = np.random.default_rng([self.seed, 1])
         backgrounds = outdoors(self.scene.rig, rng)
         return photograph_bars(self.scene, backgrounds, self.bar, self.settings, rng)
 
     def board_photographs(self, which: str) -> Iterator[Photograph]:
-        """The photographs of the chessboard by one camera, one at a time."""
+        """Render the photographs of the chessboard by one camera, one at a time."""
         rng = np.random.default_rng([self.seed, 2, CAMERAS.index(which)])
         camera = self.cameras[which]
         board = chessboard(LENS_SQUARES, LENS_SQUARE_M)
@@ -81,11 +81,11 @@ class PhotographedField:
 def prepare_photographs(
     seed: int, frames: int = FIELD_FRAMES, boards: int = LENS_PHOTOGRAPHS
 ) -> PhotographedField:
-    """The rig, the places of the bar and of the chessboards.
+    """Draw the rig, the positions of the bar, and the poses of the chessboards.
 
     Args:
-        frames: photographs of the bar, for each camera.
-        boards: photographs of the chessboard, for each camera.
+        frames: number of photographs of the bar for each camera.
+        boards: number of photographs of the chessboard for each camera.
     """
     rng = np.random.default_rng([seed, 0])
     rig = drawn_rig(rng)
@@ -99,7 +99,7 @@ def prepare_photographs(
 
 
 def drawn_rig(rng: np.random.Generator) -> Rig:
-    """Like `field_rig`, with lenses and a set-up of its own; baseline 4.5 m."""
+    """A rig like `field_rig` with random lenses and angles; baseline 4.5 m."""
     rig = field_rig(FIELD_BASELINE_M)
     angles = np.array(rig.pose.angles) + POSE_SPREAD_RAD * rng.standard_normal(5)
     cameras = []
@@ -113,19 +113,19 @@ def drawn_rig(rng: np.random.Generator) -> Rig:
 
 
 def jpeg(image: Photograph, quality: int) -> bytes:
-    """A grey JPEG file.
+    """The bytes of a grey JPEG file.
 
     Raises:
-        StereocalError: more than 8 bits.
+        StereocalError: the image has more than 8 bits.
     """
     if image.dtype != np.uint8:
-        raise StereocalError("A JPEG holds 8 bits a pixel; keep photographs of more bits as PNG.")
+        raise StereocalError("A JPEG has 8 bits per pixel; save photographs with more as PNG.")
     options = [cv2.IMWRITE_JPEG_QUALITY, quality, cv2.IMWRITE_JPEG_OPTIMIZE, 1]
     return bytes(cv2.imencode(".jpg", image, options)[1])
 
 
 def true_of_photographs(field: PhotographedField) -> dict[str, Any]:
-    """Everything true of the sample, for JSON."""
+    """The ground truth of the sample, for JSON."""
     truth = truth_of(field.scene, 0.0, field.seed)
     del truth["noise_px"]
     frames = len(field.scene.ends_m)

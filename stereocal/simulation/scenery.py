@@ -1,7 +1,7 @@
-"""The painting behind the bar: sky, trees, a house, a hedge, a fence, grass.
+"""Paint a scenery as a background: sky, trees, houses, bushes, a fence, grass.
 
-Measures are metres on a wall as far away as trees and houses are; y points down, and y = 0 is the
-height of the cameras. Grey levels are 0 to 255.
+Coordinates are metres on a distant plane; y points down, and y = 0 is the height of the cameras.
+Grey levels are 0 to 255.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from stereocal.rig.compiled import FloatArray
 Grey = npt.NDArray[np.uint8]
 
 GROUND_M = 1.6
-"""Where the grass begins: the cameras stand at this height."""
+"""Upper edge of the grass: the cameras are this high above the ground."""
 SHIFT = 4
-"""OpenCV's drawing takes whole numbers of 1/16 px."""
+"""Fractional bits of coordinates for OpenCV's drawing functions: 1/16 px."""
 
 
 @dataclass(frozen=True, eq=False)
 class Canvas:
-    """Grey levels, and where they are."""
+    """A picture with its position and resolution."""
 
     grey: Grey
     left_m: float
@@ -38,24 +38,19 @@ class Canvas:
         """x of the last column."""
         return self.left_m + (int(self.grey.shape[1]) - 1) / self.pixels_per_m
 
-    @property
-    def bottom_m(self) -> float:
-        """y of the last row."""
-        return self.top_m + (int(self.grey.shape[0]) - 1) / self.pixels_per_m
-
     def row(self, y_m: float) -> int:
-        """The row at a height, kept on the canvas."""
+        """The row at a height, clipped to the canvas."""
         row = round((y_m - self.top_m) * self.pixels_per_m)
         return int(np.clip(row, 0, self.grey.shape[0]))
 
     def fill(self, outline_m: FloatArray, grey: float) -> None:
-        """A polygon (n, 2), with smooth edges."""
+        """Draw a polygon (n, 2), antialiased."""
         pixels = (outline_m - [self.left_m, self.top_m]) * (self.pixels_per_m * 2**SHIFT)
         points = np.round(pixels).astype(np.int32)
         cv2.fillPoly(self.grey, [points], float(grey), cv2.LINE_AA, SHIFT)
 
     def rectangle(self, left: float, top: float, right: float, bottom: float, grey: float) -> None:
-        """An upright rectangle."""
+        """Draw an upright rectangle."""
         self.fill(np.array([[left, top], [right, top], [right, bottom], [left, bottom]]), grey)
 
     def leaves(
@@ -65,7 +60,12 @@ class Canvas:
         greys: FloatArray,
         rng: np.random.Generator,
     ) -> None:
-        """Pointed ovals, each turned its own way: (n, 2), (n,), (n,)."""
+        """Draw n leaves of random directions.
+
+        Args:
+            centres_m: (n, 2).
+            sizes_m, greys: (n,).
+        """
         shape = np.array(
             [[1.0, 0.0], [0.3, 0.35], [-0.5, 0.3], [-1.0, 0.0], [-0.5, -0.3], [0.3, -0.35]]
         )
@@ -78,7 +78,7 @@ class Canvas:
 
 
 def paint_scenery(canvas: Canvas, rng: np.random.Generator) -> None:
-    """Paint all of it, from far to near."""
+    """Paint the whole scenery, from far to near."""
     canvas.grey[:] = _sky(canvas, rng)
     _treeline(canvas, rng)
     span = canvas.right_m - canvas.left_m
@@ -98,7 +98,7 @@ def paint_scenery(canvas: Canvas, rng: np.random.Generator) -> None:
 def clouded(
     shape: tuple[int, int], rng: np.random.Generator, coarsest_px: float, finest_px: float
 ) -> npt.NDArray[np.float32]:
-    """Smooth noise of unit standard deviation (nearly), coarse parts the strongest."""
+    """Smooth noise (height, width) of about unit standard deviation, strongest at coarse scales."""
     noise = np.zeros(shape, dtype=np.float32)
     size, weight, power = coarsest_px, 1.0, 0.0
     while size >= finest_px:
@@ -119,7 +119,7 @@ def _sky(canvas: Canvas, rng: np.random.Generator) -> Grey:
 
 
 def _treeline(canvas: Canvas, rng: np.random.Generator) -> None:
-    """Far woods: a dark ragged band that ends at the ground."""
+    """Distant woods: a dark ragged band above the ground."""
     height, width = canvas.grey.shape
     scale = canvas.pixels_per_m
     ragged = clouded((2, width), rng, 4.0 * scale, 0.05 * scale)[0]
@@ -159,7 +159,7 @@ def _house(canvas: Canvas, rng: np.random.Generator, left: float, right: float) 
 
 
 def _window(canvas: Canvas, rng: np.random.Generator, x: float, sill: float, wall: float) -> None:
-    """Four panes, some bright with the sky, in a light frame."""
+    """Four panes, some reflecting the sky, in a light frame."""
     canvas.rectangle(x - 0.6, sill - 1.5, x + 0.6, sill, min(wall + 45.0, 235.0))
     for across in (-0.53, 0.03):
         for up in (1.43, 0.68):
@@ -190,7 +190,7 @@ def _foliage(
     spread_m: tuple[float, float],
     count: int,
 ) -> None:
-    """Leaves about a centre: dark ones first, the bright ones of the outside over them."""
+    """Leaves around a centre: dark ones first, then bright ones over them."""
     radii = np.sqrt(rng.uniform(0.0, 1.2, count)) * (1.0 + 0.15 * rng.standard_normal(count))
     angles = rng.uniform(0.0, 2.0 * np.pi, count)
     offsets = radii[:, None] * np.column_stack([np.cos(angles), np.sin(angles)])
@@ -201,7 +201,7 @@ def _foliage(
 
 
 def _ground(canvas: Canvas, rng: np.random.Generator) -> None:
-    """Grass, coarser towards the bottom, which is nearer."""
+    """Grass, with more contrast towards the bottom, which is nearer."""
     first = canvas.row(GROUND_M)
     height, width = canvas.grey.shape[0] - first, canvas.grey.shape[1]
     if height < 2:

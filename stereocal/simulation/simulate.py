@@ -1,10 +1,9 @@
-"""Rigs and scenes with known truth: cameras, their pose, a bar seen at many places, and noise.
+"""Simulate rigs, positions of the bar, and noisy data sets.
 
     scene = place_bars(field_rig(4.5), rng, frames=25, length_m=0.9)
     dataset = observe(scene, rng, noise_px=0.15, name="field")
 
-The truth (`Scene`) and what the experimenter believes (`Given`: lenses, baseline and bar as
-measured) are apart, so that a wrong lens or a misread length is one argument of `observe`.
+`Scene` is the ground truth, `Nominal` the measured lenses, baseline and bar, which may be wrong.
 """
 
 from __future__ import annotations
@@ -30,21 +29,21 @@ FIELD_FRAMES = 25
 FIELD_NOISE_PX = 0.15
 
 CROSSING_M = 12.5
-"""Where the two optical axes pass nearest: both images then share the view from 8 to 25 m."""
+"""Depth at which the optical axes cross: both images then show the same volume from 8 to 25 m."""
 
 MARGIN_PX = 20.0
-"""No end of a bar nearer than this to the edge of an image: room for noise and a 10 px target."""
+"""Least distance of a bar's end from the edge of an image: room for noise and a 10 px target."""
 
-MOST_ROUNDS = 1000
-"""Rounds without enough visible bars before the rig is refused; a field rig needs 2 or 3."""
+MAXIMUM_ROUNDS = 1000
+"""Number of draws after which the rig is rejected; a field rig needs 2 or 3."""
 
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """A rig and the true places of the bar.
+    """A rig and the true positions of the bar.
 
     Raises:
-        StereocalError: ends of another shape than (frames, 2, 3), or none.
+        StereocalError: `ends_m` has a wrong shape or no frames.
     """
 
     rig: Rig
@@ -62,19 +61,19 @@ class Scene:
 
     @property
     def bar_length_m(self) -> float:
-        """Distance of the targets A and B."""
+        """Distance of the targets A and B, in metres."""
         return float(np.linalg.norm(self.ends_m[0, 1] - self.ends_m[0, 0]))
 
     @property
     def points_m(self) -> tuple[FloatArray, FloatArray]:
-        """A and B of each frame in turn, (2 frames, 3), in the primary's and secondary's frame."""
+        """The targets A, B of all frames, (2 frames, 3), in the primary's and secondary's frame."""
         points = self.ends_m.reshape(-1, 3)
         return points, self.rig.pose.apply(points)
 
 
 @dataclass(frozen=True, eq=False)
-class Given:
-    """What is believed of a rig: the lenses from the lab, the lengths from the range finder."""
+class Nominal:
+    """The nominal rig: lenses and lengths as measured, possibly with errors."""
 
     primary: Camera
     secondary: Camera
@@ -82,8 +81,8 @@ class Given:
     target_distance_m: float
 
     @classmethod
-    def exact(cls, scene: Scene) -> Given:
-        """Everything believed is true."""
+    def exact(cls, scene: Scene) -> Nominal:
+        """The nominal rig without errors."""
         rig = scene.rig
         return cls(rig.primary, rig.secondary, rig.pose.baseline, scene.bar_length_m)
 
@@ -96,22 +95,22 @@ def place_bars(
     depths_m: tuple[float, float] = FIELD_DEPTHS_M,
     margin_px: float = MARGIN_PX,
 ) -> Scene:
-    """Bars at random places and in random directions, both ends in view of both cameras.
+    """Draw bars at random positions and in random directions, both ends in view of both cameras.
 
-    The middle of a bar is uniform over the primary image and over the depth; its direction is
-    uniform over the sphere. Bars that are not wholly in view are drawn again.
+    The centre of a bar is uniform over the primary image and over the depth; its direction is
+    uniform over the sphere. Bars that are not completely in view are drawn again.
 
     Args:
-        depths_m: nearest and farthest z of both ends, in the frame of either camera.
-        margin_px: distance that each end keeps from the edge of both images.
+        depths_m: smallest and largest z of both ends, in the frames of both cameras.
+        margin_px: least distance of each end from the edge of both images.
 
     Raises:
-        StereocalError: the cameras share (almost) no view there.
+        StereocalError: the views of the cameras hardly overlap in this range.
     """
     if frames < 1:
         raise StereocalError(f"The number of frames is {frames}: it must be at least 1.")
     found = np.empty((0, 2, 3))
-    for _ in range(MOST_ROUNDS):
+    for _ in range(MAXIMUM_ROUNDS):
         candidates = _random_bars(rig.primary, rng, 8 * frames, length_m, depths_m)
         points = candidates.reshape(-1, 3)
         seen = _in_view(rig.primary, points, depths_m, margin_px)
@@ -130,19 +129,19 @@ def observe(
     rng: np.random.Generator,
     noise_px: float,
     name: str,
-    given: Given | None = None,
+    nominal: Nominal | None = None,
     notes: str = "",
 ) -> Dataset:
-    """The data set that the true cameras record: the full lens model, then noise on every pixel.
+    """Simulate the data set of a scene: projection with the full lens model, then pixel noise.
 
     Args:
         noise_px: standard deviation of the Gaussian noise on each coordinate, in pixels.
-        given: what the data set says of lenses and lengths; the truth by default.
+        nominal: lenses and lengths of the data set; the true ones if None.
 
     Raises:
-        StereocalError: an end outside its image, or a given lens that cannot be inverted there.
+        StereocalError: a point is outside its image, or a nominal lens cannot be inverted there.
     """
-    given = given or Given.exact(scene)
+    nominal = nominal or Nominal.exact(scene)
     primary, secondary = (
         camera.project(points) + noise_px * rng.standard_normal((len(points), 2))
         for camera, points in zip(
@@ -155,17 +154,17 @@ def observe(
     )
     return Dataset(
         name,
-        given.primary,
-        given.secondary,
+        nominal.primary,
+        nominal.secondary,
         rows,
-        given.baseline_m,
-        given.target_distance_m,
+        nominal.baseline_m,
+        nominal.target_distance_m,
         notes=notes,
     )
 
 
 def lens_off_by(camera: Camera, focal: float, centre_px: tuple[float, float]) -> Camera:
-    """The lens as a lab would misjudge it.
+    """The lens with an error of its focal lengths and principal point.
 
     Args:
         focal: relative error of both focal lengths: 0.003 makes them 0.3 % too long.
@@ -178,9 +177,9 @@ def lens_off_by(camera: Camera, focal: float, centre_px: tuple[float, float]) ->
 
 
 def field_rig(baseline_m: float = FIELD_BASELINE_M) -> Rig:
-    """Two cameras as in the paper (IDT-M5, 50 mm lenses), toed in, different in everything.
+    """Two converging cameras as in the paper (IDT-M5, 50 mm lenses), with different lenses.
 
-    7 um pixels make 50 mm 7143 px. The secondary stands to the right, so T points to the left.
+    With 7 um pixels, 50 mm are 7143 px. The secondary is on the right, so T points to the left.
     """
     toe = float(np.arctan2(0.5 * baseline_m, CROSSING_M))
     angles = Angles(
@@ -202,17 +201,19 @@ def field_rig(baseline_m: float = FIELD_BASELINE_M) -> Rig:
 
 
 def simulate_field(seed: int) -> tuple[Scene, Dataset]:
-    """The sample field: 25 frames of a 0.9 m bar at 8 to 25 m, noise 0.15 px, all givens exact."""
+    """The sample data set: 25 frames of a 0.9 m bar at 8 to 25 m, noise 0.15 px, exact inputs."""
     rng = np.random.default_rng(seed)
     scene = place_bars(field_rig(), rng, FIELD_FRAMES, FIELD_BAR_M)
-    # The lengths as written on the label, not as summed from rounded coordinates.
-    given = replace(Given.exact(scene), baseline_m=FIELD_BASELINE_M, target_distance_m=FIELD_BAR_M)
+    # The exact lengths, without the rounding of computed ones.
+    nominal = replace(
+        Nominal.exact(scene), baseline_m=FIELD_BASELINE_M, target_distance_m=FIELD_BAR_M
+    )
     notes = f"Synthetic, seed {seed}; the truth is in {TRUTH}."
-    return scene, observe(scene, rng, FIELD_NOISE_PX, "field", given, notes)
+    return scene, observe(scene, rng, FIELD_NOISE_PX, "field", nominal, notes)
 
 
 def truth_of(scene: Scene, noise_px: float, seed: int) -> dict[str, Any]:
-    """Everything true of a scene, for JSON."""
+    """The ground truth of a scene, for JSON."""
     rig, pose = scene.rig, scene.rig.pose
     return {
         "format": TRUTH_FORMAT,
@@ -239,7 +240,7 @@ def _random_bars(
     length_m: float,
     depths_m: tuple[float, float],
 ) -> FloatArray:
-    """Ends (count, 2, 3) of bars whose middles are in the image of `camera`, in its frame."""
+    """Ends (count, 2, 3) of bars whose centres are in the image of `camera`, in its frame."""
     pixels = rng.uniform(0.0, 1.0, (count, 2)) * (np.array(camera.image_size) - 1.0)
     depths = rng.uniform(*depths_m, (count, 1))
     middles = np.column_stack([camera.undistort(pixels), np.ones(count)]) * depths
@@ -251,14 +252,14 @@ def _random_bars(
 def _in_view(
     camera: Camera, points: FloatArray, depths_m: tuple[float, float], margin_px: float
 ) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    """Which points (n, 3) of the camera's frame it sees, in the depth range and off the edges."""
+    """(n,): whether points (n, 3) in the camera's frame are in the depth range and in its image."""
     near, far = depths_m
     pixels = camera.project(points)
     size = np.array(camera.image_size)
     inside = ((pixels >= margin_px) & (pixels <= size - 1.0 - margin_px)).all(axis=1)
     inside &= (points[:, 2] >= near) & (points[:, 2] <= far)
-    # Far outside the view a lens polynomial can turn back and put a point into the image; then the
-    # pixel leads back to another ray.
+    # Far outside the view a distortion polynomial can fold back and map points into the image; the
+    # pixel then undistorts to another ray.
     seen = np.flatnonzero(inside)
     rays = points[seen, :2] / points[seen, 2:]
     inside[seen] = np.abs(camera.undistort(pixels[seen]) - rays).max(axis=1, initial=0.0) < 1e-9

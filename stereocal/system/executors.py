@@ -1,25 +1,31 @@
-"""Where runs are computed: threads, processes, or a Dask cluster, all as one kind of executor."""
+"""Where tasks are computed: threads, processes, or a Dask cluster, all as one kind of executor."""
 
 from __future__ import annotations
 
 import multiprocessing
 import os
+import re
 import signal
-from collections.abc import Iterator
-from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import contextmanager
 from multiprocessing.context import SpawnContext, SpawnProcess
-from typing import Any
+from typing import Any, ParamSpec, TypeVar
 
 from stereocal.errors import StereocalError
+
+P = ParamSpec("P")
+T = TypeVar("T")
+SCHEDULER = "STEREOCAL_SCHEDULER"
+"""The variable with the address of the cluster that computes the jobs of a server."""
 
 
 @contextmanager
 def engine(workers: int | None = None, scheduler: str | None = None) -> Iterator[Executor]:
-    """An executor for `evaluation.evaluate`.
+    """An executor for `tasks.run_tasks`, until the context ends.
 
     Args:
-        workers: so many processes; None for threads, which the compiled searches do not block.
+        workers: so many processes; None for threads, which compiled code and OpenCV do not block.
         scheduler: address of a Dask scheduler, such as tcp://host:8786; its workers are used.
 
     Raises:
@@ -30,8 +36,8 @@ def engine(workers: int | None = None, scheduler: str | None = None) -> Iterator
     if workers is not None and workers < 1:
         raise StereocalError(f"The number of workers is {workers}: it must be at least 1.")
     if scheduler is not None:
-        with _cluster(scheduler) as cluster:
-            yield cluster
+        with cluster(scheduler) as remote:
+            yield remote
     elif workers is not None:
         with _processes(workers) as processes:
             yield processes
@@ -80,18 +86,95 @@ class _Spawn(SpawnContext):
     Process = _Process
 
 
-@contextmanager
-def _cluster(address: str) -> Iterator[Executor]:
+class Cluster(Executor):
+    """The workers of a Dask cluster, which may run on other computers with other disks."""
+
+    def __init__(self, client: Any) -> None:
+        self._client = client
+        # Not "pure": no digests of the arguments, by which Dask would look for equal calls.
+        self._executor: Executor = client.get_executor(pure=False)
+
+    @property
+    def tasks_at_once(self) -> int:
+        """Threads of all workers now; 1 while there is none."""
+        return max(1, int(sum(self._client.ncores().values())))
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether the scheduler answers."""
+        return bool(self._client.status == "running")
+
+    def submit(
+        self, function: Callable[P, T], /, *arguments: P.args, **named: P.kwargs
+    ) -> Future[T]:
+        """Hand in a task."""
+        return self._executor.submit(function, *arguments, **named)
+
+    def shutdown(self, *_: Any, **__: Any) -> None:
+        """Leave the cluster, which goes on without this program."""
+        self._client.close()
+
+
+def cluster(address: str) -> Cluster:
+    """The workers of the Dask scheduler at an address, such as tcp://host:8786.
+
+    Raises:
+        StereocalError: it cannot be reached, or its workers do not have this version of stereocal.
+    """
     try:
+        import dask
         import distributed
     except ImportError as error:
         raise StereocalError(
             "A scheduler needs Dask: pip install 'stereocal[cluster]' (or distributed)."
         ) from error
+    dask.config.set({"distributed.admin.large-graph-warning-threshold": "1GB"})  # photographs
     connect: Any = distributed.Client
     try:
         client = connect(address, timeout="10s")
     except (OSError, TimeoutError, ValueError) as error:
         raise StereocalError(f"The scheduler at {address} cannot be reached ({error}).") from error
-    with client:
-        yield client.get_executor()
+    try:
+        versions = set(client.run(_version).values())
+    except Exception as error:  # of a worker, which has no stereocal
+        client.close()
+        raise StereocalError(
+            f"The workers of {address} cannot import stereocal ({error}): install it there."
+        ) from error
+    if versions != {_version()}:
+        client.close()
+        there = ", ".join(sorted(versions)) or "no workers"
+        raise StereocalError(
+            f"The cluster at {address} has {there}, and this is stereocal {_version()}: start "
+            "workers with the same version."
+        )
+    return Cluster(client)
+
+
+def tasks_at_once(executor: Executor) -> int:
+    """How many tasks an executor computes at the same time."""
+    if isinstance(executor, Cluster):
+        return executor.tasks_at_once
+    # Of threads and of processes alike; the library has no public name for it.
+    return int(getattr(executor, "_max_workers", None) or os.cpu_count() or 1)
+
+
+def scheduler_of(environment: Mapping[str, str]) -> str | None:
+    """The address in STEREOCAL_SCHEDULER; None where it is not set.
+
+    Raises:
+        StereocalError: it is no address of a scheduler.
+    """
+    address = environment.get(SCHEDULER, "").strip()
+    if address and not re.fullmatch(r"(tcp|tls|ws|wss)://\S+:\d+", address):
+        raise StereocalError(
+            f'{SCHEDULER} is "{address[:80]}": it must be the address of a Dask scheduler, such as '
+            "tcp://host:8786."
+        )
+    return address or None
+
+
+def _version() -> str:
+    import stereocal
+
+    return stereocal.__version__

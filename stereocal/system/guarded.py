@@ -1,94 +1,87 @@
-"""Files of strangers, decoded in a process of its own first: what ends it does not end the server.
+"""Untrusted files, decoded in a process of its own first, where people share a server.
 
-    server_guard().check("photograph", path, "left07.png")
+    guard = Guard({"photograph": read_photograph})
+    guard.check("photograph", path, "left07.png")
 
-Photographs, OpenCV's camera files and Parquet are decoded by native code, which a malformed file
-can crash, hang, or make to take all memory. The server tries each file once in a child process with
-limits; only what the child survives is decoded in the server itself. A file that is merely damaged
-is survived: its reader says what is wrong with it, as ever.
+Photographs, Parquet and HDF5 are decoded by native code, which a malformed file can crash, hang, or
+make to take all memory. A file that is merely damaged passes: its reader says what is wrong.
 """
 
 from __future__ import annotations
 
-import atexit
-import contextlib
-import hashlib
-import json
+import multiprocessing
 import os
-import queue
-import subprocess
-import sys
+import signal
 import tempfile
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from functools import cache
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import suppress
 from pathlib import Path
 
-from stereocal.errors import StereocalError
-from stereocal.system.guarded_child import FAILED, MEMORY, READY, SURVIVED
+from pebble import ProcessPool
 
-READERS = "stereocal.formats.guarded_readers"
-CHILDREN = 2
-"""So that a slow file of one session does not hold up the others."""
+from stereocal.errors import StereocalError
+from stereocal.system.limits import MB, Limits
+
+Reader = Callable[[Path], object]
+"""A function of a module, which the child imports by its name."""
 LEAST_SECONDS = 10.0
 SECONDS_PER_MB = 0.1
 """A 16-bit PNG of 200 megapixels may take seconds; a busy server is slower still."""
-MOST_REMEMBERED = 100_000
+SPARE = 1_000_000_000
+BYTES_PER_PIXEL = 16
+"""Four channels of 16 bits, three of them copied to be weighed, and the grey image."""
 
 
 class Guard:
-    """Child processes that try files; started when first needed, and again after each death.
+    """A pool of processes that try files, started when first needed.
 
     Args:
-        readers: module with the dictionary `READERS` of what can be tried, see `guarded_readers`.
-        children: how many files are tried at the same time.
+        readers: what reads a file of each kind.
+        children: how many files are tried at the same time; with 0, none is tried.
         least_seconds: what a small file may take.
     """
 
     def __init__(
-        self, readers: str = READERS, children: int = CHILDREN, least_seconds: float = LEAST_SECONDS
+        self,
+        readers: Mapping[str, Reader],
+        children: int = 2,
+        least_seconds: float = LEAST_SECONDS,
     ) -> None:
         self._readers = readers
         self._children = children
         self._least_seconds = least_seconds
-        # The last in, first out: a child that runs is taken before one that must be started.
-        self._free: queue.LifoQueue[_Child | None] = queue.LifoQueue()
-        for _ in range(children):
-            self._free.put(None)
-        self._passed: set[tuple[str, str]] = set()
+        self._lock = threading.Lock()
+        self._pool: ProcessPool | None = None
 
     def check(self, kind: str, path: Path, name: str) -> None:
-        """Try a file, which messages call `name`; one whose content has passed is not tried again.
+        """Try a file, which messages call `name`.
 
         Raises:
             StereocalError: it crashes its decoder, takes too long or too much memory, or is gone.
         """
+        if not self._children:
+            return
         try:
-            with path.open("rb") as file:
-                digest = hashlib.file_digest(file, "sha256").hexdigest()
-            size = path.stat().st_size
+            seconds = self._least_seconds + SECONDS_PER_MB * path.stat().st_size / MB
         except OSError as error:
             raise StereocalError(f"{name} cannot be read: {error.strerror or error}.") from error
-        if (kind, digest) in self._passed:
-            return
-        seconds = self._least_seconds + SECONDS_PER_MB * size / 1e6
-        answer = self._ask(kind, path, seconds)
-        if answer != SURVIVED:
-            reason = {
-                MEMORY: "needs too much memory to be decoded",
-                FAILED: "makes its decoder fail",
-            }.get(answer, f"takes too long to be decoded, more than {seconds:.0f} s")
+        try:
+            reason = self._tried(kind, path, seconds)
+        except (BrokenProcessPool, RuntimeError) as error:
+            raise StereocalError("The server cannot start the process that tries files.") from error
+        if reason:
             raise StereocalError(
                 f"{name}: the file {reason}, and is not read; save it anew, by another program "
                 "if need be."
             )
-        if len(self._passed) >= MOST_REMEMBERED:
-            self._passed.clear()
-        self._passed.add((kind, digest))
 
     def check_content(self, kind: str, content: bytes, name: str, suffix: str = "") -> None:
         """As `check`, of a file's content."""
+        if not self._children:
+            return
         try:
             with tempfile.TemporaryDirectory(prefix="stereocal-") as folder:
                 path = Path(folder) / f"file{suffix}"
@@ -107,91 +100,76 @@ class Guard:
                 return error
             return None
 
-        with ThreadPoolExecutor(self._children) as threads:
+        with ThreadPoolExecutor(max(self._children, 1)) as threads:
             found = zip(files, threads.map(reason, files.items()), strict=True)
             return {name: error for name, error in found if error is not None}
 
     def close(self) -> None:
-        """End the children that are not at work."""
-        for _ in range(self._children):
-            with contextlib.suppress(queue.Empty):
-                child = self._free.get_nowait()
-                if child is not None:
-                    child.end()
-        for _ in range(self._children - self._free.qsize()):
-            self._free.put(None)
+        """End the processes; the next file starts others."""
+        with self._lock:
+            if self._pool is not None:
+                self._pool.stop()  # type: ignore[no-untyped-call]
+                self._pool.join()
+            self._pool = None
 
-    def _ask(self, kind: str, path: Path, seconds: float) -> str:
-        child = self._free.get()
+    def _tried(self, kind: str, path: Path, seconds: float, again: bool = True) -> str:
+        """Why a file does not pass; empty if it does."""
+        with self._lock:
+            if self._pool is None or not self._pool.active:
+                self._pool = self._started()
+            future = self._pool.schedule(
+                _read, (self._readers[kind], path.resolve(), seconds), timeout=seconds
+            )
         try:
-            if child is None:
-                child = _Child(self._readers)
-            answer = child.ask(kind, path, seconds)
-            if child.has_ended:
-                child.end()
-                child = None
-            return answer
-        except OSError as error:
-            raise StereocalError(
-                f"The server cannot start the process that tries files: {error.strerror or error}."
-            ) from error
-        finally:
-            self._free.put(child)
+            future.result()
+        except TimeoutError:
+            return f"takes too long to be decoded, more than {seconds:.0f} s"
+        except MemoryError:
+            return "needs too much memory to be decoded"
+        except BrokenProcessPool:  # all children were killed, by the system for instance
+            if again:
+                return self._tried(kind, path, seconds, again=False)
+            raise
+        except Exception:  # it has ended, or something that must not happen in the server
+            return "makes its decoder fail"
+        return ""
 
-
-class _Child:
-    def __init__(self, readers: str) -> None:
-        self._process = subprocess.Popen(
-            [sys.executable, "-m", "stereocal.system.guarded_child", readers],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
-            text=True,
+    def _started(self) -> ProcessPool:
+        room = SPARE + int(min(BYTES_PER_PIXEL * Limits.from_environment().megapixels * MB, 1e15))
+        return ProcessPool(
+            max_workers=self._children,
+            initializer=_prepare,
+            initargs=(tuple(self._readers.values()), room),
+            context=multiprocessing.get_context("spawn"),
         )
-        assert self._process.stdin is not None and self._process.stdout is not None
-        self._requests, self._answers = self._process.stdin, self._process.stdout
-        self.has_ended = False
-        # What it takes to start is not counted against the file.
-        if self._answers.readline().strip() != READY:
-            self.end()
-            raise OSError("it ended at once")
-
-    def ask(self, kind: str, path: Path, seconds: float) -> str:
-        """What became of the file; empty if it took too long."""
-        late = threading.Event()
-
-        def end() -> None:
-            late.set()
-            self._process.kill()
-
-        timer = threading.Timer(seconds, end)
-        timer.daemon = True
-        timer.start()
-        answer = ""
-        try:
-            request = {"kind": kind, "path": str(path.resolve()), "seconds": seconds}
-            self._requests.write(json.dumps(request) + "\n")
-            self._requests.flush()
-            answer = self._answers.readline().strip()
-        except OSError:  # it has ended
-            pass
-        finally:
-            timer.cancel()
-        self.has_ended = not answer
-        return answer or ("" if late.is_set() else FAILED)
-
-    def end(self) -> None:
-        self._process.kill()
-        self._process.wait()
-        for pipe in (self._requests, self._answers):
-            with contextlib.suppress(OSError):
-                pipe.close()
 
 
-@cache
-def server_guard() -> Guard:
-    """The one of this process."""
-    guard = Guard()
-    atexit.register(guard.close)
-    return guard
+def _prepare(_: tuple[Reader, ...], room: int) -> None:
+    """In the child: allow so many bytes more than its imports take, where the system counts them.
+
+    Args:
+        _: the readers, whose modules are imported with this argument.
+    """
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)  # a decoder that hangs takes no other
+    os.environ["ARROW_DEFAULT_MEMORY_POOL"] = "system"  # others set aside more addresses
+    for stream in (1, 2):  # what decoders print
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream)
+    with suppress(ImportError, OSError, ValueError):
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+        used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+        resource.setrlimit(resource.RLIMIT_AS, (used + room, used + room))
+
+
+def _read(read: Reader, path: Path, seconds: float) -> None:
+    """In the child: try a file."""
+    if hasattr(signal, "alarm"):  # the server that would end it may have been killed
+        signal.alarm(int(seconds) + 5)
+    try:
+        read(path)
+    except StereocalError:
+        return
+    finally:
+        if hasattr(signal, "alarm"):
+            signal.alarm(0)

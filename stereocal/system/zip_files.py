@@ -8,7 +8,8 @@ import struct
 import zipfile
 import zlib
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
+from functools import partial
 from pathlib import Path
 from typing import IO
 
@@ -53,7 +54,7 @@ class OpenZip:
         return self._members[name].file_size
 
     def read(self, name: str) -> bytes:
-        """A file's content, no more than the zip says.
+        """A file's content. `zipfile` gives no more of it than the zip says.
 
         Raises:
             StereocalError: the file is damaged.
@@ -63,15 +64,13 @@ class OpenZip:
     def pieces(self, name: str) -> Iterator[bytes]:
         """As `read`, a megabyte at a time."""
         with _sound(self._source):
-            member: IO[bytes] = self._archive.open(self._members[name])
+            member = self._archive.open(self._members[name])
         with member:
-            left = self.size(name)
-            while left > 0:
+            while True:
                 with _sound(self._source):
-                    piece = member.read(min(PIECE, left))
+                    piece = member.read(PIECE)
                 if not piece:
                     return
-                left -= len(piece)
                 yield piece
 
 
@@ -82,18 +81,23 @@ def open_zip(source: Path | bytes, name: str) -> Iterator[OpenZip]:
     Raises:
         StereocalError: not a zip, empty, damaged, or suspiciously large inside.
     """
-    with _sound(name):
-        packed = len(source) if isinstance(source, bytes) else source.stat().st_size
-    if not packed:
-        raise StereocalError(f"{name}: the file is empty (0 bytes).")
-    with _sound(name):
-        Limits.from_environment().check_count(_listed(source, packed), name)
-        archive = zipfile.ZipFile(io.BytesIO(source) if isinstance(source, bytes) else source)
-    with archive:
+    limits = Limits.from_environment()
+    with ExitStack() as opened:
         with _sound(name):
-            opened = OpenZip(archive, name)
-        _check(opened, packed, name)
-        yield opened
+            file: IO[bytes] = opened.enter_context(
+                io.BytesIO(source) if isinstance(source, bytes) else source.open("rb")
+            )
+            packed = file.seek(0, io.SEEK_END)
+            if not packed:
+                raise StereocalError(f"{name}: the file is empty (0 bytes).")
+            # The list at the end, before `zipfile` holds it in memory, a kilobyte for each file;
+            # one that lies across two pieces is missed here, and counted by `_check`.
+            file.seek(int(max(packed - LISTED_BYTES * limits.files, 0)))
+            pieces = iter(partial(file.read, PIECE), b"")
+            limits.check_count(sum(piece.count(_LISTED) for piece in pieces), name)
+            members = OpenZip(opened.enter_context(zipfile.ZipFile(file)), name)
+        _check(members, packed, name)
+        yield members
 
 
 def unzip(
@@ -109,20 +113,6 @@ def unzip(
         total = sum(map(opened.size, names))
         Limits.from_environment().check_size(total, f"{name}: the tables inside, together")
         return {member: opened.read(member) for member in names}
-
-
-def _listed(source: Path | bytes, packed: int) -> int:
-    """How many files a zip lists at its end, counted before `zipfile` holds them all in memory."""
-    start = int(max(packed - LISTED_BYTES * Limits.from_environment().files, 0))
-    if isinstance(source, bytes):
-        return source.count(_LISTED, start)
-    with source.open("rb") as file:
-        file.seek(start)
-        count, before = 0, b""
-        while piece := file.read(PIECE):
-            count += (before + piece).count(_LISTED)
-            before = piece[-len(_LISTED) + 1 :]
-        return count
 
 
 def _check(opened: OpenZip, packed: int, name: str) -> None:

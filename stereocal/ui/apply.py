@@ -31,8 +31,8 @@ from stereocal.projects.point_files import SIDES, Side
 from stereocal.projects.project import Project
 from stereocal.refined.results import Calibration
 from stereocal.rig.parameters import RigParameters
-from stereocal.system.guarded import server_guard
 from stereocal.ui import jobs
+from stereocal.ui.decoding import server_guard
 from stereocal.ui.fields import Field, number, one_of, setting, yes_or_no
 from stereocal.ui.given_sets import PURPOSES, given_set
 from stereocal.ui.intake import check_uploads, escape_markdown, is_new, settled, taking
@@ -288,7 +288,7 @@ def bring_up_to_date(project: Project, store: ProjectApplication, work: Applicat
     elif work.expected_seconds <= INSTANT_S:
         try:
             with st.spinner("Matching and measuring."):
-                _run(store, work, jobs.on_page(project, STAGES))
+                _run(store, work, jobs.on_page(STAGES))
         except StereocalError as error:
             st.error(escape_markdown(str(error)))
     elif not (jobs.is_running(project, "apply") or jobs.can_go_on(job)):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 
 import streamlit as st
 from streamlit.navigation.page import StreamlitPage
@@ -10,6 +11,7 @@ from streamlit.runtime.scriptrunner import StopException
 
 from stereocal.errors import StereocalError
 from stereocal.projects.server_settings import ServerSettings
+from stereocal.system.executors import scheduler_of
 from stereocal.system.limits import Limits
 from stereocal.ui.fields import begin_page, end_page
 from stereocal.ui.project import begin_forms_anew, forms_are_sound, open_begun
@@ -61,6 +63,7 @@ def check_settings() -> None:
     try:
         ServerSettings.from_environment()
         Limits.from_environment()
+        scheduler_of(os.environ)
     except StereocalError as error:
         st.error(escape_markdown(str(error)))
         st.stop()

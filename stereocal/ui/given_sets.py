@@ -16,7 +16,6 @@ from stereocal.formats.units import UNITS, Unit, UnitError
 from stereocal.projects.application import ProjectApplication, Use
 from stereocal.projects.project import Project
 from stereocal.rig.parameters import RigParameters
-from stereocal.system.guarded import server_guard
 from stereocal.system.zip_files import unzip
 from stereocal.ui.fields import number, one_of, setting
 from stereocal.ui.intake import check_uploads, escape_markdown, is_new, refuse, settled, taking
@@ -77,7 +76,6 @@ def _ask_about_set(project: Project, store: ProjectApplication, use: Use) -> Non
         options = _options(project, use, name)
         rig: RigParameters | None = None
         try:
-            server_guard().check_content("parameters", content, label, ".zip")
             files = unzip(content, label)
             rig = None if name is None else import_files(files, name, options, label)
         except (FourCoefficientsError, UnitError) as error:

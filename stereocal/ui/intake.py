@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import Any
 
 import streamlit as st
 
@@ -28,11 +27,11 @@ from stereocal.projects.lens import ProjectLens
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.rig.dataset import Dataset
-from stereocal.system.guarded import server_guard
 from stereocal.system.limits import Limits
 from stereocal.system.photograph_files import is_photograph, of_the_bar, zipped_photographs
 from stereocal.system.zip_files import unzip
 from stereocal.ui import jobs
+from stereocal.ui.decoding import server_guard
 from stereocal.ui.fields import Field, one_of, setting
 from stereocal.ui.project import noted, project_to_write
 from stereocal.ui.refusal import ask_lens
@@ -170,7 +169,6 @@ def take_file(slot: Slot, upload: Upload | None) -> None:
         check_uploads([upload])
         content = upload.getvalue()
         if slot != "correspondences":
-            server_guard().check_content("camera", content, upload.name)
             _try_camera(slot, upload.name, content)
         else:
             if is_hdf5(content):
@@ -261,7 +259,6 @@ def give_dataset(
     """
     store = ProjectPhotographs(project)
     folder, description = find_description(files, source)
-    _try_cameras(files, folder, description, source)
     given: dict[str, StoredFile] = {}
     for name, content in photographs():
         server_guard().check_content("photograph", content, name)
@@ -287,16 +284,6 @@ def give_dataset(
     if not kept:  # a search that still runs is for targets of the data set before
         jobs.abandon(project, "photographs")
     return bool(found)
-
-
-def _try_cameras(
-    files: Mapping[str, bytes], folder: str, description: Mapping[str, Any], source: str
-) -> None:
-    named = description.get("cameras")
-    for name in named.values() if isinstance(named, dict) else ():
-        if isinstance(name, str) and folder + name in files:
-            content = files[folder + name]
-            server_guard().check_content("camera", content, f"{source}: {name}")
 
 
 def is_new(*uploads: Upload) -> bool:

@@ -7,10 +7,11 @@ says so, and offers to go on.
 from __future__ import annotations
 
 import logging
+import os
 import threading
 import time
 from collections.abc import Callable, Mapping
-from concurrent.futures import Executor
+from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import Any, Literal, ParamSpec, TypeVar
 
@@ -21,7 +22,8 @@ from stereocal.projects import jobs as kept_jobs
 from stereocal.projects.jobs import KeptJob, Parts, Record
 from stereocal.projects.project import Project
 from stereocal.projects.server_settings import ServerSettings
-from stereocal.system.fair_pool import FairPool
+from stereocal.system.executors import Cluster, cluster, scheduler_of
+from stereocal.system.tasks import EndingError
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.told import callback
 from stereocal.ui.warm_up import warm_up
@@ -43,12 +45,12 @@ class Job:
     stages: tuple[str, ...]
     """What is counted, in the order of the work: a bar each."""
     executor: Executor
-    """Its share of the server's pool."""
+    """Where it is computed."""
     at: int = 0
     total: int = 0
     done: int = 0
     state: str = "running"
-    """running, done, cancelled or failed."""
+    """running, done, cancelled, failed, or interrupted by the end of the server."""
     sentence: str = ""
     """Why it failed."""
     cancelled: bool = False
@@ -111,22 +113,32 @@ class Work:
 
 
 @st.cache_resource(show_spinner=False)
-def _pool() -> FairPool:
-    return FairPool(ServerSettings.from_environment().workers)
+def pool() -> ThreadPoolExecutor:
+    """The server's one pool of threads, for all sessions.
 
-
-def pool(owner: str) -> Executor:
-    """The server's one pool of workers, in which owners take turns.
-
-    The compiled searches do not block each other.
+    The compiled searches do not block each other, and jobs take turns (`system.tasks`).
     """
-    return _pool().of(owner)
+    return ThreadPoolExecutor(ServerSettings.from_environment().workers)
+
+
+@st.cache_resource(show_spinner=False, validate=lambda found: found.is_connected)
+def _cluster(address: str) -> Cluster:
+    return cluster(address)
+
+
+def workers() -> Executor:
+    """Where jobs are computed: the cluster that the server was given, or else its own threads.
+
+    Raises:
+        StereocalError: the cluster cannot be reached, or cannot be used.
+    """
+    address = scheduler_of(os.environ)
+    return pool() if address is None else _cluster(address)
 
 
 def compute(function: Callable[P, T], /, *arguments: P.args, **named: P.kwargs) -> T:
     """What a page computes while it is drawn, in the pool: many sessions make no more threads."""
-    owner = st.session_state.get("project_id", "nobody")
-    return pool(f"{owner} page").submit(function, *arguments, **named).result()
+    return pool().submit(function, *arguments, **named).result()
 
 
 @st.cache_resource(show_spinner=False)
@@ -159,7 +171,7 @@ def start(work: Work) -> None:
     """Begin a job, or go on with it, unless one of its kind is under way (a callback)."""
     if is_running(work.project, work.kind):
         return
-    job = Job(work.stages, pool(f"{work.project.id} {work.kind}"))
+    job = Job(work.stages, pool())
     try:
         job.kept = kept_jobs.begin(work.project.database, work.kind, work.stages, work.about)
         if job.kept is None:
@@ -175,12 +187,15 @@ def _drive(job: Job, run: Callable[[Job], bool]) -> None:
     kept, state = job.kept, "failed"
     assert kept is not None
     try:
+        job.executor = workers()  # here, since a cluster may take seconds to answer
         ended = "done" if run(job) else "cancelled"
         kept.end()
         state = ended
     except StereocalError as error:
         job.sentence = str(error)
         kept.fail(job.sentence)
+    except EndingError:  # when the server begins again, its page offers to go on
+        state = "interrupted"
     except Exception:
         # Nothing of a thread reaches a page unless it is said here.
         _LOG.exception("A job ended in an error that nobody foresaw.")
@@ -190,9 +205,9 @@ def _drive(job: Job, run: Callable[[Job], bool]) -> None:
         job.kept, job.state = None, state
 
 
-def on_page(project: Project, stages: tuple[str, ...]) -> Job:
+def on_page(stages: tuple[str, ...]) -> Job:
     """What is computed while its page is drawn: nothing of it is kept but the result."""
-    return Job(stages, pool(f"{project.id} page"))
+    return Job(stages, pool())
 
 
 def show_job(project: Project, kind: Kind, cancelled: str, work: Work | None) -> None:

@@ -31,11 +31,11 @@ from stereocal.figures.tables import (
 )
 from stereocal.formats.evaluation_files import Evaluation, validation_figures
 from stereocal.projects.project import Project
-from stereocal.refined.file import refined_parameters
+from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.results import Calibration
 from stereocal.refined.screening import Screening
-from stereocal.refined.stated_inputs import Input, what_could_not_be_told
+from stereocal.refined.stated_inputs import Input, undetectable_errors
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import Dataset
@@ -45,8 +45,8 @@ from stereocal.ui.intake import escape_markdown
 from stereocal.ui.refined import calibrated, curves_of, inputs_of, map_of
 from stereocal.ui.results import show_figure
 from stereocal.ui.validation import kept_protocol
+from stereocal.verdict.one_or_two_sets import held_out, verdict
 from stereocal.verdict.tradeoff import TradeOff, costs_of
-from stereocal.verdict.verdict import held_out, verdict
 
 FIXED, FREED = "As given", "Freed"
 MOST_NAMED = 12
@@ -59,7 +59,7 @@ def show_verdict(screening: Screening, evaluation: Evaluation | None) -> None:
     Args:
         screening: of the data set; the runs were made without the frames left out.
     """
-    dataset, kept = screening.given, screening.dataset
+    dataset, kept = screening.full_dataset, screening.dataset
     if (
         evaluation is None
         or list(evaluation.sha256) != [dataset.sha256]
@@ -96,7 +96,7 @@ def show_disagreement(inputs: list[Input]) -> None:
     accused = [item for item in inputs if item.accused]
     for item in accused:
         st.warning(escape_markdown(item.advice))
-    unknown = what_could_not_be_told(inputs)
+    unknown = undetectable_errors(inputs)
     if unknown:
         st.info(escape_markdown(unknown))
         st.page_link("pages/data.py", label="State it on the Data page")
@@ -218,7 +218,7 @@ def show_parameters(
         f"{digits(1000 * result.scatter_m.value)} mm ({result.scatter_m.source})."
     )
     figures: dict[str, dict[str, Any]] = {}
-    if evaluation is not None and list(evaluation.sha256) == [screening.given.sha256]:
+    if evaluation is not None and list(evaluation.sha256) == [screening.full_dataset.sha256]:
         figures = validation_figures(evaluation.summaries, evaluation.settings)
     content = refined_parameters(result, inputs, figures.get("refined"), screening.left_out).dumps()
     st.download_button(

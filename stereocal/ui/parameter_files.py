@@ -12,7 +12,7 @@ from stereocal.formats.exchange.exchange import FORMATS, export_files, export_no
 from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.pixel_origin import CORNERS, PixelOrigin
 from stereocal.projects.project import Project
-from stereocal.refined.file import refined_parameters
+from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.results import Calibration
 from stereocal.rig.parameters import RigParameters

@@ -30,7 +30,7 @@ from stereocal.projects.journal import journal_of
 from stereocal.projects.project import Project
 from stereocal.projects.salvage import salvage
 from stereocal.projects.server_settings import ServerSettings
-from stereocal.system.guarded import server_guard
+from stereocal.ui.decoding import server_guard
 from stereocal.ui.intake import check_uploads, escape_markdown, is_new, taking
 from stereocal.ui.project import (
     bring_project_back,

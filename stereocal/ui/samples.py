@@ -26,7 +26,7 @@ def has_sample_photographs() -> bool:
 
 def begin_sample(making: list[Future[Project]], make: Callable[[], Project]) -> None:
     """Make a sample's project, which the next run of any page opens (a callback)."""
-    making.append(pool("samples").submit(make))
+    making.append(pool().submit(make))
 
 
 def sample_points() -> Project:

@@ -38,7 +38,6 @@ from stereocal.projects.project import Project
 from stereocal.refined.screening import Screening
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
-from stereocal.system.guarded import server_guard
 from stereocal.ui import jobs
 from stereocal.ui.fields import Field, number, one_of, setting, yes_or_no
 from stereocal.ui.forms import search_form, search_values, settings_of
@@ -143,7 +142,7 @@ def bring_up_to_date(
         if settings.runs * frames / 25 <= INSTANT:
             try:
                 with st.spinner("Validating."):
-                    _validate(project, datasets, settings, jobs.on_page(project, STAGES))
+                    _validate(project, datasets, settings, jobs.on_page(STAGES))
             except StereocalError as error:
                 st.error(escape_markdown(str(error)))
         elif not (jobs.is_running(project, "evaluation") or jobs.can_go_on(work)):
@@ -244,7 +243,7 @@ def _show_answer(
     """The answer; in green only where it can be relied on."""
     for screening in screenings:
         if screening.left_out:
-            line = f"{screening.given.name}: {left_out_line(screening)}"
+            line = f"{screening.full_dataset.name}: {left_out_line(screening)}"
             st.warning(escape_markdown(line))
     caution = why_validation_not_trusted(summaries, screenings)
     if caution:
@@ -270,7 +269,7 @@ def _downloads(
     screenings: Sequence[Screening], evaluation: Evaluation, pooled: Any, by_dataset: Any
 ) -> None:
     left, right = st.columns(2)
-    about = ([each.given for each in screenings], evaluation.settings, screenings)
+    about = ([each.full_dataset for each in screenings], evaluation.settings, screenings)
     left.download_button(
         "Download report.html", partial(report_html, pooled, by_dataset, *about), "report.html",
         "text/html", on_click="ignore", icon=":material/download:", key="download_report",
@@ -293,7 +292,6 @@ def _further(project: Project, more: Sequence[Dataset]) -> None:
             try:
                 check_uploads([upload])
                 content = upload.getvalue()
-                server_guard().check_content("dataset", content, upload.name)
                 project.add_dataset(upload.name, content)
             except StereocalError as error:
                 st.error(escape_markdown(str(error)))

@@ -1,1 +1,1 @@
-"""One set or two: the comparison of the sets, and the trade-off of the two costs."""
+"""Does a rig need one parameter set or two? Comparison of the sets, trade-off of the two costs."""

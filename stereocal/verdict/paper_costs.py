@@ -1,9 +1,9 @@
-"""The paper's two costs as functions of pose and lenses, with their slopes, compiled.
+"""The paper's two costs and their derivatives by pose and lenses, compiled.
 
-The 2D cost is a sum of lengths |e| of errors in the images, the 3D cost a sum of |D - D^R|. Both
-are made smooth as sqrt(|e|^2 + h^2) with a small h; each term is bounded by a parabola of weight
-1 / sqrt(|e|^2 + h^2) (iteratively reweighted least squares), which gives the normal equations.
-Slopes are central differences, with rays that move by the lens's own slope.
+The 2D cost is a sum of norms |e| of errors in the images, the 3D cost a sum of |D - D^R|. Both are
+smoothed as sqrt(|e|^2 + h^2) with a small h and minimised by iteratively reweighted least squares
+with the weights 1 / sqrt(|e|^2 + h^2). The derivatives of the errors are central differences, for
+which the rays are updated to first order with the Jacobian of the lens.
 """
 
 from __future__ import annotations
@@ -11,20 +11,32 @@ from __future__ import annotations
 import numpy as np
 
 from stereocal.refined.bar_fit import BASELINE, PRIMARY, SECONDARY
-from stereocal.refined.distortion import bend
+from stereocal.refined.distortion import distort
 from stereocal.rig.compiled import FloatArray, IntArray, compiled
 from stereocal.rig.geometry import fill_pose, midpoint
 
-MOST_BENDS = 20
+MAXIMUM_ITERATIONS = 20
 
 
 @compiled
-def straighten(
-    q: FloatArray, lenses: FloatArray, pixels: FloatArray, rays: FloatArray, slopes: FloatArray
+def undistort_rays(
+    q: FloatArray,
+    lenses: FloatArray,
+    pixels: FloatArray,
+    rays: FloatArray,
+    inverse_jacobians: FloatArray,
 ) -> bool:
-    """Move `rays` (4, n) to those of `pixels` (n, 4) with the lenses of q, by Newton's method.
+    """Undistort pixels with the lenses of q, by Newton's method.
 
-    Writes the inverse slopes of the bending, (n, 2, 4): xx, xy, yx, yy. False where it fails.
+    Args:
+        q: (15,), the shared unknowns of `bar_fit`.
+        lenses: (2, 23), as in `bar_fit`.
+        pixels: (n, 4): u, v of the primary and of the secondary.
+        rays: (4, n), updated; the initial values are used as the start.
+        inverse_jacobians: (n, 2, 4), written: of each camera's distortion, xx, xy, yx, yy.
+
+    Returns:
+        False if it does not converge.
     """
     for camera in range(2):
         at = PRIMARY if camera == 0 else SECONDARY
@@ -35,8 +47,8 @@ def straighten(
             bx = (pixels[k, 2 * camera] - cx - skew * by) / fx
             x, y = rays[2 * camera, k], rays[2 * camera + 1, k]
             error = np.inf
-            for _ in range(MOST_BENDS):
-                u, v, xx, xy, yx, yy = bend(x, y, lenses, camera)
+            for _ in range(MAXIMUM_ITERATIONS):
+                u, v, xx, xy, yx, yy = distort(x, y, lenses, camera)
                 scale = 1.0 / (xx * yy - xy * yx)
                 du, dv = u - bx, v - by
                 x -= scale * (yy * du - xy * dv)
@@ -47,7 +59,7 @@ def straighten(
             if not error < 1e-9:
                 return False
             rays[2 * camera, k], rays[2 * camera + 1, k] = x, y
-            s = slopes[k, camera]
+            s = inverse_jacobians[k, camera]
             s[0], s[1], s[2], s[3] = scale * yy, -scale * xy, -scale * yx, scale * xx
     return True
 
@@ -61,7 +73,7 @@ def fill_errors(
     distances: FloatArray,
     errors: FloatArray,
 ) -> None:
-    """Write all errors: 4 of each of n pairs in pixels (e_primary, e_secondary), then m lengths."""
+    """Write the errors (4 n + m,): u, v in both cameras of n pairs in pixels, then m lengths."""
     R, T = np.empty((3, 3)), np.empty(3)
     fill_pose(q, q[BASELINE], R, T)
     n = rays.shape[1]
@@ -89,10 +101,10 @@ def move_rays(
     lenses: FloatArray,
     pixels: FloatArray,
     rays: FloatArray,
-    slopes: FloatArray,
+    inverse_jacobians: FloatArray,
     moved: FloatArray,
 ) -> None:
-    """Write the rays (4, n) of lenses that differ from those of q by little: to first order."""
+    """Write the rays (4, n) to `moved` for the lenses of `moved_q`, close to q, to first order."""
     for camera in range(2):
         at = PRIMARY if camera == 0 else SECONDARY
         skew, row = lenses[camera, 0], 2 * camera
@@ -102,7 +114,7 @@ def move_rays(
             bx = (u - q[at + 2] - skew * by) / q[at]
             du = (u - moved_q[at + 2] - skew * moved_by) / moved_q[at] - bx
             dv = moved_by - by
-            s = slopes[k, camera]
+            s = inverse_jacobians[k, camera]
             moved[row, k] = rays[row, k] + s[0] * du + s[1] * dv
             moved[row + 1, k] = rays[row + 1, k] + s[2] * du + s[3] * dv
 
@@ -117,7 +129,11 @@ def weigh(
     smooth_m: float,
     weights: FloatArray,
 ) -> tuple[float, float, float]:
-    """Smooth objective, 2D cost in pixels, 3D cost in metres; writes the weight of each error."""
+    """Write the weight of each error.
+
+    Returns:
+        The smoothed objective, the 2D cost in pixels, and the 3D cost in metres.
+    """
     objective = cost_2d = cost_3d = 0.0
     for k in range(2 * pairs):
         square = errors[2 * k] ** 2 + errors[2 * k + 1] ** 2
@@ -134,19 +150,19 @@ def weigh(
 
 
 @compiled
-def slopes_of_errors(
+def fill_jacobian(
     q: FloatArray,
     M: FloatArray,
     steps: FloatArray,
     lenses: FloatArray,
     pixels: FloatArray,
     rays: FloatArray,
-    slopes: FloatArray,
+    inverse_jacobians: FloatArray,
     bars: IntArray,
     distances: FloatArray,
     J: FloatArray,
 ) -> None:
-    """Write the slopes of all errors by the free numbers, J of shape (k, errors)."""
+    """Write the derivatives of all errors by the free parameters to J (k, errors)."""
     moved_q, moved = np.empty(len(q)), np.empty(rays.shape)
     lower = np.empty(J.shape[1])
     for j in range(M.shape[1]):
@@ -154,7 +170,7 @@ def slopes_of_errors(
             step = steps[j] if side else -steps[j]
             for i in range(len(q)):
                 moved_q[i] = q[i] + step * M[i, j]
-            move_rays(q, moved_q, lenses, pixels, rays, slopes, moved)
+            move_rays(q, moved_q, lenses, pixels, rays, inverse_jacobians, moved)
             fill_errors(moved_q, lenses, moved, bars, distances, J[j] if side else lower)
         for i in range(J.shape[1]):
             J[j, i] = (J[j, i] - lower[i]) / (2.0 * steps[j])

@@ -1,9 +1,10 @@
-"""The trade-off between the paper's two costs: what matching costs when measuring gets better.
+"""The trade-off between the paper's 2D and 3D cost: points of the Pareto curve.
 
-The weighted sum of both costs is minimised for weights from matching alone to measuring alone, each
-solve from the one before, in both directions, the better kept. Points of one weight each are the
-convex part of the Pareto curve. Once with the lenses as stated and the measured baseline, over the
-five angles, as the paper's sets; once with lenses and baseline freed within their uncertainties.
+The weighted sum of both costs is minimised for weights from the 2D cost alone to the 3D cost alone.
+Each solve starts from the result of the previous weight, in both directions, and the better result
+is kept. The points form the convex part of the Pareto curve. There are two curves: one over the
+five angles with the stated lenses and the measured baseline, like the paper's sets, and one in
+which lenses and baseline vary within their uncertainties.
 """
 
 from __future__ import annotations
@@ -25,24 +26,24 @@ from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.parameters import RigParameters, inputs_of
-from stereocal.verdict.paper_costs import fill_errors, slopes_of_errors, straighten, weigh
+from stereocal.verdict.paper_costs import fill_errors, fill_jacobian, undistort_rays, weigh
 
 POINTS = 25
-FARTHEST = 3.0
-"""The weights run from 1 : 1000 to 1000 : 1 about the even one."""
-SMOOTH = 0.01
-"""Errors below this part of the mean one count as squares: it rounds the kink of |e| at 0."""
-MOST_STEPS = 150
-CONVERGED = 1e-6
-"""A solve ends when a step lowers the objective by a smaller part."""
+MAXIMUM_LOG_WEIGHT = 3.0
+"""log10 of the largest ratio of the two weights: they run from 1 : 1000 to 1000 : 1."""
+SMOOTHING = 0.01
+"""Errors below this fraction of the mean error count quadratically, which makes |e| smooth at 0."""
+MAXIMUM_STEPS = 150
+TOLERANCE = 1e-6
+"""A solve ends when a step lowers the objective by a smaller fraction."""
 
 
 @dataclass(frozen=True, eq=False)
 class TradeOffPoint:
-    """One point of a curve: a full set of parameters and its two costs."""
+    """One point of a curve: a complete parameter set and its two costs."""
 
     share: float
-    """Of the 3D cost in the weighted sum, 0 to 1."""
+    """Weight of the 3D cost in the weighted sum, 0 to 1."""
     cost_2d_px: float
     cost_3d_m: float
     pose: Pose
@@ -66,7 +67,7 @@ class TradeOffPoint:
 
 @dataclass(frozen=True, eq=False)
 class TradeOff:
-    """Both curves, from matching alone to measuring alone."""
+    """Both curves, ordered from the 2D cost alone to the 3D cost alone."""
 
     fixed: tuple[TradeOffPoint, ...]
     freed: tuple[TradeOffPoint, ...]
@@ -80,20 +81,27 @@ def trade_off(
     progress: Callable[[int, int], None] | None = None,
     cancelled: Callable[[], bool] | None = None,
 ) -> TradeOff | None:
-    """Both curves of a data set; None when cancelled.
+    """Compute both curves of a data set.
 
     Args:
-        settings: the uncertainties within which lenses and baseline are freed.
-        start: where to begin, such as the essential or the 2D pose; found here when not given.
+        settings: the uncertainties within which lenses and baseline vary.
+        start: initial pose, such as the essential or the 2D pose; computed if None.
+        points: number of points of each curve.
+        progress: called with the number of finished solves and of all solves.
+        cancelled: checked after each solve.
+
+    Returns:
+        The curves; None if cancelled.
 
     Raises:
-        StereocalError: no bars, fewer than 3 points, or a start with points behind a camera.
+        StereocalError: no bars, fewer than 3 points, or an initial pose with points behind a
+            camera.
     """
     settings = settings or RefineSettings()
     if points < 3:
         raise StereocalError("The trade-off needs at least 3 points.")
     if not len(dataset.correspondences.bars):
-        raise StereocalError("No frame has both targets A and B: there is no 3D cost to trade.")
+        raise StereocalError("No frame has both targets A and B, so there is no 3D cost.")
     if start is None:
         start = calibrate_essential(dataset.rays, dataset.baseline_m).pose
     as_stated = replace(settings, primary=FIXED_LENS, secondary=FIXED_LENS, baseline_sigma_m=0.0)
@@ -109,7 +117,7 @@ def trade_off(
 
 
 class _Curve:
-    """The state of one curve: the data, and the free numbers of the solve that runs."""
+    """The computation of one curve: data and working arrays."""
 
     def __init__(self, dataset: Dataset, unknowns: Unknowns, lenses: str) -> None:
         self.dataset, self.unknowns, self.name = dataset, unknowns, lenses
@@ -117,7 +125,7 @@ class _Curve:
         self.lenses = lenses_of(dataset)
         self.pixels = np.column_stack([rows.primary, rows.secondary])
         self.rays = dataset.rays.copy()
-        self.slopes = np.empty((len(rows), 2, 4))
+        self.inverse_jacobians = np.empty((len(rows), 2, 4))
         self.bars, self.distances = rows.bars, dataset.bar_distances_m
         n, m = len(rows), len(rows.bars)
         self.pairs = n
@@ -128,9 +136,9 @@ class _Curve:
         self._errors_at(p)
         _, cost_2d, cost_3d = weigh(self.errors, n, 1.0, 1.0, 0.0, 0.0, self.weights)
         if not np.isfinite(cost_2d + cost_3d):
-            raise StereocalError("The trade-off cannot start: a point lies behind a camera.")
+            raise StereocalError("The trade-off cannot start: a point is behind a camera.")
         self.mean_px, self.mean_m = max(cost_2d / (2 * n), 1e-9), max(cost_3d / m, 1e-12)
-        # The 3D errors that the other end reaches set the scale of the curve, not those here.
+        # The 3D cost is scaled by the errors at its own end of the curve, not at this end.
         end = self._minimise(p, 1.0 - 1e-3)
         reached = weigh(self.errors, n, 1.0, 1.0, 0.0, 0.0, self.weights)[2]
         self.mean_m = max(reached / m, 1e-12)
@@ -143,8 +151,8 @@ class _Curve:
         progress: Callable[[int, int], None] | None,
         cancelled: Callable[[], bool] | None,
     ) -> tuple[TradeOffPoint, ...] | None:
-        """All points, each the better of both directions."""
-        shares = 1.0 / (1.0 + 10.0 ** np.linspace(FARTHEST, -FARTHEST, points))
+        """All points, each the better result of both directions; None if cancelled."""
+        shares = 1.0 / (1.0 + 10.0 ** np.linspace(MAXIMUM_LOG_WEIGHT, -MAXIMUM_LOG_WEIGHT, points))
         best: dict[float, tuple[float, FloatArray]] = {}
         done = 2 * number * points
         for start, order in zip(self.ends, (shares, shares[::-1]), strict=True):
@@ -164,7 +172,7 @@ class _Curve:
     def _errors_at(self, p: FloatArray) -> None:
         q = self._q(p)
         self.errors[:] = np.nan
-        if straighten(q, self.lenses, self.pixels, self.rays, self.slopes):
+        if undistort_rays(q, self.lenses, self.pixels, self.rays, self.inverse_jacobians):
             fill_errors(q, self.lenses, self.rays, self.bars, self.distances, self.errors)
         else:
             self.rays[:] = self.dataset.rays
@@ -173,24 +181,24 @@ class _Curve:
         return np.asarray(self.unknowns.origin + self.unknowns.M @ p)
 
     def _objective(self, p: FloatArray, share: float) -> float:
-        """Both costs in units of their mean error, and the priors, as the log of a likelihood."""
+        """The weighted sum of both costs, in units of their mean errors, plus the priors."""
         self._errors_at(p)
         value, _, _ = weigh(
             self.errors, self.pairs, 2.0 * (1.0 - share) / self.mean_px, 2.0 * share / self.mean_m,
-            SMOOTH * self.mean_px, SMOOTH * self.mean_m, self.weights,
+            SMOOTHING * self.mean_px, SMOOTHING * self.mean_m, self.weights,
         )  # fmt: skip
         return float(value + 0.5 * np.sum(self.unknowns.precision * p * p))
 
     def _minimise(self, p: FloatArray, share: float) -> FloatArray:
-        """Levenberg-Marquardt on the parabolas that bound the objective."""
+        """Iteratively reweighted least squares with Levenberg-Marquardt steps, from p."""
         best, damping = self._objective(p, share), 1e-6
         fresh = True
-        for _ in range(MOST_STEPS):
+        for _ in range(MAXIMUM_STEPS):
             if fresh:
                 q = self._q(p)
-                slopes_of_errors(
+                fill_jacobian(
                     q, self.unknowns.M, self.steps, self.lenses, self.pixels, self.rays,
-                    self.slopes, self.bars, self.distances, self.J,
+                    self.inverse_jacobians, self.bars, self.distances, self.J,
                 )  # fmt: skip
                 weighted = self.J * self.weights
                 A = weighted @ self.J.T + np.diag(self.unknowns.precision)
@@ -203,7 +211,7 @@ class _Curve:
             if fresh:
                 gain, best, p = best - value, value, trial
                 damping = max(0.1 * damping, 1e-12)
-                if gain < CONVERGED * best:
+                if gain < TOLERANCE * best:
                     break
             else:
                 damping *= 10.0
@@ -230,7 +238,7 @@ class _Curve:
 def costs_of(
     dataset: Dataset, poses: Mapping[Any, tuple[Pose, Camera, Camera]]
 ) -> dict[Any, tuple[float, float]]:
-    """2D cost in pixels and 3D cost in metres of sets of parameters, to stand beside the curves."""
+    """2D cost in pixels and 3D cost in metres of other parameter sets, for the same figure."""
     found = {}
     for name, (pose, primary, secondary) in poses.items():
         own = replace(dataset, primary=primary, secondary=secondary)

@@ -40,13 +40,13 @@ def test_sound_data_hear_nothing() -> None:
 class TestPoints:
     def test_fewer_than_five_pairs(self) -> None:
         few = SOUND.of_frames([1, 2])
-        with pytest.raises(StereocalError, match=r"There are 4 pairs of points; at least 5"):
+        with pytest.raises(StereocalError, match=r"4 pairs of points"):
             check_points(few)
-        with pytest.raises(StereocalError, match=r"There are 4 pairs of points; at least 5"):
+        with pytest.raises(StereocalError, match=r"4 pairs of points"):
             calibrate(few)
         rows = SOUND.correspondences
         one = replace(SOUND, correspondences=rows.where(np.arange(len(rows)) == 3))
-        with pytest.raises(StereocalError, match="There is 1 pair of points"):
+        with pytest.raises(StereocalError, match="1 pair of points"):
             check_points(one)
         five = replace(SOUND, correspondences=rows.where(np.arange(len(rows)) < 5))
         check_points(five)
@@ -66,7 +66,7 @@ class TestPoints:
             data = with_points(**points)
             if refused:
                 with pytest.raises(
-                    StereocalError, match=f"points of the {which} camera lie in one"
+                    StereocalError, match=f"points of the {which} camera lie within"
                 ):
                     check_points(data)
             else:
@@ -139,15 +139,15 @@ class TestExchangedTargets:
 def test_no_bars_for_the_3d_method() -> None:
     rows = SOUND.correspondences
     only_A = replace(SOUND, correspondences=rows.where(np.array(rows.target) == 0))
-    with pytest.raises(StereocalError, match="No frame has both targets A and B"):
+    with pytest.raises(StereocalError, match="both targets"):
         reconstruction_problem(only_A)
-    with pytest.raises(StereocalError, match="No frame has both targets A and B"):
+    with pytest.raises(StereocalError, match="both targets"):
         calibrate(only_A)
     assert scale_is_plausible(only_A, RIG)
 
 
 def test_no_known_points() -> None:
-    with pytest.raises(StereocalError, match="No row has a known point"):
+    with pytest.raises(StereocalError, match="known point"):
         reconstruction_problem(SOUND, known_points=True)
 
 

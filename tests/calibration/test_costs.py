@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from stereocal.calibration import costs
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose, triangulate_rays
-from tests import reference
+from tests.calibration import reference
 from tests.known_rig import PRIMARY, RIG, SECONDARY, SEEDS, bar_ends, random_rig, rays_of
-from tests.machine_code import machine_code
+from tests.rig.machine_code import machine_code
 
 NOTHING = np.empty((0, 0))
 reprojection_cost = machine_code(costs.reprojection_cost)

@@ -116,7 +116,7 @@ class TestRule:
         deltas, ratios = replay(initial, trace, chosen)
         np.testing.assert_array_equal(trace.delta, deltas)
         # The same quotient; the compiler may multiply by 1 / tried: one rounding.
-        np.testing.assert_allclose(trace.ratio, ratios, rtol=1e-15)
+        np.testing.assert_allclose(trace.ratio, ratios, rtol=1e-14)
 
     def test_with_other_settings_too(self) -> None:
         chosen = SearchSettings(
@@ -137,7 +137,7 @@ class TestRule:
         assert trace.cost[-1] < initial
         change = trace.delta[1:] / trace.delta[:-1]
         shrunk = change != 1.0
-        np.testing.assert_allclose(change[shrunk], 0.75, rtol=1e-15)
+        np.testing.assert_allclose(change[shrunk], 0.75, rtol=1e-14)
         # 0.75^k < 1e-3 first for k = 25: 24 of these steps are in the trace.
         assert shrunk.sum() == 24
         assert trace.delta[-1] * 0.75 < 1e-6 <= trace.delta[-1]
@@ -170,7 +170,7 @@ class TestResult:
         # The sum inside the search may be ordered another way: 1e-16 a term.
         assert plain.cost == pytest.approx(problem.cost(plain.pose), rel=1e-9)
         assert plain.cost < plain.initial_cost
-        assert plain.pose.baseline == pytest.approx(BASELINE_M, rel=1e-14)
+        assert plain.pose.baseline == pytest.approx(BASELINE_M, rel=1e-13)
         assert plain.stop_reason == STEP_TOO_SMALL
         assert plain.settings == SETTINGS
 

@@ -174,65 +174,38 @@ def flat_camera(folder: Path) -> None:
 BAD: dict[str, tuple[Callable[[Path], None], str]] = {
     "missing column": (
         table(lambda lines: [lines[0].replace("v_primary", "y1"), *lines[1:]]),
-        "the column v_primary is missing",
+        "v_primary",
     ),
-    "text in a number": (cell(7, 2, "abc"), 'line 7: u_primary is "abc", which is not a number'),
-    "NaN": (cell(5, 3, "nan"), "line 5: v_primary is nan, which is not a finite number"),
-    "infinite": (cell(5, 4, "-inf"), "line 5: u_secondary is -inf, which is not a finite number"),
-    "empty cell": (cell(5, 4, ""), "line 5: u_secondary is empty"),
-    "duplicate": (
-        table(lambda lines: [*lines, lines[1]]),
-        "target A already, in line 2",
-    ),
+    "text in a number": (cell(7, 2, "abc"), "line 7: u_primary .*abc"),
+    "NaN": (cell(5, 3, "nan"), "line 5: v_primary .*nan"),
+    "infinite": (cell(5, 4, "-inf"), "line 5: u_secondary .*-inf"),
+    "empty cell": (cell(5, 4, ""), "line 5: u_secondary"),
+    "duplicate": (table(lambda lines: [*lines, lines[1]]), "target A .*line 2"),
     "outside the image": (
         cell(3, 2, "2336.2"),
-        r"line 3: frame \d+, target B: the primary point \(2336.2, .*\) is outside the 2336x1728",
+        r"line 3: frame \d+, target B: .*primary .*2336\.2, .*2336x1728",
     ),
-    "too few pairs": (table(lambda lines: lines[:5]), "There are 4 pairs of points; at least 5"),
-    "one place": (table(one_place), "lie in one place"),
+    "too few pairs": (table(lambda lines: lines[:5]), "4 pairs"),
+    "one place": (table(one_place), "lie within"),
     "no bar": (
         table(lambda lines: [row for row in lines if ",B," not in row]),
-        "No frame has both targets A and B",
+        "both targets",
     ),
-    "negative baseline": (described(baseline_m=-4.5), "The baseline is -4.5 m"),
-    "zero distance": (described(target_distance_m=0), "The distance between the targets is 0 m"),
-    "baseline in mm": (described(baseline_m=4500), "looks like millimetres"),
-    "distance in mm": (
-        described(target_distance_m=900),
-        "The distance looks like millimetres, or the baseline is 1000 times too small",
-    ),
-    "distance in km": (
-        described(target_distance_m=0.0009),
-        "The baseline looks like millimetres, or the distance is 1000 times too small",
-    ),
-    "distance in cm": (described(target_distance_m=90), "looks like centimetres"),
-    "baseline as text": (described(baseline_m="4.5"), "baseline_m is '4.5'; it must be a number"),
-    "K not invertible": (flat_camera, "primary.json: .*K cannot be inverted"),
-    "unknown camera format": (
-        text("primary.json", "fx = 1200"),
-        "the format of the camera file is not known",
-    ),
-    "cut-off camera": (
-        text("primary.json", '{"K": [[1'),
-        "primary.json: this is not valid JSON",
-    ),
-    "cameras exchanged": (cameras_exchanged, "The two camera files seem to be exchanged"),
-    "camera missing": (
-        lambda folder: (folder / "secondary.json").unlink(),
-        "the secondary's camera file 'secondary.json' is missing",
-    ),
-    "empty table": (
-        text("correspondences.csv", ""),
-        "correspondences.csv: the file is empty",
-    ),
-    "ends exchanged": (
-        table(ends_exchanged),
-        "A and B seem to be exchanged in one of the cameras",
-    ),
-    "broken description": (
-        text("dataset.json", "{"),
-        "dataset.json: this is not valid JSON",
-    ),
+    "negative baseline": (described(baseline_m=-4.5), "baseline .*-4.5 m"),
+    "zero distance": (described(target_distance_m=0), "distance .*0 m"),
+    "baseline in mm": (described(baseline_m=4500), "millimetres"),
+    "distance in mm": (described(target_distance_m=900), "distance .*millimetres"),
+    "distance in km": (described(target_distance_m=0.0009), "baseline .*millimetres"),
+    "distance in cm": (described(target_distance_m=90), "centimetres"),
+    "baseline as text": (described(baseline_m="4.5"), "baseline_m .*4.5"),
+    "K not invertible": (flat_camera, "primary.json: .*inverted"),
+    "unknown camera format": (text("primary.json", "fx = 1200"), "primary.json: .*format"),
+    "cut-off camera": (text("primary.json", '{"K": [[1'), "primary.json: .*JSON"),
+    "cameras exchanged": (cameras_exchanged, "camera files .*exchanged"),
+    "camera missing": (lambda folder: (folder / "secondary.json").unlink(), "'secondary.json'"),
+    "empty table": (text("correspondences.csv", ""), "correspondences.csv: .*empty"),
+    "ends exchanged": (table(ends_exchanged), "A and B .*exchanged"),
+    "broken description": (text("dataset.json", "{"), "dataset.json: .*JSON"),
 }
 
 
@@ -253,7 +226,7 @@ def test_bad_input_is_one_sentence_exit_2_and_no_file(
 
 @pytest.mark.parametrize(
     ("content", "sentence"),
-    [(b"", "the file is empty"), (b"PK and no more", "not a sound zip")],
+    [(b"", "empty"), (b"PK and no more", "bad.zip")],
 )
 def test_bad_zip(
     content: bytes, sentence: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -269,15 +242,15 @@ def test_bad_settings_and_bad_output(
 ) -> None:
     out = str(tmp_path / "out")
     assert main(["calibrate", str(field), "--out", out, "--acceptance", "2"]) == 2
-    assert "acceptance is 2.0: it must be between 0 and 1" in capsys.readouterr().err
+    assert "acceptance is 2.0" in capsys.readouterr().err
     assert main(["calibrate", str(field), "--out", out, "--calibration-frames", "26"]) == 2
-    assert "26 calibration frames are wanted" in capsys.readouterr().err
+    assert "26 calibration frames" in capsys.readouterr().err
     (tmp_path / "file").write_text("kept")
     assert main(["calibrate", str(field), "--out", str(tmp_path / "file")]) == 2
     assert "cannot be written" in capsys.readouterr().err
     assert (tmp_path / "file").read_text() == "kept"
     assert main(["calibrate", str(tmp_path / "nowhere"), "--out", out]) == 2
-    assert "there is no such folder or file" in capsys.readouterr().err
+    assert "nowhere" in capsys.readouterr().err
 
 
 def test_one_file_that_cannot_be_replaced_leaves_both_old_ones(field: Path, tmp_path: Path) -> None:

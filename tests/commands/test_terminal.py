@@ -45,6 +45,8 @@ INTERRUPTED_COMMANDS: dict[str, tuple[str, bool, list[str]]] = {
     ),
     "compile": ("Compiling", True, ["compile"]),
 }  # fmt: skip
+FEW = ("calibrate", "evaluate in processes", "match")
+"""One that computes, one with processes of its own, one with half a file; the rest in the soak."""
 
 
 @pytest.fixture(scope="module")
@@ -77,7 +79,13 @@ def files_below(*folders: Path) -> list[Path]:
     return [path for folder in folders for path in folder.rglob("*") if path.is_file()]
 
 
-@pytest.mark.parametrize("name", INTERRUPTED_COMMANDS)
+@pytest.mark.parametrize(
+    "name",
+    [
+        name if name in FEW else pytest.param(name, marks=pytest.mark.soak)
+        for name in INTERRUPTED_COMMANDS
+    ],
+)
 def test_ctrl_c_is_one_line_and_leaves_nothing(name: str, given: Path, tmp_path: Path) -> None:
     words, cold, arguments = INTERRUPTED_COMMANDS[name]
     out, temporary, cache = (tmp_path / folder for folder in ("out", "temporary", "cache"))
@@ -133,8 +141,15 @@ def test_ctrl_c_leaves_data_sets_whole(tmp_path: Path) -> None:
             assert path.read_bytes().endswith(b"\n"), path
 
 
-@pytest.mark.parametrize("both", [False, True], ids=["stdout", "stdout and stderr"])
-@pytest.mark.parametrize("arguments", ["--help", "calibrate"])
+@pytest.mark.parametrize(
+    ("arguments", "both"),
+    [
+        ("calibrate", True),
+        ("--help", False),
+        pytest.param("calibrate", False, marks=pytest.mark.soak),
+        pytest.param("--help", True, marks=pytest.mark.soak),
+    ],
+)
 def test_a_pipe_that_nobody_reads(arguments: str, both: bool, tmp_path: Path) -> None:
     words = ["--help"]
     if arguments == "calibrate":
@@ -154,8 +169,10 @@ def test_a_pipe_that_nobody_reads(arguments: str, both: bool, tmp_path: Path) ->
 
 @pytest.mark.parametrize(
     "environment",
-    [{"PYTHONIOENCODING": "ascii"}, {"LC_ALL": "C", "PYTHONUTF8": "0"}],
-    ids=["ascii", "C locale"],
+    [
+        pytest.param({"PYTHONIOENCODING": "ascii"}, id="ascii"),
+        pytest.param({"LC_ALL": "C", "PYTHONUTF8": "0"}, id="C locale", marks=pytest.mark.soak),
+    ],
 )
 def test_a_terminal_of_plain_ascii(environment: dict[str, str], tmp_path: Path) -> None:
     dataset = tmp_path / "Vögel"

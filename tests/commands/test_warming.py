@@ -10,6 +10,7 @@ import threading
 import time
 from pathlib import Path
 
+import pytest
 from numba.core.compiler_lock import global_compiler_lock
 
 from stereocal.commands.warming import FUNCTIONS
@@ -103,6 +104,7 @@ print(json.dumps([heard, steps, first, again, sum(seconds), passed]))
 """
 
 
+@pytest.mark.soak
 def test_from_nothing_all_is_counted_and_no_time_contains_it(tmp_path: Path) -> None:
     run = subprocess.run(
         [sys.executable, "-c", FROM_NOTHING], cwd=ROOT, capture_output=True, text=True, check=False,

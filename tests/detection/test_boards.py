@@ -20,7 +20,7 @@ from stereocal.intrinsics.boards import BoardView, Refused, find_board, find_boa
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.simulation.rendering import Board, Photograph
-from tests.lens import PATTERN, AtOnce, corners_of, facing, names, photographed, png, write_boards
+from tests.lens import PATTERN, AtOnce, corners_of, facing, names, photographed, png
 
 TELLABLE = BoardPattern(8, 5, 0.03)
 """9x6 squares: turned by 180 degrees, black and white are exchanged."""
@@ -194,14 +194,15 @@ def charuco_board(squares: tuple[int, int], legacy: bool = False) -> Board:
     return Board(cells, ((squares[0] + 2) * 0.03, (squares[1] + 2) * 0.03))
 
 
-class TestCharuco:
-    pattern = BoardPattern(8, 6, 0.03, "DICT_4X4_50", 0.0225)
+CHARUCO = BoardPattern(8, 6, 0.03, "DICT_4X4_50", 0.0225)
 
-    @pytest.mark.parametrize(("spin", "legacy"), [(0.2, False), (3.0, False), (-1.4, False)])
-    def test_against_truth(self, spin: float, legacy: bool) -> None:
+
+class TestCharuco:
+    @pytest.mark.parametrize("spin", [0.2, 3.0, -1.4])
+    def test_against_truth(self, spin: float) -> None:
         pose = facing(spin=spin)
-        image = photographed(pose, board=charuco_board((9, 7), legacy))
-        view = found(image, self.pattern)
+        image = photographed(pose, board=charuco_board((9, 7)))
+        view = found(image, CHARUCO)
         error = view.corners - corners_of(pose)[view.ids]
         assert len(view.ids) >= 40
         # Measured: RMS 0.02 to 0.03 px.
@@ -209,7 +210,7 @@ class TestCharuco:
 
     def test_part_of_the_board_will_do(self) -> None:
         pose = Pose(facing().R, np.array([0.17, 0.05, 0.6]))
-        view = found(photographed(pose, board=charuco_board((9, 7))), self.pattern)
+        view = found(photographed(pose, board=charuco_board((9, 7))), CHARUCO)
         assert 8 <= len(view.ids) < 48
         error = view.corners - corners_of(pose)[view.ids]
         assert np.abs(error).max() < 0.3
@@ -224,14 +225,26 @@ class TestCharuco:
         assert np.abs(error).max() < 0.3
 
     def test_chessboard_is_no_charuco_board(self) -> None:
-        refused = find_board(photographed(facing()), self.pattern, "x.png")
+        refused = find_board(photographed(facing()), CHARUCO, "x.png")
         assert isinstance(refused, Refused) and "too few" in refused.reason
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Photographs of a ChArUco board: a chessboard is looked for in larger sizes too, for 1 s."""
     path = tmp_path_factory.mktemp("boards")
-    write_boards(path, 5)
+    board = charuco_board((9, 7))
+    for at in range(5):
+        image = photographed(facing(spin=0.3 * at), board=board)
+        (path / f"{at:02}.png").write_bytes(png(image))
+    return path
+
+
+@pytest.fixture
+def half_size(tmp_path: Path) -> Path:
+    """A chessboard in 320x240 px, in which the boards that are not there are soon looked for."""
+    path = tmp_path / "00.png"
+    path.write_bytes(png(cv2.resize(photographed(facing()), None, fx=0.5, fy=0.5)))  # type: ignore[arg-type]
     return path
 
 
@@ -241,9 +254,9 @@ def photographs(folder: Path) -> dict[str, Path]:
 
 class TestManyPhotographs:
     def test_any_executor_gives_the_same(self, folder: Path) -> None:
-        one = find_boards(photographs(folder), PATTERN, AtOnce())
+        one = find_boards(photographs(folder), CHARUCO, AtOnce())
         with ThreadPoolExecutor(3) as threads:
-            other = find_boards(photographs(folder), PATTERN, threads)
+            other = find_boards(photographs(folder), CHARUCO, threads)
         assert one and other and names(one.views) == ["00.png", "01.png", "02.png", "03.png",
                                                       "04.png"]  # fmt: skip
         for a, b in zip(one.views, other.views, strict=True):
@@ -252,7 +265,7 @@ class TestManyPhotographs:
 
     def test_only_paths_go_to_the_workers(self, folder: Path) -> None:
         executor = AtOnce()
-        find_boards(photographs(folder), PATTERN, executor)
+        find_boards(photographs(folder), CHARUCO, executor)
         # 640x480 px are 300 kB.
         assert len(executor.given) == 5
         assert max(len(pickle.dumps(given)) for given in executor.given) < 2000
@@ -260,10 +273,10 @@ class TestManyPhotographs:
     def test_progress_and_cancel(self, folder: Path) -> None:
         seen: list[tuple[int, int]] = []
         found = find_boards(
-            photographs(folder), PATTERN, AtOnce(), lambda *at: seen.append(at),
-            lambda: len(seen) == 2,
+            photographs(folder), CHARUCO, AtOnce(), lambda *at: seen.append(at),
+            lambda: len(seen) >= 2,
         )  # fmt: skip
-        assert found is None and seen == [(1, 5), (2, 5)]
+        assert found is None and seen[:2] == [(1, 5), (2, 5)]
 
     def test_unusable_files_are_named_and_the_others_go_on(
         self, folder: Path, tmp_path: Path
@@ -279,32 +292,32 @@ class TestManyPhotographs:
         ):
             given[name] = tmp_path / name
             given[name].write_bytes(content)
-        search = find_boards(given, PATTERN, AtOnce())
+        search = find_boards(given, CHARUCO, AtOnce())
         assert search and len(search.views) == 5
         reasons = {item.name: item.reason for item in search.refused}
         assert set(reasons) == {"text.png", "cut.jpg", "empty.png", "black.png"}
         assert "no photograph" in reasons["text.png"]
         assert "cut off" in reasons["cut.jpg"]
-        assert "8x6" in reasons["black.png"]
+        assert "ChArUco" in reasons["black.png"]
 
     def test_no_photograph(self) -> None:
         with pytest.raises(StereocalError, match="no photographs"):
-            find_boards({}, PATTERN, AtOnce())
+            find_boards({}, CHARUCO, AtOnce())
 
     def test_different_sizes_are_named(self, folder: Path, tmp_path: Path) -> None:
         odd = tmp_path / "odd.png"
         odd.write_bytes(png(photographed(facing())[:, :600]))
         with pytest.raises(StereocalError, match=r"most are 640x480.*odd\.png is 600x480"):
-            find_boards({**photographs(folder), "odd.png": odd}, PATTERN, AtOnce())
+            find_boards({**photographs(folder), "odd.png": odd}, CHARUCO, AtOnce())
 
-    @pytest.mark.parametrize("size", ["9x7", "9x6", "7x6", "8x5"])
-    def test_size_wrong_by_one_is_told(self, folder: Path, size: str) -> None:
+    @pytest.mark.parametrize("size", ["9x7", "7x6", "8x5"])
+    def test_size_wrong_by_one_is_told(self, half_size: Path, size: str) -> None:
         wrong = BoardPattern.parse(size, 0.03)
         with pytest.raises(StereocalError, match=f"no board with {size}.*shows one with 8x6"):
-            find_boards({"00.png": folder / "00.png"}, wrong, AtOnce())
+            find_boards({"00.png": half_size}, wrong, AtOnce())
 
-    def test_size_wrong_by_one_is_told_early(self, folder: Path) -> None:
-        executor, path = ThreadPoolExecutor(1), folder / "00.png"
+    def test_size_wrong_by_one_is_told_early(self, half_size: Path) -> None:
+        executor, path = ThreadPoolExecutor(1), half_size
         seen: list[tuple[int, int]] = []
         with executor, pytest.raises(StereocalError, match="shows one with 8x6"):
             find_boards(

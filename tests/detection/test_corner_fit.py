@@ -16,7 +16,7 @@ from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.simulation.photographs import facing
 from stereocal.simulation.rendering import PhotographSettings, Placed, photograph, x_corner_board
-from tests.boards import Board, picture
+from tests.detection.boards import Board, picture
 
 PARAMETERS = np.array(
     [10.2, 9.7, 0.3, 1.2, np.log(1.2), 100.0, 60.0, 2e-3, -1e-3, 3.0, 2.0, -4.0, 1.0]

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import io
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -20,8 +19,7 @@ from stereocal.simulation.backgrounds import outdoors
 from stereocal.simulation.photographs import BarSettings, photograph_bars, place_visible_bars
 from stereocal.simulation.rendering import Photograph, PhotographSettings
 from stereocal.simulation.simulate import field_rig
-from stereocal.system.photograph import FileContent
-from tests.boards import Board, paint
+from tests.detection.boards import Board, paint
 
 SIZE = (700, 400)
 LEFT = Board((170.3, 200.2), 80.0, 0.3, 0.5, 1.0)
@@ -54,6 +52,10 @@ def chessboard_scene(rows: int, columns: int, square: int) -> Photograph:
     soft = cv2.GaussianBlur(cv2.warpAffine(image, turn, SIZE, borderValue=150), (0, 0), 1)
     noise = np.random.default_rng(2).normal(size=soft.shape) * 2
     return np.asarray(np.clip(soft + noise, 0, 255), dtype=np.uint8)
+
+
+def grain(height: int, width: int) -> Photograph:
+    return np.random.default_rng(0).integers(0, 255, (height, width), np.uint8)
 
 
 def centres(detection: Detection) -> npt.NDArray[np.float64]:
@@ -89,25 +91,25 @@ def test_a_dark_photograph_will_do(usual: Photograph) -> None:
 @pytest.mark.parametrize(
     "image, reason",
     [
-        (np.zeros((300, 400), np.uint8), "too few candidates"),
-        (np.full((300, 400), 255, np.uint8), "saturated"),
-        (np.full((300, 400), 77, np.uint8), "too few candidates"),
-        (np.zeros((3, 3), np.uint8), "too few candidates"),
-        (np.zeros((1, 5000), np.uint16), "too few candidates"),
-        (np.random.default_rng(0).integers(0, 255, (300, 400), np.uint8), "too few candidates"),
-        (np.random.default_rng(0).integers(0, 255, (18, 18), np.uint8), "too few candidates"),
-        (scene([LEFT]), "too few candidates"),
-        (scene([LEFT, Board((710.0, 170.0), 90.0, 1.0, 0.3, 2.0)]), "too few candidates"),
-        (scene([LEFT, Board((690.0, 170.0), 90.0, 1.0, 0.3, 2.0)]), "cut by the border"),
-        (scene([LEFT, RIGHT, Board((350.0, 320.0), 85.0, 0.1, 0.2)]), "ambiguous"),
-        (scene([LEFT, RIGHT], blur=40.0), "blurred"),
-        (chessboard_scene(6, 4, 40), "too few candidates"),
-        (chessboard_scene(3, 3, 60), "too few candidates"),
-        (chessboard_scene(2, 3, 60), "too few candidates"),
+        (lambda: np.zeros((300, 400), np.uint8), "too few candidates"),
+        (lambda: np.full((300, 400), 255, np.uint8), "saturated"),
+        (lambda: np.full((300, 400), 77, np.uint8), "too few candidates"),
+        (lambda: np.zeros((3, 3), np.uint8), "too few candidates"),
+        (lambda: np.zeros((1, 5000), np.uint16), "too few candidates"),
+        (lambda: grain(300, 400), "too few candidates"),
+        (lambda: grain(18, 18), "too few candidates"),
+        (lambda: scene([LEFT]), "too few candidates"),
+        (lambda: scene([LEFT, Board((710.0, 170.0), 90.0, 1.0, 0.3, 2.0)]), "too few candidates"),
+        (lambda: scene([LEFT, Board((690.0, 170.0), 90.0, 1.0, 0.3, 2.0)]), "cut by the border"),
+        (lambda: scene([LEFT, RIGHT, Board((350.0, 320.0), 85.0, 0.1, 0.2)]), "ambiguous"),
+        (lambda: scene([LEFT, RIGHT], blur=40.0), "blurred"),
+        (lambda: chessboard_scene(6, 4, 40), "too few candidates"),
+        (lambda: chessboard_scene(3, 3, 60), "too few candidates"),
+        (lambda: chessboard_scene(2, 3, 60), "too few candidates"),
     ],
 )  # fmt: skip
-def test_what_is_refused_and_why(image: Photograph, reason: str) -> None:
-    detection = detect_targets(image)
+def test_what_is_refused_and_why(image: Callable[[], Photograph], reason: str) -> None:
+    detection = detect_targets(image())
     assert (detection.state, detection.reason) == ("refused", reason)
     assert detection.sentence.endswith(".")
 
@@ -174,25 +176,21 @@ def test_the_bar_in_the_field_among_clutter() -> None:
             assert off < 0.06  # the stated sigmas are 0.005 to 0.02 px
 
 
-def read(path: FileContent) -> npt.NDArray[Any]:
-    if path.name == "broken":
-        raise StereocalError("broken is no photograph.")
-    return np.asarray(np.load(io.BytesIO(path.read_bytes())))
-
-
 def test_many_photographs_in_order_with_progress_and_cancel(
     usual: Photograph, tmp_path: Path
 ) -> None:
-    empty, good = tmp_path / "empty.npy", tmp_path / "good.npy"
-    np.save(empty, np.zeros((50, 50), np.uint8))
-    np.save(good, usual)
-    paths = [good, tmp_path / "broken", *[empty] * 30, good]
+    empty, good = tmp_path / "empty.png", tmp_path / "good.png"
+    cv2.imwrite(str(empty), np.zeros((50, 50), np.uint8))
+    cv2.imwrite(str(good), usual)
+    paths = [good, tmp_path / "none", *[empty] * 30, good]
+    photographs = {f"{number} {path.name}": path for number, path in enumerate(paths)}
     steps: list[tuple[int, int]] = []
     with ThreadPoolExecutor(2) as threads:
-        found = detect_series(paths, read, threads, lambda done, of: steps.append((done, of)))
-        assert found is not None
-        assert [d.state for d in found] == ["found", *["refused"] * 31, "found"]
-        assert (found[1].reason, found[1].sentence) == ("unreadable", "broken is no photograph.")
+        found = detect_series(photographs, threads, lambda done, of: steps.append((done, of)))
+        assert found is not None and list(found) == list(photographs)
+        assert [d.state for d in found.values()] == ["found", *["refused"] * 31, "found"]
+        missing = found["1 none"]
+        assert missing.reason == "unreadable" and missing.sentence.startswith("1 none cannot be")
         assert steps == [(i + 1, len(paths)) for i in range(len(paths))]
-        assert detect_series(paths, read, threads, cancelled=lambda: True) is None
-        assert detect_series([], read, threads) == []
+        assert detect_series(photographs, threads, cancelled=lambda: True) is None
+        assert detect_series({}, threads) == {}

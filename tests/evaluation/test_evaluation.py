@@ -18,26 +18,26 @@ from stereocal.calibration.essential import Solver, calibrate_essential
 from stereocal.calibration.methods import METHODS, CalibrationSettings
 from stereocal.calibration.problems import reconstruction_problem, reprojection_problem
 from stereocal.errors import StereocalError
+from stereocal.evaluation.compiled_run import (
+    BIN_WIDTH,
+    BINS,
+    CORRECT,
+    LOWEST,
+    OVERFLOW,
+    REPROJECTION,
+    RESIDUAL,
+    UNDERFLOW,
+    WRONG,
+    count_pairs,
+)
 from stereocal.evaluation.evaluate import (
-    MOST_PARTNERS,
+    MAXIMUM_PARTNERS,
     EvaluationSettings,
     Run,
     count_set,
     evaluate,
     evaluate_run,
     split,
-)
-from stereocal.evaluation.protocol import (
-    ABOVE,
-    BELOW,
-    BINS,
-    CORRECT,
-    FINE,
-    LOWEST,
-    REPROJECTION,
-    RESIDUAL,
-    WRONG,
-    count_pairs,
 )
 from stereocal.evaluation.summary import figures_of_set, summarise
 from stereocal.formats.camera_file import read_camera
@@ -48,7 +48,7 @@ from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose
 from tests import known_rig as rig
-from tests import reference
+from tests.calibration import reference
 
 NINETEEN = Path(__file__).parents[2] / "sample_data" / "nineteen"
 REAL = Path(os.environ.get("STEREOCAL_REAL_DATA", "none")) / "ewand12"
@@ -63,11 +63,11 @@ def field() -> Dataset:
 def plain_bin(value: float) -> int:
     """Where a value is counted, from the words in `evaluation`."""
     if math.isnan(value):
-        return ABOVE
+        return OVERFLOW
     if value == 0:
-        return BELOW
-    place = math.floor((math.log10(value) - LOWEST) / FINE)
-    return BELOW if place < 0 else ABOVE if place >= BINS else place
+        return UNDERFLOW
+    place = math.floor((math.log10(value) - LOWEST) / BIN_WIDTH)
+    return UNDERFLOW if place < 0 else OVERFLOW if place >= BINS else place
 
 
 def plain_pairs(test: Dataset) -> list[tuple[int, int, int]]:
@@ -183,20 +183,20 @@ def test_zeros_are_counted_below_and_points_behind_above() -> None:
     partners = np.array([[0, 1], [1, 0]])
     counts, nans = counts_of(rays, partners)
     assert nans.tolist() == [1, 0]  # parallel: 0 with 1
-    assert counts[RESIDUAL, :, BELOW].tolist() == [2, 2]
-    assert counts[REPROJECTION, :, BELOW].tolist() == [1, 2]
-    assert counts[REPROJECTION, :, ABOVE].tolist() == [1, 0]
+    assert counts[RESIDUAL, :, UNDERFLOW].tolist() == [2, 2]
+    assert counts[REPROJECTION, :, UNDERFLOW].tolist() == [1, 2]
+    assert counts[REPROJECTION, :, OVERFLOW].tolist() == [1, 0]
     behind = np.array([[-0.5], [0.0], [0.5], [0.0]])
     counts, nans = counts_of(behind, np.array([[0]]))
     assert nans.tolist() == [0, 1]
-    assert counts[REPROJECTION, CORRECT, ABOVE] == 1
+    assert counts[REPROJECTION, CORRECT, OVERFLOW] == 1
 
 
 def test_large_sets_meet_99_wrong_partners_and_their_own() -> None:
     dataset = rig.dataset(frames=90, noise_px=0.2)
     run = evaluate_run(dataset, EvaluationSettings(runs=1, calibration_frames=20), 0, 0)
     points = 2 * 70
-    assert points > MOST_PARTNERS + 1
+    assert points > MAXIMUM_PARTNERS + 1
     assert run.counts.sum(axis=-1).tolist() == [[[points * 99, points], [points * 99, points]]] * 3
 
 
@@ -249,28 +249,10 @@ def test_processes_give_the_same(pair_of_sets: list[Dataset], by_hand: list[list
         assert same(evaluate(pair_of_sets, FEW, processes, chunk=3), by_hand)
 
 
-@pytest.mark.filterwarnings("ignore::DeprecationWarning:(distributed|dask|tornado|zict).*")
-@pytest.mark.filterwarnings("ignore::ResourceWarning")
-@pytest.mark.filterwarnings("ignore:Port .* is already in use:UserWarning")
-def test_a_dask_cluster_gives_the_same(
-    pair_of_sets: list[Dataset], by_hand: list[list[Run]]
-) -> None:
-    """A scheduler and two workers, each a process of its own."""
-    distributed = pytest.importorskip("distributed")
-    with (
-        distributed.LocalCluster(
-            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
-        ) as cluster,
-        distributed.Client(cluster.scheduler_address) as client,
-    ):
-        assert len(client.scheduler_info()["workers"]) == 2
-        assert cluster.scheduler_address.startswith("tcp://")
-        with client.get_executor() as executor:
-            assert same(evaluate(pair_of_sets, FEW, executor, chunk=3), by_hand)
-
-
 class Backwards(Executor):
     """Starts nothing until all is submitted, then completes the last first."""
+
+    _max_workers = 8
 
     def __init__(self) -> None:
         self.waiting: list[tuple[Future[object], object, tuple[object, ...]]] = []

@@ -10,17 +10,17 @@ from scipy.stats import norm
 
 from stereocal.calibration.methods import METHODS, Method
 from stereocal.errors import StereocalError
-from stereocal.evaluation.evaluate import Run
-from stereocal.evaluation.protocol import (
-    ABOVE,
-    BELOW,
+from stereocal.evaluation.compiled_run import (
+    BIN_WIDTH,
     BINS,
     CORRECT,
-    FINE,
     LOWEST,
+    OVERFLOW,
     REPROJECTION,
+    UNDERFLOW,
     WRONG,
 )
+from stereocal.evaluation.evaluate import Run
 from stereocal.evaluation.summary import (
     BOOTSTRAPS,
     MethodSummary,
@@ -31,17 +31,15 @@ from stereocal.evaluation.summary import (
 )
 from stereocal.rig.compiled import FloatArray
 
-STUDIES = 400
-
 
 def run_of(correct: FloatArray, wrong: FloatArray, lengths: FloatArray | None = None) -> Run:
     """A run with these values of both quantities (not their logarithms), alike for all methods."""
     counts = np.zeros((3, 2, 2, BINS + 2), dtype=np.int32)
     for label, values in ((CORRECT, correct), (WRONG, wrong)):
-        edges = 10 ** (LOWEST + FINE * np.arange(BINS + 1))
+        edges = 10 ** (LOWEST + BIN_WIDTH * np.arange(BINS + 1))
         counts[:, :, label, :BINS] = np.histogram(values, edges)[0]
-        counts[:, :, label, BELOW] = (values < edges[0]).sum()
-        counts[:, :, label, ABOVE] = (values >= edges[-1]).sum()
+        counts[:, :, label, UNDERFLOW] = (values < edges[0]).sum()
+        counts[:, :, label, OVERFLOW] = (values >= edges[-1]).sum()
     ratios = np.array([1.01, 0.98]) if lengths is None else lengths
     nans = np.zeros((3, 2), dtype=np.int64)
     return Run(counts, nans, np.tile(ratios, (3, 1)), np.zeros((3, 5)), np.ones(3))
@@ -74,23 +72,33 @@ def test_exact_overlap_is_that_of_the_textbook() -> None:
 @pytest.mark.parametrize(
     ("shift", "spreads"), [(1.0, (0.5, 0.5)), (2.4, (0.35, 0.6)), (3.2, (0.35, 0.7))]
 )
-def test_fcp_interval_covers_the_truth(shift: float, spreads: tuple[float, float]) -> None:
-    """FCP 0.32, 0.011 and 0.0022: 95 +- 3 % of 400 studies of 100 runs."""
+@pytest.mark.parametrize(
+    ("studies", "least"), [(60, 0.87), pytest.param(400, 0.92, marks=pytest.mark.soak)]
+)
+def test_fcp_interval_covers_the_truth(
+    shift: float, spreads: tuple[float, float], studies: int, least: float
+) -> None:
+    """FCP 0.32, 0.011 and 0.0022: 95 % of studies of 100 runs.
+
+    Of 60 studies the share is known to 2.8 %, of 400 to 1.1 %. An interval half as wide, which
+    would hold 67 %, is seen by the 60; one narrower by a sixth by the 400.
+    """
     rng = np.random.default_rng(0)
     truth = exact_overlap(shift, spreads)
     covered = []
-    for study in range(STUDIES):
+    for study in range(studies):
         counts = np.zeros((100, 3, 2, 2, BINS + 2), dtype=np.int64)
         for label, pairs, mean in ((CORRECT, 10, 0.0), (WRONG, 90, shift)):
             values = rng.normal(mean, spreads[0 if label == CORRECT else 1], (100, pairs))
-            bins = np.minimum(np.floor((values - LOWEST) / FINE), ABOVE).astype(int)
+            bins = np.minimum(np.floor((values - LOWEST) / BIN_WIDTH), OVERFLOW).astype(int)
             np.add.at(counts[:, 1, REPROJECTION, label], (np.arange(100)[:, None], bins), 1)
         covered.append(fcp_covers(counts[:, 1, REPROJECTION], truth, study))
-    assert 0.92 <= np.mean(covered) <= 0.98
+    assert np.mean(covered) >= least
+    assert studies < 400 or np.mean(covered) <= 0.98
 
 
 def fcp_covers(counts: np.ndarray, truth: float, seed: int) -> bool:
-    """Only what `summarise` does for one panel: all nine of 400 studies would take minutes."""
+    """Only what `summarise` does for one panel: all nine panels would take nine times as long."""
     weights = np.random.default_rng(seed).multinomial(100, np.full(100, 0.01), BOOTSTRAPS // 4)
     found = _fcp(_merged(counts, 5), weights)
     return found.low <= truth <= found.high

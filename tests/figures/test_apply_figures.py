@@ -19,8 +19,8 @@ from stereocal.figures import (
     plot_pair_errors,
     plot_points,
 )
-from stereocal.figures.matches import MOST_NUMBERS
-from stereocal.figures.measured import MOST_DRAWN, in_view
+from stereocal.figures.matches import MAXIMUM_NUMBERS
+from stereocal.figures.measured import MAXIMUM_DRAWN, in_view
 from stereocal.matching.lengths import check_lengths
 from stereocal.matching.nearest import NearestErrors, nearest_errors
 from stereocal.matching.pairs import match, pixels_of
@@ -124,7 +124,7 @@ def test_matches_of_a_frame() -> None:
 
 def test_ambiguous_pairs_have_another_symbol_and_many_no_number() -> None:
     many = pd.concat([PAIRS] * 5, ignore_index=True)
-    assert len(many) > MOST_NUMBERS
+    assert len(many) > MAXIMUM_NUMBERS
     many["ambiguous"] = np.arange(len(many)) % 2 == 0
     figure = plot_matches(many, np.empty((0, 2)), np.empty((0, 2)), SIZES)
     sure, doubtful = traces(figure, "Pair")[0], traces(figure, "Ambiguous")[0]
@@ -164,9 +164,9 @@ def test_far_points_and_missing_ones_are_said_and_not_drawn() -> None:
 
 def test_many_points_are_thinned() -> None:
     rng = np.random.default_rng(0)
-    many = pd.DataFrame(rng.uniform(1, 2, (MOST_DRAWN + 5, 3)), columns=list("xyz"))
+    many = pd.DataFrame(rng.uniform(1, 2, (MAXIMUM_DRAWN + 5, 3)), columns=list("xyz"))
     many["frame"], many["error_px"] = 1, 0.1
-    assert len(plot_points(many, "error", SECONDARY_M).data[0].x) <= MOST_DRAWN
+    assert len(plot_points(many, "error", SECONDARY_M).data[0].x) <= MAXIMUM_DRAWN
     assert "evenly spread" in describe_points(many)
 
 

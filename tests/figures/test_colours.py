@@ -24,7 +24,7 @@ from stereocal.figures.style import (
     WRONG_COLOUR,
 )
 from stereocal.rig.compiled import FloatArray
-from tests.every_figure import every_figure
+from tests.figures.every_figure import PLOTS, every_figure
 
 PAGES = {"light": "#FFFFFF", "dark": "#12181E"}
 SIGHTS = {
@@ -181,7 +181,7 @@ def too_near(figure: go.Figure) -> list[str]:
     return found
 
 
-@pytest.mark.parametrize("name", list(every_figure()))
+@pytest.mark.parametrize("name", PLOTS)
 def test_what_a_figure_tells_apart_by_colour_is_seen_by_all(name: str) -> None:
     assert too_near(every_figure()[name].figure) == []
 

@@ -14,10 +14,9 @@ import plotly.graph_objects as go
 import pytest
 
 from stereocal import figures
-from tests.every_figure import every_figure
+from tests.figures.every_figure import PLOTS, every_figure
 
 ROOT = Path(__file__).parents[2]
-PLOTS = [name.removeprefix("plot_") for name in figures.__all__ if name.startswith("plot_")]
 
 
 def numbers(words: str) -> list[float]:

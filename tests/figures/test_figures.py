@@ -24,7 +24,7 @@ from stereocal.figures import (
     plot_rig,
     plot_traces,
 )
-from stereocal.figures.traces import MOST_DRAWN, drawn_moves
+from stereocal.figures.traces import MAXIMUM_DRAWN, drawn_moves
 from stereocal.refined.outliers import frame_reprojection_px
 from stereocal.refined.results import Calibration
 from stereocal.rig.geometry import Pose, triangulate_rays
@@ -113,13 +113,6 @@ def test_coverage_has_image_axes(calibration: Calibration) -> None:
     assert [max(border.x) for border in borders] == [1599.5, 1279.5]
 
 
-def test_coverage_is_said() -> None:
-    dataset = make_calibration(noise_px=0.2, shift_px=0.0).dataset
-    text = describe_coverage(dataset)
-    assert "25 targets A and 24 B in 25 frames" in text
-    assert "1280 × 1024 px" in text
-
-
 def test_traces_show_cost_step_and_ratio(calibration: Calibration) -> None:
     figure = plot_traces(calibration)
     panels = {"2d": ("y", "y3", "y4"), "3d": ("y2", "y3", "y4")}
@@ -158,14 +151,14 @@ def test_cost_axes_are_logarithmic_over_a_decade(
 
 
 def test_long_traces_are_thinned_and_keep_their_ends(calibration: Calibration) -> None:
-    assert drawn_moves(MOST_DRAWN).tolist() == list(range(MOST_DRAWN))
+    assert drawn_moves(MAXIMUM_DRAWN).tolist() == list(range(MAXIMUM_DRAWN))
     kept = drawn_moves(1_000_003)
-    assert len(kept) == MOST_DRAWN
+    assert len(kept) == MAXIMUM_DRAWN
     assert (kept[0], kept[-1]) == (0, 1_000_002)
     assert (np.diff(kept) > 0).all()
     long = Trace(np.linspace(5, 1, 90_001), np.geomspace(1e-3, 1e-6, 90_001), np.zeros(90_001))
     line = plot_traces(with_traces(calibration, long)).data[0]
-    assert (len(line.x), line.x[0], line.x[-1]) == (MOST_DRAWN, 1, 90_001)
+    assert (len(line.x), line.x[0], line.x[-1]) == (MAXIMUM_DRAWN, 1, 90_001)
     assert (line.y[0], line.y[-1]) == (5, 1)
 
 
@@ -174,13 +167,6 @@ def test_traces_that_were_not_recorded_are_said(calibration: Calibration) -> Non
     assert not figure.data
     assert "not recorded" in figure.layout.annotations[0].text
     assert "not recorded" in describe_traces(with_traces(calibration, None))
-
-
-def test_traces_are_said(calibration: Calibration) -> None:
-    trace = calibration.methods["3d"].trace
-    assert trace is not None
-    text = describe_traces(calibration)
-    assert f"to {trace.cost[-1]:.4g} m in {len(trace.cost)} moves" in text
 
 
 def test_frame_errors_are_those_of_the_result(calibration: Calibration) -> None:
@@ -331,11 +317,7 @@ def test_bars_behind_a_camera_are_counted(calibration: Calibration) -> None:
     assert f"{missing} bars not drawn" in describe_rig(behind, "3d")
 
 
-def test_rig_is_said(calibration: Calibration) -> None:
-    text = describe_rig(calibration, "2d")
-    assert "2D set" in text
-    assert "stands 2.370 m from the primary" in text
-    assert "24 bars at depths" in text
+def test_a_method_that_is_not_there(calibration: Calibration) -> None:
     with pytest.raises(StereocalError, match='"4d" is not known'):
         plot_rig(calibration, "4d")
 

@@ -46,7 +46,7 @@ def test_trade_off_has_both_curves_all_sets_and_the_point(curves: TradeOff) -> N
     figure = plot_trade_off(curves, costs, curves.freed[2])
     by_name = {trace.name: trace for trace in figure.data}
     assert list(by_name) == [
-        "Lenses as given", "Lenses freed", "2D set", "3D set", "The slider's point",
+        "Nominal lenses", "Lenses freed", "2D set", "3D set", "The slider's point",
     ]  # fmt: skip
     np.testing.assert_allclose(
         by_name["Lenses freed"].y, [1000 * point.cost_3d_m for point in curves.freed]
@@ -88,7 +88,7 @@ def test_accuracy_shows_the_map_cameras_and_targets(
     assert len(targets.x) == 50
     assert figure.layout.yaxis.scaleanchor == "x"
     words = describe_accuracy(found, quantity)
-    assert f"{np.nanmedian(values):.2g}{unit} in the middle" in words
+    assert f"{np.nanmedian(values):.2g}{unit} (median)" in words
 
 
 def test_no_common_view_is_said(result: RefinedResult) -> None:

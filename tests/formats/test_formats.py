@@ -105,19 +105,19 @@ class TestTable:
     @pytest.mark.parametrize(
         ("row", "says"),
         [
-            ("2,A,x,2,3,4", 'u_primary is "x", which is not a number'),
+            ("2,A,x,2,3,4", 'u_primary is "x"'),
             ("2,A,1,2,3,1;5", "v_secondary is"),
-            ("2,A,1,nan,3,4", "v_primary is nan, which is not a finite number"),
-            ("2,A,1,2,inf,4", "u_secondary is inf, which is not a finite"),
-            ("2,A,1,2,1e999,4", "which is not a finite"),
-            ("2,A,1,2,,4", "u_secondary is empty"),
-            ("2,A,1,2", "u_secondary is empty"),
-            (",A,1,2,3,4", "frame is empty"),
-            ("2.5,A,1,2,3,4", "frame is 2.5, which is not a whole number"),
-            ("1e300,A,1,2,3,4", "which is not a whole number"),
-            ("2,C,1,2,3,4", 'target is "C"; it must be A or B'),
+            ("2,A,1,nan,3,4", "v_primary is nan"),
+            ("2,A,1,2,inf,4", "u_secondary is inf"),
+            ("2,A,1,2,1e999,4", "u_secondary"),
+            ("2,A,1,2,,4", "u_secondary"),
+            ("2,A,1,2", "u_secondary"),
+            (",A,1,2,3,4", "frame"),
+            ("2.5,A,1,2,3,4", "frame is 2.5"),
+            ("1e300,A,1,2,3,4", "frame is 1e300"),
+            ("2,C,1,2,3,4", 'target is "C"'),
             ("2,,1,2,3,4", 'target is ""'),
-            ("1,A,1,2,3,4", "frame 1 has target A already, in line 2"),
+            ("1,A,1,2,3,4", "frame 1 has target A"),
         ],
     )
     def test_refused_rows(self, row: str, says: str) -> None:
@@ -144,10 +144,8 @@ class TestTable:
         np.testing.assert_array_equal(rows.distance_m, [0.9, np.nan, 0.5, 0.5, 0.5])
         lines, reasons = zip(*problems_of(content), strict=True)
         assert lines == (7, 8, 9, 10)
-        assert "frame 3 has two different distances, 0.5 and 0.6 m" in reasons[0]
-        assert "it must be above 0" in reasons[1]
-        assert "it must be above 0" in reasons[2]
-        assert "not a finite number" in reasons[3]
+        assert "frame 3" in reasons[0]
+        assert all("distance_m" in reason for reason in reasons[1:])
 
     def test_the_distance_of_a_frame_may_stand_with_either_target(self) -> None:
         """Empty with A, then two rows that differ: no order hides a contradiction."""
@@ -169,10 +167,8 @@ class TestTable:
         np.testing.assert_array_equal(rows.source, [0, -1, 2])
         reasons = [reason for _, reason in problems_of(content)]
         assert len(reasons) == 4
-        assert "sigma_primary_px is 0; it must be above 0" in reasons[0]
-        assert "sigma_secondary_px is -1; it must be above 0" in reasons[1]
-        assert 'source is "guessed"; it must be detected, corrected, manual' in reasons[2]
-        assert 'sigma_primary_px is "x", which is not a number' in reasons[3]
+        places = ("sigma_primary_px is 0", "sigma_secondary_px is -1", "source", "sigma_primary_px")
+        assert all(place in reason for place, reason in zip(places, reasons, strict=True))
 
     def test_a_table_without_sigmas_is_written_without_their_columns(self) -> None:
         rows = read_table(table(ROW), "t.csv").correspondences
@@ -186,16 +182,15 @@ class TestTable:
     @pytest.mark.parametrize(
         ("content", "says"),
         [
-            (b"", "is empty"),
-            (b" \n\r\n\t\n", "is empty"),
-            (table(), "a header and no rows"),
-            (table("", "", ""), "a header and no rows"),
-            (table(ROW, header="frame,target,u_primary"), "columns v_primary, u_secondary"),
-            (table(ROW, header=HEADER.replace("frame", "time")), "column frame is missing"),
-            (table(ROW, header=HEADER + ",frame"), "column frame stands in the first line twice"),
-            (b"\xff\xfef\x00r\x00", "not a text file"),
-            (b"\x00\x01\x02", "missing"),
-            (table('1,A,"' + "9" * 200_000 + '",2,3,4'), "line"),
+            (b"", "empty"),
+            (b" \n\r\n\t\n", "empty"),
+            (table(), "no rows"),
+            (table("", "", ""), "no rows"),
+            (table(ROW, header="frame,target,u_primary"), "v_primary, u_secondary"),
+            (table(ROW, header=HEADER.replace("frame", "time")), "column frame"),
+            (table(ROW, header=HEADER + ",frame"), "column frame"),
+            (b"\xff\xfef\x00r\x00", "text file"),
+            (b"\x00\x01\x02", "text file"),
         ],
     )
     def test_no_table(self, content: bytes, says: str) -> None:
@@ -417,16 +412,52 @@ class TestCameraFile:
     @pytest.mark.parametrize(
         "content",
         [
-            b"%YAML:1.0\na: " + b"[" * 200_000,
-            b"%YAML:1.0\na: " + b"{a: " * 200_000,
-            b"%YAML:1.0\na:\n  " + b"- " * 200_000,
+            *(
+                b"%YAML:1.0\na: " + level * count
+                for level in (b"[", b"{a: ", b"\n  - ", b"- ", b"? ")
+                for count in (20_000, 200_000)
+            ),
             b'<?xml version="1.0"?><opencv_storage>' + b"<a>" * 200_000,
+            b'<?xml version="1.0"?><opencv_storage>'
+            + b"<a>" * 200_000
+            + b"</a>" * 200_000
+            + b"</opencv_storage>",
             b'{"a":' + b"[" * 900 + b"]" * 900 + b"}",
+            b'{"a":' + b"[" * 90_000 + b"]" * 90_000 + b"}",
         ],
     )
     def test_deep_nesting_does_not_end_the_program(self, content: bytes) -> None:
-        with pytest.raises(StereocalError, match="nested too deeply"):
+        with pytest.raises(StereocalError, match=r"^c: "):
             read_camera(content, "c")
+
+    @pytest.mark.parametrize(
+        ("content", "says"),
+        [
+            (b"%YAML:1.0\na: &x [1]\nb: [*x, *x]\n", "aliases"),
+            (
+                b'<?xml version="1.0"?><!DOCTYPE a [<!ENTITY b "bb">]><opencv_storage>&b;'
+                b"</opencv_storage>",
+                "document type",
+            ),
+            (b"%YAML:1.0\nimage_width: 3\nimage_width: 4\n", "stands twice"),
+            (b"<?xml version='1.0'?><opencv_storage><K>1</K><K>2</K></opencv_storage>", "twice"),
+            (b'%YAML:1.0\na: !!int ""\n', "not valid YAML"),
+        ],
+    )
+    def test_what_swells_or_has_two_meanings(self, content: bytes, says: str) -> None:
+        with pytest.raises(StereocalError, match=f"^c: .*{says}"):
+            read_camera(content, "c")
+
+    @pytest.mark.parametrize("suffix", [".yaml", ".xml"])
+    def test_a_file_with_all_the_corners_that_were_found(self, suffix: str) -> None:
+        corners = np.random.default_rng(1).random((30, 88, 2)).astype(np.float32)
+        nodes = {**NODES, "image_points": corners.reshape(30, -1), "avg_reprojection_error": 0.3}
+        assert equal(read_camera(with_storage(suffix, **nodes), "c", "brown"), SECONDARY)
+
+    @pytest.mark.parametrize("number", ["1e-05", "1.e-5", "1E-5", "+1.0e-05", "0.00001", ".00001"])
+    def test_small_numbers_as_programs_write_them(self, number: str) -> None:
+        content = OTHER_TOOL.replace(b"0.0005334135", number.encode())
+        assert read_camera(content, "c").distortion[2] == 1e-5
 
     @given(st.sampled_from(SUFFIXES), st.data())
     @settings(max_examples=150)
@@ -558,24 +589,24 @@ class TestDatasetFiles:
     @pytest.mark.parametrize(
         ("keys", "says"),
         [
-            ({"baseline_m": ...}, "baseline_m is missing"),
-            ({"target_distance_m": None}, "target_distance_m is missing"),
-            ({"baseline_m": "2.37"}, "baseline_m is '2.37'; it must be a number"),
-            ({"target_distance_m": True}, "must be a number"),
-            ({"target_distance_m": [0.9]}, "must be a number"),
-            ({"baseline_sigma_m": "1 cm"}, "must be a number"),
+            ({"baseline_m": ...}, "baseline_m"),
+            ({"target_distance_m": None}, "target_distance_m"),
+            ({"baseline_m": "2.37"}, "baseline_m is '2.37'"),
+            ({"target_distance_m": True}, "target_distance_m"),
+            ({"target_distance_m": [0.9]}, "target_distance_m"),
+            ({"baseline_sigma_m": "1 cm"}, "baseline_sigma_m"),
             ({"baseline_sigma_m": -1}, "uncertainty"),
-            ({"baseline_m": 0}, "above 0"),
-            ({"baseline_m": -2.37}, "above 0"),
-            ({"baseline_m": float("nan")}, "above 0"),
-            ({"baseline_m": float("inf")}, "above 0"),
+            ({"baseline_m": 0}, "baseline"),
+            ({"baseline_m": -2.37}, "baseline"),
+            ({"baseline_m": float("nan")}, "baseline"),
+            ({"baseline_m": float("inf")}, "baseline"),
             ({"baseline_m": 2370}, "millimetres"),
-            ({"target_distance_m": 10**400}, "far too large"),
-            ({"cameras": ...}, "must name a primary and a secondary"),
-            ({"cameras": ["primary.json", "secondary.json"]}, "must name"),
-            ({"cameras": {"primary": "primary.json"}}, "must name"),
-            ({"cameras": {"primary": "primary.json", "secondary": 3}}, "camera file 3 is missing"),
-            ({"cameras": {"primary": "../p.json", "secondary": "s"}}, r"'\.\./p\.json' is missing"),
+            ({"target_distance_m": 10**400}, "too large"),
+            ({"cameras": ...}, "primary and a secondary"),
+            ({"cameras": ["primary.json", "secondary.json"]}, "primary and a secondary"),
+            ({"cameras": {"primary": "primary.json"}}, "primary and a secondary"),
+            ({"cameras": {"primary": "primary.json", "secondary": 3}}, "camera file 3"),
+            ({"cameras": {"primary": "../p.json", "secondary": "s"}}, r"'\.\./p\.json'"),
         ],
     )
     def test_unsound_descriptions(self, keys: dict[str, Any], says: str) -> None:
@@ -643,6 +674,13 @@ class TestZip:
         except StereocalError:
             return
         assert len(files["a.csv"]) <= 10
+
+    def test_an_encrypted_member(self) -> None:
+        content = bytearray(zipped({"a.csv": b"frame"}))
+        content[6] |= 1
+        content[content.index(b"PK\x01\x02") + 8] |= 1
+        with pytest.raises(StereocalError, match=r"not a sound zip.*encrypted"):
+            unzip(bytes(content), "z")
 
     def test_a_damaged_member(self) -> None:
         content = bytearray(self.content)

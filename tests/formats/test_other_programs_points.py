@@ -30,9 +30,9 @@ from stereocal.formats.sleap_h5 import point_text
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.project import Project
 from stereocal.rig.compiled import FloatArray
-from tests.hostile_seeds import hdf5
 from tests.known_rig import PRIMARY, SECONDARY, bar_ends, images
 from tests.matching.test_matching_files import RIG_2D
+from tests.soak.seeds import hdf5
 
 FRAMES = 9
 VIEWS = tuple(view.reshape(FRAMES, 2, 2) for view in images(bar_ends(FRAMES)))

@@ -152,11 +152,11 @@ def test_a_layout_can_be_corrected_and_looked_at() -> None:
 @pytest.mark.parametrize(
     ("content", "says"),
     [
-        (b"", "the file is empty"),
-        (b"frame,u,v\n", "one row only"),
-        (b"\x00\x01\x02\n\x03", "not a text file"),
-        (b"name,size\nx,1\n", "the layout is not known"),
-        (b"1,2,3\n4,5,6\n", "the layout is not known"),
+        (b"", "empty"),
+        (b"frame,u,v\n", "x.csv"),
+        (b"\x00\x01\x02\n\x03", "text file"),
+        (b"name,size\nx,1\n", "layout"),
+        (b"1,2,3\n4,5,6\n", "layout"),
     ],
 )
 def test_what_is_no_point_file(content: bytes, says: str) -> None:
@@ -169,13 +169,13 @@ def test_bad_rows_and_choices() -> None:
     layout = propose_layout(wand(), "w.csv")
     with pytest.raises(StereocalError, match='line 1: column 5 is "none!"'):
         read_points(content, layout, "cam3", 1024, "w.csv")
-    with pytest.raises(StereocalError, match="there is no camera cam9"):
+    with pytest.raises(StereocalError, match="cam9"):
         read_points(wand(), layout, "cam9", 1024)
-    with pytest.raises(StereocalError, match="the image height is needed"):
+    with pytest.raises(StereocalError, match="image height"):
         read_points(wand(), layout, "cam1")
-    with pytest.raises(StereocalError, match="no end of the bar was seen by both"):
+    with pytest.raises(StereocalError, match="both"):
         read_bars(wand(), layout, ("cam1", "cam3"), ("A", "B"), HEIGHTS)
-    with pytest.raises(StereocalError, match="there is no point C"):
+    with pytest.raises(StereocalError, match="point C"):
         read_bars(wand(), layout, ("cam1", "cam2"), ("A", "C"), HEIGHTS)
-    with pytest.raises(StereocalError, match="needs 12 columns"):
+    with pytest.raises(StereocalError, match="12 columns"):
         read_points(b"1,2\n", layout, "cam1", 1024)

@@ -6,7 +6,6 @@ all three markers of the odd ones. The middle marker took no part in any fit.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +16,7 @@ from stereocal.calibration.methods import CalibrationSettings
 from stereocal.calibration.montecarlo import SearchSettings
 from stereocal.matching.pairs import Threshold, match
 from stereocal.matching.reconstruction_files import reconstruct
-from stereocal.refined.results import Calibration
+from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import RigParameters
 from stereocal.workflow import calibrate
 from tests.evaluation.test_ewand12 import FOLDER, SEEDS, pytestmark, recordings
@@ -39,22 +38,17 @@ def markers() -> tuple[pd.DataFrame, pd.DataFrame]:
     return sides[0], sides[1]
 
 
-def sets_of(found: Calibration) -> dict[str, RigParameters]:
-    """The sets by name; the essential pose goes into a 2D file, for it has none of its own."""
-    matching = found.parameters("2d")
-    essential = replace(matching, pose=found.methods["essential"].pose)
-    return {"2d": matching, "3d": found.parameters("3d"), "essential": essential}
-
-
-@pytest.fixture(scope="module")
-def sets(request: pytest.FixtureRequest) -> list[dict[str, RigParameters]]:
-    data = request.getfixturevalue("recordings")
+@pytest.fixture(
+    scope="module",
+    params=[SEEDS[0], *(pytest.param(seed, marks=pytest.mark.soak) for seed in SEEDS[1:])],
+)
+def sets(request: pytest.FixtureRequest) -> dict[str, RigParameters]:
+    """With each seed of the search; all of them give the same to the digits that are tested."""
+    data: Dataset = request.getfixturevalue("recordings")
     frames = data.correspondences.frames
     even = data.of_frames(frames[frames % 2 == 0])
-    return [
-        sets_of(calibrate(even, CalibrationSettings(search=SearchSettings(seed=seed))))
-        for seed in SEEDS
-    ]
+    found = calibrate(even, CalibrationSettings(search=SearchSettings(seed=request.param)))
+    return {"2d": found.parameters("2d"), "3d": found.parameters("3d")}
 
 
 def share_right(
@@ -65,22 +59,19 @@ def share_right(
     return float((pairs["marker_primary"] == pairs["marker_secondary"]).sum() / len(markers[0]))
 
 
-@pytest.mark.parametrize("seed", SEEDS)
 def test_the_2d_set_finds_the_pairs(
-    markers: tuple[pd.DataFrame, pd.DataFrame], sets: list[dict[str, RigParameters]], seed: int
+    markers: tuple[pd.DataFrame, pd.DataFrame], sets: dict[str, RigParameters]
 ) -> None:
-    right = {name: share_right(rig, markers, 50.0) for name, rig in sets[seed].items()}
-    # Measured: 100 % with the 2D set and the essential pose, 89.1 to 99.0 % with the 3D set.
+    right = {name: share_right(rig, markers, 50.0) for name, rig in sets.items()}
+    # Measured: 100 % with the 2D set, 89.1 to 99.0 % with the 3D set.
     assert right["2d"] >= 0.995
     assert right["3d"] < right["2d"]
-    assert share_right(sets[seed]["2d"], markers, 5.0) >= 0.995
 
 
-@pytest.mark.parametrize("seed", SEEDS)
 def test_a_threshold_from_the_points(
-    markers: tuple[pd.DataFrame, pd.DataFrame], sets: list[dict[str, RigParameters]], seed: int
+    markers: tuple[pd.DataFrame, pd.DataFrame], sets: dict[str, RigParameters]
 ) -> None:
-    pairs = match(sets[seed]["2d"], *markers, threshold_px="auto")
+    pairs = match(sets["2d"], *markers, threshold_px="auto")
     right = pairs["marker_primary"] == pairs["marker_secondary"]
     # Measured: 100 % found, 100 % of those right, at 2.5 px.
     assert right.sum() / len(markers[0]) >= 0.995
@@ -101,15 +92,15 @@ def mean_errors(rig: RigParameters, pairs: pd.DataFrame) -> dict[tuple[str, str]
     return errors
 
 
-@pytest.mark.parametrize("seed", SEEDS)
 def test_the_3d_set_measures_what_the_2d_set_matched(
-    markers: tuple[pd.DataFrame, pd.DataFrame], sets: list[dict[str, RigParameters]], seed: int
+    markers: tuple[pd.DataFrame, pd.DataFrame], sets: dict[str, RigParameters]
 ) -> None:
-    pairs = match(sets[seed]["2d"], *markers, threshold_px=5.0)
+    pairs = match(sets["2d"], *markers, threshold_px=5.0)
     pairs = pairs[pairs["marker_primary"] == pairs["marker_secondary"]]
-    errors = mean_errors(sets[seed]["3d"], pairs)
+    assert len(pairs) >= 0.995 * len(markers[0])
+    errors = mean_errors(sets["3d"], pairs)
     # Measured: 0.43 to 0.44 %, 0.28 to 0.29 %, 0.24 to 0.25 %; with the 2D set 1.2 %.
-    assert min(mean_errors(sets[seed]["2d"], pairs).values()) > 0.01
+    assert min(mean_errors(sets["2d"], pairs).values()) > 0.01
     assert errors["A", "M"] <= 0.005
     assert errors["M", "B"] <= 0.0035
     assert errors["A", "B"] <= 0.0025

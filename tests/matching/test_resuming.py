@@ -33,7 +33,6 @@ from stereocal.matching.blocks import pack_block, unpack_block
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import RigParameters
-from stereocal.system.photograph import read_photograph
 from tests import known_rig as rig
 from tests import lens as lens_scene
 from tests.projects.test_parts import same_detections, same_runs
@@ -149,24 +148,22 @@ def test_runs_of_other_data_or_settings_are_not_used(
     assert executor.tasks == 2
 
 
-def test_targets_in_photographs(
-    executor: Counting, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_targets_in_photographs(executor: Counting, tmp_path: Path) -> None:
     missing = tmp_path / "none.png"
     paths = [*sorted((SAMPLES / "primary").iterdir())[:5], missing]
-    monkeypatch.setattr("stereocal.frames.series.AHEAD", 2)
-    whole = detect_series(paths, read_photograph, executor)
+    photographs = {path.name: path for path in paths}
+    whole = detect_series(photographs, executor)
     stop, parts = StopAt(2), Parts(pack_detection, unpack_detection)
-    found = detect_series(paths, read_photograph, executor, stop.progress, stop.cancelled, parts)
+    found = detect_series(photographs, executor, stop.progress, stop.cancelled, parts)
     assert found is None
     finished = len(parts)
     assert 2 <= finished < 6
     executor.tasks = 0
-    again = detect_series(paths, read_photograph, executor, pieces=parts)
+    again = detect_series(photographs, executor, pieces=parts)
     assert executor.tasks == 6 - finished
     assert whole is not None and again is not None
-    assert all(same_detections(a, b) for a, b in zip(whole, again, strict=True))
-    assert again[-1].reason == "unreadable"
+    assert all(same_detections(whole[name], again[name]) for name in photographs)
+    assert again[missing.name].reason == "unreadable"
     assert parts.get(missing.name) is None
 
 
@@ -239,14 +236,13 @@ def test_matching_and_measuring(
     whole = apply_sets(work, tables, folders[1], executor=executor)
     every, executor.tasks = executor.tasks, 0
     parts = Parts(pack_block, unpack_block)
-    calls = iter(range(10_000))
+    stop = StopAt(600)  # all 400 frames are matched, and some of the pairs measured
+
+    def begin(_: str) -> None:
+        stop.done = 0
+
     stopped = apply_sets(
-        work,
-        tables,
-        folders[2],
-        cancelled=lambda: next(calls) > 402,
-        executor=executor,
-        pieces=parts,
+        work, tables, folders[2], begin, stop.progress, stop.cancelled, executor, parts
     )
     assert stopped is None
     assert list(folders[2].iterdir()) == [folders[2] / PAIRS]

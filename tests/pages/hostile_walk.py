@@ -11,9 +11,9 @@ from streamlit.testing.v1 import AppTest
 from stereocal.formats.dataset_files import pack_dataset
 from stereocal.projects.project import Project
 from stereocal.ui.frame import TITLES
-from tests.hostile import readers
-from tests.hostile_mutations import from_nothing, mutated
 from tests.hostile_projects import dataset
+from tests.soak.mutations import from_nothing, mutated
+from tests.soak.readers import readers
 
 APP = str(Path(__file__).parents[2] / "app.py")
 SLOW_S = 120

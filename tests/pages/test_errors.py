@@ -92,7 +92,8 @@ def test_same_numbers_under_another_name_are_not_shared() -> None:
 
 
 CACHES = {
-    "jobs._pool": "threads; work and answers go by the project's id",
+    "jobs.pool": "threads, which know no project",
+    "jobs._cluster": "threads of a cluster, which know no project",
     "jobs._jobs": "by the project's id",
     "screening._screened": "by all numbers, the name, the notes and the settings",
     "uploads.watch_uploads": "by the session's id, which the server gives out",

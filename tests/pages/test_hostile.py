@@ -9,6 +9,7 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereocal.system.guarded import Guard
+from tests.deadly import ALL_ABORT
 from tests.pages.hostile_walk import APP, DOORS, SLOW_S, Door, begun, give, hostile, tracebacks
 from tests.pages.test_pages import messages
 
@@ -25,8 +26,8 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.fixture
 def deadly(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Every decoder crashes in the child that tries it."""
-    guard = Guard("tests.deadly_decoders")
-    for module in ("intake", "apply", "projects", "validation"):
+    guard = Guard(ALL_ABORT)
+    for module in ("intake", "apply", "projects"):
         monkeypatch.setattr(f"stereocal.ui.{module}.server_guard", lambda: guard)
     yield
     guard.close()
@@ -55,14 +56,14 @@ def test_an_address_that_is_none(address: str, home: Path) -> None:
     [
         number
         for number, door in enumerate(DOORS)
-        if door.reader.startswith(("camera", "photo", "Parquet", "data set", "project"))
+        if door.reader.startswith(("photo", "Parquet", "project"))
     ],
 )
 def test_a_file_that_crashes_its_decoder(number: int, home: Path, deadly: None) -> None:
     assert deadly is None
     door, project = DOORS[number], begun(home)
     before = project.dataset
-    from tests.hostile import readers
+    from tests.soak.readers import readers
 
     app = AppTest.from_file(APP, default_timeout=SLOW_S)
     app.query_params["project"] = project.id

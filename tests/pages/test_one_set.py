@@ -33,7 +33,7 @@ def test_answers_and_follows_the_form(app: AppTest, home: Path) -> None:
     one_set(app)
     assert "One refined set does both jobs" in messages(app)
     assert "Nothing that was typed or measured disagrees" not in messages(app)
-    assert "how well these are known was not stated" in messages(app)
+    assert "cannot be detected" in messages(app)
     assert "From 100 random splits, 20 frames fitted" in text(app)
     evaluation = project.evaluation
     assert evaluation is not None and evaluation.settings.refined is not None

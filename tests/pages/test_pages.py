@@ -68,14 +68,14 @@ def test_sample_to_result_and_back_in_a_new_session(app: AppTest, home: Path) ->
     assert "No result yet" in messages(app)
     app.slider(key="calibration_frames").set_value(20).run()
     app.button(key="run").click().run()
-    assert "5 frames that took no part in the fit" in messages(app)
+    assert "5 frames that were not used for the fit" in messages(app)
     result = project_of(app, home).calibration
     assert result is not None and len(result.frames) == 20
 
     again = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW)
     again.query_params["project"] = app.session_state["project_id"]
     again.run().switch_page("pages/calibrate.py").run()
-    assert "5 frames that took no part in the fit" in messages(again)
+    assert "5 frames that were not used for the fit" in messages(again)
     assert again.slider(key="calibration_frames").value == 20
 
 

@@ -93,7 +93,7 @@ def test_a_job_that_waits_shows_how_far_it_is(compiling: Compiling) -> None:
     def script(show: object, job: object) -> None:
         show(job, "")  # type: ignore[operator]
 
-    job = jobs.Job(("runs",), jobs.pool("nobody"))
+    job = jobs.Job(("runs",), jobs.pool())
     app = AppTest.from_function(script, default_timeout=LONGEST_S, args=(jobs._show_bars, job))
     (bar,) = app.run().get("progress")
     assert "12 of 98" in bar.proto.text

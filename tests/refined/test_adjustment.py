@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
 from stereocal.refined import adjustment, bar_fit, distortion
-from stereocal.refined.adjustment import sums
+from stereocal.refined.adjustment import sum_normal_equations
 from stereocal.refined.bar_fit import (
     ALL,
     BAR,
@@ -29,13 +29,16 @@ from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import fill_pose
 from tests import known_rig as rig
-from tests.machine_code import machine_code
+from tests.rig.machine_code import machine_code
 
 backward, factor = machine_code(decompositions.backward), machine_code(decompositions.factor)
 forward, loss = machine_code(decompositions.forward), machine_code(adjustment.loss)
-fill_motions, residuals_of = machine_code(bar_fit.fill_motions), machine_code(bar_fit.residuals_of)
-shared_slopes = machine_code(bar_fit.shared_slopes)
-bend = machine_code(distortion.bend)
+fill_motions, fill_residuals = (
+    machine_code(bar_fit.fill_motions),
+    machine_code(bar_fit.fill_residuals),
+)
+fill_shared_derivatives = machine_code(bar_fit.fill_shared_derivatives)
+distort = machine_code(distortion.distort)
 
 LENSES = {
     "five": [-0.21, 0.17, 0.0009, -0.0013, -0.06],
@@ -63,14 +66,14 @@ def frame_of(q: FloatArray, x: FloatArray, pixels: FloatArray) -> tuple[FloatArr
     fill_motions(q, R, motions)
     slopes, J = np.empty((8, 4)), np.empty((ALL + 1, RESIDUALS))
     lenses = lenses_of(rig.dataset(5))
-    s = residuals_of(q, R, T, lenses, pixels, rig.BAR_M, 4.0, 900.0, x, slopes, J)
-    shared_slopes(R, motions, pixels, rig.BAR_M, 4.0, 900.0, x, slopes, J)
+    s = fill_residuals(q, R, T, lenses, pixels, rig.BAR_M, 4.0, 900.0, x, slopes, J)
+    fill_shared_derivatives(R, motions, pixels, rig.BAR_M, 4.0, 900.0, x, slopes, J)
     assert s == pytest.approx(float(J[ERRORS] @ J[ERRORS]), rel=1e-12)
     return J[ERRORS], J[:ALL]
 
 
 def bending(camera: Camera) -> FloatArray:
-    """The lens as `bend` reads it."""
+    """The lens as `distort` reads it."""
     return np.array([[0.0, *lens_terms(camera)]])
 
 
@@ -78,7 +81,7 @@ def bending(camera: Camera) -> FloatArray:
 def test_bend_is_opencvs_model(name: str) -> None:
     camera = Camera(np.eye(3), np.array(LENSES[name]), (100, 100))
     points = np.random.default_rng(1).uniform(-0.5, 0.5, (50, 2))
-    mine = np.array([bend(x, y, bending(camera), 0)[:2] for x, y in points])
+    mine = np.array([distort(x, y, bending(camera), 0)[:2] for x, y in points])
     # OpenCV's projectPoints of the same model; measured: 1.1e-16.
     np.testing.assert_allclose(mine, camera.distort(points), rtol=0, atol=1e-13)
 
@@ -88,11 +91,15 @@ def test_slopes_of_bend(name: str) -> None:
     terms = bending(Camera(np.eye(3), np.array(LENSES[name]), (100, 100)))
     for x, y in np.random.default_rng(2).uniform(-0.5, 0.5, (20, 2)):
         h = 1e-6
-        along_x = (np.array(bend(x + h, y, terms, 0)[:2]) - bend(x - h, y, terms, 0)[:2]) / (2 * h)
-        along_y = (np.array(bend(x, y + h, terms, 0)[:2]) - bend(x, y - h, terms, 0)[:2]) / (2 * h)
+        along_x = (np.array(distort(x + h, y, terms, 0)[:2]) - distort(x - h, y, terms, 0)[:2]) / (
+            2 * h
+        )
+        along_y = (np.array(distort(x, y + h, terms, 0)[:2]) - distort(x, y - h, terms, 0)[:2]) / (
+            2 * h
+        )
         # Central differences of step 1e-6: 1e-10 of rounding.
         expected = [along_x[0], along_y[0], along_x[1], along_y[1]]
-        np.testing.assert_allclose(bend(x, y, terms, 0)[2:], expected, atol=1e-8)
+        np.testing.assert_allclose(distort(x, y, terms, 0)[2:], expected, atol=1e-8)
 
 
 @given(seed=rig.SEEDS)
@@ -126,12 +133,12 @@ def test_an_unseen_target_and_one_behind_a_camera() -> None:
     fill_motions(q, R, motions)
     slopes, J = np.empty((8, 4)), np.empty((ALL + 1, RESIDUALS))
     lenses = lenses_of(rig.dataset(5))
-    residuals_of(q, R, T, lenses, pixels, np.nan, 1.0, 0.0, x, slopes, J)
-    shared_slopes(R, motions, pixels, np.nan, 1.0, 0.0, x, slopes, J)
+    fill_residuals(q, R, T, lenses, pixels, np.nan, 1.0, 0.0, x, slopes, J)
+    fill_shared_derivatives(R, motions, pixels, np.nan, 1.0, 0.0, x, slopes, J)
     assert J[:, :4].any()
     assert not J[:, 4:].any()
     x[2] = -1.0
-    s = residuals_of(q, R, T, lenses, pixels, np.nan, 1.0, 0.0, x, slopes, J)
+    s = fill_residuals(q, R, T, lenses, pixels, np.nan, 1.0, 0.0, x, slopes, J)
     assert s == np.inf
 
 
@@ -183,7 +190,9 @@ def test_the_result_is_scipys_of_the_whole_problem() -> None:
         found = [z[:k][free] / unknowns.sigma[free]]
         for f, x in enumerate(z[k:].reshape(-1, OWN)):
             slopes, J = np.empty((8, 4)), np.empty((ALL + 1, RESIDUALS))
-            residuals_of(q, R, T, lenses, solve.pixels[f], rig.BAR_M, 1 / 0.3, 1000.0, x, slopes, J)
+            fill_residuals(
+                q, R, T, lenses, solve.pixels[f], rig.BAR_M, 1 / 0.3, 1000.0, x, slopes, J
+            )
             found.append(J[ERRORS])
         return np.concatenate(found)
 
@@ -208,7 +217,7 @@ def test_left_out_frames_have_no_say() -> None:
     for limits in (np.where(np.arange(10) < 6, np.inf, 0.0), np.full(6, np.inf)):
         n = len(limits)
         H, g = np.empty((SHARED, SHARED)), np.empty(SHARED)
-        cost = sums(
+        cost = sum_normal_equations(
             unknowns.origin, solve.lenses, solve.pixels[:n], solve.rays[:n], solve.distances[:n],
             5.0, 100.0, limits, np.full((n, OWN), np.nan), np.empty(n), H, g,
         )  # fmt: skip

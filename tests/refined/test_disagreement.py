@@ -11,7 +11,7 @@ from benchmarks.refined_rigs import Misjudged, random_scene, stated
 from benchmarks.refined_truth import accusations
 from stereocal.refined.disagreement import ACCUSED, _as_normal, what_disagrees
 from stereocal.refined.refine import refine
-from stereocal.refined.stated_inputs import what_could_not_be_told
+from stereocal.refined.stated_inputs import undetectable_errors
 from stereocal.refined.unknowns import FIXED_LENS, LensPrior, RefineSettings
 from stereocal.rig.dataset import Dataset
 from tests import known_rig as rig
@@ -104,15 +104,15 @@ def test_a_wrong_focal_length_does_not_free_both_lengths() -> None:
 
 def test_what_nobody_stated_is_asked_for() -> None:
     data = rig.dataset(25, 0.2)
-    asked = what_could_not_be_told(what_disagrees(refine(data)))
+    asked = undetectable_errors(what_disagrees(refine(data)))
     for word in ("baseline", "distance", "focal length", "image centre", "mm", "px"):
         assert word in asked
     stated_all = replace(data, baseline_sigma_m=0.002, target_distance_sigma_m=0.0005)
     settings = RefineSettings(primary=LensPrior(0.003, 5.0), secondary=LensPrior(0.003, 5.0))
     items = what_disagrees(refine(stated_all, settings))
-    assert what_could_not_be_told(items) == ""
+    assert undetectable_errors(items) == ""
     assert all(item.sigma_stated for item in items)
-    assert "focal" not in what_could_not_be_told(what_disagrees(refine(data, settings)))
+    assert "focal" not in undetectable_errors(what_disagrees(refine(data, settings)))
 
 
 def test_an_error_is_noticed_from_the_size_that_is_told() -> None:
@@ -123,7 +123,7 @@ def test_an_error_is_noticed_from_the_size_that_is_told() -> None:
         scene = random_scene(rng)
         sound = stated(scene, rng, replace(KNOWN, baseline_m=0.0, bar_m=0.0))
         fit = refine(sound, KNOWN.settings())
-        noticed = next(i for i in what_disagrees(fit) if i.key == "baseline").noticed[0]
+        noticed = next(i for i in what_disagrees(fit) if i.key == "baseline").detectable[0]
         for part in seen:
             wrong_one = replace(sound, baseline_m=sound.baseline_m + part * noticed)
             items = what_disagrees(refine(wrong_one, KNOWN.settings()))

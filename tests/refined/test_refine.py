@@ -14,7 +14,7 @@ from stereocal.refined.refine import refine
 from stereocal.refined.solve import ASSUMED, ESTIMATED, GIVEN, scatter_of
 from stereocal.refined.unknowns import FIXED_LENS, LensPrior, RefineSettings
 from stereocal.rig.geometry import Angles, Pose
-from stereocal.simulation.simulate import Given, lens_off_by, observe
+from stereocal.simulation.simulate import Nominal, lens_off_by, observe
 from tests import known_rig as rig
 
 KNOWN = Misjudged()
@@ -37,13 +37,13 @@ def test_lenses_off_are_found_again_without_noise() -> None:
     """Lenses off by 0.3 % and 5 px: two frames' worth of priors against 40 exact bars."""
     scene = random_scene(np.random.default_rng(5), 40)
     true = scene.rig
-    given = Given(
+    nominal = Nominal(
         lens_off_by(true.primary, 0.003, (5.0, -4.0)),
         lens_off_by(true.secondary, -0.003, (-3.0, 5.0)),
         true.pose.baseline,
         scene.bar_length_m,
     )
-    data = observe(scene, np.random.default_rng(1), 0.0, "rig", given)
+    data = observe(scene, np.random.default_rng(1), 0.0, "rig", nominal)
     found = refine(data)
     # Measured: 0.003 px and 7e-7 rad: the priors pull a little.
     np.testing.assert_allclose(found.primary.K, true.primary.K, atol=0.05)
@@ -97,7 +97,7 @@ def test_some_rows_are_as_a_data_set_of_these_rows() -> None:
     some = refine(data, rows=rows)
     alone = refine(replace(data, correspondences=table.where(rows)))
     np.testing.assert_array_equal(some.q, alone.q)
-    np.testing.assert_array_equal(some.misfits, alone.misfits)
+    np.testing.assert_array_equal(some.chi_squares, alone.chi_squares)
     assert some.frames.tolist() == alone.frames.tolist()
 
 
@@ -106,8 +106,8 @@ def test_single_targets_and_no_bar_at_all() -> None:
     rows = data.correspondences
     mixed = replace(data, correspondences=rows.where((rows.target == 0) | (rows.frame % 2 == 0)))
     found = refine(mixed)
-    assert found.freedom.tolist() == [1, 3] * 20
-    assert np.isnan(found.places_m[0, 1]).all()
+    assert found.degrees_of_freedom.tolist() == [1, 3] * 20
+    assert np.isnan(found.points_m[0, 1]).all()
     assert turned(found.pose, rig.RIG) < 5 * np.sqrt(found.covariance[:3, :3].trace())
     alone = refine(replace(data, correspondences=rows.where(rows.target == 0)))
     assert "bar" not in alone.unknowns.names
@@ -144,9 +144,9 @@ BAR_AND_BASELINE = ([5, 6], [5, 6])
     [
         (lambda: LensPrior(focal=-0.1), "must be 0"),
         (lambda: LensPrior(centre_px=np.nan), "must be 0"),
-        (lambda: RefineSettings(sigma_px=0.0), "no image point is known exactly"),
+        (lambda: RefineSettings(sigma_px=0.0), "sigma_px is 0"),
         (lambda: RefineSettings(baseline_sigma_m=-1.0), "baseline_sigma_m is -1.0"),
-        (lambda: RefineSettings(loss="huber"), "not known"),  # type: ignore[arg-type]
+        (lambda: RefineSettings(loss="huber"), "huber"),  # type: ignore[arg-type]
         (lambda: RefineSettings(maximum_steps=0), "at least 1"),
     ],
 )
@@ -163,7 +163,7 @@ def test_what_it_refuses() -> None:
     rows = data.correspondences
     mixed = np.random.default_rng(0).permutation(len(rows))
     nonsense = replace(data, correspondences=replace(rows, secondary=rows.secondary[mixed]))
-    with pytest.raises(StereocalError, match="no position of the cameras that fits"):
+    with pytest.raises(StereocalError, match="no pose of the cameras that fits"):
         refine(nonsense)
 
 

@@ -13,14 +13,14 @@ from benchmarks.ordinary_path import rig as random_rig
 from benchmarks.ordinary_path import with_frames_exchanged, with_points_off
 from benchmarks.refined_truth import turned
 from stereocal.calibration.methods import CalibrationSettings
-from stereocal.calibration.readings import LENGTHS_AGREE, fit_of
+from stereocal.calibration.wrong_inputs import LENGTH_TOLERANCE, essential_fit
 from stereocal.cli import main
 from stereocal.errors import StereocalError
 from stereocal.figures.tables import left_out_line, why_not_trusted
 from stereocal.formats.dataset_files import pack_dataset
 from stereocal.projects.calibration_files import pack_calibration, unpack_calibration
-from stereocal.refined.blame import why_nothing_fits
-from stereocal.refined.screening import FEWEST_FRAMES, screen
+from stereocal.refined.diagnosis import explain_failure
+from stereocal.refined.screening import MINIMUM_FRAMES, screen
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import RigParameters
@@ -40,7 +40,7 @@ def exchanged() -> Dataset:
 def test_sound_frames_stay() -> None:
     found = screen(rig.dataset(25, noise_px=0.2))
     assert found.left_out == ()
-    assert found.dataset is found.given
+    assert found.dataset is found.full_dataset
     assert found.share == 0.0
 
 
@@ -100,7 +100,7 @@ def test_a_wrong_input_is_not_taken_for_bad_frames() -> None:
 
 
 def test_few_frames_cannot_contradict_each_other(exchanged: Dataset) -> None:
-    found = screen(exchanged.of_frames(range(1, FEWEST_FRAMES)))
+    found = screen(exchanged.of_frames(range(1, MINIMUM_FRAMES)))
     assert found.left_out == ()
     assert found.fit is None
 
@@ -133,8 +133,8 @@ def test_a_bad_frame_among_them_is_named_before_any_length() -> None:
     secondary = sound.correspondences.secondary.copy()
     secondary[8] += 15.0
     data = replace(sound, correspondences=replace(sound.correspondences, secondary=secondary))
-    assert fit_of(data).spread < LENGTHS_AGREE
-    said = why_nothing_fits(data, screen(data).fit)
+    assert essential_fit(data).spread < LENGTH_TOLERANCE
+    said = explain_failure(data, screen(data).fit)
     assert "(5)" in said
     assert "baseline" not in said
 
@@ -204,7 +204,7 @@ def test_uncertainties_on_the_command_line(
     assert main([*common, "--baseline-sigma", "0.005", "--distance-sigma", "0.0005"]) == 0
     said = capsys.readouterr().out
     assert "of the baseline up to" not in said
-    assert "Baseline and distance between the targets do not go together" in said
+    assert "Baseline and distance between the targets contradict each other" in said
     assert main([*common, "--baseline-sigma", "-1"]) == 2
 
 

@@ -13,7 +13,7 @@ from stereocal.refined.uncertainty import (
     accuracy_map,
     distance_sigmas,
     in_view,
-    length_slopes,
+    length_jacobian,
     point_covariances,
     standard_errors,
 )
@@ -30,21 +30,26 @@ def result() -> RefinedResult:
     return refine(rig.dataset(25, 0.2))
 
 
-def test_68_percent_intervals_hold_the_truth() -> None:
+@pytest.mark.parametrize("rigs", [100, pytest.param(400, marks=pytest.mark.soak)])
+def test_68_percent_intervals_hold_the_truth(rigs: int) -> None:
     """Angles, baseline and a held-out distance; all inputs drawn from their priors."""
-    z = deviations(200, KNOWN, KNOWN.settings(), seed=5)
+    z = deviations(rigs, KNOWN, KNOWN.settings(), seed=5)
     shares = (np.abs(z) <= 1).mean(axis=0)
-    # 200 rigs: a standard error of 3.3 %; three of them. With 1,000: 64.9 to 68.7 %.
-    assert (np.abs(shares - 0.683) < 0.10).all(), shares
-    assert (np.abs(z.mean(axis=0)) < 0.25).all()
+    # Of 100 rigs 4.7 % of standard error, of 400 2.3 %; three of them. Intervals half as wide would
+    # hold 38 %. With 1,000: 67.5 to 73 %.
+    assert (np.abs(shares - 0.683) < 3 * np.sqrt(0.683 * 0.317 / rigs)).all(), shares
+    assert (np.abs(z.mean(axis=0)) < 3.5 / np.sqrt(rigs)).all()
 
 
-def test_errors_are_near_the_cramer_rao_bound() -> None:
+@pytest.mark.parametrize("rigs", [60, pytest.param(200, marks=pytest.mark.soak)])
+def test_errors_are_near_the_cramer_rao_bound(rigs: int) -> None:
     exact = Misjudged(focal=0.0, centre_px=0.0)
-    rotation, length = over_bound(100, exact, fixed_lenses(exact.settings()), seed=1)
-    # 100 rigs: a standard error of 7 %; two of them on top of 1.1. With 400: 0.98 and 1.00.
-    assert rotation < 1.24
-    assert length < 1.24
+    rotation, length = over_bound(rigs, exact, fixed_lenses(exact.settings()), seed=1)
+    # A standard error of 0.7 / sqrt(rigs): 9 % of 60; two of them on top of 1.1. With 400: 0.98
+    # and 1.00.
+    most = 1.1 + 1.4 / np.sqrt(rigs)
+    assert rotation < most
+    assert length < most
 
 
 def test_standard_errors_are_named_in_their_units(result: RefinedResult) -> None:
@@ -66,7 +71,7 @@ def test_slopes_of_a_distance_are_those_of_finite_differences(result: RefinedRes
     """By a change of the angles and of the baseline, at a fixed pair of pixels."""
     ends = rig.bar_ends(6, seed=3)
     a, b = ends[0::2], ends[1::2]
-    slopes = length_slopes(result, a, b)
+    slopes = length_jacobian(result, a, b)
     both = np.concatenate([a, b])
     primary, secondary = (
         result.primary.undistort(result.primary.project(both)),
@@ -132,6 +137,6 @@ def test_the_map_covers_the_common_view(result: RefinedResult) -> None:
     np.testing.assert_array_equal(np.isfinite(found.point_m).ravel(), seen)
     assert 20 < seen.sum() < len(seen)
     assert (found.point_m[np.isfinite(found.point_m)] > 0).all()
-    assert found.z_m.max() > np.nanmax(result.places_m[..., 2])
+    assert found.z_m.max() > np.nanmax(result.points_m[..., 2])
     with pytest.raises(StereocalError, match="at least 2"):
         accuracy_map(result, 1)

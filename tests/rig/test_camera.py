@@ -75,7 +75,7 @@ class TestThereAndBack:
         rays = SECONDARY.undistort(grid())
         expected = np.column_stack([rays, np.ones(len(rays))]) @ SECONDARY.K.T
         np.testing.assert_allclose(
-            SECONDARY.undistort_to_pixels(grid()), expected[:, :2], rtol=1e-14
+            SECONDARY.undistort_to_pixels(grid()), expected[:, :2], rtol=1e-13
         )
 
     def test_no_points_are_no_error(self) -> None:
@@ -110,7 +110,7 @@ class TestProject:
     def test_without_a_lens_it_is_K_alone(self) -> None:
         homogeneous = self.points @ K.T
         np.testing.assert_allclose(
-            camera_with(0).project(self.points), homogeneous[:, :2] / homogeneous[:, 2:], rtol=1e-14
+            camera_with(0).project(self.points), homogeneous[:, :2] / homogeneous[:, 2:], rtol=1e-13
         )
 
     @pytest.mark.parametrize("coefficients", [0, 5])
@@ -185,7 +185,7 @@ class TestRefusals:
     @pytest.mark.parametrize("key", ["K", "distortion", "image_size"])
     def test_json_without_a_key(self, key: str) -> None:
         data = {name: value for name, value in PRIMARY.to_json().items() if name != key}
-        with pytest.raises(StereocalError, match=f"here: the camera lacks {key}"):
+        with pytest.raises(StereocalError, match=f"here: the camera has no {key}"):
             Camera.from_json(data, "here")
 
     @pytest.mark.parametrize(

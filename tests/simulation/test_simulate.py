@@ -26,7 +26,7 @@ from stereocal.simulation.simulate import (
     FIELD_DEPTHS_M,
     FIELD_NOISE_PX,
     MARGIN_PX,
-    Given,
+    Nominal,
     Scene,
     field_rig,
     lens_off_by,
@@ -276,9 +276,9 @@ def test_wrong_lenses_part_the_two_tasks() -> None:
 
 def test_given_values_are_apart_from_the_truth() -> None:
     scene, exact = exact_field(0)
-    given = replace(Given.exact(scene), baseline_m=4.51, target_distance_m=0.902)
-    given = replace(given, primary=lens_off_by(given.primary, 0.01, (1.0, -2.0)))
-    seen = observe(scene, np.random.default_rng(0), 0.0, "misread", given)
+    nominal = replace(Nominal.exact(scene), baseline_m=4.51, target_distance_m=0.902)
+    nominal = replace(nominal, primary=lens_off_by(nominal.primary, 0.01, (1.0, -2.0)))
+    seen = observe(scene, np.random.default_rng(0), 0.0, "misread", nominal)
     assert np.array_equal(seen.correspondences.primary, exact.correspondences.primary)
     assert (seen.baseline_m, seen.target_distance_m) == (4.51, 0.902)
     np.testing.assert_allclose(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import os
 import signal
 import subprocess
@@ -16,9 +17,9 @@ import numpy as np
 import pytest
 
 from stereocal.errors import StereocalError
-from stereocal.formats.camera_file import write_camera, write_opencv_camera
 from stereocal.system.guarded import Guard
-from tests.known_rig import PRIMARY
+from stereocal.ui.decoding import READERS, server_guard
+from tests import deadly
 
 SLOW = 60.0
 """Seconds that nothing takes unless it hangs, on a busy machine either."""
@@ -26,7 +27,7 @@ SLOW = 60.0
 
 @pytest.fixture(scope="module")
 def guard() -> Iterator[Guard]:
-    made = Guard("tests.deadly", least_seconds=SLOW)
+    made = Guard(deadly.READERS, least_seconds=SLOW)
     yield made
     made.close()
 
@@ -42,7 +43,6 @@ def file(tmp_path: Path) -> Path:
     ("kind", "sentence"),
     [
         ("abort", "makes its decoder fail"),
-        ("exit", "makes its decoder fail"),
         ("raise", "makes its decoder fail"),
         ("hang", "takes too long to be decoded, more than 1 s"),
         ("spin", "takes too long to be decoded, more than 1 s"),
@@ -52,32 +52,32 @@ def file(tmp_path: Path) -> Path:
 def test_a_deadly_file_leaves_a_sentence_and_the_next_one_is_read(
     guard: Guard, file: Path, kind: str, sentence: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for _ in range(2):  # it is not remembered as sound
-        with (
-            monkeypatch.context() as patch,
-            pytest.raises(StereocalError, match=f"^left.png: the file {sentence}.*save it anew"),
-        ):
-            if kind in ("hang", "spin"):
-                patch.setattr(guard, "_least_seconds", 1.0)
-            guard.check(kind, file, "left.png")
-        guard.check("print", file, "left.png")
-        guard.check("fine", file, "left.png")
+    with (
+        monkeypatch.context() as patch,
+        pytest.raises(StereocalError, match=f"^left.png: the file {sentence}.*save it anew"),
+    ):
+        if kind in ("hang", "spin"):
+            patch.setattr(guard, "_least_seconds", 1.0)
+        guard.check(kind, file, "left.png")
+    guard.check("fine", file, "left.png")
 
 
-def test_a_damaged_file_is_survived_and_a_sound_one_tried_once(guard: Guard, file: Path) -> None:
+def test_a_damaged_file_is_survived(
+    guard: Guard, file: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
     guard.check("refuse", file, "a")
-    for _ in range(3):
-        guard.check("count", file, "a")
-    other = file.with_name("b.bin")
-    other.write_bytes(file.read_bytes())
-    guard.check("count", other, "a")
-    assert file.with_suffix(".count").read_text() == "x"
-    assert not other.with_suffix(".count").exists()
-    other.write_bytes(b"another content")
-    guard.check("count", other, "a")
-    assert other.with_suffix(".count").read_text() == "x"
+    guard.check("print", file, "a")
+    assert capfd.readouterr() == ("", "")
     with pytest.raises(StereocalError, match="gone cannot be read"):
         guard.check("fine", file.with_name("none"), "gone")
+
+
+def test_children_that_were_killed_are_started_again(guard: Guard, file: Path) -> None:
+    for _ in range(3):
+        guard.check("fine", file, "a")
+        for child in multiprocessing.active_children():
+            child.kill()
+    guard.check("fine", file, "a")
 
 
 def test_a_slow_file_does_not_hold_up_the_others(guard: Guard, file: Path) -> None:
@@ -93,9 +93,15 @@ def test_a_slow_file_does_not_hold_up_the_others(guard: Guard, file: Path) -> No
     assert not slow.is_alive()
 
 
-def test_a_server_that_can_start_no_process_says_so(file: Path) -> None:
+def test_a_server_that_can_start_no_process_says_so(
+    file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(*_: object) -> None:
+        raise OSError(11, "Resource temporarily unavailable")
+
+    monkeypatch.setattr("multiprocessing.context.SpawnProcess.start", fails)
     with pytest.raises(StereocalError, match="cannot start the process that tries files"):
-        Guard("tests.no_such_module").check("fine", file, "a")
+        Guard(deadly.READERS).check("fine", file, "a")
 
 
 def test_many_at_once(guard: Guard, tmp_path: Path) -> None:
@@ -110,15 +116,11 @@ def test_many_at_once(guard: Guard, tmp_path: Path) -> None:
 
 
 SERVER = """
-import sys, threading
+import sys
 from pathlib import Path
 from stereocal.system.guarded import Guard
-guard = Guard("tests.deadly", least_seconds=60)
-guard.check("fine", Path(sys.argv[1]), "a")
-child = guard._free.get()
-print(child._process.pid, flush=True)
-guard._free.put(child)
-guard.check(sys.argv[2], Path(sys.argv[1]), "a")
+from tests import deadly
+Guard(deadly.READERS, least_seconds=1).check(sys.argv[2], Path(sys.argv[1]), "a")
 """
 
 
@@ -126,16 +128,14 @@ guard.check(sys.argv[2], Path(sys.argv[1]), "a")
 @pytest.mark.parametrize("kind", ["hang", "spin"])
 def test_the_child_ends_with_a_server_that_is_killed(file: Path, kind: str) -> None:
     server = subprocess.Popen(
-        [sys.executable, "-c", SERVER, str(file), kind],
-        stdout=subprocess.PIPE, text=True, cwd=Path(__file__).parents[2],
-    )  # fmt: skip
-    assert server.stdout is not None
-    child = int(server.stdout.readline())
-    wait_until(file.with_suffix(".begun").exists)
+        [sys.executable, "-c", SERVER, str(file), kind], cwd=Path(__file__).parents[2]
+    )
+    begun = file.with_suffix(".begun")
+    wait_until(lambda: begun.exists() and begun.read_text() != "")
+    child = int(begun.read_text())
     os.kill(child, 0)
     server.send_signal(signal.SIGKILL)
     server.wait()
-    server.stdout.close()
     wait_until(lambda: not _runs(child))
 
 
@@ -169,29 +169,40 @@ def test_the_real_readers_in_the_child(tmp_path: Path) -> None:
         "e.bmp": cv2.imencode(".bmp", grey)[1].tobytes(),
     }
     contents |= {f"cut_{name}": content[:-2000] for name, content in contents.items()}
-    guard = Guard(children=1)
+    guard = Guard(READERS, children=1)
     files = {}
     for name, content in contents.items():
         files[name] = tmp_path / name
         files[name].write_bytes(content)
-    assert guard.refused("photograph", files) == {}
-    for content in (write_camera(PRIMARY), write_opencv_camera(PRIMARY), b"%YAML:1.0\n--- ["):
-        guard.check_content("camera", content, "camera.yml")
-    guard.check_content("dataset", b"PK\x05\x06", "a.zip")
-    guard.check_content("table", b"PAR1 is none", "a.parquet", ".parquet")
-    guard.close()
+    try:
+        assert guard.refused("photograph", files) == {}
+        guard.check_content("table", b"PAR1 is none", "a.parquet", ".parquet")
+        guard.check_content("hdf5", b"\x89HDF\r\n\x1a\n", "a.h5")
+    finally:
+        guard.close()
 
 
-def test_a_large_photograph_after_a_small_one(tmp_path: Path) -> None:
+def test_a_large_photograph(tmp_path: Path) -> None:
     done, content = cv2.imencode(".png", np.zeros((50, 60), np.uint8))
     assert done
-    small, large = tmp_path / "small.png", tmp_path / "large.png"
-    small.write_bytes(content.tobytes())
+    large = tmp_path / "large.png"
     large.write_bytes(content.tobytes())
     os.truncate(large, 390_000_000)  # below the largest upload; holes, not data
-    guard = Guard(children=1)
+    guard = Guard(READERS, children=1)
     try:
-        guard.check("photograph", small, "small.png")
         guard.check("photograph", large, "large.png")
     finally:
         guard.close()
+
+
+def test_files_are_tried_on_a_shared_server_only(
+    file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    own = Guard(deadly.READERS, children=0)
+    own.check("abort", file, "a")
+    own.check_content("abort", b"a", "a")
+    assert own.refused("abort", {"a": file}) == {}
+    for shared, children in (("", 0), ("1", 2)):
+        monkeypatch.setenv("STEREOCAL_SHARED", shared)
+        assert server_guard()._children == children
+        assert server_guard() is server_guard()

@@ -138,7 +138,7 @@ def test_tables_of_absurd_width_and_files_of_absurd_length(tmp_path: Path) -> No
         _table(b"frame,u,v" + b",w" * 3000 + b"\n", tmp_path)
     path = tmp_path / "p.json"
     path.write_bytes(b" " * 16_000_001)
-    with pytest.raises(StereocalError, match="too many for a parameter file"):
+    with pytest.raises(StereocalError, match="too large for a parameter file"):
         RigParameters.load(path)
 
 

@@ -14,7 +14,7 @@ from stereocal.refined.solve import lenses_of
 from stereocal.refined.unknowns import RefineSettings, unknowns_of
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import RigParameters
-from stereocal.verdict.paper_costs import fill_errors, slopes_of_errors, straighten
+from stereocal.verdict.paper_costs import fill_errors, fill_jacobian, undistort_rays
 from stereocal.verdict.tradeoff import TradeOff, costs_of, trade_off
 from stereocal.workflow import calibrate
 from tests import known_rig as rig
@@ -42,17 +42,17 @@ def test_slopes_are_those_of_the_errors() -> None:
     n, m, k = len(rows), len(rows.bars), len(unknowns.names)
     rays, slopes = data.rays.copy(), np.empty((n, 2, 4))
     q = unknowns.origin
-    assert straighten(q, lenses, pixels, rays, slopes)
+    assert undistort_rays(q, lenses, pixels, rays, slopes)
     np.testing.assert_allclose(rays, data.rays, atol=1e-12)
     J, steps = np.empty((k, 4 * n + m)), np.full(k, 1e-6)
-    slopes_of_errors(
+    fill_jacobian(
         q, unknowns.M, steps, lenses, pixels, rays, slopes, rows.bars, data.bar_distances_m, J
     )
     for j in range(k):
         sides = []
         for step in (1e-4, -1e-4):
             moved, there = q + step * unknowns.M[:, j], rays.copy()
-            assert straighten(moved, lenses, pixels, there, slopes.copy())
+            assert undistort_rays(moved, lenses, pixels, there, slopes.copy())
             errors = np.empty(4 * n + m)
             fill_errors(moved, lenses, there, rows.bars, data.bar_distances_m, errors)
             sides.append(errors)
@@ -67,7 +67,9 @@ def test_a_lens_that_cannot_be_inverted_is_said() -> None:
     pixels = np.column_stack([rows.primary, rows.secondary])
     q = unknowns_of(data, rig.RIG, RefineSettings()).origin.copy()
     q[7:9] *= 0.02  # rays far beyond the fold of the lens model
-    assert not straighten(q, lenses_of(data), pixels, data.rays.copy(), np.empty((len(rows), 2, 4)))
+    assert not undistort_rays(
+        q, lenses_of(data), pixels, data.rays.copy(), np.empty((len(rows), 2, 4))
+    )
 
 
 def test_costs_are_the_papers(data: Dataset, curves: TradeOff) -> None:

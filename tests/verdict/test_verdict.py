@@ -15,7 +15,7 @@ from stereocal.evaluation.evaluate import EvaluationSettings, evaluate_run, spli
 from stereocal.refined.refine import refine
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.geometry import Angles, Pose
-from stereocal.verdict.verdict import HeldOut, held_out, run_splits, verdict
+from stereocal.verdict.one_or_two_sets import HeldOut, held_out, run_splits, verdict
 from tests import known_rig as rig
 
 
@@ -55,7 +55,7 @@ def test_clear_cases(matching: float, measuring: float, kind: str, words: str) -
     assert answer.matching.low < matching < answer.matching.high
     assert answer.measuring.low < measuring < answer.measuring.high
     assert answer.matching_px[:2] == (0.1, 3.0)
-    assert "where the 3D set has 0.20 %" in answer.text
+    assert "the 3D set with 0.20 %" in answer.text
 
 
 def test_wide_intervals_ask_for_frames() -> None:

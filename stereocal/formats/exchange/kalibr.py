@@ -20,7 +20,7 @@ from stereocal.formats.exchange.options import (
     refuse_skew,
     size_of,
 )
-from stereocal.formats.exchange.yaml_file import read_mapping
+from stereocal.formats.yaml_text import read_yaml
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
@@ -64,7 +64,7 @@ def read_kalibr(files: Mapping[str, bytes], options: ExchangeOptions, source: st
         StereocalError: not two cameras, another lens model, or a number is missing.
     """
     name, text = only_file(files, (".yaml", ".yml"), source)
-    data = read_mapping(text.encode(), name)
+    data = read_yaml(text, name)
     chain = sorted(key for key in data if key.startswith("cam") and key[3:].isdigit())
     if chain != ["cam0", "cam1"]:
         raise StereocalError(

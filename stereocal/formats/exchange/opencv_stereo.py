@@ -18,13 +18,18 @@ from stereocal.formats.exchange.options import (
     size_of,
     text_of,
 )
-from stereocal.formats.file_storage import find_node, lens_model_of, matrix_of, open_storage
+from stereocal.formats.file_storage import (
+    find_node,
+    is_number,
+    lens_model_of,
+    matrix_of,
+    read_storage,
+)
 from stereocal.formats.lens_model import check_lens_model, five_or_more
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
-from stereocal.system.json_text import read_json
 
 NAMES: Mapping[str, tuple[str, ...]] = {
     "M1": ("M1", "K1", "cameraMatrix1", "camera_matrix_1", "CM1"),
@@ -85,7 +90,7 @@ def read_opencv(files: Mapping[str, bytes], options: ExchangeOptions, source: st
     models: list[str | bool] = []
     for name, content in files.items():
         if name.lower().endswith((".yml", ".yaml", ".xml", ".json")):
-            _read_one(text_of(content, name).lstrip(), name, found, sizes, models)
+            _read_one(text_of(content, name), name, found, sizes, models)
     missing = [key for key in NAMES if key not in found]
     if missing:
         raise StereocalError(
@@ -113,24 +118,17 @@ def _read_one(
     sizes: dict[int, Any],
     models: list[str | bool],
 ) -> None:
-    if text.startswith("{"):
-        read_json(text, name)
-    storage = open_storage(text, name)
-    try:
-        for key, known in NAMES.items():
-            node = find_node(storage, known)
-            if node is not None:
-                found[key] = matrix_of(node, key, name)
-        stated = lens_model_of(storage)
-        models += [] if stated is None else [stated]
-        for k in (1, 2):
-            node = find_node(storage, (f"image_size_{k}", "image_size", "imageSize"))
-            if node is not None and node.isSeq() and node.size() == 2:
-                sizes[k] = [node.at(0).real(), node.at(1).real()]
-    except cv2.error as error:
-        raise StereocalError(f"{name}: a matrix in this file is damaged.") from error
-    finally:
-        storage.release()
+    storage = read_storage(text, name)
+    for key, known in NAMES.items():
+        node = find_node(storage, known)
+        if node is not None:
+            found[key] = matrix_of(node, key, name)
+    stated = lens_model_of(storage)
+    models += [] if stated is None else [stated]
+    for k in (1, 2):
+        node = find_node(storage, (f"image_size_{k}", "image_size", "imageSize"))
+        if isinstance(node, list) and len(node) == 2 and all(map(is_number, node)):
+            sizes[k] = node
 
 
 def _row(coefficients: FloatArray) -> FloatArray:

@@ -17,9 +17,10 @@ from stereocal.formats.exchange.options import (
     header,
     numbers,
     size_of,
+    text_of,
 )
-from stereocal.formats.exchange.yaml_file import read_mapping
 from stereocal.formats.lens_model import check_lens_model
+from stereocal.formats.yaml_text import read_yaml
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
@@ -72,7 +73,7 @@ def read_ros(files: Mapping[str, bytes], options: ExchangeOptions, source: str) 
             f"{source}: two camera_info files are wanted, there are {len(fitting)}: give their "
             "folder."
         )
-    read = [(name, read_mapping(content, name)) for name, content in fitting.items()]
+    read = [(name, read_yaml(text_of(content, name), name)) for name, content in fitting.items()]
     projections = [_numbers_of(data, "projection_matrix", (3, 4), name) for name, data in read]
     shifts = [float(np.abs(P[:2, 3]).max()) for P in projections]
     if min(shifts) > 0 or max(shifts) == 0:

@@ -1,10 +1,10 @@
-"""Does this rig need two sets? The answer from random splits, with its uncertainty.
+"""Decide from random splits whether a rig needs two parameter sets, with confidence intervals.
 
-In each run, all methods are fitted to the same frames and tested on the others: the refined set
-against the 2D set in matching (reprojection error of true pairs), and against the 3D set in
-measuring (length error). Runs share frames; the interval of the mean log ratio is that of Nadeau
-and Bengio (Machine Learning 52, 2003), whose variance is (1 / runs + tested / fitted) times the
-variance between runs.
+In each run, all methods are fitted to the same frames and tested on the others. The refined set is
+compared with the 2D set in matching (reprojection error of correct pairs), and with the 3D set in
+measuring (length error). The runs share frames; the interval of the mean log ratio therefore uses
+the corrected variance of Nadeau and Bengio (Machine Learning 52, 2003): (1 / runs + tested /
+fitted) times the variance between runs.
 """
 
 from __future__ import annotations
@@ -24,11 +24,12 @@ from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 
 TOLERANCE = 0.10
-"""One set does both jobs where it is at most so much worse in each than that job's own set."""
+"""One set is sufficient if its errors exceed those of the specialised sets by at most this
+fraction."""
 LEVEL = 0.95
 MINIMUM_RUNS = 10
-MOST_TO_ADD = 10
-"""More than ten times the frames are not worth a number."""
+MAXIMUM_TO_ADD = 10
+"""Largest number of frames to add that is reported, as a multiple of the present number."""
 
 SETS: tuple[Method, ...] = ("2d", "3d", "refined")
 Kind = Literal["one", "two", "few"]
@@ -36,19 +37,19 @@ Kind = Literal["one", "two", "few"]
 
 @dataclass(frozen=True, eq=False)
 class HeldOut:
-    """Errors of the three sets on the frames that one run held out. First axis: `SETS`."""
+    """Errors of the three sets on the frames that one run held out; the first axis is `SETS`."""
 
     fitted_frames: int
     tested_frames: int
     matching_px: FloatArray
-    """(3,): mean reprojection error of the true pairs; NaN without one."""
+    """(3,): mean reprojection error of the correct pairs; NaN without pairs."""
     length: FloatArray
-    """(3,): mean relative length error of the bars; NaN without one."""
+    """(3,): mean relative length error of the bars; NaN without bars."""
 
 
 @dataclass(frozen=True)
 class Ratio:
-    """Error of the refined set over that of another, with its 95 % interval."""
+    """Error of the refined set over that of another set, with its 95 % interval."""
 
     value: float
     low: float
@@ -57,7 +58,7 @@ class Ratio:
 
 @dataclass(frozen=True)
 class Verdict:
-    """The answer, as a word, a sentence and its numbers."""
+    """The verdict: its kind, a sentence for the user, and the numbers behind it."""
 
     kind: Kind
     text: str
@@ -69,17 +70,18 @@ class Verdict:
     """Median over the runs, in the order of `SETS`."""
     length: tuple[float, float, float]
     frames_to_add: int | None
-    """For `few`: about so many more frames would tell; None for more than can be said."""
+    """For `few`: approximate number of additional frames needed; None if more than
+    `MAXIMUM_TO_ADD` times the present number."""
 
 
 def held_out(run: Run, dataset: Dataset, fitted_frames: int) -> HeldOut:
-    """The figures of one run of an evaluation that includes the refined method.
+    """The errors of one validation run.
 
     Raises:
-        StereocalError: it does not.
+        StereocalError: the run does not include the refined method.
     """
     if len(run.angles) < len(ALL_METHODS):
-        raise StereocalError("A verdict needs runs with the refined method.")
+        raise StereocalError("A verdict needs validation runs that include the refined method.")
     rows = [ALL_METHODS.index(name) for name in SETS]
     errors = np.abs(run.lengths[rows] - 1.0)
     known = np.isfinite(errors)
@@ -102,21 +104,24 @@ def run_splits(
     progress: Callable[[int, int], None] | None = None,
     cancelled: Callable[[], bool] | None = None,
 ) -> list[HeldOut] | None:
-    """The figures of so many random splits: those that an evaluation with this seed draws.
+    """The errors of `runs` random splits, the same ones as in a validation with this seed.
 
     Args:
-        calibration_frames: 4 of 5 frames when not given, as in the paper.
+        calibration_frames: 4 of 5 frames if None, as in the paper.
+        progress: called with the number of finished runs and of all runs.
+        cancelled: checked after each run.
 
-    Returns None when cancelled.
+    Returns:
+        The errors of each run; None if cancelled.
 
     Raises:
-        StereocalError: too few frames, or points that allow no calibration.
+        StereocalError: too few frames, or points that do not determine the pose.
     """
     frames = calibration_frames or (4 * len(dataset.correspondences.frames)) // 5
-    protocol = EvaluationSettings(settings, runs, frames, refine_settings)
+    validation = EvaluationSettings(settings, runs, frames, refine_settings)
     found = []
     for run in range(runs):
-        found.append(held_out(evaluate_run(dataset, protocol, 0, run), dataset, frames))
+        found.append(held_out(evaluate_run(dataset, validation, 0, run), dataset, frames))
         if progress:
             progress(run + 1, runs)
         if cancelled and cancelled():
@@ -125,10 +130,10 @@ def run_splits(
 
 
 def verdict(runs: Sequence[HeldOut]) -> Verdict:
-    """The answer of so many runs on one data set.
+    """The verdict from the runs on one data set.
 
     Raises:
-        StereocalError: fewer than 10 runs, or runs without a bar or a pair to test.
+        StereocalError: fewer than 10 runs, or fewer than 10 with a bar and a pair to test.
     """
     if len(runs) < MINIMUM_RUNS:
         raise StereocalError(
@@ -148,11 +153,11 @@ def verdict(runs: Sequence[HeldOut]) -> Verdict:
     add = _frames_to_add((matching, measuring), fitted + tested) if kind == "few" else None
     px, share = np.nanmedian(matching_px, axis=0), np.nanmedian(length, axis=0)
     figures = (
-        f"the refined set matches with {px[2]:.2f} px where the 2D set has {px[0]:.2f} px "
-        f"({_words(matching)}), and measures with {_percent(share[2])} where the 3D set has "
-        f"{_percent(share[1])} ({_words(measuring)})."
+        f"the refined set matches with an error of {px[2]:.2f} px, the 2D set with {px[0]:.2f} px "
+        f"({_in_words(matching)}); it measures with an error of {_percent(share[2])}, the 3D set "
+        f"with {_percent(share[1])} ({_in_words(measuring)})."
     )
-    more = f"about {add}" if add else f"more than {MOST_TO_ADD * (fitted + tested)}"
+    more = f"about {add}" if add else f"more than {MAXIMUM_TO_ADD * (fitted + tested)}"
     opening = {
         "one": "One refined set does both jobs: ",
         "two": "Two sets are worth it on this rig: ",
@@ -175,8 +180,8 @@ def _ratio(ratios: FloatArray, tested_to_fitted: float) -> Ratio:
     logs = logs[np.isfinite(logs)]
     if len(logs) < MINIMUM_RUNS:
         raise StereocalError(
-            "Too few runs have both a pair and a bar to test with: the held-out frames must show "
-            "both targets."
+            "Too few runs have both a pair and a bar to test: record more frames that show both "
+            "targets."
         )
     mean = float(logs.mean())
     spread = float(logs.std(ddof=1)) * np.sqrt(1.0 / len(logs) + tested_to_fitted)
@@ -185,7 +190,10 @@ def _ratio(ratios: FloatArray, tested_to_fitted: float) -> Ratio:
 
 
 def _frames_to_add(ratios: Sequence[Ratio], frames: int) -> int | None:
-    """So many more that each interval, narrowing with the root of the frames, leaves the limit."""
+    """Number of additional frames after which no interval should contain the limit; None if many.
+
+    The widths of the intervals are assumed to fall with the square root of the number of frames.
+    """
     limit = np.log1p(TOLERANCE)
     needed = 1.0
     for ratio in ratios:
@@ -193,12 +201,12 @@ def _frames_to_add(ratios: Sequence[Ratio], frames: int) -> int | None:
         if np.log(ratio.low) <= limit < np.log(ratio.high):
             gap = abs(np.log(ratio.value) - limit)
             needed = max(needed, float(np.square(half / max(gap, 1e-9))))
-    if needed > MOST_TO_ADD:
+    if needed > MAXIMUM_TO_ADD:
         return None
     return max(5 * int(np.ceil((needed - 1.0) * frames / 5)), 5)
 
 
-def _words(ratio: Ratio) -> str:
+def _in_words(ratio: Ratio) -> str:
     return f"{ratio.value:.2f} times, {ratio.low:.2f} to {ratio.high:.2f}"
 
 

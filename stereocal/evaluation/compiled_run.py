@@ -1,7 +1,7 @@
-"""One run of the paper's protocol (Section 6), compiled: calibrate on some rays, count on others.
+"""One validation run (paper, Section 6), compiled: calibrate on some rays, count on the others.
 
-The runs of a validation share the cores only as far as they are compiled, since the interpreter's
-lock is given back here.
+It is compiled as a whole so that runs in several threads use several cores, because compiled code
+releases the interpreter lock.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from stereocal.rig.geometry import (
     reprojection_shift,
 )
 
-LOWEST, HIGHEST, FINE = -12.0, 6.0, 0.02
-"""Range of the fine bins in log10, and their width."""
-BINS = round((HIGHEST - LOWEST) / FINE)
-BELOW, ABOVE = BINS, BINS + 1
-"""Two further counters: too small or zero, and too large or not to be reconstructed."""
+LOWEST, HIGHEST, BIN_WIDTH = -12.0, 6.0, 0.02
+"""Range of the bins in log10, and their width."""
+BINS = round((HIGHEST - LOWEST) / BIN_WIDTH)
+UNDERFLOW, OVERFLOW = BINS, BINS + 1
+"""Two more counters: for values below the range or 0, and for values above it or NaN."""
 RESIDUAL, REPROJECTION = 0, 1
 WRONG, CORRECT = 0, 1
 
@@ -45,16 +45,20 @@ def calibrate_rays(
     steps: tuple[float, float, float, float],
     moves: tuple[int, int],
 ) -> bool:
-    """The angles of essential, 2D and 3D, written into `angles` (3, 5).
+    """Calibrate with the three methods.
 
     Args:
+        angles: (3, 5), written: essential, 2D, 3D; in radians.
+        baseline: in metres.
+        constrained: whether to use the constrained essential solver.
         rays: (4, n), for essential and 2D.
         kind: the 3D cost of `costs`, with its `measured_rays` and `reference`.
+        of_2d, of_3d: random generators of the two searches.
         steps: delta, delta_min, acceptance, shrink of the search.
         moves: minimum_moves, maximum_moves of the search.
 
     Returns:
-        False where it cannot be done this way: fewer than 8 pairs, or points without a calibration.
+        False for fewer than 8 pairs, or points that do not determine the pose.
     """
     if rays.shape[1] < LINEAR_PAIRS:
         return False
@@ -72,7 +76,7 @@ def calibrate_rays(
     if is_degenerate(R, T):
         return False
     for method in range(3):
-        # The angles as the pose has them: pitch and delta within a quarter turn.
+        # Recomputed from the pose, so that pitch and delta are within +-90 degrees.
         fill_angles(R, T, angles[method])
         if method > 0:
             cost, _, _ = search(
@@ -88,7 +92,7 @@ def calibrate_rays(
 
 @internal
 def fill_angles(R: FloatArray, T: FloatArray, angles: FloatArray) -> None:
-    """Write the five angles of a pose."""
+    """Write the five angles of a pose to `angles` (5,)."""
     angles[0], angles[1], angles[2], angles[3], angles[4] = angles_of(R, T)
 
 
@@ -110,7 +114,7 @@ def validate_rays(
 
     Args:
         rays: (4, n).
-        partners: (n, p): the secondary points that each primary point meets.
+        partners: (n, p): the secondary points paired with each primary point.
         bar_rays: (4, 2 m): the ends A of the bars, then the ends B.
         distances: (m,), in metres.
         counts: (methods, 2, 2, BINS + 2), added to: residual, reprojection; wrong, correct; bin.
@@ -143,7 +147,8 @@ def count_pairs(
 ) -> float:
     """Add |residual| and reprojection error of all pairs to `counts`, and the NaN to `nans`.
 
-    Returns the mean reprojection error of the correct pairs that have one; NaN if none has.
+    Returns:
+        The mean reprojection error of the correct pairs with a value, in pixels; NaN if none has.
     """
     total, known = 0.0, 0
     xp, yp, xs, ys = rays[0], rays[1], rays[2], rays[3]
@@ -169,10 +174,10 @@ def count_pairs(
 @internal
 def bin_of(value: float) -> int:
     if np.isnan(value):
-        return ABOVE
+        return OVERFLOW
     if value <= 0.0:
-        return BELOW
-    place = np.floor((np.log10(value) - LOWEST) / FINE)
-    if place < 0.0:
-        return BELOW
-    return ABOVE if place >= BINS else int(place)
+        return UNDERFLOW
+    index = np.floor((np.log10(value) - LOWEST) / BIN_WIDTH)
+    if index < 0.0:
+        return UNDERFLOW
+    return OVERFLOW if index >= BINS else int(index)

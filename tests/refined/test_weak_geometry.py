@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.ordinary_path import rig as random_rig
 from stereocal.refined.screening import screen
-from stereocal.refined.weakness import weakness
+from stereocal.refined.weak_geometry import geometry_warning
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
@@ -44,7 +44,7 @@ def seen(depths_m: tuple[float, float], direction: FloatArray | None, number: in
 def said_of(data: Dataset) -> str:
     fit = screen(data).fit
     assert fit is not None
-    return weakness(fit)
+    return geometry_warning(fit)
 
 
 def test_a_good_recording_hears_nothing() -> None:

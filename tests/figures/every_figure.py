@@ -36,7 +36,8 @@ from tests.figures.test_apply_figures import (
 from tests.known_rig import BAR_M
 from tests.lens import search
 
-FIELD = Path(__file__).parents[1] / "sample_data" / "field"
+PLOTS = [name.removeprefix("plot_") for name in figures.__all__ if name.startswith("plot_")]
+FIELD = Path(__file__).parents[2] / "sample_data" / "field"
 
 
 @dataclass(frozen=True)

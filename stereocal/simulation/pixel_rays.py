@@ -1,4 +1,4 @@
-"""The rays of very many pixels at once, and where they meet a plane."""
+"""The rays of many pixels by spline interpolation, and their intersection with a plane."""
 
 from __future__ import annotations
 
@@ -11,14 +11,21 @@ from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 
 NODE_PX = 16.0
-"""Spacing of the pixels whose rays are computed by Newton's method; a cubic spline joins them. It
-is off by 2e-4 px for a wide lens (f = 500 px, k1 = -0.3) and by far less for a long one."""
+"""Spacing of the pixels that are undistorted by Newton's method; cubic splines interpolate between
+them. The error is 2e-4 px for a wide lens (f = 500 px, k1 = -0.3), and far less for a long one."""
 
 
 def ray_splines(
     camera: Camera, columns: npt.NDArray[np.floating], rows: npt.NDArray[np.floating]
 ) -> tuple[RectBivariateSpline, RectBivariateSpline]:
-    """Normalised x and y as functions of (rows, columns) in pixels, over the range given."""
+    """Splines of normalised x and y as functions of (rows, columns) in pixels.
+
+    Args:
+        columns, rows: ascending pixel coordinates; the splines are valid from first to last.
+
+    Raises:
+        StereocalError: the lens model cannot be inverted in this range.
+    """
     nodes = [
         np.linspace(values[0], values[-1], max(4, int(np.ceil(np.ptp(values) / NODE_PX)) + 1))
         for values in (columns, rows)
@@ -34,7 +41,7 @@ def ray_splines(
 def on_plane(
     x: FloatArray, y: FloatArray, plane_from_ray: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Where rays meet a plane: x and y in its frame; NaN where they do not meet it in front.
+    """Intersections of rays with a plane: x and y in its frame; NaN if not in front of the camera.
 
     Args:
         x, y: normalised image coordinates, of any equal shape.

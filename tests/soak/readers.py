@@ -41,10 +41,10 @@ from stereocal.system.limits import Limits
 from stereocal.system.photograph import read_photograph
 from stereocal.system.photograph_files import unpack_photographs
 from stereocal.ui.picker import pick_of
-from tests import hostile_seeds as seeds
 from tests.formats.test_exchange import RICHEST
 from tests.hostile_projects import FILES, dataset_zip, project_zip, read_inner, read_project_zip
 from tests.known_rig import PRIMARY, SECONDARY
+from tests.soak import seeds
 
 Read = Callable[[bytes, Path], object]
 Seeds = Callable[[], Sequence[bytes]]
@@ -56,7 +56,7 @@ class Reader:
 
     group: str
     kind: str
-    """How its files are changed: a key of `hostile_mutations.BY_KIND`."""
+    """How its files are changed: a key of `mutations.BY_KIND`."""
     name: str
     seeds: Seeds
     read: Read
@@ -89,7 +89,7 @@ def _tables() -> list[Reader]:
 
 
 def _descriptions() -> list[Reader]:
-    opencv = ("camera_file", "file_storage")
+    opencv = ("camera_file", "file_storage", "yaml_text")
     ours = [write_camera(PRIMARY), seeds.uncertain_camera()]
     yaml = [write_opencv_camera(PRIMARY)]
     rigs = [rig.dumps().encode() for rig in list(RICHEST.values())[:3]]
@@ -120,7 +120,6 @@ def _exchange(name: str, file: str) -> Reader:
     sizes = (PRIMARY.image_size, SECONDARY.image_size)
     options = ExchangeOptions(sizes, PixelOrigin("lower-left"), unit="m", lens_model="brown")
     modules = ["exchange", "opencv_stereo" if name == "opencv" else name]
-    modules += ["yaml_file"] if name in ("kalibr", "ros") else []
 
     def read(content: bytes, _: Path) -> object:
         files = {**sound, file: content}
@@ -165,7 +164,7 @@ def _packed() -> list[Reader]:
 
 
 def _images() -> list[Reader]:
-    modules = ("photograph", "photograph_headers")
+    modules = ("photograph",)
     return [
         Reader(
             "photographs", "png" if name == "PNG" else "image", f"photograph, {name}",

@@ -18,7 +18,7 @@ from stereocal.formats.camera_file import write_camera
 from tests.formats.test_point_files import wand
 from tests.known_rig import PRIMARY
 
-FIELD = Path(__file__).parents[1] / "sample_data" / "field"
+FIELD = Path(__file__).parents[2] / "sample_data" / "field"
 
 
 @cache

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from random import Random
 
-from tests.hostile_packed import member, npy, png
-from tests.hostile_text import (
+from tests.soak.packed import member, npy, png
+from tests.soak.text import (
     LARGEST,
     cut,
     cut_out,
@@ -27,7 +27,7 @@ from tests.hostile_text import (
     token,
     whole_number,
 )
-from tests.hostile_trees import changed_json, dumped, random_tree
+from tests.soak.trees import changed_json, dumped, random_tree
 
 HEADS = (b"", b"", b"%YAML:1.0\n---\n", b'<?xml version="1.0"?>\n<opencv_storage>\n')
 MAGIC = (

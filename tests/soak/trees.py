@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from random import Random
 from typing import Any
 
-from tests.hostile_text import NAMES, VALUES, other_number
+from tests.soak.text import NAMES, VALUES, other_number
 
 
 def changed_json(random: Random, content: bytes, other: bytes) -> bytes:

@@ -10,7 +10,7 @@ import pytest
 from benchmarks.refined_rigs import Misjudged, random_scene, spoiled, stated
 from stereocal.errors import StereocalError
 from stereocal.refined.disagreement import what_disagrees
-from stereocal.refined.file import COVARIANCE_OF, refined_parameters
+from stereocal.refined.parameter_file import COVARIANCE_OF, refined_parameters
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.uncertainty import standard_errors
 from stereocal.refined.unknowns import RefineSettings
@@ -76,7 +76,7 @@ def test_the_papers_files_have_no_such_key() -> None:
 
 @pytest.mark.parametrize(
     ("value", "sentence"),
-    [("[1, 2]", "not an object"), ('{"yaw": NaN}', "not a finite number")],
+    [("[1, 2]", "not an object"), ('{"yaw": NaN}', "not finite")],
 )
 def test_damaged_uncertainties(result: RefinedResult, value: str, sentence: str) -> None:
     text = refined_parameters(result).dumps()

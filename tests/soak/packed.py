@@ -11,15 +11,15 @@ import zlib
 from collections.abc import Sequence
 from random import Random
 
-from tests.hostile_text import NAMES, cut, flip, whole_number
-from tests.hostile_trees import changed_json
+from tests.soak.text import NAMES, cut, flip, whole_number
+from tests.soak.trees import changed_json
 
 # Zips, and arrays in them
 
 
 def member(random: Random, content: bytes, other: bytes) -> bytes:
     """One file of a zip changed, renamed, doubled or taken out; the zip itself stays sound."""
-    from tests.hostile_mutations import mutated  # which knows this module
+    from tests.soak.mutations import mutated  # which knows this module
 
     files, others = _unzipped(content), _unzipped(other)
     if not files:

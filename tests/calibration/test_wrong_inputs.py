@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks.ordinary_path import WRONG, flipped, said_of, scaled
 from benchmarks.ordinary_path import rig as random_rig
-from stereocal.calibration.readings import check_reading, fit_of, wrongly_given
+from stereocal.calibration.wrong_inputs import check_inputs, essential_fit, find_wrong_input
 from stereocal.errors import StereocalError
 from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import Dataset
@@ -46,18 +46,18 @@ def given(name: str) -> Dataset:
 )
 def test_a_mistake_is_named(name: str, says: str) -> None:
     with pytest.raises(StereocalError, match=says):
-        check_reading(given(name))
+        check_inputs(given(name))
     with pytest.raises(StereocalError, match=says):
         calibrate(given(name))
 
 
 def test_sound_data_hear_nothing() -> None:
-    assert check_reading(SOUND) == []
+    assert check_inputs(SOUND) == []
 
 
 def test_few_bars_cannot_tell() -> None:
     """Nine bars, whatever the cameras: five angles fit too much."""
-    assert check_reading(given("primary sign").of_frames(range(1, 10))) == []
+    assert check_inputs(given("primary sign").of_frames(range(1, 10))) == []
 
 
 @pytest.mark.parametrize(("which", "factor"), [("primary", 1.1), ("secondary", 0.9)])
@@ -68,7 +68,7 @@ def test_a_focal_length_far_off_is_named_with_the_true_one(which: str, factor: f
     K[[0, 0, 1], [0, 1, 1]] *= factor
     wrong = replace(camera, K=K)
     data = replace(SOUND, primary=wrong) if which == "primary" else replace(SOUND, secondary=wrong)
-    said = wrongly_given(data)
+    said = find_wrong_input(data)
     assert f"The {which} camera's lens" in said
     about = float(said.split("about ")[1].split(" px")[0])
     assert about == pytest.approx(camera.K[0, 0], rel=0.02)
@@ -77,7 +77,7 @@ def test_a_focal_length_far_off_is_named_with_the_true_one(which: str, factor: f
 def test_a_focal_length_of_50_000_px_is_named() -> None:
     K = SOUND.primary.K.copy()
     K[0, 0] = K[1, 1] = 50_000.0
-    with pytest.raises(StereocalError, match=r"primary camera.s lens cannot be .* 50000 px"):
+    with pytest.raises(StereocalError, match=r"primary camera.s lens cannot .* 50000 px"):
         calibrate(replace(SOUND, primary=replace(SOUND.primary, K=K)))
 
 
@@ -89,7 +89,7 @@ def test_a_lens_that_cannot_be_inverted_is_named_with_its_size() -> None:
 
 
 def test_the_fit_says_no_data_not_zero() -> None:
-    nothing = fit_of(given("targets"))
+    nothing = essential_fit(given("targets"))
     assert np.isinf(nothing.px)
     assert np.isnan(nothing.scale)
 
@@ -104,5 +104,5 @@ def test_ten_rigs_of_each_mistake(name: str) -> None:
 def test_ten_sound_rigs_are_not_accused() -> None:
     for number in range(40, 50):
         data = random_rig(number)[1]
-        assert check_reading(data) == []
+        assert check_inputs(data) == []
         assert calibrate(data).warnings == ()

@@ -1,4 +1,4 @@
-"""The refined set as a parameter file: its own lenses, and its uncertainties."""
+"""The parameter file of the refined set, with its lenses and uncertainties."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ def refined_parameters(
     """The file `parameters_refined.json`: method `refined`, purpose `both`.
 
     Args:
-        inputs: from `disagreement.what_disagrees`, where it was computed.
-        validation: figures of a validation; its `threshold_px` becomes the limit of a match.
-        left_out: frames that were left out before, besides those that the fit left out.
+        inputs: from `disagreement.what_disagrees`, if it was computed.
+        validation: figures of a validation; its `threshold_px` becomes the matching threshold.
+        left_out: frames left out by the screening, in addition to those that the fit left out.
     """
     return RigParameters(
         method="refined",
@@ -53,7 +53,7 @@ def refined_parameters(
 
 
 def uncertainties_of(result: RefinedResult, inputs: Sequence[Input] = ()) -> dict[str, Any]:
-    """Noise, standard errors, covariance, frames left out and inputs that disagree, for JSON."""
+    """Noise, standard errors, covariance, frames left out and inputs that disagree, as JSON."""
     bar = result.dataset.target_distance_m
     return {
         "sigma_px": {"value": float(result.sigma_px.value), "source": result.sigma_px.source},

@@ -1,0 +1,370 @@
+"""Detect typical mistakes in the inputs: exchanged files, wrong signs, wrong image size.
+
+Each mistake is a hypothesis that changes the data set: camera files exchanged, distortion of the
+opposite sign, K for another image size. A hypothesis is accepted if the essential matrix of the
+changed data set fits much better. The fit is measured by two quantities that do not depend on the
+scale: the median reprojection error, and the spread of the bar lengths about their median. Frames
+that contradict the others are left out before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from stereocal.calibration.essential import calibrate_essential
+from stereocal.errors import StereocalError
+from stereocal.rig.camera import Camera
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.geometry import Pose, reprojection_errors_of_rays
+
+MINIMUM_BARS = 10
+"""With five bars or five pairs, the five angles fit any cameras."""
+
+CERTAIN_GAIN = 1.5
+"""Geometric mean of the gains from which a mistake is certain. Measured on simulated rigs: files of
+cameras whose focal lengths differ by 1 % exchanged, 2 to 6; distortion of the wrong sign, 3 to 30;
+K of half the image size, 9 to 90."""
+POSSIBLE_GAIN = 1.15
+"""Gain from which a warning is given. Two real cameras that differ by 0.7 % gave 1.02 and 1.2."""
+
+COMPARABLE_GAIN = 4.0
+"""Explanations whose gains differ by less than this factor are both reported: for instance one
+camera's focal length is too long, or the other's too short."""
+
+MAXIMUM_BEHIND = 0.2
+"""Fraction of the points behind a camera above which a pose counts as no fit."""
+
+FOCAL_RANGE = np.geomspace(0.3, 12.0, 17)
+"""Focal lengths to try, in image widths: from fisheye to long telephoto."""
+
+NO_FIT_COST = 1e3
+"""Cost of a focal length with which nothing fits; larger than any other cost."""
+
+LENGTH_TOLERANCE = 0.05
+"""Relative difference up to which lengths count as equal."""
+
+
+@dataclass(frozen=True)
+class Fit:
+    """How well a data set fits the pose of an essential matrix."""
+
+    px: float
+    """Median reprojection error."""
+    spread: float
+    """Median absolute deviation of the bar lengths, relative."""
+    scale: float
+    """Median of stated over reconstructed bar length; 1 if baseline and bar agree."""
+
+    @property
+    def only_scale_is_wrong(self) -> bool:
+        """Whether all bar lengths are wrong by the same factor."""
+        return bool(self.spread < LENGTH_TOLERANCE < abs(np.log(self.scale)))
+
+    def gains_of(self, other: Fit) -> tuple[float, float]:
+        """By what factors another fit is better, in the images and in the lengths."""
+        if not np.isfinite(other.px):
+            return 0.0, 0.0
+        return self.px / max(other.px, 1e-9), self.spread / max(other.spread, 1e-9)
+
+
+NO_FIT = Fit(np.inf, np.inf, np.nan)
+
+
+def essential_fit(dataset: Dataset) -> Fit:
+    """The fit of the constrained essential matrix; `NO_FIT` if there is no solution."""
+    try:
+        return pose_fit(dataset, calibrate_essential(dataset.rays, dataset.baseline_m).pose)
+    except StereocalError:
+        return NO_FIT
+
+
+def pose_fit(dataset: Dataset, pose: Pose) -> Fit:
+    """The fit of a pose; `NO_FIT` if too many points are behind a camera."""
+    px = reprojection_errors_of_rays(pose.R, pose.T, dataset.rays, dataset.pixel_scale).mean(axis=1)
+    logs = np.log(dataset.bar_distances_m / dataset.reconstructed_lengths_m(pose))
+    known = logs[np.isfinite(logs)]
+    if np.isnan(px).mean() > MAXIMUM_BEHIND or not len(known):
+        return NO_FIT
+    median = float(np.median(known))
+    spread = float(np.median(np.abs(known - median)))
+    return Fit(float(np.nanmedian(px)), spread, float(np.exp(median)))
+
+
+def check_inputs(dataset: Dataset, nominal: Fit | None = None) -> list[str]:
+    """Reject inputs that are certainly wrong; return warnings about those that may be.
+
+    Args:
+        nominal: the fit of the unchanged data set; computed if None.
+
+    Raises:
+        StereocalError: a hypothesis fits images and lengths much better; the message names it.
+    """
+    if len(dataset.correspondences.bars) < MINIMUM_BARS:
+        return []
+    tested = _test_hypotheses(dataset, nominal or essential_fit(dataset))
+    if message := _message(tested):
+        raise StereocalError(message)
+    possible = [
+        case for case in tested if min(case.gains) > 1.0 and max(case.gains) > POSSIBLE_GAIN
+    ]
+    if not possible:
+        return []
+    best = max(possible, key=lambda case: case.gain)
+    return [
+        f"{best.claim}: the points would then fit {max(best.gains):.2g} times better, which is "
+        "not enough to be certain. Check it."
+    ]
+
+
+def find_wrong_input(dataset: Dataset, nominal: Fit | None = None) -> str:
+    """A message that names the wrong input if one explains the data; else empty.
+
+    For data that do not fit: wrong focal lengths, which take longer to test, are considered too.
+
+    Args:
+        nominal: as for `check_inputs`.
+    """
+    if len(dataset.correspondences.bars) < MINIMUM_BARS:
+        return ""
+    nominal = nominal or essential_fit(dataset)
+    return _message([*_test_hypotheses(dataset, nominal), *_test_focal_lengths(dataset, nominal)])
+
+
+@dataclass(frozen=True)
+class _Tested:
+    """A hypothesis about a wrong input, and how much better the data fit if it is true."""
+
+    claim: str
+    remedy: str
+    gains: tuple[float, float]
+    """In the images, and in the lengths."""
+
+    @property
+    def gain(self) -> float:
+        return self.gains[0] * self.gains[1]
+
+
+def _message(tested: Sequence[_Tested]) -> str:
+    """The certain hypothesis with the largest gain, and those with comparable gains; or empty."""
+    certain = [
+        case for case in tested if min(case.gains) > POSSIBLE_GAIN and case.gain > CERTAIN_GAIN**2
+    ]
+    if not certain:
+        return ""
+    best = max(certain, key=lambda case: case.gain)
+    others = [
+        case for case in certain if case is not best and case.gain * COMPARABLE_GAIN >= best.gain
+    ]
+    fits = (
+        f"the points would then fit {best.gains[0]:.2g} times better in the images and the bar "
+        f"lengths {best.gains[1]:.2g} times"
+        if np.isfinite(best.gain)
+        else "the points would then fit, and otherwise do not"
+    )
+    alternatives = "".join(f" These frames could also mean: {case.claim}." for case in others)
+    return f"{best.claim}: {fits}. {best.remedy}{alternatives}"
+
+
+def _test_hypotheses(dataset: Dataset, nominal: Fit) -> list[_Tested]:
+    tested = []
+    for hypothesis in _hypotheses(dataset):
+        with suppress(StereocalError):
+            gains = nominal.gains_of(essential_fit(hypothesis.apply(dataset)))
+            tested.append(_Tested(hypothesis.claim, hypothesis.remedy, gains))
+    return tested
+
+
+def _test_focal_lengths(dataset: Dataset, nominal: Fit) -> list[_Tested]:
+    tested = []
+    for cameras in (("primary",), ("secondary",), ("primary", "secondary")):
+        factor = _best_focal_factor(dataset, cameras)
+        if factor is not None:
+            gains = nominal.gains_of(essential_fit(_with_focal_factor(dataset, cameras, factor)))
+            tested.append(_Tested(*_focal_length_message(dataset, cameras, factor), gains))
+    return tested
+
+
+@dataclass(frozen=True)
+class _Hypothesis:
+    """What may be wrong, what to do about it, and the corrected inputs."""
+
+    claim: str
+    remedy: str
+    primary: Camera
+    secondary: Camera
+    targets_exchanged: bool = False
+
+    def apply(self, dataset: Dataset) -> Dataset:
+        """The data set with the corrected inputs.
+
+        Raises:
+            StereocalError: a corrected lens cannot be inverted at a point.
+        """
+        if self.targets_exchanged:
+            dataset = dataset.with_targets_exchanged(dataset.correspondences.frames)
+        return replace(dataset, primary=self.primary, secondary=self.secondary)
+
+
+def _hypotheses(dataset: Dataset) -> Iterator[_Hypothesis]:
+    one, two = dataset.primary, dataset.secondary
+    if not _same_lens(one, two):
+        yield _Hypothesis(
+            "The two camera files seem to be exchanged",
+            "Exchange the files.",
+            replace(two, image_size=one.image_size),
+            replace(one, image_size=two.image_size),
+        )
+    yield _Hypothesis(
+        "A and B seem to be exchanged in one of the cameras, in all frames",
+        "Exchange the two targets of one camera.",
+        one, two, targets_exchanged=True,
+    )  # fmt: skip
+    for names, first, second in (
+        ("primary camera's", _negated(one), two),
+        ("secondary camera's", one, _negated(two)),
+        ("cameras'", _negated(one), _negated(two)),
+    ):
+        yield _Hypothesis(
+            f"The {names} distortion coefficients seem to have the wrong sign",
+            "Some programs write the coefficients of the undistortion instead: export the lens in "
+            "OpenCV's convention, or change the signs.",
+            first, second,
+        )  # fmt: skip
+    for which, camera in (("primary", one), ("secondary", two)):
+        factor = camera.size_factor
+        if factor is not None:
+            width, height = camera.image_size
+            scaled = _scaled(camera, 1.0 / factor)
+            yield _Hypothesis(
+                f"The {which} camera's matrix K seems to be that of an image {factor:.3g} times "
+                f"as large as {width}x{height} px",
+                "Provide K for the size of the images in which the points were measured.",
+                scaled if which == "primary" else one,
+                scaled if which == "secondary" else two,
+            )
+
+
+def inconsistency_message(dataset: Dataset, nominal: Fit | None = None) -> str:
+    """The message for inputs that contradict each other where no single mistake explains it.
+
+    It names the two measured lengths if only the scale is wrong, and otherwise all inputs.
+
+    Args:
+        nominal: as for `check_inputs`.
+    """
+    nominal = nominal or essential_fit(dataset)
+    if nominal.only_scale_is_wrong:
+        return _lengths_message(dataset, nominal.scale)
+    same = (
+        " Both cameras have the same lens: if they are of different models, one file is wrong."
+        if _same_lens(dataset.primary, dataset.secondary)
+        else ""
+    )
+    return (
+        "Baseline, bar and lenses cannot all be right, and these frames cannot tell which is "
+        "wrong. State the uncertainty of each, and check both camera files: focal lengths, image "
+        f"size, signs of the distortion.{same}"
+    )
+
+
+def _focal_length_message(
+    dataset: Dataset, cameras: tuple[str, ...], factor: float
+) -> tuple[str, str]:
+    """The claim that focal lengths are wrong, and the remedy."""
+    stated, fitting = (
+        " and ".join(f"{scale * getattr(dataset, which).K[0, 0]:.0f}" for which in cameras)
+        for scale in (1.0, factor)
+    )
+    whose = f"{cameras[0]} camera's" if len(cameras) == 1 else "cameras'"
+    same = (
+        " Both cameras have the same lens: was one file used twice?"
+        if _same_lens(dataset.primary, dataset.secondary)
+        else ""
+    )
+    return (
+        f"The {whose} lens cannot have the stated focal length of {stated} px; "
+        f"about {fitting} px would fit",
+        "Calibrate it again, or check whether the file belongs to this camera, lens and image "
+        f"size.{same}",
+    )
+
+
+def _lengths_message(dataset: Dataset, scale: float) -> str:
+    stated = float(np.median(dataset.bar_distances_m))
+    larger = scale > 1.0
+    factor = scale if larger else 1.0 / scale
+    hint = (
+        "The images fix the ratio of the two, not which is wrong: measure again the one that you "
+        "are less sure of."
+    )
+    for size, unit in ((1000.0, "millimetres"), (100.0, "centimetres")):
+        if size / 2 < factor < size * 2:
+            one, other = ("distance", "baseline") if larger else ("baseline", "distance")
+            hint = (
+                f"The {one} looks like {unit}, or the {other} is {size:g} times too small. Enter "
+                "both in metres."
+            )
+    return (
+        f"The distance between the targets is stated as {stated:g} m and the baseline as "
+        f"{dataset.baseline_m:g} m, but with this baseline the images give a distance of "
+        f"{stated / scale:.3g} m. {hint}"
+    )
+
+
+def _best_focal_factor(dataset: Dataset, cameras: tuple[str, ...]) -> float | None:
+    """The factor of the focal lengths with the best fit of images and lengths; None if none fits.
+
+    A wrong scale counts like a spread of the lengths.
+    """
+
+    def cost(log_factor: float) -> float:
+        try:
+            fit = essential_fit(_with_focal_factor(dataset, cameras, float(np.exp(log_factor))))
+        except StereocalError:
+            return NO_FIT_COST
+        if not np.isfinite(fit.px):
+            return NO_FIT_COST
+        return float(np.log(max(fit.px, 1e-9)) + np.log(np.hypot(fit.spread, np.log(fit.scale))))
+
+    camera: Camera = getattr(dataset, cameras[0])
+    tried = np.log(FOCAL_RANGE * camera.image_size[0] / camera.K[0, 0])
+    values = [cost(each) for each in tried]
+    at = int(np.argmin(values))
+    if values[at] >= NO_FIT_COST:
+        return None
+    step = tried[1] - tried[0]
+    best = minimize_scalar(
+        cost, bounds=(tried[at] - step, tried[at] + step), method="bounded",
+        options={"xatol": 1e-3},
+    )  # fmt: skip
+    return float(np.exp(best.x))
+
+
+def _same_lens(one: Camera, other: Camera) -> bool:
+    return np.array_equal(one.K, other.K) and np.array_equal(one.distortion, other.distortion)
+
+
+def _negated(camera: Camera) -> Camera:
+    return replace(camera, distortion=-camera.distortion)
+
+
+def _scaled(camera: Camera, factor: float) -> Camera:
+    K = camera.K.copy()
+    K[:2] *= factor
+    return replace(camera, K=K)
+
+
+def _with_focal_factor(dataset: Dataset, cameras: tuple[str, ...], factor: float) -> Dataset:
+    """The data set with the focal lengths of some cameras multiplied by `factor`."""
+    changed = {}
+    for which in cameras:
+        camera = getattr(dataset, which)
+        K = camera.K.copy()
+        K[[0, 0, 1], [0, 1, 1]] *= factor
+        changed[which] = replace(camera, K=K)
+    return replace(dataset, **changed)

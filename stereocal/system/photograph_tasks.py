@@ -1,0 +1,31 @@
+"""Photographs for workers: by path where they see this computer's disk, else by content."""
+
+from __future__ import annotations
+
+from concurrent.futures import Executor
+
+from stereocal.system.executors import Cluster
+from stereocal.system.photograph import FileContent, GreyImage, decode_photograph, read_photograph
+
+PhotographFile = FileContent | bytes
+
+
+def for_worker(path: FileContent, executor: Executor) -> PhotographFile:
+    """What a task of the executor gets of the photograph; made when the task begins."""
+    if not isinstance(executor, Cluster):
+        return path
+    try:
+        return path.read_bytes()
+    except OSError:  # the worker cannot read it either, and says so
+        return path
+
+
+def read_for_worker(photograph: PhotographFile, name: str) -> GreyImage:
+    """The photograph of `for_worker`; `name` is what messages call it.
+
+    Raises:
+        StereocalError: as `read_photograph`.
+    """
+    if isinstance(photograph, bytes):
+        return decode_photograph(photograph, name)
+    return read_photograph(photograph, name)

@@ -1,0 +1,257 @@
+"""Tables of text: comma, semicolon or tab between columns, each problem named by its line.
+
+Every table that a person gives is read here: pairs to calibrate with, points of one camera, files
+of other programs. A reader says which columns hold which numbers, as `Column`.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from stereocal.errors import RowProblem, StereocalError
+from stereocal.system.limits import Limits
+
+MOST_COLUMNS = 2_000
+MOST_CELLS = 100_000_000
+"""The whole table is held in memory here."""
+LARGEST_WHOLE = 2**53
+EMPTY = frozenset(("",))
+MISSING = frozenset(("", "nan", "na", "none", "null"))
+Values = dict[str, npt.NDArray[np.float64]]
+Reasons = dict[int, str]
+"""Why rows cannot be used, by their number, from 0."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of numbers."""
+
+    name: str
+    may_be_empty: bool = False
+    """An empty cell is NaN, and no problem."""
+    is_whole: bool = False
+    is_positive: bool = False
+
+
+def text_of(content: bytes, source: str) -> str:
+    """The text of a file.
+
+    Raises:
+        StereocalError: it is too large, empty, or no text in UTF-8.
+    """
+    Limits.from_environment().check_size(len(content), source)
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise StereocalError(f"{source}: this is not a text file (CSV in UTF-8).") from error
+    if "\0" in text:
+        raise StereocalError(f"{source}: this is not a text file (CSV in UTF-8).")
+    if not text.strip():
+        raise StereocalError(f"{source}: the file is empty.")
+    return text
+
+
+def delimiter_of(line: str) -> str:
+    """What stands between the columns of a line."""
+    return max(",;\t", key=line.count)
+
+
+def cells_of(lines: str, delimiter: str, source: str) -> list[list[str]]:
+    """The cells of a few lines.
+
+    Raises:
+        StereocalError: this is no CSV.
+    """
+    try:
+        return list(csv.reader(io.StringIO(lines), delimiter=delimiter))
+    except csv.Error as error:
+        raise StereocalError(f"{source}: this is not a CSV file ({error}).") from error
+
+
+def check_names(
+    names: Sequence[str], required: Sequence[str], known: Sequence[str], source: str
+) -> None:
+    """Refuse the names of columns in the first line.
+
+    Args:
+        known: columns that may stand there once only.
+
+    Raises:
+        StereocalError: too many columns, one is missing, or one stands there twice.
+    """
+    if len(names) > MOST_COLUMNS:
+        raise StereocalError(
+            f"{source}: {len(names)} columns are too many; at most {MOST_COLUMNS} are read."
+        )
+    missing = [name for name in required if name not in names]
+    if missing:
+        raise StereocalError(
+            f"{source}: the column{'s' if len(missing) > 1 else ''} {', '.join(missing)} "
+            f"{'are' if len(missing) > 1 else 'is'} missing; the first line must name the columns "
+            f"{', '.join(required)}, and names {', '.join(names)[:200]}."
+        )
+    twice = [name for name in known if names.count(name) > 1]
+    if twice:
+        raise StereocalError(f"{source}: the column {twice[0]} stands in the first line twice.")
+
+
+def rows_below(
+    text: str, lines: int, width: int, delimiter: str, source: str, most: int | None = None
+) -> tuple[pd.DataFrame, list[RowProblem]]:
+    """The rows below the first `lines`, all cells as text; the index holds their lines.
+
+    Args:
+        width: columns that are named above; a row with more is a problem, and not among the rows.
+        most: read so many rows only.
+
+    Raises:
+        StereocalError: too many cells, no CSV, or no row at all.
+    """
+    widest = 1 + max((line.count(delimiter) for line in io.StringIO(text)), default=0)
+    widest = max(widest, width)
+    if widest > MOST_COLUMNS or widest * text.count("\n") > MOST_CELLS:
+        raise StereocalError(
+            f"{source}: {widest} columns of {text.count(chr(10))} rows are too many for one table."
+        )
+    options = {"skiprows": lines, "nrows": most, "skip_blank_lines": False}
+    (raw,) = _read(io.StringIO(text), delimiter, range(widest), source, options)
+    if not len(raw):
+        raise StereocalError(f"{source}: the table has a header and no rows.")
+    within = _line_ends(raw) if '"' in text else 0
+    raw.index = pd.Index(np.arange(len(raw)) + lines + 1 + within)
+    raw = raw.fillna("")
+    blank = raw[0].str.strip() == ""
+    blank[blank] = (raw[blank].apply(lambda column: column.str.strip()) == "").all(axis=1)
+    further = raw.iloc[:, width:]
+    longer = (further.apply(lambda column: column.str.strip()) != "").to_numpy()
+    lines_of = raw.index.to_numpy()
+    problems = [
+        RowProblem(int(lines_of[row]), f"{_cells(longer[row], width)} cells instead of {width}")
+        for row in np.flatnonzero(longer.any(axis=1))
+    ]
+    return raw[~blank.to_numpy() & ~longer.any(axis=1)].iloc[:, :width], problems
+
+
+def chunks_of_file(
+    path: Path, names: Sequence[str], delimiter: str, rows: int, source: str
+) -> Iterator[pd.DataFrame]:
+    """The rows of a file below its first line, so many at a time, as `rows_below`.
+
+    Raises:
+        StereocalError: a row has too many cells, or the file cannot be read.
+    """
+    options = {
+        "header": 0, "index_col": False, "encoding": "utf-8-sig", "chunksize": rows,
+        "skip_blank_lines": False, "on_bad_lines": "error",
+    }  # fmt: skip
+    for chunk in _read(path, delimiter, names, source, options):
+        chunk.index += 2  # line 1 names the columns
+        yield chunk
+
+
+def numbers_in(
+    raw: pd.DataFrame, columns: Sequence[Column], decimal_comma: bool, empty: frozenset[str]
+) -> tuple[Values, Reasons]:
+    """Columns as numbers, NaN where there is none; and of each bad row the first reason.
+
+    A column that is not there is NaN.
+
+    Args:
+        empty: words, in small letters, that say that a cell is empty.
+    """
+    values: Values = {}
+    reasons: Reasons = {}
+    for column in columns:
+        if column.name not in raw:
+            values[column.name] = np.full(len(raw), np.nan)
+            continue
+        found = values[column.name] = numbers_of(raw[column.name], decimal_comma)
+        bad = ~np.isfinite(found)
+        if column.is_whole:
+            with np.errstate(invalid="ignore"):
+                bad |= (found != np.round(found)) | (np.abs(found) > LARGEST_WHOLE)
+        if column.is_positive:
+            bad |= found <= 0
+        if column.may_be_empty and bad.any():
+            bad &= ~is_missing(raw[column.name], empty)
+        rows = [row for row in np.flatnonzero(bad).tolist() if row not in reasons]
+        for row, cell in zip(rows, raw[column.name].iloc[rows].tolist(), strict=True):
+            reasons[row] = _reason(column, str(cell).strip(), float(found[row]), empty)
+    return values, reasons
+
+
+def numbers_of(column: pd.Series[Any], decimal_comma: bool) -> npt.NDArray[np.float64]:
+    """A column as numbers; NaN for what is none."""
+    if not pd.api.types.is_numeric_dtype(column):
+        column = _texts(column)
+        if decimal_comma:
+            column = column.str.replace(",", ".", regex=False)
+    return pd.to_numeric(column, errors="coerce").to_numpy(dtype=np.float64, na_value=np.nan)
+
+
+def is_missing(column: pd.Series[Any], empty: frozenset[str] = MISSING) -> npt.NDArray[np.bool_]:
+    """Where a column is empty, or says that it is (NaN, NA, none)."""
+    if pd.api.types.is_numeric_dtype(column):
+        return column.isna().to_numpy()
+    words = _texts(column).str.strip().str.lower()
+    return (column.isna() | words.isin(empty)).to_numpy()
+
+
+def _read(
+    file: Path | io.StringIO, delimiter: str, names: Sequence[Any], source: str,
+    options: Mapping[str, Any],
+) -> Iterator[pd.DataFrame]:  # fmt: skip
+    every: dict[str, Any] = {"header": None, **options}
+    try:
+        found: Any = pd.read_csv(
+            file, sep=delimiter, names=list(names), dtype=str, keep_default_na=False, **every
+        )
+        if isinstance(found, pd.DataFrame):
+            yield found
+            return
+        with found as chunks:
+            yield from chunks
+    except pd.errors.ParserError as error:
+        at = re.search(r"Expected (\d+) fields in line (\d+), saw (\d+)", str(error))
+        where = f"line {at[2]}: {at[3]} cells instead of {at[1]}" if at else error
+        raise StereocalError(f"{source}: 1 row cannot be used: {where}.") from error
+    except (OSError, UnicodeDecodeError) as error:
+        raise StereocalError(f"{source}: the file cannot be read ({error}).") from error
+
+
+def _line_ends(raw: pd.DataFrame) -> npt.NDArray[np.int64]:
+    """How many ends of lines stand in quoted cells of the rows before each."""
+    within = sum(raw[name].str.count("\n").fillna(0).to_numpy(dtype=np.int64) for name in raw)
+    return np.asarray(np.cumsum(within) - within, dtype=np.int64)
+
+
+def _cells(further: npt.NDArray[np.bool_], width: int) -> int:
+    return width + 1 + int(np.flatnonzero(further)[-1])
+
+
+def _reason(column: Column, cell: str, value: float, empty: frozenset[str]) -> str:
+    text = cell[:40]
+    if cell.lower() in empty:
+        return f"{column.name} is empty"
+    if np.isinf(value) or cell.lower().lstrip("+-") == "nan":
+        return f"{column.name} is {text}, which is not a finite number"
+    if np.isnan(value):
+        return f'{column.name} is "{text}", which is not a number'
+    if column.is_whole:
+        return f"{column.name} is {text}, which is not a whole number"
+    return f"{column.name} is {value:g}; it must be above 0"
+
+
+def _texts(column: pd.Series[Any]) -> pd.Series[Any]:
+    """Words for what a Parquet file can have in place of numbers: dates, lists, bytes."""
+    return column.map(str) if column.dtype == object else column.astype(str)

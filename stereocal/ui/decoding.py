@@ -1,0 +1,37 @@
+"""What native code decodes: tried by another process first, where people share a server."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+
+from stereocal.formats.sleap_h5 import point_text
+from stereocal.matching.point_table import PointTable
+from stereocal.projects.server_settings import ServerSettings
+from stereocal.system.guarded import Guard, Reader
+from stereocal.system.photograph import read_photograph
+
+CHILDREN = 2
+"""So that a slow file of one session does not hold up the others."""
+
+
+def server_guard() -> Guard:
+    """The one of this process. On a person's own computer files are decoded directly."""
+    return _guard(CHILDREN if ServerSettings.from_environment().shared else 0)
+
+
+@cache
+def _guard(children: int) -> Guard:
+    return Guard(READERS, children)
+
+
+def _table(path: Path) -> None:
+    PointTable(path, ("u", "v"), path.name).check()
+
+
+def _hdf5(path: Path) -> None:
+    point_text(path.read_bytes(), path.name)
+
+
+READERS: Mapping[str, Reader] = {"photograph": read_photograph, "table": _table, "hdf5": _hdf5}

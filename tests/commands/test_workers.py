@@ -1,0 +1,118 @@
+"""Every long command gives the same files with threads, with processes and on a Dask cluster."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from stereocal.cli import main
+from stereocal.errors import StereocalError
+from stereocal.system.executors import SCHEDULER, cluster, scheduler_of
+from tests import lens
+from tests.dask_cluster import QUIET
+from tests.dask_cluster import scheduler as scheduler
+from tests.terminal import FIELD, ROOT, tables
+
+PHOTOGRAPHS = ROOT / "sample_data" / "photographs"
+pytestmark = QUIET
+
+
+@pytest.fixture(scope="module")
+def commands(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[str]]:
+    """The words of each command but for --out, on little data."""
+    given = tmp_path_factory.mktemp("given")
+    found = tables(given)
+    few = given / "few"
+    for camera in ("primary", "secondary"):
+        (few / camera).mkdir(parents=True)
+        for path in sorted((PHOTOGRAPHS / camera).iterdir())[:4]:
+            shutil.copy(path, few / camera)
+    for name in ("dataset.json", "primary.json", "secondary.json"):
+        shutil.copy(PHOTOGRAPHS / name, few)
+    lens.write_boards(given / "boards", 5)
+    parameters = ["--parameters", f"{found['parameters']}"]
+    return {
+        "evaluate": ["evaluate", f"{FIELD}", "--runs", "25", "--no-refined"],
+        "detect": ["detect", f"{few}", "--doubtful"],
+        "intrinsics": [
+            "intrinsics", f"{given / 'boards'}", "--board", "8x6", "--square", "0.03",
+            "--subset", "4", "--repeats", "12",
+        ],
+        "match": ["match", f"{found['primary']}", f"{found['secondary']}", *parameters,
+                  "--threshold", "1"],
+        "reconstruct": ["reconstruct", f"{found['pairs']}", *parameters],
+    }  # fmt: skip
+
+
+OUT = {
+    "evaluate": "out", "detect": "table.csv", "intrinsics": "camera.yml", "match": "pairs.csv",
+    "reconstruct": "points.csv",
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def by_threads(
+    commands: dict[str, list[str]], tmp_path_factory: pytest.TempPathFactory
+) -> dict[str, bytes]:
+    folder = tmp_path_factory.mktemp("threads")
+    return {name: written(name, words, folder) for name, words in commands.items()}
+
+
+def written(name: str, words: list[str], folder: Path, *options: str) -> bytes:
+    """What a command writes, but for the report, which tells when it was made."""
+    out = folder / OUT[name]
+    assert main([*words, "--out", str(out), *options]) == 0
+    return (out / "summary.json" if name == "evaluate" else out).read_bytes()
+
+
+@pytest.mark.parametrize("name", [name for name in OUT if name != "evaluate"])
+def test_processes(
+    name: str, commands: dict[str, list[str]], by_threads: dict[str, bytes], tmp_path: Path
+) -> None:
+    """Of evaluate in tests/commands/test_evaluate_command.py."""
+    assert written(name, commands[name], tmp_path, "--workers", "2") == by_threads[name]
+
+
+@pytest.mark.parametrize("name", OUT)
+def test_a_cluster(
+    name: str, commands: dict[str, list[str]], by_threads: dict[str, bytes], scheduler: str,
+    tmp_path: Path,
+) -> None:  # fmt: skip
+    assert written(name, commands[name], tmp_path, "--scheduler", scheduler) == by_threads[name]
+
+
+def test_photographs_need_no_shared_disk(scheduler: str, tmp_path: Path) -> None:
+    """A worker gets the content: the path names nothing on its computer."""
+    from stereocal.system.photograph_tasks import for_worker
+
+    path = tmp_path / "a.png"
+    path.write_bytes(b"content")
+    with cluster(scheduler) as executor:
+        assert executor.tasks_at_once == 2
+        assert for_worker(path, executor) == b"content"
+        assert for_worker(tmp_path / "none", executor) == tmp_path / "none"
+
+
+@pytest.mark.parametrize("name", OUT)
+@pytest.mark.parametrize("option", ["--workers", "--scheduler"])
+def test_what_cannot_compute_is_refused(
+    name: str, option: str, commands: dict[str, list[str]], tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    value = {"--workers": "0", "--scheduler": "nonsense"}[option]
+    assert main([*commands[name], "--out", str(tmp_path / OUT[name]), option, value]) == 2
+    assert option[2:-1] in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("address", ["host:8786", "tcp://host", "tcp://a b:1", "8"])
+def test_an_address_of_the_server_is_checked(address: str) -> None:
+    with pytest.raises(StereocalError, match=SCHEDULER):
+        scheduler_of({SCHEDULER: address})
+
+
+def test_a_server_may_have_no_cluster() -> None:
+    assert scheduler_of({}) is scheduler_of({SCHEDULER: " "}) is None
+    assert scheduler_of({SCHEDULER: "tcp://host:8786"}) == "tcp://host:8786"

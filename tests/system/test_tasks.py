@@ -1,0 +1,208 @@
+"""One loop for all long work: in order, few tasks at once, jobs of one pool in turn."""
+
+from __future__ import annotations
+
+import operator
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from contextlib import closing, suppress
+
+import pytest
+
+from stereocal.errors import StereocalError
+from stereocal.system.executors import engine
+from stereocal.system.tasks import SPARE, StoppedError, Task, run_tasks
+
+
+def squares(count: int, taken: list[int] | None = None) -> Iterator[Task[int]]:
+    for number in range(count):
+        if taken is not None:
+            taken.append(number)
+        yield Task(f"{number}", pow, (number, 2))
+
+
+class ByHand(Executor):
+    """Two workers who end a task when the test says so."""
+
+    _max_workers = 2
+
+    def __init__(self) -> None:
+        self.waiting: list[tuple[Future[object], Callable[[], object]]] = []
+
+    def submit(self, function, /, *arguments, **named):  # type: ignore[no-untyped-def]
+        future: Future[object] = Future()
+        self.waiting.append((future, lambda: function(*arguments, **named)))
+        return future
+
+    def end(self, which: int) -> None:
+        future, call = self.waiting.pop(which)
+        try:
+            future.set_result(call())
+        except ArithmeticError as error:
+            future.set_exception(error)
+
+
+class Last(ByHand):
+    """Ends the last task first, as soon as it has as many as it is given."""
+
+    def submit(self, function, /, *arguments, **named):  # type: ignore[no-untyped-def]
+        future = super().submit(function, *arguments, **named)  # type: ignore[no-untyped-call]
+        if len(self.waiting) == self._max_workers + SPARE:
+            while self.waiting:
+                self.end(-1)
+        return future
+
+
+@pytest.mark.parametrize("make", [Last, lambda: ThreadPoolExecutor(3), lambda: None])
+def test_results_come_in_the_order_of_the_tasks(make: Callable[[], Executor | None]) -> None:
+    steps: list[tuple[int, int]] = []
+    found = list(run_tasks(squares(99), make(), 99, lambda *both: steps.append(both)))
+    assert [value for _, value in found] == [number**2 for number in range(99)]
+    assert [task.key for task, _ in found] == [f"{number}" for number in range(99)]
+    assert steps == [(done, 99) for done in range(1, 100)]
+
+
+def test_nothing_at_all() -> None:
+    assert list(run_tasks(squares(0), ThreadPoolExecutor(1), 0)) == []
+
+
+def test_few_are_begun_before_the_first_has_ended() -> None:
+    taken: list[int] = []
+    by_hand = ByHand()
+    every = run_tasks(squares(10_000, taken), by_hand, 10_000, cancelled=lambda: len(taken) > 0)
+    with pytest.raises(StoppedError):
+        next(every)
+    assert taken == list(range(2 + SPARE))
+    assert all(future.cancelled() for future, _ in by_hand.waiting)
+
+
+@pytest.mark.parametrize("ahead", [1, 2, 5])
+def test_no_more_than_so_many_are_held(ahead: int) -> None:
+    """What has ended and waits for the first counts too."""
+    taken: list[int] = []
+    by_hand = ByHand()
+    asked = 0
+
+    def cancelled() -> bool:
+        nonlocal asked
+        asked += 1
+        while len(by_hand.waiting) > 1:
+            by_hand.end(1)
+        return asked > 20
+
+    every = run_tasks(squares(100, taken), by_hand, 100, cancelled=cancelled, ahead=ahead)
+    with pytest.raises(StoppedError):
+        next(every)
+    assert taken == list(range(ahead))
+
+
+class Kept(dict[str, int]):
+    def keep(self, key: str, piece: int) -> None:
+        self[key] = piece
+
+
+def test_what_was_kept_is_not_computed_again() -> None:
+    pieces, steps = Kept({"3": -3, "0": 0}), list[int]()
+    with ThreadPoolExecutor(2) as threads:
+        found = list(
+            run_tasks(squares(6), threads, 6, lambda done, _: steps.append(done), None, pieces)
+        )
+    assert [value for _, value in found] == [0, 1, 4, -3, 16, 25]
+    assert pieces == {"0": 0, "1": 1, "2": 4, "3": -3, "4": 16, "5": 25}
+    assert steps == [1, 2, 3, 4, 5, 6]
+
+
+def test_an_error_comes_in_its_turn_and_what_has_ended_is_kept() -> None:
+    """Which of several errors is reported does not depend on chance."""
+    pieces = Kept()
+    tasks = [Task(f"{number}", operator.floordiv, (6, number)) for number in (3, 0, 2)]
+    found = run_tasks(tasks, Last(), 3, pieces=pieces)
+    assert next(found)[1] == 2
+    with pytest.raises(ZeroDivisionError):
+        next(found)
+    assert pieces == {"3": 2, "2": 3}
+
+
+def test_a_stop_does_not_wait_for_a_task() -> None:
+    opened, began = threading.Event(), time.monotonic()
+    with ThreadPoolExecutor(1) as threads:
+        tasks = (Task(f"{number}", opened.wait, (60,)) for number in range(5))
+        with pytest.raises(StoppedError):
+            list(run_tasks(tasks, threads, 5, cancelled=lambda: time.monotonic() > began + 0.1))
+        opened.set()
+
+
+def test_when_it_is_closed_what_has_not_begun_is_dropped() -> None:
+    by_hand = ByHand()
+    with closing(run_tasks(squares(50), by_hand, 50, lambda *_: None)) as every:
+        threading.Timer(0.05, by_hand.end, [0]).start()
+        next(every)
+    assert all(future.cancelled() for future, _ in by_hand.waiting)
+
+
+def test_a_job_that_begins_waits_for_few_tasks_of_another() -> None:
+    """Counted, not timed: behind somebody's 10,000 tasks it waits for those handed in, not more."""
+    order: list[str] = []
+    gate, stop = threading.Event(), threading.Event()
+
+    def job(name: str, count: int) -> None:
+        tasks = (Task(f"{number}", order.append, (name,)) for number in range(count))
+        with suppress(StoppedError):
+            list(run_tasks(tasks, pool, count, cancelled=stop.is_set))
+
+    with ThreadPoolExecutor(1) as pool:
+        pool.submit(gate.wait)
+        threads = [threading.Thread(target=job, args=job_) for job_ in (("a", 10_000), ("b", 2))]
+        for number, thread in enumerate(threads):
+            thread.start()
+            while pool._work_queue.qsize() < (number + 1) * (1 + SPARE):
+                time.sleep(0.001)
+        gate.set()
+        threads[1].join()
+        stop.set()
+        threads[0].join()
+    assert order[: 2 * (1 + SPARE)] == ["a"] * (1 + SPARE) + ["b"] * 2
+
+
+def stop_the_process() -> None:
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def test_a_worker_that_is_killed_is_an_error_in_words() -> None:
+    tasks = (Task(f"{number}", stop_the_process, ()) for number in range(3))
+    with pytest.raises(StereocalError, match="worker ended"), engine(1) as executor:
+        list(run_tasks(tasks, executor, 3))
+
+
+SERVER = """
+import threading, time
+from concurrent.futures import ThreadPoolExecutor
+from stereocal.system.tasks import EndingError, Task, run_tasks
+
+begun = threading.Event()
+
+def job():
+    tasks = (Task(f"{number}", time.sleep, (0.01,)) for number in range(100_000))
+    try:
+        list(run_tasks(tasks, ThreadPoolExecutor(2), 100_000, lambda *_: begun.set()))
+    except EndingError:
+        print("ending", flush=True)
+
+threading.Thread(target=job, daemon=True).start()
+begun.wait()
+"""
+
+
+def test_a_server_that_ends_does_not_wait_for_its_jobs() -> None:
+    """They are neither finished nor failed then: they can go on."""
+    ended = subprocess.run(
+        [sys.executable, "-c", SERVER], capture_output=True, text=True, timeout=100, check=True
+    )
+    assert ended.stderr == ""
+    assert ended.stdout in ("ending\n", "")  # the thread may not live to say it
