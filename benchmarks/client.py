@@ -24,9 +24,6 @@ from websockets.sync.client import connect
 from websockets.typing import Origin, Subprotocol
 
 LONGEST_S = 120.0
-PRESSED, NOT_FOUND = 8, 404
-"""Streamlit forgets a file that was made for a download when another session's run ends just then:
-a person presses again."""
 _INTERNAL = "$$STREAMLIT_INTERNAL_KEY"
 _TEXTS = ("markdown", "alert", "heading", "text", "exception", "progress", "spinner")
 
@@ -165,11 +162,8 @@ class Session:
         begun = time.monotonic()
         identity = self.id_of(key)
         (button,) = (e.download_button for e in self.elements if e.download_button.id == identity)
-        for _ in range(PRESSED):
-            url = button.url or self._made(button.deferred_file_id)
-            answer = self._http.get(self.url + url, timeout=LONGEST_S)
-            if answer.status_code != NOT_FOUND:
-                break
+        url = button.url or self._made(button.deferred_file_id)
+        answer = self._http.get(self.url + url, timeout=LONGEST_S)
         answer.raise_for_status()
         self.timings.append((f"download {key}", time.monotonic() - begun))
         return answer.content
