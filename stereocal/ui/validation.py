@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import partial
+from functools import cache, lru_cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -75,8 +75,19 @@ def choose_data(project: Project, own: Dataset) -> list[Dataset]:
     with st.expander(f"Further data sets to pool and compare ({len(more)} loaded)"):
         _further(project, more)
     if kind == PAPER:
-        return [read_dataset(path) for path in sorted(NINETEEN.iterdir()) if path.is_dir()]
+        return _nineteen()
     return [own, *more] if kind == ALL else [own]
+
+
+@cache
+def _nineteen() -> list[Dataset]:
+    return [read_dataset(path) for path in sorted(NINETEEN.iterdir()) if path.is_dir()]
+
+
+@lru_cache(maxsize=8)
+def _summaries(evaluation: Evaluation, bin_width: float) -> Any:
+    """Pooled and by data set; of one object, which a project gives for one content."""
+    return summarise_all(evaluation.names, evaluation.runs, bin_width)
 
 
 def choose_protocol(project: Project, datasets: Sequence[Dataset]) -> EvaluationSettings:
@@ -195,8 +206,7 @@ def show_evaluation(
             f"with: {describe_protocol(evaluation)}"
         )
     bins = setting(project, "bin_width", 0.1, one_of(BIN_WIDTHS))
-    names = evaluation.names
-    pooled, by_dataset = summarise_all(names, evaluation.runs, bins.value())
+    pooled, by_dataset = _summaries(evaluation, bins.value())
     refined = setting(project, "with_refined", True, yes_or_no, tabs_own=True)
     if not st.toggle(
         "With the refined method", **refined.widget(),
@@ -221,7 +231,7 @@ def show_evaluation(
         **bins.widget(),
     )  # fmt: skip
     st.table(validation_table(pooled))
-    if len(names) > 1:
+    if len(evaluation.names) > 1:
         st.subheader("Data set by data set")
         show_figure(plot_comparison(by_dataset), describe_comparison(by_dataset), "comparison")
     if screenings:
