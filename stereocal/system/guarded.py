@@ -15,7 +15,7 @@ import signal
 import tempfile
 import threading
 from collections.abc import Callable, Mapping
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from pathlib import Path
@@ -30,6 +30,8 @@ Reader = Callable[[Path], object]
 LEAST_SECONDS = 10.0
 SECONDS_PER_MB = 0.1
 """A 16-bit PNG of 200 megapixels may take seconds, longer on a busy server."""
+POLL_S = 0.2
+"""Interval in which it is checked whether the pool still works."""
 SPARE = 1_000_000_000
 BYTES_PER_PIXEL = 16
 """Four channels of 16 bits, a copy of three of them, and the grey image."""
@@ -119,10 +121,15 @@ class Guard:
         with self._lock:
             if self._pool is None or not self._pool.active:
                 self._pool = self._started()
-            future = self._pool.schedule(
+            pool = self._pool
+            future = pool.schedule(
                 _read, (self._readers[kind], path.resolve(), seconds), timeout=seconds
             )
         try:
+            # Pebble forgets a file that is scheduled while a pool breaks: it would never end.
+            while not wait([future], POLL_S).done:
+                if not pool.active:
+                    raise BrokenProcessPool
             future.result()
         except TimeoutError:
             return f"takes too long to be decoded, more than {seconds:.0f} s"
