@@ -37,14 +37,14 @@ EXPECTED = (
 
 
 def read_camera(content: bytes, source: str, lens_model: LensModel | None = None) -> Camera:
-    """The camera of a file, whose format is told by its content.
+    """The camera in a file; the format is determined from the content.
 
     Args:
-        lens_model: what four coefficients are where the file does not say it.
+        lens_model: meaning of four coefficients if the file does not state it.
 
     Raises:
         FourCoefficientsError: four coefficients that may be those of a fisheye.
-        StereocalError: an empty file, an unknown format, or a camera that cannot be.
+        StereocalError: an empty file, an unknown format, or an invalid camera.
     """
     if not content.strip():
         raise StereocalError(f"{source}: the file is empty.")
@@ -72,10 +72,10 @@ def read_camera(content: bytes, source: str, lens_model: LensModel | None = None
 
 
 def write_camera(camera: Camera, about: Mapping[str, Any] | None = None) -> bytes:
-    """Our JSON file of a camera, with its uncertainty if it has one.
+    """Our JSON file of a camera, with its uncertainty if known.
 
     Args:
-        about: how the camera was found; further keys of the file, which readers let pass.
+        about: how the camera was calibrated; readers ignore it.
     """
     content: dict[str, Any] = {"format": CAMERA_FORMAT, **camera.to_json()}
     if camera.uncertainty is not None:
@@ -86,12 +86,12 @@ def write_camera(camera: Camera, about: Mapping[str, Any] | None = None) -> byte
 
 
 def write_opencv_camera(camera: Camera) -> bytes:
-    """OpenCV's YAML file of a camera, as its calibration program names things.
+    """OpenCV's YAML file of a camera, with the names of its calibration program.
 
-    Its format has no place for skew, which stays in the matrix, and none for uncertainties. Four
-    coefficients get k3 = 0 as the fifth: four alone might be those of a fisheye.
+    Uncertainties are not written. Four coefficients get a fifth, k3 = 0, since four alone might be
+    those of a fisheye.
     """
-    # OpenCV 5 writes YAML 1.2 unless asked; version 4 knows only the old header and cannot ask.
+    # OpenCV 5 writes YAML 1.2 by default; version 4 reads 1.0 only and has no such flag.
     yaml = getattr(cv2, "FILE_STORAGE_FORMAT_YAML_1_0", cv2.FILE_STORAGE_FORMAT_YAML)
     storage = cv2.FileStorage(".yml", cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY | yaml)
     width, height = camera.image_size
@@ -103,7 +103,7 @@ def write_opencv_camera(camera: Camera) -> bytes:
 
 
 def _read_nested_lists(storage: Storage, source: str, lens_model: LensModel | None) -> Camera:
-    """A camera as nested lists, by our names or OpenCV's."""
+    """A camera given as nested lists, with our names or OpenCV's."""
     size = find_node(storage, SIZE_NAMES) or [
         find_node(storage, WIDTH_NAMES),
         find_node(storage, HEIGHT_NAMES),
@@ -120,7 +120,7 @@ def _read_nested_lists(storage: Storage, source: str, lens_model: LensModel | No
 
 
 def _read_matrices(storage: Storage, source: str, lens_model: LensModel | None) -> Camera:
-    """A camera as OpenCV's own matrices."""
+    """A camera given as OpenCV matrices."""
     K = matrix_of(_node(storage, K_NAMES, source), K_NAMES[0], source)
     distortion = matrix_of(_node(storage, DISTORTION_NAMES, source), DISTORTION_NAMES[0], source)
     width = _number(storage, WIDTH_NAMES, source)

@@ -49,16 +49,16 @@ TEMPLATE = (
 
 @dataclass(frozen=True)
 class Table:
-    """What was read of a file: the sound rows, and the refused ones with the reason."""
+    """The valid rows of a file, and the reasons why the others are invalid."""
 
     correspondences: Correspondences
     problems: list[RowProblem]
 
     def strict(self, source: str) -> Correspondences:
-        """The rows, if none was refused.
+        """The rows, if all are valid.
 
         Raises:
-            StereocalError: some rows were refused; names the first three.
+            StereocalError: some rows are invalid; names the first three.
         """
         if self.problems:
             raise RefusedRowsError(f"{source}: ", self.problems, "cannot be used")
@@ -66,10 +66,10 @@ class Table:
 
 
 def read_table(content: bytes, source: str) -> Table:
-    """Read a table; comma, semicolon or tab between columns, further columns are ignored.
+    """Read a table separated by comma, semicolon or tab; further columns are ignored.
 
     Raises:
-        StereocalError: the file as a whole is no such table, or is too large.
+        StereocalError: the file is not such a table, or is too large.
     """
     text = text_of(content, source)
     Limits.from_environment().check_pairs(max(text.count("\n"), text.count("\r")) - 1, source)
@@ -121,7 +121,7 @@ def read_table(content: bytes, source: str) -> Table:
 
 
 def _contradictions(values: Values, target: IntArray, lines: IntArray, bad: Reasons) -> Reasons:
-    """Sound rows that contradict an earlier one of their frame."""
+    """Valid rows that contradict an earlier row of the same frame."""
     rows = pd.DataFrame(
         {"frame": values["frame"], "target": target, "own": values["distance_m"], "line": lines}
     ).drop(index=list(bad))
@@ -136,15 +136,15 @@ def _contradictions(values: Values, target: IntArray, lines: IntArray, bad: Reas
         found.index.tolist(), found.to_numpy().tolist(), strict=True
     ):
         if line != first:
-            said = f"has target {TARGETS[int(which)]} already, in line {first:.0f}"
+            problem = f"has target {TARGETS[int(which)]} already, in line {first:.0f}"
         else:
-            said = f"has two different distances, {other:g} and {own:g} m"
-        reasons[row] = f"frame {frame:.0f} {said}"
+            problem = f"has two different distances, {other:g} and {own:g} m"
+        reasons[row] = f"frame {frame:.0f} {problem}"
     return reasons
 
 
 def write_table(rows: Correspondences) -> bytes:
-    """The table of `rows`, which `read_table` reads back to the same numbers."""
+    """The table of `rows`, read back exactly by `read_table`."""
     optional = {
         "distance_m": rows.distance_m,
         **{name: rows.known_points_m[:, i] for i, name in enumerate(KNOWN_POINT)},

@@ -1,4 +1,4 @@
-"""A data set as a folder or a zip: `dataset.json`, two camera files, points or photographs."""
+"""A data set in a folder or a zip: `dataset.json`, two camera files, points or photographs."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ LONGEST_NAME = 200
 LARGEST_DESCRIPTION = 4_000_000
 TEXTS = frozenset((".json", ".csv", ".yaml", ".yml", ".xml"))
 NAMED = frozenset((".ini", ".conf", ".mat"))
-"""Small ones are named as what they are where `dataset.json` calls them cameras."""
+"""Read if small, for a helpful error message where `dataset.json` names them as cameras."""
 
 
 @dataclass(frozen=True)
 class Survey:
-    """What `dataset.json` tells: all of a data set but its points."""
+    """The contents of `dataset.json`: a data set without its points."""
 
     name: str
     primary: Camera
@@ -52,20 +52,20 @@ class Survey:
 
 
 def read_dataset(path: str | Path, lens_model: LensModel | None = None) -> Dataset:
-    """Read a data set, a folder or a zip, and refuse it if any row cannot be used.
+    """Read a data set from a folder or a zip.
 
     Args:
-        lens_model: what four distortion coefficients are where a camera file does not say it.
+        lens_model: meaning of four distortion coefficients if a camera file does not state it.
 
     Raises:
-        StereocalError: one sentence that says what is wrong, and where.
+        StereocalError: the data set or any of its rows is invalid.
     """
     files, photographs = read_texts(Path(path))
     return parse_dataset(files, str(path), photographs, lens_model)
 
 
 def read_survey(path: str | Path, lens_model: LensModel | None = None) -> Survey:
-    """Read a data set but for its points, which need not be there yet.
+    """Read a data set without its points, which may still be missing.
 
     Raises:
         StereocalError: as `read_dataset`.
@@ -75,7 +75,7 @@ def read_survey(path: str | Path, lens_model: LensModel | None = None) -> Survey
 
 
 def read_texts(path: Path) -> tuple[dict[str, bytes], bool]:
-    """The text files of a folder or a zip by name, and whether there are photographs too.
+    """The text files in a folder or a zip by name, and whether there are photographs too.
 
     Raises:
         StereocalError: there is no such folder or zip, or it cannot be read.
@@ -106,10 +106,10 @@ def parse_dataset(
     photographs: bool = False,
     lens_model: LensModel | None = None,
 ) -> Dataset:
-    """The data set of files by name; they may all lie in one folder further down.
+    """The data set from files by name, which may all be in one subfolder.
 
     Args:
-        photographs: whether photographs lie beside them, in which the targets can be found.
+        photographs: whether there are photographs too, in which targets can be detected.
 
     Raises:
         StereocalError: as `read_dataset`.
@@ -119,8 +119,8 @@ def parse_dataset(
     if folder + TABLE not in files:
         if photographs or any(map(is_photograph, files)):
             raise StereocalError(
-                f"{source}: it holds photographs and no {TABLE} yet; find the targets in them "
-                "first, by `python -m stereocal detect` or on the Data page."
+                f"{source}: it contains photographs and no {TABLE} yet; find the targets first, "
+                "with `python -m stereocal detect` or on the Data page."
             )
         raise StereocalError(f"{source}: the table of points {TABLE!r} is missing.")
     name = f"{source}: {TABLE}"
@@ -137,7 +137,7 @@ def parse_dataset(
 
 
 def parse_zip(content: bytes, source: str, lens_model: LensModel | None = None) -> Dataset:
-    """The data set of a zip's content; photographs in it are not unpacked.
+    """The data set in a zip's content; photographs are not unpacked.
 
     Raises:
         StereocalError: as `read_dataset`.
@@ -151,10 +151,10 @@ def parse_zip(content: bytes, source: str, lens_model: LensModel | None = None) 
 def parse_survey(
     files: Mapping[str, bytes], source: str, lens_model: LensModel | None = None
 ) -> Survey:
-    """What the files tell but for the points.
+    """The data set without its points, from files by name.
 
     Raises:
-        StereocalError: as `read_dataset`; the lengths are checked when the points are there.
+        StereocalError: as `read_dataset`; the values of the lengths are not checked here.
     """
     folder, description = find_description(files, source)
     where = f"{source}: {DESCRIPTION}"
@@ -181,15 +181,15 @@ def parse_survey(
 
 
 def _shown(name: str) -> str:
-    """A name as a page can show it."""
+    """A name that can be displayed: not too long, valid UTF-8."""
     return name[:LONGEST_NAME].encode("utf-8", "replace").decode()
 
 
 def find_description(files: Mapping[str, bytes], source: str) -> tuple[str, dict[str, Any]]:
-    """The folder that holds `dataset.json` (with its slash, or nothing), and what it says.
+    """The folder of `dataset.json` (with its slash, or empty), and its content.
 
     Raises:
-        StereocalError: none or several, or it is not the JSON that it should be.
+        StereocalError: there is none or several, or it is invalid.
     """
     found = [
         name
@@ -198,11 +198,11 @@ def find_description(files: Mapping[str, bytes], source: str) -> tuple[str, dict
     ]
     if not found:
         held = ", ".join(sorted(files)[:5]) or "nothing"
-        raise StereocalError(f"{source}: there is no {DESCRIPTION} in it (it holds: {held}).")
+        raise StereocalError(f"{source}: there is no {DESCRIPTION} in it (it contains: {held}).")
     if len(found) > 1:
         raise StereocalError(
-            f"{source}: it holds {len(found)} data sets ({', '.join(sorted(found)[:3])}); "
-            "give one at a time."
+            f"{source}: it contains {len(found)} data sets ({', '.join(sorted(found)[:3])}); "
+            "use one at a time."
         )
     if len(files[found[0]]) > LARGEST_DESCRIPTION:
         raise StereocalError(
@@ -217,7 +217,7 @@ def find_description(files: Mapping[str, bytes], source: str) -> tuple[str, dict
 
 
 def pack_dataset(dataset: Dataset) -> dict[str, bytes]:
-    """The files of a data set by name, which `parse_dataset` reads back to the same numbers."""
+    """The files of a data set by name, read back exactly by `parse_dataset`."""
     description = {
         "format": DATASET_FORMAT,
         "name": dataset.name,
@@ -242,7 +242,7 @@ def _is_small(file: Path) -> bool:
 
 
 def _files_in(folder: Path, wanted: Callable[[str], bool]) -> Iterable[Path]:
-    """The files of a folder and of its direct subfolders whose names are wanted."""
+    """The files with wanted names in a folder and its direct subfolders."""
     return (
         file
         for pattern in ("*", "*/*")
@@ -267,4 +267,4 @@ def _optional(description: Mapping[str, Any], key: str, where: str) -> float | N
     try:
         return float(value)
     except OverflowError as error:
-        raise StereocalError(f"{where}: {key} is far too large; give it in metres.") from error
+        raise StereocalError(f"{where}: {key} is far too large; state it in metres.") from error

@@ -1,4 +1,4 @@
-"""What an evaluation leaves behind: `summary.json` for scripts, and the counts for a project."""
+"""Store evaluations: `summary.json` for scripts, and the counts for a project."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from stereocal.system.json_text import read_json
 
 SUMMARY_FORMAT = "stereocal-summary/1"
 METHOD_COUNTS = (3, 4)
-"""With the refined method, or from before it."""
+"""Without (old files) and with the refined method."""
 
 
 def summary_json(
@@ -38,8 +38,8 @@ def summary_json(
     """`summary.json`: all figures pooled and by data set; errors as fractions, angles in rad.
 
     Args:
-        datasets: as they were given, with all frames.
-        screenings: of the data sets, in order, where frames were left out.
+        datasets: with all frames, before screening.
+        screenings: of the data sets, in order; empty if there was none.
     """
     left_out = [list(screening.left_out) for screening in screenings] or [[] for _ in datasets]
     content = {
@@ -70,16 +70,16 @@ def summary_json(
 def validation_figures(
     pooled: Mapping[Method, MethodSummary], settings: EvaluationSettings
 ) -> dict[str, dict[str, Any]]:
-    """What the parameter files say of a validation, by method: its figures and its protocol."""
+    """The entry on the validation in the parameter files, by method: figures and protocol."""
     protocol = {"runs": settings.runs, "calibration_frames": settings.calibration_frames}
     return {method: {**protocol, **found.to_json()} for method, found in pooled.items()}
 
 
 def validation_in_summary(path: Path, dataset: Dataset) -> dict[str, dict[str, Any]]:
-    """The figures that `validation_figures` gives, from a `summary.json` with this data set.
+    """The result of `validation_figures` for a data set, from a `summary.json`.
 
     Raises:
-        StereocalError: the file cannot be read, or it says nothing of this data set.
+        StereocalError: the file cannot be read, or does not contain this data set.
     """
     try:
         packed = path.read_bytes()
@@ -92,12 +92,12 @@ def validation_in_summary(path: Path, dataset: Dataset) -> dict[str, dict[str, A
     except DAMAGED as error:
         raise StereocalError(f"{path}: this is not a summary.json of evaluate.") from error
     if dataset.sha256 not in known:
-        raise StereocalError(f"{path}: it says nothing of the data set {dataset.name}.")
+        raise StereocalError(f"{path}: it does not contain the data set {dataset.name}.")
     return {method: {**protocol, **found} for method, found in known[dataset.sha256].items()}
 
 
 def unique_names(datasets: Sequence[Dataset]) -> list[str]:
-    """The names of data sets, with a number where two are alike."""
+    """The names of data sets, with a number added to duplicates."""
     names: list[str] = []
     for dataset in datasets:
         name, copy = dataset.name, 2
@@ -109,7 +109,7 @@ def unique_names(datasets: Sequence[Dataset]) -> list[str]:
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """The runs of a finished evaluation, with the settings and the data they came from."""
+    """The runs of a finished evaluation, with their settings and data sets."""
 
     runs: Sequence[Sequence[Run]]
     settings: EvaluationSettings
@@ -120,7 +120,7 @@ class Evaluation:
 
     @cached_property
     def summaries(self) -> dict[Method, MethodSummary]:
-        """The figures by method, all data sets pooled; made once."""
+        """The figures by method, all data sets pooled."""
         return summarise(self.runs)
 
 
@@ -138,7 +138,7 @@ def pack_evaluation(evaluation: Evaluation) -> bytes:
         arrays[f"nans{at}"] = np.array([run.nans for run in of_one])
         arrays[f"angles{at}"] = np.array([run.angles for run in of_one])
         arrays[f"correct_px{at}"] = np.array([run.correct_px for run in of_one])
-        # Runs may test with different numbers of bars: frames with one target have none.
+        # The number of bars may differ between runs: frames with one target have none.
         arrays[f"bars{at}"] = np.array([run.lengths.shape[1] for run in of_one])
         arrays[f"lengths{at}"] = np.concatenate([run.lengths for run in of_one], axis=1)
     packed = io.BytesIO()
@@ -147,7 +147,7 @@ def pack_evaluation(evaluation: Evaluation) -> bytes:
 
 
 def unpack_evaluation(content: bytes) -> Evaluation:
-    """The evaluation that `pack_evaluation` packed.
+    """The evaluation of `pack_evaluation`.
 
     Raises:
         StereocalError: the file is damaged.
@@ -172,7 +172,7 @@ def _runs(arrays: Mapping[str, Array], at: int) -> list[Run]:
     lengths = shaped(arrays[f"lengths{at}"], "f", methods, int(bars.sum()))
     nans = shaped(arrays[f"nans{at}"], "iu", count, methods, 2)
     angles = shaped(arrays[f"angles{at}"], "f", count, methods, 5)
-    # Validations of before the refined method do not have it.
+    # Missing in validations from before the refined method.
     px = arrays.get(f"correct_px{at}", np.full((count, methods), np.nan))
     px = shaped(px, "f", count, methods)
     if not count or methods not in METHOD_COUNTS or min(bars.min(), counts.min(), nans.min()) < 0:
@@ -182,18 +182,18 @@ def _runs(arrays: Mapping[str, Array], at: int) -> list[Run]:
 
 
 def pack_runs(runs: Sequence[Run]) -> bytes:
-    """A few runs as one file of plain arrays, quickly: of the counts only those that are not 0.
+    """Some runs as one file of plain arrays, with non-zero counts only.
 
-    10 runs take 0.5 ms and 41 kB, of 110 ms that they took to compute.
+    10 runs take 0.5 ms and 41 kB, compared with 110 ms to compute them.
     """
     counts = np.array([run.counts for run in runs], dtype=np.int32)
-    places = np.flatnonzero(counts)
+    filled = np.flatnonzero(counts)
     packed = io.BytesIO()
     np.savez(
         packed,
         shape=np.array(counts.shape),
-        places=places.astype(np.uint32),
-        counts=counts.ravel()[places],
+        places=filled.astype(np.uint32),
+        counts=counts.ravel()[filled],
         nans=np.array([run.nans for run in runs]),
         angles=np.array([run.angles for run in runs]),
         correct_px=np.array([run.correct_px for run in runs]),
@@ -204,7 +204,7 @@ def pack_runs(runs: Sequence[Run]) -> bytes:
 
 
 def unpack_runs(content: bytes) -> list[Run]:
-    """The runs of `pack_runs`, to the last bit.
+    """The exact runs of `pack_runs`.
 
     Raises:
         KeyError, ValueError, OSError: the content is damaged.

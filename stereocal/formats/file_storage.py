@@ -1,4 +1,4 @@
-"""OpenCV FileStorage (YAML, XML, JSON) as plain data."""
+"""Read OpenCV FileStorage (YAML, XML, JSON) as plain data."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def read_storage(text: str, source: str) -> Storage:
     """The nodes of a file.
 
     Raises:
-        StereocalError: damaged, nested too deeply, or no mapping.
+        StereocalError: damaged, nested too deeply, or not a mapping.
     """
     start = text.lstrip()
     if start.startswith("<"):
@@ -34,15 +34,15 @@ def read_storage(text: str, source: str) -> Storage:
 
 
 def find_node(storage: Storage, names: tuple[str, ...]) -> Any:
-    """The first node of these names that is there, else None."""
+    """The first node found with one of these names, else None."""
     return next((storage[name] for name in names if name in storage), None)
 
 
 def matrix_of(node: Any, name: str, source: str) -> FloatArray:
-    """The numbers of an OpenCV matrix, or of a list, flat or of rows: (rows, cols), or one row.
+    """(rows, cols): an OpenCV matrix, or a list of rows or of numbers (one row).
 
     Raises:
-        StereocalError: no matrix, or not of numbers.
+        StereocalError: not a matrix of numbers.
     """
     rows, cols = (node.get("rows"), node.get("cols")) if isinstance(node, dict) else (0, 0)
     data = node.get("data") if isinstance(node, dict) else node
@@ -50,24 +50,24 @@ def matrix_of(node: Any, name: str, source: str) -> FloatArray:
         raise StereocalError(f"{source}: {name} is not a matrix (!!opencv-matrix).")
     table = data if data and all(isinstance(row, list) for row in data) else [data]
     if len({len(row) for row in table}) != 1:
-        raise StereocalError(f"{source}: the rows of {name} are not equally long.")
+        raise StereocalError(f"{source}: the rows of {name} differ in length.")
     if not all(is_number(value) for row in table for value in row):
-        raise StereocalError(f"{source}: {name} holds something that is not a number.")
+        raise StereocalError(f"{source}: {name} contains something that is not a number.")
     found = np.array(table, dtype=np.float64)
     if not isinstance(node, dict):
         return found
     if min(rows, cols) < 0 or rows * cols != found.size:
-        raise StereocalError(f"{source}: {name} does not hold the numbers of a matrix.")
+        raise StereocalError(f"{source}: {name} does not have rows x cols numbers.")
     return found.reshape(rows, cols)
 
 
 def is_number(value: object) -> bool:
-    """Whether a node is a number that can be computed with."""
+    """Whether a node is a number within the range of int64 or float64."""
     return isinstance(value, float) or (type(value) is int and abs(value) < 1 << 63)
 
 
 def lens_model_of(storage: Storage) -> str | bool | None:
-    """What a file says of its lens model: its name, or whether it is a fisheye."""
+    """The name of the lens model in a file, or whether it is a fisheye; None if not stated."""
     model, fisheye = storage.get("distortion_model"), storage.get("fisheye_model")
     if isinstance(model, str):
         return model
@@ -75,9 +75,9 @@ def lens_model_of(storage: Storage) -> str | bool | None:
 
 
 def _read_xml(text: str, source: str) -> Storage:
-    # OpenCV writes no document type, the only place from which entities can swell.
+    # Entity expansion attacks need a document type, which OpenCV does not write.
     if "<!DOCTYPE" in text:
-        raise StereocalError(f"{source}: this XML file has a document type, which is not read.")
+        raise StereocalError(f"{source}: XML with a document type is not read; remove it.")
     try:
         root = ElementTree.fromstring(text)
     except (ElementTree.ParseError, ValueError) as error:
@@ -87,7 +87,7 @@ def _read_xml(text: str, source: str) -> Storage:
 
 
 def _children(element: ElementTree.Element, source: str, depth: int = 0) -> Any:
-    """The value of an element: OpenCV's lists are numbers in its text, or elements called `_`."""
+    """The value of an element; OpenCV's lists are numbers in its text, or elements named `_`."""
     if depth > DEEPEST:
         raise StereocalError(f"{source}: this is not a camera file, it is nested too deeply.")
     if not len(element):
@@ -100,7 +100,7 @@ def _children(element: ElementTree.Element, source: str, depth: int = 0) -> Any:
         return [value for _, value in children]
     found = dict(children)
     if len(found) < len(children):
-        raise StereocalError(f"{source}: a name stands twice in <{element.tag[:60]}>.")
+        raise StereocalError(f"{source}: <{element.tag[:60]}> contains a name twice.")
     return found
 
 

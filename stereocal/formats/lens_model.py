@@ -1,7 +1,6 @@
-"""Which lens the coefficients of a file belong to: OpenCV's usual one, or its fisheye.
+"""Distinguish OpenCV's standard lens model (k1 k2 p1 p2) from its fisheye model (k1 k2 k3 k4).
 
-Both have four, k1 k2 p1 p2 and k1 k2 k3 k4, and mean another lens. Where the file does not say
-which, a person must.
+Both may have four coefficients; if the file does not state the model, the user must.
 """
 
 from __future__ import annotations
@@ -20,51 +19,49 @@ FISHEYE = ("fisheye", "equidistant", "equi", "kannala_brandt", "kannala_brandt4"
 
 
 class FourCoefficientsError(StereocalError):
-    """A lens with four coefficients of which nobody has said what they are."""
+    """A lens with four coefficients whose model is not stated."""
 
     def __init__(self, source: str) -> None:
         self.question = (
             f"{source}: the lens has 4 distortion coefficients, and the file does not say whether "
             "they are k1 k2 p1 p2 (OpenCV's usual lens) or k1 k2 k3 k4 (its fisheye, which "
-            "stereocal does not know)."
+            "stereocal does not support)."
         )
         super().__init__(
-            f"{self.question} For the usual lens, say --lens-model brown, or write "
+            f"{self.question} For the usual lens, use --lens-model brown, or write "
             "distortion_model: plumb_bob into the file."
         )
 
 
 def fisheye_refused(source: str) -> StereocalError:
-    """What to do with a fisheye."""
     return StereocalError(
-        f"{source}: the lens is a fisheye (k1 k2 k3 k4), which stereocal does not know. "
+        f"{source}: the lens is a fisheye (k1 k2 k3 k4), which stereocal does not support. "
         "Calibrate it as a usual lens (OpenCV's calibrateCamera, or the page Cameras), or "
-        "undistort the images first and give the camera without distortion."
+        "undistort the images first and use a camera without distortion."
     )
 
 
 def five_or_more(coefficients: FloatArray) -> FloatArray:
-    """The coefficients of a usual lens so that no program takes them for a fisheye's: k3 = 0."""
+    """The coefficients with at least k3 = 0 appended, so that they do not look like a fisheye's."""
     return np.append(coefficients, np.zeros(max(5 - coefficients.size, 0)))
 
 
 def check_lens_model(
-    coefficients: FloatArray, stated: object, given: LensModel | None, source: str
+    coefficients: FloatArray, stated: object, by_user: LensModel | None, source: str
 ) -> None:
-    """Refuse a fisheye, and four coefficients that may be one.
+    """Reject a fisheye, and four coefficients of an unstated model.
 
     Args:
-        stated: the file's name of its lens model, or whether it is a fisheye; None where it does
-            not say.
-        given: what a person says.
+        stated: the file's name of its lens model, or whether it is a fisheye; None if not stated.
+        by_user: the model that the user states.
 
     Raises:
-        FourCoefficientsError: they may be either, and nobody says which.
-        StereocalError: they are a fisheye's.
+        FourCoefficientsError: four coefficients of an unstated model.
+        StereocalError: a fisheye.
     """
     name = str(stated).strip().lower() if isinstance(stated, str) else ""
-    if given == "fisheye" or name in FISHEYE or stated is True:
+    if by_user == "fisheye" or name in FISHEYE or stated is True:
         raise fisheye_refused(source)
-    settled = given == "brown" or name in USUAL or stated is False
+    settled = by_user == "brown" or name in USUAL or stated is False
     if coefficients.size == 4 and coefficients.any() and not settled:
         raise FourCoefficientsError(source)

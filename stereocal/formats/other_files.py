@@ -1,4 +1,4 @@
-"""Files of kinds that no reader takes, told by their content and named as what they are."""
+"""Recognise unsupported files by their content, for helpful error messages."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from stereocal.errors import StereocalError
 
 HDF5 = b"\x89HDF\r\n\x1a\n"
 DEEPLABCUT = b"df_with_missing"
-"""The name of its table."""
+"""Name of the table in DeepLabCut's HDF5 files."""
 MATLAB = b"MATLAB "
 SECTION = re.compile(r"\[\s*([A-Za-z][^\[\]{}\"',]*)\]")
 OUR_JSON = (
@@ -28,18 +28,18 @@ def is_hdf5(content: bytes) -> bool:
 
 
 def is_matlab(content: bytes) -> bool:
-    """Whether it is a .mat file: version 7.3 is HDF5 behind a header of its own."""
+    """Whether it is a .mat file; version 7.3 is HDF5 after a MATLAB header."""
     return content.startswith(MATLAB) and b"MAT-file" in content[:128]
 
 
 def refuse_other_camera(content: bytes, source: str, may_be_toml: bool = False) -> None:
-    """Name a .mat or an .ini that is given as a camera or as parameters.
+    """Reject a .mat or .ini file in place of a camera or parameters.
 
     Args:
-        may_be_toml: whether TOML is welcome, which begins like an INI file.
+        may_be_toml: accept TOML, which begins like an INI file.
 
     Raises:
-        StereocalError: it is one; says how to make a file that is read.
+        StereocalError: it is such a file; says how to convert it.
     """
     if is_matlab(content):
         raise StereocalError(
@@ -55,10 +55,10 @@ def refuse_other_camera(content: bytes, source: str, may_be_toml: bool = False) 
 
 
 def refuse_other_points(content: bytes, source: str) -> None:
-    """Name a binary file that is given as points.
+    """Reject a MATLAB or DeepLabCut HDF5 file in place of points.
 
     Raises:
-        StereocalError: it is one; says what to give instead.
+        StereocalError: it is such a file; says what to use instead.
     """
     if is_matlab(content):
         raise StereocalError(
@@ -67,8 +67,8 @@ def refuse_other_points(content: bytes, source: str) -> None:
         )
     if is_hdf5(content) and DEEPLABCUT in content:
         raise StereocalError(
-            f"{source}: this is an HDF5 file of DeepLabCut, which is not read: it may hold code, "
-            "which a reader would run. Give the CSV file that DeepLabCut writes beside it "
+            f"{source}: this is an HDF5 file of DeepLabCut, which is not read because it may "
+            "contain code that would be run. Use the CSV file that DeepLabCut writes beside it "
             "(save_as_csv=True, or deeplabcut.analyze_videos_converth5_to_csv)."
         )
 

@@ -1,4 +1,4 @@
-"""Where the pixels of other programs start, and how ours become theirs."""
+"""Convert between pixel coordinates of other programs and ours."""
 
 from __future__ import annotations
 
@@ -18,31 +18,31 @@ FLIPS: tuple[Flip, ...] = ("h", "h-1", "h+1")
 
 @dataclass(frozen=True)
 class PixelOrigin:
-    """How image points are counted: `u' = u + first_pixel`, and v by the corner.
+    """The pixel coordinates (u', v') of another program.
 
-    Upper left: `v' = v + first_pixel`. Lower left: `v' = flip - v`, where h is the image
-    height. Here (u, v) are stereocal's, whose (0, 0) is the centre of the top-left pixel.
+    `u' = u + first_pixel`. Upper left: `v' = v + first_pixel`. Lower left: `v' = flip - v`, where h
+    is the image height. (u, v) are stereocal's: (0, 0) is the centre of the top-left pixel.
     """
 
     corner: Corner = "upper-left"
     first_pixel: float = 0.0
     """Coordinate of the centre of the first pixel: 1 in MATLAB, 0.5 in COLMAP."""
     flip: Flip = "h"
-    """DLTdv5 to 7, Argus and easyWand take h; others h - 1 (the bottom row is 0) or h + 1."""
+    """DLTdv5 to 7, Argus and easyWand use h; others h - 1 (the bottom row is 0) or h + 1."""
 
     def matrix(self, height: int) -> FloatArray:
-        """(3, 3), from our homogeneous pixels to theirs."""
+        """(3, 3): transforms our homogeneous pixels to theirs."""
         if self.corner == "upper-left":
             return np.array([[1.0, 0, self.first_pixel], [0, 1.0, self.first_pixel], [0, 0, 1.0]])
         flip = height + {"h": 0, "h-1": -1, "h+1": 1}[self.flip]
         return np.array([[1.0, 0, self.first_pixel], [0, -1.0, flip], [0, 0, 1.0]])
 
     def to_theirs(self, pixels: npt.ArrayLike, height: int) -> FloatArray:
-        """Their pixels (n, 2) of ours."""
+        """Convert our pixels (n, 2) to theirs."""
         return _apply(self.matrix(height), pixels)
 
     def to_ours(self, pixels: npt.ArrayLike, height: int) -> FloatArray:
-        """Our pixels (n, 2) of theirs."""
+        """Convert their pixels (n, 2) to ours."""
         return _apply(np.asarray(np.linalg.inv(self.matrix(height)), np.float64), pixels)
 
 

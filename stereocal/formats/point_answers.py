@@ -1,7 +1,7 @@
-"""What a person says about a point file of another program: answers, kept as JSON.
+"""The user's answers on how to read a point file of another program, stored as JSON.
 
 layout = layout_of(content, "xypts.csv")              # as proposed, or to be chosen by hand
-answers = first_answers(layout, 0, image_height=1024)   # to be looked at, and changed
+answers = first_answers(layout, 0, image_height=1024)   # to be checked and changed
 table = read_points(content, answered(layout, answers), answers.camera, answers.image_height)
 """
 
@@ -21,9 +21,9 @@ from stereocal.rig.dataset import Correspondences
 OURS = "stereocal"
 UNKNOWN = "a program that is not known"
 ONE_CAMERA = "cam1"
-"""Of a file that names none."""
+"""Camera of a file that names none."""
 LIKELY = 0.6
-"""DeepLabCut's own limit: points less likely are often wrong."""
+"""DeepLabCut's own threshold: less likely points are often wrong."""
 
 
 @dataclass(frozen=True)
@@ -38,19 +38,17 @@ class Answers:
     px_per_unit: float = 1.0
     least_likelihood: float = 0.0
     columns: tuple[int | None, int, int] | None = None
-    """Columns of the frame (None: the rows are counted), of u and of v, where chosen by hand; None
-    where the layout says it, or nobody has chosen."""
+    """Columns of the frame (None: rows are counted), u and v if chosen by hand, else None."""
 
     def to_json(self) -> dict[str, Any]:
-        """For the project's file."""
         return asdict(self)
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> Answers:
-        """What `to_json` wrote.
+        """The answers of `to_json`.
 
         Raises:
-            StereocalError: it is none.
+            StereocalError: the data are invalid.
         """
         try:
             columns = data["columns"]
@@ -63,10 +61,10 @@ class Answers:
 
 
 def layout_of(content: bytes, source: str) -> PointLayout:
-    """The layout that a file looks like; where it looks like none, one to be chosen by hand.
+    """The layout proposed for a file; if none is recognised, one to be chosen by hand.
 
     Raises:
-        StereocalError: empty, no text, or with too few columns to hold points.
+        StereocalError: empty, not text, or with too few columns.
     """
     rows, _ = first_rows(content, source)
     try:
@@ -78,10 +76,10 @@ def layout_of(content: bytes, source: str) -> PointLayout:
 
 
 def layout_by_hand(content: bytes, source: str) -> PointLayout:
-    """A table with a row for each point, whose columns are to be chosen.
+    """A table with one row per point, whose columns are to be chosen.
 
     Raises:
-        StereocalError: empty, or no text.
+        StereocalError: empty, or not text.
     """
     rows, delimiter = first_rows(content, source)
     header = 0
@@ -97,12 +95,12 @@ def layout_by_hand(content: bytes, source: str) -> PointLayout:
 
 
 def can_choose_columns(layout: PointLayout) -> bool:
-    """Whether the columns of the frame, u and v are a person's to choose."""
+    """Whether the user can choose the columns of the frame, u and v."""
     return layout.program == UNKNOWN or layout.program.startswith("a table")
 
 
 def column_names(content: bytes, layout: PointLayout, source: str) -> list[str]:
-    """What to call the columns: by the header, or by their number."""
+    """Names of the columns, from the header or by number."""
     rows, _ = first_rows(content, source)
     width = len(rows[min(layout.header_rows, len(rows) - 1)])
     head = rows[layout.header_rows - 1] if layout.header_rows else []
@@ -111,11 +109,11 @@ def column_names(content: bytes, layout: PointLayout, source: str) -> list[str]:
 
 
 def first_answers(layout: PointLayout, which: int, image_height: int | None = None) -> Answers:
-    """Answers to begin with: what the layout proposes.
+    """Initial answers as proposed by the layout.
 
     Args:
         which: 0 for the primary camera, 1 for the secondary.
-        image_height: rows of the image, where they are known.
+        image_height: rows of the image, if known.
     """
     cameras = layout.cameras or (ONE_CAMERA,)
     chosen = can_choose_columns(layout) and layout.columns
@@ -132,10 +130,10 @@ def first_answers(layout: PointLayout, which: int, image_height: int | None = No
 
 
 def answered(layout: PointLayout, answers: Answers, content: bytes, source: str) -> PointLayout:
-    """The layout with the answers in it.
+    """The layout with the answers applied.
 
     Raises:
-        StereocalError: one column chosen for two things, or none for a layout that has none.
+        StereocalError: a column is chosen twice, or columns are missing.
     """
     layout = replace(
         layout,
@@ -176,24 +174,23 @@ def _with_columns(
 
 @dataclass(frozen=True)
 class BarAnswers:
-    """How a file with both ends of a bar in several cameras is to be read."""
+    """Answers for a file with both ends of a bar in several cameras."""
 
     cameras: tuple[str, str]
-    """Which are the primary and the secondary."""
+    """The primary and the secondary camera."""
     ends: tuple[str, str]
-    """Which points are A and B."""
+    """The points A and B."""
     corner: Corner = "upper-left"
     flip: Flip = "h"
     first_pixel: float = 0.0
     image_heights: tuple[int | None, int | None] = (None, None)
 
     def to_json(self) -> dict[str, Any]:
-        """For the project's file."""
         return asdict(self)
 
 
 def holds_bars(content: bytes, source: str) -> bool:
-    """Whether a file looks like one with two points or more in two cameras or more."""
+    """Whether a file seems to have two or more points in two or more cameras."""
     try:
         layout = propose_layout(content, source)
     except StereocalError:
@@ -202,10 +199,10 @@ def holds_bars(content: bytes, source: str) -> bool:
 
 
 def bars_of(content: bytes, answers: BarAnswers, source: str) -> Correspondences:
-    """The bars of a file as the answers say.
+    """The bars in a file, read according to the answers.
 
     Raises:
-        StereocalError: it cannot be read that way.
+        StereocalError: the file cannot be read that way.
     """
     for what, two in (("cameras", answers.cameras), ("points", answers.ends)):
         if two[0] == two[1]:

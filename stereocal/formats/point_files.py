@@ -1,10 +1,10 @@
-"""Point files of tracking programs, by a layout that says which column is what.
+"""Read point files of tracking programs by a layout of their columns.
 
-    layout = propose_layout(content, "xypts.csv")     # to be looked at, and changed where wrong
+    layout = propose_layout(content, "xypts.csv")     # to be checked and corrected
     table = read_points(content, layout, "cam1", image_height=1024, source="xypts.csv")
 
-A layout is proposed from the header. What a file cannot say (where its pixels start, which cameras
-are meant) stands in `questions`, for a person to answer.
+A layout is proposed from the header. `questions` are for the user, on what the file does not state
+(the pixel origin, which cameras to use).
 """
 
 from __future__ import annotations
@@ -28,36 +28,36 @@ HEAD = 1_000_000
 
 @dataclass(frozen=True)
 class PointColumns:
-    """Where one point of one camera stands: indices of its two columns, from 0."""
+    """Column indices, from 0, of one point in one camera."""
 
     camera: str
     point: str
     u: int
     v: int
     likelihood: int | None = None
-    """Column that says how sure the tracker was, if there is one."""
+    """Column with the tracker's likelihood, if there is one."""
 
 
 @dataclass(frozen=True)
 class PointLayout:
-    """What the columns of a point file mean."""
+    """Meaning of the columns of a point file."""
 
     program: str
-    """Who writes such files, for people."""
+    """Program that writes such files, for messages."""
     columns: tuple[PointColumns, ...]
     header_rows: int
     delimiter: str = ","
     frame: int | None = None
-    """Column of the frame's number; None counts the rows from `first_frame`."""
+    """Column of the frame number; None: rows are counted from `first_frame`."""
     first_frame: int = 1
     further: tuple[tuple[str, int], ...] = ()
-    """Names and indices of columns that are carried along."""
+    """Names and indices of columns that are passed through."""
     origin: PixelOrigin = field(default_factory=PixelOrigin)
     px_per_unit: float = 1.0
     least_likelihood: float = 0.0
-    """Points less likely than this count as not seen."""
+    """Less likely points count as missing."""
     zero_is_missing: bool = False
-    """Whether a point at (0, 0) was not seen."""
+    """Whether (0, 0) marks a missing point."""
     questions: tuple[str, ...] = ()
 
     @property
@@ -79,17 +79,16 @@ def read_points(
     source: str = "points",
     first_rows: int | None = None,
 ) -> pd.DataFrame:
-    """The points of one camera: `frame,u,v`, then `point` where the file names points, and more.
+    """The points of one camera: `frame,u,v`, `point` if there are several, and further columns.
 
-    Pixels are stereocal's: the centre of the top-left pixel is (0, 0). Points that were not
-    seen are left out.
+    Pixels are stereocal's: the centre of the top-left pixel is (0, 0). Missing points are left out.
 
     Args:
-        image_height: rows of the image; needed where the file counts from the lower left.
-        first_rows: read so many rows only, for a preview.
+        image_height: rows of the image; required if the file's origin is at the lower left.
+        first_rows: read only this number of rows, for a preview.
 
     Raises:
-        StereocalError: no such camera, the height is missing, or rows that cannot be read.
+        StereocalError: no such camera, the height is missing, or invalid rows.
     """
     chosen = [each for each in layout.columns if each.camera == camera]
     if not chosen:
@@ -118,11 +117,11 @@ def read_bars(
     image_heights: tuple[int | None, int | None] = (None, None),
     source: str = "points",
 ) -> Correspondences:
-    """The two ends of a bar in two cameras, to calibrate with: pairs that both cameras saw.
+    """The ends of a bar that both cameras saw, for calibration.
 
     Args:
-        cameras: which are the primary and the secondary.
-        ends: which points are A and B.
+        cameras: names of the primary and the secondary.
+        ends: names of the points A and B.
 
     Raises:
         StereocalError: as `read_points`, or no end was seen by both cameras.
@@ -154,7 +153,7 @@ def read_bars(
 def _table(
     content: bytes, layout: PointLayout, source: str, first_rows: int | None
 ) -> pd.DataFrame:
-    """The rows under the header, all as text; the index holds the lines of the file."""
+    """The rows below the header, all as text, with their lines as index."""
     text = text_of(content, source)
     Limits.from_environment().check_rows(text.count("\n"), source)
     head = list(itertools.islice(io.StringIO(text[:HEAD]), layout.header_rows + 8))
@@ -195,7 +194,7 @@ def _pixels(
     image_height: int | None,
     source: str,
 ) -> FloatArray:
-    """(n, 2) pixels in our count; NaN where the point was not seen."""
+    """(n, 2): our pixels; NaN for missing points."""
     if layout.origin.corner == "lower-left" and image_height is None:
         raise StereocalError(
             f"{source}: the points are counted from the lower left, so the image height is needed."

@@ -1,4 +1,4 @@
-"""Which program wrote a point file: a layout proposed from its first rows."""
+"""Propose the layout of a point file from its first rows."""
 
 from __future__ import annotations
 
@@ -19,21 +19,24 @@ V_NAMES = ("v", "y", "y_px", "row", "position_y", "y_position", "cy", "centroid_
 
 
 def propose_layout(content: bytes, source: str, name: str | None = None) -> PointLayout:
-    """The layout that the first rows of a file look like, or the one of this name in `LAYOUTS`.
+    """The layout that fits the first rows of a file.
+
+    Args:
+        name: the layout in `LAYOUTS` to use; None: try all.
 
     Raises:
-        StereocalError: empty, no text, or like no layout that is known, or not like this one.
+        StereocalError: empty, not text, or no such layout fits.
     """
     rows, delimiter = first_rows(content, source)
     for guess in LAYOUTS.values() if name is None else (LAYOUTS[name],):
         layout = guess(rows, delimiter)
-        if name == "wand":  # a person says it, whatever the header
+        if name == "wand":  # chosen by the user, with any header
             layout = wand_layout(rows, delimiter, any_header=True)
         if layout is not None:
             return layout
     first = f'its first line is "{delimiter.join(rows[0])[:100]}".'
     if name is not None:
-        raise StereocalError(f"{source}: this is no file of the layout {name}; {first}")
+        raise StereocalError(f"{source}: the file does not have the layout {name}; {first}")
     raise StereocalError(
         f"{source}: the layout is not known. stereocal reads frame,u,v tables, wand files of Argus "
         "and easyWand (4 columns a camera), DLTdv, Argus, DeepLabCut, SLEAP, Tracktor and "
@@ -42,7 +45,7 @@ def propose_layout(content: bytes, source: str, name: str | None = None) -> Poin
 
 
 def layout_name(content: bytes, source: str) -> str | None:
-    """The name in `LAYOUTS` of the layout that a file looks like; None where it looks like none."""
+    """The name in `LAYOUTS` of the first layout that fits a file; None if none fits."""
     try:
         rows, delimiter = first_rows(content, source)
     except StereocalError:
@@ -51,10 +54,10 @@ def layout_name(content: bytes, source: str) -> str | None:
 
 
 def first_rows(content: bytes, source: str) -> tuple[list[list[str]], str]:
-    """The first eight rows as text, and what stands between their columns.
+    """The first eight rows as text, and their delimiter.
 
     Raises:
-        StereocalError: empty, no text, or one row only.
+        StereocalError: empty, not text, or one row only.
     """
     head = content[:HEAD_BYTES]
     text = head.decode("utf-8-sig", errors="replace")
@@ -65,7 +68,7 @@ def first_rows(content: bytes, source: str) -> tuple[list[list[str]], str]:
         raise StereocalError(f"{source}: this is not a text file (CSV in UTF-8).")
     lines = text.splitlines()
     if len(content) > HEAD_BYTES and len(lines) > 1:
-        lines.pop()  # it may be cut off
+        lines.pop()  # may be truncated
     delimiter = max(",;\t", key=lines[0].count)
     try:
         rows = list(csv.reader(io.StringIO("\n".join(lines[:8])), delimiter=delimiter))
@@ -108,7 +111,7 @@ def _deeplabcut(rows: list[list[str]], delimiter: str) -> PointLayout | None:
 
 
 def _sleap(rows: list[list[str]], delimiter: str) -> PointLayout | None:
-    """A row for an instance: track, frame_idx, instance.score, then x, y, score of each node."""
+    """One row per instance: track, frame_idx, instance.score, then x, y, score of each node."""
     names = [cell.strip() for cell in rows[0]]
     columns = [
         PointColumns(
@@ -121,7 +124,7 @@ def _sleap(rows: list[list[str]], delimiter: str) -> PointLayout | None:
         for k, name in enumerate(names)
         if (node := name.removesuffix(".x")) != name and f"{node}.y" in names
     ]
-    if "frame_idx" not in names or not columns or _is_twice(names):
+    if "frame_idx" not in names or not columns or _has_duplicates(names):
         return None
     return PointLayout(
         program="SLEAP",
@@ -137,7 +140,7 @@ def _sleap(rows: list[list[str]], delimiter: str) -> PointLayout | None:
 def _tracktor(rows: list[list[str]], delimiter: str) -> PointLayout | None:
     """`,frame,pos_x,pos_y[,id]`; the first column numbers the rows."""
     names = [cell.strip().lower() for cell in rows[0]]
-    if not {"frame", "pos_x", "pos_y"} <= set(names) or _is_twice(names):
+    if not {"frame", "pos_x", "pos_y"} <= set(names) or _has_duplicates(names):
         return None
     frame, u, v = (names.index(name) for name in ("frame", "pos_x", "pos_y"))
     return PointLayout(
@@ -178,7 +181,7 @@ def _trackmate(rows: list[list[str]], delimiter: str) -> PointLayout | None:
 
 
 def _long_table(rows: list[list[str]], delimiter: str) -> PointLayout | None:
-    """A row a point, with a frame column: ours, and others by the names of their columns."""
+    """One row per point, with a frame column: ours, and others by their column names."""
     names = [cell.strip().lower() for cell in rows[0]]
     at = [
         next((names.index(name) for name in known if name in names), None)
@@ -188,7 +191,7 @@ def _long_table(rows: list[list[str]], delimiter: str) -> PointLayout | None:
     if frame is None or u is None or v is None:
         return None
     ours = [names[k] for k in (frame, u, v)] == ["frame", "u", "v"]
-    if _is_twice(names) and not ours:  # of ours, its reader says which
+    if _has_duplicates(names) and not ours:  # the reader of ours reports duplicates
         return None
     asked = (
         f"Are the columns {names[frame]}, {names[u]} and {names[v]} frame, u and v, with the "
@@ -209,8 +212,7 @@ def _long_table(rows: list[list[str]], delimiter: str) -> PointLayout | None:
     )
 
 
-def _is_twice(names: list[str]) -> bool:
-    """Whether two columns have one name, so that nobody knows which is meant."""
+def _has_duplicates(names: list[str]) -> bool:
     named = [name for name in names if name]
     return len(set(named)) < len(named)
 
@@ -226,4 +228,4 @@ LAYOUTS: Mapping[str, Callable[[list[list[str]], str], PointLayout | None]] = {
     "table": _long_table,
     "wand": wand_layout,
 }
-"""Layouts by name, in the order in which a file is compared with them."""
+"""Layouts by name, in the order in which they are tried."""

@@ -10,7 +10,7 @@ from stereocal.formats.point_files import PointColumns, PointLayout
 
 LOWER_LEFT = PixelOrigin("lower-left")
 OLD_DLTDV = PixelOrigin("lower-left", first_pixel=1.0)
-"""DLTdv5 to 7: (u + 1, h - v), from their own display code."""
+"""DLTdv5 to 7: (u + 1, h - v), according to their display code."""
 ONE_BASED = PixelOrigin("upper-left", first_pixel=1.0)
 ASK_LOWER_LEFT = (
     "Are the points counted from the lower left, v' = h - v, with the image height h? Some "
@@ -38,7 +38,7 @@ def dltdv_layout(rows: list[list[str]], delimiter: str, newer: bool) -> PointLay
 
 
 def argus_layout(rows: list[list[str]], delimiter: str) -> PointLayout | None:
-    """`<track>_cam_1_x,<track>_cam_1_y,<track>_cam_2_x,...` and names like these."""
+    """`<track>_cam_1_x,<track>_cam_1_y,<track>_cam_2_x,...` and similar names."""
     name = re.compile(r"(.*?)[ _.-]*cam(?:era)?[ _.-]*(\d+)[ _.-]*([xy])", re.IGNORECASE)
     columns = _paired(rows[0], name, "xy")
     if columns is None:
@@ -57,7 +57,7 @@ def argus_layout(rows: list[list[str]], delimiter: str) -> PointLayout | None:
 def _paired(
     names: list[str], pattern: re.Pattern[str], axes: str
 ) -> tuple[PointColumns, ...] | None:
-    """Columns named by point, camera and axis, two and two; None where any is not."""
+    """Pairs of columns named by point, camera and axis; None if any column is not."""
     found = [pattern.fullmatch(name.strip()) for name in names]
     at = {
         (match[1] or "point", f"cam{match[2]}", match[3].lower()): k
@@ -79,12 +79,10 @@ def _paired(
 def wand_layout(
     rows: list[list[str]], delimiter: str, any_header: bool = False
 ) -> PointLayout | None:
-    """4 columns a camera: x, y of end A in all cameras, then of end B; with a header or without.
-
-    A header must name the columns x and y in turn, or it is that of some other table.
+    """4 columns per camera: x, y of end A in all cameras, then of end B; the header is optional.
 
     Args:
-        any_header: a person says that it is one.
+        any_header: accept a header that does not name the columns x and y alternately.
     """
     count = len(rows[1])
     headed = not all(is_number(cell) for cell in rows[0])
@@ -110,7 +108,7 @@ def wand_layout(
 
 
 def _in_turn(names: list[str]) -> bool:
-    """Whether columns are called x and y, or u and v, in turn, and alike but for that."""
+    """Whether column names alternate in x and y, or u and v, and are equal otherwise."""
     plain = [name.strip().lower() for name in names]
     return len(plain) % 2 == 0 and all(
         len(first) == len(second)

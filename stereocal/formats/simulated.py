@@ -1,4 +1,4 @@
-"""Simulated data sets, written as a person's own would be, with their truth beside them."""
+"""Write simulated data sets in the format of recorded ones, with their true parameters."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ Progress = Callable[[int, int], None]
 
 
 def write_field(folder: Path, seed: int) -> None:
-    """Write the sample field as a data set folder, with its truth beside it.
+    """Write the sample field as a data set folder with `truth.json`.
 
     Raises:
         StereocalError: the folder cannot be written to.
@@ -69,12 +69,12 @@ def write_photographs(
     boards: int = LENS_PHOTOGRAPHS,
     progress: Progress = lambda _done, _total: None,
 ) -> None:
-    """Write the data set: `primary/0001.jpg` and so on, `boards_primary/`, and the truth.
+    """Write a data set of photographs: `primary/0001.jpg`, ..., `boards_primary/`, and the truth.
 
-    There is no table of points: they are to be found in the photographs.
+    There is no table of points; they are to be detected.
 
     Args:
-        progress: called with the photographs written so far and in all.
+        progress: called with the number of photographs written and the total.
 
     Raises:
         StereocalError: the folder cannot be written to.
@@ -100,10 +100,10 @@ def write_photographs(
 
 def describing_files(field: PhotographedField) -> dict[str, bytes]:
     """`dataset.json`, the two camera files and `truth.json`."""
-    given = replace(
+    nominal = replace(
         Nominal.exact(field.scene), baseline_m=FIELD_BASELINE_M, target_distance_m=FIELD_BAR_M
     )
     notes = f"Synthetic photographs, seed {field.seed}; the truth is in {TRUTH}."
-    exact = observe(field.scene, np.random.default_rng(0), 0.0, "photographs", given, notes)
+    exact = observe(field.scene, np.random.default_rng(0), 0.0, "photographs", nominal, notes)
     files = {name: content for name, content in pack_dataset(exact).items() if name != TABLE}
     return {**files, TRUTH: (json.dumps(true_of_photographs(field), indent=2) + "\n").encode()}

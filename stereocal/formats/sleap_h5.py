@@ -1,4 +1,4 @@
-"""SLEAP's analysis HDF5 (`tracks`, `node_names`), turned into its CSV table."""
+"""Convert SLEAP's analysis HDF5 (`tracks`, `node_names`) to its CSV table."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from stereocal.errors import DAMAGED, StereocalError
 from stereocal.formats.other_files import is_hdf5, refuse_other_points
 from stereocal.rig.compiled import FloatArray
 from stereocal.system.limits import Limits
-from stereocal.system.tables import MOST_CELLS
+from stereocal.system.tables import MAXIMUM_CELLS
 
 ARRAYS = {
     "tracks": (4, "f", True),
@@ -20,11 +20,11 @@ ARRAYS = {
     "track_names": (1, "OS", False),
     "point_scores": (3, "f", False),
 }
-"""Number of axes, kinds of values, and whether it must be there."""
+"""Number of axes, dtype kinds, and whether the array is required."""
 
 
 def point_text(content: bytes, source: str) -> bytes:
-    """A point file as text: HDF5 as its table, all else as it is.
+    """A point file as text: HDF5 converted to CSV, other files unchanged.
 
     Raises:
         StereocalError: HDF5 of another program, damaged, or h5py is not installed.
@@ -38,7 +38,7 @@ def point_text(content: bytes, source: str) -> bytes:
     except ImportError as error:
         raise StereocalError(
             f"{source}: this is an HDF5 file. To read one of SLEAP, the package h5py is needed, "
-            "which is not installed: pip install h5py, or give the CSV that SLEAP exports."
+            "which is not installed: pip install h5py, or use the CSV that SLEAP exports."
         ) from error
     try:
         with h5py.File(io.BytesIO(content), "r") as file:
@@ -52,32 +52,32 @@ def point_text(content: bytes, source: str) -> bytes:
 
 
 def _array(file: Any, name: str, size: int, source: str) -> Any:
-    """An array of the file itself, of `size` bytes; never one of another file that a link names.
+    """An array of the file of `size` bytes, not following links to other files.
 
     Returns:
-        None where it is not there and need not be.
+        None if it is missing and not required.
 
     Raises:
-        StereocalError: there is none, or not such a one.
+        StereocalError: it is missing or of another type or shape.
     """
     import h5py
 
-    axes, kinds, needed = ARRAYS[name]
-    link = file.get(name, getlink=True)  # "in" would follow it
-    if link is None and not needed:
+    axes, kinds, required = ARRAYS[name]
+    link = file.get(name, getlink=True)  # "in" would follow the link
+    if link is None and not required:
         return None
     found = file[name] if isinstance(link, h5py.HardLink) else None
     if not isinstance(found, h5py.Dataset) or found.external or found.is_virtual:
         raise StereocalError(
             f"{source}: this is an HDF5 file without {name!r}, so not an analysis file of SLEAP "
-            "(Export Analysis HDF5): give the points as CSV."
+            "(Export Analysis HDF5): use the points as CSV."
         )
-    if found.ndim != axes or found.size > MOST_CELLS or found.dtype.kind not in kinds:
+    if found.ndim != axes or found.size > MAXIMUM_CELLS or found.dtype.kind not in kinds:
         raise StereocalError(
             f"{source}: {name!r} has the shape {found.shape} of {found.dtype}, which no analysis "
             "file of SLEAP has."
         )
-    Limits.from_environment().check_swelling(size, found.size * found.dtype.itemsize, source)
+    Limits.from_environment().check_expansion(size, found.size * found.dtype.itemsize, source)
     return found[()]
 
 

@@ -1,4 +1,4 @@
-"""The unit of lengths in files of other programs: stated, given by a person, or refused."""
+"""The unit of lengths in files of other programs."""
 
 from __future__ import annotations
 
@@ -9,17 +9,16 @@ from stereocal.errors import StereocalError
 
 Unit = Literal["m", "cm", "mm"]
 UNITS: Mapping[Unit, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001}
-"""Metres in one."""
+"""Metres per unit."""
 POSSIBLE_M = (0.002, 100.0)
-"""Distances of two cameras: those of a stereo laparoscope are 4 mm apart, and a bar that can be
-carried is seen by both from 100 m at most."""
+"""Plausible baselines: stereo laparoscopes have 4 mm; the largest still allow a portable bar."""
 USUAL_M = (0.01, 10.0)
-"""Where the metre is only custom: so narrow that no baseline of 1 cm to 10 m passes for
-metres when it is written in millimetres, and none of 10 cm to 10 m when in centimetres."""
+"""Plausible baselines if metres are assumed: narrow, so that 1 cm to 10 m in mm, or 10 cm
+to 10 m in cm, are not taken for metres."""
 
 
 class UnitError(StereocalError):
-    """Lengths whose unit nobody has said, or that are implausible in it."""
+    """Lengths of unknown unit, or implausible in the stated unit."""
 
     def __init__(self, found: str, baseline: float) -> None:
         low, high = POSSIBLE_M
@@ -29,39 +28,39 @@ class UnitError(StereocalError):
             if low <= baseline * scale <= high
         ]
         choice = " or ".join(fitting) or "m, cm or mm; none of them is plausible"
-        self.question = f"{found}: give the unit of its lengths, {choice}."
-        super().__init__(f"{found}: give the unit of its lengths, --unit {choice}.")
+        self.question = f"{found}: state the unit of its lengths, {choice}."
+        super().__init__(f"{found}: state the unit of its lengths, --unit {choice}.")
 
 
 def metres_per_unit(
-    baseline: float, stated: Unit | None, given: Unit | None, usual: Unit | None, source: str
+    baseline: float, stated: Unit | None, by_user: Unit | None, usual: Unit | None, source: str
 ) -> float:
-    """By what the lengths of a file are multiplied.
+    """Factor that converts the lengths of a file to metres.
 
     Args:
         baseline: distance of the two cameras, in the file's unit.
-        stated: the unit that the file names.
-        given: the unit that a person names.
+        stated: the unit stated in the file.
+        by_user: the unit stated by the user.
         usual: the unit of all files of this format, by its documentation.
 
     Raises:
-        UnitError: nobody says the unit, or the baseline is none that two cameras can have.
-        StereocalError: file and person contradict each other.
+        UnitError: the unit is unknown, or the baseline is implausible.
+        StereocalError: file and user contradict each other.
     """
-    if given and stated and given != stated:
+    if by_user and stated and by_user != stated:
         raise StereocalError(
-            f"{source}: the file says that its lengths are in {stated}; the unit given is {given}."
+            f"{source}: the file's lengths are in {stated}, but the unit entered is {by_user}."
         )
-    unit = given or stated or usual
+    unit = by_user or stated or usual
     if unit is None:
         raise UnitError(
             f"{source}: the file does not say the unit of its baseline, {baseline:g}", baseline
         )
-    low, high = POSSIBLE_M if given or stated else USUAL_M
+    low, high = POSSIBLE_M if by_user or stated else USUAL_M
     if not low <= baseline * UNITS[unit] <= high:
         raise UnitError(
-            f"{source}: a baseline of {baseline:g} {unit} is not plausible ({low:g} to {high:g} m "
-            "are)",
+            f"{source}: a baseline of {baseline:g} {unit} is not plausible (expected {low:g} to "
+            f"{high:g} m)",
             baseline,
         )
     return UNITS[unit]

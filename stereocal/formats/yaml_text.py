@@ -1,4 +1,4 @@
-"""YAML of Kalibr, ROS and OpenCV, read as plain data."""
+"""Read YAML of Kalibr, ROS and OpenCV as plain data."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ import yaml
 from stereocal.errors import DAMAGED, StereocalError
 
 LONGEST = 50_000
-"""Ours have 4000 characters. The parser takes 1 s for so many odd ones."""
+"""Characters: our files have 4000; adversarial text of this length takes the parser 1 s."""
 LONG_LIST = re.compile(r"\[[^\[\]]{4000,}\]")
-"""OpenCV's calibration program writes all corners it has found: no matrix of a camera is so long,
-and 200,000 characters of them would take 3 s."""
+"""Longer than any matrix of a camera: OpenCV's calibration program writes all found corners, and
+200,000 characters would take 3 s."""
 OPENCV_HEAD = re.compile(r"\A%YAML:1\.\d[^\n]*")
 NUMBER = re.compile(
     r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?|[-+]?\.inf|\.nan", re.ASCII | re.IGNORECASE
@@ -21,7 +21,7 @@ NUMBER = re.compile(
 
 
 class _PlainLoader(yaml.SafeLoader):  # type: ignore[misc]  # the package has no types
-    """Plain data only. No aliases: a few hundred bytes of them can stand for gigabytes."""
+    """Loads plain data. Aliases are rejected, since they can expand to gigabytes."""
 
     def compose_node(self, parent: Any, index: Any) -> Any:
         if self.check_event(yaml.AliasEvent):
@@ -29,18 +29,18 @@ class _PlainLoader(yaml.SafeLoader):  # type: ignore[misc]  # the package has no
         return super().compose_node(parent, index)
 
     def construct_mapping(self, node: Any, deep: bool = False) -> Any:
-        """Its base takes the last of two equal keys."""
+        """Reject duplicate keys, of which the base class takes the last."""
         keys = [key.value for key, _ in node.value if isinstance(key, yaml.ScalarNode)]
         if len(set(keys)) < len(keys):
             twice = next(key for k, key in enumerate(keys) if key in keys[:k])
             line = node.start_mark.line + 1
             raise yaml.YAMLError(
-                f'the key "{twice[:60]}" stands twice in what begins in line {line}'
+                f'the key "{twice[:60]}" occurs twice in the mapping that begins in line {line}'
             )
         return super().construct_mapping(node, deep)
 
     def construct_tagged(self, _: str, node: Any) -> Any:
-        """What stands behind a tag of another program, such as !!opencv-matrix."""
+        """The plain value behind an unknown tag such as !!opencv-matrix."""
         if isinstance(node, yaml.MappingNode):
             return self.construct_mapping(node, deep=True)
         if isinstance(node, yaml.SequenceNode):
@@ -49,15 +49,15 @@ class _PlainLoader(yaml.SafeLoader):  # type: ignore[misc]  # the package has no
 
 
 _PlainLoader.add_multi_constructor("", _PlainLoader.construct_tagged)
-# YAML 1.1 wants a point and a sign: 1e-05 would be a text.
+# YAML 1.1 requires a point and a sign: 1e-05 would be read as text.
 _PlainLoader.add_implicit_resolver("tag:yaml.org,2002:float", NUMBER, list("-+.0123456789"))
 
 
 def read_yaml(text: str, source: str) -> dict[str, Any]:
-    """The mapping that a YAML text holds.
+    """The mapping in a YAML text.
 
     Raises:
-        StereocalError: no YAML, no mapping, aliases, a key twice, or too long.
+        StereocalError: not YAML, not a mapping, aliases, a duplicate key, or too long.
     """
     text = LONG_LIST.sub("[]", OPENCV_HEAD.sub("", text))
     if len(text) > LONGEST:

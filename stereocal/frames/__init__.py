@@ -1,1 +1,1 @@
-"""The photographs of all frames: pairs, targets and their labels, and a person's last word."""
+"""The photographs of all frames: pairs, targets, their labels, and manual review."""

@@ -1,8 +1,8 @@
-"""Which boards are the targets where a photograph shows more than two: the other frames tell.
+"""Choose the two targets where a photograph shows more than two boards.
 
-The frames that are sure give the epipolar geometry and the length of the bar, in units of the
-baseline. Of the choices that a frame leaves (a pair of boards in each camera, labelled in either
-way) the right one must fit both within the errors, and every other must be clearly off.
+The unambiguous ("sure") frames determine the epipolar geometry and the length of the bar in units
+of the baseline. A choice is a pair of boards in each camera with one of the two labellings. It is
+accepted if it fits both within their errors and every other choice is clearly off.
 """
 
 from __future__ import annotations
@@ -22,29 +22,28 @@ from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import BoolArray, FloatArray
 from stereocal.rig.geometry import Angles, Pose, triangulate_rays
 
-FEWEST_SURE = 8
-"""Frames: 16 distances less 5 angles tell the noise to 21 %. With fewer, noise and scatter of the
-length are too uncertain to rule a choice out."""
+MINIMUM_SURE = 8
+"""Sure frames: 16 distances and 5 angles give the noise to 21 %. With fewer frames, noise and
+length spread are too uncertain to rule a choice out."""
 FITS = 4.0
-"""The right choice is within so many standard errors."""
+"""Largest deviation of the right choice, in standard errors."""
 CLEARLY_OFF = 2.0
-"""Every other is off by so many times what the right one may be."""
+"""Every other choice must deviate by more than this multiple of the limit for the right one."""
 SMALLEST_EXCESS_PX = 0.15
-"""No frame is outlying, and no labels or boards are ruled out, for less."""
+"""Smaller deviations never make a frame an outlier or rule out labels or boards."""
 SMALLEST_LENGTH = 0.005
 """The same for lengths, as a fraction."""
 LARGEST_PX, LARGEST_LENGTH = 1.0, 0.05
-"""Where the sure frames, too near to each other or all alike, leave more open they tell nothing:
-chance would fit too often."""
-SAME_PLACE_PX = 3.0
-"""A board so near, in both cameras, to one of another frame stands still, as the cameras do."""
+"""With larger limits (sure frames too similar to each other) wrong choices fit by chance."""
+SAME_POSITION_PX = 3.0
+"""A board this close, in both cameras, to a board of another frame is stationary."""
 STEP = 1e-6
-"""Of differences, radians and normalised coordinates."""
+"""Step of finite differences, radians and normalised coordinates."""
 
 
 @dataclass(frozen=True)
 class Chosen:
-    """A frame with too many boards, after the other frames were asked."""
+    """The detections of a frame with too many boards."""
 
     primary: Detection
     secondary: Detection
@@ -60,16 +59,15 @@ def choose_boards(
     """Choose the targets in frames with alternatives.
 
     Args:
-        sure: (n, 2, 2, 2): of n sure frames the raw pixels: target, camera, (u, v).
-        open_frames: primary and secondary detection of each frame to decide on, by its number.
+        sure: (n, 2, 2, 2): raw pixels in n sure frames, by frame, target, camera, (u, v).
+        open_frames: by frame number, the primary and secondary detection to choose from.
 
-    Returns for each of these frames the detections: the chosen ones, or the old ones where the
-    sure frames do not decide.
+    Returns, by frame number, the chosen detections; the original ones if undecided.
     """
     focal = float(np.mean([np.sqrt(c.K[0, 0] * c.K[1, 1]) for c in cameras]))
     rays = np.concatenate([_undistorted(cameras[i], sure[:, :, i]) for i in range(2)], axis=-1)
-    expected = None if len(sure) < FEWEST_SURE else _expect(rays, focal)
-    seen = {frame: [_places(one) for one in both] for frame, both in open_frames.items()}
+    expected = None if len(sure) < MINIMUM_SURE else _expect(rays, focal)
+    seen = {frame: [_all_centres(one) for one in both] for frame, both in open_frames.items()}
     chosen = {}
     for frame, both in open_frames.items():
         elsewhere = [
@@ -84,31 +82,31 @@ def choose_boards(
 
 @dataclass(frozen=True, eq=False)
 class _Expected:
-    """What the sure frames expect of another one."""
+    """Geometry and errors estimated from the sure frames."""
 
     angles: FloatArray
     covariance: FloatArray
     """(5, 5), radians^2."""
     noise: float
-    """Of one coordinate, normalised units."""
+    """Standard deviation of one coordinate, normalised units."""
     log_length: float
-    """Of the bar, per baseline."""
+    """Logarithm of the bar's length per baseline."""
     spread: float
-    """Robust standard deviation of it."""
+    """Robust standard deviation of `log_length`."""
     focal_px: float
 
     def off(self, rays: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """How far k choices (k, 2, 4) are off, per what is allowed; and what is allowed.
+        """Deviation of k choices (k, 2, 4) relative to the limits, and the limits.
 
-        Returns (k,), infinite behind a camera, and (k, 2): pixels from the epipolar line, and
-        fraction of the length.
+        Returns (k,), infinite behind a camera, and (k, 2): distance from the epipolar line in
+        pixels, and length error as a fraction.
         """
         values = _values(self.angles, rays)
         values[:, 2] -= self.log_length
         by_angles = _derivatives(lambda d: _values(self.angles + d, rays), 5)
-        by_place = _derivatives(lambda d: _values(self.angles, rays + d.reshape(2, 4)), 8)
+        by_ray = _derivatives(lambda d: _values(self.angles, rays + d.reshape(2, 4)), 8)
         variance = np.einsum("kvi,ij,kvj->kv", by_angles, self.covariance, by_angles)
-        variance += self.noise**2 * (by_place**2).sum(axis=2)
+        variance += self.noise**2 * (by_ray**2).sum(axis=2)
         variance[:, 2] += self.spread**2
         smallest = SMALLEST_EXCESS_PX / self.focal_px
         limits = np.maximum(FITS * np.sqrt(variance), [smallest, smallest, SMALLEST_LENGTH])
@@ -116,11 +114,12 @@ class _Expected:
         return off, np.column_stack([limits[:, :2].max(axis=1) * self.focal_px, limits[:, 2]])
 
     def leaves_an_end(self, rays: FloatArray, left: list[FloatArray], limit_px: float) -> bool:
-        """Whether a board beside a choice (2, 4) may be an end of the bar, the other being one of
-        the choice: one camera alone sees it, near enough to have the bar's length.
+        """Whether a board outside the choice (2, 4) may be a target hidden from one camera.
+
+        Such a board is seen by one camera only, within one bar length of a chosen board.
 
         Args:
-            left: of each camera the normalised points (m, 2) of boards that move.
+            left: for each camera, normalised points (m, 2) of the moving boards not chosen.
         """
         pose = Pose.from_angles(Angles(*self.angles.tolist()), 1.0)
         ends = triangulate_rays(pose.R, pose.T, rays.T.copy())
@@ -138,7 +137,7 @@ class _Expected:
 
 
 def _expect(rays: FloatArray, focal_px: float) -> _Expected | None:
-    """What sure frames with rays (n, 2, 4) expect; None where they determine nothing."""
+    """The geometry from the rays (n, 2, 4) of the sure frames; None if undetermined."""
     pairs = rays.reshape(-1, 4)
     try:
         angles = np.array(calibrate_essential(pairs.T.copy(), 1.0).pose.angles)
@@ -150,7 +149,7 @@ def _expect(rays: FloatArray, focal_px: float) -> _Expected | None:
     except (StereocalError, np.linalg.LinAlgError):
         return None
     lengths = values[np.isfinite(values[:, 2]), 2]
-    if len(lengths) < FEWEST_SURE:
+    if len(lengths) < MINIMUM_SURE:
         return None
     usual = float(np.median(lengths))
     spread = MAD_TO_SIGMA * float(np.median(np.abs(lengths - usual)))
@@ -164,13 +163,13 @@ def _choose(
     cameras: tuple[Camera, Camera],
     elsewhere: list[FloatArray],
 ) -> Chosen:
-    """Decide on one frame; `elsewhere` holds of each camera the boards (m, 2) of all others, px."""
+    """Decide on one frame; `elsewhere`: for each camera, boards (m, 2) of the other frames, px."""
     pairs = [one.alternatives or (one,) for one in both]
     if not all(one.targets for one in (*pairs[0], *pairs[1])):
         return Chosen(*both, "")  # one photograph shows no pair at all
     if expected is None:
-        few = f"; there are {sure}, and {FEWEST_SURE} are needed" if sure < FEWEST_SURE else ""
-        return Chosen(*both, f"The sure frames do not tell which boards are the targets{few}.")
+        few = f": {sure} found, {MINIMUM_SURE} needed" if sure < MINIMUM_SURE else ""
+        return Chosen(*both, f"The sure frames do not determine which boards are the targets{few}.")
     ends = [_ends(cameras[i], pairs[i]) for i in range(2)]
     choices = [
         (i, j, way)
@@ -187,29 +186,29 @@ def _choose(
         "More than one choice of boards fits the other frames.": (
             np.delete(off, best) <= CLEARLY_OFF
         ).any(),
-        "The sure frames are too much alike to tell which boards are the targets.": (
+        "The sure frames are too similar to determine which boards are the targets.": (
             limits[best] > [LARGEST_PX, LARGEST_LENGTH]
         ).any(),
-        "Of the two boards that fit, one stands still and the other moves.": (
+        "Of the two boards that fit, one is stationary and the other moves.": (
             _one_stands_still(_centres(chosen[0]), _centres(chosen[1])[::way], elsewhere)
         ),
-        "A target may be hidden: a board near those that fit is seen by one camera only.": (
+        "A target may be hidden: only one camera sees a board near those that fit.": (
             expected.leaves_an_end(
                 rays[best], _left_over(both, chosen, elsewhere, cameras), limits[best, 0]
             )
         ),
     }
-    why = next((said for said, true in objections.items() if true), None)
+    why = next((message for message, applies in objections.items() if applies), None)
     if why is not None:
         return Chosen(*both, why)
-    return Chosen(*chosen, f"Chosen among {_boards(both)} by the other frames.")
+    return Chosen(*chosen, f"Chosen among {_boards(both)} by comparison with the other frames.")
 
 
 def _one_stands_still(first: FloatArray, second: FloatArray, elsewhere: list[FloatArray]) -> bool:
-    """Whether one of two boards is at the same place in another frame, and not the other.
+    """Whether exactly one of two boards is at the same position in another frame.
 
-    A bar at rest has both there. A board of the background stands there in every frame, and may be
-    as far from one target as the other is, which something hides.
+    Both boards of a resting bar are. A background board is in every frame, and may by chance be at
+    the bar's length from a visible target while the other target is hidden.
     """
     still = _is_still(first, elsewhere[0]) & _is_still(second, elsewhere[1])
     return bool(still[0] != still[1])
@@ -221,43 +220,43 @@ def _left_over(
     elsewhere: list[FloatArray],
     cameras: tuple[Camera, Camera],
 ) -> list[FloatArray]:
-    """Of each camera the boards (m, 2) that were not chosen and move, normalised."""
+    """For each camera, the moving boards (m, 2) that were not chosen, normalised."""
     left = []
     for i, camera in enumerate(cameras):
-        places = _places(both[i])
+        centres = _all_centres(both[i])
         known = np.vstack([_centres(chosen[i]), elsewhere[i]])
-        left.append(_undistorted(camera, places[~_is_still(places, known)]))
+        left.append(_undistorted(camera, centres[~_is_still(centres, known)]))
     return left
 
 
 def _is_still(centres: FloatArray, elsewhere: FloatArray) -> BoolArray:
-    """(m,): for each of m boards whether another frame has one at the same place, px."""
+    """(m,): whether another frame has a board at the same position, px."""
     away = np.linalg.norm(elsewhere[:, None] - centres, axis=2).min(axis=0)
-    return np.asarray(away < SAME_PLACE_PX)
+    return np.asarray(away < SAME_POSITION_PX)
 
 
-def _places(detection: Detection) -> FloatArray:
+def _all_centres(detection: Detection) -> FloatArray:
     """(m, 2): raw pixels of all boards that may be targets."""
     found = [_centres(one) for one in (detection, *detection.alternatives)]
     return np.unique(np.concatenate(found), axis=0)
 
 
 def _centres(pair: Detection) -> FloatArray:
-    """(2, 2): raw pixels of the two boards; (0, 2) without any."""
+    """(2, 2): raw pixels of the two boards; (0, 2) if none were found."""
     return np.array([corner.centre for corner in pair.targets or ()]).reshape(-1, 2)
 
 
 def _boards(both: tuple[Detection, Detection]) -> str:
     """How many boards each photograph with alternatives shows, in words."""
     return " and ".join(
-        f"{len(_places(one))} boards in the {name}"
+        f"{len(_all_centres(one))} boards in the {name}"
         for name, one in zip(CAMERAS, both, strict=True)
         if one.alternatives
     )
 
 
 def _ends(camera: Camera, pairs: tuple[Detection, ...]) -> FloatArray:
-    """(p, 2, 2): normalised points of both boards of each pair."""
+    """(p, 2, 2): normalised points of the two boards of each pair."""
     return _undistorted(camera, np.array([_centres(pair) for pair in pairs]))
 
 
@@ -276,7 +275,7 @@ def _values(angles: FloatArray, rays: FloatArray) -> FloatArray:
 
 
 def _derivatives(function: Callable[[FloatArray], FloatArray], unknowns: int) -> FloatArray:
-    """(k, 3, unknowns): central differences of a function that gives (k, 3)."""
+    """(k, 3, unknowns): central differences of a function that returns (k, 3)."""
     steps = STEP * np.eye(unknowns)
     with np.errstate(invalid="ignore"):
         each = [(function(step) - function(-step)) / (2 * STEP) for step in steps]

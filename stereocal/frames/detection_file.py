@@ -1,4 +1,4 @@
-"""A detection as bytes, to the last bit: JSON, whose numbers Python reads back as they were."""
+"""A detection as JSON; Python reads its numbers back exactly."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from stereocal.detection.fit import Corner
 
 
 def pack_detection(found: Detection) -> bytes | None:
-    """The detection; None for a photograph that could not be read: it may be another time."""
+    """The detection; None for an unreadable photograph, so that it is tried again next time."""
     if found.reason == "unreadable":
         return None
     return json.dumps(_detection_json(found)).encode()

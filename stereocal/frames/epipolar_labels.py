@@ -1,8 +1,8 @@
-"""Which labels of the bar's targets agree with one epipolar geometry of all frames.
+"""Find the labels of the bar's targets that agree with one epipolar geometry of all frames.
 
-The geometry is found without knowing the labels: from four frames at a time, with each of the 16
-ways to label them (8-point), the one with the least median residual over all frames (least median
-of squares: Rousseeuw, 1984, J. Am. Stat. Assoc. 79, 871), then refined on the frames that fit it.
+The geometry is estimated without known labels: samples of four frames, each labelled in all 16
+ways, give candidates (8-point). Those with the least median residual over all frames (least median
+of squares: Rousseeuw, 1984, J. Am. Stat. Assoc. 79, 871) are refined on the frames that fit them.
 """
 
 from __future__ import annotations
@@ -18,31 +18,31 @@ from stereocal.errors import StereocalError
 from stereocal.rig.compiled import FloatArray, contiguous
 from stereocal.rig.geometry import Pose, triangulate_rays
 
-FEWEST_FRAMES = 6
-"""12 pairs for 5 angles: fewer leave other labels that fit as well."""
+MINIMUM_FRAMES = 6
+"""12 pairs for 5 angles: with fewer, wrong labels can fit as well."""
 SAMPLED_FRAMES = 4
 SAMPLES = 40
 REFINED = 8
-"""So many of the best samples are refined."""
+"""Number of the best samples to refine."""
 KEPT = 0.7
-"""Part of the frames, those that fit best, that a refinement uses."""
-MOST_SCORED = 200
-"""Frames that the samples are judged by."""
+"""Fraction of the frames, those that fit best, that a refinement uses."""
+MAXIMUM_SCORED = 200
+"""Frames used to score a sample."""
 RUNNER_UP = 3.0
-"""Other labels that fit as well, to this factor, leave all in doubt."""
+"""The labels are ambiguous if others fit to within this factor."""
 NO_WORSE_PX = 0.05
-"""Residuals that differ by less are alike."""
+"""Smaller differences between residuals are ignored."""
 
 
 @dataclass(frozen=True, eq=False)
 class EpipolarLabels:
-    """What the epipolar geometry says of the labels of f frames.
+    """Residuals and lengths of f frames under both labellings.
 
-    The columns of the arrays (f, 2): with the labels as given, with the secondary's exchanged.
+    Columns of the arrays (f, 2): original labels, and labels exchanged in the secondary.
     """
 
     residual_px: FloatArray
-    """Distance of the targets from their epipolar lines (Sampson), root mean square of both."""
+    """Sampson distance, root mean square over both targets."""
     length: FloatArray
     """Length of the bar per baseline; NaN where a target is behind a camera."""
     unique: bool
@@ -52,16 +52,16 @@ class EpipolarLabels:
 def compare_labels(
     primary: FloatArray, secondary: FloatArray, focal_px: float, rng: np.random.Generator
 ) -> EpipolarLabels | None:
-    """Compare both ways to label each frame.
+    """Compare both labellings of each frame.
 
     Args:
-        primary, secondary: (f, 2, 2): of each frame both targets' normalised points (x, y).
-        focal_px: turns residuals into pixels.
+        primary, secondary: (f, 2, 2): normalised points by frame, target, (x, y).
+        focal_px: converts residuals to pixels.
 
-    Returns None where there are too few frames, or they determine no geometry.
+    Returns None if there are too few frames or they determine no geometry.
     """
     frames = len(primary)
-    if frames < FEWEST_FRAMES:
+    if frames < MINIMUM_FRAMES:
         return None
     rays = np.stack([np.concatenate([primary, s], axis=2) for s in (secondary, secondary[:, ::-1])])
     poses = []
@@ -78,7 +78,7 @@ def compare_labels(
     unique = True
     for other, _, its in poses[1:]:
         differs = (its[1] < its[0]) != swapped
-        # Where both ways fit, the labels may differ: that bar lies along an epipolar line.
+        # Frames where both labellings fit may differ: the bar lies along an epipolar line.
         clear = residual.max(axis=0) > RUNNER_UP * least + NO_WORSE_PX
         if (differs & clear).any() and other < RUNNER_UP * least + NO_WORSE_PX:
             unique = False
@@ -88,13 +88,13 @@ def compare_labels(
 
 
 def _samples(rays: FloatArray, rng: np.random.Generator) -> list[FloatArray]:
-    """Essential matrices of the samples with the least median residual, the best first.
+    """Essential matrices of the samples with the least median residual, best first.
 
     Args:
-        rays: (2, f, 2, 4): way to label, frame, target, x and y of both cameras.
+        rays: (2, f, 2, 4): labelling, frame, target, x and y of both cameras.
     """
     frames = rays.shape[1]
-    judges = rays[:, rng.permutation(frames)[:MOST_SCORED]]
+    scored = rays[:, rng.permutation(frames)[:MAXIMUM_SCORED]]
     found = []
     ways = [np.array(way) for way in itertools.product((0, 1), repeat=SAMPLED_FRAMES)]
     for _ in range(SAMPLES):
@@ -102,18 +102,18 @@ def _samples(rays: FloatArray, rng: np.random.Generator) -> list[FloatArray]:
         for way in ways:
             E = linear_essential(contiguous(rays[way, chosen].reshape(-1, 4).T))
             if np.isfinite(E).all():
-                found.append((float(np.median(_distances(E, judges).min(axis=0))), E))
+                found.append((float(np.median(_distances(E, scored).min(axis=0))), E))
     found.sort(key=lambda sample: sample[0])
     return [E for _, E in found[:REFINED]]
 
 
 def _refined(E: FloatArray, rays: FloatArray) -> Pose | None:
-    """The pose that fits best most of the frames, each labelled as it fits; None if there is none.
+    """The pose fitted to the best-fitting frames and labels; None if undetermined.
 
-    Frames and labels are chosen anew until they stay, as in least trimmed squares.
+    Iterates as in least trimmed squares until the selection no longer changes.
     """
     frames = rays.shape[1]
-    most = max(FEWEST_FRAMES - 1, round(KEPT * frames))
+    most = max(MINIMUM_FRAMES - 1, round(KEPT * frames))
     pose: Pose | None = None
     before: tuple[bytes, bytes] | None = None
     for _ in range(10):
@@ -140,8 +140,7 @@ def _distances(E: FloatArray, rays: FloatArray) -> FloatArray:
 
 
 def sampson(E: FloatArray, rays: FloatArray) -> FloatArray:
-    """(...,): signed Sampson distances of pairs (..., 4), x and y of both cameras, of which it has
-    the units: those of one coordinate's error.
+    """(...,): signed Sampson distances of pairs (..., 4), x and y of both cameras, in their units.
 
     Hartley and Zisserman (2004), Multiple View Geometry, equation 11.9.
     """
@@ -149,6 +148,6 @@ def sampson(E: FloatArray, rays: FloatArray) -> FloatArray:
     p = np.concatenate([rays[..., :2], one], axis=-1)
     q = np.concatenate([rays[..., 2:], one], axis=-1)
     lines, back = p @ E.T, q @ E
-    slope = (lines[..., :2] ** 2).sum(axis=-1) + (back[..., :2] ** 2).sum(axis=-1)
-    distances: npt.NDArray[np.float64] = (q * lines).sum(axis=-1) / np.sqrt(slope)
+    squared = (lines[..., :2] ** 2).sum(axis=-1) + (back[..., :2] ** 2).sum(axis=-1)
+    distances: npt.NDArray[np.float64] = (q * lines).sum(axis=-1) / np.sqrt(squared)
     return distances

@@ -1,4 +1,4 @@
-"""How far the targets of one frame are from the epipolar lines that the other frames give."""
+"""Distances of one frame's targets from the epipolar lines computed from the other frames."""
 
 from __future__ import annotations
 
@@ -16,11 +16,12 @@ from stereocal.rig.geometry import epipolar_distances, stack_rays
 def epipolar_residuals_px(
     frames: Sequence[Frame], number: int, cameras: tuple[Camera, Camera]
 ) -> dict[int, float]:
-    """Of each target (0 A, 1 B) that both photographs of a frame show: its distance from the
-    epipolar line of its twin, px of the undistorted image, the larger of both photographs.
+    """Distance from the epipolar line of each target that both photographs of a frame show.
 
-    The geometry is the essential matrix of the other frames that are used: the frame itself has no
-    part in what judges it.
+    The essential matrix is estimated from the other used frames, without the frame itself.
+
+    Returns:
+        By target (0 A, 1 B), px of the undistorted image, the larger of the two cameras.
 
     Raises:
         StereocalError: the other frames are too few, or determine no geometry.
@@ -29,8 +30,8 @@ def epipolar_residuals_px(
     shared = sum(len(frame.targets_in_both) for frame in others)
     if shared < MINIMUM_PAIRS:
         raise StereocalError(
-            f"The other frames that are used have {shared} pairs of points; {MINIMUM_PAIRS} or "
-            "more tell the epipolar geometry."
+            f"The other used frames have {shared} point pairs; at least {MINIMUM_PAIRS} are needed "
+            "for the epipolar geometry."
         )
     (own,) = (frame for frame in frames if frame.frame == number)
     if not own.targets_in_both:

@@ -1,6 +1,6 @@
-"""What is known of the photographed frames: where the targets are, how surely, and who said so.
+"""Frames: target positions in the photographs with their standard errors and source.
 
-This is what detection writes, what a person corrects, and what the table of points is made from.
+Detection writes them, review corrects them, and the table of points is made from them.
 """
 
 from __future__ import annotations
@@ -48,11 +48,11 @@ class Frame:
     """By camera, then by target."""
     state: State
     reason: str = ""
-    """Why it is doubtful or refused, in words; may also say what was done, as a swap."""
+    """Why it is doubtful or refused, or what was changed, for example a swap."""
     use: bool = True
     """Whether its targets go into the table of points."""
     reviewed: bool = False
-    """Whether a person has decided on it (`review`)."""
+    """Whether the user has decided on it (`review`)."""
 
     @property
     def targets_in_both(self) -> list[int]:
@@ -64,7 +64,7 @@ class Frame:
         return replace(self, use=use)
 
     def moved(self, camera: int, target: int, centre: Centre | None) -> Frame:
-        """The same frame with one centre placed anew, or taken away."""
+        """The same frame with one centre replaced, or removed (None)."""
         rows = [list(self.centres[0]), list(self.centres[1])]
         rows[camera][target] = centre
         (a, b), (c, d) = rows
@@ -77,10 +77,10 @@ class Frame:
 
 
 def correspondences_of(frames: Iterable[Frame]) -> Correspondences:
-    """The table of points: the targets that both photographs of the used frames show.
+    """The table of points: targets that both photographs of a used frame show.
 
     Raises:
-        StereocalError: there is no such target.
+        StereocalError: there are none.
     """
     frames = sorted(frames, key=lambda frame: frame.frame)
     seen = [
@@ -105,7 +105,7 @@ def correspondences_of(frames: Iterable[Frame]) -> Correspondences:
 
 
 def pack_frames(frames: Sequence[Frame]) -> bytes:
-    """The frames as JSON, which `unpack_frames` reads back to the same numbers."""
+    """The frames as JSON, read back exactly by `unpack_frames`."""
     content = {"format": FRAMES_FORMAT, "frames": [asdict(frame) for frame in frames]}
     return json.dumps(content, indent=1, allow_nan=False).encode()
 
@@ -128,7 +128,7 @@ def unpack_frames(content: bytes) -> list[Frame]:
 
 
 def describe_frames(frames: Sequence[Frame]) -> str:
-    """How many frames are found, doubtful, refused and used, in a sentence."""
+    """A sentence with the numbers of found, doubtful, refused and used frames."""
     counts = ", ".join(
         f"{sum(frame.state == state for frame in frames)} {state}" for state in STATES
     )
@@ -148,12 +148,12 @@ def report_line(frame: Frame) -> str:
 
 
 def name_in(camera: int, frame: Frame) -> str:
-    """How messages name one of the photographs of a frame."""
+    """A photograph's name and camera, for messages."""
     return f"{frame.files[camera]} ({CAMERAS[camera]})"
 
 
 def _source_of(first: Centre, second: Centre) -> str:
-    """A row is as little automatic as the less automatic one of its two points."""
+    """The less automatic source of a row's two points."""
     return max(first.source, second.source, key=SOURCES.index)
 
 
@@ -185,7 +185,7 @@ def _centre(item: dict[str, Any] | None) -> Centre | None:
         return None
     centre = Centre(**item)
     sigma = 1.0 if centre.sigma_px is None else centre.sigma_px
-    # "not <" refuses NaN too.
+    # "not <" rejects NaN too.
     if centre.source not in SOURCES or not (
         abs(centre.u) < LARGEST_PX and abs(centre.v) < LARGEST_PX
     ):

@@ -1,4 +1,4 @@
-"""All photographs are looked through before one is decoded: are they sound, and of one size?"""
+"""Checks before decoding: is each photograph readable, and do all have the same size?"""
 
 from __future__ import annotations
 
@@ -15,15 +15,14 @@ from stereocal.system.tasks import Progress
 Size = tuple[int, int]
 
 
-def look_through(
+def inspect_photographs(
     photographs: Photographs, progress: Progress, cancelled: Callable[[], bool]
 ) -> tuple[dict[str, Size], dict[str, str]] | None:
-    """Size of each sound photograph, and what is wrong with each of the others.
+    """Size of each readable photograph, and an error message for each of the others, by name.
 
-    Here, not on workers: a photograph takes 0.5 ms, its search 100 times as long.
+    Not run on workers: this takes 0.5 ms a photograph, the search 100 times as long.
 
-    Returns:
-        Both by name, the second a sentence; None if it was cancelled.
+    Returns None if cancelled.
     """
     sizes: dict[str, Size] = {}
     problems: dict[str, str] = {}
@@ -41,23 +40,22 @@ def look_through(
 def wrong_sizes(
     pairs: Sequence[Pair], sizes: Mapping[str, Size], expected: Sequence[Size | None]
 ) -> dict[str, str]:
-    """A sentence for each photograph that is not as large as its camera's others.
+    """An error message for each photograph whose size differs from its camera's.
 
     Args:
-        expected: the size that each camera's file tells, (width, height); None where there is none:
-            then the size that most of its photographs have.
+        expected: (width, height) from each camera's file; None: the most common size.
     """
     problems = {}
-    for camera, given in enumerate(expected):
+    for camera, stated in enumerate(expected):
         names = [(pair.primary, pair.secondary)[camera] for pair in pairs]
         counted = Counter(sizes[name] for name in names if name in sizes)
         if not counted:
             continue
         usual, often = counted.most_common(1)[0]
-        wanted = given or usual
+        wanted = stated or usual
         reason = (
             f"the {CAMERAS[camera]} camera's file says {wanted[0]}x{wanted[1]}"
-            if given
+            if stated
             else f"{often} of the {len(names)} of the {CAMERAS[camera]} camera have "
             f"{wanted[0]}x{wanted[1]}"
         )

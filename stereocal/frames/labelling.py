@@ -1,12 +1,10 @@
-"""Which target is A and which is B, so that both cameras of a frame agree.
+"""Label the targets A and B consistently in both cameras of a frame.
 
-Each photograph gives its two targets in the order along the bar (left to right, or top to bottom),
-which the two cameras may see differently. The epipolar geometry that all frames share decides: with
-the right labels both targets lie on the epipolar lines of their twins (`epipolar_labels`). To
-exchange A and B in both cameras changes nothing.
-
-Where the bar lies along an epipolar line both ways fit; then the length of the bar decides.
-Where a photograph shows more boards than two, the frames that are sure tell which (`choosing`).
+Detection orders the two targets of a photograph left to right or top to bottom; the cameras may
+differ. With the right labels both targets lie on their epipolar lines (`epipolar_labels`);
+exchanging A and B in both cameras changes nothing. If the bar lies along an epipolar line, both
+labellings fit and the length of the bar decides. If a photograph shows more than two boards, the
+unambiguous frames decide which are the targets (`choosing`).
 """
 
 from __future__ import annotations
@@ -21,7 +19,7 @@ import numpy.typing as npt
 from stereocal.detection.detect import Detection
 from stereocal.detection.fit import Corner
 from stereocal.frames.choosing import SMALLEST_EXCESS_PX, choose_boards
-from stereocal.frames.epipolar_labels import FEWEST_FRAMES, EpipolarLabels, compare_labels
+from stereocal.frames.epipolar_labels import MINIMUM_FRAMES, EpipolarLabels, compare_labels
 from stereocal.refined.outliers import outlying
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
@@ -31,21 +29,21 @@ Truth = npt.NDArray[np.bool_]
 FrameState = Literal["agreed", "swapped", "doubtful", "outlying", "unchecked", "refused"]
 
 SAME_LENGTH, OTHER_LENGTH = 0.1, 0.3
-"""Logarithms of the length of the bar against the median, with the right and the wrong labels."""
+"""Limits of |log(length / median)|, with the right and with the wrong labels."""
 
 
 @dataclass(frozen=True)
 class FrameLabels:
-    """How sure the labels of one frame are."""
+    """The report on the labels of one frame."""
 
     frame: int
     state: FrameState
-    """Agreed: order along the bar and epipolar geometry say the same. Swapped: the secondary's
-    targets were exchanged. Doubtful: neither way is clearly right, or a detection is doubtful.
-    Outlying: no way fits the other frames. Unchecked: too few frames. Refused: a photograph without
-    targets, or none."""
+    """Agreed: the detected order fits the epipolar geometry. Swapped: the secondary's targets were
+    exchanged. Doubtful: neither labelling is clearly right, or a detection is doubtful. Outlying:
+    neither fits the other frames. Unchecked: too few frames. Refused: a photograph is missing or
+    shows no targets."""
     residual_px: float
-    """Distance of the targets from their epipolar lines, root mean square; NaN where unknown."""
+    """Distance of the targets from their epipolar lines, root mean square; NaN if unknown."""
     swapped_px: float
     """The same with the other labels."""
     sentence: str
@@ -66,7 +64,7 @@ class LabelledPair:
 
 @dataclass(frozen=True, eq=False)
 class Labelling:
-    """The targets of all frames, A and B told apart, and a report for every frame."""
+    """The labelled targets of all frames, and a report on every frame."""
 
     pairs: tuple[LabelledPair, ...]
     frames: tuple[FrameLabels, ...]
@@ -78,13 +76,12 @@ def label_targets(
     cameras: tuple[Camera, Camera],
     seed: int = 0,
 ) -> Labelling:
-    """Make the labels of the two cameras agree, and choose among boards where there are too many.
+    """Make the labels of both cameras agree; where there are too many boards, choose the targets.
 
     Args:
         primary, secondary: detections by frame number.
-        cameras: of the primary and the secondary.
 
-    No frame is left out: one without two targets in each camera has a report and no pairs.
+    Every frame has a report; one without two targets in each camera has no pairs.
     """
     labelling = _labelled(primary, secondary, cameras, seed)
     open_frames = {
@@ -99,9 +96,9 @@ def label_targets(
     first = {**primary, **{frame: one.primary for frame, one in chosen.items()}}
     second = {**secondary, **{frame: one.secondary for frame, one in chosen.items()}}
     labelling = _labelled(first, second, cameras, seed)
-    said = {frame: one.sentence for frame, one in chosen.items()}
+    messages = {frame: one.sentence for frame, one in chosen.items()}
     reports = [
-        replace(one, sentence=f"{one.sentence} {said.get(one.frame, '')}".strip())
+        replace(one, sentence=f"{one.sentence} {messages.get(one.frame, '')}".strip())
         for one in labelling.frames
     ]
     return Labelling(labelling.pairs, tuple(reports))
@@ -147,16 +144,16 @@ def _rays(camera: Camera, targets: list[tuple[Corner, Corner]]) -> FloatArray:
 
 
 def _decide(frames: list[int], labels: EpipolarLabels | None) -> list[tuple[bool, FrameLabels]]:
-    """For each frame whether the secondary's targets are to be exchanged, and the report."""
+    """For each frame, whether to exchange the secondary's targets, and the report."""
     if labels is None:
-        why = "A and B are in the order along the bar; "
-        if len(frames) < FEWEST_FRAMES:
-            why += f"{FEWEST_FRAMES} frames or more are needed to check them."
+        why = "A and B are in the order along the bar and could not be checked: "
+        if len(frames) < MINIMUM_FRAMES:
+            why += f"this needs at least {MINIMUM_FRAMES} frames."
         else:
-            why += "the points do not determine how the cameras stand, to check them."
+            why += "the points do not determine the pose of the cameras."
         return [(False, FrameLabels(f, "unchecked", np.nan, np.nan, why)) for f in frames]
     least = labels.residual_px.min(axis=1)
-    # A frame fits up to where the next would stand out.
+    # A frame fits up to the residual where it would count as an outlier.
     far = outlying(least, SMALLEST_EXCESS_PX)
     limit = float(least[~far].max(initial=0.0)) + SMALLEST_EXCESS_PX
     better = labels.residual_px[:, 1] < labels.residual_px[:, 0]
@@ -177,12 +174,12 @@ def _decide(frames: list[int], labels: EpipolarLabels | None) -> list[tuple[bool
 def _state(
     far: bool, clear: bool, by_length: bool | None, exchange: bool
 ) -> tuple[FrameState, str]:
-    """The state of a frame, and what a person should know."""
+    """The state of a frame, and the message for the user."""
     if far:
         return "outlying", "Its targets do not lie on the epipolar lines of the other frames."
     if not clear and by_length is None:
         return "doubtful", (
-            "The bar lies along the epipolar lines, so that A and B cannot be told apart by them."
+            "The bar lies along the epipolar lines, so they cannot distinguish A and B."
         )
     if exchange:
         return "swapped", "A and B of the secondary were exchanged."
@@ -190,14 +187,14 @@ def _state(
 
 
 def _usual_length(labels: EpipolarLabels, better: Truth, use: Truth) -> float:
-    """Median length of the bar over the frames whose labels are clear; NaN without any."""
+    """Median length of the bar over the frames with clear labels; NaN if there are none."""
     length = np.where(better, labels.length[:, 1], labels.length[:, 0])[use]
     length = length[np.isfinite(length)]
     return float(np.median(length)) if len(length) else np.nan
 
 
 def _by_length(length: FloatArray, usual: float) -> bool | None:
-    """Whether the length of the bar wants the labels exchanged; None where it does not tell."""
+    """Whether the length of the bar requires exchanged labels; None if inconclusive."""
     with np.errstate(invalid="ignore", divide="ignore"):
         off = np.abs(np.log(length / usual))
     off = np.where(np.isnan(off), np.inf, off)
@@ -207,7 +204,7 @@ def _by_length(length: FloatArray, usual: float) -> bool | None:
 
 
 def _with_doubts(report: FrameLabels, first: Detection, second: Detection) -> FrameLabels:
-    """The report with what is doubtful of the detections."""
+    """The report with the doubts about the detections added."""
     doubts = [
         f"In the {name}: {detection.sentence}"
         for name, detection in (("primary", first), ("secondary", second))

@@ -1,4 +1,4 @@
-"""How names of photographs tell the camera: left01, cam0/0001, IMG_7_R and their like."""
+"""Identify the camera from a photograph's name: left01, cam0/0001, IMG_7_R and similar."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import PurePosixPath
 
 @dataclass(frozen=True)
 class Convention:
-    """Two words that tell the cameras. A lower rank is the surer sign, of two that pair as many."""
+    """Two words that identify the cameras; of conventions that pair as many, low rank wins."""
 
     words: tuple[str, str]
     patterns: tuple[re.Pattern[str], re.Pattern[str]]
@@ -20,11 +20,11 @@ class Convention:
 
 
 Reading = tuple[Convention | None, Convention | None]
-"""What tells the camera in the folder and in the stem of a name; at least one of them."""
+"""The convention used in the folder and in the stem of a name; at least one is not None."""
 
 
 def _word(one: str, other: str, rank: int) -> Convention:
-    """Whole words, also before a number or one of the words that stand for a camera's image."""
+    """Whole words; they may be followed by a number, "cam" or "image"."""
     after = r"(?=[^a-z]|$|cam|ima?g)" if len(one) > 1 else r"(?![a-z])"
     first, second = (re.compile(rf"(?<![a-z]){word}{after}") for word in (one, other))
     return Convention((one, other), (first, second), rank)
@@ -39,7 +39,7 @@ def _numbered(prefix: str, first: int, rank: int) -> Convention:
 
 
 def _folder(prefix: str, first: int) -> Convention:
-    """A folder that is called by a number, as image_0/ and image_1/, or just 0/ and 1/."""
+    """A numbered folder: image_0/ and image_1/, or 0/ and 1/."""
     one, other = (
         re.compile(rf"(?:(?<=/)|^){prefix}_?0*{number}(?=/|$)") for number in (first, first + 1)
     )
@@ -60,7 +60,7 @@ CONVENTIONS = (
 
 
 def candidates(names: Sequence[str]) -> list[Reading]:
-    """The combinations of conventions, of folders and stems, of which both words occur."""
+    """The combinations of folder and stem conventions of which both words occur."""
     split = [_split(name) for name in names]
     folders, stems = {folder for folder, _ in split}, {stem for _, stem in split}
 
@@ -81,7 +81,7 @@ def candidates(names: Sequence[str]) -> list[Reading]:
 
 
 def side_and_key(name: str, reading: Reading) -> tuple[int, str] | None:
-    """The camera (0 or 1), and the name without what tells it; None if the name does not tell."""
+    """The camera (0 or 1) and the name without its word; None if the name identifies no camera."""
     found, blanked = [], []
     for part, convention in zip(_split(name), reading, strict=True):
         if convention is None:
@@ -94,7 +94,7 @@ def side_and_key(name: str, reading: Reading) -> tuple[int, str] | None:
         ]
         if not hits:
             return None
-        # A name with both words, as stereo_left_right_left7, means the last one.
+        # In a name with both words, as stereo_left_right_left7, the last one counts.
         at, side = max(hits)
         mixed = len({side for _, side in hits}) > 1
         begin, end = (part[:at], part[at:]) if mixed else ("", part)
@@ -104,7 +104,7 @@ def side_and_key(name: str, reading: Reading) -> tuple[int, str] | None:
 
 
 def twin_of(name: str, side: int, reading: Reading) -> str:
-    """What the photograph of the other camera would be called."""
+    """The expected name of the other camera's photograph."""
     path = PurePosixPath(name.replace("\\", "/"))
     parts = [path.parent.as_posix(), path.stem]
     for i, convention in enumerate(reading):
@@ -119,13 +119,13 @@ def twin_of(name: str, side: int, reading: Reading) -> str:
 
 
 def _split(name: str) -> tuple[str, str]:
-    """Folder and stem, in small letters."""
+    """Folder and stem, in lower case."""
     path = PurePosixPath(name.replace("\\", "/").lower())
     return path.parent.as_posix().lstrip("."), path.stem
 
 
 def _exchanged(written: str, word: str) -> str:
-    """The other camera's word, in the letters and with the leading zeros of the one's."""
+    """The other camera's word, with the case and leading zeros of `written`."""
     number = re.search(r"\d+", word)
     digits = re.search(r"\d+$", written)
     if number and digits:

@@ -1,8 +1,7 @@
-"""Which photograph of one camera belongs to which of the other, by their names.
+"""Pair the photographs of the two cameras by their names.
 
-A name is taken apart into its folder and its stem; in each, a word that tells the camera is blanked
-out, and two names pair when the rest is the same. The reading that pairs most files is proposed.
-Nothing is ever paired by its place in a list.
+The word that identifies the camera is blanked out in folder and stem; two names pair if the rest is
+equal. The reading that pairs most files is proposed. Photographs are never paired by list position.
 """
 
 from __future__ import annotations
@@ -14,8 +13,8 @@ from dataclasses import dataclass
 from stereocal.frames.naming import Reading, candidates, side_and_key, twin_of
 from stereocal.rig.camera import CAMERAS
 
-MOST_DIGITS = 15
-"""A frame number must be a whole number that a table keeps exactly."""
+MAXIMUM_DIGITS = 15
+"""Of a frame number, so that a table stores it exactly."""
 
 
 @dataclass(frozen=True)
@@ -29,53 +28,53 @@ class Pair:
 
 @dataclass(frozen=True)
 class Alone:
-    """A photograph whose camera is known and whose twin is missing."""
+    """A photograph whose camera is known and whose partner is missing."""
 
     name: str
     camera: int
     """0 primary, 1 secondary."""
     twin: str
-    """What the missing photograph would be called."""
+    """The expected name of the missing photograph."""
 
     def __str__(self) -> str:
-        return f"{self.name} ({CAMERAS[self.camera]}) has no {self.twin} beside it"
+        return f"{self.name} ({CAMERAS[self.camera]}) has no partner {self.twin}"
 
 
 @dataclass(frozen=True)
 class Pairing:
-    """The proposed pairs, in order of their frames, and what was left over."""
+    """The proposed pairs, in order of their frames, and the unpaired photographs."""
 
     pairs: tuple[Pair, ...]
     alone: tuple[Alone, ...]
     unknown: tuple[str, ...]
-    """Photographs whose names tell no camera, or of which several claim the same place."""
+    """Photographs whose names identify no camera, or the same camera and frame as another."""
     sentence: str
-    """How it was done, for the person who checks it."""
+    """How the names were paired, for the user to check."""
     ambiguous: bool
-    """Whether the names can as well be read in another way."""
+    """Whether another reading of the names pairs as many, but differently."""
 
 
 @dataclass(frozen=True)
 class _Read:
-    """What one reading makes of all names."""
+    """All names under one reading."""
 
     pairs: Mapping[str, tuple[str, str]]
-    """What the two names have in common, to the two names."""
+    """The two names of each pair, by their common part."""
     alone: tuple[tuple[str, int], ...]
     rivals: tuple[str, ...]
-    """Photographs of which several claim the same place."""
+    """Photographs with the same camera and frame as another."""
     unknown: tuple[str, ...]
     reading: Reading
 
     @property
     def merit(self) -> tuple[int, int, int]:
-        """More pairs first, then the surer words, then more files whose camera is known."""
+        """Sort key: more pairs, then the clearer words, then more files with a known camera."""
         rank = min(convention.rank for convention in self.reading if convention)
         return len(self.pairs), -rank, -len(self.unknown)
 
     @property
     def words(self) -> tuple[str, str]:
-        """What tells the cameras, as people write it."""
+        """The words that identify the cameras, for messages."""
         shown = [convention.words for convention in self.reading if convention]
         first, second = (" with ".join(dict.fromkeys(w[i] for w in shown)) for i in (0, 1))
         return first, second
@@ -85,12 +84,11 @@ def pair_names(names: Iterable[str]) -> Pairing:
     """Propose which photographs belong together.
 
     Args:
-        names: names of files, with or without folders before them.
+        names: file names, with or without folders.
 
     Returns:
-        The reading of the names that pairs most of them. It is `ambiguous` if another one pairs as
-        many, but others. A frame's number is the number in the names, where that tells all pairs
-        apart; else the frames are counted from 1 in the order of the names.
+        The reading that pairs most names. A frame's number is the number in the names if it is
+        unique; otherwise frames are counted from 1 in the order of the names.
     """
     ordered = sorted(dict.fromkeys(names), key=natural)
     read = [_read(ordered, reading) for reading in candidates(ordered)]
@@ -118,14 +116,14 @@ def number_pairs(pairs: Mapping[str, tuple[str, str]]) -> tuple[Pair, ...]:
     """Give each pair its frame number.
 
     Args:
-        pairs: what the two names have in common, to the two names.
+        pairs: the two names of each pair, by their common part.
     """
     keys = sorted(pairs, key=natural)
     digits = [re.findall("[0-9]+", key)[::-1] for key in keys]
     frames = list(range(1, len(keys) + 1))
     for place in range(min(map(len, digits), default=0)):
         texts = [groups[place] for groups in digits]
-        numbers = [int(text) for text in texts if len(text) <= MOST_DIGITS]
+        numbers = [int(text) for text in texts if len(text) <= MAXIMUM_DIGITS]
         if len(set(numbers)) == len(keys):
             frames = numbers
             break
@@ -136,7 +134,7 @@ def number_pairs(pairs: Mapping[str, tuple[str, str]]) -> tuple[Pair, ...]:
 def natural(name: str) -> tuple[tuple[int, int, str], ...]:
     """The key that sorts img9 before img10."""
     parts = re.split("([0-9]+)", name.lower())
-    # Very long digits are no numbers, and Python refuses to make some of more than 4300.
+    # Python converts at most 4300 digits to a number.
     return tuple(
         (0, int(part), part) if part.isdigit() and len(part) <= 4000 and i % 2 else (1, 0, part)
         for i, part in enumerate(parts)
@@ -167,35 +165,34 @@ def _read(names: Sequence[str], reading: Reading) -> _Read:
 
 def _sentence(best: _Read, alone: Sequence[Alone], others: Sequence[_Read]) -> str:
     first, second = best.words
-    said = [
+    sentences = [
         f"{_count(len(best.pairs), 'pair')} by name: {first} is the primary camera, {second} the "
         "secondary."
     ]
     if alone:
         missing = "; ".join(map(str, alone[:3]))
         more = f"; and {len(alone) - 3} more" if len(alone) > 3 else ""
-        said.append(f"{missing}{more}.")
+        sentences.append(f"{missing}{more}.")
     if best.rivals:
-        said.append(f"Several files claim the same place: {_listed(best.rivals)}.")
+        sentences.append(f"Several files have the same camera and frame: {_listed(best.rivals)}.")
     if best.unknown:
-        said.append(f"These names tell no camera: {_listed(best.unknown)}.")
+        sentences.append(f"These names identify no camera: {_listed(best.unknown)}.")
     for other in others[:1]:
         one, two = other.words
-        said.append(
-            f"The names can as well be read with {one} and {two} as the two cameras: check the "
-            "pairs."
+        sentences.append(
+            f"The names can also be read with {one} and {two} as the two cameras: check the pairs."
         )
-    return " ".join(said)
+    return " ".join(sentences)
 
 
-def _nothing(given: int) -> str:
-    if given < 2:
-        what = "one photograph was" if given else "no photograph was"
-        return f"No pair: {what} given; each frame needs one of either camera."
+def _nothing(count: int) -> str:
+    if count < 2:
+        what = "one photograph" if count else "no photograph"
+        return f"No pair: there is {what}; each frame needs one from each camera."
     return (
-        f"None of the {given} photographs could be paired by name. Name the two of a frame alike "
-        "but for the camera, as left07 and right07, or put them into folders primary and secondary "
-        "under the same names."
+        f"None of the {count} photographs could be paired by name. Give both photographs of a "
+        "frame the same name, apart from the camera, as left07 and right07, or the same name in "
+        "folders primary and secondary."
     )
 
 

@@ -1,6 +1,6 @@
-"""A person's word on the found frames: one edit after the other, each of which can be undone.
+"""Manual review of the found frames, as a list of edits that can be undone.
 
-A review is a value: every edit gives a new one. An edit that changes nothing is none.
+`Review` is immutable: each edit returns a new one. An edit that changes nothing is not recorded.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ from stereocal.frames.frame import Centre, Frame, frame_from_json, name_in
 from stereocal.rig.dataset import TARGETS
 
 REVIEW_FORMAT = "stereocal-review/1"
-SAME_PLACE_PX = 1.0
+SAME_POSITION_PX = 1.0
 """Two targets of a photograph are farther apart: the smallest board is 20 px across."""
 SAME_TARGET_PX = 30.0
-"""A centre so near to a target moves it, though the other target is still to be placed."""
+"""A centre this close to a target moves it, even if the other target is still missing."""
 
 
 @dataclass(frozen=True)
 class Edit:
-    """What one edit did to one frame."""
+    """One frame before and after an edit."""
 
     before: Frame
     after: Frame
@@ -35,7 +35,7 @@ class Edit:
 
 @dataclass(frozen=True)
 class Review:
-    """The frames as they stand, and the edits that led there, the latest last."""
+    """The current frames, and the edits made so far, latest last."""
 
     frames: tuple[Frame, ...]
     edits: tuple[Edit, ...] = ()
@@ -53,19 +53,19 @@ class Review:
 
 
 def centre_at(image: npt.NDArray[Any], point: tuple[float, float], raw: bool) -> Centre:
-    """The centre that a click means: the fitted corner near it, or the click itself.
+    """The centre for a click: the fitted corner near it, or the click itself.
 
     Args:
         image: (h, w), grey.
         point: the click (u, v), px.
-        raw: keep the click; its standard error is not known.
+        raw: use the click itself, with unknown standard error.
 
     Raises:
         StereocalError: the click is outside the image, or no corner is near it.
     """
     height, width = image.shape
     u, v = point
-    # Written so that NaN is outside too.
+    # "not <=" rejects NaN too.
     if not (-0.5 <= u <= width - 0.5 and -0.5 <= v <= height - 0.5):
         raise StereocalError("The click is outside the photograph.")
     if raw:
@@ -80,9 +80,9 @@ def centre_at(image: npt.NDArray[Any], point: tuple[float, float], raw: bool) ->
 
 
 def target_meant(frame: Frame, camera: int, centre: Centre) -> int:
-    """The target (0 A, 1 B) that a new centre belongs to: the nearest one.
+    """The target (0 A, 1 B) that a new centre belongs to.
 
-    Where one target is missing it is that one, unless the centre is close to the other.
+    The missing target, unless the centre is close to the other; if none is missing, the nearest.
     """
     distances = [_distance(found, centre) for found in frame.centres[camera]]
     nearest = 0 if distances[0] <= distances[1] else 1
@@ -93,23 +93,23 @@ def target_meant(frame: Frame, camera: int, centre: Centre) -> int:
 
 
 def place(review: Review, number: int, camera: int, target: int, centre: Centre) -> Review:
-    """Move or set a target in one camera; a frame whose photographs then share one is used.
+    """Set a target in one camera; the frame is used if its photographs then share a target.
 
     Raises:
-        StereocalError: no such frame, or the other target is there already.
+        StereocalError: no such frame, or the other target is already at this position.
     """
     frame = review.frame(number)
-    if _distance(frame.centres[camera][1 - target], centre) < SAME_PLACE_PX:
+    if _distance(frame.centres[camera][1 - target], centre) < SAME_POSITION_PX:
         raise StereocalError(
-            f"Target {TARGETS[1 - target]} is there already in {name_in(camera, frame)}; swap A "
-            "and B if that is wrong."
+            f"Target {TARGETS[1 - target]} is already at this position in "
+            f"{name_in(camera, frame)}; swap A and B if that is wrong."
         )
     moved = frame.moved(camera, target, centre)
     return _edited(review, frame, replace(moved, use=bool(moved.targets_in_both)))
 
 
 def swap(review: Review, number: int, camera: int) -> Review:
-    """Exchange A and B in one camera; a frame whose photographs then share a target is used.
+    """Exchange A and B in one camera; the frame is used if its photographs share a target.
 
     Raises:
         StereocalError: no such frame.
@@ -136,9 +136,9 @@ def choose(review: Review, number: int, use: bool) -> Review:
 
 
 def undo(review: Review) -> Review:
-    """Take the latest edit back; without one nothing happens.
+    """Undo the latest edit, if any.
 
-    Only what the edit changed goes back, so that other changes of the frame since stay.
+    Only the fields changed by the edit are restored; later changes of other fields remain.
     """
     if not review.edits:
         return review
@@ -156,24 +156,24 @@ def undo(review: Review) -> Review:
 
 
 def is_open(frame: Frame) -> bool:
-    """Whether a person should still decide on it: doubtful or refused, and not reviewed."""
+    """Whether the user has still to decide: doubtful or refused, and not reviewed."""
     return frame.state != "found" and not frame.reviewed
 
 
 def next_doubtful(frames: Sequence[Frame], number: int) -> int | None:
-    """The next open frame after `number`, from the start again after the last; None without one."""
+    """The next open frame after `number`, cyclically; None if there is none."""
     doubtful = [frame.frame for frame in frames if is_open(frame) and frame.frame != number]
     return min(doubtful, key=lambda other: (other < number, other), default=None)
 
 
 def beside(frames: Sequence[Frame], number: int, step: int) -> int:
-    """The frame `step` places further on, or the last (first) there is."""
+    """The frame `step` positions further on, limited to the first and last frame."""
     numbers = sorted(frame.frame for frame in frames)
     return numbers[min(max(numbers.index(number) + step, 0), len(numbers) - 1)]
 
 
 def pack_edits(edits: Sequence[Edit]) -> bytes:
-    """The edits as JSON, which `unpack_edits` reads back."""
+    """The edits as JSON, for `unpack_edits`."""
     content = {"format": REVIEW_FORMAT, "edits": [asdict(edit) for edit in edits]}
     return json.dumps(content, allow_nan=False).encode()
 
@@ -181,7 +181,7 @@ def pack_edits(edits: Sequence[Edit]) -> bytes:
 def unpack_edits(content: bytes, frames: Sequence[Frame]) -> tuple[Edit, ...]:
     """The edits of `pack_edits` that can still be undone.
 
-    The edits of a frame that is gone, or has been searched anew, are left out.
+    Edits of frames that were removed or searched again since are dropped.
 
     Raises:
         StereocalError: the content is damaged, or of another version.
@@ -213,5 +213,5 @@ def _edited(review: Review, before: Frame, after: Frame) -> Review:
 
 
 def _distance(found: Centre | None, centre: Centre) -> float:
-    """Infinite to a target that is not placed."""
+    """Distance in px; infinite if the target is not placed."""
     return math.inf if found is None else math.dist((found.u, found.v), (centre.u, centre.v))

@@ -1,4 +1,4 @@
-"""One frame under review in words and as a table."""
+"""Sentences and a table on one frame under review."""
 
 from __future__ import annotations
 
@@ -21,27 +21,27 @@ PLACED_BY = {
 
 
 def describe_use(frame: Frame) -> str:
-    """Whether a frame is used, and what is left to do, in a sentence or two."""
+    """Sentences on whether a frame is used, and what is left to do."""
     shared = [TARGETS[target] for target in frame.targets_in_both]
     if frame.use and len(shared) == 1:
-        said = f"It is used, with target {shared[0]} only."
+        sentence = f"It is used, with target {shared[0]} only."
     elif frame.use and shared:
-        said = "It is used."
+        sentence = "It is used."
     elif shared:
-        said = "It is left out."
+        sentence = "It is left out."
     else:
-        said = "It is left out: no target is placed in both photographs."
+        sentence = "It is left out: no target is placed in both photographs."
     if frame.reviewed:
-        said += " You have reviewed it."
+        sentence += " You have reviewed it."
     elif is_open(frame):
-        said += " Please decide: correct it, use it or leave it out."
-    return said
+        sentence += " Please decide: correct it, use it or leave it out."
+    return sentence
 
 
 def describe_residuals(
     frames: Sequence[Frame], frame: Frame, cameras: tuple[Camera | None, Camera | None]
 ) -> str:
-    """How far the targets of a frame are from their epipolar lines, or why that is not known."""
+    """A sentence with the distances from the epipolar lines, or why they are unknown."""
     primary, secondary = cameras
     if primary is None or secondary is None:
         return "Both camera files are needed to compare this frame with the others."
@@ -52,11 +52,11 @@ def describe_residuals(
     if not found:
         return "Place a target in both photographs to compare this frame with the others."
     each = ", ".join(f"{TARGETS[target]} {away:.2f} px" for target, away in found.items())
-    return f"Distance from the epipolar lines that the other frames give: {each}."
+    return f"Distance from the epipolar lines of the other frames: {each}."
 
 
 def centres_table(frame: Frame) -> pd.DataFrame:
-    """The centres of a frame: a row a target and camera."""
+    """The centres of a frame, one row per target and camera."""
     lines = {
         f"{TARGETS[target]} {CAMERAS[camera]}": _cells(frame.centres[camera][target])
         for target in (0, 1)

@@ -1,4 +1,4 @@
-"""The targets of all frames: each photograph by itself, then A and B agreed between the cameras."""
+"""Find the targets of all frames: detect in each photograph, then label A and B."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from stereocal.detection.detect import Detection, detect_targets, refusal
 from stereocal.detection.fit import Corner
 from stereocal.frames.frame import Centre, CentrePair, Frame, State
-from stereocal.frames.inspection import look_through, wrong_sizes
+from stereocal.frames.inspection import inspect_photographs, wrong_sizes
 from stereocal.frames.labelling import FrameLabels, LabelledPair, label_targets
 from stereocal.frames.pairing import Pair
 from stereocal.frames.series import detect_series
@@ -20,7 +20,7 @@ from stereocal.rig.dataset import TARGETS
 from stereocal.system.photograph_files import Photographs
 from stereocal.system.tasks import Pieces, Progress
 
-STAGES = ("photographs looked through", "photographs searched for targets")
+STAGES = ("photographs checked", "photographs searched for targets")
 NOTHING: CentrePair = (None, None)
 UNREADABLE = (0, 0)
 
@@ -35,25 +35,25 @@ def detect_frames(
     cancelled: Callable[[], bool] = lambda: False,
     pieces: Pieces[Detection] | None = None,
 ) -> list[Frame] | None:
-    """All of it: look the photographs through, find the targets, agree on A and B.
+    """Check the photographs, find the targets, and label A and B.
 
     Args:
-        photographs: files on disk by name; each is read when its turn comes.
-        cameras: the primary and the secondary; their photographs must have their size.
-        begin: is told when a stage of `STAGES` begins, whose progress follows.
+        photographs: files on disk by name, read one at a time.
+        cameras: primary and secondary; the photographs must have their image size.
+        begin: called with each stage of `STAGES` when it begins.
         pieces: as for `detect_series`.
 
     Returns:
-        A frame for each pair, in their order; None if it was cancelled. A photograph that cannot be
-        used refuses its own frame only. Doubtful frames are not used until a person says so.
+        A frame for each pair, in order; None if cancelled. An unusable photograph affects its own
+        frame only. Doubtful frames are not used until the user decides.
     """
     begin(STAGES[0])
     wanted = dict.fromkeys(name for pair in pairs for name in (pair.primary, pair.secondary))
     there = {name: photographs[name] for name in wanted if name in photographs}
-    looked = look_through(there, progress, cancelled)
-    if looked is None:
+    inspected = inspect_photographs(there, progress, cancelled)
+    if inspected is None:
         return None
-    sizes, problems = looked
+    sizes, problems = inspected
     problems |= {name: f"{name}: there is no such photograph." for name in wanted.keys() - there}
     problems |= wrong_sizes(pairs, sizes, [camera.image_size for camera in cameras])
     begin(STAGES[1])
@@ -63,16 +63,15 @@ def detect_frames(
     )
     if seen is None:
         return None
-    seen |= {name: refusal(UNREADABLE, "unreadable", said) for name, said in problems.items()}
+    seen |= {name: refusal(UNREADABLE, "unreadable", why) for name, why in problems.items()}
     return _agree(pairs, seen, cameras)
 
 
 def keep_corrections(found: Sequence[Frame], before: Sequence[Frame]) -> list[Frame]:
-    """The new frames, with what a person has decided about the old ones.
+    """The new frames, with the user's decisions about the old ones.
 
-    A frame that a person has reviewed, or in which a person has placed a target, stays as it was.
-    Of the others the choice to use or to leave out stays, where it is not what the state alone
-    would have said.
+    A frame that the user reviewed, or in which the user placed a target, stays as it was. Of the
+    others, `use` is kept if the state is unchanged.
     """
     old = {(frame.frame, frame.files): frame for frame in before}
     kept = []
@@ -92,7 +91,7 @@ def keep_corrections(found: Sequence[Frame], before: Sequence[Frame]) -> list[Fr
 
 
 def compile_detection() -> None:
-    """Compile what the search needs (12 s the very first time), by a drawn pair of boards."""
+    """Compile the numba code of the search (12 s the first time) on a synthetic photograph."""
     photograph = np.full((240, 320), 120, np.uint8)
     board = np.kron([[40, 200], [200, 40]], np.ones((35, 35))).astype(np.uint8)
     for left in (60, 190):
@@ -129,11 +128,11 @@ def _frame(
         centres: tuple[CentrePair, CentrePair] = ((first[0], first[1]), (second[0], second[1]))
         reason = report.sentence
     else:
-        # What one photograph shows is kept: a person may add what the other one hides.
+        # Targets of one photograph are kept: the user may add those of the other.
         state = "refused"
         centres = _as_seen(both[0]), _as_seen(both[1])
         reason = " ".join(
-            _said(one, name, i)
+            _message(one, name, i)
             for i, (one, name) in enumerate(zip(both, (pair.primary, pair.secondary), strict=True))
             if one.sentence
         )
@@ -147,8 +146,8 @@ def _frame(
     )
 
 
-def _said(found: Detection, name: str, camera: int) -> str:
-    """What is wrong with one photograph, with its camera, or its name if it stands there."""
+def _message(found: Detection, name: str, camera: int) -> str:
+    """The message on one photograph, starting with its name or its camera."""
     sentence = found.sentence
     return sentence if sentence.startswith(name) else f"{CAMERAS[camera].capitalize()}: {sentence}"
 

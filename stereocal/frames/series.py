@@ -1,4 +1,4 @@
-"""Targets in many photographs: on all cores, with progress and cancel, in little memory."""
+"""Find the targets in many photographs on all cores, with progress and cancelling."""
 
 from __future__ import annotations
 
@@ -24,16 +24,15 @@ def detect_series(
 ) -> dict[str, Detection] | None:
     """Find the targets in each photograph.
 
-    Only detections come back from the workers, so memory does not grow with the number of
-    photographs. One that cannot be read is refused with the reader's sentence.
+    Memory does not grow with the number of photographs. An unreadable one is refused with the
+    reader's error message.
 
     Args:
-        progress: called with how many are done, and of how many.
-        cancelled: asked while they are searched.
-        pieces: what was found before, by the file's name, which must tell its content, and where
-            more is kept.
+        progress: called with the number done and the total.
+        cancelled: polled during the search.
+        pieces: checkpoint of earlier results by file name, which must identify the content.
 
-    Returns the detections by name; None when cancelled.
+    Returns the detections by name; None if cancelled.
     """
     tasks = (
         Task(path.name, detect_in_file, (for_worker(path, executor), name))
@@ -48,7 +47,7 @@ def detect_series(
 
 
 def detect_in_file(photograph: PhotographFile, name: str) -> Detection:
-    """The detection of one photograph: the piece of work that an executor gets."""
+    """The detection of one photograph: the task of an executor."""
     cv2.setNumThreads(1)  # the executor already uses all cores
     try:
         return detect_targets(read_for_worker(photograph, name))

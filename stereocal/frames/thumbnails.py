@@ -1,4 +1,4 @@
-"""Small pictures of a frame: the surroundings of the targets in both photographs."""
+"""Thumbnails of a frame: the targets and their surroundings in both photographs."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from stereocal.frames.frame import CentrePair
 from stereocal.system.photograph import GreyImage
 
 WIDTH, HEIGHT = 240, 180
-"""Of one photograph's part, px."""
+"""Size of one photograph's tile, px."""
 COLOURS = ((115, 158, 0), (167, 121, 204))
-"""Of targets A and B as in all figures (Okabe-Ito green and pink), in OpenCV's order."""
+"""Targets A and B, as in all figures (Okabe-Ito green and pink), BGR."""
 Tile = npt.NDArray[np.uint8]
 
 
 def tile(image: GreyImage | None, centres: CentrePair) -> Tile:
-    """(180, 240, 3): the photograph around its targets, with a cross and a letter on each.
+    """(180, 240, 3): the photograph around its targets, each marked with a cross and a letter.
 
-    Without targets it shows the whole photograph, without a photograph nothing.
+    Without targets the whole photograph; without a photograph plain grey.
     """
     if image is None:
         return np.full((HEIGHT, WIDTH, 3), 128, np.uint8)
@@ -33,7 +33,7 @@ def tile(image: GreyImage | None, centres: CentrePair) -> Tile:
     drawn = cv2.cvtColor(eight_bits(cv2.resize(part, size, interpolation=how)), cv2.COLOR_GRAY2BGR)
     for letter, colour, centre in zip("AB", COLOURS, centres, strict=True):
         if centre:
-            # Pixel centres are at integers: the middle of a shrunk pixel is not its corner.
+            # Pixel centres are at integers.
             at = (
                 round((centre.u - left + 0.5) * scale - 0.5),
                 round((centre.v - top + 0.5) * scale - 0.5),
@@ -48,7 +48,7 @@ def tile(image: GreyImage | None, centres: CentrePair) -> Tile:
 def _mark(
     drawn: npt.NDArray[Any], at: tuple[int, int], letter: str, colour: tuple[int, int, int]
 ) -> None:
-    """A cross and a letter, rimmed in black to stand out on white too."""
+    """Draw a cross and a letter with a black outline, visible on white too."""
     beside = at[0] + 9, at[1] - 7
     for ink, width in (((0, 0, 0), 4), (colour, 2)):
         cv2.drawMarker(drawn, at, ink, cv2.MARKER_CROSS, 15, width)
@@ -64,9 +64,9 @@ def side_by_side(primary: Tile, secondary: Tile) -> bytes:
 
 
 def box_around(centres: CentrePair, shape: tuple[int, ...]) -> tuple[int, int, int, int]:
-    """Left, top, right and bottom of the part of an image of `shape` to show, in whole pixels.
+    """Left, top, right and bottom of the part of an image to show, in whole pixels.
 
-    It has the shape of a tile where the image allows, and half the bar's length around the targets.
+    The aspect ratio is a tile's where possible, the margin half the distance of the targets.
     """
     height, width = shape[:2]
     points = np.array([(c.u, c.v) for c in centres if c and np.isfinite([c.u, c.v]).all()])
@@ -76,7 +76,7 @@ def box_around(centres: CentrePair, shape: tuple[int, ...]) -> tuple[int, int, i
     margin = max(0.5 * float(np.linalg.norm(high - low)), 60.0)
     reach = (high - low) / 2 + margin
     reach = np.maximum(reach, reach[::-1] * np.array([WIDTH / HEIGHT, HEIGHT / WIDTH]))
-    # A box that would leave the image is moved into it, as far as the image is large enough.
+    # Shift the box into the image, as far as the image is large enough.
     middle = np.clip((low + high) / 2, reach, np.maximum((width, height) - reach, reach))
     left, top = np.clip(middle - reach, 0, (width - 1, height - 1)).astype(int)
     right, bottom = np.clip(middle + reach + 1, (left + 1, top + 1), (width, height)).astype(int)
@@ -84,10 +84,7 @@ def box_around(centres: CentrePair, shape: tuple[int, ...]) -> tuple[int, int, i
 
 
 def eight_bits(part: npt.NDArray[Any]) -> npt.NDArray[np.uint8]:
-    """An image as a screen shows it.
-
-    More than eight bits are stretched from the darkest to the brightest part, as 12 in 16 are.
-    """
+    """The image with 8 bits; other depths are scaled from darkest to brightest (0.5 to 99.5 %)."""
     if part.dtype == np.uint8:
         return part
     low, high = np.percentile(part[:: max(1, part.shape[0] // 512)], (0.5, 99.5))

@@ -1,4 +1,4 @@
-"""The corners of one board in one photograph: OpenCV finds them, put in order and refined here."""
+"""Find the corners of a board in a photograph with OpenCV, order them and refine them."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from stereocal.system.photograph import GreyImage
 LARGE_PX = 1400
 """Photographs with a longer side are first searched at half their size."""
 WINDOW_PX = (2, 15)
-LEAST_CONTRAST = 0.3
-"""Of the outermost squares, as a part of that of the others."""
+MINIMUM_CONTRAST = 0.3
+"""Contrast of the outermost squares, as a fraction of that of the others."""
 
 
 def eight_bits(image: GreyImage) -> npt.NDArray[np.uint8]:
-    """The photograph with 8 bits, to search in; 10, 12 or 16 bits are stretched to fill them."""
+    """The photograph with 8 bits; 10, 12 or 16 bits are scaled to the full range."""
     if image.dtype == np.uint8:
         return np.asarray(image, dtype=np.uint8)
     low, high = np.percentile(image[::4, ::4], (0.5, 99.5))
@@ -28,15 +28,14 @@ def eight_bits(image: GreyImage) -> npt.NDArray[np.uint8]:
 def find_chessboard(
     grey: npt.NDArray[np.uint8], columns: int, rows: int, thorough: bool = True
 ) -> tuple[FloatArray, bool] | None:
-    """The inner corners of a chessboard, to a pixel or so, and whether they came in reverse order.
+    """The inner corners of a chessboard to about a pixel, and whether their order was changed.
 
     Args:
-        thorough: try hard, which takes 2 s where there is no board; it also finds a part of a
-            larger board.
+        thorough: search exhaustively, which takes 2 s if there is no board; it also finds a part
+            of a larger board.
 
-    OpenCV's sector based finder (Duda & Frese 2018). On a photograph of 2336x1728 px it takes
-    0.09 s at half the size and 0.35 s at full size. The classical finder is no second try: where
-    there is no board it took 70 s on noise.
+    Uses OpenCV's sector based finder (Duda & Frese 2018): 0.09 s at half the size and 0.35 s at
+    full size of a photograph of 2336x1728 px. The classical finder took 70 s on noise.
     """
     tries = [(grey, 1.0, 0)]
     if thorough:
@@ -58,8 +57,7 @@ def find_chessboard(
 def squares_all_around(grid: FloatArray, grey: GreyImage) -> bool:
     """Whether black and white squares alternate beyond the outermost corners of a grid too.
 
-    Asked for one row more than a board has, the finder takes the edge of the outermost squares for
-    it: they end at the white border as corners of a sort.
+    When asked for one row too many, the finder returns points on the outer edge of the board.
     """
     whole = _one_more_all_around(_one_more_all_around(grid).swapaxes(0, 1)).swapaxes(0, 1)
     level = _levels(whole, grey)
@@ -68,11 +66,11 @@ def squares_all_around(grid: FloatArray, grey: GreyImage) -> bool:
     usual = _contrast(level[inner], like_first[inner])
     sides = (np.s_[0], np.s_[-1], np.s_[:, 0], np.s_[:, -1])
     found = [_contrast(level[side], like_first[side]) * np.sign(usual) for side in sides]
-    return not any(contrast < LEAST_CONTRAST * abs(usual) for contrast in found)
+    return not any(contrast < MINIMUM_CONTRAST * abs(usual) for contrast in found)
 
 
 def _contrast(level: FloatArray, like_first: BoolArray) -> float:
-    """The squares of one colour against those of the other; NaN where either is not in view."""
+    """Difference in level between squares of the two colours; NaN if either is not in view."""
     one, other = level[like_first], level[~like_first]
     if np.isnan(one).all() or np.isnan(other).all():
         return float("nan")
@@ -80,12 +78,12 @@ def _contrast(level: FloatArray, like_first: BoolArray) -> float:
 
 
 def _one_more_all_around(grid: FloatArray) -> FloatArray:
-    """The grid with one row more before its first and behind its last."""
+    """The grid extrapolated by one row before its first and after its last."""
     return np.concatenate([2 * grid[:1] - grid[1:2], grid, 2 * grid[-1:] - grid[-2:-1]])
 
 
 def _levels(grid: FloatArray, grey: GreyImage) -> FloatArray:
-    """(rows - 1, columns - 1): brightness in the middle of each square; NaN out of the image."""
+    """(rows - 1, columns - 1): level in the middle of each square; NaN outside the image."""
     middles = 0.25 * (grid[:-1, :-1] + grid[:-1, 1:] + grid[1:, :-1] + grid[1:, 1:])
     height, width = grey.shape
     u, v = np.moveaxis(np.rint(middles).astype(np.int64), -1, 0)
@@ -97,11 +95,11 @@ def _levels(grid: FloatArray, grey: GreyImage) -> FloatArray:
 def in_order(grid: FloatArray, grey: npt.NDArray[np.uint8]) -> tuple[FloatArray, bool]:
     """Corners in the board's own order, (n, 2) row by row, from a grid (rows, columns, 2).
 
-    A board may come mirrored, turned by 180 degrees or, if it has as many rows as columns, by 90.
-    None of this reaches the lens, for every board has a pose of its own; but only in one order do
-    the same corners of two photographs have the same number. The order is right-handed as seen
-    from the front. Of those left it is the one with a black square behind the first corner, if the
-    colours tell, and otherwise the one whose first row runs most to the right.
+    The finder may return a board mirrored, turned by 180 degrees or, if square, by 90. The lens is
+    not affected, since every board has its own pose, but the numbering must agree between
+    photographs. The order is right-handed seen from the front; of the candidates, the one with a
+    black square behind the first corner, or, if the colours are symmetric, the one whose first row
+    runs most to the right.
 
     Returns:
         The corners, and whether the order was changed.
@@ -112,11 +110,11 @@ def in_order(grid: FloatArray, grey: npt.NDArray[np.uint8]) -> tuple[FloatArray,
     if not _right_handed(grid):
         candidates = [candidate[:, ::-1] for candidate in candidates]
     darkness = [_first_square_darkness(candidate, grey) for candidate in candidates]
-    tellable = max(darkness) > 0 > min(darkness)
+    distinct = max(darkness) > 0 > min(darkness)
     left = [
         candidate
         for candidate, dark in zip(candidates, darkness, strict=True)
-        if dark > 0 or not tellable
+        if dark > 0 or not distinct
     ]
     best = max(left, key=lambda candidate: float(candidate[0, -1, 0] - candidate[0, 0, 0]))
     return best.reshape(-1, 2).copy(), best is not grid
@@ -143,10 +141,9 @@ def find_charuco(
     square_and_marker_m: tuple[float, float],
     dictionary: str,
 ) -> tuple[IntArray, FloatArray]:
-    """Numbers (n,) and corners (n, 2) of a ChArUco board, as many as are seen.
+    """Numbers (n,) and corners (n, 2) of the visible corners of a ChArUco board.
 
-    Boards printed before OpenCV 4.6 have their first marker in another corner if they have an even
-    number of rows; that is tried too.
+    With an even number of rows the layout from before OpenCV 4.6 is tried too.
     """
     ids: IntArray = np.empty(0, dtype=np.int64)
     corners: FloatArray = np.empty((0, 2))
@@ -165,11 +162,11 @@ def refine(image: GreyImage, corners: FloatArray, reach_px: float) -> FloatArray
     """The corners (n, 2) to a few hundredths of a pixel.
 
     Args:
-        reach_px: how far around a corner nothing else is printed.
+        reach_px: distance around a corner within which nothing else is printed.
 
-    The finder alone is off by a common shift of up to 0.2 px on boards that are tilted. Larger
-    windows are better, as far as the next corners allow: at 22 to 61 px between corners the error
-    was 0.050 to 0.067 px with a half window of 3, and 0.020 to 0.025 px with 12.
+    The finder alone has a common shift of up to 0.2 px on tilted boards. Larger windows are
+    better: with corners 22 to 61 px apart the error was 0.050 to 0.067 px with a half window of 3,
+    and 0.020 to 0.025 px with 12.
     """
     half = int(np.clip(reach_px, *WINDOW_PX))
     source = image if image.dtype == np.uint8 else image.astype(np.float32)

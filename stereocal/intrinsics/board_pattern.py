@@ -1,4 +1,4 @@
-"""What is printed on a board: a chessboard, or a ChArUco board."""
+"""The pattern printed on a board: a chessboard or a ChArUco board."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ class BoardPattern:
     Args:
         columns, rows: inner corners, where four squares meet: one less than squares.
         square_m: side of a square.
-        dictionary: of a ChArUco board, OpenCV's name (`DICTIONARIES`); None for a chessboard.
+        dictionary: name of a ChArUco board's dictionary (`DICTIONARIES`); None for a chessboard.
         marker_m: side of a ChArUco board's markers.
 
     Raises:
-        StereocalError: a board that cannot be.
+        StereocalError: a number is out of range.
     """
 
     columns: int
@@ -51,19 +51,19 @@ class BoardPattern:
             return
         if self.dictionary not in DICTIONARIES:
             raise StereocalError(
-                f'The ChArUco dictionary "{self.dictionary}" is not known: it is one of '
+                f'The ChArUco dictionary "{self.dictionary}" is not known: use one of '
                 f"{DICTIONARIES[0]}, {DICTIONARIES[1]}, ... {DICTIONARIES[-1]}."
             )
         if self.marker_m is None or not 0 < self.marker_m < self.square_m:
             raise StereocalError(
-                "A ChArUco board needs the side of its markers, which is above 0 and below that "
-                "of its squares."
+                "A ChArUco board needs the side of its markers: above 0 and below that of its "
+                "squares."
             )
-        needed = (self.columns + 1) * (self.rows + 1) // 2
-        if needed > int(self.dictionary.rsplit("_", 1)[1]):
+        markers = (self.columns + 1) * (self.rows + 1) // 2
+        if markers > int(self.dictionary.rsplit("_", 1)[1]):
             raise StereocalError(
-                f"A ChArUco board of {self.columns}x{self.rows} inner corners has {needed} "
-                f"markers, more than {self.dictionary} holds."
+                f"A ChArUco board of {self.columns}x{self.rows} inner corners has {markers} "
+                f"markers, more than {self.dictionary} contains."
             )
 
     @classmethod
@@ -71,16 +71,15 @@ class BoardPattern:
         cls, size: str, square_m: float, dictionary: str | None = None,
         marker_m: float | None = None,
     ) -> BoardPattern:  # fmt: skip
-        """The board of a size such as `18x12`, in inner corners.
+        """The board with a size such as `18x12`, in inner corners.
 
         Raises:
-            StereocalError: another text, or a board that cannot be.
+            StereocalError: not a size, or a number is out of range.
         """
         found = _SIZE.fullmatch(size)
         if found is None:
             raise StereocalError(
-                f'The size of the board is "{size}": it must read like 18x12, the inner corners '
-                "each way."
+                f'The size of the board is "{size}": write the numbers of inner corners like 18x12.'
             )
         return cls(int(found[1]), int(found[2]), square_m, dictionary, marker_m)
 
@@ -93,7 +92,7 @@ class BoardPattern:
 
     @property
     def reach(self) -> float:
-        """How far around a corner nothing but its own edges is printed, in squares, at most 0.4."""
+        """Distance around a corner with only its own edges printed, in squares, at most 0.4."""
         if self.marker_m is None or self.dictionary is None:
             return 0.4
         return min(0.4, 0.5 * (1.0 - self.marker_m / self.square_m))

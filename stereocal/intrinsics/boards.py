@@ -1,4 +1,4 @@
-"""Boards in photographs: the inner corners of a chessboard or of a ChArUco board.
+"""Find the inner corners of a chessboard or ChArUco board in photographs.
 
 pattern = BoardPattern.parse("18x12", square_m=0.03)
 search = find_boards(photographs_in(folder, store), pattern, executor)
@@ -26,12 +26,12 @@ from stereocal.system.photograph_files import Photographs
 from stereocal.system.photograph_tasks import PhotographFile, for_worker, read_for_worker
 from stereocal.system.tasks import Pieces, Progress, StoppedError, Task, run_tasks
 
-NARROWEST_PX = 5.0
-"""Nearer than this the corners run into each other: the board is edge-on or far away."""
-FEWEST_CORNERS = 8
-TELLING = 8
-"""After so many photographs the size of the board is looked into: a search for one that is not
-there takes ten times as long, and a part of a larger board may be found."""
+MINIMUM_SPACING_PX = 5.0
+"""Closer corners overlap: the board is seen edge-on or too far away."""
+MINIMUM_CORNERS = 8
+SIZE_CHECK_AFTER = 8
+"""Photographs after which the stated board size is checked: with a wrong size a search takes ten
+times as long, or finds a part of a larger board."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +46,7 @@ class BoardView:
     corners: FloatArray
     """(n, 2): raw pixels."""
     turned: bool = False
-    """It was found in the reverse order, and put right."""
+    """Whether the order of the corners was corrected."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class Refused:
 
 @dataclass(frozen=True, eq=False)
 class BoardSearch:
-    """What was found in a camera's photographs, in the order of their names."""
+    """Results of all photographs of a camera, in the order of their names."""
 
     pattern: BoardPattern
     views: tuple[BoardView, ...]
@@ -72,14 +72,14 @@ class BoardSearch:
         return self.views[0].image_size
 
     def without(self, names: Sequence[str]) -> BoardSearch:
-        """The same without some photographs."""
+        """The same without these photographs."""
         return replace(self, views=tuple(view for view in self.views if view.name not in names))
 
 
 def find_board(image: GreyImage, pattern: BoardPattern, name: str) -> BoardView | Refused:
     """The board in a photograph.
 
-    A chessboard must be in view whole; of a ChArUco board, `FEWEST_CORNERS` corners will do.
+    A chessboard must be in view whole, a ChArUco board with at least `MINIMUM_CORNERS` corners.
     """
     height, width = image.shape
     size = (width, height)
@@ -87,7 +87,7 @@ def find_board(image: GreyImage, pattern: BoardPattern, name: str) -> BoardView 
     if pattern.dictionary is None:
         found = find_chessboard(grey, pattern.columns, pattern.rows)
         if found is None:
-            reason = f"no board with {pattern} inner corners is whole and sharp in it"
+            reason = f"no board with {pattern} inner corners is completely visible and sharp"
             return Refused(name, reason, size)
         corners, turned = found
         ids = np.arange(len(corners))
@@ -96,21 +96,21 @@ def find_board(image: GreyImage, pattern: BoardPattern, name: str) -> BoardView 
         part = (pattern.square_m, pattern.marker_m or 0.0)
         ids, corners = find_charuco(grey, squares, part, pattern.dictionary)
         turned = False
-        if len(ids) < FEWEST_CORNERS or not _spans_a_plane(ids, pattern):
+        if len(ids) < MINIMUM_CORNERS or not _spans_a_plane(ids, pattern):
             reason = f"{len(ids)} corners of the ChArUco board are too few"
             return Refused(name, reason, size)
     spacing = nearest_neighbours_px(ids, corners, pattern)
-    if spacing < NARROWEST_PX:
+    if spacing < MINIMUM_SPACING_PX:
         reason = (
             f"the board is too far away or seen edge-on: its corners are {spacing:.1f} px apart, "
-            f"and at least {NARROWEST_PX:.0f} are needed"
+            f"and at least {MINIMUM_SPACING_PX:.0f} are needed"
         )
         return Refused(name, reason, size)
     return BoardView(name, size, ids, refine(image, corners, pattern.reach * spacing), turned)
 
 
 def nearest_neighbours_px(ids: IntArray, corners: FloatArray, pattern: BoardPattern) -> float:
-    """The shortest distance in the image between corners that are neighbours on the board."""
+    """The shortest distance in the image between neighbouring corners of the board."""
     known = np.full((pattern.rows * pattern.columns, 2), np.nan)
     known[ids] = corners
     grid = known.reshape(pattern.rows, pattern.columns, 2)
@@ -127,16 +127,15 @@ def find_boards(
     cancelled: Callable[[], bool] | None = None,
     pieces: Pieces[BoardView | Refused] | None = None,
 ) -> BoardSearch | None:
-    """The boards in one camera's photographs, on any `concurrent.futures` executor.
+    """Find the boards in one camera's photographs, on any `concurrent.futures` executor.
 
     Each worker holds one photograph at a time.
 
     Args:
-        photographs: names to files.
-        progress: called with the photographs done and all of them.
-        cancelled: asked while they are searched; if true, what is left is dropped.
-        pieces: what was found before, by the file's name, which must tell its content, and where
-            more is kept.
+        photographs: files by name.
+        progress: called with the number of photographs done and the total.
+        cancelled: polled during the search.
+        pieces: checkpoint of earlier results by file name, which must identify the content.
 
     Returns:
         Boards and refused photographs, in order of name; None if cancelled.
@@ -161,11 +160,11 @@ def find_boards(
         with closing(every) as finished:
             for _, result in finished:
                 found[result.name] = result
-                if len(found) == TELLING:
+                if len(found) == SIZE_CHECK_AFTER:
                     _check_size(photographs, found, pattern)
     except StoppedError:
         return None
-    if len(found) < TELLING:
+    if len(found) < SIZE_CHECK_AFTER:
         _check_size(photographs, found, pattern)
     results = [found[name] for name in sorted(photographs)]
     _check_sizes(results)
@@ -179,7 +178,7 @@ def find_boards(
 def find_board_in_file(
     photograph: PhotographFile, pattern: BoardPattern, name: str
 ) -> BoardView | Refused:
-    """The board in the photograph of a file: the piece of work that an executor gets."""
+    """The board in the photograph of a file: the task of an executor."""
     try:
         image = read_for_worker(photograph, name)
     except StereocalError as error:
@@ -202,7 +201,6 @@ def _check_sizes(results: Sequence[BoardView | Refused]) -> None:
 
 
 def _nothing_found(refused: Sequence[Refused], pattern: BoardPattern) -> str:
-    """A sentence on photographs without any board."""
     one = len(refused) == 1
     count = "the photograph" if one else f"any of the {len(refused)} photographs"
     reasons = f"{refused[0].name}: {refused[0].reason}"
@@ -212,7 +210,7 @@ def _nothing_found(refused: Sequence[Refused], pattern: BoardPattern) -> str:
 def _check_size(
     photographs: Photographs, found: Mapping[str, BoardView | Refused], pattern: BoardPattern
 ) -> None:
-    """Stop where the board has another size than was given."""
+    """Raise an error if the board has another size than stated."""
     if pattern.dictionary is not None:
         return
     views = [name for name, result in found.items() if isinstance(result, BoardView)]
@@ -226,10 +224,10 @@ def _check_size(
 
 
 def _other_size(path: FileContent, pattern: BoardPattern, larger: bool) -> str | None:
-    """The size of the board in a photograph, if it is off by one from the one expected.
+    """The size of the board in a photograph if it differs by one from the stated size.
 
     Args:
-        larger: look only for larger boards, of which the one found is a part.
+        larger: look only for larger boards, of which a part was found.
     """
     grey = eight_bits(read_photograph(path))
     steps = (1, 0) if larger else (1, 0, -1)

@@ -1,18 +1,17 @@
-"""The lens of a camera from photographs of a board: the paper's Section 5.
+"""Calibrate a camera's lens from photographs of a board: the paper's Section 5.
 
-Out of about 50 photographs 20 are drawn at random, the lens is calibrated, 50 times; each parameter
-is the median of the 50 results.
+The lens is calibrated 50 times, each time from 20 of about 50 photographs drawn at random; each
+parameter is the median of the 50 results.
 
-**What the spread of the 50 results means.** Two draws of m = 20 out of n = 50 have 8 photographs in
-common, and all come from the same 50, so the spread is not the error of the median. Each result
-leaves out d = n - m photographs; the mean square deviation of such results from the result of all
-photographs, times m / d, estimates the variance of the latter (delete-d jackknife: Shao & Wu 1989,
-Annals of Statistics 17, 1176). So with 20 of 50 the spread is sqrt(30 / 20) = 1.2 times the
-standard error, with 20 of 30 it is 0.7 times, and with 20 of 21 only 0.2 times. `standard_errors`
-holds the jackknife's value, with the part added that comes from the finite number of draws
-(measured in benchmarks/README.md, "Lens"). It covers what differs from one photograph to the next.
-It does not cover what all of them share: a board that is not flat, a lens that five coefficients do
-not describe.
+**The spread of the 50 results is not the error of the median**: all draws come from the same
+n = 50 photographs, and two draws of m = 20 share 8 on average. Each result leaves out d = n - m
+photographs; the mean square deviation of such results from the result of all photographs, times
+m / d, estimates the variance of the latter (delete-d jackknife: Shao & Wu 1989, Annals of
+Statistics 17, 1176). With 20 of 50 the spread is sqrt(30 / 20) = 1.2 times the standard error,
+with 20 of 30 it is 0.7 times, and with 20 of 21 only 0.2 times. `standard_errors` adds to the
+jackknife the part due to the finite number of draws (measured in benchmarks/README.md, "Lens").
+Errors common to all photographs are not covered: a board that is not flat, or a lens that five
+coefficients do not describe.
 """
 
 from __future__ import annotations
@@ -35,39 +34,39 @@ from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.system.tasks import Pieces, Progress, StoppedError, Task, run_tasks
 
 PARAMETERS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
-FEWEST_VIEWS = 3
+MINIMUM_VIEWS = 3
 """Two photographs give four equations for the four parameters of K, and nothing to check them."""
 CRITERIA = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 100, 1e-12)
 OUTLYING = 2.0
-"""A photograph stands out when its error is so many times the median of all."""
+"""A photograph is an outlier if its error exceeds this multiple of the median."""
 CHUNK = 5
 MEDIAN_OVER_MEAN = np.pi / 2
-"""Variance of the median of normal numbers over that of their mean."""
+"""Variance of the median of normally distributed numbers over that of their mean."""
 SIGMA_TAIL = 15.8655
 """Percent below one standard deviation under the mean of a normal distribution."""
 
 
 @dataclass(frozen=True)
 class LensSettings:
-    """How the lens is calibrated.
+    """Settings of the lens calibration.
 
     Raises:
-        StereocalError: a number out of its range.
+        StereocalError: a number is out of range.
     """
 
     subset: int = 20
-    """Photographs of a draw."""
+    """Photographs per draw."""
     repeats: int = 50
     seed: int = 0
     fix_k3: bool = False
-    """Hold k3 at 0: steadier for long lenses, which bend little."""
+    """Hold k3 at 0: more stable for long lenses, which distort little."""
     zero_tangential: bool = False
-    """Hold p1 and p2 at 0: the lens stands square to the sensor."""
+    """Hold p1 and p2 at 0: the optical axis is perpendicular to the sensor."""
 
     def __post_init__(self) -> None:
-        if self.subset < FEWEST_VIEWS:
+        if self.subset < MINIMUM_VIEWS:
             raise StereocalError(
-                f"Each draw must take at least {FEWEST_VIEWS} photographs, not {self.subset}."
+                f"Each draw must take at least {MINIMUM_VIEWS} photographs, not {self.subset}."
             )
         if not 2 <= self.repeats <= 10_000:
             raise StereocalError(f"The number of draws is {self.repeats}: it must be 2 to 10000.")
@@ -85,12 +84,12 @@ class LensSettings:
 
 @dataclass(frozen=True, eq=False)
 class LensCalibration:
-    """The results of all draws, and what they give."""
+    """The results of all draws, and the lens calculated from them."""
 
     search: BoardSearch
     settings: LensSettings
     drawn: IntArray
-    """(repeats, subset): numbers of the views of each draw."""
+    """(repeats, subset): indices of the views of each draw."""
     draws: FloatArray
     """(repeats, 9): `PARAMETERS` of each draw."""
     of_all: FloatArray
@@ -103,13 +102,13 @@ class LensCalibration:
 
     @cached_property
     def spread(self) -> FloatArray:
-        """(9,): half the width that holds the middle 68 % of the draws."""
+        """(9,): half the width of the interval with the middle 68 % of the draws."""
         low, high = np.percentile(self.draws, (SIGMA_TAIL, 100 - SIGMA_TAIL), axis=0)
         return np.asarray(0.5 * (high - low))
 
     @cached_property
     def standard_errors(self) -> FloatArray:
-        """(9,): of `values`, by the delete-d jackknife (see the module)."""
+        """(9,): standard errors of `values`, by the delete-d jackknife (see the module)."""
         views, (repeats, kept) = len(self.search.views), self.drawn.shape
         variance = self.spread**2
         jackknife = kept / (views - kept) * variance
@@ -117,7 +116,7 @@ class LensCalibration:
 
     @cached_property
     def camera(self) -> Camera:
-        """The camera of the medians, with their standard errors."""
+        """The camera with the median parameters and their standard errors."""
         sigma = self.standard_errors
         fx, fy, cx, cy = (float(value) for value in sigma[:4])
         uncertainty = LensUncertainty(fx, fy, cx, cy, sigma[4:])
@@ -125,17 +124,17 @@ class LensCalibration:
 
     @cached_property
     def residuals(self) -> list[FloatArray]:
-        """For each view (n, 2): found corner less projected corner, in px, with its best pose."""
+        """For each view (n, 2): found minus projected corners, px, with the best-fit pose."""
         return [_residuals(self.camera, self.search.pattern, view) for view in self.search.views]
 
     @cached_property
     def view_errors(self) -> FloatArray:
-        """(views,): root mean square distance of corners from where the lens puts them, in px."""
+        """(views,): root mean square reprojection error of each view, px."""
         return np.array([np.sqrt((found**2).sum(axis=1).mean()) for found in self.residuals])
 
     @property
     def error_px(self) -> float:
-        """Root mean square distance over all corners."""
+        """Root mean square reprojection error of all corners."""
         every = np.concatenate(self.residuals)
         return float(np.sqrt((every**2).sum(axis=1).mean()))
 
@@ -158,12 +157,12 @@ def calibrate_lens(
     cancelled: Callable[[], bool] | None = None,
     pieces: Pieces[FloatArray] | None = None,
 ) -> LensCalibration | None:
-    """All draws, on any `concurrent.futures` executor. Same seed, same result on every executor.
+    """Calibrate all draws on any executor; the result depends on the settings only.
 
     Args:
-        progress: called with the draws done and all of them.
-        cancelled: asked while they are computed; if true, what is left is dropped.
-        pieces: draws that were finished before, and where more are kept.
+        progress: called with the number of draws done and the total.
+        cancelled: polled during the computation.
+        pieces: checkpoint of finished draws.
 
     Returns:
         The calibration; None if cancelled.
@@ -194,7 +193,7 @@ def calibrate_lens(
 
 
 def _key(search: BoardSearch, settings: LensSettings) -> str:
-    """Names all that a draw depends on, but for its own number."""
+    """Digest of all that a draw depends on, except its number."""
     digest = hashlib.sha256(repr((search.pattern, search.image_size, settings)).encode())
     for view in search.views:
         digest.update(view.ids.astype(np.int64).tobytes() + view.corners.tobytes())
@@ -208,7 +207,7 @@ def solve_draws(
     settings: LensSettings,
     drawn: IntArray,
 ) -> FloatArray:
-    """(draws, 9): the piece of work that an executor gets."""
+    """(draws, 9): `PARAMETERS` of some draws; the task of an executor."""
     return np.array(
         [solve(pattern, [views[at] for at in draw], image_size, settings) for draw in drawn]
     )
@@ -222,8 +221,7 @@ def solve(
 ) -> FloatArray:
     """(9,): `PARAMETERS` by OpenCV's `calibrateCamera` (Zhang 2000).
 
-    20 views of 216 corners take 0.02 to 0.03 s; a first guess of the lens saves a third of that,
-    and is not given.
+    20 views of 216 corners take 0.02 to 0.03 s; an initial guess would save a third of that.
 
     Raises:
         StereocalError: boards that determine no lens.
@@ -233,8 +231,8 @@ def solve(
     )
     points = pattern.points.astype(np.float32)
     if cv2.getNumThreads() > 1:
-        # The executor has all cores. With threads of its own OpenCV adds in an order that changes
-        # from run to run: 14 different results of 20, 1e-9 apart.
+        # The executor uses all cores. Multithreaded, OpenCV is not reproducible: 14 different
+        # results in 20 runs, 1e-9 apart.
         cv2.setNumThreads(1)
     try:
         _, K, distortion, _, _ = cv2.calibrateCamera(
@@ -266,10 +264,10 @@ def _check_count(search: BoardSearch, settings: LensSettings) -> None:
     photographs = views + len(search.refused)
     there = f"{views} of {photographs} photographs" if search.refused else f"{views} photographs"
     there = "1 photograph" if photographs == 1 else there
-    few = f" Or draw fewer than {views} each time." if views > FEWEST_VIEWS else ""
+    few = f" Or draw fewer than {views} each time." if views > MINIMUM_VIEWS else ""
     raise StereocalError(
         f"The board was found in {there}, and each draw takes {settings.subset}: at least "
-        f"{settings.subset + 1} are needed, about 50 are good.{few}"
+        f"{settings.subset + 1} are needed; about 50 are recommended.{few}"
     )
 
 
@@ -291,7 +289,7 @@ def _camera(
 
 
 def _residuals(camera: Camera, pattern: BoardPattern, view: BoardView) -> FloatArray:
-    """Found corners less projected ones (n, 2), the board in the pose that suits them best."""
+    """Found minus projected corners (n, 2), px, with the best-fit pose of the board."""
     points = pattern.points[view.ids]
     found, turn, shift = cv2.solvePnP(points, view.corners, camera.K, camera.distortion)
     if not found:

@@ -1,4 +1,4 @@
-"""What a lens calibration leaves on disk: the whole result, and what goes with the camera file."""
+"""Store lens calibrations and their intermediate results."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from stereocal.rig.compiled import FloatArray
 from stereocal.system.arrays import read_arrays, shaped
 
 RESULT_FORMAT = "stereocal-lens/1"
-MOST_PIXELS = 1_000_000
-"""Of one side of a photograph."""
+MAXIMUM_PIXELS = 1_000_000
+"""Along one side of a photograph."""
 
 
 def about(calibration: LensCalibration) -> dict[str, Any]:
-    """How the camera was found, for its file."""
+    """How the camera was calibrated, for its file."""
     search, settings = calibration.search, calibration.settings
     return {
         "method": (
@@ -39,15 +39,15 @@ def about(calibration: LensCalibration) -> dict[str, Any]:
 
 
 def pack_search(search: BoardSearch) -> bytes:
-    """The boards that were found, as one file."""
+    """The found boards as one file."""
     return _pack(_search_json(search), _search_arrays(search))
 
 
 def unpack_search(content: bytes) -> BoardSearch:
-    """What `pack_search` wrote.
+    """The boards of `pack_search`.
 
     Raises:
-        StereocalError: another content.
+        StereocalError: the content is damaged.
     """
     head, arrays = _unpack(content)
     return _search(head, arrays)
@@ -64,10 +64,10 @@ def pack_lens(calibration: LensCalibration) -> bytes:
 
 
 def unpack_lens(content: bytes) -> LensCalibration:
-    """What `pack_lens` wrote.
+    """The calibration of `pack_lens`.
 
     Raises:
-        StereocalError: another content.
+        StereocalError: the content is damaged.
     """
     head, arrays = _unpack(content)
     try:
@@ -79,14 +79,14 @@ def unpack_lens(content: bytes) -> LensCalibration:
         if not 0 <= drawn.min() <= drawn.max() < len(search.views) > settings.subset:
             raise ValueError(drawn)
         lens = LensCalibration(search, settings, drawn, draws, of_all)
-        lens.camera.to_json()  # it must be one
+        lens.camera.to_json()  # raises an error for an invalid camera
         return lens
     except DAMAGED as error:
         raise StereocalError(_DAMAGED) from error
 
 
 def pack_board(result: BoardView | Refused) -> bytes | None:
-    """What was found in one photograph; None where it could not be read: it may be another time."""
+    """The result of one photograph; None if it was unreadable, so that it is tried again."""
     if result.image_size is None:
         return None
     if isinstance(result, Refused):
@@ -97,7 +97,7 @@ def pack_board(result: BoardView | Refused) -> bytes | None:
 
 
 def unpack_board(content: bytes) -> BoardView | Refused:
-    """What `pack_board` packed, to the last bit.
+    """The exact result of `pack_board`.
 
     Raises:
         KeyError, TypeError, ValueError: the content is damaged.
@@ -113,12 +113,12 @@ def unpack_board(content: bytes) -> BoardView | Refused:
 
 
 def pack_draws(draws: FloatArray) -> bytes:
-    """The parameters of some draws, (n, 9)."""
+    """Parameters of draws, (n, 9), as JSON."""
     return json.dumps(draws.tolist()).encode()
 
 
 def unpack_draws(content: bytes) -> FloatArray:
-    """The draws of `pack_draws`, to the last bit.
+    """The exact draws of `pack_draws`.
 
     Raises:
         TypeError, ValueError: the content is damaged.
@@ -164,8 +164,10 @@ def _search(head: dict[str, Any], arrays: dict[str, Any]) -> BoardSearch:
         ends = np.cumsum(counts)[:-1]
         parts = zip(np.split(ids, ends), np.split(corners, ends), strict=True)
         views = tuple(
-            BoardView(str(name), _size(size), own, places, bool(turned))
-            for (name, size, turned), (own, places) in zip(head["views"], parts, strict=True)
+            BoardView(str(name), _size(size), own_ids, own_corners, bool(turned))
+            for (name, size, turned), (own_ids, own_corners) in zip(
+                head["views"], parts, strict=True
+            )
         )
         refused = tuple(
             Refused(str(name), str(reason), _size(size) if size else None)
@@ -178,7 +180,7 @@ def _search(head: dict[str, Any], arrays: dict[str, Any]) -> BoardSearch:
 
 def _size(size: Any) -> tuple[int, int]:
     width, height = (int(side) for side in size)
-    if not 0 < width < MOST_PIXELS > height > 0:
+    if not 0 < width < MAXIMUM_PIXELS > height > 0:
         raise ValueError(size)
     return width, height
 

@@ -1,4 +1,4 @@
-"""Small pictures of a board photograph: with its corners, and without the lens's distortion."""
+"""Previews of a board photograph: with its corners marked, and undistorted."""
 
 from __future__ import annotations
 
@@ -18,21 +18,19 @@ ORANGE_BGR = (0, 159, 230)
 
 
 def preview(path: FileContent, camera: Camera, view: BoardView | None) -> tuple[bytes, bytes]:
-    """Two JPEG: as photographed, with the found corners marked; and as without distortion.
-
-    The second has the same K, so that only the distortion differs.
+    """Two JPEG images: the photograph with the found corners marked, and undistorted (same K).
 
     Raises:
         StereocalError: the photograph cannot be read.
     """
     grey = eight_bits(read_photograph(path))
-    straight = cv2.undistort(grey, camera.K, camera.distortion)
+    undistorted = cv2.undistort(grey, camera.K, camera.distortion)
     scale = WIDTH / grey.shape[1]
     marked = cv2.cvtColor(_small(grey, scale), cv2.COLOR_GRAY2BGR)
     corners = np.empty((0, 2)) if view is None else view.corners
     for u, v in (corners + 0.5) * scale:
         cv2.circle(marked, (int(16 * u), int(16 * v)), 16 * 4, ORANGE_BGR, 1, cv2.LINE_AA, 4)
-    return _jpeg(marked), _jpeg(_small(np.asarray(straight, dtype=np.uint8), scale))
+    return _jpeg(marked), _jpeg(_small(np.asarray(undistorted, dtype=np.uint8), scale))
 
 
 def _small(image: npt.NDArray[np.uint8], scale: float) -> npt.NDArray[np.uint8]:

@@ -1,4 +1,4 @@
-"""How far a lens can be trusted: where the corners lay, what the lens leaves over, what to do."""
+"""Quality of a lens calibration: coverage of the image, systematic residuals, advice."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from stereocal.rig.compiled import FloatArray, IntArray
 
 COVERAGE_CELLS = 10
 FIELD_CELLS = (16, 12)
-FEWEST_IN_CELL = 5
+MINIMUM_IN_CELL = 5
 WELL_COVERED = 0.6
 SURE_FOCAL = 2e-3
-"""Standard error of a focal length, as a part of it, above which a person is told."""
+"""Relative standard error of a focal length above which there is a warning."""
 SYSTEMATIC = 2.0
-"""Means of the cells so many times larger than noise would leave are told."""
+"""Ratio of the cell means to the value expected from noise above which there is a warning."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,12 +27,12 @@ class ResidualField:
 
     image_size: tuple[int, int]
     mean: FloatArray
-    """(rows, columns, 2): found less projected corners, in px; NaN with fewer than
-    `FEWEST_IN_CELL` corners."""
+    """(rows, columns, 2): found minus projected corners, px; NaN with fewer than
+    `MINIMUM_IN_CELL` corners."""
     count: IntArray
     """(rows, columns): corners in each cell."""
     noise_px: float
-    """Length that the means would have if the residuals were independent."""
+    """Expected length of the means if the residuals were independent."""
 
     @property
     def centres(self) -> FloatArray:
@@ -45,30 +45,29 @@ class ResidualField:
 
     @property
     def typical_px(self) -> float:
-        """Root mean square length of the means; NaN without any."""
+        """Root mean square length of the means; NaN if there are none."""
         lengths = np.linalg.norm(self.mean, axis=-1)
         known = lengths[np.isfinite(lengths)]
         return float(np.sqrt((known**2).mean())) if known.size else float("nan")
 
     @property
     def largest_px(self) -> float:
-        """The longest of the means; NaN without any."""
+        """Length of the longest mean; NaN if there are none."""
         lengths = np.linalg.norm(self.mean, axis=-1)
         return float(np.nanmax(lengths)) if np.isfinite(lengths).any() else float("nan")
 
 
 def coverage(search: BoardSearch) -> float:
-    """Part of the image's cells, 10 by 10, that have a corner of some board."""
+    """Fraction of the image's 10 by 10 cells that contain a corner of any board."""
     corners = np.concatenate([view.corners for view in search.views])
     cells = _cells(corners, search.image_size, (COVERAGE_CELLS, COVERAGE_CELLS))
     return len(np.unique(cells)) / COVERAGE_CELLS**2
 
 
 def residual_field(calibration: LensCalibration) -> ResidualField:
-    """What the lens leaves over, averaged by place in the image.
+    """Residuals averaged over cells of the image.
 
-    Noise averages out; what stays is the same in many photographs: a lens that the model does not
-    describe, or a board that is not flat.
+    Noise averages out; a lens that the model does not describe or a board that is not flat remains.
     """
     corners = np.concatenate([view.corners for view in calibration.search.views])
     residuals = np.concatenate(calibration.residuals)
@@ -76,7 +75,7 @@ def residual_field(calibration: LensCalibration) -> ResidualField:
     cells = _cells(corners, calibration.search.image_size, FIELD_CELLS)
     count = np.bincount(cells, minlength=rows * columns)
     sums = [np.bincount(cells, residuals[:, axis], rows * columns) for axis in (0, 1)]
-    enough = count >= FEWEST_IN_CELL
+    enough = count >= MINIMUM_IN_CELL
     divisor = np.where(enough, count, 1)
     mean = np.where(enough, sums / divisor, np.nan)
     variance = float((residuals**2).sum(axis=1).mean())
@@ -90,50 +89,50 @@ def residual_field(calibration: LensCalibration) -> ResidualField:
 
 
 def advice(calibration: LensCalibration) -> list[str]:
-    """What a person should know or do, in sentences; empty when all is well."""
+    """Warnings with what to do, one sentence each; empty if there are none."""
     search = calibration.search
-    told = []
+    messages = []
     if outlying := calibration.outlying:
-        told.append(
+        messages.append(
             f"{_list(outlying)} fit{'s' * (len(outlying) == 1)} the lens much worse than the "
             "others: look at them, and leave them out if they are blurred or the board is bent."
         )
     covered = coverage(search)
     if covered < WELL_COVERED:
-        told.append(
-            f"The corners reach {100 * covered:.0f} % of the image: where none was, the distortion "
-            "is a guess. Take photographs with the board at the edges and in the corners."
+        messages.append(
+            f"The corners cover {100 * covered:.0f} % of the image; elsewhere the distortion is "
+            "extrapolated. Take photographs with the board at the edges and in the corners."
         )
     relative = calibration.standard_errors[:2] / calibration.values[:2]
     if relative.max() > SURE_FOCAL:
-        told.append(
+        messages.append(
             f"The focal length is known to {100 * relative.max():.1f} % only: tilt the board by 30 "
             "to 50 degrees in different directions, and take more photographs."
         )
     field = residual_field(calibration)
     if field.typical_px > SYSTEMATIC * field.noise_px:
-        told.append(
-            f"The lens leaves {field.typical_px:.2f} px that are the same in many photographs: the "
-            "board may be bent, or the lens needs another model."
+        messages.append(
+            f"Systematic residuals of {field.typical_px:.2f} px are common to many photographs: "
+            "the board may be bent, or the lens needs another model."
         )
-    return told
+    return messages
 
 
 def hint(calibration: LensCalibration) -> str | None:
-    """What could be done better, where nothing is wrong."""
+    """A possible improvement where nothing is wrong; None if there is none."""
     k3 = PARAMETERS.index("k3")
     if calibration.settings.fix_k3:
         return None
     if abs(calibration.values[k3]) > calibration.standard_errors[k3]:
         return None
     return (
-        "The coefficient k3 cannot be told from 0 here. It does no harm, but k1 and k2 are surer "
-        "when it is held at 0."
+        "The coefficient k3 does not differ significantly from 0. It does no harm, but holding it "
+        "at 0 makes k1 and k2 more precise."
     )
 
 
 def largest_shift_px(camera: Camera) -> float:
-    """How far the distortion moves a point of the image, at most, in px; NaN if nowhere known."""
+    """The largest displacement of an image point by the distortion, px; NaN if unknown."""
     width, height = camera.image_size
     u, v = np.meshgrid(np.linspace(-0.5, width - 0.5, 21), np.linspace(-0.5, height - 0.5, 21))
     pixels = np.column_stack([u.ravel(), v.ravel()])
@@ -142,14 +141,14 @@ def largest_shift_px(camera: Camera) -> float:
 
 
 def turned_count(search: BoardSearch) -> int:
-    """How many boards were found in the reverse order and put right."""
+    """The number of boards whose corner order was corrected."""
     return sum(view.turned for view in search.views)
 
 
 def _cells(corners: FloatArray, image_size: tuple[int, int], cells: tuple[int, int]) -> IntArray:
-    """(n,): the number of the cell, row by row, that each corner lies in."""
-    place = ((corners + 0.5) / image_size * cells).astype(np.int64)
-    column, row = np.clip(place, 0, np.array(cells) - 1).T
+    """(n,): the index of each corner's cell, row by row."""
+    cell = ((corners + 0.5) / image_size * cells).astype(np.int64)
+    column, row = np.clip(cell, 0, np.array(cells) - 1).T
     return np.asarray(row * cells[0] + column)
 
 

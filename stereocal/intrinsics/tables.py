@@ -1,4 +1,4 @@
-"""A lens calibration in words and rows, for the screen and the terminal."""
+"""A lens calibration as sentences and table rows, for the screen and the terminal."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ LENS_COLUMNS = ("parameter", "median", "standard error", "spread of draws", "all
 
 
 def lens_answer(lens: LensCalibration) -> str:
-    """The focal length and how good it is, in a sentence."""
+    """A sentence with the focal length and its quality."""
     fx, sigma = lens.values[0], lens.standard_errors[0]
     settings, views = lens.settings, len(lens.search.views)
     turned = turned_count(lens.search)
-    order = f" {turned} boards were found in the reverse order and put right." if turned else ""
-    order = order.replace("1 boards were", "1 board was") if turned == 1 else order
+    boards = "1 board" if turned == 1 else f"{turned} boards"
+    order = f" The corner order of {boards} was corrected." if turned else ""
     return (
         f"The focal length fx is {with_error(fx, sigma)} px; corners fit to {lens.error_px:.3f} px "
         f"(root mean square). {settings.repeats} draws of {settings.subset} out of {views} "
-        f"photographs; the corners reach {100 * coverage(lens.search):.0f} % of the image.{order}"
+        f"photographs; the corners cover {100 * coverage(lens.search):.0f} % of the image.{order}"
     )
 
 
 def lens_rows(lens: LensCalibration) -> list[tuple[str, str, str, str, str]]:
-    """A row of `LENS_COLUMNS` for each parameter; digits as the standard error allows."""
+    """A row of `LENS_COLUMNS` for each parameter; digits by the standard error."""
     rows = []
     for at, name in enumerate(PARAMETERS):
         value, sigma = float(lens.values[at]), float(lens.standard_errors[at])
@@ -54,7 +54,7 @@ def lens_table(lens: LensCalibration) -> pd.DataFrame:
 
 
 def with_error(value: float, sigma: float) -> str:
-    """`7124.3 ± 1.4`: the error with two digits, the value with as many."""
+    """`7124.3 ± 1.4`: the error with two significant digits, the value with as many decimals."""
     digits = _digits(sigma)
     return f"{value:.{digits}f} ± {sigma:.{digits}f}"
 

@@ -1,1 +1,1 @@
-"""Match, threshold, reconstruct, lengths, tables of points."""
+"""Matching, thresholds, reconstruction, length checks and tables of points."""

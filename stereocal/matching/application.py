@@ -1,6 +1,6 @@
-"""The two sets at work: match with one, measure with the other, both tables written.
+"""Match with one parameter set, measure with the other, and write both tables.
 
-The tables are those of the commands `match` and `reconstruct`, byte for byte.
+The tables are identical to those of the commands `match` and `reconstruct`.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ from stereocal.system.tasks import Pieces
 PAIRS, POINTS = "pairs.csv", "points.csv"
 STAGES = ("frames matched", "pairs measured")
 SECONDS_PER_FRAME, SECONDS_PER_ROW, SECONDS_PER_PAIR = 3.5e-3, 2.2e-5, 6e-9
-"""CPU time of a frame, a row and a pair tried: within 10 % for 400 frames of 3 points and 200 of
-1,000, which took 1.4 and 11.6 s."""
+"""CPU time per frame, row and candidate pair: within 10 % of the measured 1.4 s for 400 frames of 3
+points and 11.6 s for 200 frames of 1,000."""
 
 
 @dataclass(frozen=True)
@@ -40,16 +40,16 @@ class Points:
     """One camera's points."""
 
     name: str
-    """Of the table's file; the same for the same content alone, with an ending."""
+    """Name of the table's file: a digest of its content, with an ending."""
     label: str
-    """What messages call the file."""
+    """Name of the file in messages."""
     rows: int
     frames: int
 
 
 @dataclass(frozen=True, eq=False)
 class Application:
-    """What is to be done: which points, which sets, which gates."""
+    """The input: points, parameter sets, threshold and depth range."""
 
     primary: Points
     secondary: Points
@@ -60,7 +60,7 @@ class Application:
 
     @property
     def digest(self) -> str:
-        """The same for the same numbers, whatever the day."""
+        """Digest of the input, independent of dates."""
         of_sets = [digest_of(each) for each in (self.matching, self.measuring)]
         points = [self.primary.name, self.secondary.name]
         content = [points, of_sets, self.threshold_px, [repr(depth) for depth in self.depths_m]]
@@ -68,7 +68,7 @@ class Application:
 
     @property
     def expected_seconds(self) -> float:
-        """A guess of the time that it takes, for frames with about equally many points."""
+        """Estimated time, for frames with about equal numbers of points."""
         rows = self.primary.rows + self.secondary.rows
         frames = max(self.primary.frames, self.secondary.frames)
         pairs = self.primary.rows * self.secondary.rows / max(frames, 1)
@@ -77,29 +77,28 @@ class Application:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What was done, in numbers and words."""
+    """The result in numbers and sentences."""
 
     digest: str
     """Of the `Application`."""
     threshold_px: float
     depths_m: list[float | None]
-    """Nearest and farthest; None is any."""
+    """Nearest and farthest; None is unlimited."""
     pairs: int
     behind: int
     """Pairs that do not meet in front of both cameras."""
     sentences: list[str]
     notes: list[str]
-    """What is odd but allowed, a sentence each."""
+    """Warnings, a sentence each."""
     made_with: str
     tables: list[str]
     """Names of the primary's and the secondary's table in the project."""
     image_sizes: list[list[int]]
     """Width and height of both images."""
     secondary_m: list[float]
-    """(3,) where the secondary camera stands, in the primary's frame."""
+    """(3,) position of the secondary camera in the primary's frame."""
 
     def to_json(self) -> dict[str, Any]:
-        """For the project's file."""
         return asdict(self)
 
 
@@ -113,15 +112,15 @@ def apply_sets(
     executor: Executor | None = None,
     pieces: Pieces[TableBlock] | None = None,
 ) -> Outcome | None:
-    """Write `pairs.csv` and `points.csv` into a folder; None if it was cancelled.
+    """Write `pairs.csv` and `points.csv` into a folder; None if cancelled.
 
     Args:
         tables: the primary's and the secondary's points.
-        executor: computes blocks of both tables; None does it here.
-        pieces: blocks of this very work that were finished before, and where more are kept.
+        executor: computes blocks of both tables; None: the calling thread.
+        pieces: checkpoint of finished blocks of the same input.
 
     Raises:
-        StereocalError: the points or the parameters cannot be used, or do not belong together.
+        StereocalError: the points or the parameters are invalid, or do not belong together.
     """
     refuse_different_rigs(work.matching, work.measuring)
     if begin is not None:
@@ -169,7 +168,7 @@ def apply_sets(
 
 
 def sample_frames(primary: pd.DataFrame, secondary: pd.DataFrame) -> list[FramePixels]:
-    """Pixels of a sample of the frames that both tables have, to choose a threshold from."""
+    """Pixels of a sample of the frames common to both tables, to choose a threshold from."""
     both = [
         {int(str(frame)): rows for frame, rows in table.groupby("frame")}
         for table in (primary, secondary)
@@ -182,7 +181,7 @@ def sample_frames(primary: pd.DataFrame, secondary: pd.DataFrame) -> list[FrameP
 
 
 def unlabelled(rows: Correspondences) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """The bar's own points as two tables; `target` is carried along and takes no part."""
+    """The bar's points as two tables; `target` is passed through and not used for matching."""
     targets = np.array(TARGETS)[rows.target]
     order = np.lexsort([rows.target, rows.frame])
     first, second = (
@@ -195,7 +194,7 @@ def unlabelled(rows: Correspondences) -> tuple[pd.DataFrame, pd.DataFrame]:
 
 
 def agreement(pairs: pd.DataFrame) -> str | None:
-    """How many pairs carry the same word in a column that both tables had; None without one."""
+    """How many pairs have equal values in a column of both tables; None without such a column."""
     for name in pairs.columns:
         first = str(name).removesuffix("_primary")
         other = f"{first}_secondary"
@@ -203,14 +202,14 @@ def agreement(pairs: pd.DataFrame) -> str | None:
             continue
         same = int((pairs[name].astype(str) == pairs[other].astype(str)).sum())
         return (
-            f"{same} of {len(pairs)} pairs have the same {first} in both cameras, which the "
-            "matching did not look at."
+            f"{same} of {len(pairs)} pairs have the same {first} in both cameras (not used for "
+            "matching)."
         )
     return None
 
 
 def digest_of(rig: RigParameters) -> str:
-    """The same for the same numbers, whatever the day and the version."""
+    """Digest of a parameter set, independent of date and version."""
     content = rig.to_json()
     for key in ("created", "software"):
         del content[key]
@@ -228,10 +227,10 @@ def _made_with(work: Application) -> str:
 
 
 def _about(rig: RigParameters) -> str:
-    """Why the error of measured points may be large."""
+    """Why the reprojection error of measured points may be large."""
     if rig.purpose != "reconstruction":
         return ""
-    return " The 3D set is made for lengths and may leave large errors in the images."
+    return " The 3D set is fitted to lengths; its reprojection errors may be large."
 
 
 def _name(rig: RigParameters) -> str:

@@ -1,4 +1,4 @@
-"""Blocks of large tables, and as bytes, so that finished ones can be kept."""
+"""Blocks of large tables, and their serialisation for checkpoints."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from stereocal.rig.compiled import FloatArray
 
 @dataclass(frozen=True, eq=False)
 class TableBlock:
-    """What was computed of a block."""
+    """The result of one block."""
 
     rows: pd.DataFrame | str
-    """Rows of the table that is written, or its lines of CSV."""
+    """Rows of the output table, as a table or as lines of CSV."""
     numbers: FloatArray
-    """(n,): what was counted."""
+    """(n,): counts or errors."""
     others: pd.DataFrame | None = None
-    """Rows of a second table; they are not kept."""
+    """Rows of a second table, not stored in checkpoints."""
 
     def as_lines(self, columns: Sequence[str]) -> TableBlock:
-        """The same with lines of CSV, which can be kept."""
+        """The same with lines of CSV, which can be stored."""
         if isinstance(self.rows, str):
             return self
         rows = self.rows[list(columns)] if len(self.rows) else pd.DataFrame()
@@ -33,7 +33,7 @@ class TableBlock:
 
 
 def pack_block(block: TableBlock) -> bytes | None:
-    """A block of lines as bytes; None for one of rows."""
+    """A block of CSV lines as bytes; None for a block of table rows."""
     if not isinstance(block.rows, str):
         return None
     numbers = io.BytesIO()

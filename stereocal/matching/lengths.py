@@ -1,4 +1,4 @@
-"""Is a known length measured right? Distances between two points of each frame."""
+"""Compare the measured distance between two points of each frame with a known length."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from stereocal.errors import StereocalError
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.dataset import check_length
 
-MOST_LABELS = 500
-"""A column with more different values is a measurement, not a name."""
+MAXIMUM_LABELS = 500
+"""A column with more distinct values is a measurement, not a name."""
 
 
 @dataclass(frozen=True, eq=False)
 class LengthCheck:
-    """Distances between two points, in the m frames that have both."""
+    """Distances between two points in the m frames with both."""
 
     frames: IntArray
     lengths_m: FloatArray
     """(m,)."""
     known_m: float
     left_out: int
-    """Frames in which one of the two points stands twice, so that nobody knows which is meant."""
+    """Frames with a duplicate of one of the two points."""
 
     @property
     def errors(self) -> FloatArray:
@@ -38,30 +38,30 @@ class LengthCheck:
         return float(np.abs(self.errors).mean())
 
     def sentence(self) -> str:
-        """The check in words."""
+        """The result of the check."""
         more = (
-            f" {self.left_out} frames were left out, for they have one of the points twice."
+            f" {self.left_out} frames were left out because they have one of the points twice."
             if self.left_out
             else ""
         )
         bias = float(self.errors.mean())
         return (
-            f"The distance is {self.lengths_m.mean():.4f} m in the mean of {len(self.frames)} "
-            f"frames, where {self.known_m:.4g} m is known: the mean error is "
+            f"The mean distance in {len(self.frames)} frames is {self.lengths_m.mean():.4f} m; the "
+            f"known length is {self.known_m:.4g} m. The mean error is "
             f"{100 * self.mean_error:.2f} %, the mean is {100 * abs(bias):.2f} % too "
             f"{'long' if bias > 0 else 'short'}.{more}"
         )
 
 
 def label_columns(points: pd.DataFrame) -> list[str]:
-    """Columns that can name points: carried along, with at least two and not too many values."""
+    """Further columns that can name points: at least two and not too many distinct values."""
     own = {"frame", "x", "y", "z", "error_px", "sigma_x", "sigma_y", "sigma_z", "ambiguous"}
     names = [str(name) for name in points.columns if name not in own]
-    return [name for name in names if 2 <= points[name].nunique() <= MOST_LABELS]
+    return [name for name in names if 2 <= points[name].nunique() <= MAXIMUM_LABELS]
 
 
 def has_two_a_frame(points: pd.DataFrame) -> bool:
-    """Whether some frame has two points and no third."""
+    """Whether any frame has exactly two points."""
     return bool((points.groupby("frame").size() == 2).any())
 
 
@@ -74,12 +74,12 @@ def check_lengths(
     """Measure the distance between two points in each frame, and compare it with the known one.
 
     Args:
-        points: as `reconstruct` gives it.
-        column: names the points; None takes the two points of the frames that have two.
-        ends: the two names in that column.
+        points: a table as returned by `reconstruct`.
+        column: column with the points' names; None uses the frames with exactly two points.
+        ends: the names of the two points in that column.
 
     Raises:
-        StereocalError: a length that cannot be, the same end twice, or no frame has both.
+        StereocalError: an invalid length, equal names, or no frame has both points.
     """
     check_length("known length", known_m)
     columns = ["frame", "x", "y", "z", *([] if column is None else [column])]

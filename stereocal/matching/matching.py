@@ -1,11 +1,11 @@
-"""Which points of two images belong together, by the reprojection error of each pair.
+"""Match the unlabelled points of two images by the reprojection error of each pair.
 
     matches = match_points(rig, primary_px, secondary_px, threshold_px=0.6)
 
-Points of one frame come unlabelled. A pair is a candidate when its reprojection error (mean over
-both cameras, px) is within the threshold. Of all one-to-one assignments of candidates, the one of
-least total cost is taken, where a pair costs its error and a pair left out costs the threshold: so
-two poor pairs never displace one good one.
+A pair is a candidate if its reprojection error (mean over both cameras, px) is within the
+threshold. Matching takes the one-to-one assignment of candidates with the least total cost: a pair
+costs its error, and leaving a point unmatched costs the threshold, so two poor pairs cannot
+displace a good one.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from stereocal.rig.parameters import RigParameters
 ANY_DEPTH = (0.0, float("inf"))
 
 LARGEST_DENSE = 4_000_000
-"""Entries of a cost table (32 MB); beyond it the sparse solver takes the group."""
+"""Entries of a cost matrix (32 MB); larger groups use the sparse solver."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,9 +43,9 @@ class Matches:
     error_px: FloatArray
     """(k,) reprojection error, mean over both cameras."""
     runner_up_px: FloatArray
-    """(k,) least error of any other pair with one of the two points; NaN where there is none."""
+    """(k,) least error of any other pair with one of the two points; NaN if there is none."""
     ambiguous: npt.NDArray[np.bool_]
-    """(k,) whether the runner-up is within the threshold too."""
+    """(k,) whether the runner-up is within the threshold as well."""
     unmatched_primary: IntArray
     unmatched_secondary: IntArray
 
@@ -64,13 +64,13 @@ def match_points(
 
     Args:
         primary_px: (n, 2) raw pixels; `secondary_px`: (m, 2).
-        threshold_px: largest reprojection error of a pair; None takes the file's own.
+        threshold_px: largest reprojection error of a pair; None: that of the parameter file.
         depths_m: nearest and farthest depth z of a pair's point in the primary's frame.
 
     Raises:
-        StereocalError: no threshold, or a threshold or depth range that cannot be.
+        StereocalError: no threshold, or an invalid threshold or depth range.
     """
-    gate = threshold_of(rig, threshold_px)
+    threshold = threshold_of(rig, threshold_px)
     near, far = check_depths(depths_m)
     first, second, errors, of_primary, of_secondary = pairs_within(
         rig.pose.R,
@@ -78,36 +78,36 @@ def match_points(
         rig.primary.undistort(primary_px),
         rig.secondary.undistort(secondary_px),
         np.array([rig.primary.pixel_scale, rig.secondary.pixel_scale]),
-        gate,
+        threshold,
         near,
         far,
     )
-    kept = assign(first, second, errors, gate)
+    kept = assign(first, second, errors, threshold)
     i, j, error = first[kept], second[kept], errors[kept]
-    # The least error of a point is that of its own pair, or of another pair, which is runner-up.
+    # The least error of a point belongs to its own pair, or to another pair: the runner-up.
     others = np.minimum(_least_other(of_primary[i], error), _least_other(of_secondary[j], error))
     return Matches(
         primary=i,
         secondary=j,
         error_px=error,
         runner_up_px=np.where(np.isfinite(others), others, np.nan),
-        ambiguous=others <= gate,
+        ambiguous=others <= threshold,
         unmatched_primary=np.setdiff1d(np.arange(len(of_primary)), i),
         unmatched_secondary=np.setdiff1d(np.arange(len(of_secondary)), j),
     )
 
 
 def threshold_of(rig: RigParameters, threshold_px: float | None) -> float:
-    """The threshold to match with: as given, or else the file's own.
+    """The threshold to match with: `threshold_px`, or else that of the parameter file.
 
     Raises:
-        StereocalError: neither, or not a number of 0 or more.
+        StereocalError: there is neither, or it is not a number of 0 or more.
     """
     value = rig.matching_threshold_px if threshold_px is None else threshold_px
     if value is None:
         raise StereocalError(
-            "The parameter file holds no matching threshold (calibrate --validation writes one): "
-            "give one in pixels, or let it be chosen from the points (auto)."
+            "The parameter file contains no matching threshold (calibrate --validation writes "
+            "one): state one in pixels, or have it chosen from the points (auto)."
         )
     if not (np.isfinite(value) and value >= 0):
         raise StereocalError(f"The threshold is {value} px: it must be a number of 0 or more.")
@@ -118,7 +118,7 @@ def check_depths(depths_m: Sequence[float]) -> tuple[float, float]:
     """The nearest and the farthest depth.
 
     Raises:
-        StereocalError: they are not in this order, or negative.
+        StereocalError: they are negative or in the wrong order.
     """
     near, far = float(depths_m[0]), float(depths_m[1])
     if not 0 <= near < far:
@@ -129,12 +129,11 @@ def check_depths(depths_m: Sequence[float]) -> tuple[float, float]:
     return near, far
 
 
-def assign(first: IntArray, second: IntArray, errors: FloatArray, gate: float) -> IntArray:
-    """Rows of the candidates that make the one-to-one assignment of least total cost.
+def assign(first: IntArray, second: IntArray, errors: FloatArray, threshold: float) -> IntArray:
+    """Rows of the candidates in the one-to-one assignment of least total cost, ordered by `first`.
 
-    A candidate costs its error and each point pair left out costs `gate`; the rows come in the
-    order of `first`. Candidates that share no point with others of another connected group cannot
-    compete with them, so each group is solved by itself.
+    A candidate costs its error, an unmatched point costs `threshold`. Connected groups of
+    candidates share no points, so each group is solved separately.
     """
     if not len(first):
         return np.empty(0, np.int64)
@@ -150,18 +149,20 @@ def assign(first: IntArray, second: IntArray, errors: FloatArray, gate: float) -
         if len(members) == 1:
             kept.append(members)
         else:
-            kept.append(members[_solve(first[members], second[members], errors[members], gate)])
+            kept.append(
+                members[_solve(first[members], second[members], errors[members], threshold)]
+            )
     chosen = np.concatenate(kept)
     return chosen[np.argsort(first[chosen])]
 
 
-def _solve(first: IntArray, second: IntArray, errors: FloatArray, gate: float) -> IntArray:
+def _solve(first: IntArray, second: IntArray, errors: FloatArray, threshold: float) -> IntArray:
     rows, i = np.unique(first, return_inverse=True)
     columns, j = np.unique(second, return_inverse=True)
     if len(rows) * len(columns) > LARGEST_DENSE:
-        return _solve_sparse(i, j, errors, gate, len(rows), len(columns))
-    # A hair above the gate, so that a candidate at the gate itself is preferred to none.
-    cost = np.full((len(rows), len(columns)), np.nextafter(gate, np.inf))
+        return _solve_sparse(i, j, errors, threshold, len(rows), len(columns))
+    # Slightly above the threshold, so that a candidate exactly at the threshold is accepted.
+    cost = np.full((len(rows), len(columns)), np.nextafter(threshold, np.inf))
     cost[i, j] = errors
     candidate = np.full(cost.shape, -1, dtype=np.int64)
     candidate[i, j] = np.arange(len(i))
@@ -170,12 +171,14 @@ def _solve(first: IntArray, second: IntArray, errors: FloatArray, gate: float) -
 
 
 def _solve_sparse(
-    i: IntArray, j: IntArray, errors: FloatArray, gate: float, rows: int, columns: int
+    i: IntArray, j: IntArray, errors: FloatArray, threshold: float, rows: int, columns: int
 ) -> IntArray:
-    """As the dense table, by one more column per row that means "no partner" and costs `gate`."""
+    """As the dense solver, with an extra column per row for "unmatched" that costs `threshold`."""
     own = np.arange(rows)
-    # Every row is assigned, so a constant on all entries changes nothing; SciPy drops zeros.
-    cost = np.concatenate([errors, np.full(rows, np.nextafter(gate, np.inf))]) + max(gate, 1.0)
+    # The added constant does not change the assignment; SciPy drops zeros.
+    cost = np.concatenate([errors, np.full(rows, np.nextafter(threshold, np.inf))]) + max(
+        threshold, 1.0
+    )
     entries = (np.concatenate([i, own]), np.concatenate([j, columns + own]))
     shape = (rows, columns + rows)
     table: Any = coo_array((cost, entries), shape=shape).tocsr()
@@ -186,25 +189,26 @@ def _solve_sparse(
 
 
 def _least_other(two_least: FloatArray, own: FloatArray) -> FloatArray:
-    """Of the two least errors (k, 2) of points, the least that is not their own pair's."""
+    """(k,): the least error of each point in other pairs, from its two least errors (k, 2)."""
     other: FloatArray = np.where(two_least[:, 0] < own, two_least[:, 0], two_least[:, 1])
     return other
 
 
 def purpose_warning(rig: RigParameters, purpose: str) -> str | None:
-    """A sentence where a set made for one purpose is used for the other ("matching", ...).
+    """A warning if a set is used for the other purpose; None if it fits, as a refined set does.
 
-    A set of any other purpose, such as a refined one, serves both.
+    Args:
+        purpose: "matching" or "reconstruction".
     """
     if rig.purpose == "reconstruction" and purpose == "matching":
         return (
-            "This is the 3D set, made to measure: wrong pairs pass more often than with the 2D "
-            "set. Match with parameters_2d.json."
+            "This is the 3D set, made for measuring: it accepts more wrong pairs than the 2D set. "
+            "Match with parameters_2d.json."
         )
     if rig.purpose == "matching" and purpose == "reconstruction":
         return (
-            "This is the 2D set, made to match: lengths come out less right than with the 3D set. "
-            "Measure with parameters_3d.json."
+            "This is the 2D set, made for matching: lengths are less accurate than with the 3D "
+            "set. Measure with parameters_3d.json."
         )
     return None
 
@@ -214,14 +218,13 @@ LARGEST_ANGLE = np.radians(5.0)
 
 
 def refuse_different_rigs(one: RigParameters, other: RigParameters) -> None:
-    """Refuse two parameter files that cannot be of the same two cameras.
+    """Reject two parameter files that cannot be of the same rig.
 
-    The two sets of a rig, and a refined one, differ by less than a percent and by less than 2
-    degrees; focal lengths or baselines more than 5 % apart, directions more than 5 degrees apart
-    and other image sizes are another rig's.
+    The sets of one rig differ by less than 1 % and 2 degrees.
 
     Raises:
-        StereocalError: says what differs.
+        StereocalError: focal lengths or baselines differ by more than 5 %, directions by more than
+            5 degrees, or image sizes differ.
     """
     for which in CAMERAS:
         a, b = getattr(one, which), getattr(other, which)
@@ -246,6 +249,6 @@ def refuse_different_rigs(one: RigParameters, other: RigParameters) -> None:
     swing = np.arccos(np.clip(one.pose.T @ other.pose.T / (a * b), -1, 1))
     if max(turn, swing) > LARGEST_ANGLE:
         raise StereocalError(
-            "The two parameter files are of different rigs: the cameras stand "
-            f"{np.degrees(max(turn, swing)):.1f} degrees differently."
+            "The two parameter files are of different rigs: the poses of the cameras differ by "
+            f"{np.degrees(max(turn, swing)):.1f} degrees."
         )

@@ -1,4 +1,4 @@
-"""Matching of whole tables: two tables of points in, one table of pairs out, frame by frame."""
+"""Match two tables of points frame by frame and write the table of pairs."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from stereocal.system.tasks import Pieces, Progress, StoppedError, Task, run_tas
 
 LOST_COLUMNS = ("camera", "frame", "u", "v")
 OTHER_IMAGES = 0.2
-"""With more of the points than this outside the image, the parameters are of other images."""
+"""With a larger fraction of points outside the image, the parameters are of other images."""
 FEW_MATCHED = 0.1
 MANY_POINTS = 100
 BLOCK_FRAMES, BLOCK_ROWS, AHEAD = 25, 2000, 6
@@ -48,7 +48,7 @@ Frames = list[Frame]
 
 @dataclass(frozen=True)
 class MatchReport:
-    """What a matching did."""
+    """The result of a matching in numbers."""
 
     threshold_px: float
     chosen: ThresholdChoice | None
@@ -60,11 +60,10 @@ class MatchReport:
     notes: list[str] = field(default_factory=list)
 
     def sentence(self) -> str:
-        """The result in words."""
         return (
             f"{self.pairs} pairs in {self.frames} frames at a threshold of {self.threshold_px:.3g} "
-            f"px; {self.ambiguous} of them ambiguous (another partner lies within the threshold "
-            f"too); without partner: {self.unmatched_primary} points of the primary, "
+            f"px; {self.ambiguous} of them ambiguous (another partner is within the threshold as "
+            f"well); without partner: {self.unmatched_primary} points of the primary, "
             f"{self.unmatched_secondary} of the secondary."
         )
 
@@ -82,15 +81,14 @@ def match_tables(
     executor: Executor | None = None,
     pieces: Pieces[TableBlock] | None = None,
 ) -> MatchReport | None:
-    """Match two tables (`frame,u,v` and more) and write the pairs; None if it was cancelled.
+    """Match two tables (`frame,u,v` and further columns) and write the pairs; None if cancelled.
 
     Args:
         depths_m: nearest and farthest depth in the primary's frame.
-        unmatched: where to write the points without a partner (`camera,frame,u,v` and more).
-        progress: frames done, and all.
-        executor: matches blocks of frames; None does it here.
-        pieces: blocks of this very work that were finished before, and where more are kept; for
-            CSV, and without `unmatched`.
+        unmatched: file for the points without a partner (`camera,frame,u,v` and further columns).
+        progress: called with the number of frames done and the total.
+        executor: matches blocks of frames; None: the calling thread.
+        pieces: checkpoint of finished blocks of the same input; CSV only, without `unmatched`.
 
     Raises:
         StereocalError: bad input; no file is written then.
@@ -105,7 +103,7 @@ def match_tables(
     check_depths(depths_m)
     tables = (primary, secondary)
     notes = _notes(rig, tables, contents, threshold_px)
-    gate, chosen = _settle(rig, tables, contents, threshold_px, depths_m)
+    threshold, chosen = _settle(rig, tables, contents, threshold_px, depths_m)
     names = further_names(primary.further, secondary.further)
     total = len(np.union1d(contents[0].frames, contents[1].frames))
     columns = [*PAIR_COLUMNS, *names.columns]
@@ -115,7 +113,7 @@ def match_tables(
         Task(
             f"matched {block[0][0]} to {block[-1][0]}",
             _match_block,
-            (rig, block, gate, depths_m, names, lines_of),
+            (rig, block, threshold, depths_m, names, lines_of),
             len(block),
         )
         for block in _blocks(_side_by_side(primary, secondary))
@@ -143,14 +141,17 @@ def match_tables(
             "(primary, secondary) belong together."
         )
     common = len(np.intersect1d(contents[0].frames, contents[1].frames))
-    return MatchReport(gate, chosen, common, count, ambiguous, left_primary, left_secondary, notes)
+    return MatchReport(
+        threshold, chosen, common, count, ambiguous, left_primary, left_secondary, notes
+    )
 
 
 def check_points(table: PointTable, camera: Camera, which: str) -> Contents:
-    """Read a table once and refuse points outside the image and points that stand in it twice.
+    """Read a table once and check its points.
 
     Raises:
-        StereocalError: names the rows, or says that the parameters are of other images.
+        StereocalError: duplicate points or points outside the image, with their rows; or so many
+            outside that the parameters are of other images.
     """
     outside = 0
     rows = 0
@@ -190,7 +191,7 @@ def check_points(table: PointTable, camera: Camera, which: str) -> Contents:
 
 
 def _blocks(frames: Iterator[Frame]) -> Iterator[Frames]:
-    """A few frames at a time: about 0.1 s of work."""
+    """Blocks of frames that take about 0.1 s to match."""
     block: list[Frame] = []
     rows = 0
     for frame in frames:
@@ -206,18 +207,18 @@ def _blocks(frames: Iterator[Frame]) -> Iterator[Frames]:
 def _match_block(
     rig: RigParameters,
     block: Frames,
-    gate: float,
+    threshold: float,
     depths_m: tuple[float, float],
     names: FurtherNames,
     lines_of: Sequence[str] | None,
 ) -> TableBlock:
-    """The pairs of some frames; numbers: pairs, ambiguous ones, and points left, by camera.
+    """The pairs of a block; numbers: pairs, ambiguous pairs, unmatched points of each camera.
 
     Args:
-        lines_of: columns of the pairs, if they come as lines of CSV.
+        lines_of: columns to return as lines of CSV; None: a table.
     """
     found, lonely = zip(
-        *(match_frame(rig, *frame, gate, depths_m, names) for frame in block), strict=True
+        *(match_frame(rig, *frame, threshold, depths_m, names) for frame in block), strict=True
     )
     pairs = [len(table) for table in found]
     numbers = [
@@ -239,7 +240,7 @@ def _match_block(
 def _side_by_side(
     primary: PointTable, secondary: PointTable
 ) -> Iterator[tuple[int, pd.DataFrame, pd.DataFrame]]:
-    """Each frame of either table with its rows in both, in order; none is an empty table."""
+    """Each frame of either table in order, with its rows in both (an empty table if missing)."""
     sides = [primary.frames(), secondary.frames()]
     here = [next(side, None) for side in sides]
     empty = [
@@ -266,7 +267,7 @@ def _settle(
     threshold_px: Threshold,
     depths_m: tuple[float, float],
 ) -> tuple[float, ThresholdChoice | None]:
-    """The threshold, and how it was chosen if it was.
+    """The threshold, and how it was chosen if automatic.
 
     Raises:
         StereocalError: the tables share no frame, or no threshold can be chosen.
@@ -276,7 +277,7 @@ def _settle(
         a, b = (f"{each.frames[0]} to {each.frames[-1]}" for each in contents)
         raise StereocalError(
             f"The two tables have no frame in common: {tables[0].label} has frames {a}, "
-            f"{tables[1].label} has frames {b}. Number the frames alike."
+            f"{tables[1].label} has frames {b}. Use the same frame numbers in both."
         )
     automatic = threshold_px == "auto" or (
         threshold_px is None and rig.matching_threshold_px is None
@@ -300,12 +301,12 @@ def _notes(
     contents: list[Contents],
     threshold_px: Threshold,
 ) -> list[str]:
-    """What is odd but allowed, a sentence each."""
+    """Warnings, a sentence each."""
     notes = []
     if warning := purpose_warning(rig, "matching"):
         notes.append(warning)
     if threshold_px is None and rig.matching_threshold_px is None:
-        notes.append("The parameter file holds no matching threshold: one is chosen.")
+        notes.append("The parameter file contains no matching threshold: one was chosen.")
     for table, own, other, camera, which in (
         (tables[0], contents[0], contents[1], rig.primary, "primary"),
         (tables[1], contents[1], contents[0], rig.secondary, "secondary"),
@@ -318,7 +319,7 @@ def _notes(
                 f"{', ...' if len(alone) > 3 else ''}): their points have no partner."
             )
         if own.left_out:
-            notes.append(f"{table.label}: {own.left_out} rows have no point and were left out.")
+            notes.append(f"{table.label}: {own.left_out} rows without a point were left out.")
         width, height = camera.image_size
         if own.rows >= MANY_POINTS and own.largest[0] < width / 2 and own.largest[1] < height / 2:
             notes.append(

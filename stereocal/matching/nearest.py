@@ -1,4 +1,4 @@
-"""How near the best and the second-best partner of each point are: what a threshold parts."""
+"""The least and second least reprojection error of each point, for choosing a threshold."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from stereocal.rig.parameters import RigParameters
 
 @dataclass(frozen=True, eq=False)
 class NearestErrors:
-    """Of the n points of the primary camera in some frames."""
+    """Errors of n points of the primary camera."""
 
     best_px: FloatArray
-    """(n,) least reprojection error with any point of the secondary; inf where there is none."""
+    """(n,) least reprojection error with any point of the secondary; inf if there is none."""
     runner_up_px: FloatArray
-    """(n,) second least; inf where there is none."""
+    """(n,) second least; inf if there is none."""
     frames: int
-    """How many frames were looked at."""
+    """Number of frames."""
 
     def __len__(self) -> int:
         return len(self.best_px)
 
     def within(self, threshold_px: float) -> tuple[int, int]:
-        """How many points have a partner, and how many a second one, within the threshold."""
+        """The numbers of points with one and with two partners within the threshold."""
         return (
             int((self.best_px <= threshold_px).sum()),
             int((self.runner_up_px <= threshold_px).sum()),
@@ -41,10 +41,10 @@ def nearest_errors(
     frames: Sequence[FramePixels],
     depths_m: tuple[float, float] = ANY_DEPTH,
 ) -> NearestErrors:
-    """The two least errors of each primary point, whatever the threshold.
+    """The two least errors of each primary point.
 
     Raises:
-        StereocalError: a depth range that cannot be.
+        StereocalError: an invalid depth range.
     """
     near, far = check_depths(depths_m)
     scale = np.array([rig.primary.pixel_scale, rig.secondary.pixel_scale])

@@ -14,15 +14,15 @@ def pairs_within(
     primary: FloatArray,
     secondary: FloatArray,
     pixel_scale: FloatArray,
-    gate: float,
+    threshold: float,
     near: float,
     far: float,
 ) -> tuple[IntArray, IntArray, FloatArray, FloatArray, FloatArray]:
-    """Pairs of n and m points whose reprojection error is at most `gate`.
+    """Pairs of n and m points whose reprojection error is at most `threshold`.
 
-    All n x m pairs are tried, 5 ns each: 5 ms for a frame of 1,000 x 1,000 points. The error
-    of a pair is the mean over both cameras, in pixels (paper, eq. 6). Pairs without a point in
-    front of both cameras, or with a depth outside `near` to `far`, are no pairs.
+    All n x m pairs are tried, 5 ns each: 5 ms for a frame of 1,000 x 1,000 points. The error of a
+    pair is the mean over both cameras, in pixels (paper, eq. 6). Pairs whose point is behind a
+    camera or outside the depth range are excluded.
 
     Args:
         primary: (n, 2) normalised points; `secondary`: (m, 2).
@@ -31,14 +31,14 @@ def pairs_within(
 
     Returns:
         Row of the primary, row of the secondary, and error of each of the k pairs found; then
-        (n, 2) least and second least error of each primary point over all pairs, inf where there is
-        none; then (m, 2) the same of each secondary point.
+        (n, 2) least and second least error of each primary point over all pairs, inf if there is
+        none; then (m, 2) the same for the secondary points.
     """
     of_primary = np.full((len(primary), 2), np.inf)
     of_secondary = np.full((len(secondary), 2), np.inf)
     found = _pairs_within(
         contiguous(R), contiguous(T), contiguous(primary), contiguous(secondary.T),
-        contiguous(pixel_scale), float(gate),
+        contiguous(pixel_scale), float(threshold),
         float(near), float(far), of_primary, of_secondary,
     )  # fmt: skip
     rows = found[:, :2].astype(np.int64)
@@ -52,15 +52,15 @@ def _pairs_within(
     primary: FloatArray,
     secondary: FloatArray,
     pixel_scale: FloatArray,
-    gate: float,
+    threshold: float,
     near: float,
     far: float,
     of_primary: FloatArray,
     of_secondary: FloatArray,
 ) -> FloatArray:
-    """(k, 3): row of the primary, row of the secondary, and error of each pair; fills the rest.
+    """(k, 3): row of the primary, row of the secondary, and error of each pair.
 
-    `secondary` is (2, m) here, so that its points lie side by side in memory.
+    Fills `of_primary` and `of_secondary`. `secondary` is (2, m) here, contiguous by coordinate.
     """
     n, m = len(primary), secondary.shape[1]
     found = np.empty((4 * m + 16, 3))
@@ -68,7 +68,7 @@ def _pairs_within(
     count = 0
     for i in range(n):
         xp, yp = primary[i, 0], primary[i, 1]
-        # Apart from the sorting below, so that this loop uses vector instructions.
+        # Separate from the sorting below, so that this loop is vectorised.
         for j in range(m):
             one, two, z = reprojection_shift(
                 R, T, xp, yp, secondary[0, j], secondary[1, j], pixel_scale
@@ -88,7 +88,7 @@ def _pairs_within(
                 of_secondary[j, 1] = error
                 if error < of_secondary[j, 0]:
                     of_secondary[j, 1], of_secondary[j, 0] = of_secondary[j, 0], error
-            if error <= gate:
+            if error <= threshold:
                 found[count, 0], found[count, 1], found[count, 2] = i, j, error
                 count += 1
         of_primary[i, 0], of_primary[i, 1] = least, next_least

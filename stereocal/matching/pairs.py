@@ -1,4 +1,4 @@
-"""Tables of matched pairs, in memory: `match`, and the columns that pairs have everywhere."""
+"""Match tables in memory (`match`), and the columns of tables of pairs."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ PAIR_COLUMNS = (
 ERROR_DECIMALS = 6
 
 Threshold = float | Literal["auto"] | None
-"""Pixels; "auto" chooses from the points; None takes the file's own, or where it has none, auto."""
+"""Pixels; "auto": chosen from the points; None: that of the parameter file, else auto."""
 
 
 def match(
@@ -44,7 +44,7 @@ def match(
     for which, table in (("primary", primary), ("secondary", secondary)):
         missing = [name for name in ("frame", *POINT) if name not in table]
         if missing:
-            raise StereocalError(f"The {which} table lacks the column {missing[0]}.")
+            raise StereocalError(f"The {which} table has no column {missing[0]}.")
         if not np.isfinite(table[["frame", *POINT]].to_numpy(dtype=np.float64)).all():
             raise StereocalError(f"The {which} table has a number that is not finite.")
     both = [
@@ -58,13 +58,15 @@ def match(
             for table in (primary, secondary)
         )
     )
-    gate = None if threshold_px == "auto" else threshold_px
-    if threshold_px == "auto" or (gate is None and rig.matching_threshold_px is None):
+    threshold = None if threshold_px == "auto" else threshold_px
+    if threshold_px == "auto" or (threshold is None and rig.matching_threshold_px is None):
         wanted = sample_of(frames, len(primary) / max(len(both[0]), 1))
         sample = [(pixels_of(both[0][f]), pixels_of(both[1][f])) for f in sorted(wanted)]
-        gate = choose_threshold(rig, sample, depths_m).threshold_px
-    gate = threshold_of(rig, gate)
-    found = [match_frame(rig, f, both[0][f], both[1][f], gate, depths_m, names)[0] for f in frames]
+        threshold = choose_threshold(rig, sample, depths_m).threshold_px
+    threshold = threshold_of(rig, threshold)
+    found = [
+        match_frame(rig, f, both[0][f], both[1][f], threshold, depths_m, names)[0] for f in frames
+    ]
     if not found:
         return pd.DataFrame(columns=[*PAIR_COLUMNS, *names.columns])
     return pd.concat(found, ignore_index=True)
@@ -72,7 +74,7 @@ def match(
 
 @dataclass(frozen=True)
 class FurtherNames:
-    """How the further columns of both inputs are called in the table of pairs."""
+    """Names of the further columns of both inputs in the table of pairs."""
 
     primary: Mapping[str, str]
     secondary: Mapping[str, str]
@@ -83,7 +85,7 @@ class FurtherNames:
 
 
 def further_names(primary: tuple[str, ...], secondary: tuple[str, ...]) -> FurtherNames:
-    """A name of one input stays; one of both, or one that pairs have, says which camera."""
+    """Unique names stay; names in both inputs or in `PAIR_COLUMNS` get the camera's name added."""
     taken = set(PAIR_COLUMNS) | (set(primary) & set(secondary))
     return FurtherNames(
         {name: f"{name}_primary" if name in taken else name for name in primary},
@@ -96,13 +98,13 @@ def match_frame(
     frame: int,
     first: pd.DataFrame,
     second: pd.DataFrame,
-    gate: float,
+    threshold: float,
     depths_m: tuple[float, float],
     names: FurtherNames,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Pairs and points without a partner of one frame."""
     primary, secondary = pixels_of(first), pixels_of(second)
-    found = match_points(rig, primary, secondary, gate, depths_m)
+    found = match_points(rig, primary, secondary, threshold, depths_m)
     i, j = found.primary, found.secondary
     columns: dict[str, Any] = {
         "frame": np.full(len(found), frame),
@@ -114,10 +116,10 @@ def match_frame(
         "runner_up_px": found.runner_up_px.round(ERROR_DECIMALS),
         "ambiguous": found.ambiguous,
     }
-    for name, given in names.primary.items():
-        columns[given] = first[name].array[i]
-    for name, given in names.secondary.items():
-        columns[given] = second[name].array[j]
+    for name, new in names.primary.items():
+        columns[new] = first[name].array[i]
+    for name, new in names.secondary.items():
+        columns[new] = second[name].array[j]
     lonely = []
     for which, rows, left in (
         ("primary", first, found.unmatched_primary),

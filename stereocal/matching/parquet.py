@@ -1,4 +1,4 @@
-"""Tables of points in Parquet, block by block; pyarrow reads them and need not be installed."""
+"""Read Parquet tables of points in blocks; needs the optional package pyarrow."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from stereocal.system.limits import Limits
 PARQUET = (".parquet", ".pq")
 BLOCK_ROWS = 100_000
 BLOCK_CELLS = 5_000_000
-"""A block has fewer rows where there are many columns."""
+"""Limit that reduces the rows of a block with many columns."""
 
 
 def block_rows(names: Sequence[str]) -> int:
-    """How many rows of a table with these columns are read at a time."""
+    """Rows per block of a table with these columns."""
     return min(BLOCK_ROWS, max(1, BLOCK_CELLS // max(len(names), 1)))
 
 
@@ -34,7 +34,7 @@ def parquet_names(path: Path, label: str) -> list[str]:
 
 
 def parquet_chunks(path: Path, label: str) -> Iterator[pd.DataFrame]:
-    """The rows in blocks; the index counts them from 1.
+    """The rows in blocks, with an index from 1.
 
     Raises:
         StereocalError: not a Parquet file, or a damaged one.
@@ -47,7 +47,7 @@ def parquet_chunks(path: Path, label: str) -> Iterator[pd.DataFrame]:
             batch = next(batches, None)
             if batch is None:
                 return
-            batch.validate(full=True)  # such as text that is no UTF-8
+            batch.validate(full=True)  # finds, for example, invalid UTF-8
             chunk = batch.to_pandas().reset_index(drop=True)
         except (*DAMAGED, NotImplementedError) as error:
             raise StereocalError(f"{label}: the Parquet file is damaged ({error}).") from error

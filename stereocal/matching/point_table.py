@@ -1,14 +1,13 @@
-"""Large tables of points, CSV or Parquet, read frame by frame and written piece by piece.
+"""Large tables of points, CSV or Parquet, read frame by frame.
 
     table = PointTable(Path("primary.csv"), ("u", "v"))
     summary = table.check(camera_of_the_rig)
     for frame, rows in table.frames():
         ...
 
-A table has a column `frame` and some columns of numbers; all further columns are carried along.
-Rows without any of the numbers (empty or NaN: nothing was seen) are left out. Only a block of whole
-frames is in memory at a time, where the rows come in the order of the frames; a table in another
-order is read whole and sorted.
+A table has a column `frame` and columns of numbers; all further columns are passed through. Rows
+without any of the numbers (empty or NaN) are left out. If the rows are in the order of the frames,
+only a block of whole frames is in memory at a time; otherwise the table is read whole and sorted.
 """
 
 from __future__ import annotations
@@ -42,13 +41,13 @@ LONGEST_HEADER = 1_000_000
 
 @dataclass(frozen=True)
 class Contents:
-    """What a table holds."""
+    """Summary of a table."""
 
     rows: int
     frames: IntArray
-    """The frame numbers, each once, in order."""
+    """The distinct frame numbers, in order."""
     further: tuple[str, ...]
-    """Names of the columns that are carried along."""
+    """Names of the columns that are passed through."""
     left_out: int
     """Rows without numbers."""
     largest: tuple[float, ...]
@@ -61,7 +60,7 @@ class PointTable:
     Args:
         path: `.parquet` and `.pq` are Parquet, all others CSV (comma, semicolon or tab).
         numbers: names of the columns that must hold finite numbers.
-        label: what messages call the table; None is its path.
+        label: name of the table in messages; None: its path.
 
     Raises:
         StereocalError: no such file, or a column is missing.
@@ -86,13 +85,13 @@ class PointTable:
         self._in_order: bool | None = None
 
     def check(self, refuse: Callable[[pd.DataFrame], list[RowProblem]] | None = None) -> Contents:
-        """Read the whole table once and refuse what cannot be used.
+        """Read and check the whole table.
 
         Args:
-            refuse: finds further problems in a block of whole frames.
+            refuse: returns further problems in a block of whole frames.
 
         Raises:
-            StereocalError: rows that cannot be used are named by their line; or no rows at all.
+            StereocalError: invalid rows, named by their lines; or no rows at all.
         """
         try:
             return self._checked(refuse)
@@ -120,7 +119,7 @@ class PointTable:
         )
 
     def frames(self) -> Iterator[tuple[int, pd.DataFrame]]:
-        """Number and rows of each frame, in order. The index holds the lines of the file."""
+        """Number and rows of each frame, in order. The index is the line in the file."""
         for block in self.blocks():
             numbers = block["frame"].to_numpy()
             starts = np.flatnonzero(np.diff(numbers, prepend=numbers[:1] - 1))
@@ -131,7 +130,7 @@ class PointTable:
         """The rows in the order of the frames, in blocks of whole frames.
 
         Raises:
-            StereocalError: as `check`, which comes first where nobody has called it.
+            StereocalError: as `check`, which is called first if it was not before.
         """
         if self._in_order is None:
             self.check()
@@ -176,15 +175,15 @@ class PointTable:
             first = file.readline(LONGEST_HEADER)
             if not first.strip():
                 raise StereocalError(
-                    f"{self.label}: the file is empty, or its first line is; it must name the "
-                    f"columns frame, {', '.join(self.numbers)}."
+                    f"{self.label}: the file or its first line is empty; the first line must name "
+                    f"the columns frame, {', '.join(self.numbers)}."
                 )
             self.delimiter = delimiter_of(first)
             (names,) = cells_of(first, self.delimiter, self.label)
-            # A quoted cell may go on in the next line.
+            # A quoted cell may continue on the next line.
             lines = iter(lambda: file.readline(LONGEST_HEADER), "")
             cells = next(csv.reader(lines, delimiter=self.delimiter), [])
-            if len(cells) > len(names):  # pandas takes this width for the table's
+            if len(cells) > len(names):  # pandas would use this width for the table
                 raise StereocalError(
                     f"{self.label}: 1 row cannot be used: line 2: {len(cells)} cells instead of "
                     f"{len(names)}."
@@ -192,15 +191,15 @@ class PointTable:
             return names
 
     def _converted(self, raw: pd.DataFrame) -> pd.DataFrame:
-        """Numbers as numbers; rows without points left out.
+        """Convert the numbers and drop rows without points.
 
         Raises:
-            RefusedRowsError: names the lines of the others that cannot be used.
+            RefusedRowsError: invalid rows, named by their lines.
         """
         raw.columns = pd.Index(self.names)
         columns = [Column("frame", is_whole=True), *map(Column, self.numbers)]
         unseen = np.logical_and.reduce([is_missing(raw[name]) for name in self.numbers])
-        # A blank line is no row.
+        # Blank lines do not count.
         self._left_out += int((unseen & ~is_missing(raw["frame"])).sum())
         raw = raw[~unseen]
         values, reasons = numbers_in(raw, columns, self.delimiter == ";", MISSING)

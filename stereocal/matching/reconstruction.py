@@ -1,4 +1,4 @@
-"""Matched pairs to points in 3D, with their errors and standard errors, in any frame."""
+"""Reconstruct 3D points from matched pairs, with reprojection errors and standard errors."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ from stereocal.system.json_text import read_json
 POSE_NAMES = (*Angles._fields, "baseline_m")
 RAY_STEP = 1e-6
 POSE_STEP = 1e-6
-"""Steps of the derivatives: rad for rays and angles, metres for the baseline. With a central
-difference of a smooth function both the step's own error and the rounding stay below 1e-8."""
+"""Steps of the derivatives: rad for rays and angles, metres for the baseline. Truncation and
+rounding errors of the central differences are below 1e-8."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +38,7 @@ class Points:
     error_px: FloatArray
     """(n,) reprojection error, mean over both cameras; NaN likewise."""
     sigma_m: FloatArray | None = None
-    """(n, 3) standard error of each coordinate; None where no noise is known."""
+    """(n, 3) standard error of each coordinate; None if no noise is known."""
 
 
 def reconstruct_points(
@@ -49,19 +49,19 @@ def reconstruct_points(
     sigma_px: float | None = None,
     pose_covariance: npt.ArrayLike | None = None,
 ) -> Points:
-    """Reconstruct matched pairs by the triangulation that the rig's file names.
+    """Reconstruct matched pairs by midpoint triangulation.
 
     Args:
-        primary_px: (n, 2) raw pixels; `secondary_px`: (n, 2), row by row their partners.
-        world: `world_from_primary`; None leaves the points in the primary's frame.
-        sigma_px: standard deviation of one pixel coordinate; with it the points get standard
-            errors. Without it and `pose_covariance`, a refined file's own are taken.
-        pose_covariance: (6, 6) of yaw, pitch, roll, delta, epsilon (rad) and baseline (m), as a
-            refined fit has it; it is added to what the image noise does. Its part is common to all
-            points: a distance between two of them is surer than their places.
+        primary_px: (n, 2) raw pixels; `secondary_px`: (n, 2), their partners row by row.
+        world: `world_from_primary`; None: points in the primary's frame.
+        sigma_px: standard deviation of one pixel coordinate, for the standard errors. If this and
+            `pose_covariance` are None, those of a refined file are used.
+        pose_covariance: (6, 6) of yaw, pitch, roll, delta, epsilon (rad) and baseline (m), added to
+            the effect of image noise. Its part is common to all points: distances between points
+            are more precise than their positions.
 
     Raises:
-        StereocalError: a noise or a covariance that cannot be.
+        StereocalError: an invalid noise or covariance.
     """
     rays = stack_rays(rig.primary.undistort(primary_px), rig.secondary.undistort(secondary_px))
     xyz = triangulate_rays(rig.pose.R, rig.pose.T, rays)
@@ -79,18 +79,18 @@ def reconstruct_points(
 
 
 def noise_of_file(rig: RigParameters) -> tuple[float | None, FloatArray | None]:
-    """Image noise (px) and covariance (6, 6) of the pose that a refined file carries, else None.
+    """Image noise (px) and covariance (6, 6) of the pose of a refined file, else None.
 
-    The covariance of its lenses is left out, so that the standard errors are somewhat too small
-    far from the image's centre.
+    The covariance of the lenses is ignored, so standard errors are slightly too small far from the
+    image's centre.
     """
-    carried = getattr(rig, "uncertainties", None)
-    if not carried:
+    stored = getattr(rig, "uncertainties", None)
+    if not stored:
         return None, None
     try:
-        order = [carried["covariance"]["of"].index(name) for name in POSE_NAMES]
-        whole = np.array(carried["covariance"]["matrix"], dtype=np.float64)
-        return float(carried["sigma_px"]["value"]), whole[np.ix_(order, order)]
+        order = [stored["covariance"]["of"].index(name) for name in POSE_NAMES]
+        whole = np.array(stored["covariance"]["matrix"], dtype=np.float64)
+        return float(stored["sigma_px"]["value"]), whole[np.ix_(order, order)]
     except (KeyError, TypeError, ValueError, IndexError) as error:
         raise StereocalError(
             f"The uncertainties of the parameter file cannot be read ({error})."
@@ -105,7 +105,7 @@ def point_covariances(
 ) -> FloatArray:
     """Covariances (n, 3, 3) of points from rays (4, n), m^2 in the primary's frame, first order.
 
-    The noise is that of the undistorted image, equal in both coordinates and cameras.
+    The noise applies to the undistorted image, equal in both coordinates and cameras.
 
     Raises:
         StereocalError: a negative noise, or a covariance that is not a symmetric (6, 6) table.
@@ -115,13 +115,13 @@ def point_covariances(
     R, T = rig.pose.R, rig.pose.T
     total = np.zeros((rays.shape[1], 3, 3))
     for camera, rows in ((rig.primary, slice(0, 2)), (rig.secondary, slice(2, 4))):
-        slopes = []
+        derivatives = []
         for row in range(rows.start, rows.stop):
             step = np.zeros((4, 1))
             step[row] = RAY_STEP
             ahead, behind = triangulate_rays(R, T, rays + step), triangulate_rays(R, T, rays - step)
-            slopes.append((ahead - behind) / (2 * RAY_STEP))
-        by_pixel = np.stack(slopes, axis=2) @ np.linalg.inv(camera.K[:2, :2])
+            derivatives.append((ahead - behind) / (2 * RAY_STEP))
+        by_pixel = np.stack(derivatives, axis=2) @ np.linalg.inv(camera.K[:2, :2])
         total += sigma_px**2 * by_pixel @ by_pixel.transpose(0, 2, 1)
     if pose_covariance is not None:
         covariance = np.array(pose_covariance, dtype=np.float64)
@@ -130,15 +130,15 @@ def point_covariances(
                 "The covariance of the pose must be a symmetric 6x6 table, in the order yaw, "
                 "pitch, roll, delta, epsilon, baseline."
             )
-        slope = _slopes_of_pose(rig.pose, rays)
-        total += slope @ covariance @ slope.transpose(0, 2, 1)
+        J = _pose_jacobian(rig.pose, rays)
+        total += J @ covariance @ J.transpose(0, 2, 1)
     return total
 
 
-def _slopes_of_pose(pose: Pose, rays: FloatArray) -> FloatArray:
-    """Derivatives (n, 3, 6) of points by the five angles and the baseline."""
+def _pose_jacobian(pose: Pose, rays: FloatArray) -> FloatArray:
+    """(n, 3, 6): derivatives of points with respect to the five angles and the baseline."""
     here = np.array([*pose.angles, pose.baseline])
-    slopes = []
+    derivatives = []
     for k in range(6):
         sides = []
         for sign in (1, -1):
@@ -146,8 +146,8 @@ def _slopes_of_pose(pose: Pose, rays: FloatArray) -> FloatArray:
             moved[k] += sign * POSE_STEP
             there = Pose.from_angles(Angles(*moved[:5]), moved[5])
             sides.append(triangulate_rays(there.R, there.T, rays))
-        slopes.append((sides[0] - sides[1]) / (2 * POSE_STEP))
-    return np.stack(slopes, axis=2)
+        derivatives.append((sides[0] - sides[1]) / (2 * POSE_STEP))
+    return np.stack(derivatives, axis=2)
 
 
 LARGEST_TABLE = 1_000_000
@@ -159,7 +159,7 @@ def read_world(path: str | Path) -> Pose:
     `x_world = R @ x_primary + t`; the last row is 0 0 0 1; metres.
 
     Raises:
-        StereocalError: no such file or table, or it does more than turn and shift.
+        StereocalError: no such file or table, or not a rotation and translation.
     """
     path = Path(path)
     try:
@@ -187,5 +187,5 @@ def read_world(path: str | Path) -> Pose:
         return Pose(table[:3, :3], table[:3, 3])
     except StereocalError as error:
         raise StereocalError(
-            f"{path}: the world frame may turn and shift, not scale or mirror: {error}"
+            f"{path}: the world frame must be a rotation and a translation: {error}"
         ) from error

@@ -1,4 +1,4 @@
-"""Reconstruction of whole tables: pairs in, points in 3D out."""
+"""Reconstruct whole tables of pairs into tables of 3D points."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ PIXELS = ("u_primary", "v_primary", "u_secondary", "v_secondary")
 POINT_COLUMNS = ("frame", "x", "y", "z", "error_px")
 SIGMA_COLUMNS = ("sigma_x", "sigma_y", "sigma_z")
 OF_MATCHING = ("error_px", "runner_up_px")
-"""What the matching said of a pair by its own parameters; the points have their own error."""
+"""Errors by the matching's parameters, not passed on; the points have their own error."""
 
 FAR_OFF = 0.05
-"""Half of the pairs this far off, as a part of the image's diagonal, are of another rig."""
+"""A median error above this fraction of the image's diagonal means another rig."""
 
 AHEAD = 2
 """Blocks in memory: each may have 100,000 rows."""
@@ -37,7 +37,7 @@ AHEAD = 2
 
 @dataclass(frozen=True)
 class ReconstructionReport:
-    """What a reconstruction did."""
+    """The result of a reconstruction in numbers."""
 
     points: int
     behind: int
@@ -46,7 +46,6 @@ class ReconstructionReport:
     notes: list[str] = field(default_factory=list)
 
     def sentence(self) -> str:
-        """The result in words."""
         lost = f"; {self.behind} pairs do not meet in front of both cameras" if self.behind else ""
         return (
             f"{self.points - self.behind} points, median reprojection error "
@@ -60,23 +59,23 @@ def reconstruct(
     world: Pose | None = None,
     sigma_px: float | None = None,
 ) -> pd.DataFrame:
-    """Points in 3D of a table of matched pairs, as `match` gives it.
+    """3D points from a table of matched pairs as returned by `match`.
 
     Args:
-        world: `world_from_primary`; None leaves the points in the primary's frame, in metres.
-        sigma_px: standard deviation of a pixel coordinate; adds `sigma_x`, `sigma_y`, `sigma_z`. A
-            refined file brings its own.
+        world: `world_from_primary`; None: points in the primary's frame, in metres.
+        sigma_px: standard deviation of a pixel coordinate; adds `sigma_x`, `sigma_y`, `sigma_z`.
+            None: that of a refined file, if any.
 
     Returns:
-        `frame,x,y,z,error_px`, then the standard errors if asked for, then the further columns.
-        Pairs that do not meet in front of both cameras have NaN.
+        `frame,x,y,z,error_px`, then any standard errors, then the further columns. NaN for pairs
+        that do not meet in front of both cameras.
 
     Raises:
         StereocalError: a column is missing, or a noise below 0.
     """
     missing = [name for name in ("frame", *PIXELS) if name not in pairs]
     if missing:
-        raise StereocalError(f"The table of pairs lacks the column {missing[0]}.")
+        raise StereocalError(f"The table of pairs has no column {missing[0]}.")
     pixels = pairs[list(PIXELS)].to_numpy(dtype=np.float64)
     found = reconstruct_points(rig, pixels[:, :2], pixels[:, 2:], world, sigma_px)
     columns = {"frame": pairs["frame"].to_numpy()}
@@ -87,8 +86,8 @@ def reconstruct(
         for k, name in enumerate(SIGMA_COLUMNS):
             columns[name] = found.sigma_m[:, k]
     table = pd.DataFrame(columns)
-    for name, given in _carried(tuple(str(c) for c in pairs.columns)).items():
-        table[given] = pairs[name].array
+    for name, new in _passed_on(tuple(str(c) for c in pairs.columns)).items():
+        table[new] = pairs[name].array
     return table
 
 
@@ -106,13 +105,12 @@ def reconstruct_table(
     """Reconstruct a table of pairs on disk, a block at a time, and write the points.
 
     Args:
-        progress: pairs done, and all.
-        executor: measures blocks; None does it here.
-        pieces: blocks of this very work that were finished before, and where more are kept; for
-            CSV.
+        progress: called with the number of pairs done and the total.
+        executor: measures blocks; None: the calling thread.
+        pieces: checkpoint of finished blocks of the same input; CSV only.
 
     Returns:
-        What was done; None if it was cancelled, and no file is written then.
+        The report; None if cancelled, then no file is written.
 
     Raises:
         StereocalError: bad input; no file is written then.
@@ -120,7 +118,7 @@ def reconstruct_table(
     contents = pairs.check(lambda block: _outside(rig, block))
     has_errors = sigma_px is not None or noise_of_file(rig)[0] is not None
     columns = [*POINT_COLUMNS, *(SIGMA_COLUMNS if has_errors else ())]
-    columns += list(_carried(pairs.names).values())
+    columns += list(_passed_on(pairs.names).values())
 
     lines_of = None if pieces is None else columns
     tasks = (
@@ -161,14 +159,14 @@ def _measure_block(
     sigma_px: float | None,
     lines_of: Sequence[str] | None,
 ) -> TableBlock:
-    """The points of some pairs, as lines of CSV if columns are given; numbers: their errors."""
+    """The points of a block, as lines of CSV if `lines_of` names columns; numbers: the errors."""
     table = reconstruct(rig, block, world, sigma_px)
     measured = TableBlock(table, table["error_px"].to_numpy(dtype=np.float32))
     return measured if lines_of is None else measured.as_lines(lines_of)
 
 
-def _carried(names: tuple[str, ...]) -> dict[str, str]:
-    """The columns that go on to the points, with their name there."""
+def _passed_on(names: tuple[str, ...]) -> dict[str, str]:
+    """The further columns of pairs, and their names in the table of points."""
     own = {*POINT_COLUMNS, *SIGMA_COLUMNS}
     return {
         name: f"{name}_of_pair" if name in own else name

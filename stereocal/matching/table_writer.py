@@ -1,4 +1,4 @@
-"""A table written piece by piece, CSV or Parquet by its name, whole or not at all."""
+"""Write a table block by block, as CSV or Parquet depending on its name, atomically."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ ROWS_AT_ONCE = 50_000
 
 
 class TableWriter:
-    """Collects rows and writes them in large pieces; made by `open_table`."""
+    """Collects rows and writes them in large blocks; created by `open_table`."""
 
     def __init__(self, path: Path, columns: list[str], is_parquet: bool) -> None:
         self._path = path
@@ -27,7 +27,7 @@ class TableWriter:
         self._rows_waiting = 0
 
     def add(self, rows: pd.DataFrame | str) -> None:
-        """Append rows, whose columns are those that the table was opened with; or lines of CSV."""
+        """Append rows with the columns of `open_table`, or lines of CSV."""
         if not len(rows):
             return
         if isinstance(rows, str):
@@ -41,7 +41,7 @@ class TableWriter:
             self._write()
 
     def close(self) -> None:
-        """Write what is waiting, and end the file."""
+        """Write the remaining rows and close the file."""
         if self._waiting or self._file is None:
             self._write()
         self._file.close()
@@ -73,7 +73,7 @@ class TableWriter:
 
 @contextmanager
 def open_table(path: Path, columns: list[str]) -> Iterator[TableWriter]:
-    """A writer for a new table; the file appears at the end, whole, or not at all.
+    """A writer for a new table; the file appears complete at the end, or not at all.
 
     Raises:
         StereocalError: the folder cannot be written to, or the disk is full.
@@ -83,7 +83,7 @@ def open_table(path: Path, columns: list[str]) -> Iterator[TableWriter]:
         try:
             yield writer
         except BaseException:
-            # The temporary file goes away; an open one cannot be removed on Windows.
+            # Windows cannot remove an open temporary file.
             if writer._file is not None:
                 writer._file.close()
             raise

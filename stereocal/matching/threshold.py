@@ -1,23 +1,23 @@
-"""A matching threshold from the points themselves: `--threshold auto`.
+"""Choose a matching threshold from the points themselves: `--threshold auto`.
 
-Let a frame have `n` correct pairs whose error e has the density f and the distribution F, and let
-`s` wrong pairs per pixel of error lie near e = 0, where their density is flat: a wrong partner lies
-at any distance from the epipolar line. With a threshold t
+Let a frame have `n` correct pairs whose error e has density f and distribution F. Wrong partners
+lie at any distance from the epipolar line, so near e = 0 the density of wrong pairs is uniform: `s`
+per pixel. With a threshold t
 
     lost(t)  = n (1 - F(t))                     correct pairs beyond the threshold,
     wrong(t) = s * integral_0^t u(e) v(e) de    wrong pairs that are taken,
     u(e) = 1 - n F(e) / n_primary,  v(e) = 1 - n F(e) / n_secondary.
 
-u and v are the shares of points without a partner within e. They enter because the assignment is
-one-to-one: a wrong pair is taken where both its points lack their own partner (missing, spurious or
-lost). Without them the threshold of a dense flock would lose half of its pairs. Two pairs that
-exchange their partners are not counted: a threshold hardly changes how often that happens. The
-threshold taken makes lost + wrong least: there, one more correct pair costs one more wrong one.
+u and v are the fractions of points without their partner within e: since the assignment is
+one-to-one, a wrong pair is taken only if both its points lack their own partner (missing, spurious
+or lost). Without these factors half of the pairs of a dense flock would be lost. Pairs that
+exchange partners are not counted: their number hardly depends on the threshold. The chosen
+threshold minimises lost + wrong.
 
-n, s and f are estimated from the errors of all pairs of some frames, up to an error with some four
-pairs per point: a mixture of a peak (correct pairs) and a uniform (wrong ones), fitted by maximum
-likelihood. The peak is half-normal, as a normal offset from the epipolar line makes it, but for 5 %
-of the pairs, whose scale is three times as large: real detections have such tails.
+n, s and f are estimated from the errors of all pairs of a sample of frames, up to an error with
+about four pairs per point: a mixture of a peak (correct pairs) and a uniform (wrong pairs), fitted
+by maximum likelihood. The peak is half-normal, with a tail of 5 % of the pairs at three times the
+scale, as real detections have.
 """
 
 from __future__ import annotations
@@ -37,18 +37,18 @@ from stereocal.rig.parameters import RigParameters
 
 SAMPLE_FRAMES = 20
 SAMPLE_POINTS = 2000
-"""A sample of either so many frames, or more frames until so many points, is plenty."""
+"""A sample has at least this many frames, and more until it has this many points."""
 PAIRS_PER_POINT = 4
-"""Enough wrong pairs to see their density, and near enough to 0 for it to be flat."""
+"""Enough wrong pairs to estimate their density, and close enough to 0 for it to be uniform."""
 BINS = 400
 TAIL = 0.05
 TAIL_SCALE = 3.0
 EVIDENCE = 30.0
-"""Twice the gain in log likelihood by which correct pairs must show; chance gives 10 at most."""
-MOST_LOST = 0.5
-"""A threshold that loses more than half of the correct pairs is none."""
-LEAST_UNPARTNERED = 0.01
-"""However many partners were found, one point in a hundred may be without."""
+"""Required value of twice the gain in log likelihood by the peak; chance gives 10 at most."""
+MAXIMUM_LOST = 0.5
+"""A threshold that loses a larger fraction of the correct pairs is rejected."""
+MINIMUM_UNPARTNERED = 0.01
+"""Lower limit of the fraction of points without a partner."""
 
 FramePixels = tuple[FloatArray, FloatArray]
 """Raw pixels (n, 2) of the primary and (m, 2) of the secondary in one frame."""
@@ -56,32 +56,31 @@ FramePixels = tuple[FloatArray, FloatArray]
 
 @dataclass(frozen=True)
 class ThresholdChoice:
-    """A threshold, and what it rests on."""
+    """A threshold, and the estimates behind it."""
 
     threshold_px: float
     sigma_px: float
-    """Scale of the half-normal of correct pairs, its tail apart."""
+    """Scale of the half-normal of correct pairs, without the tail."""
     wrong_per_point: float
     """Expected wrong candidates of a primary point within the threshold."""
     partnered: float
-    """Estimated share of primary points whose partner is among the secondary's points."""
+    """Estimated fraction of primary points whose partner is among the secondary's points."""
     lost: float
-    """Expected share of correct pairs beyond the threshold."""
+    """Expected fraction of correct pairs beyond the threshold."""
     wrong: float
-    """Expected share of wrong pairs among those taken."""
+    """Expected fraction of wrong pairs among those taken."""
 
     def sentence(self) -> str:
-        """The choice in words."""
         return (
             f"Threshold chosen from the points: {self.threshold_px:.3g} px. Correct pairs have "
-            f"errors of about {self.sigma_px:.2g} px; a point meets {self.wrong_per_point:.2g} "
-            f"wrong candidates within the threshold; about {100 * self.lost:.1f} % of the correct "
-            f"pairs lie beyond it."
+            f"errors of about {self.sigma_px:.2g} px; a point has {self.wrong_per_point:.2g} wrong "
+            f"candidates within the threshold on average; about {100 * self.lost:.1f} % of the "
+            "correct pairs lie beyond it."
         )
 
 
 def sample_of(frames: Sequence[int], points_per_frame: float) -> set[int]:
-    """Frames to choose a threshold from: evenly spread, and enough of them."""
+    """Evenly spaced frames to choose a threshold from."""
     wanted = max(SAMPLE_FRAMES, int(np.ceil(SAMPLE_POINTS / max(points_per_frame, 1e-9))))
     at = np.linspace(0, len(frames) - 1, min(wanted, len(frames))).round().astype(int)
     return {int(frames[k]) for k in at}
@@ -92,13 +91,13 @@ def choose_threshold(
     frames: Sequence[FramePixels],
     depths_m: tuple[float, float] = ANY_DEPTH,
 ) -> ThresholdChoice:
-    """The threshold of least lost and wrong pairs; see the module's text.
+    """The threshold that minimises lost plus wrong pairs (see the module).
 
     Args:
-        frames: 20 frames are plenty where there are many points; more where there are few.
+        frames: 20 frames are enough if they have many points; see `sample_of`.
 
     Raises:
-        StereocalError: no pairs at all, or correct pairs do not stand out from the wrong ones.
+        StereocalError: no pairs at all, or correct and wrong pairs cannot be separated.
     """
     pooled, limit = _pooled_errors(rig, frames, depths_m)
     if not len(pooled):
@@ -111,12 +110,11 @@ def choose_threshold(
     points = np.array([[len(p), len(s)] for p, s in frames], dtype=np.float64).sum(axis=0)
     wrong_per_px = (1 - share) * len(pooled) / limit
     chosen = _choose(sigma, share * len(pooled), wrong_per_px, points, limit)
-    if gain < EVIDENCE or chosen.lost > MOST_LOST:
+    if gain < EVIDENCE or chosen.lost > MAXIMUM_LOST:
         raise StereocalError(
-            "No threshold can be chosen from the points, for correct pairs do not stand out from "
-            "wrong ones: either the points are too dense for this parameter set, or it does not "
-            "fit them. Match with the 2D set, narrow the depth range, or give a threshold in "
-            "pixels."
+            "No threshold can be chosen: correct and wrong pairs cannot be separated, because the "
+            "points are too dense for this parameter set, or it does not fit them. Match with the "
+            "2D set, narrow the depth range, or state a threshold in pixels."
         )
     return chosen
 
@@ -135,7 +133,7 @@ def _pooled_errors(
         )
         few = min(len(primary), len(secondary))
         wanted += max(few, min(PAIRS_PER_POINT * few, 3 * len(primary) * len(secondary) // 4))
-        # Room for frames of unlike density, and still far fewer than all.
+        # Enough for frames of different density, and still far fewer than all.
         most = 10 * PAIRS_PER_POINT * few
         found.append(errors if len(errors) <= most else np.partition(errors, most)[:most])
     pooled = np.sort(np.concatenate(found))[:wanted]
@@ -143,7 +141,7 @@ def _pooled_errors(
 
 
 def _fit(counts: FloatArray, edges: FloatArray) -> tuple[float, float, float]:
-    """Scale of the half-normal, its share, and twice the gain in log likelihood over no peak."""
+    """Scale of the half-normal, its fraction, and twice the log likelihood gain over no peak."""
     limit = edges[-1]
     scales = np.geomspace(3e-4 * limit, 0.5 * limit, 150)[:, None]
     peak = np.diff(_found(edges, scales), axis=1) / _found(limit, scales)
@@ -160,7 +158,7 @@ def _fit(counts: FloatArray, edges: FloatArray) -> tuple[float, float, float]:
 
 
 def _found(error: npt.ArrayLike, scale: npt.ArrayLike) -> FloatArray:
-    """F: the share of correct pairs up to an error."""
+    """F: the fraction of correct pairs up to an error."""
     relative = np.asarray(error) / (np.sqrt(2.0) * np.asarray(scale))
     share: FloatArray = (1 - TAIL) * erf(relative) + TAIL * erf(relative / TAIL_SCALE)
     return share
@@ -169,8 +167,8 @@ def _found(error: npt.ArrayLike, scale: npt.ArrayLike) -> FloatArray:
 def _choose(
     sigma: float, correct: float, wrong_per_px: float, points: FloatArray, limit: float
 ) -> ThresholdChoice:
-    """Least lost + wrong, with the numbers of all frames together."""
-    partnered = np.minimum(correct / points, 1 - LEAST_UNPARTNERED)
+    """Minimise lost + wrong over all frames together."""
+    partnered = np.minimum(correct / points, 1 - MINIMUM_UNPARTNERED)
     errors = np.concatenate([[0.0], np.geomspace(1e-2 * sigma, limit, 4000)])
     found = _found(errors, sigma)
     free = (1 - partnered[0] * found) * (1 - partnered[1] * found)

@@ -1,1 +1,1 @@
-"""The ground: settings from the environment, atomic files, tasks on executors, decoding."""
+"""Settings from the environment, atomic files, tasks on executors, decoding untrusted files."""

@@ -1,4 +1,4 @@
-"""Arrays in one file (NumPy's .npz), read from strangers: nothing is believed before it is held."""
+"""Read arrays from an untrusted .npz file."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from stereocal.system.zip_files import unzip
 
 Array = npt.NDArray[Any]
 LARGEST = 1e100
-"""No number of ours is larger; its square would not be a number any more."""
+"""Larger numbers are rejected, since their squares may overflow."""
 
 
 def read_arrays(content: bytes, source: str) -> dict[str, Array]:
-    """The arrays by name, as `numpy.load` reads them, within the limits of a zip.
+    """The arrays by name, as from `numpy.load`, within the limits for zip files.
 
     Raises:
-        StereocalError: not such a file, damaged, too large, or with other things than numbers.
+        StereocalError: not an .npz file, damaged, too large, or not only numbers.
     """
     found = {}
     for name, packed in unzip(content, source, lambda name: name.endswith(".npy")).items():
         try:
             found[name.removesuffix(".npy")] = _array(packed)
-        except Exception as error:  # a head may be wrong in any way
+        except Exception as error:  # NumPy's parser of headers may raise anything
             raise StereocalError(f"{source}: {name} is damaged.") from error
     return found
 
@@ -39,15 +39,15 @@ def _array(packed: bytes) -> Array:
     if array.dtype.kind == "f" and (np.isinf(array) | (np.abs(array) > LARGEST)).any():
         raise ValueError("infinite")
     if array.dtype.kind == "f":
-        array[np.isnan(array)] = np.nan  # a signalling one raises a warning wherever it is used
+        array[np.isnan(array)] = np.nan  # signalling NaNs cause warnings
     return array
 
 
 def shaped(array: Array, kinds: str, *shape: int | None) -> Array:
-    """The array, if it has such numbers and this shape; None is any length.
+    """The array, if its dtype is one of `kinds` and it has this shape; None is any length.
 
     Raises:
-        ValueError: it has not.
+        ValueError: another dtype or shape.
     """
     fits = array.ndim == len(shape) and all(
         wanted is None or wanted == length

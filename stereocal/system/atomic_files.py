@@ -1,7 +1,7 @@
-"""Files that appear whole or not at all, and that are there after a power cut.
+"""Atomic and durable writing: files appear complete or not at all, and survive a power cut.
 
-A temporary file beside the target is written and flushed, renamed, and then its folder is flushed:
-without that the new name may be lost, though the content is not.
+A temporary file beside the target is written, flushed and renamed; then the folder is flushed,
+without which the new name may be lost.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from stereocal.errors import StereocalError
 
 
 def make_folder(path: Path) -> None:
-    """Make a folder, and those above that are missing, so that they are there after a power cut.
+    """Make a folder and its missing parents durably.
 
     Raises:
         OSError: it cannot be made.
@@ -24,18 +24,18 @@ def make_folder(path: Path) -> None:
     if path.is_dir():
         return
     make_folder(path.parent)
-    with suppress(FileExistsError):  # by another thread; what is no folder fails when it is used
+    with suppress(FileExistsError):  # made by another thread; if it is a file, its use will fail
         path.mkdir()
     flush_folder(path.parent)
 
 
 def flush_folder(path: Path) -> None:
-    """Wait until the names in a folder are on the disk.
+    """Flush the names in a folder to disk.
 
     Raises:
-        OSError: they cannot be brought there.
+        OSError: the flush fails.
     """
-    if os.name == "nt":  # a folder cannot be opened there; the file system keeps a journal
+    if os.name == "nt":  # folders cannot be opened on Windows; NTFS keeps a journal
         return
     handle = os.open(path, os.O_RDONLY)
     try:
@@ -45,17 +45,17 @@ def flush_folder(path: Path) -> None:
 
 
 def flush_file(path: Path) -> None:
-    """Wait until a file's content is on the disk.
+    """Flush a file's content to disk.
 
     Raises:
-        OSError: it cannot be brought there.
+        OSError: the flush fails.
     """
-    with path.open("r+b") as file:  # Windows flushes only what may be written to
+    with path.open("r+b") as file:  # Windows flushes writable files only
         os.fsync(file.fileno())
 
 
 def write_atomically(path: Path, content: bytes) -> None:
-    """Write `content` to `path`, whole or not at all.
+    """Write `content` to `path` atomically.
 
     Raises:
         StereocalError: the folder cannot be written to, or the disk is full.
@@ -64,13 +64,13 @@ def write_atomically(path: Path, content: bytes) -> None:
 
 
 def write_all(files: Mapping[Path, bytes]) -> None:
-    """Write several files, each whole; a later folder's files appear after an earlier one's.
+    """Write several files, each atomically; folders are completed in order.
 
-    Temporary files are written beside all of them before the first is renamed.
+    All temporary files are written before the first is renamed.
 
     Raises:
-        StereocalError: a folder cannot be written to, or the disk is full. Nothing has changed but
-            where the disk fails between two renames, which need no room.
+        StereocalError: a folder cannot be written to, or the disk is full. Nothing has changed
+            then, unless the disk fails between two renames.
     """
     waiting: list[tuple[Path, Path]] = []
     try:
@@ -100,7 +100,7 @@ def write_all(files: Mapping[Path, bytes]) -> None:
 
 @contextmanager
 def write_in_parts(path: Path) -> Iterator[Path]:
-    """A temporary file beside `path` to write to piece by piece; it becomes `path` at the end.
+    """A temporary file beside `path` to write to; it is renamed to `path` at the end.
 
     Raises:
         StereocalError: the folder cannot be written to, or the disk is full. After this or any
@@ -129,6 +129,6 @@ def write_in_parts(path: Path) -> Iterator[Path]:
 
 
 def _remove(path: Path) -> None:
-    """Remove a temporary file; where even that fails, the sweep of the server will."""
+    """Remove a temporary file; if that fails, the server's clean-up does it later."""
     with suppress(OSError):
         path.unlink(missing_ok=True)

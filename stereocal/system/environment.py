@@ -1,4 +1,4 @@
-"""Numbers from the environment, which set up a server; docs/deploy.md lists them."""
+"""Numeric settings from environment variables; docs/deploy.md lists them."""
 
 from __future__ import annotations
 
@@ -8,13 +8,15 @@ from collections.abc import Mapping
 from stereocal.errors import StereocalError
 
 
-def number_given(given: Mapping[str, str], name: str, default: float, least: float = 0.0) -> float:
-    """The number of a variable, or `default` where it is not set or blank.
+def number_given(
+    environment: Mapping[str, str], name: str, default: float, least: float = 0.0
+) -> float:
+    """The number in a variable; `default` if it is not set or blank.
 
     Raises:
-        StereocalError: no number, or one below `least`.
+        StereocalError: not a number, or below `least`.
     """
-    text = given.get(name, "").strip()
+    text = environment.get(name, "").strip()
     if not text:
         return default
     try:

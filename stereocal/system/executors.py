@@ -1,4 +1,4 @@
-"""Where tasks are computed: threads, processes, or a Dask cluster, all as one kind of executor."""
+"""Executors for tasks: threads, processes, or a Dask cluster."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from stereocal.errors import StereocalError
 P = ParamSpec("P")
 T = TypeVar("T")
 SCHEDULER = "STEREOCAL_SCHEDULER"
-"""The variable with the address of the cluster that computes the jobs of a server."""
+"""Environment variable with the address of the cluster for a server's jobs."""
 
 
 @contextmanager
@@ -25,14 +25,14 @@ def engine(workers: int | None = None, scheduler: str | None = None) -> Iterator
     """An executor for `tasks.run_tasks`, until the context ends.
 
     Args:
-        workers: so many processes; None for threads, which compiled code and OpenCV do not block.
-        scheduler: address of a Dask scheduler, such as tcp://host:8786; its workers are used.
+        workers: number of processes; None: threads (compiled code and OpenCV release the GIL).
+        scheduler: address of a Dask scheduler, such as tcp://host:8786, whose workers to use.
 
     Raises:
-        StereocalError: both are given, or the cluster cannot be reached.
+        StereocalError: both are stated, or the cluster cannot be reached.
     """
     if workers is not None and scheduler is not None:
-        raise StereocalError("Give either a number of workers or a scheduler, not both.")
+        raise StereocalError("State either a number of workers or a scheduler, not both.")
     if workers is not None and workers < 1:
         raise StereocalError(f"The number of workers is {workers}: it must be at least 1.")
     if scheduler is not None:
@@ -45,7 +45,7 @@ def engine(workers: int | None = None, scheduler: str | None = None) -> Iterator
         threads = ThreadPoolExecutor(os.cpu_count() or 1)
         try:
             yield threads
-        finally:  # after an error or Ctrl-C nobody waits for what they are at
+        finally:  # after an error or Ctrl-C do not wait for running tasks
             threads.shutdown(wait=False, cancel_futures=True)
 
 
@@ -57,8 +57,8 @@ def _processes(workers: int) -> Iterator[Executor]:
         yield processes
     finally:
         try:
-            # The pieces at work are finished: a process that is ended while it answers leaves half
-            # an answer, for whose rest the pool waits for ever.
+            # Running tasks are finished: if a process is terminated while it sends a result, the
+            # pool waits for the rest for ever.
             processes.shutdown(cancel_futures=True)
         except KeyboardInterrupt:  # a second time
             for process in set(multiprocessing.active_children()) - others:
@@ -67,7 +67,7 @@ def _processes(workers: int) -> Iterator[Executor]:
 
 
 class _Process(SpawnProcess):
-    """Ctrl-C at a terminal reaches all processes: this one leaves it to the one that began it."""
+    """A process that ignores Ctrl-C, which the terminal sends to all processes."""
 
     def start(self) -> None:
         if os.name == "nt":
@@ -75,28 +75,28 @@ class _Process(SpawnProcess):
             return
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
-            super().start()  # it inherits what is blocked
+            super().start()  # inherits the signal mask
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 class _Spawn(SpawnContext):
-    """Never fork: the server and NumPy run threads, whose locks a fork would copy."""
+    """Spawn, because a fork would copy the locks of the server's and NumPy's threads."""
 
     Process = _Process
 
 
 class Cluster(Executor):
-    """The workers of a Dask cluster, which may run on other computers with other disks."""
+    """The workers of a Dask cluster, possibly on computers without access to our disk."""
 
     def __init__(self, client: Any) -> None:
         self._client = client
-        # Not "pure": no digests of the arguments, by which Dask would look for equal calls.
+        # pure=False: Dask does not hash the arguments to find equal calls.
         self._executor: Executor = client.get_executor(pure=False)
 
     @property
     def tasks_at_once(self) -> int:
-        """Threads of all workers now; 1 while there is none."""
+        """Current number of threads of all workers, at least 1."""
         return max(1, int(sum(self._client.ncores().values())))
 
     @property
@@ -107,11 +107,11 @@ class Cluster(Executor):
     def submit(
         self, function: Callable[P, T], /, *arguments: P.args, **named: P.kwargs
     ) -> Future[T]:
-        """Hand in a task."""
+        """Submit a task."""
         return self._executor.submit(function, *arguments, **named)
 
     def shutdown(self, *_: Any, **__: Any) -> None:
-        """Leave the cluster, which goes on without this program."""
+        """Disconnect; the cluster keeps running."""
         self._client.close()
 
 
@@ -136,10 +136,10 @@ def cluster(address: str) -> Cluster:
         raise StereocalError(f"The scheduler at {address} cannot be reached ({error}).") from error
     try:
         versions = set(client.run(_version).values())
-    except Exception as error:  # of a worker, which has no stereocal
+    except Exception as error:  # any error raised on a worker without stereocal
         client.close()
         raise StereocalError(
-            f"The workers of {address} cannot import stereocal ({error}): install it there."
+            f"The workers of {address} cannot import stereocal ({error}): install it on them."
         ) from error
     if versions != {_version()}:
         client.close()
@@ -155,15 +155,15 @@ def tasks_at_once(executor: Executor) -> int:
     """How many tasks an executor computes at the same time."""
     if isinstance(executor, Cluster):
         return executor.tasks_at_once
-    # Of threads and of processes alike; the library has no public name for it.
+    # Thread and process pools have no public name for it.
     return int(getattr(executor, "_max_workers", None) or os.cpu_count() or 1)
 
 
 def scheduler_of(environment: Mapping[str, str]) -> str | None:
-    """The address in STEREOCAL_SCHEDULER; None where it is not set.
+    """The address in STEREOCAL_SCHEDULER; None if it is not set.
 
     Raises:
-        StereocalError: it is no address of a scheduler.
+        StereocalError: it is not the address of a scheduler.
     """
     address = environment.get(SCHEDULER, "").strip()
     if address and not re.fullmatch(r"(tcp|tls|ws|wss)://\S+:\d+", address):

@@ -1,10 +1,10 @@
-"""Untrusted files, decoded in a process of its own first, where people share a server.
+"""On a shared server, decode untrusted files in a separate process first.
 
     guard = Guard({"photograph": read_photograph})
     guard.check("photograph", path, "left07.png")
 
-Photographs, Parquet and HDF5 are decoded by native code, which a malformed file can crash, hang, or
-make to take all memory. A file that is merely damaged passes: its reader says what is wrong.
+Photographs, Parquet and HDF5 are decoded by native code, which a malformed file can crash, hang or
+make exhaust memory. A file that is merely damaged passes: its reader reports what is wrong.
 """
 
 from __future__ import annotations
@@ -26,24 +26,24 @@ from stereocal.errors import StereocalError
 from stereocal.system.limits import MB, Limits
 
 Reader = Callable[[Path], object]
-"""A function of a module, which the child imports by its name."""
+"""A module-level function, which the child imports by its name."""
 LEAST_SECONDS = 10.0
 SECONDS_PER_MB = 0.1
-"""A 16-bit PNG of 200 megapixels may take seconds; a busy server is slower still."""
-LOOK_S = 0.2
-"""How often a pool is asked whether it still works."""
+"""A 16-bit PNG of 200 megapixels may take seconds, longer on a busy server."""
+POLL_S = 0.2
+"""Interval in which it is checked whether the pool still works."""
 SPARE = 1_000_000_000
 BYTES_PER_PIXEL = 16
-"""Four channels of 16 bits, three of them copied to be weighed, and the grey image."""
+"""Four channels of 16 bits, a copy of three of them, and the grey image."""
 
 
 class Guard:
-    """A pool of processes that try files, started when first needed.
+    """A pool of processes that try to decode files, started when first needed.
 
     Args:
-        readers: what reads a file of each kind.
-        children: how many files are tried at the same time; with 0, none is tried.
-        least_seconds: what a small file may take.
+        readers: the reader of each kind of file.
+        children: number of processes; 0: no checks.
+        least_seconds: time limit for a small file.
     """
 
     def __init__(
@@ -59,10 +59,10 @@ class Guard:
         self._pool: ProcessPool | None = None
 
     def check(self, kind: str, path: Path, name: str) -> None:
-        """Try a file, which messages call `name`.
+        """Try to decode a file, called `name` in messages.
 
         Raises:
-            StereocalError: it crashes its decoder, takes too long or too much memory, or is gone.
+            StereocalError: it crashes its decoder, exceeds time or memory, or is missing.
         """
         if not self._children:
             return
@@ -73,15 +73,17 @@ class Guard:
         try:
             reason = self._tried(kind, path, seconds)
         except (BrokenProcessPool, RuntimeError) as error:
-            raise StereocalError("The server cannot start the process that tries files.") from error
+            raise StereocalError(
+                "The server cannot start its process for checking files."
+            ) from error
         if reason:
             raise StereocalError(
-                f"{name}: the file {reason}, and is not read; save it anew, by another program "
-                "if need be."
+                f"{name}: the file {reason} and was not read; save it again, if necessary with "
+                "another program."
             )
 
     def check_content(self, kind: str, content: bytes, name: str, suffix: str = "") -> None:
-        """As `check`, of a file's content."""
+        """As `check`, for a file's content."""
         if not self._children:
             return
         try:
@@ -93,7 +95,7 @@ class Guard:
             raise StereocalError(f"{name} cannot be stored: {error.strerror or error}.") from error
 
     def refused(self, kind: str, files: Mapping[str, Path]) -> dict[str, StereocalError]:
-        """Try many files; those that do not pass, with the reason."""
+        """Check many files; returns the errors of those that fail, by name."""
 
         def reason(item: tuple[str, Path]) -> StereocalError | None:
             try:
@@ -107,7 +109,7 @@ class Guard:
             return {name: error for name, error in found if error is not None}
 
     def close(self) -> None:
-        """End the processes; the next file starts others."""
+        """Stop the processes; the next check starts new ones."""
         with self._lock:
             if self._pool is not None:
                 self._pool.stop()  # type: ignore[no-untyped-call]
@@ -115,7 +117,7 @@ class Guard:
             self._pool = None
 
     def _tried(self, kind: str, path: Path, seconds: float, again: bool = True) -> str:
-        """Why a file does not pass; empty if it does."""
+        """Why a file fails; empty if it passes."""
         with self._lock:
             if self._pool is None or not self._pool.active:
                 self._pool = self._started()
@@ -124,8 +126,8 @@ class Guard:
                 _read, (self._readers[kind], path.resolve(), seconds), timeout=seconds
             )
         try:
-            # A file that comes while a pool breaks is forgotten by Pebble: nobody would end it.
-            while not wait([future], LOOK_S).done:
+            # Pebble forgets a file that is scheduled while a pool breaks: it would never end.
+            while not wait([future], POLL_S).done:
                 if not pool.active:
                     raise BrokenProcessPool
             future.result()
@@ -133,45 +135,45 @@ class Guard:
             return f"takes too long to be decoded, more than {seconds:.0f} s"
         except MemoryError:
             return "needs too much memory to be decoded"
-        except BrokenProcessPool:  # all children were killed, by the system for instance
+        except BrokenProcessPool:  # all children were killed, for example by the system
             if again:
                 return self._tried(kind, path, seconds, again=False)
             raise
-        except Exception:  # it has ended, or something that must not happen in the server
+        except Exception:  # the child died, or the decoder raised an unexpected error
             return "makes its decoder fail"
         return ""
 
     def _started(self) -> ProcessPool:
-        room = SPARE + int(min(BYTES_PER_PIXEL * Limits.from_environment().megapixels * MB, 1e15))
+        memory = SPARE + int(min(BYTES_PER_PIXEL * Limits.from_environment().megapixels * MB, 1e15))
         return ProcessPool(
             max_workers=self._children,
             initializer=_prepare,
-            initargs=(tuple(self._readers.values()), room),
+            initargs=(tuple(self._readers.values()), memory),
             context=multiprocessing.get_context("spawn"),
         )
 
 
-def _prepare(_: tuple[Reader, ...], room: int) -> None:
-    """In the child: allow so many bytes more than its imports take, where the system counts them.
+def _prepare(_: tuple[Reader, ...], memory: int) -> None:
+    """In the child: limit its memory to that of its imports plus `memory` bytes, on Linux.
 
     Args:
-        _: the readers, whose modules are imported with this argument.
+        _: the readers; unpickling this argument imports their modules.
     """
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)  # a decoder that hangs takes no other
-    os.environ["ARROW_DEFAULT_MEMORY_POOL"] = "system"  # others set aside more addresses
-    for stream in (1, 2):  # what decoders print
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)  # a hanging decoder runs no Python handler
+    os.environ["ARROW_DEFAULT_MEMORY_POOL"] = "system"  # others reserve more address space
+    for stream in (1, 2):  # silence the decoders
         os.dup2(os.open(os.devnull, os.O_WRONLY), stream)
     with suppress(ImportError, OSError, ValueError):
         import resource
 
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
         used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
-        resource.setrlimit(resource.RLIMIT_AS, (used + room, used + room))
+        resource.setrlimit(resource.RLIMIT_AS, (used + memory, used + memory))
 
 
 def _read(read: Reader, path: Path, seconds: float) -> None:
-    """In the child: try a file."""
-    if hasattr(signal, "alarm"):  # the server that would end it may have been killed
+    """In the child: try to read a file."""
+    if hasattr(signal, "alarm"):  # in case the server, which enforces the timeout, was killed
         signal.alarm(int(seconds) + 5)
     try:
         read(path)

@@ -1,4 +1,4 @@
-"""JSON that a person gives: read by one function, which refuses what has two meanings."""
+"""Read JSON from users, rejecting duplicate keys."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from stereocal.errors import StereocalError
 def read_json(content: bytes | str, source: str) -> Any:
     """The value of a JSON text (UTF-8).
 
-    Python's own reader takes the last of two equal keys, without a word: half of a file that was
-    edited by hand is then not what its owner reads in it.
+    Of duplicate keys Python's reader silently takes the last, which hides mistakes in hand-edited
+    files.
 
     Raises:
-        StereocalError: no text, no JSON, or an object in which a key stands twice.
+        StereocalError: not text, not JSON, or an object with a duplicate key.
     """
     try:
         text = content if isinstance(content, str) else content.decode("utf-8-sig")
@@ -28,8 +28,8 @@ def read_json(content: bytes | str, source: str) -> Any:
         for key, value in pairs:
             if key in found:
                 raise StereocalError(
-                    f'{source}: the key "{key[:60]}" stands twice in one object'
-                    f"{_lines_of(key, text)}; keep the one that is meant."
+                    f'{source}: the key "{key[:60]}" occurs twice in one object'
+                    f"{_lines_of(key, text)}; keep the right one."
                 )
             found[key] = value
         return found
@@ -43,7 +43,7 @@ def read_json(content: bytes | str, source: str) -> Any:
 
 
 def _lines_of(key: str, text: str) -> str:
-    """The lines in which a key stands, where it stands in two."""
-    places = re.finditer(rf"{re.escape(json.dumps(key, ensure_ascii=False))}\s*:", text)
-    lines = sorted({text.count("\n", 0, place.start()) + 1 for place in places})
+    """The two lines with a key; empty if there are not exactly two."""
+    hits = re.finditer(rf"{re.escape(json.dumps(key, ensure_ascii=False))}\s*:", text)
+    lines = sorted({text.count("\n", 0, hit.start()) + 1 for hit in hits})
     return f" (lines {lines[0]} and {lines[1]})" if len(lines) == 2 else ""

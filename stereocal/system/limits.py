@@ -1,4 +1,4 @@
-"""How much is read of what strangers give; each limit holds before anything is decoded.
+"""Limits on untrusted files, checked before anything is decoded.
 
 Limits.from_environment().check_size(path.stat().st_size, path.name)
 """
@@ -13,13 +13,13 @@ from stereocal.errors import StereocalError
 from stereocal.system.environment import number_given
 
 MB = 1e6
-FREE_SWELLING = 10_000_000
-"""Bytes that may swell any much: a black photograph, a table of equal numbers."""
+FREE_EXPANSION = 10_000_000
+"""Unpacked bytes that are allowed at any ratio, for example for a black photograph."""
 
 
 @dataclass(frozen=True)
 class Limits:
-    """The limits of this computer. Each field is set by a variable, `VARIABLES`; inf is none."""
+    """The limits, each set by an environment variable (`VARIABLES`); inf means unlimited."""
 
     files: float = 20_000
     """Files of one upload, or in one zip: 10,000 pairs of photographs."""
@@ -28,74 +28,73 @@ class Limits:
     unpacked_mb: float = 20_000
     """All files of one zip or upload together: 2000 pairs of photographs of 5 MB."""
     ratio: float = 200
-    """A table of numbers packs to a fifth; a zip that swells two hundredfold is a trap."""
+    """Unpacked to packed size; a table of numbers has about 5, a zip bomb far more."""
     megapixels: float = 200
     """One photograph."""
     pairs: float = 1_000_000
-    """Rows of a table to calibrate with, which is held in memory: 0.6 kB a row."""
+    """Rows of a calibration table, which is read into memory: 0.6 kB a row."""
     rows: float = 20_000_000
-    """Rows of a table of points to match or to measure, of which blocks are held."""
+    """Rows of a table of points to match or measure, which is read in blocks."""
 
     @classmethod
     def from_environment(cls, environment: Mapping[str, str] | None = None) -> Limits:
-        """The limits that are set; what is not given keeps its default.
+        """The limits from the environment, with defaults.
 
         Raises:
-            StereocalError: a value that is no number, or below 1.
+            StereocalError: a value that is not a number, or below 1.
         """
-        given = os.environ if environment is None else environment
+        variables = os.environ if environment is None else environment
         return cls(**{
-            name: number_given(given, variable, getattr(cls, name), least=1.0)
+            name: number_given(variables, variable, getattr(cls, name), least=1.0)
             for name, variable in VARIABLES.items()
         })  # fmt: skip
 
     def check_count(self, count: int, source: str) -> None:
-        """Refuse too many files at once."""
+        """Raise a `StereocalError` for too many files at once."""
         if count > self.files:
             raise self._refusal("files", f"{source}: {count} files at once are too many", "")
 
     def check_size(self, size: int, source: str) -> None:
-        """Refuse a file of so many bytes."""
+        """Raise a `StereocalError` for too large a file, in bytes."""
         if size > self.file_mb * MB:
             raise self._refusal("file_mb", f"{source}: the file has {_mb(size)}", " MB")
 
     def check_together(self, size: int, source: str) -> None:
-        """Refuse files of so many bytes together."""
+        """Raise a `StereocalError` for too large a sum of files, in bytes."""
         if size > self.unpacked_mb * MB:
             raise self._refusal("unpacked_mb", f"{source}: {_mb(size)} together", " MB")
 
-    def check_swelling(self, packed: int, unpacked: int, source: str) -> None:
-        """Refuse a zip that would become so much larger."""
-        if unpacked > self.ratio * packed + FREE_SWELLING:
-            said = (
-                f"{source}: {packed} bytes would swell to {unpacked}, "
-                f"{unpacked / max(packed, 1):.0f} times as much; it is not unpacked"
+    def check_expansion(self, packed: int, unpacked: int, source: str) -> None:
+        """Raise a `StereocalError` for a zip bomb; sizes in bytes."""
+        if unpacked > self.ratio * packed + FREE_EXPANSION:
+            message = (
+                f"{source}: {packed} bytes would expand to {unpacked}, "
+                f"{unpacked / max(packed, 1):.0f} times as much; it was not unpacked"
             )
-            raise self._refusal("ratio", said, " times")
+            raise self._refusal("ratio", message, " times")
 
     def check_pixels(self, width: int, height: int, source: str) -> None:
-        """Refuse a photograph that says it is so large."""
+        """Raise a `StereocalError` for too large a photograph, by its header."""
         if width * height > self.megapixels * MB:
-            said = (
-                f"{source}: it says that it is {width}x{height} px large, "
-                f"{width * height / MB:.4g} megapixels"
+            message = (
+                f"{source}: the image has {width}x{height} px, {width * height / MB:.4g} megapixels"
             )
-            raise self._refusal("megapixels", said, " megapixels")
+            raise self._refusal("megapixels", message, " megapixels")
 
     def check_pairs(self, rows: int, source: str) -> None:
-        """Refuse a table to calibrate with of so many rows."""
+        """Raise a `StereocalError` for too many rows of a calibration table."""
         if rows > self.pairs:
             raise self._refusal("pairs", f"{source}: the table has more rows", "")
 
     def check_rows(self, rows: int, source: str) -> None:
-        """Refuse a table of points of so many rows."""
+        """Raise a `StereocalError` for too many rows of a table of points."""
         if rows > self.rows:
             raise self._refusal("rows", f"{source}: the table has {rows} rows or more", "")
 
-    def _refusal(self, field: str, said: str, unit: str) -> StereocalError:
-        most = getattr(self, field)
+    def _refusal(self, field: str, message: str, unit: str) -> StereocalError:
+        limit = getattr(self, field)
         return StereocalError(
-            f"{said}; at most {most:.10g}{unit} are read (setting {VARIABLES[field]})."
+            f"{message}; at most {limit:.10g}{unit} are read (setting {VARIABLES[field]})."
         )
 
 

@@ -1,4 +1,4 @@
-"""A photograph as an array of grey values, exactly as the camera stored them."""
+"""Read a photograph as an array of grey values, exactly as the camera stored them."""
 
 from __future__ import annotations
 
@@ -20,63 +20,62 @@ from stereocal.system.limits import Limits
 GreyImage = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 
 SUFFIXES = frozenset((".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pgm", ".ppm", ".pnm"))
-"""How the names of photographs end; what a file is, its content decides."""
+"""Endings of photographs' names; the format is determined from the content."""
 SMALLEST_SIDE = 16
 FORMATS = ("PNG", "JPEG", "TIFF", "BMP", "PPM")
 CALLED = {"MPO": "JPEG", "PPM": "PGM"}
-"""Pillow's name MPO stands for a JPEG with previews after it, as some cameras write it."""
-MOST_PAGES = 100
+"""Pillow's MPO is a JPEG followed by previews, as some cameras write it."""
+MAXIMUM_PAGES = 100
 SUBFILE, BITS, SAMPLE_FORMAT = 254, 258, 339
 """Tags of a TIFF."""
 AS_STORED = cv2.IMREAD_UNCHANGED | cv2.IMREAD_IGNORE_ORIENTATION
-"""No turn by EXIF, which would move the pixels away from the lens; 16 bits not cut to 8."""
+"""No rotation by EXIF, since the lens model is for unrotated pixels; 16 bits not reduced to 8."""
 
-# What OpenCV would write to the terminal is said in the errors below, with the file's name.
-# 4.9 has the function at another place and does not name the level.
+# Silence OpenCV: the errors below report the same with the file's name. OpenCV 4.9 has the function
+# in another module and does not name the level.
 if hasattr(cv2.utils, "logging"):
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
 elif hasattr(cv2, "setLogLevel"):
     cv2.setLogLevel(0)
-# The same for Pillow; how many pixels are too many, `Limits` decides.
+# The same for Pillow; `Limits` limits the number of pixels.
 warnings.filterwarnings("ignore", module=r"PIL\.")
 Image.MAX_IMAGE_PIXELS = None
 
 
 class FileContent(Protocol):
-    """A file that is read when its turn comes: a path, or one that a project holds."""
+    """A file that is read on demand: a path, or a file of a project."""
 
     @property
     def name(self) -> str:
-        """Of a project's file, the same for the same content alone."""
+        """For a file of a project, a digest of its content."""
 
-    def read_bytes(self) -> bytes:
-        """The content."""
+    def read_bytes(self) -> bytes: ...
 
     def __hash__(self) -> int: ...
 
 
 def read_photograph(path: FileContent, name: str | None = None) -> GreyImage:
-    """The photograph in a file: PNG, JPEG, TIFF, BMP or PGM, by its content, not by its name.
+    """The photograph in a file: PNG, JPEG, TIFF, BMP or PGM, by content, not by name.
 
     Args:
-        name: what messages call it, if not by the file's name.
+        name: name in messages; None: the file's name.
 
     Returns:
-        (h, w), uint8 or uint16: raw values, also those of 10 or 12 bits in 16. Colours are weighed
-        to grey (ITU-R BT.601), transparency is dropped, the orientation in EXIF is not applied.
+        (h, w), uint8 or uint16: raw values, not rescaled for 10 or 12 bits in 16. Colours are
+        converted to grey (ITU-R BT.601), transparency is dropped, EXIF orientation is ignored.
 
     Raises:
-        StereocalError: it cannot be read, is no photograph, is cut off, or is too large.
+        StereocalError: unreadable, not a photograph, truncated, or too large.
     """
     name = name or path.name
     return decode_photograph(_content_of(path, name), name)
 
 
 def decode_photograph(content: bytes, name: str) -> GreyImage:
-    """As `read_photograph`, of a file's content; `name` is what messages call it."""
-    form, size = _look(content, name)
+    """As `read_photograph`, for a file's content; `name` is its name in messages."""
+    form, size = _header(content, name)
     if form == "PNG":
-        content = _without_remarks(content)
+        content = _without_metadata(content)
     try:
         image: npt.NDArray[Any] | None = cv2.imdecode(np.frombuffer(content, np.uint8), AS_STORED)
     except cv2.error:
@@ -89,24 +88,24 @@ def decode_photograph(content: bytes, name: str) -> GreyImage:
         image = cv2.cvtColor(np.ascontiguousarray(image[:, :, :3]), cv2.COLOR_BGR2GRAY)
     if image.dtype not in (np.uint8, np.uint16) or image.shape[::-1] != size:
         raise StereocalError(
-            f"{name}: the {form} does not hold what its head says ({size[0]}x{size[1]} px, 8 or "
-            "16 bits); copy it again."
+            f"{name}: the {form} does not match its header ({size[0]}x{size[1]} px, 8 or 16 "
+            "bits); copy it again."
         )
     return np.ascontiguousarray(image)
 
 
 def photograph_size(path: FileContent, name: str | None = None) -> tuple[int, int]:
-    """(width, height) in pixels of the photograph in a file, which is not decoded.
+    """(width, height) in pixels of the photograph in a file, without decoding it.
 
     Raises:
-        StereocalError: as `read_photograph`, but damage inside the image is not seen.
+        StereocalError: as `read_photograph`, but damage inside the image is not detected.
     """
     name = name or path.name
-    return _look(_content_of(path, name), name)[1]
+    return _header(_content_of(path, name), name)[1]
 
 
-def _look(content: bytes, name: str) -> tuple[str, tuple[int, int]]:
-    """Format, width and height, before anything is decoded: a decoder believes what a head says."""
+def _header(content: bytes, name: str) -> tuple[str, tuple[int, int]]:
+    """Format, width and height from the header, checked before anything is decoded."""
     Limits.from_environment().check_size(len(content), name)
     if not content:
         raise StereocalError(f"{name}: the file is empty (0 bytes).")
@@ -117,10 +116,10 @@ def _look(content: bytes, name: str) -> tuple[str, tuple[int, int]]:
         problem = _problem(image, content)
     except UnidentifiedImageError as error:
         raise StereocalError(
-            f"{name}: this is no photograph that can be read (PNG, JPEG, TIFF, BMP or PGM of 8 or "
-            "16 bits), whatever its name, or it is cut off."
+            f"{name}: this is not a readable photograph (PNG, JPEG, TIFF, BMP or PGM of 8 or 16 "
+            "bits), or it is cut off."
         ) from error
-    except Exception as error:  # whatever Pillow's parsers run into
+    except Exception as error:  # Pillow's parsers may raise anything
         raise StereocalError(f"{name}: the {form} is cut off or damaged; copy it again.") from error
     Limits.from_environment().check_pixels(*size, name)
     if problem:
@@ -131,13 +130,13 @@ def _look(content: bytes, name: str) -> tuple[str, tuple[int, int]]:
 
 
 def _problem(image: Any, content: bytes) -> str:
-    """Why an opened image is not a whole photograph that can be read; empty if it is."""
+    """Why an opened image is not a complete, supported photograph; empty if it is."""
     if image.format == "PNG":
         if image.is_animated:
-            return "this is an animated PNG; save each of its images as a file of its own"
+            return "this is an animated PNG; save each of its images as a separate file"
         image.verify()  # the checksums, to the end of the file
-    # Pillow has read to where the compressed image begins. OpenCV 4 decodes the rest of a JPEG
-    # that is cut off as grey, without a word.
+    # Pillow has read up to the compressed image. OpenCV 4 silently decodes the missing part of a
+    # truncated JPEG as grey.
     elif image.format in ("JPEG", "MPO") and content.find(b"\xff\xd9", image.fp.tell()) < 0:
         return "the JPEG is cut off; copy it again"
     elif image.format == "TIFF":
@@ -152,10 +151,10 @@ def _tiff_problem(image: Any) -> str:
         return (
             f"this TIFF has {form}samples of {max(bits)} bits; save it with 8 or 16 bits, unsigned"
         )
-    pages: Any = islice(ImageSequence.Iterator(image), MOST_PAGES)
+    pages: Any = islice(ImageSequence.Iterator(image), MAXIMUM_PAGES)
     previews = [page.tag_v2.get(SUBFILE, 0) & 1 for page in pages]
     if previews[0] or previews.count(0) != 1:
-        return "this TIFF holds several images; save each of them as a file of its own"
+        return "this TIFF contains several images; save each of them as a separate file"
     return ""
 
 
@@ -168,8 +167,8 @@ def _content_of(path: FileContent, name: str) -> bytes:
         raise StereocalError(f"{name} cannot be read: {error.strerror or error}.") from error
 
 
-def _without_remarks(content: bytes) -> bytes:
-    """A whole PNG without colour profile, EXIF and texts, of which the decoder would complain."""
+def _without_metadata(content: bytes) -> bytes:
+    """The PNG without colour profile, EXIF and texts, which cause decoder warnings."""
     kept, at, kind = [content[:8]], 8, b""
     while kind != b"IEND":
         length, kind = struct.unpack_from(">I4s", content, at)

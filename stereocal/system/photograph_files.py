@@ -1,7 +1,7 @@
-"""Photographs from a folder, a zip or an upload: each a file on disk, read when its turn comes.
+"""Photographs from a folder, a zip or an upload, as files on disk.
 
-Nothing here holds more than one photograph in memory, and what comes from a zip or an upload is
-stored under a name made from its content, never under its own.
+At most one photograph is in memory. Those from a zip or an upload are stored under a digest of
+their content, never under their own name.
 """
 
 from __future__ import annotations
@@ -17,22 +17,22 @@ from stereocal.system.photograph import SUFFIXES, FileContent
 from stereocal.system.zip_files import open_zip
 
 Photographs = Mapping[str, FileContent]
-"""Names as the person has them, with folders and forward slashes, to files."""
+"""Files by the user's names, with folders and forward slashes."""
 Progress = Callable[[int, int], None]
 F = TypeVar("F")
 
 
 def is_photograph(name: str) -> bool:
-    """Whether a file's name is a photograph's, and not one that a system has hidden there."""
+    """Whether a file's name is that of a photograph, and not a hidden file."""
     path = PurePosixPath(name.replace("\\", "/"))
     hidden = any(part.startswith((".", "__MACOSX")) and part != ".." for part in path.parts)
     return path.suffix.lower() in SUFFIXES and not hidden
 
 
 def of_the_bar(photographs: Mapping[str, F]) -> Mapping[str, F]:
-    """Those in folders `primary` and `secondary`, where a data set has them; else all.
+    """Those in folders `primary` and `secondary`, if both exist; else all.
 
-    Photographs of a board, for the lenses, may lie beside them in folders of their own.
+    Other folders of a data set may contain photographs of boards.
     """
     own: dict[str, dict[str, F]] = {"primary": {}, "secondary": {}}
     for name, path in photographs.items():
@@ -44,10 +44,10 @@ def of_the_bar(photographs: Mapping[str, F]) -> Mapping[str, F]:
 
 
 def photographs_in(source: Path, store: Path, progress: Progress | None = None) -> dict[str, Path]:
-    """The photographs of a folder, where they lie, or of a zip, unpacked into `store`.
+    """The photographs in a folder, or in a zip, unpacked into `store`.
 
     Raises:
-        StereocalError: there is no such folder or zip, or it holds no photograph.
+        StereocalError: there is no such folder or zip, or no photograph in it.
     """
     if source.is_dir():
         found: dict[str, Path] = {}
@@ -84,7 +84,7 @@ def unpack_photographs(
 def zipped_photographs(
     source: Path | bytes, name: str, progress: Progress | None = None
 ) -> Iterator[tuple[str, bytes]]:
-    """The photographs of a zip, name and content, one after the other.
+    """The name and content of each photograph in a zip.
 
     Raises:
         StereocalError: as `zip_files.open_zip`.
@@ -98,7 +98,7 @@ def zipped_photographs(
 
 
 def _keep(content: bytes, name: str, store: Path) -> Path:
-    """Write a photograph's file, named by its content; the same one only once."""
+    """Write a photograph's file, named by a digest of its content."""
     suffix = PurePosixPath(name).suffix.lower()
     path = store / f"{hashlib.sha256(content).hexdigest()[:32]}{suffix}"
     try:

@@ -1,4 +1,4 @@
-"""Photographs for workers: by path where they see this computer's disk, else by content."""
+"""Pass photographs to workers: by path if they can access this disk, else by content."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ PhotographFile = FileContent | bytes
 
 
 def for_worker(path: FileContent, executor: Executor) -> PhotographFile:
-    """What a task of the executor gets of the photograph; made when the task begins."""
+    """The photograph as an argument of a task."""
     if not isinstance(executor, Cluster):
         return path
     try:
         return path.read_bytes()
-    except OSError:  # the worker cannot read it either, and says so
+    except OSError:  # the worker will report it
         return path
 
 
 def read_for_worker(photograph: PhotographFile, name: str) -> GreyImage:
-    """The photograph of `for_worker`; `name` is what messages call it.
+    """The photograph of `for_worker`; `name` is its name in messages.
 
     Raises:
         StereocalError: as `read_photograph`.

@@ -1,7 +1,6 @@
-"""Tables of text: comma, semicolon or tab between columns, each problem named by its line.
+"""Read text tables separated by comma, semicolon or tab; errors name the lines.
 
-Every table that a person gives is read here: pairs to calibrate with, points of one camera, files
-of other programs. A reader says which columns hold which numbers, as `Column`.
+All tables from users are read here. The caller describes the numeric columns by `Column`.
 """
 
 from __future__ import annotations
@@ -21,15 +20,15 @@ import pandas as pd
 from stereocal.errors import RowProblem, StereocalError
 from stereocal.system.limits import Limits
 
-MOST_COLUMNS = 2_000
-MOST_CELLS = 100_000_000
-"""The whole table is held in memory here."""
+MAXIMUM_COLUMNS = 2_000
+MAXIMUM_CELLS = 100_000_000
+"""Of a table that is read into memory as a whole."""
 LARGEST_WHOLE = 2**53
 EMPTY = frozenset(("",))
 MISSING = frozenset(("", "nan", "na", "none", "null"))
 Values = dict[str, npt.NDArray[np.float64]]
 Reasons = dict[int, str]
-"""Why rows cannot be used, by their number, from 0."""
+"""Why rows are invalid, by row index from 0."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +37,7 @@ class Column:
 
     name: str
     may_be_empty: bool = False
-    """An empty cell is NaN, and no problem."""
+    """An empty cell is read as NaN, without an error."""
     is_whole: bool = False
     is_positive: bool = False
 
@@ -47,7 +46,7 @@ def text_of(content: bytes, source: str) -> str:
     """The text of a file.
 
     Raises:
-        StereocalError: it is too large, empty, or no text in UTF-8.
+        StereocalError: it is too large, empty, or not UTF-8 text.
     """
     Limits.from_environment().check_size(len(content), source)
     try:
@@ -62,7 +61,7 @@ def text_of(content: bytes, source: str) -> str:
 
 
 def delimiter_of(line: str) -> str:
-    """What stands between the columns of a line."""
+    """The most frequent of comma, semicolon and tab in a line."""
     return max(",;\t", key=line.count)
 
 
@@ -70,7 +69,7 @@ def cells_of(lines: str, delimiter: str, source: str) -> list[list[str]]:
     """The cells of a few lines.
 
     Raises:
-        StereocalError: this is no CSV.
+        StereocalError: not CSV.
     """
     try:
         return list(csv.reader(io.StringIO(lines), delimiter=delimiter))
@@ -81,17 +80,17 @@ def cells_of(lines: str, delimiter: str, source: str) -> list[list[str]]:
 def check_names(
     names: Sequence[str], required: Sequence[str], known: Sequence[str], source: str
 ) -> None:
-    """Refuse the names of columns in the first line.
+    """Check the names of columns in the first line.
 
     Args:
-        known: columns that may stand there once only.
+        known: columns that must not occur twice.
 
     Raises:
-        StereocalError: too many columns, one is missing, or one stands there twice.
+        StereocalError: too many columns, a missing column, or a duplicate.
     """
-    if len(names) > MOST_COLUMNS:
+    if len(names) > MAXIMUM_COLUMNS:
         raise StereocalError(
-            f"{source}: {len(names)} columns are too many; at most {MOST_COLUMNS} are read."
+            f"{source}: {len(names)} columns are too many; at most {MAXIMUM_COLUMNS} are read."
         )
     missing = [name for name in required if name not in names]
     if missing:
@@ -102,24 +101,24 @@ def check_names(
         )
     twice = [name for name in known if names.count(name) > 1]
     if twice:
-        raise StereocalError(f"{source}: the column {twice[0]} stands in the first line twice.")
+        raise StereocalError(f"{source}: the first line names the column {twice[0]} twice.")
 
 
 def rows_below(
     text: str, lines: int, width: int, delimiter: str, source: str, most: int | None = None
 ) -> tuple[pd.DataFrame, list[RowProblem]]:
-    """The rows below the first `lines`, all cells as text; the index holds their lines.
+    """The rows below the first `lines`, all cells as text, with their lines as index.
 
     Args:
-        width: columns that are named above; a row with more is a problem, and not among the rows.
-        most: read so many rows only.
+        width: number of named columns; rows with more cells are returned as problems.
+        most: largest number of rows to read.
 
     Raises:
-        StereocalError: too many cells, no CSV, or no row at all.
+        StereocalError: too many cells, not CSV, or no row at all.
     """
     widest = 1 + max((line.count(delimiter) for line in io.StringIO(text)), default=0)
     widest = max(widest, width)
-    if widest > MOST_COLUMNS or widest * text.count("\n") > MOST_CELLS:
+    if widest > MAXIMUM_COLUMNS or widest * text.count("\n") > MAXIMUM_CELLS:
         raise StereocalError(
             f"{source}: {widest} columns of {text.count(chr(10))} rows are too many for one table."
         )
@@ -145,7 +144,7 @@ def rows_below(
 def chunks_of_file(
     path: Path, names: Sequence[str], delimiter: str, rows: int, source: str
 ) -> Iterator[pd.DataFrame]:
-    """The rows of a file below its first line, so many at a time, as `rows_below`.
+    """The rows of a file below its first line in blocks of `rows`, as text.
 
     Raises:
         StereocalError: a row has too many cells, or the file cannot be read.
@@ -162,12 +161,10 @@ def chunks_of_file(
 def numbers_in(
     raw: pd.DataFrame, columns: Sequence[Column], decimal_comma: bool, empty: frozenset[str]
 ) -> tuple[Values, Reasons]:
-    """Columns as numbers, NaN where there is none; and of each bad row the first reason.
-
-    A column that is not there is NaN.
+    """Columns as numbers (NaN for missing cells and columns), and why rows are invalid.
 
     Args:
-        empty: words, in small letters, that say that a cell is empty.
+        empty: words, in lower case, that mark an empty cell.
     """
     values: Values = {}
     reasons: Reasons = {}
@@ -191,7 +188,7 @@ def numbers_in(
 
 
 def numbers_of(column: pd.Series[Any], decimal_comma: bool) -> npt.NDArray[np.float64]:
-    """A column as numbers; NaN for what is none."""
+    """A column as numbers; NaN for other cells."""
     if not pd.api.types.is_numeric_dtype(column):
         column = _texts(column)
         if decimal_comma:
@@ -200,7 +197,7 @@ def numbers_of(column: pd.Series[Any], decimal_comma: bool) -> npt.NDArray[np.fl
 
 
 def is_missing(column: pd.Series[Any], empty: frozenset[str] = MISSING) -> npt.NDArray[np.bool_]:
-    """Where a column is empty, or says that it is (NaN, NA, none)."""
+    """Where a column is empty or marked as empty (NaN, NA, none)."""
     if pd.api.types.is_numeric_dtype(column):
         return column.isna().to_numpy()
     words = _texts(column).str.strip().str.lower()
@@ -230,7 +227,7 @@ def _read(
 
 
 def _line_ends(raw: pd.DataFrame) -> npt.NDArray[np.int64]:
-    """How many ends of lines stand in quoted cells of the rows before each."""
+    """The number of line ends in quoted cells of the rows before each row."""
     within = sum(raw[name].str.count("\n").fillna(0).to_numpy(dtype=np.int64) for name in raw)
     return np.asarray(np.cumsum(within) - within, dtype=np.int64)
 
@@ -253,5 +250,5 @@ def _reason(column: Column, cell: str, value: float, empty: frozenset[str]) -> s
 
 
 def _texts(column: pd.Series[Any]) -> pd.Series[Any]:
-    """Words for what a Parquet file can have in place of numbers: dates, lists, bytes."""
+    """The column as text, also for Parquet's dates, lists and bytes."""
     return column.map(str) if column.dtype == object else column.astype(str)

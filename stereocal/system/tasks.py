@@ -1,7 +1,7 @@
-"""Long computations task by task, on any executor: the one loop that all long work goes through.
+"""Run the tasks of a long computation on any executor.
 
-Few tasks of a job are handed to the executor at once. So several jobs that share one pool of
-threads take turns, however much is left of each: one that begins waits for those few of the others.
+Only a few tasks of a job are submitted at once, so jobs that share a pool take turns: a new job
+waits only for those few tasks of the others.
 """
 
 from __future__ import annotations
@@ -24,43 +24,43 @@ from stereocal.system.executors import tasks_at_once
 
 T = TypeVar("T")
 Progress = Callable[[int, int], None]
-"""Called with what is done, and all."""
+"""Called with the amount done and the total."""
 SPARE = 1
-"""Tasks of a job that wait for a worker, so that no worker waits for a task."""
+"""Submitted tasks of a job beyond the number of workers, so that no worker is idle."""
 AHEAD = 64
-"""Tasks of which the results may wait for an earlier one."""
-LOOK_S = 0.2
-"""So often it is asked whether the work was cancelled, also while no task ends."""
+"""Tasks whose results may wait for an earlier one."""
+POLL_S = 0.2
+"""Interval in which cancellation is polled."""
 
 
 @dataclass(frozen=True)
 class Task(Generic[T]):
-    """A call to be made; function and arguments can be pickled."""
+    """A function call; function and arguments can be pickled."""
 
     key: str
-    """Tells all that the result depends on."""
+    """Identifies everything that the result depends on."""
     function: Callable[..., T]
     arguments: tuple[Any, ...]
     size: int = 1
-    """What progress counts: runs, rows."""
+    """Amount of progress: runs, rows."""
 
 
 class Pieces(Protocol[T]):
-    """Finished pieces by the keys of their tasks."""
+    """A checkpoint: results of finished tasks by their keys."""
 
     def get(self, key: str, /) -> T | None:
-        """The piece; None where it has not been finished, or cannot be read."""
+        """The result; None if it is not stored or cannot be read."""
 
     def keep(self, key: str, piece: T, /) -> None:
-        """Keep a finished piece."""
+        """Store a result."""
 
 
 class StoppedError(Exception):
-    """Somebody cancelled the work."""
+    """The work was cancelled."""
 
 
 class EndingError(Exception):
-    """The program ends, and takes no more tasks."""
+    """The program is shutting down and takes no more tasks."""
 
 
 def run_tasks(
@@ -72,23 +72,23 @@ def run_tasks(
     pieces: Pieces[T] | None = None,
     ahead: int = AHEAD,
 ) -> Generator[tuple[Task[T], T], None, None]:
-    """Each task with its result, in the order of the tasks.
+    """Yield each task with its result, in the order of the tasks.
+
+    Iterate inside `contextlib.closing`, which cancels tasks that have not begun.
 
     Args:
-        tasks: taken one by one, when there is room for one.
-        executor: None computes here.
-        total: the sizes of all tasks together, for `progress`, which is called as each task ends.
-        cancelled: asked at least every `LOOK_S`.
-        pieces: results of such tasks that were kept, and where more are kept.
-        ahead: so many tasks at most have begun and not been yielded: a limit on memory.
-
-    When it is closed, what has not begun is dropped: iterate inside `contextlib.closing`.
+        tasks: consumed one by one, as workers become free.
+        executor: None: the calling thread.
+        total: sum of the sizes of all tasks, for `progress`, which is called as each task ends.
+        cancelled: polled at least every `POLL_S`.
+        pieces: checkpoint to read and store results.
+        ahead: largest number of tasks begun but not yielded, which limits memory.
 
     Raises:
-        StoppedError: `cancelled` said so.
-        EndingError: the program ends.
+        StoppedError: `cancelled` returned True.
+        EndingError: the program is shutting down.
         StereocalError: a worker process or the cluster was lost.
-        What a task raises, in its turn.
+        Also any exception of a task, when its turn comes.
     """
     work = _Work(tasks, executor, pieces, ahead)
     done = 0
@@ -128,7 +128,7 @@ class _Work(Generic[T]):
         """In the order of the tasks, until they are yielded."""
 
     def begin(self) -> list[Task[T]]:
-        """Begin as many tasks as there is room for; those that had been finished before."""
+        """Begin as many tasks as allowed; returns those found in the checkpoint."""
         finished = []
         while len(self._at_work) < self._most and len(self.begun) < self._ahead:
             task = next(self._tasks, None)
@@ -145,9 +145,9 @@ class _Work(Generic[T]):
         return finished
 
     def ended(self) -> list[Task[T]]:
-        """Wait a moment for tasks to end, and keep their results."""
+        """Wait up to `POLL_S` for tasks to end and store their results; returns these tasks."""
         finished = []
-        wait(self._at_work, LOOK_S, FIRST_COMPLETED)
+        wait(self._at_work, POLL_S, FIRST_COMPLETED)
         for future in [future for future in self._at_work if future.done()]:
             task = self._at_work.pop(future)
             if not future.cancelled() and future.exception() is None:
@@ -185,7 +185,7 @@ def _result(future: Future[T]) -> T:
 
 
 def _lost(error: BaseException) -> StereocalError:
-    """The error of a worker that was killed, or of a cluster that is gone."""
+    """The error for a killed worker or a lost cluster."""
     return StereocalError(
         f"A worker ended before its task was done ({type(error).__name__}): if memory is short, "
         "use fewer workers, then start again."

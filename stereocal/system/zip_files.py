@@ -1,4 +1,4 @@
-"""Zips from people: bounded before they are unpacked, and no path of theirs is ever written to."""
+"""Read untrusted zip files: limits are checked first, and their paths are never written to."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from stereocal.system.limits import Limits
 
 PIECE = 1 << 20
 LISTED_BYTES = 3_300
-"""At most so many for a file in the list at the end of a zip, but for absurdly long names."""
+"""Upper limit for an entry in the central directory of a zip, except for extremely long names."""
 _LISTED = b"PK\x01\x02"
 
 DAMAGED_ZIP = (
     zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError, ValueError, OSError,
     OverflowError, IndexError, struct.error, zlib.error, lzma.LZMAError,
 )  # fmt: skip
-"""All that `zipfile` and its decompressors raise on damaged content."""
+"""Exceptions of `zipfile` and its decompressors on damaged content."""
 
 
 class OpenZip:
-    """The files of a zip that has passed the bounds, each read when it is asked for."""
+    """The files of a zip within the limits, each read on demand."""
 
     def __init__(self, archive: zipfile.ZipFile, source: str) -> None:
         self._archive = archive
@@ -38,8 +38,8 @@ class OpenZip:
         for item in archive.infolist():
             if item.filename in self._members:
                 raise StereocalError(
-                    f"{source}: two files of the zip are called {item.filename!r}; pack it anew, "
-                    "with the one that is meant."
+                    f"{source}: two files in the zip are called {item.filename!r}; pack it "
+                    "again with the right one only."
                 )
             if not item.is_dir():
                 self._members[item.filename] = item
@@ -50,11 +50,11 @@ class OpenZip:
         return list(self._members)
 
     def size(self, name: str) -> int:
-        """Bytes of a file, unpacked, as the zip says."""
+        """Unpacked size of a file in bytes, according to the zip's directory."""
         return self._members[name].file_size
 
     def read(self, name: str) -> bytes:
-        """A file's content. `zipfile` gives no more of it than the zip says.
+        """A file's content; `zipfile` reads at most `size` bytes.
 
         Raises:
             StereocalError: the file is damaged.
@@ -76,10 +76,10 @@ class OpenZip:
 
 @contextmanager
 def open_zip(source: Path | bytes, name: str) -> Iterator[OpenZip]:
-    """Open a zip, a file or its content, which messages call `name`.
+    """Open a zip file or its content, called `name` in messages.
 
     Raises:
-        StereocalError: not a zip, empty, damaged, or suspiciously large inside.
+        StereocalError: not a zip, empty, damaged, or too large unpacked.
     """
     limits = Limits.from_environment()
     with ExitStack() as opened:
@@ -90,8 +90,8 @@ def open_zip(source: Path | bytes, name: str) -> Iterator[OpenZip]:
             packed = file.seek(0, io.SEEK_END)
             if not packed:
                 raise StereocalError(f"{name}: the file is empty (0 bytes).")
-            # The list at the end, before `zipfile` holds it in memory, a kilobyte for each file;
-            # one that lies across two pieces is missed here, and counted by `_check`.
+            # Count the entries before `zipfile` reads them into memory (1 kB each). An entry that
+            # straddles two pieces is missed here, and counted by `_check`.
             file.seek(int(max(packed - LISTED_BYTES * limits.files, 0)))
             pieces = iter(partial(file.read, PIECE), b"")
             limits.check_count(sum(piece.count(_LISTED) for piece in pieces), name)
@@ -106,7 +106,7 @@ def unzip(
     """The wanted files of a zip by name, in memory.
 
     Raises:
-        StereocalError: as `open_zip`; together they may be as large as a single file.
+        StereocalError: as `open_zip`, or together larger than the limit for a single file.
     """
     with open_zip(source, name) as opened:
         names = [member for member in opened.names if wanted(member)]
@@ -116,12 +116,12 @@ def unzip(
 
 
 def _check(opened: OpenZip, packed: int, name: str) -> None:
-    """Refuse a zip by what its list of contents says, before anything is unpacked."""
+    """Check a zip's directory against the limits, before anything is unpacked."""
     limits = Limits.from_environment()
     limits.check_count(len(opened.names), name)
     total = sum(map(opened.size, opened.names))
     limits.check_together(total, name)
-    limits.check_swelling(packed, total, name)
+    limits.check_expansion(packed, total, name)
     for member in opened.names:
         limits.check_size(opened.size(member), f"{name}: {member}")
     if not opened.names:
@@ -135,11 +135,11 @@ def _sound(source: str) -> Iterator[None]:
     except DAMAGED_ZIP as error:
         if isinstance(error, StereocalError):
             raise
-        raise StereocalError(f"{source}: this is not a sound zip file ({error}).") from error
+        raise StereocalError(f"{source}: this is not a valid zip file ({error}).") from error
 
 
 def pack_zip(files: Mapping[str, bytes]) -> bytes:
-    """A zip of files by name; the same files give the same bytes."""
+    """A zip of files by name; deterministic."""
     packed = io.BytesIO()
     with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, content in files.items():

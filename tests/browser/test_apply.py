@@ -97,7 +97,7 @@ def test_demo_to_files_of_the_command_line(
 
     for view, shown in (
         ("Points in 3D", "depth z from"),
-        ("A known length", "where 0.9 m is known"),
+        ("A known length", "known length is 0.9 m"),
     ):
         page.get_by_text(view, exact=True).click()
         expect(page.get_by_text(shown)).to_be_visible()

@@ -53,16 +53,16 @@ class TestPattern:
     @pytest.mark.parametrize(
         ("arguments", "sentence"),
         [
-            (("18", 0.03), "must read like 18x12"),
-            (("18x12x3", 0.03), "must read like 18x12"),
-            (("-8x6", 0.03), "must read like 18x12"),
+            (("18", 0.03), "inner corners like 18x12"),
+            (("18x12x3", 0.03), "inner corners like 18x12"),
+            (("-8x6", 0.03), "inner corners like 18x12"),
             (("2x6", 0.03), "3 to 100 each way"),
             (("8x6", 0.0), "must be above 0"),
             (("8x6", float("nan")), "must be above 0"),
             (("8x6", 0.03, "DICT_9X9_50", 0.02), "is not known"),
             (("8x6", 0.03, "DICT_4X4_50", None), "needs the side of its markers"),
             (("8x6", 0.03, "DICT_4X4_50", 0.03), "needs the side of its markers"),
-            (("18x12", 0.03, "DICT_4X4_50", 0.02), "more than DICT_4X4_50 holds"),
+            (("18x12", 0.03, "DICT_4X4_50", 0.02), "more than DICT_4X4_50 contains"),
         ],
     )
     def test_boards_that_cannot_be(self, arguments: tuple[str, float], sentence: str) -> None:

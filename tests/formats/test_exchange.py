@@ -300,11 +300,11 @@ class TestDlt:
             export_files(FULL, "dlt", ExchangeOptions(world=world))
 
     def test_image_sizes_are_asked_for(self) -> None:
-        with pytest.raises(StereocalError, match="give the image size"):
+        with pytest.raises(StereocalError, match="state it"):
             import_files(export_files(FULL, "dlt"), "dlt")
 
     def test_it_says_that_the_lens_is_not_in_it(self) -> None:
-        assert any("undistort the points" in note for note in export_notes(FULL, "dlt"))
+        assert any("undistort points" in note for note in export_notes(FULL, "dlt"))
 
 
 class TestWhatAFormatCannotHold:
@@ -352,7 +352,7 @@ class TestRefusals:
             ("kalibr", lambda t: t.replace("T_cn_cnm1", "T_other"), "T_cn_cnm1"),
             ("kalibr", lambda t: "a: &x [1]\nb: *x\n" + t, "aliases"),
             ("aniposelib", lambda t: t.replace("[cam_1]", "[cam_1]\nfisheye = true"), "fisheye"),
-            ("aniposelib", lambda t: t.split("[cam_1]")[0], "two cameras are wanted"),
+            ("aniposelib", lambda t: t.split("[cam_1]")[0], "two cameras are expected"),
             ("matlab", lambda t: t.replace("K2 = ", "L2 = "), "K2 is missing"),
             ("matlab", lambda t: t.replace("-0.21", "zero"), "not a number"),
         ],

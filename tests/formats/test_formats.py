@@ -439,7 +439,7 @@ class TestCameraFile:
                 b"</opencv_storage>",
                 "document type",
             ),
-            (b"%YAML:1.0\nimage_width: 3\nimage_width: 4\n", "stands twice"),
+            (b"%YAML:1.0\nimage_width: 3\nimage_width: 4\n", "occurs twice"),
             (b"<?xml version='1.0'?><opencv_storage><K>1</K><K>2</K></opencv_storage>", "twice"),
             (b'%YAML:1.0\na: !!int ""\n', "not valid YAML"),
         ],
@@ -641,10 +641,10 @@ class TestZip:
         ("content", "says"),
         [
             (b"", r"empty \(0 bytes\)"),
-            (b"PK\x03\x04", "not a sound zip"),
-            (b"not a zip at all", "not a sound zip"),
-            (content[:-30], "not a sound zip"),
-            (content[: len(content) // 2], "not a sound zip"),
+            (b"PK\x03\x04", "not a valid zip"),
+            (b"not a zip at all", "not a valid zip"),
+            (content[:-30], "not a valid zip"),
+            (content[: len(content) // 2], "not a valid zip"),
             (zipped({}), "zip is empty"),
             (zipped({"folder/": b""}), "zip is empty"),
         ],
@@ -661,7 +661,7 @@ class TestZip:
     def test_a_bomb_is_not_unpacked(self) -> None:
         bomb = zipped({"correspondences.csv": bytes(40_000_000)})
         assert len(bomb) < 100_000
-        with pytest.raises(StereocalError, match="would swell to 40000000"):
+        with pytest.raises(StereocalError, match="would expand to 40000000"):
             unzip(bomb, "z")
 
     def test_a_size_that_lies_does_not_swell(self) -> None:
@@ -679,13 +679,13 @@ class TestZip:
         content = bytearray(zipped({"a.csv": b"frame"}))
         content[6] |= 1
         content[content.index(b"PK\x01\x02") + 8] |= 1
-        with pytest.raises(StereocalError, match=r"not a sound zip.*encrypted"):
+        with pytest.raises(StereocalError, match=r"not a valid zip.*encrypted"):
             unzip(bytes(content), "z")
 
     def test_a_damaged_member(self) -> None:
         content = bytearray(self.content)
         content[80:90] = bytes(10)
-        with pytest.raises(StereocalError, match="not a sound zip"):
+        with pytest.raises(StereocalError, match="not a valid zip"):
             unzip(bytes(content), "z")
 
     def test_names_that_climb_out_are_names_only(self, tmp_path: Path) -> None:

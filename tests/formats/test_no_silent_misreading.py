@@ -69,7 +69,7 @@ class TestUnits:
         for unit in (None, "m"):
             read = import_files(files, name, replace(SIZES, unit=unit))
             np.testing.assert_allclose(read.pose.T, RIG.T, rtol=0, atol=1e-9)
-        with pytest.raises(StereocalError, match="in m; the unit given is mm"):
+        with pytest.raises(StereocalError, match="in m, but the unit entered is mm"):
             import_files(files, name, replace(SIZES, unit="mm"))
 
     @pytest.mark.parametrize("name", ["kalibr", "ros"])
@@ -360,7 +360,7 @@ class TestTwice:
             read_camera(content, "c.json")
 
     def test_a_key_further_down(self) -> None:
-        with pytest.raises(StereocalError, match='"fx" stands twice'):
+        with pytest.raises(StereocalError, match='"fx" occurs twice'):
             read_camera(b'{"a": [{"fx": 1, "fx": 2}]}', "c.json")
         assert json.loads('{"a": 1, "a": 2}') == {"a": 2}  # what is refused here
 
@@ -377,13 +377,13 @@ class TestTwice:
     def test_every_reader_of_json(self, read: Callable[[Path], object], tmp_path: Path) -> None:
         path = tmp_path / "file.json"
         path.write_bytes(b'{"format": "x",\n "R": [1],\n "format": "y"}')
-        with pytest.raises(StereocalError, match=r'"format" stands twice.*lines 1 and 3'):
+        with pytest.raises(StereocalError, match=r'"format" occurs twice.*lines 1 and 3'):
             read(path)
 
     def test_a_key_of_yaml(self) -> None:
         ((file, content),) = export_files(PLAIN, "kalibr").items()
         twice = content.replace(b"  resolution:", b"  resolution: [9, 9]\n  resolution:", 1)
-        with pytest.raises(StereocalError, match='"resolution" stands twice'):
+        with pytest.raises(StereocalError, match='"resolution" occurs twice'):
             import_files({file: twice}, "kalibr")
 
     def test_files_of_a_zip(self) -> None:

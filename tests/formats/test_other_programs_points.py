@@ -168,7 +168,7 @@ class TestWhoWroteIt:
     def test_by_its_header(self, content: bytes, name: str | None) -> None:
         assert layout_name(content, "points") == name
         for other in set(LAYOUTS) - {name, "wand", "table", "argus", "dltdv5"}:
-            with pytest.raises(StereocalError, match=f"no file of the layout {other}"):
+            with pytest.raises(StereocalError, match=f"not have the layout {other}"):
                 propose_layout(content, "points", other)
 
     @pytest.mark.parametrize(
@@ -333,7 +333,7 @@ class TestHdf5:
         with h5py.File(packed, "w") as file:
             file.create_dataset("tracks", (1, 2, 1, 40_000_000), "f8", chunks=True)
             file["node_names"] = [b"nose"]
-        with pytest.raises(StereocalError, match="would swell"):
+        with pytest.raises(StereocalError, match="would expand"):
             point_text(packed.getvalue(), "a.h5")
 
 
@@ -429,7 +429,7 @@ class TestCommandLine:
             (tracktor(0), (), "--layout tracktor"),
             (DLTDV5, (), "--layout dltdv5"),
             (sleap_h5(0), (), "--layout sleap"),
-            (tracktor(0), ("--layout", "dltdv5"), "no file of the layout dltdv5"),
+            (tracktor(0), ("--layout", "dltdv5"), "not have the layout dltdv5"),
             (tracktor(0), ("--flip", "h"), "--flip is for.*--layout"),
             (odd(0), ("--layout", "columns"), "--columns FRAME U V.*1: weight"),
             (odd(0), ("--layout", "columns", "--columns", "when", "over", "2"), "no column 'over'"),

@@ -13,7 +13,7 @@ import pytest
 
 from benchmarks.choosing import small_rig, taken
 from stereocal.detection.detect import Detection, refusal
-from stereocal.frames.choosing import FEWEST_SURE, choose_boards
+from stereocal.frames.choosing import MINIMUM_SURE, choose_boards
 from stereocal.frames.frame import report_line
 from stereocal.frames.labelling import label_targets
 from stereocal.frames.pairing import Pair
@@ -185,20 +185,20 @@ def test_a_board_at_rest_takes_no_hidden_targets_place() -> None:
     wrong = {pair.frame for pair in labelling.pairs if pair.frame in WITH_THIRD and pair.sure}
     assert wrong == set()
     by_frame = {report.frame: report for report in labelling.frames}
-    assert "stands still" in by_frame[WITH_THIRD[1]].sentence
+    assert "is stationary" in by_frame[WITH_THIRD[1]].sentence
 
 
 def test_too_few_sure_frames_decide_nothing() -> None:
     third = np.array([0.4, 0.3, 8.0])
-    first, second, _ = frames_with(third, frames=FEWEST_SURE + 1)  # two of them with a third board
+    first, second, _ = frames_with(third, frames=MINIMUM_SURE + 1)  # two of them with a third board
     labelling = label_targets(first, second, CAMERAS)
     assert {pair.frame for pair in labelling.pairs if pair.sure}.isdisjoint(WITH_THIRD)
     rng = np.random.default_rng(6)
     bars = rig.bar_ends(30, seed=8).reshape(-1, 2, 3)
     boards = [seen(np.vstack([ends, inside(rng)]), rng) for ends in bars]
     sure = sure_frames()[1]
-    assert right_choices(sure[: FEWEST_SURE - 1], boards) == []
-    decided = right_choices(sure[: FEWEST_SURE + 4], boards)
+    assert right_choices(sure[: MINIMUM_SURE - 1], boards) == []
+    decided = right_choices(sure[: MINIMUM_SURE + 4], boards)
     assert all(right for _, right in decided)
     assert len(decided) > 10  # measured: 17
 

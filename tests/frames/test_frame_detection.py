@@ -18,7 +18,7 @@ from stereocal.errors import StereocalError
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.correspondences_csv import read_table
 from stereocal.frames.frame import Centre, Frame
-from stereocal.frames.inspection import look_through, wrong_sizes
+from stereocal.frames.inspection import inspect_photographs, wrong_sizes
 from stereocal.frames.pairing import Pair, pair_names
 from stereocal.frames.search import (
     STAGES,
@@ -142,7 +142,7 @@ def test_sizes_without_a_camera_file(tmp_path: Path) -> None:
     files = {f"left{i}.png": png(np.zeros((40, 60), np.uint8)) for i in (1, 2, 3)}
     files |= {f"right{i}.png": png(np.zeros((20 + i, 60), np.uint8)) for i in (1, 1, 3)}
     files["left3.png"] = png(np.zeros((40, 50), np.uint8))
-    looked = look_through(on_disk(files, tmp_path), lambda *_: None, lambda: False)
+    looked = inspect_photographs(on_disk(files, tmp_path), lambda *_: None, lambda: False)
     assert looked is not None
     sizes, problems = looked
     assert sizes["left1.png"] == (60, 40) and not problems

@@ -108,13 +108,13 @@ def test_every_photograph_is_accounted_for_once(names: list[str]) -> None:
 @pytest.mark.parametrize(
     ("names", "sentence"),
     [
-        ([], "no photograph was given"),
-        (["left1.png"], "one photograph was given"),
+        ([], "there is no photograph"),
+        (["left1.png"], "there is one photograph"),
         (["foo.png", "bar.png"], "None of the 2 photographs could be paired by name"),
         (["img_1.png", "img_2.png", "img_3.png"], "None of the 3 photographs"),
-        (["left1.png", "right2.png"], "left1.png (primary) has no right1.png beside it"),
-        (["LEFT1.png", "RIGHT2.png"], "RIGHT2.png (secondary) has no LEFT2.png beside it"),
-        (["left1.png", "left1.jpg", "right1.png"], "Several files claim the same place: left1.jpg"),
+        (["left1.png", "right2.png"], "left1.png (primary) has no partner right1.png"),
+        (["LEFT1.png", "RIGHT2.png"], "RIGHT2.png (secondary) has no partner LEFT2.png"),
+        (["left1.png", "left1.jpg", "right1.png"], "the same camera and frame: left1.jpg"),
     ],
 )  # fmt: skip
 def test_nothing_to_pair_is_said(names: list[str], sentence: str) -> None:
@@ -132,7 +132,7 @@ def test_three_cameras_are_ambiguous() -> None:
     found = pair_names([f"cam{camera}/{n}.png" for camera in range(3) for n in range(4)])
     assert found.ambiguous
     assert twos(found) == {(f"cam0/{n}.png", f"cam1/{n}.png") for n in range(4)}
-    assert "can as well be read with cam1 and cam2" in found.sentence
+    assert "can also be read with cam1 and cam2" in found.sentence
 
 
 def test_words_that_contradict_are_ambiguous() -> None:

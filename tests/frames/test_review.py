@@ -132,7 +132,7 @@ class TestEdits:
     def test_two_targets_in_one_place_are_refused(self) -> None:
         b = START.frames[0].centres[0][1]
         assert b
-        with pytest.raises(StereocalError, match="Target B is there already in left1"):
+        with pytest.raises(StereocalError, match="Target B is already at this position in left1"):
             place(START, 1, 0, 0, Centre(b.u + 0.5, b.v, 0.1, "corrected"))
 
     def test_swap_twice_is_the_same_centres(self) -> None:
@@ -263,9 +263,9 @@ class TestEpipolar:
 
     def test_words(self) -> None:
         said = describe_residuals(self.frames, self.frames[0], CAMERAS)
-        assert said.endswith("give: A 0.00 px, B 0.00 px.")
+        assert said.endswith("frames: A 0.00 px, B 0.00 px.")
         few = describe_residuals(self.frames[:3], self.frames[0], CAMERAS)
-        assert "have 4 pairs of points; 5 or more" in few
+        assert "have 4 point pairs; at least 5" in few
         assert "camera files" in describe_residuals(self.frames, self.frames[0], (None, CAMERAS[1]))
         none = self.frames[0].moved(0, 0, None).moved(0, 1, None)
         said = describe_residuals([none, *self.frames[1:]], none, CAMERAS)

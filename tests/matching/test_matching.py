@@ -39,11 +39,11 @@ def cloud(points: int, seed: int, noise_px: float = 0.0) -> tuple[FloatArray, Fl
 
 
 def candidates(
-    seed: int, rows: int, columns: int, gate: float
+    seed: int, rows: int, columns: int, threshold: float
 ) -> tuple[FloatArray, tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """A table of costs, and its entries within the gate as lists."""
+    """A table of costs, and its entries within the threshold as lists."""
     cost = np.random.default_rng(seed).uniform(0.0, 2.0, (rows, columns))
-    i, j = np.nonzero(cost <= gate)
+    i, j = np.nonzero(cost <= threshold)
     return cost, (i, j, cost[i, j])
 
 
@@ -51,13 +51,13 @@ class TestAssignment:
     @given(SEEDS, st.integers(1, 4), st.integers(1, 4), st.floats(0.2, 1.8))
     @settings(max_examples=60)
     def test_the_least_total_cost_of_all_assignments(
-        self, seed: int, rows: int, columns: int, gate: float
+        self, seed: int, rows: int, columns: int, threshold: float
     ) -> None:
-        """Against every assignment there is, with a pair left out costing the gate."""
-        cost, found = candidates(seed, rows, columns, gate)
-        kept = assign(*found, gate)
-        total = found[2][kept].sum() + gate * (min(rows, columns) - len(kept))
-        capped = np.minimum(cost, gate)
+        """Against every assignment there is, with a pair left out costing the threshold."""
+        cost, found = candidates(seed, rows, columns, threshold)
+        kept = assign(*found, threshold)
+        total = found[2][kept].sum() + threshold * (min(rows, columns) - len(kept))
+        capped = np.minimum(cost, threshold)
         flat = capped if rows <= columns else capped.T
         best = min(
             flat[range(len(flat)), list(order)].sum()
@@ -167,7 +167,7 @@ class TestMatches:
         own = match_points(RIG_2D, first, second)
         same = match_points(replace(RIG_2D, matching_threshold_px=None), first, second, 0.8)
         np.testing.assert_array_equal(own.secondary, same.secondary)
-        with pytest.raises(StereocalError, match="holds no matching threshold"):
+        with pytest.raises(StereocalError, match="contains no matching threshold"):
             match_points(replace(RIG_2D, matching_threshold_px=None), first, second)
 
     @pytest.mark.parametrize("threshold", [-1.0, float("nan"), float("inf")])
@@ -209,7 +209,7 @@ class TestThresholdFromThePoints:
         rng = np.random.default_rng(0)
         sizes = np.array(PRIMARY.image_size), np.array(SECONDARY.image_size)
         data = [tuple(rng.uniform(0, size - 1, (300, 2)) for size in sizes) for _ in range(5)]
-        with pytest.raises(StereocalError, match="do not stand out"):
+        with pytest.raises(StereocalError, match="cannot be separated"):
             choose_threshold(RIG_2D, data)  # type: ignore[arg-type]
         with pytest.raises(StereocalError, match="No threshold can be chosen"):
             choose_threshold(RIG_2D, [])

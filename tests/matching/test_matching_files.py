@@ -139,7 +139,7 @@ class TestMatch:
         assert run_match(folder, parameters="3d") == 0
         printed = capsys.readouterr().out
         assert "Threshold chosen from the points" in printed
-        assert "holds no matching threshold" in printed
+        assert "contains no matching threshold" in printed
         assert "This is the 3D set" in printed
 
     def test_depth(self, folder: Path) -> None:
@@ -386,10 +386,10 @@ class TestBadInput:
 
     def test_a_table_in_memory(self) -> None:
         first, second = tables(2)
-        with pytest.raises(StereocalError, match="primary table lacks the column v"):
+        with pytest.raises(StereocalError, match="primary table has no column v"):
             match(RIG_2D, first.drop(columns="v"), second)
         second.loc[0, "u"] = np.nan
         with pytest.raises(StereocalError, match="not finite"):
             match(RIG_2D, first, second)
-        with pytest.raises(StereocalError, match="lacks the column u_primary"):
+        with pytest.raises(StereocalError, match="has no column u_primary"):
             reconstruct(RIG_2D, first)

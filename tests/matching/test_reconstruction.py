@@ -114,8 +114,8 @@ class TestWorldFile:
             ("[[1,2],[3,4]]", "needs a 4x4"),
             ('{"R": 1}', "not a 4x4 table"),
             (json.dumps((2 * np.eye(4)).tolist()), "last row"),
-            (json.dumps(np.diag([2.0, 2, 2, 1]).tolist()), "not scale or mirror"),
-            (json.dumps(np.diag([1.0, 1, -1, 1]).tolist()), "not scale or mirror"),
+            (json.dumps(np.diag([2.0, 2, 2, 1]).tolist()), "must be a rotation and a translation"),
+            (json.dumps(np.diag([1.0, 1, -1, 1]).tolist()), "must be a rotation and a translation"),
             (json.dumps(np.full((4, 4), np.nan).tolist()), "last row"),
         ],
     )

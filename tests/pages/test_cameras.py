@@ -158,7 +158,7 @@ def test_zip_of_photographs_and_removing_them(
 @pytest.mark.parametrize(
     ("name", "content", "sentence"),
     [
-        ("bad.zip", b"no zip", "not a sound zip"),
+        ("bad.zip", b"no zip", "not a valid zip"),
         ("empty.zip", b"PK\x05\x06" + 18 * b"\0", "zip is empty|no photograph"),
     ],
 )

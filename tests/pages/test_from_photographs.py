@@ -62,7 +62,7 @@ def bad_images(good: bytes) -> dict[str, tuple[bytes, str]]:
     whole = jpeg(good)
     return {
         "cut.jpg": (whole[: len(whole) // 2], "cut off"),
-        "text.png": (b"frame,target\n1,A\n", "this is no photograph"),
+        "text.png": (b"frame,target\n1,A\n", "this is not a readable photograph"),
         "huge.png": (huge_png(), "60000"),
         "black.png": (png(np.zeros_like(image)), "black|no board"),
         "white.png": (png(np.full_like(image, 255)), "white|no board"),
@@ -194,7 +194,7 @@ def test_boards_of_two_sizes_and_a_bomb(app: AppTest, home: Path, boards: dict[s
     cameras.calibrate(cameras.small_board(app))
     assert "must all have one size: most are 640x480 px, but odd.png is 600x480" in said(app)
     cameras.upload(app, {"bomb.zip": bomb("08.pgm")})
-    assert "would swell to 30000000" in said(app)
+    assert "would expand to 30000000" in said(app)
     cameras.upload(app, {"empty.png": b""})
     store = cameras.store_of(app, home)
     assert set(boards) <= set(store.photographs)

@@ -105,7 +105,7 @@ def test_settings_that_contradict_are_said_and_the_last_result_stays(app: AppTes
     ("content", "sentence"),
     [
         (b"", "the file is empty"),
-        (b"no zip", "not a sound zip"),
+        (b"no zip", "not a valid zip"),
         (zipped({"a/readme.txt": b"x"}), "there is no dataset.json"),
         (zipped({"dataset.json": b"{}"}), "must be an object with"),
     ],

@@ -116,7 +116,7 @@ def test_files_one_after_the_other_and_a_missing_twin(app: AppTest, tmp_path: Pa
     plain = {name.split("/")[1]: content for name, content in FILES.items()}
     names = sorted(plain)
     upload(app, {name: plain[name] for name in names[:10]})
-    assert "left4.png (primary) has no right4.png beside it" in messages(app)
+    assert "left4.png (primary) has no partner right4.png" in messages(app)
     upload(app, {name: plain[name] for name in names[10:]})
     assert "14 photographs. 7 pairs by name" in messages(app)
     assert [row.pair.frame for row in store_of(app, tmp_path).rows] == [1, 2, 3, 4, 5, 6, 7]
@@ -156,9 +156,9 @@ def test_bad_photographs_refuse_their_own_frame_only(app: AppTest, tmp_path: Pat
 @pytest.mark.parametrize(
     ("files", "sentence"),
     [
-        ({"notes.txt.zip": b"x"}, "not a sound zip"),
+        ({"notes.txt.zip": b"x"}, "not a valid zip"),
         ({"empty.zip": b""}, "the file is empty"),
-        ({"left1.png": FILES["primary/left1.png"]}, "one photograph was given"),
+        ({"left1.png": FILES["primary/left1.png"]}, "there is one photograph"),
     ],
 )
 def test_what_cannot_be_used_is_said(files: dict[str, bytes], sentence: str, app: AppTest) -> None:
@@ -172,7 +172,7 @@ def test_a_bomb_is_said_and_nothing_is_lost(app: AppTest, tmp_path: Path) -> Non
     with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("left5.pgm", bytes(30_000_000))
     upload(app, {"bomb.zip": packed.getvalue()})
-    assert "would swell to 30000000" in messages(app)
+    assert "would expand to 30000000" in messages(app)
     assert len(store_of(app, tmp_path).photographs) == 14
 
 

@@ -71,7 +71,7 @@ def test_refusal_is_said(app: AppTest, monkeypatch: pytest.MonkeyPatch) -> None:
     app.segmented_control(key="data_how").set_value("A zip").run()
     calls = click_meanwhile(monkeypatch, "stereocal.ui.intake.refuse")
     upload(app, "upload_zip", "bad.zip", b"no zip", calls)
-    assert "not a sound zip" in messages(app)
+    assert "not a valid zip" in messages(app)
 
 
 def test_camera_file(app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -54,7 +54,7 @@ def test_a_deadly_file_leaves_a_sentence_and_the_next_one_is_read(
 ) -> None:
     with (
         monkeypatch.context() as patch,
-        pytest.raises(StereocalError, match=f"^left.png: the file {sentence}.*save it anew"),
+        pytest.raises(StereocalError, match=f"^left.png: the file {sentence}.*save it again"),
     ):
         if kind in ("hang", "spin"):
             patch.setattr(guard, "_least_seconds", 1.0)
@@ -100,7 +100,7 @@ def test_a_server_that_can_start_no_process_says_so(
         raise OSError(11, "Resource temporarily unavailable")
 
     monkeypatch.setattr("multiprocessing.context.SpawnProcess.start", fails)
-    with pytest.raises(StereocalError, match="cannot start the process that tries files"):
+    with pytest.raises(StereocalError, match="cannot start its process for checking"):
         Guard(deadly.READERS).check("fine", file, "a")
 
 

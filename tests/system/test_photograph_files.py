@@ -90,7 +90,7 @@ def test_no_path_of_a_zip_is_written_to(name: str, tmp_path: Path) -> None:
 def test_nothing_half_written(tmp_path: Path) -> None:
     content = bytearray(zipped({"a.png": png(1, 200, 200)}))
     content[2000:2100] = bytes(100)
-    with pytest.raises(StereocalError, match="not a sound zip"):
+    with pytest.raises(StereocalError, match="not a valid zip"):
         unpack_photographs(bytes(content), "a.zip", tmp_path)
     assert not list(tmp_path.iterdir())
 
@@ -99,9 +99,9 @@ def test_nothing_half_written(tmp_path: Path) -> None:
     ("content", "sentence"),
     [
         (b"", "the file is empty"),
-        (b"no zip", "not a sound zip"),
+        (b"no zip", "not a valid zip"),
         (zipped({}), "the zip is empty"),
-        (zipped({"primary/1.pgm": bytes(40_000_000)}), "would swell to 40000000"),
+        (zipped({"primary/1.pgm": bytes(40_000_000)}), "would expand to 40000000"),
         (zipped({"notes.txt": b"x"}), "there is no photograph in it"),
     ],
     ids=["empty", "text", "no files", "bomb", "no photograph"],

@@ -1,4 +1,4 @@
-"""aniposelib's TOML: each camera takes the world to its own frame; our world is the primary's."""
+"""aniposelib's TOML: each camera's pose from the world; our world frame is the primary's."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def write_aniposelib(rig: Rig, _: ExchangeOptions) -> dict[str, bytes]:
 
 
 def read_aniposelib(files: Mapping[str, bytes], options: ExchangeOptions, source: str) -> ReadRig:
-    """Two cameras and their pose: in the order of the sections' names, as aniposelib has them.
+    """Two cameras and their pose; the cameras are in the order of the section names.
 
     Raises:
         StereocalError: not two cameras, a fisheye lens, or a number is missing.
@@ -67,7 +67,7 @@ def read_aniposelib(files: Mapping[str, bytes], options: ExchangeOptions, source
         raise StereocalError(f"{name}: this is not valid TOML ({error}).") from error
     sections = sorted(key for key in data if key != "metadata" and isinstance(data[key], dict))
     if len(sections) != 2:
-        raise StereocalError(f"{name}: two cameras are wanted, the file has {len(sections)}.")
+        raise StereocalError(f"{name}: two cameras are expected; the file has {len(sections)}.")
     read = [_camera(data[key], k, options, f"{name}, {key}") for k, key in enumerate(sections)]
     (primary, first), (secondary, second) = read
     return Rig(primary, secondary, second @ first.inverse()), None

@@ -1,7 +1,7 @@
 """A COLMAP rig: the text files of a sparse model without images, and `rig_config.json`.
 
-COLMAP counts from the corner of the first pixel, so that its centre is (0.5, 0.5). Quaternions are
-w x y z; `sensor_from_rig` of the secondary is ours, for the rig's frame is the primary's.
+COLMAP's pixel origin is the corner of the first pixel, whose centre is (0.5, 0.5). Quaternions are
+w x y z. The rig's frame is the primary's, so the secondary's `sensor_from_rig` is our pose.
 """
 
 from __future__ import annotations
@@ -44,17 +44,17 @@ MODELS: Mapping[str, tuple[str, ...]] = {
 
 
 def write_colmap(rig: Rig, _: ExchangeOptions) -> dict[str, bytes]:
-    """`cameras.txt` and `rigs.txt` with the empty rest of a model, and `rig_config.json`.
+    """`cameras.txt` and `rigs.txt`, the other files of a model (empty), and `rig_config.json`.
 
     Raises:
         StereocalError: a skew, or a lens with more than eight coefficients.
     """
-    said = header(
+    comment = header(
         "#",
         "Camera 1 is the primary and the rig's frame, camera 2 the secondary.",
         "The centre of the top-left pixel is (0.5, 0.5).",
     )
-    cameras = said + "#   CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n"
+    cameras = comment + "#   CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n"
     config: list[dict[str, Any]] = []
     for k, (which, camera) in enumerate(
         (("primary", rig.primary), ("secondary", rig.secondary)), start=1
@@ -72,13 +72,13 @@ def write_colmap(rig: Rig, _: ExchangeOptions) -> dict[str, bytes]:
         )
     quaternion = Rotation.from_matrix(rig.pose.R).as_quat(scalar_first=True, canonical=True)
     moved = " ".join(number(value) for value in [*quaternion, *rig.pose.T])
-    rigs = said + "#   RIG_ID, NUM_SENSORS, REF_SENSOR_TYPE, REF_SENSOR_ID, SENSORS[] as\n"
+    rigs = comment + "#   RIG_ID, NUM_SENSORS, REF_SENSOR_TYPE, REF_SENSOR_ID, SENSORS[] as\n"
     rigs += "#   (SENSOR_TYPE, SENSOR_ID, HAS_POSE, [QW, QX, QY, QZ, TX, TY, TZ])\n"
     rigs += f"1 2 CAMERA 1 CAMERA 2 1 {moved}\n"
     config[0]["ref_sensor"] = True
     config[1]["cam_from_rig_rotation"] = quaternion.tolist()
     config[1]["cam_from_rig_translation"] = rig.pose.T.tolist()
-    empty = dict.fromkeys(("frames.txt", "images.txt", "points3D.txt"), said.encode())
+    empty = dict.fromkeys(("frames.txt", "images.txt", "points3D.txt"), comment.encode())
     return {
         "cameras.txt": cameras.encode(),
         "rigs.txt": rigs.encode(),
@@ -88,15 +88,15 @@ def write_colmap(rig: Rig, _: ExchangeOptions) -> dict[str, bytes]:
 
 
 def read_colmap(files: Mapping[str, bytes], _: ExchangeOptions, source: str) -> ReadRig:
-    """The two cameras of the only rig of `cameras.txt` and `rigs.txt`.
+    """The two cameras of the only rig in `cameras.txt` and `rigs.txt`.
 
     Raises:
-        StereocalError: a file is missing, or it holds another number of rigs or cameras.
+        StereocalError: a file is missing, or has another number of rigs or cameras.
     """
     for name in ("cameras.txt", "rigs.txt"):
         if name not in files:
             raise StereocalError(
-                f"{source}: {name} is missing; give the folder of a sparse model as text "
+                f"{source}: {name} is missing; use the folder of a sparse model as text "
                 "(colmap model_converter --output_type TXT)."
             )
     cameras = {}
@@ -106,10 +106,10 @@ def read_colmap(files: Mapping[str, bytes], _: ExchangeOptions, source: str) -> 
         cameras[cells[0]] = _camera(cells, "cameras.txt")
     rigs = _rows(files["rigs.txt"], "rigs.txt")
     if len(rigs) != 1 or len(rigs[0]) != 14 or rigs[0][1] != "2" or rigs[0][6] != "1":
-        raise StereocalError("rigs.txt: one rig of two cameras with their pose is wanted.")
+        raise StereocalError("rigs.txt: one rig of two cameras with their pose is expected.")
     cells = rigs[0]
     if cells[3] not in cameras or cells[5] not in cameras:
-        raise StereocalError("rigs.txt: the rig names a camera that cameras.txt does not hold.")
+        raise StereocalError("rigs.txt: the rig names a camera that is missing in cameras.txt.")
     values = array_of(cells[7:], (7,), "the pose", "rigs.txt")
     if not 1e-9 < np.abs(values[:4]).max() < 1e9:
         raise StereocalError("rigs.txt: the rotation is not a quaternion.")
@@ -131,16 +131,16 @@ def _camera(cells: list[str], source: str) -> Camera:
     model = cells[1]
     if model not in MODELS:
         raise StereocalError(
-            f"{source}: the lens model {model} is not known; stereocal knows {', '.join(MODELS)}."
+            f"{source}: the lens model {model} is not supported; use one of {', '.join(MODELS)}."
         )
     names = MODELS[model]
     values = array_of(cells[4:], (len(names),), f"the parameters of {model}", source)
-    given = dict(zip(names, values.tolist(), strict=True))
-    fx = given.get("fx", given.get("f", 0.0))
-    K = camera_matrix(fx, given.get("fy", fx), given["cx"] - FIRST_PIXEL, given["cy"] - FIRST_PIXEL)
+    named = dict(zip(names, values.tolist(), strict=True))
+    fx = named.get("fx", named.get("f", 0.0))
+    K = camera_matrix(fx, named.get("fy", fx), named["cx"] - FIRST_PIXEL, named["cy"] - FIRST_PIXEL)
     order = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
     width, height = array_of(cells[2:4], (2,), "the image size", source)
-    return Camera(K, np.array([given.get(k, 0.0) for k in order]), (int(width), int(height)))
+    return Camera(K, np.array([named.get(k, 0.0) for k in order]), (int(width), int(height)))
 
 
 def _rows(content: bytes, source: str) -> list[list[str]]:

@@ -1,7 +1,7 @@
-"""DLT coefficients: 11 rows, a column a camera, as DLTdv, easyWand and Argus read them.
+"""DLT coefficients for DLTdv, easyWand and Argus: 11 rows, one column per camera.
 
 `u = (L1 X + L2 Y + L3 Z + L4) / (L9 X + L10 Y + L11 Z + 1)`, v with L5 to L8, for undistorted
-points: the lens is not in the file. P = K [R | t] of each camera, row by row, over its last entry.
+points; the lens is not in the file. They are P = K [R | t] row by row, divided by its last entry.
 """
 
 from __future__ import annotations
@@ -29,9 +29,8 @@ from stereocal.rig.rig import Rig
 from stereocal.system.arrays import LARGEST
 
 ORIGIN_BEHIND_M = 1e-6
-"""The last entry of P is the depth of the world's origin, 0 for a camera at the origin, and
-coefficients cannot be written then. So, without a world of the user's, the origin stands this far
-before the primary camera: a thousandth of a millimetre, which no measurement sees."""
+"""DLT cannot represent a camera at the origin, where the last entry of P is 0. So without a world
+frame of the user, the origin is put 0.001 mm in front of the primary camera."""
 
 
 def write_dlt(rig: Rig, options: ExchangeOptions) -> dict[str, bytes]:
@@ -54,7 +53,7 @@ def write_dlt(rig: Rig, options: ExchangeOptions) -> dict[str, bytes]:
 def dlt_coefficients(
     camera: Camera, camera_from_world: Pose, options: ExchangeOptions
 ) -> FloatArray:
-    """The 11 coefficients of a camera, for its undistorted pixels in the given origin.
+    """(11,): the coefficients of a camera, for undistorted pixels with the origin of `options`.
 
     Raises:
         StereocalError: the world's origin lies in the plane of the camera's centre.
@@ -70,7 +69,7 @@ def dlt_coefficients(
 
 
 def read_dlt(files: Mapping[str, bytes], options: ExchangeOptions, source: str) -> ReadRig:
-    """Two cameras without lens distortion, and their pose. The world's own frame is left out.
+    """Two cameras without lens distortion, and their pose; the world frame is ignored.
 
     Raises:
         StereocalError: not 11 rows of two numbers, or no image sizes.
@@ -83,8 +82,8 @@ def read_dlt(files: Mapping[str, bytes], options: ExchangeOptions, source: str) 
     table = array_of(rows, (-1,), "the table", name)
     if len(rows) != 11 or len(table) != 22:
         raise StereocalError(
-            f"{name}: 11 rows with a column for each of two cameras are wanted, without a header; "
-            f"the file has {len(rows)} rows and {len(rows[0]) if rows else 0} columns."
+            f"{name}: 11 rows with one column for each of two cameras are expected, without a "
+            f"header; the file has {len(rows)} rows and {len(rows[0]) if rows else 0} columns."
         )
     cameras, poses = [], []
     for k, which in ((0, "primary"), (1, "secondary")):
@@ -94,7 +93,7 @@ def read_dlt(files: Mapping[str, bytes], options: ExchangeOptions, source: str) 
         K, pose = _decomposed(P, f"{name}, {which}")
         cameras.append(Camera(K, np.zeros(0), size))
         poses.append(pose)
-    # Coefficients have no place for a unit; those of ours are known by where their world is.
+    # The file cannot state a unit; our files are recognised by their world origin.
     ours = np.allclose(poses[0].R, np.eye(3), rtol=0, atol=1e-6) and np.allclose(
         poses[0].T, [0.0, 0.0, ORIGIN_BEHIND_M], rtol=0, atol=1e-3 * ORIGIN_BEHIND_M
     )
@@ -102,7 +101,7 @@ def read_dlt(files: Mapping[str, bytes], options: ExchangeOptions, source: str) 
 
 
 def _poses(rig: Rig, world: Pose | None) -> tuple[Pose, Pose]:
-    """Primary and secondary from the world."""
+    """`primary_from_world` and `secondary_from_world`."""
     if world is None:
         primary = Pose(np.eye(3), np.array([0.0, 0.0, ORIGIN_BEHIND_M]))
     else:
@@ -120,7 +119,7 @@ def _decomposed(P: FloatArray, source: str) -> tuple[FloatArray, Pose]:
     K, R = rq(P[:, :3])
     signs = np.diag(np.sign(np.diag(K)))
     K, R = K @ signs, signs @ R
-    if np.diag(K).min() < 1e-12 * np.abs(K).max():  # signs are right now; the numbers may not be
+    if np.diag(K).min() < 1e-12 * np.abs(K).max():
         raise StereocalError(f"{source}: the coefficients are not those of a camera.")
     t = np.linalg.solve(K, P[:, 3])
     K /= K[2, 2]

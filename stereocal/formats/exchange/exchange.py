@@ -1,4 +1,4 @@
-"""Parameters in the formats of other programs, out and in, by the name of the format."""
+"""Export and import parameters in the formats of other programs, by format name."""
 
 from __future__ import annotations
 
@@ -30,18 +30,18 @@ Files = Mapping[str, bytes]
 
 @dataclass(frozen=True)
 class ExchangeFormat:
-    """One format: what people call it, and its functions."""
+    """One format: its title and functions."""
 
     title: str
     write: Callable[[Rig, ExchangeOptions], dict[str, bytes]]
     read: Callable[[Files, ExchangeOptions, str], ReadRig]
-    """The rig, and the unit of its lengths where the file says it."""
+    """Returns the rig, and the unit of its lengths if the file states it."""
     ignores_skew: bool = False
     without_lens: bool = False
     unit: Unit | None = None
-    """Of all its files, by its documentation."""
+    """Unit of all its files, by its documentation."""
     coefficients: int | None = None
-    """How many of the lens it holds, where it is fewer than OpenCV's model has."""
+    """Number of distortion coefficients, if fewer than in OpenCV's model."""
 
 
 FORMATS: Mapping[str, ExchangeFormat] = {
@@ -75,7 +75,7 @@ def export_files(rig: Rig, name: str, options: ExchangeOptions | None = None) ->
     """The files of a format by name.
 
     Raises:
-        StereocalError: an unknown format, or one that cannot hold this rig.
+        StereocalError: an unknown format, or one that cannot represent this rig.
     """
     return _format(name).write(rig, options or ExchangeOptions())
 
@@ -83,11 +83,12 @@ def export_files(rig: Rig, name: str, options: ExchangeOptions | None = None) ->
 def export(
     rig: Rig, name: str, path: str | Path, options: ExchangeOptions | None = None
 ) -> list[Path]:
-    """Write a format: into the folder `path`, which is made; a single file as `path` if that has an
-    ending, as `dlt.csv`.
+    """Write the files of a format into the folder `path`.
+
+    A single file is written as `path` itself if that has an ending, as `dlt.csv`.
 
     Returns:
-        The files that were written.
+        The written files.
 
     Raises:
         StereocalError: as `export_files`, or the disk cannot be written to.
@@ -101,24 +102,23 @@ def export(
 
 
 def export_notes(rig: Rig, name: str) -> list[str]:
-    """What the other program will not know, a sentence each."""
+    """Sentences on what the format does not represent."""
     known = _format(name)
     notes = []
     if known.ignores_skew and any(c.K[0, 1] != 0 for c in (rig.primary, rig.secondary)):
         notes.append(
-            "A camera has a skew. It stands in its matrix, but the other program's functions do "
+            "A camera has a skew. It is in the camera matrix, but the other program's functions do "
             "not use it."
         )
     if known.without_lens and any(c.distortion.any() for c in (rig.primary, rig.secondary)):
-        notes.append(
-            "The file does not hold the lenses: undistort the points before they are used with it."
-        )
+        notes.append("The file does not contain the lenses: undistort points before using it.")
     for which, camera in (("primary", rig.primary), ("secondary", rig.secondary)):
         count = known.coefficients
         if count is not None and camera.distortion[count:].any():
             notes.append(
-                f"The file holds {count} coefficients of a lens; those of the {which} camera were "
-                f"fitted anew, and differ by {fewer_coefficients(camera, count)[1]:.2g} px at most."
+                f"The format has {count} distortion coefficients: those of the {which} camera were "
+                f"refitted, which moves pixels by {fewer_coefficients(camera, count)[1]:.2g} px at "
+                "most."
             )
     return notes
 
@@ -126,10 +126,10 @@ def export_notes(rig: Rig, name: str) -> list[str]:
 def import_files(
     files: Files, name: str, options: ExchangeOptions | None = None, source: str = "parameters"
 ) -> RigParameters:
-    """Parameters of a format, from its files by name; the method is `imported`.
+    """Parameters from the files of a format by name; the method is `imported`.
 
     Raises:
-        StereocalError: an unknown format, or files that are not of it or not sound.
+        StereocalError: an unknown format, or files of another format or damaged.
     """
     if not files:
         raise StereocalError(f"{source}: there are no files.")
@@ -162,7 +162,7 @@ def _in_metres(files: Files, known: ExchangeFormat, options: ExchangeOptions, so
 def import_parameters(
     path: str | Path, name: str, options: ExchangeOptions | None = None
 ) -> RigParameters:
-    """Parameters of a format, from a file or a folder.
+    """Parameters from a file or a folder of a format.
 
     Raises:
         StereocalError: as `import_files`, or the path cannot be read.
@@ -183,7 +183,5 @@ def import_parameters(
 
 def _format(name: str) -> ExchangeFormat:
     if name not in FORMATS:
-        raise StereocalError(
-            f'The format "{name}" is not known; stereocal knows {", ".join(FORMATS)}.'
-        )
+        raise StereocalError(f'The format "{name}" is not known; use one of {", ".join(FORMATS)}.')
     return FORMATS[name]

@@ -1,4 +1,4 @@
-"""Kalibr's camchain: `T_cn_cnm1` takes the primary's frame to the secondary's, as ours does."""
+"""Kalibr's camchain; `T_cn_cnm1` is `secondary_from_primary`, as ours."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def write_kalibr(rig: Rig, _: ExchangeOptions) -> dict[str, bytes]:
     """`camchain.yaml`.
 
     Raises:
-        StereocalError: a lens with k3 or more, or a skew: Kalibr has neither.
+        StereocalError: a skew, or a lens that needs k3 or further coefficients.
     """
     text = header(
         "#",
@@ -68,7 +68,7 @@ def read_kalibr(files: Mapping[str, bytes], options: ExchangeOptions, source: st
     chain = sorted(key for key in data if key.startswith("cam") and key[3:].isdigit())
     if chain != ["cam0", "cam1"]:
         raise StereocalError(
-            f"{name}: a chain of cam0 and cam1 is wanted; the file has "
+            f"{name}: a chain of cam0 and cam1 is expected; the file has "
             f"{', '.join(chain) or 'no camera'}."
         )
     cameras = [_camera(data[key], k, options, f"{name}, {key}") for k, key in enumerate(chain)]
@@ -79,13 +79,13 @@ def read_kalibr(files: Mapping[str, bytes], options: ExchangeOptions, source: st
 def _camera(data: Any, k: int, options: ExchangeOptions, source: str) -> Camera:
     if not isinstance(data, dict):
         raise StereocalError(f"{source}: this is not a camera.")
-    # A lens without a model is an error, not no lens.
+    # Coefficients without a model are an error, not a lens without distortion.
     usual = "none" if data.get("distortion_coeffs") is None else "no distortion_model"
     model, distortion = data.get("camera_model"), data.get("distortion_model", usual)
     if model != "pinhole" or distortion not in ("radtan", "none"):
         raise StereocalError(
-            f"{source}: the camera is {model} with {distortion}; stereocal knows pinhole with "
-            "radtan or none. Calibrate with --models pinhole-radtan."
+            f"{source}: the camera is {model} with {distortion}; only pinhole with radtan or none "
+            "is supported. Calibrate with --models pinhole-radtan."
         )
     fx, fy, cx, cy = array_of(data.get("intrinsics"), (4,), "intrinsics", source)
     coefficients = (

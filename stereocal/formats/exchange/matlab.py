@@ -1,7 +1,7 @@
-"""A MATLAB script that builds `stereoParams`, and the same script read back.
+"""Write and read a MATLAB script that builds `stereoParams`.
 
-MATLAB multiplies rows from the left, so RotationOfCamera2 is the transpose of R; the newer
-PoseCamera2 is the pose of camera 2 in camera 1, the inverse of ours. Its first pixel is (1, 1).
+MATLAB's points are row vectors, so RotationOfCamera2 is the transpose of R; the newer PoseCamera2
+is the inverse of our pose. The first pixel is (1, 1).
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ stereoParams = stereoParameters(camera1, camera2, RotationOfCamera2, Translation
 
 
 def write_matlab(rig: Rig, _: ExchangeOptions) -> dict[str, bytes]:
-    """`stereo_parameters.m`; running it leaves `stereoParams` in the workspace.
+    """`stereo_parameters.m`, which creates `stereoParams` in the workspace.
 
     Raises:
         StereocalError: a lens with more than five coefficients.
@@ -77,31 +77,31 @@ _ASSIGNED = re.compile(r"^[ \t]*([A-Za-z]\w*)[ \t]*=[ \t]*\[([^\[\]]*)\]", re.MU
 
 
 def _without_comments(text: str) -> str:
-    """The script with a line for each that goes on after `...`."""
+    """The script without comments, with lines continued by `...` joined."""
     plain = []
     for line in text.split("\n"):
-        code, goes_on, _ = line.partition("%")[0].partition("...")
-        plain.append(code + (" " if goes_on else "\n"))
+        code, continued, _ = line.partition("%")[0].partition("...")
+        plain.append(code + (" " if continued else "\n"))
     return "".join(plain)
 
 
 def read_matlab(files: Mapping[str, bytes], options: ExchangeOptions, source: str) -> ReadRig:
-    """Two cameras and their pose, from a script with these assignments, in its WorldUnits.
+    """Two cameras and their pose from such a script, with lengths in its WorldUnits.
 
     Raises:
         StereocalError: an assignment is missing or damaged, or the units are not known.
     """
     name, text = only_file(files, (".m",), source)
     code = _without_comments(text)
-    given = {key: _table(body, key, name) for key, body in _ASSIGNED.findall(code)}
+    tables = {key: _table(body, key, name) for key, body in _ASSIGNED.findall(code)}
     cameras = []
     for k, which in ((1, "primary"), (2, "secondary")):
-        K = _wanted(given, f"K{k}", (3, 3), name) - FIRST_PIXEL
-        radial = _wanted(given, f"RadialDistortion{k}", (-1,), name)
-        tangential = _wanted(given, f"TangentialDistortion{k}", (2,), name)
+        K = _required(tables, f"K{k}", (3, 3), name) - FIRST_PIXEL
+        radial = _required(tables, f"RadialDistortion{k}", (-1,), name)
+        tangential = _required(tables, f"TangentialDistortion{k}", (2,), name)
         if len(radial) not in (2, 3):
-            raise StereocalError(f"{name}: RadialDistortion{k} must hold two or three numbers.")
-        size = given.get(f"ImageSize{k}")
+            raise StereocalError(f"{name}: RadialDistortion{k} must have two or three numbers.")
+        size = tables.get(f"ImageSize{k}")
         size = None if size is None else size.ravel()[::-1]
         distortion = np.concatenate([radial[:2], tangential, radial[2:]])
         size_px = size_of(size, options.image_sizes[k - 1], which, name)
@@ -109,8 +109,8 @@ def read_matlab(files: Mapping[str, bytes], options: ExchangeOptions, source: st
             cameras.append(Camera(K, distortion, size_px))
         except StereocalError as error:
             raise StereocalError(f"{name}, {which}: {error}") from error
-    R = _wanted(given, "RotationOfCamera2", (3, 3), name).T
-    pose = Pose(R, _wanted(given, "TranslationOfCamera2", (3,), name))
+    R = _required(tables, "RotationOfCamera2", (3, 3), name).T
+    pose = Pose(R, _required(tables, "TranslationOfCamera2", (3,), name))
     return Rig(cameras[0], cameras[1], pose), _unit_of(code, name)
 
 
@@ -136,16 +136,16 @@ def _table(body: str, key: str, source: str) -> FloatArray:
     try:
         return np.array(rows, dtype=np.float64)
     except ValueError as error:
-        raise StereocalError(f"{source}: {key} holds something that is not a number.") from error
+        raise StereocalError(f"{source}: {key} contains something that is not a number.") from error
 
 
-def _wanted(
-    given: Mapping[str, FloatArray], key: str, shape: tuple[int, ...], source: str
+def _required(
+    tables: Mapping[str, FloatArray], key: str, shape: tuple[int, ...], source: str
 ) -> FloatArray:
-    if key not in given:
+    if key not in tables:
         raise StereocalError(
-            f"{source}: {key} is missing; a script as stereocal writes it is wanted, which assigns "
-            "K1, RadialDistortion1, TangentialDistortion1, ImageSize1, the same with 2, "
+            f"{source}: {key} is missing; expected is a script as stereocal writes it, which "
+            "assigns K1, RadialDistortion1, TangentialDistortion1, ImageSize1, the same with 2, "
             "RotationOfCamera2 and TranslationOfCamera2."
         )
-    return array_of(given[key], shape, key, source)
+    return array_of(tables[key], shape, key, source)

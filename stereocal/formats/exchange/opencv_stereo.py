@@ -1,4 +1,4 @@
-"""OpenCV's stereo files, as its sample writes them: `intrinsics.yml` and `extrinsics.yml`."""
+"""OpenCV's stereo files as in its sample: `intrinsics.yml` and `extrinsics.yml`."""
 
 from __future__ import annotations
 
@@ -39,11 +39,11 @@ NAMES: Mapping[str, tuple[str, ...]] = {
     "R": ("R",),
     "T": ("T",),
 }
-"""Names that people give to the same things; ours are OpenCV's own."""
+"""Common names of the matrices; we write those of OpenCV's sample."""
 
 
 def write_opencv(rig: Rig, _: ExchangeOptions) -> dict[str, bytes]:
-    """The two files; R1, R2, P1, P2, Q rectify as `cv2.stereoRectify` does."""
+    """The two files; R1, R2, P1, P2, Q are those of `cv2.stereoRectify`."""
     intrinsics = [("M1", rig.primary.K), ("D1", _row(rig.primary.distortion))]
     intrinsics += [("M2", rig.secondary.K), ("D2", _row(rig.secondary.distortion))]
     sizes = "".join(
@@ -52,20 +52,20 @@ def write_opencv(rig: Rig, _: ExchangeOptions) -> dict[str, bytes]:
     )
     extrinsics = [("R", rig.pose.R), ("T", rig.pose.T[:, None])]
     extrinsics += list(zip(("R1", "R2", "P1", "P2", "Q"), rectification(rig), strict=True))
-    said = "1 is the primary camera, 2 the secondary."
+    comment = "1 is the primary camera, 2 the secondary."
     return {
         "intrinsics.yml": _file(
-            [said, "M: camera matrix; D: k1 k2 p1 p2 [k3 [k4 k5 k6 ...]]; sizes: width, height.",
+            [comment, "M: camera matrix; D: k1 k2 p1 p2 [k3 [k4 k5 k6 ...]]; sizes: width, height.",
              "The centre of the top-left pixel is (0, 0)."], intrinsics, sizes
         ),
         "extrinsics.yml": _file(
-            [said, "R1, R2, P1, P2, Q are for images of the size of the primary's."], extrinsics
+            [comment, "R1, R2, P1, P2, Q are for images of the size of the primary's."], extrinsics
         ),
     }  # fmt: skip
 
 
 def rectification(rig: Rig) -> tuple[FloatArray, ...]:
-    """R1, R2, P1, P2, Q of `cv2.stereoRectify`, with the rows of both images aligned."""
+    """R1, R2, P1, P2, Q of `cv2.stereoRectify`."""
     found = cv2.stereoRectify(
         rig.primary.K,
         _row(rig.primary.distortion),
@@ -80,10 +80,10 @@ def rectification(rig: Rig) -> tuple[FloatArray, ...]:
 
 
 def read_opencv(files: Mapping[str, bytes], options: ExchangeOptions, source: str) -> ReadRig:
-    """Two cameras and their pose, of one file or of several.
+    """Two cameras and their pose, from one or several files.
 
     Raises:
-        StereocalError: a matrix is missing or damaged, or nothing says the image sizes.
+        StereocalError: a matrix is missing or damaged, or the image sizes are unknown.
     """
     found: dict[str, FloatArray] = {}
     sizes: dict[int, Any] = {}
@@ -94,7 +94,7 @@ def read_opencv(files: Mapping[str, bytes], options: ExchangeOptions, source: st
     missing = [key for key in NAMES if key not in found]
     if missing:
         raise StereocalError(
-            f"{source}: {', '.join(missing)} missing; OpenCV's stereo files hold M1, D1, M2, D2 "
+            f"{source}: {', '.join(missing)} missing; OpenCV's stereo files have M1, D1, M2, D2 "
             "(intrinsics.yml) and R, T (extrinsics.yml)."
         )
     stated = models[0] if models else None
@@ -135,8 +135,8 @@ def _row(coefficients: FloatArray) -> FloatArray:
     return five_or_more(coefficients)[None, :]
 
 
-def _file(said: list[str], matrices: list[tuple[str, FloatArray]], more: str = "") -> bytes:
-    text = "%YAML:1.0\n---\n" + header("#", *said)
+def _file(comments: list[str], matrices: list[tuple[str, FloatArray]], more: str = "") -> bytes:
+    text = "%YAML:1.0\n---\n" + header("#", *comments)
     for name, values in matrices:
         rows = [", ".join(number(value) for value in row) for row in values]
         text += (

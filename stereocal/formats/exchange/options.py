@@ -1,4 +1,4 @@
-"""What all exchange formats share: what they leave open, and numbers and text of their files."""
+"""Options of the exchange formats, and how numbers and text are read and written."""
 
 from __future__ import annotations
 
@@ -22,39 +22,39 @@ from stereocal.system.arrays import LARGEST
 LARGEST_BYTES = 4_000_000
 ImageSize = tuple[int, int]
 ReadRig = tuple[Rig, Unit | None]
-"""What a file holds, and the unit of its lengths where it says it."""
+"""The rig in a file, and the unit of its lengths if stated."""
 OUR_UNIT = "lengths in metres"
-"""In all files that stereocal writes, but for DLT coefficients."""
+"""Text in all files that stereocal writes, except DLT coefficients."""
 
 
 @dataclass(frozen=True)
 class ExchangeOptions:
-    """What a format leaves open."""
+    """Settings that a format does not define."""
 
     image_sizes: tuple[ImageSize | None, ImageSize | None] = (None, None)
-    """Of the primary and the secondary, for files that do not say it; when reading only."""
+    """Of primary and secondary, if the file does not state them; reading only."""
     origin: PixelOrigin = field(default_factory=PixelOrigin)
-    """Pixels of DLT coefficients."""
+    """Pixel origin of DLT coefficients."""
     world: Pose | None = None
-    """`world_from_primary` of DLT coefficients; None is the primary's frame."""
+    """`world_from_primary` of DLT coefficients; None: the primary's frame."""
     unit: Unit | None = None
-    """Of the file's lengths; when reading only."""
+    """Unit of the file's lengths; reading only."""
     lens_model: LensModel | None = None
-    """What four coefficients are, for files that do not say it; when reading only."""
+    """Meaning of four coefficients if the file does not state it; reading only."""
 
 
 def header(mark: str, *lines: str) -> str:
-    """Comment lines that say what the file means."""
-    said = [
+    """Comment lines that describe the file."""
+    comments = [
         f"Written by stereocal {stereocal.__version__}.",
         f"x_secondary = R x_primary + T; {OUR_UNIT}, image coordinates in pixels.",
         *lines,
     ]
-    return "".join(f"{mark} {line}\n" for line in said)
+    return "".join(f"{mark} {line}\n" for line in comments)
 
 
 def number(value: float) -> str:
-    """All digits of a float, with a point: without one, YAML 1.1 takes `1e-05` for a word."""
+    """All digits of a float, with a point: YAML 1.1 reads `1e-05` as text."""
     text = repr(float(value))
     return text if "." in text or "e" not in text else text.replace("e", ".0e")
 
@@ -65,14 +65,10 @@ def numbers(values: FloatArray | Sequence[float]) -> str:
 
 
 def refuse_skew(camera: Camera, which: str, where: str) -> None:
-    """Refuse a camera whose axes are not at right angles.
-
-    Raises:
-        StereocalError: the skew is not 0.
-    """
+    """Raise a `StereocalError` if the skew is not 0."""
     if camera.K[0, 1] != 0:
         raise StereocalError(
-            f"{where} knows no skew; that of the {which} camera is {camera.K[0, 1]:g} px."
+            f"{where} does not support skew; that of the {which} camera is {camera.K[0, 1]:g} px."
         )
 
 
@@ -85,7 +81,7 @@ def text_of(content: bytes, source: str) -> str:
     """The text of a file.
 
     Raises:
-        StereocalError: empty, far too large, or no text.
+        StereocalError: empty, too large, or not text.
     """
     if not content.strip():
         raise StereocalError(f"{source}: the file is empty.")
@@ -98,10 +94,10 @@ def text_of(content: bytes, source: str) -> str:
 
 
 def array_of(value: Any, shape: tuple[int, ...], what: str, source: str) -> FloatArray:
-    """Numbers from a file in the given shape; -1 in it is any length.
+    """Numbers from a file as an array of `shape`; -1 in it is any length.
 
     Raises:
-        StereocalError: not numbers, not finite, beyond all bounds, or another shape.
+        StereocalError: not numbers, not finite, too large, or another shape.
     """
     try:
         found = np.array(value, dtype=np.float64).reshape(shape)
@@ -111,34 +107,33 @@ def array_of(value: Any, shape: tuple[int, ...], what: str, source: str) -> Floa
     if not np.isfinite(found).all():
         raise StereocalError(f"{source}: {what} has a number that is not finite.")
     if (np.abs(found) > LARGEST).any():
-        raise StereocalError(f"{source}: {what} has a number that no camera has.")
+        raise StereocalError(f"{source}: {what} has a number that is too large.")
     return found
 
 
-def size_of(value: Any, given: ImageSize | None, which: str, source: str) -> ImageSize:
-    """The image size, of the file or else as given.
+def size_of(value: Any, by_user: ImageSize | None, which: str, source: str) -> ImageSize:
+    """The image size: the file's (`value`), or else the user's.
 
     Raises:
-        StereocalError: neither, or they contradict each other.
+        StereocalError: there is neither, or they contradict each other.
     """
     if value is None:
-        if given is None:
+        if by_user is None:
             raise StereocalError(
-                f"{source}: the file does not say how large the images of the {which} camera are: "
-                "give the image size."
+                f"{source}: the file does not state the image size of the {which} camera: state it."
             )
-        return given
+        return by_user
     width, height = (int(side) for side in array_of(value, (2,), "the image size", source))
-    if given is not None and given != (width, height):
+    if by_user is not None and by_user != (width, height):
         raise StereocalError(
-            f"{source}: the images of the {which} camera have {width}x{height} px by the file, "
-            f"but {given[0]}x{given[1]} px are given."
+            f"{source}: the images of the {which} camera have {width}x{height} px in the file, "
+            f"but {by_user[0]}x{by_user[1]} px were entered."
         )
     return width, height
 
 
 def only_file(files: Mapping[str, bytes], ending: tuple[str, ...], source: str) -> tuple[str, str]:
-    """Name and text of the only file, or of the only one with such an ending.
+    """Name and text of the only file, or of the only one with this ending.
 
     Raises:
         StereocalError: none, or several.
@@ -146,7 +141,7 @@ def only_file(files: Mapping[str, bytes], ending: tuple[str, ...], source: str) 
     fitting = [name for name in files if name.lower().endswith(ending)] or list(files)
     if len(fitting) != 1:
         raise StereocalError(
-            f"{source}: one file that ends with {' or '.join(ending)} is wanted; there are "
+            f"{source}: one file that ends with {' or '.join(ending)} is expected; there are "
             f"{len(fitting)}."
         )
     name = fitting[0]

@@ -1,4 +1,4 @@
-"""A pair of ROS camera_info files: lens and rectification, from which R and T are recovered."""
+"""A pair of ROS camera_info files; R and T are recovered from the rectification matrices."""
 
 from __future__ import annotations
 
@@ -62,15 +62,15 @@ def write_ros(rig: Rig, _: ExchangeOptions) -> dict[str, bytes]:
 
 
 def read_ros(files: Mapping[str, bytes], options: ExchangeOptions, source: str) -> ReadRig:
-    """Two cameras and their pose; the one whose projection matrix has no shift is the primary.
+    """Two cameras and their pose; the primary's projection matrix has a last column of zeros.
 
     Raises:
-        StereocalError: not two files, or they are no rectified pair.
+        StereocalError: not two files, or not a rectified pair.
     """
     fitting = {n: c for n, c in files.items() if n.lower().endswith((".yaml", ".yml"))}
     if len(fitting) != 2:
         raise StereocalError(
-            f"{source}: two camera_info files are wanted, there are {len(fitting)}: give their "
+            f"{source}: two camera_info files are expected, there are {len(fitting)}: use their "
             "folder."
         )
     read = [(name, read_yaml(text_of(content, name), name)) for name, content in fitting.items()]
@@ -97,7 +97,7 @@ def _camera(name: str, data: Mapping[str, Any], k: int, options: ExchangeOptions
     check_lens_model(coefficients, model, options.lens_model, name)
     if model not in (None, "plumb_bob", "rational_polynomial"):
         raise StereocalError(
-            f"{name}: the lens model {model} is not known; stereocal knows plumb_bob and "
+            f"{name}: the lens model {model} is not supported; use plumb_bob or "
             "rational_polynomial."
         )
     size = [data.get("image_width"), data.get("image_height")]
