@@ -7,11 +7,11 @@ from stereocal.matching.application import Application
 from stereocal.projects.application import ProjectApplication
 from stereocal.ui.apply import bring_up_to_date, choose_gates, choose_points, choose_sets
 from stereocal.ui.apply_results import show_application
-from stereocal.ui.frame import need_frame
 from stereocal.ui.intake import escape_markdown, show_refusal
+from stereocal.ui.navigation import ensure_navigation
 from stereocal.ui.project import begin_project, current_project
 
-need_frame()
+ensure_navigation()
 st.title("Apply")
 st.subheader("Which points of the two cameras belong together, and where are they in space?")
 

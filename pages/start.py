@@ -2,7 +2,7 @@
 
 import streamlit as st
 
-from stereocal.ui.frame import need_frame
+from stereocal.ui.navigation import ensure_navigation
 from stereocal.ui.project import begun, forget_project
 from stereocal.ui.projects import show_projects
 from stereocal.ui.samples import (
@@ -13,7 +13,7 @@ from stereocal.ui.samples import (
 )
 from stereocal.ui.texts import BRING, PICTURE, PURPOSE
 
-need_frame()
+ensure_navigation()
 st.title("stereocal")
 st.subheader("How do two cameras stand to each other, and how well can they match and measure?")
 

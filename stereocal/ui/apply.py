@@ -34,12 +34,12 @@ from stereocal.rig.parameters import RigParameters
 from stereocal.ui import jobs
 from stereocal.ui.decoding import server_guard
 from stereocal.ui.fields import Field, number, one_of, setting, yes_or_no
-from stereocal.ui.given_sets import PURPOSES, given_set
-from stereocal.ui.intake import check_uploads, escape_markdown, is_new, settled, taking
+from stereocal.ui.intake import check_uploads, clear_refusal, escape_markdown, is_new, taking
+from stereocal.ui.messages import callback, readable
 from stereocal.ui.parameter_files import sets_of
+from stereocal.ui.parameter_upload import PURPOSES, uploaded_set
 from stereocal.ui.refined import refined_for
 from stereocal.ui.results import show_figure
-from stereocal.ui.told import callback, readable
 from stereocal.ui.wizard import ask_about_points
 
 OWN, FILES = "The bar's own points", "Two point files"
@@ -105,7 +105,7 @@ def _take_points(store: ProjectApplication, side: Side) -> None:
                 elif is_hdf5(content):
                     server_guard().check_content("hdf5", content, upload.name)
                 store.offer_points(side, upload.name, content)
-            settled()
+            clear_refusal()
         st.rerun()
 
 
@@ -127,7 +127,7 @@ def choose_sets(
     for use, column in zip(USES, st.columns(2), strict=True):
         with column:
             found.append(
-                _own_set(project, use, sets, instead) if own else given_set(project, store, use)
+                _own_set(project, use, sets, instead) if own else uploaded_set(project, store, use)
             )
             if found[-1] is not None:
                 purpose = "matching" if use == "matching" else "reconstruction"
@@ -284,7 +284,7 @@ def bring_up_to_date(project: Project, store: ProjectApplication, work: Applicat
         project, "apply", STAGES, {"application": work.digest}, lambda job: _run(store, work, job)
     )
     if result is not None and result.digest == work.digest:
-        jobs.is_done(job)
+        jobs.discard_finished(job)
     elif work.expected_seconds <= INSTANT_S:
         try:
             with st.spinner("Matching and measuring."):
@@ -303,7 +303,7 @@ def bring_up_to_date(project: Project, store: ProjectApplication, work: Applicat
 def _run(store: ProjectApplication, work: Application, job: jobs.Job) -> bool:
     return store.run(
         work, job.begin, job.progress, lambda: job.cancelled, job.executor,
-        job.parts("blocks", pack_block, unpack_block),
+        job.checkpoints("blocks", pack_block, unpack_block),
     )  # fmt: skip
 
 

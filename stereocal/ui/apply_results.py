@@ -29,8 +29,8 @@ from stereocal.projects.project import Project
 from stereocal.ui.apply import whole_table
 from stereocal.ui.fields import number, one_of, setting
 from stereocal.ui.intake import escape_markdown
+from stereocal.ui.messages import callback
 from stereocal.ui.results import show_figure
-from stereocal.ui.told import callback
 
 TWO = "the two points of a frame"
 FIRST_ROWS = 10

@@ -13,7 +13,7 @@ from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.review import change_review
 from stereocal.projects.thumbnails import thumbnail
 from stereocal.ui.fields import number, one_of, setting
-from stereocal.ui.intake import escape_markdown, refuse, settled
+from stereocal.ui.intake import clear_refusal, escape_markdown, refuse
 
 ON_A_SHEET = 12
 COLUMNS = 3
@@ -88,6 +88,6 @@ def _choose(store: ProjectPhotographs, number: int, key: str) -> None:
     try:
         use = bool(st.session_state[key])
         change_review(store, lambda review: choose(review, number, use))
-        settled()
+        clear_refusal()
     except StereocalError as error:
         refuse(error)

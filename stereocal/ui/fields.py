@@ -20,7 +20,7 @@ from typing import Any, Protocol
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.ui.told import callback, tell
+from stereocal.ui.messages import callback, tell
 
 Fit = Callable[[Any], Any]
 """What a kept value is shown as; ValueError or TypeError if the field cannot show it."""

@@ -33,10 +33,10 @@ from stereocal.system.zip_files import unzip
 from stereocal.ui import jobs
 from stereocal.ui.decoding import server_guard
 from stereocal.ui.fields import Field, one_of, setting
-from stereocal.ui.project import noted, project_to_write
+from stereocal.ui.project import own_change, project_to_write
 from stereocal.ui.refusal import ask_lens
+from stereocal.ui.refusal import clear_refusal as clear_refusal
 from stereocal.ui.refusal import refuse as refuse
-from stereocal.ui.refusal import settled as settled
 from stereocal.ui.refusal import show_refusal as show_refusal
 from stereocal.ui.texts import escape_markdown as escape_markdown
 from stereocal.ui.uploads import Upload as Upload
@@ -155,7 +155,7 @@ def take_photographs(photographs: Contents, store: ProjectPhotographs | ProjectL
             refused.insert(0, error)
         if found:
             store.add(found)
-    settled()
+    clear_refusal()
     if refused:
         more = f" So do {len(refused) - 1} others." if len(refused) > 1 else ""
         refuse(StereocalError(f"{refused[0]}{more}"))
@@ -207,11 +207,11 @@ def _try_dataset(
     """Take over a data set; if rows of it are refused, offer to go on without them."""
     try:
         project = project_to_write()
-        with noted(project):
+        with own_change(project):
             with_photographs = give_dataset(project, files, source, photographs, lens_model)
         if with_photographs:
             given_as(project, PHOTOGRAPHS).set(PHOTOGRAPHS)
-        settled()
+        clear_refusal()
     except RefusedRowsError as error:
         folder, _ = find_description(files, source)
         rest = _rows_but(files[folder + TABLE], error.problems)
@@ -227,9 +227,9 @@ def _try_files(files: dict[Slot, tuple[str, bytes]]) -> None:
     """Take over files; if rows of the table are refused, offer to go on without them."""
     try:
         project = project_to_write()
-        with noted(project):
+        with own_change(project):
             project.give(files)
-        settled()
+        clear_refusal()
     except RefusedRowsError as error:
         table = files.get("correspondences") or project_to_write().table
         if table is None:

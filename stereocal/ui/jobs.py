@@ -18,14 +18,14 @@ from typing import Any, Literal, ParamSpec, TypeVar
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.projects import jobs as kept_jobs
-from stereocal.projects.jobs import KeptJob, Parts, Record
+from stereocal.projects import jobs as stored_jobs
+from stereocal.projects.jobs import Checkpoints, Record, RunningJob
 from stereocal.projects.project import Project
 from stereocal.projects.server_settings import ServerSettings
 from stereocal.system.executors import Cluster, cluster, scheduler_of
 from stereocal.system.tasks import EndingError
+from stereocal.ui.messages import callback
 from stereocal.ui.texts import escape_markdown
-from stereocal.ui.told import callback
 from stereocal.ui.warm_up import warm_up
 
 P = ParamSpec("P")
@@ -54,7 +54,7 @@ class Job:
     sentence: str = ""
     """Why it failed."""
     cancelled: bool = False
-    kept: KeptJob | None = None
+    kept: RunningJob | None = None
     """On disk; None for what is computed while its page is drawn."""
     started: float = field(default_factory=time.monotonic)
     begun_with: int = 0
@@ -68,17 +68,17 @@ class Job:
     def progress(self, done: int, total: int) -> None:
         """So much of the stage is done."""
         if self.total == 0 and done > 1:
-            # Parts that were kept, or a first chunk: neither tells the pace.
+            # Checkpoints that were kept, or a first chunk: neither tells the pace.
             self.started, self.begun_with = time.monotonic(), done
         self.done, self.total = done, total
         if self.kept is not None and not self.kept.progress(self.at, done, total):
             self.cancelled = True
 
-    def parts(
+    def checkpoints(
         self, stage: str, pack: Callable[[T], bytes | None], unpack: Callable[[bytes], T]
-    ) -> Parts[T] | None:
+    ) -> Checkpoints[T] | None:
         """What the same work had finished of a stage, and where more is kept; None if nowhere."""
-        return None if self.kept is None else self.kept.parts(stage, pack, unpack)
+        return None if self.kept is None else self.kept.checkpoints(stage, pack, unpack)
 
     @property
     def digest(self) -> str:
@@ -109,7 +109,7 @@ class Work:
     @property
     def digest(self) -> str:
         """The same for the same work alone."""
-        return kept_jobs.digest_of(self.kind, self.about)
+        return stored_jobs.digest_of(self.kind, self.about)
 
 
 @st.cache_resource(show_spinner=False)
@@ -157,13 +157,13 @@ def is_running(project: Project, kind: Kind) -> bool:
     job = job_of(project, kind)
     if job is not None and job.state == "running":
         return True
-    found = kept_jobs.find(project.database, kind)
+    found = stored_jobs.find(project.database, kind)
     return found is not None and found[0] == "running"
 
 
 def can_go_on(work: Work) -> bool:
     """Whether this very work was begun and interrupted."""
-    found = kept_jobs.find(work.project.database, work.kind)
+    found = stored_jobs.find(work.project.database, work.kind)
     return found is not None and found[0] == "interrupted" and found[1].digest == work.digest
 
 
@@ -173,7 +173,7 @@ def start(work: Work) -> None:
         return
     job = Job(work.stages, pool())
     try:
-        job.kept = kept_jobs.begin(work.project.database, work.kind, work.stages, work.about)
+        job.kept = stored_jobs.begin(work.project.database, work.kind, work.stages, work.about)
         if job.kept is None:
             return
     except StereocalError as error:
@@ -222,7 +222,7 @@ def show_job(project: Project, kind: Kind, cancelled: str, work: Work | None) ->
         # Only now: a timer that is always there would interrupt every longer run of the page.
         _show_progress(job, kind)
         return
-    found = kept_jobs.find(project.database, kind)
+    found = stored_jobs.find(project.database, kind)
     if found is not None and found[0] == "running":
         _show_elsewhere(project, kind)
     elif found is not None and found[0] == "interrupted":
@@ -235,7 +235,7 @@ def show_job(project: Project, kind: Kind, cancelled: str, work: Work | None) ->
         st.info(cancelled)
 
 
-def how_far(record: Record) -> str:
+def progress_so_far(record: Record) -> str:
     """What an interrupted job had finished, in a sentence."""
     if not record.total:
         return "It had just begun."
@@ -245,12 +245,12 @@ def how_far(record: Record) -> str:
 
 
 def _show_interrupted(project: Project, kind: Kind, record: Record, work: Work | None) -> None:
-    same = work is not None and record.digest == kept_jobs.digest_of(kind, work.about)
+    same = work is not None and record.digest == stored_jobs.digest_of(kind, work.about)
     changed = "" if same else (
         " The data, the settings or the program have changed since, so it can only be started "
         "anew; or set them back, and it goes on."
     )  # fmt: skip
-    st.warning(f"The server stopped while this ran. {how_far(record)}{changed}")
+    st.warning(f"The server stopped while this ran. {progress_so_far(record)}{changed}")
     with st.container(horizontal=True):
         if same:
             st.button("Go on", type="primary", key=f"go_on_{kind}", on_click=start, args=(work,))
@@ -265,7 +265,7 @@ def discard(project: Project, kind: Kind) -> None:
     Raises:
         StereocalError: the disk cannot be written to.
     """
-    kept_jobs.discard(project.database, kind)
+    stored_jobs.discard(project.database, kind)
     _jobs().pop((project.id, kind), None)
 
 
@@ -276,12 +276,12 @@ def abandon(project: Project, kind: Kind) -> None:
         StereocalError: the disk cannot be written to.
     """
     if is_running(project, kind):
-        kept_jobs.ask_to_stop(project.database, kind)
+        stored_jobs.ask_to_stop(project.database, kind)
     else:
         discard(project, kind)
 
 
-def is_done(work: Work) -> None:
+def discard_finished(work: Work) -> None:
     """The result of this very work is there: if its server ended just then, nothing is left to do.
 
     Raises:
@@ -303,7 +303,7 @@ def _show_progress(job: Job, kind: Kind) -> None:
 @st.fragment(run_every=1.0)
 def _show_elsewhere(project: Project, kind: Kind) -> None:
     """A job that another server runs, which has the same projects."""
-    found = kept_jobs.find(project.database, kind)
+    found = stored_jobs.find(project.database, kind)
     if found is None or found[0] != "running":
         st.rerun()
     _show_bars(found[1], "")
@@ -328,4 +328,4 @@ def _cancel(job: Job) -> None:
 
 @callback
 def _stop(project: Project, kind: Kind) -> None:
-    kept_jobs.ask_to_stop(project.database, kind)
+    stored_jobs.ask_to_stop(project.database, kind)

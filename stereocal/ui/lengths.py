@@ -10,8 +10,8 @@ import streamlit as st
 from stereocal.errors import StereocalError
 from stereocal.projects.project import Project
 from stereocal.ui.fields import Field, one_of, setting
-from stereocal.ui.intake import refuse, settled
-from stereocal.ui.project import noted, project_to_write
+from stereocal.ui.intake import clear_refusal, refuse
+from stereocal.ui.project import own_change, project_to_write
 
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 
@@ -57,10 +57,10 @@ class _Length:
         metres = None if number is None else float(number) * UNITS[unit]
         try:
             self.project = project_to_write()
-            with noted(self.project):
+            with own_change(self.project):
                 self.project.keep_settings({self.unit.key: unit})
                 given: dict[str, Any] = {self.name: metres}
                 self.project.give({}, **given)
-            settled()
+            clear_refusal()
         except StereocalError as error:
             refuse(error)

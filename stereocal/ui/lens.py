@@ -15,23 +15,23 @@ from stereocal.intrinsics.calibrate_lens import LensSettings, calibrate_lens
 from stereocal.intrinsics.files import pack_board, pack_draws, unpack_board, unpack_draws
 from stereocal.projects.lens import WHICH, ProjectLens, Which
 from stereocal.projects.project import Project
-from stereocal.projects.refusals import DamagedError
+from stereocal.projects.sqlite_errors import DamagedError
 from stereocal.system.photograph import SUFFIXES
 from stereocal.ui import jobs
 from stereocal.ui.fields import number, one_of, setting, some_of, yes_or_no
 from stereocal.ui.intake import (
     CAMERA_KINDS,
     Upload,
+    clear_refusal,
     escape_markdown,
     in_use,
     photographs_of,
-    settled,
     take_file,
     take_photographs,
 )
+from stereocal.ui.messages import callback, readable, tell
 from stereocal.ui.project import current_project, project_to_write
 from stereocal.ui.samples import has_sample_photographs, load_sample_boards
-from stereocal.ui.told import callback, readable, tell
 from stereocal.ui.uploads import let_go
 
 BOARD, FILE = "Photographs of a board", "A camera file"
@@ -223,7 +223,7 @@ def _act(store: ProjectLens, pattern: BoardPattern, settings: LensSettings) -> j
     )  # fmt: skip
     work = _work(store, pattern, settings, leave_out)
     if current:
-        jobs.is_done(work)
+        jobs.discard_finished(work)
     label = "Calibrate the lens" if ready else "Find the boards and calibrate the lens"
     st.button(
         label, type="secondary" if current else "primary", key=f"calibrate_{store.which}",
@@ -247,7 +247,7 @@ def _choose_left_out(store: ProjectLens, search: BoardSearch) -> list[str]:
 
 
 def _start(work: jobs.Work) -> None:
-    settled()
+    clear_refusal()
     jobs.start(work)
 
 
@@ -275,7 +275,7 @@ def _calibrate(
 
     search = store.search
     if search is None or search.pattern != pattern:
-        boards = job.parts("boards", pack_board, unpack_board)
+        boards = job.checkpoints("boards", pack_board, unpack_board)
         search = find_boards(
             store.photographs, pattern, job.executor, job.progress, cancelled, boards
         )
@@ -285,7 +285,7 @@ def _calibrate(
     job.begin(STAGES[1])
     lens = calibrate_lens(
         search.without(leave_out), settings, job.executor, job.progress, cancelled,
-        pieces=job.parts("draws", pack_draws, unpack_draws),
+        pieces=job.checkpoints("draws", pack_draws, unpack_draws),
     )  # fmt: skip
     if lens is None:
         return False

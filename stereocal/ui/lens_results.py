@@ -23,8 +23,8 @@ from stereocal.intrinsics.quality import advice, hint, largest_shift_px
 from stereocal.intrinsics.tables import lens_answer, lens_table
 from stereocal.projects.lens import ProjectLens
 from stereocal.ui.fields import one_of, setting
-from stereocal.ui.intake import escape_markdown, refuse, settled
-from stereocal.ui.project import noted
+from stereocal.ui.intake import clear_refusal, escape_markdown, refuse
+from stereocal.ui.project import own_change
 from stereocal.ui.results import show_figure
 
 
@@ -89,9 +89,9 @@ def _use_and_downloads(store: ProjectLens, lens: LensCalibration) -> None:
 
 def _use(store: ProjectLens) -> None:
     try:
-        with noted(store.project):
+        with own_change(store.project):
             store.use()
-        settled()
+        clear_refusal()
     except StereocalError as error:
         refuse(error)
 

@@ -23,18 +23,18 @@ from stereocal.ui.intake import (
     PHOTOGRAPHS,
     TITLES,
     Upload,
+    clear_refusal,
     escape_markdown,
     given_as,
     in_use,
     photographs_of,
-    settled,
     take_file,
     take_photographs,
 )
+from stereocal.ui.messages import readable
 from stereocal.ui.pairs import ROUND, clear, forget_base, show_pairs
 from stereocal.ui.project import project_to_write
 from stereocal.ui.review import show_frames
-from stereocal.ui.told import readable
 from stereocal.ui.uploads import let_go
 
 TOGETHER, FOLDER, APART = "Both cameras together", "A folder", "One camera after the other"
@@ -169,7 +169,7 @@ def _find_targets(store: ProjectPhotographs) -> None:
 
 
 def _start(work: jobs.Work) -> None:
-    settled()
+    clear_refusal()
     jobs.start(work)
 
 
@@ -193,7 +193,7 @@ def _find(store: ProjectPhotographs, pairs: Sequence[Pair], job: jobs.Job) -> bo
     found = detect_frames(
         pairs, searched, cameras, job.executor, job.begin, job.progress,
         lambda: job.cancelled,
-        pieces=job.parts("detections", pack_detection, unpack_detection),
+        pieces=job.checkpoints("detections", pack_detection, unpack_detection),
     )  # fmt: skip
     if found is None:
         return False

@@ -12,14 +12,14 @@ import streamlit as st
 
 from stereocal.errors import StereocalError
 from stereocal.formats.evaluation_files import Evaluation
-from stereocal.projects.folders import default_home
+from stereocal.projects.data_folder import default_home
 from stereocal.projects.home import bring_back, removed_at
 from stereocal.projects.inputs import Inputs, Slot
 from stereocal.projects.photographs import TABLE_LABEL
 from stereocal.projects.project import Project
 from stereocal.refined.results import Calibration
+from stereocal.ui.messages import attempt, callback, readable, tell
 from stereocal.ui.texts import escape_markdown
-from stereocal.ui.told import attempt, callback, readable, tell
 
 SAMPLE = Path(__file__).parents[2] / "sample_data" / "field"
 SLOT_TITLES: Mapping[str, Slot] = {
@@ -27,7 +27,7 @@ SLOT_TITLES: Mapping[str, Slot] = {
     "primary camera": "primary",
     "secondary camera": "secondary",
 }
-_ANEW = "forms_anew"
+_RESET = "forms_anew"
 _BEGUN = "projects_begun"
 _ID, _INPUTS = "project_id", "inputs_seen"
 
@@ -50,7 +50,7 @@ def current_project() -> Project | None:
         return None
     try:
         project = Project.open(default_home(), project_id)
-        notice_others(project)
+        report_changes(project)
         return project
     except StereocalError as error:
         if not offer_removed():
@@ -158,25 +158,25 @@ def last_evaluation(project: Project) -> Evaluation | None:
     return readable(lambda: project.evaluation)
 
 
-def begin_forms_anew() -> bool:
+def reset_forms() -> bool:
     """Forget what this tab holds of its forms; False if that was just done, and did not help."""
-    if st.session_state.get(_ANEW):
+    if st.session_state.get(_RESET):
         return False
     project_id = st.session_state.get(_ID)
     st.session_state.clear()
     if project_id is not None:
         st.session_state[_ID] = project_id
-    st.session_state[_ANEW] = True
+    st.session_state[_RESET] = True
     tell("A form held values that cannot be used: it begins with the usual ones.", "info")
     return True
 
 
 def forms_are_sound() -> None:
     """A page was drawn with them."""
-    st.session_state.pop(_ANEW, None)
+    st.session_state.pop(_RESET, None)
 
 
-def notice_others(project: Project) -> None:
+def report_changes(project: Project) -> None:
     """Tell of inputs that another tab has changed since this one was drawn.
 
     A table that was made of photographs is not told of: this tab's own search may have made it.
@@ -193,9 +193,9 @@ def notice_others(project: Project) -> None:
 
 
 @contextmanager
-def noted(project: Project) -> Iterator[None]:
+def own_change(project: Project) -> Iterator[None]:
     """What changes inside is this tab's own doing, and needs not be told."""
-    notice_others(project)
+    report_changes(project)
     try:
         yield
     finally:

@@ -14,8 +14,8 @@ import streamlit as st
 
 from stereocal.errors import StereocalError
 from stereocal.projects.archive import pack_project, unpack_project
+from stereocal.projects.data_folder import default_home
 from stereocal.projects.files import MB
-from stereocal.projects.folders import default_home
 from stereocal.projects.home import (
     Listed,
     delete,
@@ -26,12 +26,13 @@ from stereocal.projects.home import (
     removed_at,
     removed_projects,
 )
-from stereocal.projects.journal import journal_of
+from stereocal.projects.journal_mode import journal_of
 from stereocal.projects.project import Project
 from stereocal.projects.salvage import salvage
 from stereocal.projects.server_settings import ServerSettings
 from stereocal.ui.decoding import server_guard
 from stereocal.ui.intake import check_uploads, escape_markdown, is_new, taking
+from stereocal.ui.messages import tell
 from stereocal.ui.project import (
     bring_project_back,
     current_project,
@@ -39,7 +40,6 @@ from stereocal.ui.project import (
     offer_removed,
     open_project,
 )
-from stereocal.ui.told import tell
 
 _REMOVED = "removed_project"
 _FAILED = "failed_project"
@@ -76,7 +76,7 @@ def show_projects() -> None:
                 _show(one)
         _show_removed()
     with st.expander("Take a project elsewhere, or open one from a zip"):
-        _carry(project)
+        _pack_and_unpack(project)
     with st.expander("What is kept, where and for how long"):
         st.markdown(what_is_kept(settings))
 
@@ -171,7 +171,7 @@ def _show_removed() -> None:
                 )  # fmt: skip
 
 
-def _carry(project: Project | None) -> None:
+def _pack_and_unpack(project: Project | None) -> None:
     """One zip out, of the open project, and one zip in."""
     if project is not None:
         name = project.inputs.name or "project"

@@ -20,15 +20,15 @@ from stereocal.refined.unknowns import (
 from stereocal.rig.dataset import Dataset
 from stereocal.ui import jobs
 from stereocal.ui.fields import Field, number, setting
-from stereocal.ui.known import describe_known
 from stereocal.ui.texts import escape_markdown
+from stereocal.ui.uncertainties import describe_uncertainties
 from stereocal.verdict.tradeoff import TradeOff, trade_off
 from stereocal.workflow import calibrate
 
 
 def refine_form(project: Project, dataset: Dataset) -> RefineSettings:
     """What the refined method is told: from the Data page, and the noise of an image point."""
-    st.caption(escape_markdown(describe_known(dataset)))
+    st.caption(escape_markdown(describe_uncertainties(dataset)))
     st.page_link("pages/data.py", label="State it on the Data page")
     with st.expander("Noise of the images"):
         st.number_input(

@@ -53,7 +53,7 @@ def refuse(error: StereocalError, left: int = 0, retry: Callable[[], None] | Non
     st.session_state[_REFUSED] = _Refusal(str(error), problems, ways)
 
 
-def settled() -> None:
+def clear_refusal() -> None:
     """Forget what was refused: something was accepted."""
     st.session_state.pop(_REFUSED, None)
 

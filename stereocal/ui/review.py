@@ -34,8 +34,8 @@ from stereocal.system.photograph import read_photograph
 from stereocal.ui.contact_sheet import BADGES, show_contact_sheet
 from stereocal.ui.fields import Field, one_of, setting, yes_or_no
 from stereocal.ui.intake import escape_markdown
+from stereocal.ui.messages import callback
 from stereocal.ui.picker import Mark, Pick, Shown, encode, pick
-from stereocal.ui.told import callback
 
 ALL, ONE = "All frames", "One frame"
 NEAREST = "Nearest"

@@ -7,11 +7,11 @@ from concurrent.futures import Future
 
 from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import pack_dataset, read_dataset
-from stereocal.projects.folders import default_home
+from stereocal.projects.data_folder import default_home
 from stereocal.projects.lens import WHICH, ProjectLens
 from stereocal.projects.project import Project
 from stereocal.system.photograph_files import is_photograph
-from stereocal.ui.intake import give_dataset, refuse, settled
+from stereocal.ui.intake import clear_refusal, give_dataset, refuse
 from stereocal.ui.jobs import pool
 from stereocal.ui.project import SAMPLE, project_to_write
 
@@ -57,7 +57,7 @@ def load_sample_boards() -> None:
     """The sample's board photographs, into the open project or a new one (a callback)."""
     try:
         _give_boards(project_to_write())
-        settled()
+        clear_refusal()
     except StereocalError as error:
         refuse(error)
 

@@ -20,7 +20,7 @@ from stereocal.rig.dataset import Dataset
 from stereocal.ui import jobs
 from stereocal.ui.fields import Field
 from stereocal.ui.intake import escape_markdown
-from stereocal.ui.told import callback
+from stereocal.ui.messages import callback
 
 MOST_BUTTONS = 6
 """Frames with exchanged targets that have a button each."""

@@ -13,9 +13,9 @@ from stereocal.ui.intake import (
     TITLES,
     Upload,
     check_uploads,
+    clear_refusal,
     in_use,
     is_new,
-    settled,
     take_file,
     taking,
 )
@@ -60,5 +60,5 @@ def _take_table(upload: Upload | None) -> None:
         with taking(upload):
             check_uploads([upload])
             ProjectApplication(project_to_write()).ask("bars", upload.name, upload.getvalue())
-            settled()
+            clear_refusal()
         st.rerun()

@@ -42,10 +42,10 @@ from stereocal.ui import jobs
 from stereocal.ui.fields import Field, number, one_of, setting, yes_or_no
 from stereocal.ui.forms import search_form, search_values, settings_of
 from stereocal.ui.intake import check_uploads, escape_markdown, is_new, taking
+from stereocal.ui.messages import callback
 from stereocal.ui.refined import refine_settings
 from stereocal.ui.results import show_figure
 from stereocal.ui.screening import screenings_of
-from stereocal.ui.told import callback
 
 NINETEEN = Path(__file__).parents[2] / "sample_data" / "nineteen"
 MINE, ALL, PAPER = "My data set", "All my data sets", "Nineteen synthetic rigs"
@@ -136,7 +136,7 @@ def bring_up_to_date(
     """Compute at once what is short; offer a button for what is long, and show how it goes."""
     work = _work(project, datasets, settings)
     if _is_current(_last(project), datasets, settings):
-        jobs.is_done(work)
+        jobs.discard_finished(work)
     else:
         frames = sum(len(dataset.correspondences.frames) for dataset in datasets)
         if settings.runs * frames / 25 <= INSTANT:
@@ -172,7 +172,7 @@ def _validate(
     kept = [screening.dataset for screening in screenings_of(datasets, settings.calibration)]
     runs = evaluate(
         kept, settings, job.executor, job.progress, lambda: job.cancelled,
-        pieces=job.parts("runs", pack_runs, unpack_runs),
+        pieces=job.checkpoints("runs", pack_runs, unpack_runs),
     )  # fmt: skip
     if runs is None:
         return False

@@ -14,7 +14,7 @@ from streamlit.runtime.scriptrunner import add_script_run_ctx, get_script_run_ct
 
 from stereocal.commands.warming import compile_all
 from stereocal.errors import StereocalError
-from stereocal.projects.folders import default_home
+from stereocal.projects.data_folder import default_home
 from stereocal.projects.home import sweep
 from stereocal.projects.server_settings import ServerSettings
 

@@ -29,11 +29,11 @@ from stereocal.projects.application import ProjectApplication
 from stereocal.projects.point_files import Asked, Side
 from stereocal.projects.project import Project
 from stereocal.ui.fields import Fit, number, one_of, setting, yes_or_no
-from stereocal.ui.intake import escape_markdown, refuse, settled
+from stereocal.ui.intake import clear_refusal, escape_markdown, refuse
+from stereocal.ui.messages import callback
 from stereocal.ui.parameter_files import CORNER_TITLES
-from stereocal.ui.project import noted
+from stereocal.ui.project import own_change
 from stereocal.ui.texts import escaped_table
-from stereocal.ui.told import callback
 
 PREVIEW_ROWS = 5
 COUNTED = -1
@@ -104,7 +104,7 @@ def ask_about_bars(store: ProjectApplication) -> None:
         st.caption(f"{len(rows)} pairs of points in {len(rows.frames)} frames.")
 
         def use() -> None:
-            with noted(store.project):
+            with own_change(store.project):
                 store.project.give({"correspondences": (label, table)})
             store.forget_question("bars")
 
@@ -253,7 +253,7 @@ def _buttons(store: ProjectApplication, asked: Asked, use: Callable[[], None]) -
     def take() -> None:
         try:
             use()
-            settled()
+            clear_refusal()
         except StereocalError as error:
             refuse(error)
 

@@ -9,7 +9,7 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereocal.evaluation.evaluate import evaluate_runs
-from stereocal.projects import jobs as kept_jobs
+from stereocal.projects import jobs as stored_jobs
 from stereocal.projects.home import copy_database
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.ui import jobs, photographs
@@ -35,7 +35,7 @@ def keys(app: AppTest) -> set[str]:
 @pytest.fixture
 def interrupted(app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch) -> AppTest:
     """A validation whose project is as it was when half of it was finished."""
-    monkeypatch.setattr(kept_jobs, "EVERY_S", 0.0)
+    monkeypatch.setattr(stored_jobs, "WRITE_EVERY_S", 0.0)
     half, let_go = threading.Event(), threading.Event()
     progress = jobs.Job.progress
 
@@ -104,7 +104,7 @@ def test_with_changed_settings_it_can_only_start_anew(interrupted: AppTest, home
     app.button(key="discard_evaluation").click().run()
     assert STOPPED not in messages(app)
     assert "validate" in keys(app)
-    assert kept_jobs.find(project_of(app, home).database, "evaluation") is None
+    assert stored_jobs.find(project_of(app, home).database, "evaluation") is None
 
 
 def test_start_says_it_in_the_list_and_a_new_session_finds_it(
@@ -136,17 +136,17 @@ def test_a_job_whose_tab_was_closed_is_there_when_the_page_is_opened_again(
 
 def test_a_job_of_another_server_is_shown_and_can_be_stopped(app: AppTest, home: Path) -> None:
     project = project_of(long_validation(app), home)
-    other = kept_jobs.begin(project.database, "evaluation", ("runs",), {})
+    other = stored_jobs.begin(project.database, "evaluation", ("runs",), {})
     assert other is not None
     other.progress(0, 30, 300)
     app.run()
     assert "validate" not in keys(app) and STOPPED not in messages(app)
     app.button(key="stop_evaluation").click().run()
-    kept_jobs.EVERY_S, before = 0.0, kept_jobs.EVERY_S
+    stored_jobs.WRITE_EVERY_S, before = 0.0, stored_jobs.WRITE_EVERY_S
     try:
         assert not other.progress(0, 40, 300)
     finally:
-        kept_jobs.EVERY_S = before
+        stored_jobs.WRITE_EVERY_S = before
     other.end()
     app.run()
     assert "validate" in keys(app)
@@ -178,10 +178,10 @@ def test_a_search_whose_result_was_kept_is_not_offered_again(kept: bool, home: P
     frames = store.frames
     assert frames is not None
     work = photographs._work(store, [row.pair for row in store.rows])
-    assert kept_jobs.begin(project.database, "photographs", work.stages, work.about) is not None
+    assert stored_jobs.begin(project.database, "photographs", work.stages, work.about) is not None
     store.keep_found(frames, store.photographs, work.digest if kept else "another")
-    kept_jobs._HERE.clear()  # its server died just then
+    stored_jobs._HERE.clear()  # its server died just then
     app = session(project).switch_page("pages/data.py").run()
     assert not app.exception
     assert ("go_on_photographs" in keys(app)) != kept and (STOPPED in messages(app)) != kept
-    assert (kept_jobs.find(project.database, "photographs") is None) == kept
+    assert (stored_jobs.find(project.database, "photographs") is None) == kept

@@ -14,9 +14,9 @@ from stereocal.projects.server_settings import ServerSettings
 from stereocal.system.executors import scheduler_of
 from stereocal.system.limits import Limits
 from stereocal.ui.fields import begin_page, end_page
-from stereocal.ui.project import begin_forms_anew, forms_are_sound, open_begun
+from stereocal.ui.messages import callback, forget_messages, show_messages
+from stereocal.ui.project import forms_are_sound, open_begun, reset_forms
 from stereocal.ui.texts import escape_markdown
-from stereocal.ui.told import callback, forget_told, show_told
 from stereocal.ui.uploads import check_dropped
 from stereocal.ui.warm_up import compiling_shown
 
@@ -69,13 +69,13 @@ def check_settings() -> None:
         st.stop()
 
 
-def frame_drawn() -> None:
+def mark_app_running() -> None:
     """Note that `app.py` runs and will run the page."""
     st.session_state[_DRAWN] = True
     st.html(FITS)
 
 
-def need_frame() -> None:
+def ensure_navigation() -> None:
     """Run `app.py` first, if Streamlit has started a page by itself.
 
     A server that has just started knows nothing of `app.py`'s `st.navigation`. If the first address
@@ -97,18 +97,18 @@ def run_page(page: StreamlitPage) -> None:
     if open_begun() and page.url_path == "":
         st.switch_page("pages/data.py")
     top = st.container()
-    shown = show_told(top)
+    shown = show_messages(top)
     begin_page(page.url_path)
     try:
         with compiling_shown(top):
             _draw(page)
     except StopException:
         end_page()
-        forget_told(shown)
+        forget_messages(shown)
         raise
     end_page()
     # What has come up meanwhile; a page that is drawn once more says it all again.
-    forget_told(shown + show_told(top, shown))
+    forget_messages(shown + show_messages(top, shown))
 
 
 def _draw(page: StreamlitPage) -> None:
@@ -121,7 +121,7 @@ def _draw(page: StreamlitPage) -> None:
         reason = f"{error.strerror or error}"
         st.error(escape_markdown(f"The project's folder cannot be used: {reason}."))
     except Exception:
-        if not begin_forms_anew():
+        if not reset_forms():
             raise  # it is not the forms
         _LOG.exception("A page could not be drawn; its forms begin anew.")
         st.rerun()

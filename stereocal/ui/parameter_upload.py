@@ -18,9 +18,16 @@ from stereocal.projects.project import Project
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.zip_files import unzip
 from stereocal.ui.fields import number, one_of, setting
-from stereocal.ui.intake import check_uploads, escape_markdown, is_new, refuse, settled, taking
+from stereocal.ui.intake import (
+    check_uploads,
+    clear_refusal,
+    escape_markdown,
+    is_new,
+    refuse,
+    taking,
+)
+from stereocal.ui.messages import callback
 from stereocal.ui.parameter_files import dlt_options
-from stereocal.ui.told import callback
 
 PURPOSES: Mapping[Use, tuple[str, str]] = {
     "matching": ("Match with", "2d"),
@@ -36,7 +43,7 @@ LENS_TITLES: Mapping[LensModel | None, str] = {
 }
 
 
-def given_set(project: Project, store: ProjectApplication, use: Use) -> RigParameters | None:
+def uploaded_set(project: Project, store: ProjectApplication, use: Use) -> RigParameters | None:
     """The parameter set of a file; None while there is none."""
     title, default = PURPOSES[use]
     kept = store.set_of(use)
@@ -54,7 +61,7 @@ def given_set(project: Project, store: ProjectApplication, use: Use) -> RigParam
             check_uploads(fresh)
             files = {upload.name: upload.getvalue() for upload in fresh}
             store.offer_set(use, files)
-            settled()
+            clear_refusal()
         st.rerun()
     _ask_about_set(project, store, use)
     return None if kept is None else kept[1]
@@ -142,6 +149,6 @@ def _size(project: Project, key: str, which: str, known: ImageSize | None) -> Im
 def _use(store: ProjectApplication, use: Use, label: str, rig: RigParameters) -> None:
     try:
         store.keep_set(use, label, rig.dumps().encode())
-        settled()
+        clear_refusal()
     except StereocalError as error:
         refuse(error)

@@ -19,28 +19,30 @@ from stereocal.ui.texts import escape_markdown
 P = ParamSpec("P")
 T = TypeVar("T")
 Kind = Literal["error", "info"]
-Told = tuple[Kind, str]
-_TOLD = "told"
+Message = tuple[Kind, str]
+_MESSAGES = "told"
 
 
 def tell(sentence: str, kind: Kind = "error") -> None:
     """Say this once, at the top of the page that is drawn now or next; the same not twice."""
-    told: list[Told] = st.session_state.setdefault(_TOLD, [])
+    told: list[Message] = st.session_state.setdefault(_MESSAGES, [])
     if (kind, sentence) not in told:
         told.append((kind, sentence))
 
 
-def show_told(place: DeltaGenerator, but: Sequence[Told] = ()) -> list[Told]:
+def show_messages(place: DeltaGenerator, but: Sequence[Message] = ()) -> list[Message]:
     """Draw what is to be told, but for what was drawn already; it is told until forgotten."""
-    told = [one for one in st.session_state.get(_TOLD, []) if one not in but]
+    told = [one for one in st.session_state.get(_MESSAGES, []) if one not in but]
     for kind, sentence in told:
         (place.error if kind == "error" else place.info)(escape_markdown(sentence))
     return told
 
 
-def forget_told(told: Sequence[Told]) -> None:
+def forget_messages(told: Sequence[Message]) -> None:
     """What has been told is not told again."""
-    st.session_state[_TOLD] = [one for one in st.session_state.get(_TOLD, []) if one not in told]
+    st.session_state[_MESSAGES] = [
+        one for one in st.session_state.get(_MESSAGES, []) if one not in told
+    ]
 
 
 def attempt(act: Callable[[], T]) -> T | None:

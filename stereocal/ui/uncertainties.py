@@ -21,7 +21,7 @@ from stereocal.refined.unknowns import (
 from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import Dataset
 from stereocal.ui.fields import Field
-from stereocal.ui.intake import refuse, settled
+from stereocal.ui.intake import clear_refusal, refuse
 from stereocal.ui.project import project_to_write
 
 Lens = Literal["primary", "secondary"]
@@ -39,7 +39,7 @@ HELP = (
 )
 
 
-def length_known(project: Project | None, name: str, assumed: str) -> None:
+def length_uncertainty(project: Project | None, name: str, assumed: str) -> None:
     """How well a length is known: a preset, or typed.
 
     Args:
@@ -60,7 +60,7 @@ def length_known(project: Project | None, name: str, assumed: str) -> None:
         )  # fmt: skip
 
 
-def lenses_known(project: Project | None) -> None:
+def lens_uncertainties(project: Project | None) -> None:
     """How well each lens that was given is known: as its file says, typed, or not stated."""
     if project is None:
         return
@@ -70,7 +70,7 @@ def lenses_known(project: Project | None) -> None:
                 _lens_known(project, which, camera)
 
 
-def describe_known(dataset: Dataset) -> str:
+def describe_uncertainties(dataset: Dataset) -> str:
     """What was stated, and what is assumed where nothing was."""
     parts = [
         _of_length("baseline", dataset.baseline_sigma_m, DEFAULT_BASELINE * dataset.baseline_m),
@@ -122,7 +122,7 @@ class _Stated:
             self.project = project_to_write()
             self.project.give({}, **given)
             self.project.keep_settings({self.choice.name: option})
-            settled()
+            clear_refusal()
         except StereocalError as error:
             refuse(error)
 
