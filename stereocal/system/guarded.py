@@ -15,7 +15,7 @@ import signal
 import tempfile
 import threading
 from collections.abc import Callable, Mapping
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from pathlib import Path
@@ -30,6 +30,8 @@ Reader = Callable[[Path], object]
 LEAST_SECONDS = 10.0
 SECONDS_PER_MB = 0.1
 """A 16-bit PNG of 200 megapixels may take seconds; a busy server is slower still."""
+LOOK_S = 0.2
+"""How often a pool is asked whether it still works."""
 SPARE = 1_000_000_000
 BYTES_PER_PIXEL = 16
 """Four channels of 16 bits, three of them copied to be weighed, and the grey image."""
@@ -117,10 +119,15 @@ class Guard:
         with self._lock:
             if self._pool is None or not self._pool.active:
                 self._pool = self._started()
-            future = self._pool.schedule(
+            pool = self._pool
+            future = pool.schedule(
                 _read, (self._readers[kind], path.resolve(), seconds), timeout=seconds
             )
         try:
+            # A file that comes while a pool breaks is forgotten by Pebble: nobody would end it.
+            while not wait([future], LOOK_S).done:
+                if not pool.active:
+                    raise BrokenProcessPool
             future.result()
         except TimeoutError:
             return f"takes too long to be decoded, more than {seconds:.0f} s"

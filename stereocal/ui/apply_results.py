@@ -27,6 +27,7 @@ from stereocal.projects.application import ProjectApplication
 from stereocal.projects.files import StoredFile
 from stereocal.projects.project import Project
 from stereocal.ui.apply import whole_table
+from stereocal.ui.downloads import on_demand
 from stereocal.ui.fields import number, one_of, setting
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.messages import callback
@@ -82,7 +83,7 @@ def show_application(project: Project, store: ProjectApplication, work: Applicat
 
 def _download(place: Any, file: StoredFile, name: str) -> None:
     place.download_button(
-        f"Download {name}", file.read_bytes, name, "text/csv",
+        f"Download {name}", on_demand(file.read_bytes, name, "text/csv"), name, "text/csv",
         on_click="ignore", icon=":material/download:", key=f"download_{name}",
         type="primary" if name in (PAIRS, POINTS) else "secondary",
     )  # fmt: skip

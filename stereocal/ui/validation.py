@@ -39,6 +39,7 @@ from stereocal.refined.screening import Screening
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
 from stereocal.ui import jobs
+from stereocal.ui.downloads import on_demand
 from stereocal.ui.fields import Field, number, one_of, setting, yes_or_no
 from stereocal.ui.forms import search_form, search_values, settings_of
 from stereocal.ui.intake import check_uploads, escape_markdown, is_new, taking
@@ -270,12 +271,13 @@ def _downloads(
 ) -> None:
     left, right = st.columns(2)
     about = ([each.full_dataset for each in screenings], evaluation.settings, screenings)
+    report = partial(report_html, pooled, by_dataset, *about)
     left.download_button(
-        "Download report.html", partial(report_html, pooled, by_dataset, *about), "report.html",
+        "Download report.html", on_demand(report, "report.html", "text/html"), "report.html",
         "text/html", on_click="ignore", icon=":material/download:", key="download_report",
     )  # fmt: skip
     right.download_button(
-        "Download summary.json", partial(summary_json, pooled, by_dataset, *about),
+        "Download summary.json", summary_json(pooled, by_dataset, *about),
         "summary.json", "application/json", on_click="ignore", icon=":material/download:",
         key="download_summary",
     )  # fmt: skip
