@@ -1,4 +1,4 @@
-"""Calibrate: the three methods, side by side, and the two files."""
+"""Calibrate: comparison of the methods, and the parameter files."""
 
 import streamlit as st
 
@@ -17,7 +17,7 @@ from stereocal.workflow import calibrate
 
 ensure_navigation()
 st.title("Calibrate")
-st.subheader("How do the cameras stand, and how large are the errors?")
+st.subheader("What is the pose of the cameras, and how large are the errors?")
 
 project, inputs, dataset = project_with_data()
 values = settings_form(project, dataset)

@@ -1,4 +1,4 @@
-"""Data: give points, cameras and two lengths; see what was read."""
+"""Data: upload of points, cameras and two lengths."""
 
 import streamlit as st
 

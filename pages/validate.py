@@ -1,4 +1,4 @@
-"""Validate: how well both sets do on frames that they have not seen."""
+"""Validate: errors of the parameter sets on held-out frames."""
 
 import streamlit as st
 

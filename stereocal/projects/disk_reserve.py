@@ -20,9 +20,7 @@ def keep_reserve(folder: Path) -> None:
         if path.exists() and path.stat().st_size >= BYTES:
             return
         with path.open("wb") as file:
-            file.write(
-                os.urandom(BYTES)
-            )  # random, in case the disk compresses
+            file.write(os.urandom(BYTES))  # random, in case the disk compresses
     except OSError:
         drop_reserve(folder)
 

@@ -1,4 +1,4 @@
-"""All photographed frames at a glance: the surroundings of the targets, and how sure they are."""
+"""Contact sheet of all frames: cutouts around the targets, with their standard errors."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def show_contact_sheet(
     running: bool,
     look_closely: Callable[[int], None],
 ) -> None:
-    """The frames, twelve on a sheet, with the choice to use each, or to look at it closely."""
+    """The frames, twelve on a sheet; each can be used, left out, or opened."""
     st.info(describe_frames(frames))
     counts = {state: sum(frame.state == state for frame in frames) for state in STATES}
     kinds: dict[str, str] = {

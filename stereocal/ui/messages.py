@@ -1,7 +1,6 @@
-"""What a person is told once, at the top of the page.
+"""Messages that are shown once, at the top of the page.
 
-Streamlit runs callbacks before the page: an error there would be shown as a traceback, and the page
-would not be drawn.
+Streamlit runs callbacks before the page: an error in one would replace the page by a traceback.
 """
 
 from __future__ import annotations
@@ -20,35 +19,35 @@ P = ParamSpec("P")
 T = TypeVar("T")
 Kind = Literal["error", "info"]
 Message = tuple[Kind, str]
-_MESSAGES = "told"
+_MESSAGES = "messages"
 
 
 def tell(sentence: str, kind: Kind = "error") -> None:
-    """Say this once, at the top of the page that is drawn now or next; the same not twice."""
-    told: list[Message] = st.session_state.setdefault(_MESSAGES, [])
-    if (kind, sentence) not in told:
-        told.append((kind, sentence))
+    """Queue a message for the top of this or the next page; duplicates are dropped."""
+    messages: list[Message] = st.session_state.setdefault(_MESSAGES, [])
+    if (kind, sentence) not in messages:
+        messages.append((kind, sentence))
 
 
 def show_messages(place: DeltaGenerator, but: Sequence[Message] = ()) -> list[Message]:
-    """Draw what is to be told, but for what was drawn already; it is told until forgotten."""
-    told = [one for one in st.session_state.get(_MESSAGES, []) if one not in but]
-    for kind, sentence in told:
+    """Draw the queued messages except `but`; they stay queued until forgotten."""
+    messages = [one for one in st.session_state.get(_MESSAGES, []) if one not in but]
+    for kind, sentence in messages:
         (place.error if kind == "error" else place.info)(escape_markdown(sentence))
-    return told
+    return messages
 
 
-def forget_messages(told: Sequence[Message]) -> None:
-    """What has been told is not told again."""
+def forget_messages(messages: Sequence[Message]) -> None:
+    """Remove messages from the queue."""
     st.session_state[_MESSAGES] = [
-        one for one in st.session_state.get(_MESSAGES, []) if one not in told
+        one for one in st.session_state.get(_MESSAGES, []) if one not in messages
     ]
 
 
-def attempt(act: Callable[[], T]) -> T | None:
-    """What an act returns; None where it is refused, which is told."""
+def attempt(call: Callable[[], T]) -> T | None:
+    """The result of a call; None after an error, which is queued as a message."""
     try:
-        return act()
+        return call()
     except StereocalError as error:
         tell(str(error))
     except OSError as error:
@@ -56,18 +55,18 @@ def attempt(act: Callable[[], T]) -> T | None:
     return None
 
 
-def callback(act: Callable[P, object]) -> Callable[P, None]:
-    """A callback whose refusal is told."""
+def callback(function: Callable[P, object]) -> Callable[P, None]:
+    """Wrap a callback so that its errors become messages."""
 
-    @wraps(act)
+    @wraps(function)
     def run(*arguments: P.args, **named: P.kwargs) -> None:
-        attempt(lambda: act(*arguments, **named))
+        attempt(lambda: function(*arguments, **named))
 
     return run
 
 
 def readable(read: Callable[[], T]) -> T | None:
-    """What is read, or None and a sentence on the page where it is damaged: the rest goes on."""
+    """The result of a read; after an error None, and a warning on the page."""
     try:
         return read()
     except StereocalError as error:

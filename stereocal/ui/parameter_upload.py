@@ -1,4 +1,4 @@
-"""Parameter files on the Apply page: ours at once, those of other programs after some questions."""
+"""Upload of parameter files on the Apply page; other programs' files need some questions."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def uploaded_set(project: Project, store: ProjectApplication, use: Use) -> RigPa
 
 
 def _ask_about_set(project: Project, store: ProjectApplication, use: Use) -> None:
-    """The questions about parameters of another program, if some wait for answers."""
+    """The questions about an uploaded file of another program, if any."""
     asked = store.asking(use)
     if asked is None:
         return
@@ -125,12 +125,12 @@ def _options(project: Project, use: Use, name: str | None) -> ExchangeOptions:
 
 
 def _answer(project: Project, key: str, usual: Any, options: Sequence[Any]) -> dict[str, Any]:
-    """Key and callback of a question, whose answer this tab keeps."""
+    """Key and callback of a question's widget; each tab has its own answer."""
     return setting(project, key, usual, one_of(options), tabs_own=True).widget()
 
 
 def _size(project: Project, key: str, which: str, known: ImageSize | None) -> ImageSize | None:
-    """The image size of a camera, where the file does not say it."""
+    """The image size of a camera, for files without it."""
     sides: list[int | None] = []
     for k, (column, side) in enumerate(zip(st.columns(2), ("width", "height"), strict=True)):
         start = None if known is None else known[k]

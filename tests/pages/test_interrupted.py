@@ -18,7 +18,7 @@ from tests.pages.test_pages import ROOT, SLOW, messages, open_sample, project_of
 from tests.pages.test_pages import app as app
 from tests.pages.test_pages import home as home
 from tests.pages.waiting import ended
-from tests.projects.test_parts import same_runs
+from tests.projects.test_checkpoints import same_runs
 
 STOPPED = "The server stopped while this ran"
 
@@ -36,7 +36,7 @@ def keys(app: AppTest) -> set[str]:
 def interrupted(app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch) -> AppTest:
     """A validation whose project is as it was when half of it was finished."""
     monkeypatch.setattr(stored_jobs, "WRITE_EVERY_S", 0.0)
-    half, let_go = threading.Event(), threading.Event()
+    half, free_memory = threading.Event(), threading.Event()
     progress = jobs.Job.progress
 
     def then_hold(job: jobs.Job, done: int, total: int) -> None:
@@ -44,7 +44,7 @@ def interrupted(app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch) -> Ap
         progress(job, done, total)
         if done >= 60:
             half.set()
-            assert let_go.wait(SLOW)
+            assert free_memory.wait(SLOW)
 
     long_validation(app)
     project = project_of(app, home)
@@ -55,7 +55,7 @@ def interrupted(app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch) -> Ap
         assert job is not None and half.wait(SLOW)
         copy_database(project.database, home / "as_it_was")
         job.cancelled = True
-        let_go.set()
+        free_memory.set()
         assert ended(project, "evaluation").state == "cancelled"
     (home / "as_it_was").replace(project.database.path)
     jobs._jobs().clear()
@@ -67,7 +67,7 @@ def test_it_goes_on_to_the_same_result(
 ) -> None:
     app, project = interrupted, project_of(interrupted, home)
     assert STOPPED in messages(app) and "60 of 130 runs were finished." in messages(app)
-    assert "started anew" not in messages(app)
+    assert "started again" not in messages(app)
     assert "validate" not in keys(app)
     computed: list[int] = []
 
@@ -91,7 +91,7 @@ def test_it_goes_on_to_the_same_result(
 def test_with_changed_settings_it_can_only_start_anew(interrupted: AppTest, home: Path) -> None:
     app = interrupted
     app.slider(key="validate_runs").set_value(140).run()
-    assert STOPPED in messages(app) and "can only be started anew" in messages(app)
+    assert STOPPED in messages(app) and "can only be started again" in messages(app)
     assert "go_on_evaluation" not in keys(app)
     assert {"validate", "discard_evaluation"} <= keys(app)
     app.slider(key="validate_runs").set_value(130).run()
@@ -99,7 +99,7 @@ def test_with_changed_settings_it_can_only_start_anew(interrupted: AppTest, home
     app.switch_page("pages/data.py").run()
     app.number_input(key="baseline_m_value").set_value(4.6).run()
     app.switch_page("pages/validate.py").run()
-    assert "can only be started anew" in messages(app)
+    assert "can only be started again" in messages(app)
     assert "go_on_evaluation" not in keys(app)
     app.button(key="discard_evaluation").click().run()
     assert STOPPED not in messages(app)

@@ -16,7 +16,7 @@ from stereocal.projects.database import Database
 from stereocal.projects.home import bring_back, duplicate, remove
 from stereocal.projects.project import Project
 from stereocal.projects.sqlite_errors import DiskFullError
-from tests.projects.test_parts import same_runs
+from tests.projects.test_checkpoints import same_runs
 from tests.projects.test_project import filled
 
 WORK = {"datasets": ["a"], "settings": {"runs": 3}}
