@@ -10,7 +10,7 @@ def main() -> None:
     """
     import streamlit as st
 
-    from stereocal.ui.frame import check_settings, frame_drawn, pages, run_page
+    from stereocal.ui.navigation import check_settings, mark_app_running, pages, run_page
     from stereocal.ui.project import keep_address
     from stereocal.ui.uploads import watch_uploads
     from stereocal.ui.warm_up import warm_up
@@ -22,7 +22,7 @@ def main() -> None:
     watch_uploads()
     page = st.navigation(pages())
     keep_address()
-    frame_drawn()
+    mark_app_running()
     run_page(page)
 
 

@@ -22,7 +22,7 @@ from stereocal.formats.evaluation_files import pack_runs, unpack_runs
 from stereocal.frames.detection_file import pack_detection, unpack_detection
 from stereocal.frames.series import detect_series
 from stereocal.projects import jobs
-from stereocal.projects.jobs import Parts
+from stereocal.projects.jobs import Checkpoints
 from stereocal.projects.project import Project
 from stereocal.refined.unknowns import RefineSettings
 
@@ -46,7 +46,7 @@ def overhead(
         own = time.thread_time()
         job = jobs.begin(Project.create(Path(folder)).database, "benchmark", ("pieces",), {})
         assert job is not None
-        parts: Parts[Any] = job.parts("pieces", pack, unpack)
+        parts: Checkpoints[Any] = job.checkpoints("pieces", pack, unpack)
         work(lambda done, total: job.progress(0, done, total), parts)
         job.end()
         return whole, time.thread_time() - own - plain

@@ -24,13 +24,13 @@ from pathlib import Path
 from unittest import mock
 
 from stereocal.errors import StereocalError
-from stereocal.projects import journal
+from stereocal.projects import journal_mode
 from stereocal.projects.files import LARGEST, keep_file, keep_values, name_files, values_of
 from stereocal.projects.home import copy_database, delete, recent_projects, remove, sweep
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
-from stereocal.projects.refusals import FullError
 from stereocal.projects.salvage import salvage
+from stereocal.projects.sqlite_errors import DiskFullError
 from tests.pages.stored_projects import FULL, placed
 
 MB = 1_000_000
@@ -114,7 +114,7 @@ def large(home: Path) -> None:
 
 def with_a_rollback_journal(home: Path) -> None:
     """Where a write-ahead log fails: four threads, which all write and read."""
-    with mock.patch.object(journal, "_writes_ahead", lambda _folder: False):
+    with mock.patch.object(journal_mode, "_writes_ahead", lambda _folder: False):
         project = placed(FULL, home)
         together(project)
         assert project.database.rows("PRAGMA journal_mode") == [("delete",)]
@@ -130,7 +130,7 @@ def together(project: Project) -> None:
 
     def work() -> None:
         for _ in range(50):
-            with database.act():
+            with database.transaction():
                 keep_values(database, "count", {"x": values_of(database, "count")["x"] + 1})
             assert project.inputs.files
 
@@ -161,7 +161,7 @@ def full_disk(place: Path) -> None:
                 file = store.keep(f"{at}.png", os.urandom(MB))
                 store.add({f"{at}.png": file})
                 kept[f"{at}.png"] = file
-        except FullError as error:
+        except DiskFullError as error:
             print(f"after {len(kept)} photographs of 1 MB: {error}")
         with (place / "filler").open("wb", buffering=0) as filler:
             try:
@@ -188,7 +188,7 @@ def full_disk(place: Path) -> None:
 def _refused(act: Callable[[], object]) -> None:
     try:
         act()
-    except FullError:
+    except DiskFullError:
         return
     print("accepted on a full disk, which has more room than was thought")
 
@@ -236,7 +236,7 @@ def backup(home: Path) -> None:
 
     def write() -> None:
         while not over.is_set():
-            with project.database.act():
+            with project.database.transaction():
                 count = project.settings.get("a", 0) + 1
                 project.keep_settings({"a": count})
                 project.keep_settings({"b": count})

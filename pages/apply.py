@@ -1,17 +1,22 @@
-"""Apply: which points belong together, and where they are."""
+"""Apply: match points and reconstruct them in 3D."""
 
 import streamlit as st
 
 from stereocal.errors import StereocalError
 from stereocal.matching.application import Application
 from stereocal.projects.application import ProjectApplication
-from stereocal.ui.apply import bring_up_to_date, choose_gates, choose_points, choose_sets
+from stereocal.ui.apply import (
+    bring_up_to_date,
+    choose_points,
+    choose_sets,
+    choose_threshold_and_depths,
+)
 from stereocal.ui.apply_results import show_application
-from stereocal.ui.frame import need_frame
 from stereocal.ui.intake import escape_markdown, show_refusal
+from stereocal.ui.navigation import ensure_navigation
 from stereocal.ui.project import begin_project, current_project
 
-need_frame()
+ensure_navigation()
 st.title("Apply")
 st.subheader("Which points of the two cameras belong together, and where are they in space?")
 
@@ -33,9 +38,9 @@ try:
     if sets is None:
         st.info("Still missing: a parameter file to match with, and one to measure with.")
         st.page_link("pages/calibrate.py", label="Or calibrate on the Calibrate page")
-    gates = choose_gates(store, points, sets[0]) if points and sets else None
-    if points and sets and gates:
-        work = Application(*points, *sets, *gates)
+    limits = choose_threshold_and_depths(store, points, sets[0]) if points and sets else None
+    if points and sets and limits:
+        work = Application(*points, *sets, *limits)
         bring_up_to_date(project, store, work)
 except StereocalError as error:
     st.error(escape_markdown(str(error)))

@@ -1,13 +1,13 @@
-"""Calibrate: the three methods, side by side, and the two files."""
+"""Calibrate: comparison of the methods, and the parameter files."""
 
 import streamlit as st
 
 from stereocal.errors import StereocalError
 from stereocal.ui import jobs
 from stereocal.ui.forms import settings_form, settings_of
-from stereocal.ui.frame import need_frame
 from stereocal.ui.intake import escape_markdown
-from stereocal.ui.needed import project_with_data
+from stereocal.ui.navigation import ensure_navigation
+from stereocal.ui.prerequisites import project_with_data
 from stereocal.ui.project import last_calibration, last_evaluation
 from stereocal.ui.refined import refined_for
 from stereocal.ui.results import show_result
@@ -15,9 +15,9 @@ from stereocal.ui.screening import calibrate_again, show_exchanged
 from stereocal.ui.status import describe_settings, staleness
 from stereocal.workflow import calibrate
 
-need_frame()
+ensure_navigation()
 st.title("Calibrate")
-st.subheader("How do the cameras stand, and how large are the errors?")
+st.subheader("What is the pose of the cameras, and how large are the errors?")
 
 project, inputs, dataset = project_with_data()
 values = settings_form(project, dataset)

@@ -2,7 +2,6 @@
 
 import streamlit as st
 
-from stereocal.ui.frame import need_frame
 from stereocal.ui.intake import show_refusal
 from stereocal.ui.lens import (
     choose_camera,
@@ -11,10 +10,11 @@ from stereocal.ui.lens import (
     show_cameras_in_use,
 )
 from stereocal.ui.lens_results import show_lens
+from stereocal.ui.navigation import ensure_navigation
 from stereocal.ui.project import current_project
 from stereocal.ui.texts import BOARDS
 
-need_frame()
+ensure_navigation()
 st.title("Cameras")
 st.subheader("How does each camera's lens see, and how well is that known?")
 

@@ -1,20 +1,20 @@
-"""Data: give points, cameras and two lengths; see what was read."""
+"""Data: upload of points, cameras and two lengths."""
 
 import streamlit as st
 
 from stereocal.errors import StereocalError
 from stereocal.figures import describe_coverage, plot_coverage
 from stereocal.figures.tables import contents_table
-from stereocal.ui.frame import need_frame
 from stereocal.ui.intake import escape_markdown, show_refusal, take_dataset
-from stereocal.ui.known import length_known, lenses_known
 from stereocal.ui.lengths import length_field
+from stereocal.ui.navigation import ensure_navigation
 from stereocal.ui.photographs import choose_kind, has_photographs, photographs_in
 from stereocal.ui.project import current_project, forget_project
 from stereocal.ui.results import dataset_download, show_figure
 from stereocal.ui.single_files import single_files
+from stereocal.ui.uncertainties import length_uncertainty, lens_uncertainties
 
-need_frame()
+ensure_navigation()
 st.title("Data")
 st.subheader("Which points did the cameras see, and what did you measure?")
 
@@ -36,11 +36,11 @@ else:
 left, right = st.columns(2)
 with left:
     length_field(project, "baseline_m", "Baseline: distance between the cameras")
-    length_known(project, "baseline_m", "± 1 %")
+    length_uncertainty(project, "baseline_m", "± 1 %")
 with right:
     length_field(project, "target_distance_m", "Distance between targets A and B")
-    length_known(project, "target_distance_m", "± 0.1 %")
-lenses_known(project)
+    length_uncertainty(project, "target_distance_m", "± 0.1 %")
+lens_uncertainties(project)
 show_refusal()
 
 project = current_project()

@@ -3,9 +3,8 @@
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.ui.frame import need_frame
 from stereocal.ui.intake import escape_markdown
-from stereocal.ui.needed import project_with_data
+from stereocal.ui.navigation import ensure_navigation
 from stereocal.ui.one_set import (
     refined_inputs,
     show_accuracy,
@@ -15,13 +14,14 @@ from stereocal.ui.one_set import (
     show_trade_off,
     show_verdict,
 )
+from stereocal.ui.prerequisites import project_with_data
 from stereocal.ui.project import last_calibration, last_evaluation
 from stereocal.ui.refined import refine_form, refined_of
 from stereocal.ui.screening import screenings_of
 from stereocal.ui.texts import ONE_SET
 from stereocal.ui.validation import bring_up_to_date, kept_protocol
 
-need_frame()
+ensure_navigation()
 st.title("One set or two")
 st.subheader("Does this rig need two sets, or does one set do both jobs?")
 

@@ -1,9 +1,9 @@
-"""Start: what this is for, what to bring, and a way to try it."""
+"""Start: purpose, sample data, recent projects, and what to bring."""
 
 import streamlit as st
 
-from stereocal.ui.frame import need_frame
-from stereocal.ui.project import begun, forget_project
+from stereocal.ui.navigation import ensure_navigation
+from stereocal.ui.project import forget_project, projects_in_creation
 from stereocal.ui.projects import show_projects
 from stereocal.ui.samples import (
     begin_sample,
@@ -13,9 +13,9 @@ from stereocal.ui.samples import (
 )
 from stereocal.ui.texts import BRING, PICTURE, PURPOSE
 
-need_frame()
+ensure_navigation()
 st.title("stereocal")
-st.subheader("How do two cameras stand to each other, and how well can they match and measure?")
+st.subheader("What is the pose of two cameras, and how well can they match and measure?")
 
 text, picture = st.columns([5, 6], gap="large")
 with text:
@@ -27,7 +27,7 @@ with text:
         for key, (label, make) in samples.items():
             st.button(
                 label, type="primary" if key == "demo" else "secondary", key=key,
-                on_click=begin_sample, args=(begun(), make),
+                on_click=begin_sample, args=(projects_in_creation(), make),
             )  # fmt: skip
     if st.button("Begin with my own data", key="begin"):
         forget_project()

@@ -1,11 +1,11 @@
-"""Validate: how well both sets do on frames that they have not seen."""
+"""Validate: errors of the parameter sets on held-out frames."""
 
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.ui.frame import need_frame
 from stereocal.ui.intake import escape_markdown
-from stereocal.ui.needed import project_with_data
+from stereocal.ui.navigation import ensure_navigation
+from stereocal.ui.prerequisites import project_with_data
 from stereocal.ui.project import last_evaluation
 from stereocal.ui.texts import VALIDATE
 from stereocal.ui.validation import (
@@ -15,7 +15,7 @@ from stereocal.ui.validation import (
     show_evaluation,
 )
 
-need_frame()
+ensure_navigation()
 st.title("Validate")
 st.subheader("How often does a wrong pair look right, and how far off is a distance?")
 

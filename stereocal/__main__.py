@@ -1,6 +1,6 @@
-"""`python -m stereocal`, and `stereocal` where it is installed: the commands at a terminal.
+"""`python -m stereocal`, and `stereocal` if installed: runs a command at a terminal.
 
-Ctrl-C, a closed pipe, and a terminal that shows ASCII only are met here for all commands.
+Handles Ctrl-C, closed pipes and ASCII-only terminals for all commands.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from stereocal.commands.progress import say
 
 INTERRUPTED = 130
 CLOSED_PIPE = 141
-"""What a shell reports of a program that SIGINT or SIGPIPE has ended."""
+"""Exit statuses that a shell reports after SIGINT and SIGPIPE."""
 IN_ASCII = {"±": "+-", "×": "x", "–": "-", "−": "-", "→": "->", "…": "...", "Δ": "Delta"}
 
 
 def main() -> int:
-    """Run the command of the command line; its exit status."""
+    """Run the command; return its exit status."""
     _show_anywhere()
     try:
         status = _run()
@@ -36,12 +36,12 @@ def main() -> int:
 
 
 def _run() -> int:
-    # Here, since it takes a second, in which Ctrl-C may come.
+    # Imported here: it takes a second, in which Ctrl-C may come.
     from stereocal.cli import main as run_command
 
     try:
         return run_command()
-    except SystemExit as ended:  # by argparse, which has said why
+    except SystemExit as ended:  # by argparse, after its message
         return int(ended.code or 0)
 
 
@@ -51,7 +51,7 @@ def _threads_at_work() -> bool:
 
 
 def _is_read(stream: TextIO) -> bool:
-    """Write what is left; False, and it is dropped, if nobody reads it: `| head -1`."""
+    """Flush the stream; False if its reader has closed it, as in `| head -1`."""
     try:
         stream.flush()
     except BrokenPipeError:
@@ -68,7 +68,7 @@ def _show_anywhere() -> None:
 
 
 def _in_ascii(error: UnicodeError) -> tuple[str, int]:
-    """What is written for signs that the terminal does not know."""
+    """The replacement of characters that the terminal cannot show."""
     if not isinstance(error, UnicodeEncodeError):
         raise error
     signs = error.object[error.start : error.end]

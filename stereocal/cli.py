@@ -27,10 +27,10 @@ COMMANDS = (
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command; 0 when it is done, 2 with one sentence on stderr for bad input."""
+    """Run one command; return 0, or 2 after a message on stderr for invalid input."""
     parsed = _parser().parse_args(arguments)
     try:
-        with compilations(_say_so):
+        with compilations(_announce):
             parsed.run(parsed)
     except StereocalError as error:
         say(f"stereocal: {error}")
@@ -38,7 +38,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 0
 
 
-def _say_so(compiled: int) -> None:
+def _announce(compiled: int) -> None:
     if not compiled:
         say("Compiling once, which takes up to a minute.")
 

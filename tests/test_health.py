@@ -64,7 +64,7 @@ def copy_of_the_program(folder: Path) -> Path:
     return folder
 
 
-@pytest.mark.parametrize(("broken", "expected"), [(None, 200), ("stereocal/ui/frame.py", 503)])
+@pytest.mark.parametrize(("broken", "expected"), [(None, 200), ("stereocal/ui/navigation.py", 503)])
 def test_the_health_check_sees_what_cannot_be_imported(
     broken: str | None, expected: int, tmp_path: Path
 ) -> None:

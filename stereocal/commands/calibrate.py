@@ -71,12 +71,12 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
         "--validation",
         type=Path,
         metavar="SUMMARY.JSON",
-        help="summary.json of evaluate: its figures and threshold go into the files",
+        help="summary.json of evaluate: copies its figures and threshold into the files",
     )
 
 
 def run(parsed: argparse.Namespace) -> None:
-    """Calibrate, write the files, print the table, what disagrees and the verdict."""
+    """Calibrate, write the files, print the table, inconsistent inputs and the verdict."""
     dataset = with_sigmas(read_input(parsed.dataset, parsed.lens_model), parsed)
     settings = settings_from(parsed, parsed.calibration_frames)
     refined = RefineSettings() if parsed.refined else None
@@ -123,7 +123,7 @@ def run(parsed: argparse.Namespace) -> None:
 
 
 def refined_lines(result: RefinedResult) -> str:
-    """The noise and the frames left out, a line each."""
+    """Noise and left-out frames of the refined set."""
     lines = [
         f"refined: noise {result.sigma_px.value:.3f} px ({result.sigma_px.source}), scatter of the "
         f"bar {1000 * result.scatter_m.value:.2f} mm ({result.scatter_m.source}), "
@@ -131,14 +131,14 @@ def refined_lines(result: RefinedResult) -> str:
     ]
     if result.outlying_frames:
         named = listed([str(frame) for frame in result.outlying_frames])
-        lines.append(f"refined: left out besides, for its stated uncertainties: {named}")
+        lines.append(f"refined: left out as well, given its stated uncertainties: {named}")
     return "\n".join(lines)
 
 
 def verdict_line(
     dataset: Dataset, settings: CalibrationSettings, refined: RefineSettings, runs: int
 ) -> str:
-    """The verdict of so many random splits, or why there is none."""
+    """The verdict of random splits, or why there is none."""
     try:
         with ProgressBar("random splits") as bar:
             found = run_splits(dataset, settings, refined, runs, progress=bar.show)
@@ -149,7 +149,7 @@ def verdict_line(
 
 
 def table_of(calibration: Calibration) -> str:
-    """The results of the methods, a line each."""
+    """The results of the methods, one per line."""
     lines = [
         f"{'method':<10} {'reprojection px':>15} {'length mean %':>14} {'length 95 %':>12} "
         f"{'evaluations':>12} {'seconds':>8}  stopped because"

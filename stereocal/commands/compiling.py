@@ -1,4 +1,4 @@
-"""`stereocal compile`: compile everything now, so that nobody waits for it later."""
+"""`stereocal compile`: compile all numba functions into the cache."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from stereocal.commands.warming import compile_all
 def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """The options of the command: none."""
     command = commands.add_parser(
-        "compile", help="compile everything now, so that nobody waits for it later"
+        "compile", help="compile everything now, so that later commands start at once"
     )
     command.set_defaults(run=run)
 
 
 def run(_: argparse.Namespace) -> None:
-    """Compile, with a count."""
+    """Compile, with a progress bar."""
     with ProgressBar("functions compiled") as bar:
         compiled = compile_all(bar.show)
     if not compiled:

@@ -1,4 +1,4 @@
-"""`stereocal convert`: parameters to and from the formats of other programs."""
+"""`stereocal convert`: conversion of parameters to and from the formats of other programs."""
 
 from __future__ import annotations
 
@@ -22,7 +22,9 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
         "convert", help="parameters to and from the formats of other programs"
     )
     command.set_defaults(run=run)
-    command.add_argument("parameters", type=Path, help="a parameter file; with --from, theirs")
+    command.add_argument(
+        "parameters", type=Path, help="a parameter file; with --from, the other program's"
+    )
     direction = command.add_mutually_exclusive_group(required=True)
     direction.add_argument("--to", choices=tuple(FORMATS), help="write this format")
     direction.add_argument(
@@ -32,12 +34,12 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
         "--out",
         type=Path,
         required=True,
-        help="folder, which is made; or a file, with its ending, where a format has one only",
+        help="folder to create; or a file name with its suffix, for formats of a single file",
     )
     command.add_argument(
         "--unit",
         choices=tuple(UNITS),
-        help="with --from: the unit of the file's lengths, where it does not say it",
+        help="with --from: the unit of the file's lengths, if the file does not state it",
     )
     add_lens_model(command)
     dlt = command.add_argument_group("DLT coefficients")
@@ -55,24 +57,24 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
         "--flip",
         choices=FLIPS,
         default="h",
-        help="lower left: v' is this less v, with the image height h (default: h)",
+        help="lower left: v' = this minus v, with the image height h (default: h)",
     )
     dlt.add_argument(
         "--world",
         type=Path,
         metavar="FILE",
-        help="4x4 table (JSON or CSV) that takes points of the primary camera's frame to yours",
+        help="4x4 matrix (JSON or CSV) from the primary camera's coordinates to yours",
     )
     for which in CAMERAS:
         command.add_argument(
             f"--image-size-{which}",
             metavar="WxH",
-            help="with --from, where the file does not say it (DLT, OpenCV's own)",
+            help="with --from, for files that do not state it (DLT, OpenCV)",
         )
 
 
 def run(parsed: argparse.Namespace) -> None:
-    """Convert, say what was written."""
+    """Convert, and print the files written."""
     options = ExchangeOptions(
         (_size(parsed.image_size_primary), _size(parsed.image_size_secondary)),
         PixelOrigin(parsed.image_origin, parsed.first_pixel, parsed.flip),

@@ -1,4 +1,4 @@
-"""`stereocal detect`: the table of points of a data set of photographs."""
+"""`stereocal detect`: find the targets in photographs and write the table of points."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
 
 
 def run(parsed: argparse.Namespace) -> None:
-    """Find the targets, say how each frame went, write the table."""
+    """Find the targets, print a line per frame, write the table."""
     survey = read_survey(parsed.dataset, parsed.lens_model)
     with tempfile.TemporaryDirectory(prefix="stereocal-") as store:
         with ProgressBar("photographs unpacked") as unpacking:

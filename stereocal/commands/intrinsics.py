@@ -1,4 +1,4 @@
-"""`stereocal intrinsics`: the lens of a camera from photographs of a board."""
+"""`stereocal intrinsics`: calibrate the lens of a camera from photographs of a board."""
 
 from __future__ import annotations
 

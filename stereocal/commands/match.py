@@ -1,4 +1,4 @@
-"""`stereocal match`: which points of the two cameras belong together."""
+"""`stereocal match`: match the points of the two cameras."""
 
 from __future__ import annotations
 
@@ -26,9 +26,11 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     command = commands.add_parser("match", help="which points of the two cameras belong together")
     command.set_defaults(run=run)
     command.add_argument(
-        "primary", type=Path, help="frame,u,v and more, CSV or Parquet; with --layout, theirs"
+        "primary",
+        type=Path,
+        help="table frame,u,v,... as CSV or Parquet; or, with --layout, of another program",
     )
-    command.add_argument("secondary", type=Path, help="the same of the secondary camera")
+    command.add_argument("secondary", type=Path, help="the same for the secondary camera")
     command.add_argument(
         "--parameters", type=Path, required=True, metavar="FILE", help="parameters_2d.json"
     )
@@ -37,7 +39,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
         "--threshold",
         metavar="PX",
         help='largest reprojection error of a pair in pixels, or "auto": chosen from the points '
-        "(default: the file's own, or auto where it has none)",
+        "(default: from the parameter file, or auto if it has none)",
     )
     command.add_argument(
         "--depth",
@@ -45,7 +47,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
         nargs=2,
         default=(0.0, float("inf")),
         metavar=("NEAR", "FAR"),
-        help="only pairs at this depth before the primary camera, in metres",
+        help="only pairs at this depth in front of the primary camera, in metres",
     )
     command.add_argument(
         "--unmatched", type=Path, metavar="FILE", help="write the points without a partner here"
@@ -55,7 +57,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
 
 
 def run(parsed: argparse.Namespace) -> None:
-    """Match, write the pairs, print what was found."""
+    """Match, write the pairs, print a summary."""
     rig = RigParameters.load(parsed.parameters)
     threshold = _threshold(parsed.threshold)
     if parsed.unmatched is not None and parsed.unmatched == parsed.out:

@@ -24,7 +24,7 @@ def add_search_options(parser: argparse.ArgumentParser) -> None:
         ("--delta-min", float, paper.delta_min, "the search ends below this step, rad"),
         ("--acceptance", float, paper.acceptance, "the step shrinks below this acceptance ratio"),
         ("--shrink", float, paper.shrink, "factor of a shrinking step"),
-        ("--minimum-moves", int, paper.minimum_moves, "moves before the ratio is looked at"),
+        ("--minimum-moves", int, paper.minimum_moves, "moves before the ratio is tested"),
     ):
         parser.add_argument(
             option, type=kind, default=default, metavar="N", help=f"{text} (default: {default:g})"
@@ -38,7 +38,7 @@ def add_search_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--all-frames",
         action="store_true",
-        help="trust every frame, as the paper does: leave none out that contradicts the others",
+        help="use every frame, as the paper does, even those that contradict the others",
     )
     parser.add_argument(
         "--put-back",
@@ -51,24 +51,22 @@ def add_search_options(parser: argparse.ArgumentParser) -> None:
 
 
 def add_lens_model(parser: argparse.ArgumentParser) -> None:
-    """What four distortion coefficients are, for files that do not say it."""
+    """The option of the lens model, and those of the standard errors of the lengths."""
     parser.add_argument(
         "--lens-model",
         choices=LENS_MODELS,
-        help="what four distortion coefficients are, where the file does not say it: brown is "
+        help="the model of four distortion coefficients, if the file does not state it: brown is "
         "OpenCV's usual k1 k2 p1 p2",
     )
     for option, what in (
         ("--baseline-sigma", "the baseline"),
         ("--distance-sigma", "the distance between the targets"),
     ):
-        parser.add_argument(
-            option, type=float, metavar="S", help=f"how well {what} is known: its standard error, m"
-        )
+        parser.add_argument(option, type=float, metavar="S", help=f"standard error of {what}, m")
 
 
 def add_workers(parser: argparse.ArgumentParser) -> None:
-    """Where a long command computes."""
+    """The options of a long command's executor."""
     parser.add_argument("--workers", type=int, metavar="N", help="N processes (default: threads)")
     parser.add_argument("--scheduler", metavar="ADDRESS", help="a Dask cluster: tcp://host:8786")
 
@@ -80,7 +78,7 @@ def workers_from(
     """The executor of `add_workers`.
 
     Args:
-        compile_first: uses what the workers will; processes then find it compiled, on this disk.
+        compile_first: called before worker processes start, to fill the cache of compiled code.
 
     Raises:
         StereocalError: both options, fewer than 1 worker, or a cluster that cannot be used.
@@ -92,7 +90,7 @@ def workers_from(
 
 
 def with_sigmas(dataset: Dataset, parsed: argparse.Namespace) -> Dataset:
-    """The data set with the standard errors of its lengths as the options state them.
+    """The data set with the standard errors of its lengths from the options.
 
     Raises:
         StereocalError: one that is not above 0.
@@ -111,7 +109,7 @@ def with_sigmas(dataset: Dataset, parsed: argparse.Namespace) -> Dataset:
 def settings_from(
     parsed: argparse.Namespace, calibration_frames: int | None
 ) -> CalibrationSettings:
-    """The settings of `add_search_options`, with the further ones."""
+    """The settings of `add_search_options`, and of the command."""
     return CalibrationSettings(
         search=SearchSettings(
             delta=parsed.delta,

@@ -1,4 +1,4 @@
-"""Point files of other programs on the command line: what the page asks, as options."""
+"""Options for point files of other programs, the same as the questions on the page."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ OPTIONS = (
 
 
 def add_point_options(parser: argparse.ArgumentParser) -> None:
-    """How the files of other programs are to be read."""
+    """The options for reading other programs' files."""
     group = parser.add_argument_group("point files of other programs")
     group.add_argument(
         "--layout",
@@ -42,7 +42,9 @@ def add_point_options(parser: argparse.ArgumentParser) -> None:
         help="which program wrote both files",
     )
     group.add_argument(
-        "--cameras", metavar="P,S", help="which camera of its file each is: 1,2 or by their names"
+        "--cameras",
+        metavar="P,S",
+        help="primary and secondary camera in the file: 1,2 or names",
     )
     group.add_argument(
         "--columns",
@@ -52,27 +54,30 @@ def add_point_options(parser: argparse.ArgumentParser) -> None:
         "counts the rows",
     )
     group.add_argument(
-        "--image-origin", choices=CORNERS, help="where points are counted from (default: layout's)"
+        "--image-origin", choices=CORNERS, help="origin of the points (default: the layout's)"
     )
     group.add_argument(
         "--first-pixel", type=float, metavar="N", help="coordinate of the first pixel's centre"
     )
     group.add_argument(
-        "--flip", choices=FLIPS, help="lower left: v' is this less v, with the image height h"
+        "--flip", choices=FLIPS, help="lower left: v' = this minus v, with the image height h"
     )
     group.add_argument("--px-per-unit", type=float, metavar="N", help="pixels in one unit")
     group.add_argument(
-        "--least-likelihood", type=float, metavar="P", help="points less likely are left out"
+        "--least-likelihood",
+        type=float,
+        metavar="P",
+        help="leave out less likely points",
     )
 
 
 def point_tables(
     parsed: argparse.Namespace, rig: RigParameters, folder: Path
 ) -> tuple[PointTable, PointTable]:
-    """The points of both cameras; those of other programs are converted into `folder`.
+    """The points of both cameras; other programs' files are converted into `folder`.
 
     Raises:
-        StereocalError: a file that cannot be read, or an answer is missing or fits no column.
+        StereocalError: a file cannot be read, or an option is missing or wrong.
     """
     given = [name for name in OPTIONS if getattr(parsed, name) is not None]
     if parsed.layout is None and given:
@@ -87,7 +92,7 @@ def point_tables(
 
 
 def _ours(path: Path) -> PointTable:
-    """A table `frame,u,v`; of any other that is known, the layout is named."""
+    """A table `frame,u,v`; the error for another known layout names it."""
     try:
         return PointTable(path, POINT)
     except StereocalError as error:

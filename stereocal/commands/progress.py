@@ -1,4 +1,4 @@
-"""What a command says on stderr while it works."""
+"""Progress and messages of a command on stderr."""
 
 from __future__ import annotations
 
@@ -7,20 +7,17 @@ import time
 from contextlib import suppress
 
 _open: list[ProgressBar] = []
-"""The bar whose line is not ended, if there is one."""
+"""The progress bar on the current line, if any."""
 
 
 def say(line: str) -> None:
-    """Write a line on stderr, below a progress bar that is open there."""
+    """Write a line to stderr, below an open progress bar."""
     _end_line()
     _write(f"{line}\n")
 
 
 class ProgressBar:
-    """A line on stderr that fills, with the time that is left.
-
-    As a context it ends a line that an error has left open, so that the error has its own.
-    """
+    """A progress bar on stderr with the time left; as a context it ends its line."""
 
     def __init__(self, what: str) -> None:
         self.what = what
@@ -34,7 +31,7 @@ class ProgressBar:
         _end_line()
 
     def show(self, done: int, total: int) -> None:
-        """Draw the line, at most ten times a second; the last call ends it."""
+        """Draw the bar, at most ten times a second; the last call ends the line."""
         if done < total and time.monotonic() - self.drawn < 0.1:
             return
         self.drawn = time.monotonic()
@@ -55,6 +52,5 @@ def _end_line() -> None:
 
 
 def _write(text: str) -> None:
-    """What nobody can read any more, as in a pipe that is closed, must not end the work."""
-    with suppress(OSError):
+    with suppress(OSError):  # a closed pipe must not end the work
         print(text, end="", file=sys.stderr, flush=True)

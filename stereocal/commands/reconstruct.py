@@ -1,4 +1,4 @@
-"""`stereocal reconstruct`: points in 3D of matched pairs."""
+"""`stereocal reconstruct`: 3D points of matched pairs."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ A_POINT = np.zeros((1, 2))
 
 def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """The options of the command."""
-    command = commands.add_parser("reconstruct", help="points in 3D of matched pairs")
+    command = commands.add_parser("reconstruct", help="3D points of matched pairs")
     command.set_defaults(run=run)
     command.add_argument("pairs", type=Path, help="pairs.csv or pairs.parquet of match")
     command.add_argument(
@@ -32,25 +32,25 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
         "--world",
         type=Path,
         metavar="FILE",
-        help="4x4 table (JSON or CSV) that takes points of the primary camera's frame to yours",
+        help="4x4 matrix (JSON or CSV) from the primary camera's coordinates to yours",
     )
     command.add_argument(
         "--sigma-px",
         type=float,
         metavar="PX",
-        help="noise of one pixel coordinate: adds the standard error of each coordinate in metres",
+        help="noise of a pixel coordinate: adds columns with the standard errors in metres",
     )
     command.add_argument(
         "--matched-with",
         type=Path,
         metavar="FILE",
-        help="the parameter file of match: refuse if it is of another rig",
+        help="the parameter file of match: checks that it belongs to the same rig",
     )
     add_workers(command)
 
 
 def run(parsed: argparse.Namespace) -> None:
-    """Reconstruct, write the points, print how well they fit."""
+    """Reconstruct, write the points, print their errors."""
     rig = RigParameters.load(parsed.parameters)
     if parsed.matched_with is not None:
         refuse_different_rigs(RigParameters.load(parsed.matched_with), rig)

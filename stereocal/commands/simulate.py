@@ -1,4 +1,4 @@
-"""`stereocal simulate`: the synthetic sample data."""
+"""`stereocal simulate`: write the synthetic sample data."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
 
 
 def run(parsed: argparse.Namespace) -> None:
-    """Write the data sets with their truth."""
+    """Write the data sets with their ground truth."""
     for name in ("seed", "datasets", "frames"):
         lowest = 0 if name == "seed" else 1
         if getattr(parsed, name) < lowest:

@@ -1,4 +1,4 @@
-"""All compiled code used once, so that nobody waits for it later."""
+"""Compilation of all numba functions ahead of their first use."""
 
 from __future__ import annotations
 
@@ -17,31 +17,31 @@ from stereocal.verdict.tradeoff import trade_off
 from stereocal.workflow import calibrate
 
 FUNCTIONS = 98
-"""So many are compiled where nothing is in the cache; test_warming.py counts them."""
+"""Number of functions compiled with an empty cache; test_warming.py counts them."""
 Progress = Callable[[int, int], None]
 
 
 def compile_all(progress: Progress | None = None) -> int:
-    """Compile, or read from the cache, what the pages use.
+    """Compile all functions, or load them from the cache.
 
-    From nothing this takes half a minute of CPU time, from the cache 2 s.
+    This takes half a minute of CPU time, and 2 s with a full cache.
 
     Args:
-        progress: called with the number of functions compiled and to compile, first when one
-            begins; never where all are in the cache.
+        progress: called with the number of functions compiled and their total; never if all are
+            in the cache.
 
     Returns:
         The number of functions that were compiled.
     """
     compiled = 0
 
-    def heard(done: int) -> None:
+    def count(done: int) -> None:
         nonlocal compiled
         compiled = done
         if progress is not None:
             progress(min(done, FUNCTIONS - 1), FUNCTIONS)
 
-    with compilations(heard):
+    with compilations(count):
         _use_all()
     if compiled and progress is not None:
         progress(FUNCTIONS, FUNCTIONS)

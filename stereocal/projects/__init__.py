@@ -1,1 +1,1 @@
-"""Pieces of work on disk: a project is one SQLite file, `<home>/projects/<id>.sqlite`."""
+"""Projects on disk: one SQLite file each, `<home>/projects/<id>.sqlite`."""

@@ -1,4 +1,4 @@
-"""What the Apply page holds of a project: points, parameter files, the last result."""
+"""What the Apply page stores in a project: points, parameter files, the last result."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from stereocal.projects.files import (
     keep_file,
     keep_result,
     loaded,
-    put_files,
+    replace_files,
     result_of,
 )
 from stereocal.projects.point_files import ASKING, ProjectPoints
-from stereocal.projects.refusals import DamagedError
+from stereocal.projects.sqlite_errors import DamagedError
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.tasks import Pieces
 from stereocal.system.zip_files import pack_zip, unzip
@@ -33,30 +33,30 @@ from stereocal.system.zip_files import pack_zip, unzip
 Use = Literal["matching", "measuring"]
 USES: tuple[Use, Use] = ("matching", "measuring")
 SETS, APPLIED = "sets", "applied"
-"""Parts of a project: parameter files, and what the last result consists of."""
+"""Parts of a project: parameter files, and the tables of the last result."""
 
 
 class ProjectApplication(ProjectPoints):
-    """What the Apply page knows of one project. Every change is on disk when its method returns."""
+    """The Apply page's data of one project. Every change is on disk when its method returns."""
 
     # Parameter files
 
     def keep_set(self, use: Use, label: str, content: bytes) -> None:
-        """Take over a parameter file.
+        """Store a parameter file.
 
         Raises:
-            StereocalError: it is none; nothing has changed.
+            StereocalError: it is not a parameter file; nothing has changed.
         """
         _set_of(content, label)
-        with self.database.act():
+        with self.database.transaction():
             self._name(SETS, use, content, label, label)
             forget_files(self.database, ASKING, [use])
 
     def offer_set(self, use: Use, files: Mapping[str, bytes]) -> None:
-        """Take over a parameter file; ask about the files of any other program.
+        """Store a parameter file, or keep another program's files until questions are answered.
 
         Raises:
-            StereocalError: they are none; nothing has changed.
+            StereocalError: they are not parameter files; nothing has changed.
         """
         (label, content), *more = files.items()
         if not more and label.lower().endswith(".json"):
@@ -94,7 +94,7 @@ class ProjectApplication(ProjectPoints):
             ) from error
 
     def forget_result(self) -> None:
-        """Forget the last result, so that it can be made again."""
+        """Delete the last result, so that it can be computed again."""
 
         def forget(_database: object) -> None:
             forget_files(self.database, APPLIED)
@@ -111,12 +111,12 @@ class ProjectApplication(ProjectPoints):
         executor: Executor | None = None,
         pieces: Pieces[TableBlock] | None = None,
     ) -> bool:
-        """Match and measure, and keep the result in place of the last; False if cancelled.
+        """Match and measure, and replace the last result; False if cancelled.
 
         Args as for `apply_sets`.
 
         Raises:
-            StereocalError: it cannot be done; the last result stays.
+            StereocalError: as `apply_sets`; the last result stays.
         """
         with tempfile.TemporaryDirectory(prefix="stereocal-") as temporary:
             folder = Path(temporary)
@@ -134,8 +134,8 @@ class ProjectApplication(ProjectPoints):
                 if name in self._own:
                     keep_file(self.database, self._own[name], name)
         files |= {name: self.table(name) for name in names}
-        with self.database.act():
-            put_files(self.database, APPLIED, files)
+        with self.database.transaction():
+            replace_files(self.database, APPLIED, files)
             keep_result(self.database, APPLIED, json.dumps(outcome.to_json()).encode())
         return True
 

@@ -1,9 +1,9 @@
-"""A project as a zip of plain files, out and in.
+"""Export and import of a project as a zip of plain files.
 
 project.json                          what the files are, lengths, settings, corrections
-dataset.json, correspondences.csv ... the data set as it is used; the command line opens it
+dataset.json, correspondences.csv ... the data set as used; the command line opens it
 parameters_2d.json ...                the last result's parameter files
-inputs/, photographs/, results/ ...   all files as given, and all results
+inputs/, photographs/, results/ ...   all uploaded files, and all results
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from stereocal.formats.dataset_files import pack_dataset, parse_dataset, read_da
 from stereocal.formats.lens_model import LensModel
 from stereocal.matching.parquet import PARQUET
 from stereocal.projects.application import APPLIED, SETS
+from stereocal.projects.data_folder import SUFFIX, new_database
 from stereocal.projects.database import Database
 from stereocal.projects.files import StoredFile, keep_file, keep_result, keep_values, name_files
-from stereocal.projects.folders import SUFFIX, new_database
-from stereocal.projects.home import check_whole
+from stereocal.projects.home import check_size
 from stereocal.projects.lens import WHICH
 from stereocal.projects.photographs import BAR
 from stereocal.projects.point_files import ASKING, POINT_FILES, TABLES
@@ -51,14 +51,14 @@ PACKED = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".zip", ".npz", ".parquet", 
 UNSAFE = re.compile(r"[^A-Za-z0-9._-]|^\.+")
 PARQUET_BEGINS = b"PAR1"
 LookThrough = Callable[[str, Path, str], None]
-"""Is given the kind of a file that native code will decode, where it is, and its name."""
+"""Called with the kind of a file that native code will decode, its path and its name."""
 
 
 def pack_project(project: Project, target: Path) -> None:
-    """Write a project with all its inputs and results as a zip, whole or not at all.
+    """Write a project with all its inputs and results as a zip, atomically.
 
     Raises:
-        StereocalError: the zip cannot be written, or the project not be read.
+        StereocalError: the zip cannot be written, or the project cannot be read.
     """
     database = project.database
     with (
@@ -81,13 +81,13 @@ def pack_project(project: Project, target: Path) -> None:
         for kind, content in db.execute("SELECT kind, content FROM result"):
             _write(archive, f"results/{RESULTS[kind]}", [content])
         archive.writestr(MANIFEST, json.dumps(manifest, indent=1))
-        with suppress(StereocalError):  # what is damaged is not in it
+        with suppress(StereocalError):  # damaged data are left out
             for name, content in _readable_files(project).items():
                 archive.writestr(name, content)
 
 
 def _readable_files(project: Project) -> dict[str, bytes]:
-    """The data set and the parameter files, for other programs and people."""
+    """The data set and the parameter files, in the formats of the command line."""
     dataset = project.dataset
     files = {} if dataset is None else pack_dataset(dataset)
     calibration = project.calibration
@@ -100,7 +100,7 @@ def _readable_files(project: Project) -> dict[str, bytes]:
 
 
 def _paths(rows: Iterable[tuple[str, str, str, str]]) -> Iterator[str]:
-    """A path for each file that leads nowhere else, and as much of its name as can be."""
+    """A safe and unique path for each file, close to its name."""
     taken: set[str] = set()
     for part, name, _, about in rows:
         label = json.loads(about)
@@ -127,18 +127,18 @@ def _write(archive: zipfile.ZipFile, path: str, pieces: Iterable[bytes]) -> None
 def unpack_project(
     source: Path | bytes, name: str, home: Path, look_through: LookThrough | None = None
 ) -> Project:
-    """The project of such a zip, under a new id below `home`.
+    """Import a zip of `pack_project` as a new project below `home`.
 
     Args:
-        look_through: called before a file is read by native code; what it raises refuses all.
+        look_through: called before native code reads a file; if it raises, nothing is imported.
 
     Raises:
-        StereocalError: not a zip, no project in it, or one that cannot be used; nothing is left.
+        StereocalError: not a zip, no project in it, or an invalid one; nothing is imported.
     """
 
     def fill(database: Database) -> None:
         with open_zip(source, name) as opened:
-            check_whole(sum(map(opened.size, opened.names)))
+            check_size(sum(map(opened.size, opened.names)))
             _fill(Project(database), opened, name, look_through)
 
     return Project(new_database(home, fill))
@@ -148,7 +148,10 @@ def _fill(project: Project, opened: OpenZip, source: str, look: LookThrough | No
     manifest = _manifest(opened, source)
     database = project.database
     try:
-        with tempfile.TemporaryDirectory(prefix="stereocal-") as folder, database.act() as db:
+        with (
+            tempfile.TemporaryDirectory(prefix="stereocal-") as folder,
+            database.transaction() as db,
+        ):
             for part, names in ((INPUT, VALUES), (BAR, ("pairs", "found_by")), (SETTING, None)):
                 values = dict(manifest["values"].get(part, {}))
                 kept = {key: values[key] for key in (names or values) if key in values}
@@ -184,7 +187,7 @@ def _manifest(opened: OpenZip, source: str) -> Mapping[str, Any]:
             "update stereocal to open it."
         )
     try:
-        # Numbers that are none, and halves of signs, which no page can show.
+        # Neither NaN nor lone surrogates, which no page can show.
         json.dumps(manifest, ensure_ascii=False, allow_nan=False).encode()
     except ValueError as error:
         raise StereocalError(f"{source}: {MANIFEST} is damaged.") from error
@@ -206,33 +209,33 @@ def _unpacked(opened: OpenZip, member: str, folder: Path) -> Path:
         for piece in opened.pieces(member):
             file.write(piece)
     with target.open("rb") as file:
-        if file.read(len(PARQUET_BEGINS)) == PARQUET_BEGINS:  # whatever it is called
+        if file.read(len(PARQUET_BEGINS)) == PARQUET_BEGINS:  # whatever its name
             return target.rename(folder / "file.parquet")
     return target
 
 
 def guarded_kind(part: str, file: Path) -> str | None:
-    """As what native code decodes a file of a part; None where only Python reads it."""
+    """The kind of file that native code decodes; None for files that only Python reads."""
     if file.suffix in PARQUET:
         return "table"
     return "photograph" if part in (BAR, *BOARDS) else None
 
 
 def read_input(path: Path, lens_model: LensModel | None = None) -> Dataset:
-    """The data set of a folder or zip: one with `dataset.json`, or a project; or a project's file.
+    """The data set of a folder or zip with `dataset.json`, of a project's zip, or of its file.
 
     Args:
-        lens_model: as for `read_dataset`; in a project, a person has said it.
+        lens_model: as for `read_dataset`; a project already holds it.
 
     Raises:
-        StereocalError: none of them, or one that cannot be used; says what to do.
+        StereocalError: the path holds none of these, or an invalid one.
     """
     if path.suffix == SUFFIX and path.is_file():
         project = Project(Database(path))
         dataset = project.dataset
         if dataset is None:
             missing = ", ".join(project.inputs.missing)
-            raise StereocalError(f"{path}: the project has not everything yet; missing: {missing}.")
+            raise StereocalError(f"{path}: the project is incomplete; missing: {missing}.")
         return dataset
     if path.is_file() and zipfile.is_zipfile(path):
         with open_zip(path, path.name) as opened:
@@ -243,11 +246,11 @@ def read_input(path: Path, lens_model: LensModel | None = None) -> Dataset:
 
 
 def _of_zip(path: Path) -> Dataset:
-    """The data set of a packed project; its tables of points to match are left aside."""
+    """The data set of a packed project."""
     files = unzip(path, path.name, lambda member: "/" not in member)
     if "dataset.json" not in files:
         raise StereocalError(
-            f"{path}: the project has not everything yet: open it on the dashboard, and give what "
-            "the Data page asks for."
+            f"{path}: the project is incomplete: open it on the dashboard, and give what the Data "
+            "page asks for."
         )
     return parse_dataset(files, str(path), lens_model="brown")

@@ -1,4 +1,4 @@
-"""A finished calibration as a file: its settings, its results, and what it was made from."""
+"""A finished calibration as JSON: settings, results, and the inputs it was computed from."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from stereocal.rig.geometry import Pose
 
 CALIBRATION_FORMAT = "stereocal-project/1"
 LONGEST_TRACE = 50_000
-"""Moves of a search that are kept to be drawn; 2 million made a file of 183 MB."""
+"""Longer traces of a search are not stored: 2 million moves made a file of 183 MB."""
 TRACE = ("cost", "delta", "ratio")
 _DAMAGED = "The last result of this project cannot be read; calibrate again."
 
@@ -28,7 +28,7 @@ def pack_calibration(calibration: Calibration, inputs: Mapping[str, Any]) -> byt
     """A calibration as JSON.
 
     Args:
-        inputs: which files and lengths it was made from, for `unpack_calibration`.
+        inputs: the files and lengths it was computed from, for `unpack_calibration`.
     """
     content = {
         "format": CALIBRATION_FORMAT,
@@ -49,13 +49,13 @@ def pack_calibration(calibration: Calibration, inputs: Mapping[str, Any]) -> byt
 def unpack_calibration(
     content: bytes, dataset_of: Callable[[Mapping[str, Any]], Dataset]
 ) -> Calibration:
-    """The calibration that `pack_calibration` packed.
+    """The inverse of `pack_calibration`.
 
     Args:
-        dataset_of: the data set of the `inputs`.
+        dataset_of: returns the data set of the `inputs`.
 
     Raises:
-        StereocalError: the content is damaged, or its data are not there any more.
+        StereocalError: the content is damaged, or its data have been removed.
     """
     try:
         data = json.loads(content)
@@ -79,7 +79,7 @@ def unpack_calibration(
 
 
 def _screening(dataset: Dataset, data: Mapping[str, Any]) -> Screening:
-    """Without its fit, which nothing asks for any more; of before the screening, none left out."""
+    """The screening without its fit, which is not stored."""
     left_out, exchanged = (
         tuple(int(frame) for frame in data.get(name, ())) for name in ("left_out", "exchanged")
     )

@@ -1,7 +1,7 @@
-"""A project's SQLite file: transactions, reading, and what goes wrong as one sentence.
+"""A project's SQLite file: transactions and consistent reads.
 
-A connection lasts for one act or one reading; tabs, jobs and servers share the file. SQLite does
-the locking between them and the recovery after a kill or a power cut.
+A connection lasts for one transaction or one read. Tabs, jobs and servers share the file: SQLite
+does the locking, and the recovery after a kill or a power cut.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from typing import Any, TypeVar
 from urllib.parse import quote
 
 from stereocal.errors import StereocalError
-from stereocal.projects.journal import journal_of
-from stereocal.projects.refusals import (
+from stereocal.projects.disk_reserve import drop_reserve, keep_reserve
+from stereocal.projects.journal_mode import journal_of
+from stereocal.projects.sqlite_errors import (
     FULL_DISK,
-    PATIENCE_S,
+    LOCK_TIMEOUT_S,
     DamagedError,
-    FullError,
-    code_of,
-    patiently,
-    told,
+    DiskFullError,
+    result_code,
+    retry_while_locked,
+    translated_errors,
 )
-from stereocal.projects.reserve import drop_reserve, keep_reserve
 
 T = TypeVar("T")
 VERSION = 1
@@ -48,11 +48,11 @@ CREATE TABLE job (kind TEXT PRIMARY KEY, digest TEXT NOT NULL, record TEXT NOT N
 CREATE TABLE finished (kind TEXT REFERENCES job (kind) ON DELETE CASCADE, stage TEXT, key TEXT,
     content BLOB NOT NULL, PRIMARY KEY (kind, stage, key));
 """
-"""value: lengths, settings and what else is JSON. file, content: contents, apart so that a new date
-does not write a large one again. named: what each content is.
-edit: corrections that can be undone. result: what was computed. job, finished: long work."""
+"""value: lengths, settings and other JSON. file, content: contents; two tables, so that a new date
+does not rewrite a large content. named: what each content is used for. edit: corrections that can
+be undone. result: what was computed. job, finished: jobs and their checkpoints."""
 VACUUMED = 2000
-"""Pages that one step gives back to the disk, 8 MB: the log of a step fits into the reserve."""
+"""Pages freed in one step, 8 MB: the log of a step fits into the reserve."""
 REMOVED = ".removed"
 
 
@@ -63,26 +63,24 @@ class Database:
     path: Path
 
     @contextmanager
-    def act(self, lasting: bool = True) -> Iterator[sqlite3.Connection]:
-        """One act of a person: all that is done inside is there afterwards, or nothing of it.
-
-        An act inside another one of the same thread is a part of it: alone it can fail alone.
+    def transaction(self, durable: bool = True) -> Iterator[sqlite3.Connection]:
+        """A transaction; inside another one of the same thread, a savepoint of that.
 
         Args:
-            lasting: False where a power cut, not a kill, may take it: it saves waiting for a disk.
+            durable: False does not wait for the disk: a power cut, but no kill, may lose it.
 
         Raises:
             StereocalError: the project was removed, is damaged, or the disk is full.
         """
-        outer = _open_here().get(self.path)
+        outer = _OPEN.writing.get(self.path)
         if outer is not None:
-            with _part_of(outer):
+            with _savepoint(outer):
                 yield outer
             return
         with self._connected() as db:
-            db.execute(f"PRAGMA synchronous = {'FULL' if lasting else 'NORMAL'}")
-            patiently(lambda: db.execute("BEGIN IMMEDIATE"))
-            _open_here()[self.path] = db
+            db.execute(f"PRAGMA synchronous = {'FULL' if durable else 'NORMAL'}")
+            retry_while_locked(lambda: db.execute("BEGIN IMMEDIATE"))
+            _OPEN.writing[self.path] = db
             try:
                 if self.marker.exists():
                     raise StereocalError(
@@ -90,82 +88,84 @@ class Database:
                         "It can be brought back on the Start page where it was removed."
                     )
                 yield db
-                _check_whole(db)
-                patiently(lambda: db.execute("COMMIT"))
+                _check_in_transaction(db)
+                retry_while_locked(lambda: db.execute("COMMIT"))
             except BaseException:
                 with suppress(sqlite3.Error):
                     db.rollback()
                 raise
             finally:
-                del _open_here()[self.path]
+                del _OPEN.writing[self.path]
 
     @contextmanager
     def reading(self) -> Iterator[sqlite3.Connection]:
-        """One state of the project, whatever others write meanwhile.
+        """A consistent snapshot of the project, whatever others write meanwhile.
 
         Raises:
             StereocalError: there is no such project, or it is damaged or of a newer version.
         """
-        outer = _open_here().get(self.path) or _read_here().get(self.path)
+        outer = _OPEN.writing.get(self.path) or _OPEN.reading.get(self.path)
         if outer is not None:
             # A second connection could wait for a writer that waits for the first.
             yield outer
             return
         with self._connected() as db:
             db.execute("BEGIN")
-            patiently(lambda: db.execute("SELECT 1 FROM value LIMIT 1").fetchall())
-            _read_here()[self.path] = db
+            retry_while_locked(lambda: db.execute("SELECT 1 FROM value LIMIT 1").fetchall())
+            _OPEN.reading[self.path] = db
             try:
                 yield db
             finally:
-                _read_here().pop(self.path, None)
+                _OPEN.reading.pop(self.path, None)
 
     def rows(self, query: str, *values: Any) -> list[tuple[Any, ...]]:
-        """What a query finds."""
+        """The rows of a query."""
         with self.reading() as db:
             return db.execute(query, values).fetchall()
 
     def free(self, remove: Callable[[sqlite3.Connection], object]) -> None:
-        """Remove something and give its room back to the disk, also to one that is full.
+        """Delete something and return its space to the disk, even a full one.
 
         Raises:
-            StereocalError: as `act`.
+            StereocalError: as `transaction`.
         """
         home, dropped = self.path.parent, False
         try:
-            with self.act() as db:
+            with self.transaction() as db:
                 remove(db)
-        except FullError:
+        except DiskFullError:
             dropped = True
             drop_reserve(home)
-            with self.act() as db:
+            with self.transaction() as db:
                 remove(db)
-        if self.path not in _open_here():
-            with suppress(StereocalError):  # what is not given back is used again by the project
-                self._give_back()
+        if self.path not in _OPEN.writing:
+            with suppress(StereocalError):  # the project reuses free pages
+                self._shrink()
             if dropped:
                 keep_reserve(home)
 
-    def _give_back(self) -> None:
-        """Cut the file down to what is in it."""
+    def _shrink(self) -> None:
+        """Shrink the file to its content."""
         with self._connected() as db:
             with suppress(sqlite3.Error):
-                # An eighth of the time of steps, but all that has to move goes into the log.
+                # Eight times as fast as steps, but all pages that move are written to the log.
                 db.execute("PRAGMA auto_vacuum = FULL")
-                patiently(lambda: db.execute(f"PRAGMA user_version = {VERSION}"))
+                retry_while_locked(lambda: db.execute(f"PRAGMA user_version = {VERSION}"))
             db.execute("PRAGMA auto_vacuum = INCREMENTAL")
             before = -1
             while before != (before := db.execute("PRAGMA freelist_count").fetchone()[0]):
-                patiently(lambda: db.execute(f"PRAGMA incremental_vacuum({VACUUMED})").fetchall())
+                retry_while_locked(
+                    lambda: db.execute(f"PRAGMA incremental_vacuum({VACUUMED})").fetchall()
+                )
 
     @property
     def marker(self) -> Path:
-        """A file that is there while the project is removed; it takes no room on the disk."""
+        """An empty file that exists while the project is removed."""
         return self.path.with_suffix(REMOVED)
 
     @property
     def size(self) -> int:
-        """Bytes that the project takes, without those that it would use again first."""
+        """Bytes that the project takes, without free pages."""
         with self.reading() as db:
             pages, free, page = (
                 db.execute(f"PRAGMA {what}").fetchone()[0]
@@ -175,12 +175,12 @@ class Database:
 
     @contextmanager
     def _connected(self) -> Iterator[sqlite3.Connection]:
-        with told():
+        with translated_errors():
             if not self.path.exists():
                 raise StereocalError("There is no project at this address, or it was removed.")
             db = connect(self.path)
             try:
-                patiently(lambda: _begin(db, self.path))
+                retry_while_locked(lambda: _begin(db, self.path))
                 yield db
             finally:
                 db.close()
@@ -192,7 +192,7 @@ def create(path: Path) -> Database:
     Raises:
         StereocalError: it cannot be stored.
     """
-    with told():
+    with translated_errors():
         path.touch(0o600)
         with closing(connect(path)) as db:
             db.execute("PRAGMA auto_vacuum = INCREMENTAL")
@@ -202,27 +202,26 @@ def create(path: Path) -> Database:
 
 
 def set_journal(path: Path) -> None:
-    """Have a file that nobody uses keep the journal that its folder can hold."""
-    with told(), closing(connect(path)) as db:
+    """Set the journal mode that the folder supports; nobody else may have the file open."""
+    with translated_errors(), closing(connect(path)) as db:
         db.execute(f"PRAGMA journal_mode = {journal_of(path.parent)}")
 
 
 def connect(path: Path) -> sqlite3.Connection:
-    """A connection to a file that is there.
+    """A connection to an existing file.
 
-    A write-ahead log comes with a small file that connections share. A full disk has no room for
-    it: then this one excludes all others. A folder that is read-only has no place for it: then the
-    file cannot change either.
+    A write-ahead log needs a small file that connections share. If a full disk has no space for
+    it, this connection locks all others out. In a read-only folder the file is opened as immutable.
     """
-    db = sqlite3.connect(_address(path, "mode=rw"), PATIENCE_S, isolation_level=None, uri=True)
+    db = sqlite3.connect(_address(path, "mode=rw"), LOCK_TIMEOUT_S, isolation_level=None, uri=True)
     try:
         db.execute("PRAGMA schema_version").fetchone()
     except sqlite3.Error as error:
-        if code_of(error) not in (sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_IOERR):
-            return db  # said where it is used
+        if result_code(error) not in (sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_IOERR):
+            return db  # reported by its first use
         db.close()
         only = "mode=rw" if os.access(path.parent, os.W_OK) else "immutable=1"
-        db = sqlite3.connect(_address(path, only), PATIENCE_S, isolation_level=None, uri=True)
+        db = sqlite3.connect(_address(path, only), LOCK_TIMEOUT_S, isolation_level=None, uri=True)
         db.execute("PRAGMA locking_mode = EXCLUSIVE")
     return db
 
@@ -232,7 +231,7 @@ def _address(path: Path, options: str) -> str:
 
 
 def _begin(db: sqlite3.Connection, path: Path) -> None:
-    # Debian's SQLite overwrites what is deleted, which costs as much room as it frees.
+    # Debian's SQLite overwrites what is deleted, which costs as much space as it frees.
     for setting in ("foreign_keys = ON", "secure_delete = OFF", "trusted_schema = OFF"):
         db.execute(f"PRAGMA {setting}")
     version = db.execute("PRAGMA user_version").fetchone()[0]
@@ -244,39 +243,35 @@ def _begin(db: sqlite3.Connection, path: Path) -> None:
     if version != VERSION:
         raise DamagedError("This file is not a project of stereocal, or it is damaged.")
     if journal_of(path.parent) == "delete":
-        with suppress(sqlite3.Error):  # it has come from another disk, and somebody reads it
+        with suppress(sqlite3.Error):  # copied from another disk, and open elsewhere
             db.execute("PRAGMA journal_mode = DELETE")
 
 
-def _check_whole(db: sqlite3.Connection) -> None:
-    """Refuse to go on with an act that a full disk has taken back, whoever hid its error."""
+def _check_in_transaction(db: sqlite3.Connection) -> None:
+    """Raise if SQLite has rolled back on a full disk, even if a caller hid its error."""
     if not db.in_transaction:
-        raise FullError(FULL_DISK)
+        raise DiskFullError(FULL_DISK)
 
 
-_THREAD = threading.local()
+class _Connections(threading.local):
+    """The open connections of this thread."""
+
+    def __init__(self) -> None:
+        self.writing: dict[Path, sqlite3.Connection] = {}
+        self.reading: dict[Path, sqlite3.Connection] = {}
 
 
-def _open_here() -> dict[Path, sqlite3.Connection]:
-    """The databases in which this thread has begun an act."""
-    found: dict[Path, sqlite3.Connection] = _THREAD.__dict__.setdefault("open", {})
-    return found
-
-
-def _read_here() -> dict[Path, sqlite3.Connection]:
-    """The databases that this thread reads."""
-    found: dict[Path, sqlite3.Connection] = _THREAD.__dict__.setdefault("read", {})
-    return found
+_OPEN = _Connections()
 
 
 @contextmanager
-def _part_of(db: sqlite3.Connection) -> Iterator[None]:
-    _check_whole(db)
+def _savepoint(db: sqlite3.Connection) -> Iterator[None]:
+    _check_in_transaction(db)
     db.execute("SAVEPOINT part")
     try:
         yield
     except BaseException:
-        with suppress(sqlite3.Error):  # the disk was full: all of it is taken back already
+        with suppress(sqlite3.Error):  # on a full disk SQLite has rolled back already
             db.execute("ROLLBACK TO part")
             db.execute("RELEASE part")
         raise

@@ -1,7 +1,7 @@
-"""Files that a person gave: contents by their SHA-256, and what each of them is.
+"""Files, values and results of a project; files are stored by their SHA-256.
 
-Files go in one by one; then one short act names them. A content that nothing names is freed when it
-is removed, or by a sweep once it is a day old.
+Files are stored one by one; then one short transaction names them. A content without a name is
+deleted with its last name, or by a sweep once it is a day old.
 """
 
 from __future__ import annotations
@@ -19,39 +19,39 @@ from typing import Any
 
 from stereocal.errors import StereocalError
 from stereocal.projects.database import Database
-from stereocal.projects.refusals import DamagedError
 from stereocal.projects.server_settings import ServerSettings
+from stereocal.projects.sqlite_errors import DamagedError
 
 MB = 1e6
 LARGEST = 990_000_000
-"""SQLite holds values of 1 GB at most, with what stands beside them."""
+"""SQLite rows hold 1 GB at most."""
 PIECE = 4_000_000
 BOUND = 16_000_000
-"""A larger content is written piece by piece: as a value it would be three times in memory."""
+"""Larger contents are written piece by piece: a bound value is in memory three times."""
 
 
 @dataclass(frozen=True)
 class StoredFile:
-    """A content in a project, read when it is needed; equal to others with the same content."""
+    """A content in a project, read on demand; equal to others with the same content."""
 
     sha256: str
     database: Database = field(compare=False, repr=False)
 
     @property
     def name(self) -> str:
-        """The same for the same content alone."""
+        """The digest of the content."""
         return self.sha256
 
     def read_bytes(self) -> bytes:
         """The content.
 
         Raises:
-            StereocalError: it is not there any more, or damaged.
+            StereocalError: it was removed, or is damaged.
         """
         return b"".join(self.pieces())
 
     def pieces(self) -> Iterator[bytes]:
-        """The content piece by piece; as `read_bytes`, what is damaged is said after the last."""
+        """The content piece by piece; as `read_bytes`, but damage is found after the last piece."""
         digest = hashlib.sha256()
         with self.database.reading() as db:
             found = db.execute(
@@ -67,7 +67,7 @@ class StoredFile:
             raise DamagedError("A file of the project is damaged; give it again.")
 
     def copy_to(self, path: Path) -> Path:
-        """Write the content to a file, for what reads only these; whose it is deletes it.
+        """Write the content to a file, for libraries that read only files. The caller deletes it.
 
         Raises:
             StereocalError: as `read_bytes`, or the disk is full.
@@ -78,17 +78,17 @@ class StoredFile:
                     file.write(piece)
         except OSError as error:
             raise StereocalError(
-                f"There is no room for temporary files: {error.strerror or error}."
+                f"A temporary file cannot be written: {error.strerror or error}."
             ) from error
         return path
 
 
 def keep_file(database: Database, content: bytes | Path, name: str) -> StoredFile:
-    """Store a content, which is to be named soon.
+    """Store a content. The caller names it by `name_files`.
 
     Args:
-        content: a path where it is too large to be held in memory.
-        name: what messages call it.
+        content: bytes, or a path for a large file.
+        name: for messages.
 
     Raises:
         StereocalError: it is too large for a project, or the disk is full.
@@ -100,12 +100,12 @@ def keep_file(database: Database, content: bytes | Path, name: str) -> StoredFil
             f"{size / MB:.1f} MB."
         )
     sha256 = _digest(content)
-    with database.act() as db:
+    with database.transaction() as db:
         known = db.execute(
             "UPDATE file SET stored = ? WHERE sha256 = ? RETURNING rowid", [time.time(), sha256]
         ).fetchall()
         if not known:
-            check_room(database, size)
+            check_quota(database, size)
             _insert(db, sha256, content, size)
     return StoredFile(sha256, database)
 
@@ -135,13 +135,13 @@ def _insert(db: sqlite3.Connection, sha256: str, content: bytes | Path, size: in
 
 
 def files_of(database: Database, part: str) -> dict[str, StoredFile]:
-    """The files of a part by their names, in the order in which they were given."""
+    """The files of a part by name, in the order in which they were added."""
     found = database.rows("SELECT name, sha256 FROM named WHERE part = ? ORDER BY rowid", part)
     return {str(name): StoredFile(str(sha256), database) for name, sha256 in found}
 
 
 def about_files(database: Database, part: str) -> dict[str, Any]:
-    """What is known of the files of a part, by their names."""
+    """The descriptions of the files of a part, by name."""
     found = database.rows("SELECT name, about FROM named WHERE part = ? ORDER BY rowid", part)
     return {str(name): loaded(about) for name, about in found}
 
@@ -149,12 +149,12 @@ def about_files(database: Database, part: str) -> dict[str, Any]:
 def name_files(
     database: Database, part: str, files: Mapping[str, StoredFile], about: Any = None
 ) -> None:
-    """Say what stored files are; a name that is there already gets the new file.
+    """Name stored files; an existing name gets the new file.
 
     Raises:
-        StereocalError: a file has gone since it was stored.
+        StereocalError: a content was deleted since it was stored.
     """
-    with database.act() as db:
+    with database.transaction() as db:
         for name, file in files.items():
             if not db.execute("SELECT 1 FROM file WHERE sha256 = ?", [file.sha256]).fetchone():
                 raise StereocalError(f"{name} has gone from the project; give it again.")
@@ -170,24 +170,24 @@ def name_files(
                 free_content(db, before[0])
 
 
-def put_files(database: Database, part: str, files: Mapping[str, StoredFile]) -> None:
-    """Have these files, and no others, be a part; what was there already is not freed in between.
+def replace_files(database: Database, part: str, files: Mapping[str, StoredFile]) -> None:
+    """Make these files, and no others, a part of the project.
 
     Raises:
         StereocalError: as `name_files`.
     """
-    with database.act():
+    with database.transaction():
         name_files(database, part, files)
         forget_files(database, part, set(files_of(database, part)) - set(files))
 
 
 def forget_files(database: Database, part: str, names: Collection[str] | None = None) -> None:
-    """Remove the names of a part, all or some; what nothing else names is freed (`Database.free`).
+    """Remove the names of a part, all or some, and contents that no other name uses.
 
     Raises:
-        StereocalError: as `Database.act`.
+        StereocalError: as `Database.transaction`.
     """
-    with database.act() as db:
+    with database.transaction() as db:
         found = db.execute("SELECT name, sha256 FROM named WHERE part = ?", [part]).fetchall()
         for name, sha256 in found:
             if names is None or name in names:
@@ -196,7 +196,7 @@ def forget_files(database: Database, part: str, names: Collection[str] | None = 
 
 
 def free_content(db: sqlite3.Connection, sha256: str) -> None:
-    """Delete a content that nothing names any more."""
+    """Delete a content without a name."""
     db.execute(
         "DELETE FROM file WHERE sha256 = ?1 AND NOT EXISTS "
         "(SELECT 1 FROM named WHERE named.sha256 = ?1)", [sha256],
@@ -204,13 +204,13 @@ def free_content(db: sqlite3.Connection, sha256: str) -> None:
 
 
 def free_unnamed(database: Database, before: float) -> int:
-    """Delete contents that were stored before this time and that nothing names.
+    """Delete contents without a name.
 
     Args:
-        before: seconds since 1970: what is being given is named only when all of it is there.
+        before: seconds since 1970; later ones stay, because an upload in progress may name them.
 
     Returns:
-        How many there were.
+        The number of contents.
     """
     where = "WHERE stored < ? AND sha256 NOT IN (SELECT sha256 FROM named)"
     count = int(database.rows(f"SELECT count(*) FROM file {where}", before)[0][0])
@@ -219,14 +219,14 @@ def free_unnamed(database: Database, before: float) -> int:
     return count
 
 
-def check_room(database: Database, coming: int) -> None:
-    """Refuse what would make a project larger than the server allows.
+def check_quota(database: Database, coming: int) -> None:
+    """Check a project's size against the server's limit.
 
     Args:
-        coming: bytes that are to be stored.
+        coming: bytes to be stored.
 
     Raises:
-        StereocalError: says the limit, the size now and what can be removed.
+        StereocalError: the project would be too large.
     """
     limit = ServerSettings.from_environment().project_mb * MB
     if math.isinf(limit):
@@ -241,10 +241,10 @@ def check_room(database: Database, coming: int) -> None:
 
 
 def loaded(text: str) -> Any:
-    """A value that stands in a project as JSON.
+    """A JSON value of a project.
 
     Raises:
-        DamagedError: it is none.
+        DamagedError: it is not valid JSON.
     """
     try:
         return json.loads(text)
@@ -253,20 +253,20 @@ def loaded(text: str) -> Any:
 
 
 def values_of(database: Database, part: str) -> dict[str, Any]:
-    """The values of a part by their names."""
+    """The values of a part by name."""
     found = database.rows("SELECT name, json FROM value WHERE part = ?", part)
     return {str(name): loaded(text) for name, text in found}
 
 
 def keep_values(database: Database, part: str, values: Mapping[str, Any]) -> None:
-    """Keep values in place of those of the same names."""
+    """Store values; existing names are replaced."""
     rows = [(part, name, json.dumps(value, allow_nan=False)) for name, value in values.items()]
-    with database.act() as db:
+    with database.transaction() as db:
         db.executemany("INSERT OR REPLACE INTO value VALUES (?, ?, ?)", rows)
 
 
 def result_of(database: Database, kind: str) -> bytes | None:
-    """A result; None before the first."""
+    """The stored result of a kind; None without one."""
     found = database.rows("SELECT content FROM result WHERE kind = ?", kind)
     if found and not isinstance(found[0][0], bytes):
         raise DamagedError("A result in the project's file is damaged.")
@@ -274,8 +274,8 @@ def result_of(database: Database, kind: str) -> bytes | None:
 
 
 def keep_result(database: Database, kind: str, content: bytes | None) -> None:
-    """Keep a result in place of the last one; None forgets it."""
-    with database.act() as db:
+    """Replace a result; None deletes it."""
+    with database.transaction() as db:
         if content is None:
             db.execute("DELETE FROM result WHERE kind = ?", [kind])
         else:

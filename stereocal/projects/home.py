@@ -1,7 +1,7 @@
-"""The projects of a server: list, copy, remove and bring back, and what goes by itself.
+"""The projects of a server: list, copy, remove, bring back, and delete old ones.
 
 <home>/projects/<id>.sqlite     a project
-<home>/projects/<id>.removed    it was removed at the time of this file, and can be brought back
+<home>/projects/<id>.removed    marks it as removed, at the time of this file
 """
 
 from __future__ import annotations
@@ -14,16 +14,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from stereocal.errors import StereocalError
+from stereocal.projects.data_folder import SUFFIX, WAITING, is_id, new_database, private_folder
 from stereocal.projects.database import REMOVED, Database, set_journal
+from stereocal.projects.disk_reserve import keep_reserve
 from stereocal.projects.files import MB, free_unnamed
-from stereocal.projects.folders import SUFFIX, WAITING, is_id, new_database, private_folder
 from stereocal.projects.jobs import interrupted
-from stereocal.projects.journal import PROBE, remove_database
+from stereocal.projects.journal_mode import PROBE, remove_database
 from stereocal.projects.project import Project
-from stereocal.projects.refusals import DamagedError
-from stereocal.projects.reserve import keep_reserve
 from stereocal.projects.server_settings import ServerSettings
 from stereocal.projects.servers import forget_dead
+from stereocal.projects.sqlite_errors import DamagedError
 from stereocal.system.atomic_files import flush_folder
 
 DAY_S = 86_400.0
@@ -32,32 +32,32 @@ RESULTS = ("calibration", "evaluation")
 
 @dataclass(frozen=True)
 class Listed:
-    """What a list shows of a project."""
+    """A project in the list of recent projects."""
 
     id: str
     name: str
-    """As the person called it; empty where nobody did, or where it cannot be read."""
+    """The user's name for it; empty if there is none, or it cannot be read."""
     changed: float
     """Seconds since 1970."""
     finished: tuple[str, ...] = ()
-    """Which of `RESULTS` are there."""
+    """Which of `RESULTS` exist."""
     interrupted: bool = False
     damaged: bool = False
 
 
 @dataclass(frozen=True)
 class Removed:
-    """What a list shows of a project that was removed."""
+    """A project in the list of removed projects."""
 
     id: str
     name: str
-    """As the person called it; empty where nobody did, or where it cannot be read."""
+    """As in `Listed`."""
     removed: float
     """Seconds since 1970."""
 
 
 def recent_projects(home: Path, most: int = 10) -> list[Listed]:
-    """The projects changed last, the newest first, damaged ones among them."""
+    """The projects changed last, newest first, damaged ones included."""
     dated = [(changed_at(path), path) for path in _files(home) if not _marker(path).exists()]
     found: list[Listed] = []
     for changed, path in sorted(dated, reverse=True):
@@ -67,13 +67,13 @@ def recent_projects(home: Path, most: int = 10) -> list[Listed]:
             found.append(listed(Project(Database(path))))
         except DamagedError:
             found.append(Listed(path.stem, "", changed, damaged=True))
-        except StereocalError:  # of a newer version, or not to be opened by this server
+        except StereocalError:  # of a newer version, or not readable by this server
             continue
     return found
 
 
 def listed(project: Project) -> Listed:
-    """What a list shows of a project.
+    """A project's entry in the list.
 
     Raises:
         StereocalError: it cannot be read.
@@ -87,14 +87,14 @@ def listed(project: Project) -> Listed:
 
 
 def removed_projects(home: Path, most: int = 20) -> list[Removed]:
-    """The projects removed last, the newest first; also damaged ones."""
+    """The projects removed last, newest first, damaged ones included."""
     dated = [(removed_at(home, path.stem), path) for path in _files(home)]
     there = sorted(((when, path) for when, path in dated if when is not None), reverse=True)
     return [Removed(path.stem, _name(path), when) for when, path in there[:most]]
 
 
 def removed_at(home: Path, project_id: str) -> float | None:
-    """When a project was removed, in seconds since 1970; None if it is not among the removed."""
+    """When a project was removed, in seconds since 1970; None if it was not."""
     path = home / "projects" / f"{project_id}{SUFFIX}"
     if not is_id(project_id) or not path.exists():
         return None
@@ -105,7 +105,7 @@ def removed_at(home: Path, project_id: str) -> float | None:
 
 
 def changed_at(path: Path) -> float:
-    """When a project's file was last changed, in seconds since 1970; 0 where it has gone."""
+    """When a project's file was last changed, in seconds since 1970; 0 if it is gone."""
     newest = 0.0
     for name in (path.name, f"{path.name}-wal"):
         with suppress(OSError):
@@ -117,18 +117,17 @@ def duplicate(home: Path, project_id: str) -> Project:
     """A copy under a new id, without jobs.
 
     Raises:
-        StereocalError: there is no such project, it is too large, or the disk is full; nothing is
-            left behind.
+        StereocalError: there is no such project, it is too large, or the disk is full.
     """
     source = Project.open(home, project_id)
-    check_whole(source.database.size)
+    check_size(source.database.size)
 
     def copied(path: Path) -> Database:
         copy_database(source.database, path)
         return Database(path)
 
     def fill(database: Database) -> None:
-        with database.act() as db:
+        with database.transaction() as db:
             db.execute("DELETE FROM job")
         copy = Project(database)
         copy.rename(f"{copy.inputs.name or 'Project'} (copy)")
@@ -137,7 +136,7 @@ def duplicate(home: Path, project_id: str) -> Project:
 
 
 def copy_database(database: Database, path: Path) -> None:
-    """Write a project as it is now to another file: a backup. A copy of an open file is none.
+    """Back up a project to another file. Copying an open file would not be safe.
 
     Raises:
         StereocalError: the project is damaged, or the disk is full.
@@ -149,7 +148,7 @@ def copy_database(database: Database, path: Path) -> None:
 
 
 def remove(home: Path, project_id: str) -> None:
-    """Put a project aside, also a damaged one and on a full disk; `bring_back` undoes it.
+    """Mark a project as removed, even a damaged one; `bring_back` undoes it.
 
     Raises:
         StereocalError: there is no such project.
@@ -170,23 +169,23 @@ def bring_back(home: Path, project_id: str) -> Project:
     """Undo `remove`.
 
     Raises:
-        StereocalError: it is not among the removed ones any more.
+        StereocalError: it is not among the removed projects.
     """
     if removed_at(home, project_id) is None:
         raise StereocalError("This project was brought back already, or it was removed for good.")
     path = home / "projects" / f"{project_id}{SUFFIX}"
     with suppress(OSError):
-        os.utime(path)  # else the sweep that found it unused for too long would again
+        os.utime(path)  # else the sweep would remove it again as unused
         _marker(path).unlink(missing_ok=True)
         flush_folder(path.parent)
     return Project.open(home, project_id)
 
 
 def delete(home: Path, project_id: str) -> None:
-    """Delete a removed project for good, which gives its room back to the disk.
+    """Delete a removed project for good.
 
     Raises:
-        StereocalError: it is not among the removed ones, or it cannot be deleted.
+        StereocalError: it is not among the removed projects, or it cannot be deleted.
     """
     if removed_at(home, project_id) is None:
         raise StereocalError("This project was brought back already, or it was removed for good.")
@@ -200,30 +199,29 @@ def delete(home: Path, project_id: str) -> None:
         ) from error
 
 
-def check_whole(size: int) -> None:
-    """Refuse a project of so many bytes, as a copy or from elsewhere.
+def check_size(size: int) -> None:
+    """Check the size in bytes of a project to be copied or imported.
 
     Raises:
-        StereocalError: says the limit and the size.
+        StereocalError: it exceeds the server's limit.
     """
     limit = ServerSettings.from_environment().project_mb * MB
     if size > limit:
         raise StereocalError(
             f"A project may take {limit / MB:g} MB on this server, and this one takes "
-            f"{size / MB:.1f} MB: remove photographs or data sets from it before."
+            f"{size / MB:.1f} MB: remove photographs or data sets from it first."
         )
 
 
 def sweep(
     home: Path, removed_days: float, unused_days: float = math.inf, now: float | None = None
 ) -> int:
-    """Delete what was removed so many days ago, and remove what nobody has changed for longer.
+    """Delete projects removed `removed_days` ago; remove those unchanged for `unused_days`.
 
-    Contents that nothing names, and what killed servers left behind, go as well once they are a
-    day old.
+    Unused contents and files left by killed servers are deleted once they are a day old.
 
     Returns:
-        How many projects were removed or deleted.
+        The number of projects removed or deleted.
     """
     now = time.time() if now is None else now
     folder = private_folder(home / "projects")
@@ -252,7 +250,7 @@ def sweep(
 
 
 def _files(home: Path) -> list[Path]:
-    """The files of all projects, removed ones too; none where it cannot be looked into."""
+    """The files of all projects, removed ones included; none if the folder cannot be read."""
     try:
         return [path for path in (home / "projects").glob(f"*{SUFFIX}") if is_id(path.stem)]
     except OSError:

@@ -1,4 +1,4 @@
-"""What a person has given to a project: files and measured lengths."""
+"""The inputs of a project: files and measured lengths."""
 
 from __future__ import annotations
 
@@ -17,34 +17,34 @@ Slot = Literal["primary", "secondary", "correspondences"]
 
 @dataclass(frozen=True)
 class Inputs:
-    """What a person has given so far; None where nothing was."""
+    """The inputs so far; None for missing ones."""
 
     name: str = ""
     baseline_m: float | None = None
     target_distance_m: float | None = None
     baseline_sigma_m: float | None = None
-    """Standard deviation of the baseline, as stated; None where nothing was."""
+    """Stated standard deviation of the baseline; None if not stated."""
     target_distance_sigma_m: float | None = None
     lens_known: Mapping[str, Sequence[float | None] | None] = field(default_factory=dict)
-    """Camera to the standard deviations that a person states: a part of the focal length, pixels of
-    the centre, which count once both are there. None: not stated, whatever the camera's file says.
-    A camera that is not there: as its file says."""
+    """Camera to the standard deviations that the user stated: a fraction of the focal length, and
+    pixels of the centre; used once both are given. None: not stated, whatever the camera's file
+    says. A missing camera: as its file says."""
     files: Mapping[str, str] = field(default_factory=dict)
     """Slot to the SHA-256 of its file."""
     labels: Mapping[str, str] = field(default_factory=dict)
-    """Slot to the name that the person's file had."""
+    """Slot to the name of the uploaded file."""
     exchanged: list[int] = field(default_factory=list)
-    """Frames of the table whose targets a person has exchanged in the secondary image."""
+    """Frames of the table whose targets the user has exchanged in the secondary image."""
     put_back: list[int] = field(default_factory=list)
-    """Frames of the table that contradict the others and that a person uses all the same."""
+    """Frames of the table that contradict the others, but that the user keeps."""
 
     def known(self, which: Literal["primary", "secondary"], camera: Camera) -> Camera:
-        """A camera with the uncertainty that was stated, in place of its file's.
+        """A camera with the stated uncertainty instead of its file's.
 
-        The standard errors of the distortion stay as the file says, else they are 0.
+        The standard errors of the distortion stay as in the file, or are 0.
 
         Raises:
-            StereocalError: a number below 0.
+            StereocalError: a negative number.
         """
         if which not in self.lens_known:
             return camera
@@ -59,7 +59,7 @@ class Inputs:
 
     @property
     def missing(self) -> list[str]:
-        """What is still needed, in words."""
+        """What is still missing, in words."""
         named = {
             "correspondences": "the table of points",
             "primary": "the primary camera's file",
@@ -72,10 +72,10 @@ class Inputs:
 
 
 def checked_inputs(data: Mapping[str, Any]) -> Inputs:
-    """The inputs that a file says.
+    """The inputs of a stored mapping.
 
     Raises:
-        TypeError: something is not what it should be.
+        TypeError: a value has the wrong type.
     """
     inputs = Inputs(**data)
     check_inputs(inputs)
@@ -83,10 +83,10 @@ def checked_inputs(data: Mapping[str, Any]) -> Inputs:
 
 
 def check_inputs(inputs: Inputs) -> None:
-    """Make sure of what a file says.
+    """Check the types of all values.
 
     Raises:
-        TypeError: something is not what it should be.
+        TypeError: a value has the wrong type.
     """
     for mapping in (inputs.files, inputs.labels):
         if not isinstance(mapping, dict) or not all(map(can_be_shown, mapping.values())):

@@ -1,9 +1,8 @@
-"""The long work of a project: what was begun, how far it is, and what it has finished.
+"""Jobs of a project on disk: their state, progress and checkpoints.
 
-There is one job of a kind at a time: a row while it runs, and after it failed. It names the server
-that runs it; one whose server has ended was interrupted. What it has finished are rows as well, so
-that the same work goes on from there. All of it belongs to the home: it is not carried with a
-project nor copied.
+There is at most one job of a kind: a row while it runs, and after it failed. The row names the
+server that runs it; if that server has ended, the job was interrupted. Its checkpoints are rows
+too, so the same job can resume from them. Jobs are not exported or copied with a project.
 """
 
 from __future__ import annotations
@@ -30,56 +29,56 @@ from stereocal.projects.database import Database
 from stereocal.projects.servers import is_alive, is_this, this_server
 
 T = TypeVar("T")
-EVERY_S = 1.0
-"""How far a job is, and what it has finished, is written at most so often."""
-MUCH = 4_000_000
-"""Bytes of finished parts that are written at once all the same."""
+WRITE_EVERY_S = 1.0
+"""Interval at which progress and checkpoints are written."""
+WRITE_BYTES = 4_000_000
+"""Checkpoints of more bytes are written at once."""
 State = Literal["running", "interrupted", "failed"]
 _HERE: set[str] = set()
-"""The jobs that this process runs."""
+"""The runs of jobs in this process."""
 
 
 @dataclass(frozen=True)
 class Record:
-    """A job that was begun."""
+    """A job as stored."""
 
     kind: str
     stages: tuple[str, ...]
-    """What is counted, in the order of the work."""
+    """What is counted, in order."""
     digest: str
-    """Of the work and of the software that does it."""
+    """Of the work and the software."""
     work: Mapping[str, Any]
-    """Inputs, by their digests, and settings."""
+    """Digests of the inputs, and settings."""
     begun: float
     """Seconds since 1970."""
     run: str = ""
-    """Tells one run of the same work from another."""
+    """Id of this run of the work."""
     at: int = 0
     """Number of the stage."""
     done: int = 0
     total: int = 0
     sentence: str = ""
-    """Why it failed; empty while it has not."""
+    """Why it failed; empty unless it did."""
 
 
 def digest_of(kind: str, work: Mapping[str, Any]) -> str:
-    """The same for the same work done by the same software."""
+    """A digest of the work and of the versions of the software."""
     software = [one.__version__ for one in (stereocal, np, scipy, numba, cv2)]
     content = json.dumps([kind, work, software], sort_keys=True)
     return hashlib.sha256(content.encode()).hexdigest()[:32]
 
 
-class Parts(Generic[T]):
-    """The finished parts of one stage of a job; for the thread that runs it.
+class Checkpoints(Generic[T]):
+    """The checkpoints of one stage of a job; used by the thread that runs it.
 
     Args:
-        pack: a part as bytes; None for one that is not worth keeping.
-        unpack: the inverse; one of `DAMAGED` says that it cannot be done.
+        pack: a checkpoint as bytes; None for one that is not worth storing.
+        unpack: the inverse; raises one of `DAMAGED` for damaged bytes.
     """
 
     def __init__(
         self,
-        job: KeptJob,
+        job: RunningJob,
         stage: str,
         pack: Callable[[T], bytes | None],
         unpack: Callable[[bytes], T],
@@ -94,7 +93,7 @@ class Parts(Generic[T]):
         return len(self._keys)
 
     def get(self, key: str) -> T | None:
-        """The part; None where there is none, or it is damaged."""
+        """The checkpoint; None if there is none, or it is damaged."""
         if key not in self._keys:
             return None
         self._job.write()
@@ -107,16 +106,16 @@ class Parts(Generic[T]):
         except DAMAGED:
             return None
 
-    def keep(self, key: str, part: T) -> None:
-        """Keep a part. On a full disk nothing is kept, and the job goes on."""
-        content = self._pack(part)
+    def keep(self, key: str, result: T) -> None:
+        """Store a checkpoint. On a full disk none is stored, and the job continues."""
+        content = self._pack(result)
         if content is not None:
             self._keys.add(key)
             self._job.add(self._stage, key, content)
 
 
-class KeptJob:
-    """A job that this process runs, made by `begin`; for the thread that runs it."""
+class RunningJob:
+    """A job that this process runs, created by `begin`; used by the thread that runs it."""
 
     def __init__(self, database: Database, record: Record) -> None:
         self.database = database
@@ -125,38 +124,38 @@ class KeptJob:
         self._written = 0.0
         self._goes_on = True
 
-    def parts(
+    def checkpoints(
         self, stage: str, pack: Callable[[T], bytes | None], unpack: Callable[[bytes], T]
-    ) -> Parts[T]:
-        """What the same work has finished of a stage before, and where more of it is kept."""
-        return Parts(self, stage, pack, unpack)
+    ) -> Checkpoints[T]:
+        """The checkpoints of a stage, earlier runs of the same work included."""
+        return Checkpoints(self, stage, pack, unpack)
 
     def add(self, stage: str, key: str, content: bytes) -> None:
-        """A part is finished."""
+        """Store a checkpoint."""
         self._waiting.append((self.record.kind, stage, key, content))
-        if sum(len(one[-1]) for one in self._waiting) > MUCH:
+        if sum(len(one[-1]) for one in self._waiting) > WRITE_BYTES:
             self.write()
         self._write_at_times()
 
     def progress(self, at: int, done: int, total: int) -> bool:
-        """Note how far the job is, at most once a second.
+        """Store the progress, at most once a second.
 
         Returns:
-            False where it is to stop: somebody has asked for it, or the project was removed.
+            False if the job must stop: it was cancelled, or the project was removed.
         """
         self.record = replace(self.record, at=at, done=done, total=total)
         self._write_at_times()
         return self._goes_on
 
     def _write_at_times(self) -> None:
-        if time.monotonic() - self._written > EVERY_S:
+        if time.monotonic() - self._written > WRITE_EVERY_S:
             self.write()
 
     def write(self) -> None:
-        """Write what is finished, and how far the job is; on a full disk the job goes on."""
+        """Write progress and checkpoints; on a full disk the job continues."""
         self._written = time.monotonic()
         try:
-            with self.database.act(lasting=False) as db:
+            with self.database.transaction(durable=False) as db:
                 self._goes_on = self._note(db)
         except StereocalError:  # a removed project ends the job, a full disk does not
             self._goes_on = self.database.path.exists() and not self.database.marker.exists()
@@ -173,33 +172,33 @@ class KeptJob:
         return bool(rows) and not rows[0][0]
 
     def end(self) -> None:
-        """It has ended well, or was cancelled: nothing of it is kept."""
+        """Delete a job that has finished or was cancelled."""
         with suppress(StereocalError):  # else it is shown as interrupted
             self.database.free(lambda db: _delete(db, self.record.kind))
-        _HERE.discard(self.record.run)  # last, so that no page takes it for interrupted before
+        _HERE.discard(self.record.run)  # last: earlier, pages would show it as interrupted
 
     def fail(self, sentence: str) -> None:
-        """It could not be done. The reason is kept until the next, and what was finished too."""
+        """Store why the job failed; its checkpoints stay."""
         self.write()
-        with suppress(StereocalError), self.database.act() as db:
+        with suppress(StereocalError), self.database.transaction() as db:
             db.execute("UPDATE job SET sentence = ? WHERE kind = ?", [sentence, self.record.kind])
         _HERE.discard(self.record.run)
 
 
 def begin(
     database: Database, kind: str, stages: Sequence[str], work: Mapping[str, Any]
-) -> KeptJob | None:
-    """Begin a job of a project; None where one of its kind runs, here or elsewhere.
+) -> RunningJob | None:
+    """Begin or resume a job; None if one of its kind runs, here or on another server.
 
-    What the same work had finished is there again; parts of any other are removed.
+    Checkpoints of the same work are used; those of other work are deleted.
 
     Raises:
-        StereocalError: nothing can be written.
+        StereocalError: the project cannot be written.
     """
     server = this_server(_home(database))
     record = Record(kind, tuple(stages), digest_of(kind, work), work, time.time(), uuid.uuid4().hex)
     text = json.dumps({name: asdict(record)[name] for name in ("stages", "work", "begun", "run")})
-    with database.act() as db:
+    with database.transaction() as db:
         found = find(database, kind)
         if found is not None and found[0] == "running":
             return None
@@ -211,11 +210,11 @@ def begin(
             "total = 0, sentence = '', cancel = 0", [kind, record.digest, text, server],
         )  # fmt: skip
     _HERE.add(record.run)
-    return KeptJob(database, record)
+    return RunningJob(database, record)
 
 
 def find(database: Database, kind: str) -> tuple[State, Record] | None:
-    """The job of this kind that a project has, and how it stands; None without one."""
+    """State and record of a project's job of this kind; None without one."""
     rows = database.rows(
         "SELECT digest, record, server, at, done, total, sentence FROM job WHERE kind = ?", kind
     )
@@ -230,7 +229,7 @@ def find(database: Database, kind: str) -> tuple[State, Record] | None:
             min(max(at, 0), len(stages) - 1), done, max(total, done), sentence,
         )  # fmt: skip
     except DAMAGED:
-        return None  # nobody could go on with it
+        return None  # it could not be resumed
     if sentence:
         return "failed", record
     home = _home(database)
@@ -239,22 +238,22 @@ def find(database: Database, kind: str) -> tuple[State, Record] | None:
 
 
 def interrupted(database: Database) -> list[Record]:
-    """The jobs of a project that ended with their server."""
+    """The jobs of a project whose server has ended."""
     kinds = [str(kind) for (kind,) in database.rows("SELECT kind FROM job ORDER BY kind")]
     found = [find(database, kind) for kind in kinds]
     return [one[1] for one in found if one is not None and one[0] == "interrupted"]
 
 
 def discard(database: Database, kind: str) -> None:
-    """Forget a job that does not run, with what it had finished."""
+    """Delete a job that is not running, with its checkpoints."""
     found = find(database, kind)
     if found is None or found[0] != "running":
         database.free(lambda db: _delete(db, kind))
 
 
 def ask_to_stop(database: Database, kind: str) -> None:
-    """Ask the server that runs a job to cancel it; it does so within a second or two."""
-    with database.act() as db:
+    """Ask the server that runs a job to cancel it, which takes a second or two."""
+    with database.transaction() as db:
         db.execute("UPDATE job SET cancel = 1 WHERE kind = ?", [kind])
 
 

@@ -1,4 +1,4 @@
-"""The board photographs of one camera of a project, and the lens made of them."""
+"""The board photographs of one camera of a project, and the lens calibrated from them."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ WHICH: tuple[Which, Which] = ("primary", "secondary")
 
 
 class ProjectLens:
-    """One camera's boards. Every change is on disk when its method returns."""
+    """One camera's board photographs. Every change is on disk when its method returns."""
 
     def __init__(self, project: Project, which: Which) -> None:
         self.project = project
@@ -35,7 +35,7 @@ class ProjectLens:
         self._lens = f"lens_{which}"
 
     def keep(self, name: str, content: bytes) -> StoredFile:
-        """Store a photograph, which is the project's once it is added.
+        """Store a photograph; `add` makes it the project's.
 
         Raises:
             StereocalError: the project would be too large, or the disk is full.
@@ -44,24 +44,24 @@ class ProjectLens:
 
     @property
     def photographs(self) -> dict[str, StoredFile]:
-        """Files by the person's names."""
+        """Files by their uploaded names."""
         return files_of(self.database, self._part)
 
     def add(self, found: Mapping[str, StoredFile]) -> None:
-        """Take over stored photographs; a name given again is replaced.
+        """Add stored photographs; a repeated name is replaced.
 
         Raises:
-            StereocalError: a photograph has gone since it was stored; nothing has changed.
+            StereocalError: a photograph was deleted since it was stored; nothing has changed.
         """
-        with self.database.act():
+        with self.database.transaction():
             before = self.photographs
             name_files(self.database, self._part, found)
             if any(before.get(name, file) != file for name, file in found.items()):
-                # Else the names tell that the boards are not those of these photographs.
+                # New names need no reset: `search` compares the names.
                 keep_result(self.database, self._boards, None)
 
     def clear(self) -> None:
-        """Forget the photographs and what was made of them, and free their room."""
+        """Delete the photographs, the boards found and the lens."""
 
         def forget(_database: object) -> None:
             forget_files(self.database, self._part)
@@ -72,7 +72,7 @@ class ProjectLens:
 
     @property
     def search(self) -> BoardSearch | None:
-        """The boards that were found in the photographs that are there now; None if not yet."""
+        """The boards found in the present photographs; None before the search."""
         content = result_of(self.database, self._boards)
         if content is None:
             return None
@@ -81,7 +81,6 @@ class ProjectLens:
         return search if set(names) == set(self.photographs) else None
 
     def keep_search(self, search: BoardSearch) -> None:
-        """Keep the boards that were found."""
         keep_result(self.database, self._boards, pack_search(search))
 
     @property
@@ -91,7 +90,7 @@ class ProjectLens:
         return None if content is None else unpack_lens(content)
 
     def keep_calibration(self, lens: LensCalibration) -> None:
-        """Keep a finished calibration in place of the last one."""
+        """Replace the last calibration."""
         keep_result(self.database, self._lens, pack_lens(lens))
 
     def use(self) -> None:
@@ -107,7 +106,7 @@ class ProjectLens:
 
     @property
     def is_used(self) -> bool:
-        """Whether the project's camera is this lens."""
+        """Whether the project uses this lens."""
         lens, at = self.calibration, WHICH.index(self.which)
         camera = self.project.cameras[at]
         return (
@@ -116,5 +115,5 @@ class ProjectLens:
 
 
 def label_of(lens: LensCalibration) -> str:
-    """What the project calls a camera made of photographs."""
+    """The project's name for a lens from photographs."""
     return f"lens from {len(lens.search.views)} board photographs"

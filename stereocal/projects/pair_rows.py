@@ -1,4 +1,4 @@
-"""The pairs of photographs as a person has them in the table: chosen, edited, merged."""
+"""The table of photograph pairs as the user has edited it."""
 
 from __future__ import annotations
 
@@ -12,26 +12,24 @@ from stereocal.frames.pairing import Pair, pair_names
 
 @dataclass(frozen=True)
 class PairRow:
-    """A pair as the person has it in the table: with the choice to use it."""
+    """A pair in the table, and whether to use it."""
 
     pair: Pair
     use: bool = True
 
 
 def check_rows(rows: Sequence[PairRow], names: Mapping[str, Any]) -> None:
-    """Refuse a table of pairs that contradicts itself.
+    """Check a table of pairs.
 
     Raises:
-        StereocalError: a frame or a photograph stands in two rows, or a name is none.
+        StereocalError: two rows share a frame or a photograph, or a photograph is unknown.
     """
     frames: set[int] = set()
     taken: set[str] = set()
     for row in rows:
         pair = row.pair
         if pair.frame in frames:
-            raise StereocalError(
-                f"Frame {pair.frame} stands in two rows: give each its own number."
-            )
+            raise StereocalError(f"Frame {pair.frame} is in two rows: give each its own number.")
         frames.add(pair.frame)
         for name in (pair.primary, pair.secondary):
             if name not in names:
@@ -44,7 +42,7 @@ def check_rows(rows: Sequence[PairRow], names: Mapping[str, Any]) -> None:
 
 
 def with_new(kept: Sequence[PairRow], names: Sequence[str]) -> list[PairRow]:
-    """The kept rows, and the proposed pairs of photographs that are in none of them."""
+    """The given rows, and the proposed pairs of all other photographs."""
     taken = {name for row in kept for name in (row.pair.primary, row.pair.secondary)}
     frames = {row.pair.frame for row in kept}
     rows = list(kept)
@@ -56,5 +54,5 @@ def with_new(kept: Sequence[PairRow], names: Sequence[str]) -> list[PairRow]:
 
 
 def row_of(item: Mapping[str, Any]) -> PairRow:
-    """A row as it stands in a file."""
+    """The row of a stored mapping."""
     return PairRow(Pair(**item["pair"]), bool(item["use"]))

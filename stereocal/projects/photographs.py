@@ -1,8 +1,8 @@
-"""The photographs of the bar in a project: files, pairs, and what was found in them."""
+"""The photographs of the bar in a project: files, pairs, and the targets found in them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict
 from typing import Any
@@ -20,21 +20,21 @@ from stereocal.projects.files import (
     keep_result,
     keep_values,
     name_files,
-    put_files,
+    replace_files,
     result_of,
     values_of,
 )
 from stereocal.projects.inputs import Slot
 from stereocal.projects.pair_rows import PairRow, check_rows, row_of, with_new
 from stereocal.projects.project import Project
-from stereocal.projects.refusals import DamagedError, FullError
+from stereocal.projects.sqlite_errors import DamagedError, DiskFullError
 
 BAR = "bar"
 TABLE_LABEL = "targets found in the photographs"
 
 
 class ProjectPhotographs:
-    """The photographs of one project, and what was found in them.
+    """The photographs of one project, and the targets found in them.
 
     Every change is on disk when its method returns.
     """
@@ -46,7 +46,7 @@ class ProjectPhotographs:
     # Photographs and their pairs
 
     def keep(self, name: str, content: bytes) -> StoredFile:
-        """Store a photograph, which is the project's once it is added or given.
+        """Store a photograph; `add` or `give` makes it the project's.
 
         Raises:
             StereocalError: the project would be too large, or the disk is full.
@@ -55,17 +55,17 @@ class ProjectPhotographs:
 
     @property
     def photographs(self) -> dict[str, StoredFile]:
-        """Files by the person's names."""
+        """Files by their uploaded names."""
         return files_of(self.database, BAR)
 
     @property
     def proposal(self) -> Pairing:
-        """The pairs as the names tell them."""
+        """The pairs proposed from the names."""
         return pair_names(self.photographs)
 
     @property
     def rows(self) -> list[PairRow]:
-        """The pairs as edited, or as proposed while nobody has."""
+        """The pairs as edited, or as proposed if nobody has edited them."""
         edited = self._value("pairs")
         if edited is None:
             return [PairRow(pair) for pair in self.proposal.pairs]
@@ -77,27 +77,27 @@ class ProjectPhotographs:
             ) from error
 
     def keep_rows(self, rows: Sequence[PairRow] | None) -> None:
-        """Keep the pairs as edited; None goes back to the proposal.
+        """Store the edited pairs; None returns to the proposal.
 
         Raises:
-            StereocalError: a frame or a photograph stands in two rows, or a name is none.
+            StereocalError: as `check_rows`.
         """
-        with self.database.act():
+        with self.database.transaction():
             if rows is not None:
                 check_rows(rows, self.photographs)
             kept = None if rows is None else [asdict(row) for row in rows]
             keep_values(self.database, BAR, {"pairs": kept})
 
     def add(self, found: Mapping[str, StoredFile]) -> None:
-        """Take over stored photographs; a name given again is replaced.
+        """Add stored photographs; a repeated name is replaced.
 
-        Pairs that were edited stay, and new ones are proposed for the others. What was found in
-        photographs that are replaced goes, from the table of points too.
+        Edited pairs stay, and pairs of the other photographs are proposed. Targets found in
+        replaced photographs are removed, also from the table of points.
 
         Raises:
-            StereocalError: a photograph has gone since it was stored; nothing has changed.
+            StereocalError: a photograph was deleted since it was stored; nothing has changed.
         """
-        with self.database.act():
+        with self.database.transaction():
             before = self.photographs
             name_files(self.database, BAR, found)
             if self._value("pairs") is not None:
@@ -111,7 +111,7 @@ class ProjectPhotographs:
                 self._keep_frames(left)
 
     def clear(self) -> None:
-        """Forget all photographs and what was found in them, and free their room."""
+        """Delete all photographs and the targets found in them."""
         self.database.free(lambda _db: self._forget())
 
     def _forget(self) -> None:
@@ -120,7 +120,7 @@ class ProjectPhotographs:
         self._forget_found()
 
     def _forget_found(self) -> None:
-        with self.database.act() as db:
+        with self.database.transaction() as db:
             keep_result(self.database, "frames", None)
             db.execute("DELETE FROM edit")
 
@@ -130,37 +130,38 @@ class ProjectPhotographs:
         found: Mapping[str, StoredFile],
         **values: Any,
     ) -> bool:
-        """Give the project a whole data set in place of what it held, in one step or not at all.
+        """Replace the project's data by a whole data set, in one transaction.
 
-        What was found in photographs that are here already stays, with what a person has corrected,
-        unless the data set has a table of its own.
+        If the photographs are the same and the data set has no table of its own, the targets found
+        and their corrections stay.
 
         Args:
-            files: as of `Project.give`.
-            found: its photographs, which are stored.
-            values: as of `Project.give`.
+            files: as for `Project.give`.
+            found: its stored photographs.
+            values: as for `Project.give`.
 
         Returns:
-            Whether what was found stays.
+            Whether the targets found stay.
 
         Raises:
-            StereocalError: it cannot be used, or a photograph has gone; nothing has changed.
+            StereocalError: the data set is invalid, or a photograph was deleted; nothing has
+                changed.
         """
-        with self.database.act():
+        with self.database.transaction():
             again = bool(found) and self.photographs == found and "correspondences" not in files
             table: Mapping[Slot, tuple[str, bytes]] = {}
             if again:
-                with suppress(StereocalError):  # nothing was found, or nothing of it is used
+                with suppress(StereocalError):  # no target was found, or none is used
                     table = _table(self.frames or [])
             try:
                 self.project.give({**files, **table}, ("correspondences",), **values)
             except RefusedRowsError as error:
                 if not table:
                     raise
-                # Rows that are none of the data set: they cannot be left out of it.
+                # The rows are not in the data set, so the user cannot leave them out.
                 raise StereocalError(str(error)) from error
             if not again:
-                put_files(self.database, BAR, found)
+                replace_files(self.database, BAR, found)
                 keep_values(self.database, BAR, {"pairs": None, "found_by": ""})
                 self._forget_found()
         return again
@@ -169,7 +170,7 @@ class ProjectPhotographs:
 
     @property
     def frames(self) -> list[Frame] | None:
-        """What was found and corrected in the photographs that are there now, or None.
+        """The targets found and corrected in the present photographs, or None.
 
         Raises:
             StereocalError: it is damaged, or of another version.
@@ -179,24 +180,24 @@ class ProjectPhotographs:
 
     @property
     def found_by(self) -> str:
-        """Which search has found what is there, as `keep_found` was told; empty if none."""
+        """The `search` of the last `keep_found`; empty if none."""
         return str(self._value("found_by") or "")
 
     def keep_found(
         self, found: Sequence[Frame], searched: Mapping[str, StoredFile], search: str = ""
     ) -> None:
-        """Keep what a search has found; what a person has decided meanwhile stays.
+        """Store the result of a search; decisions of the user made meanwhile stay.
 
         Args:
-            searched: the photographs as they were when the search began.
-            search: tells searches apart that may find something else.
+            searched: the photographs when the search began.
+            search: a digest of the search.
 
         Raises:
-            StereocalError: as `keep_frames`; or photographs have changed meanwhile, and what was
-                found before is unchanged.
+            StereocalError: as `keep_frames`; or photographs have changed meanwhile, and nothing
+                is stored.
         """
         refused = None
-        with self.database.act():
+        with self.database.transaction():
             now, names = self.photographs, {name for frame in found for name in frame.files}
             if any(now.get(name) != searched.get(name) for name in names):
                 raise StereocalError(
@@ -204,7 +205,7 @@ class ProjectPhotographs:
                     "again."
                 )
             before: Sequence[Frame] = ()
-            with suppress(StereocalError):  # damaged: the search mends it
+            with suppress(StereocalError):  # damaged frames are replaced
                 before = self.frames or ()
             keep_values(self.database, BAR, {"found_by": search})
             refused = self._keep_frames(keep_corrections(found, before))
@@ -212,29 +213,29 @@ class ProjectPhotographs:
             raise refused
 
     def keep_frames(self, frames: Sequence[Frame]) -> None:
-        """Keep what was found or corrected, and give the project the table of points of it.
+        """Store found or corrected frames, and their table of points.
 
         Raises:
-            StereocalError: the points cannot be a table of the project's cameras, and the project
-                has none; the frames are kept all the same.
+            StereocalError: the points do not fit the project's cameras: the frames are stored, but
+                no table.
         """
         if (refused := self.keep_corrected(frames)) is not None:
             raise refused
 
     def keep_corrected(self, frames: Sequence[Frame]) -> StereocalError | None:
-        """As `keep_frames`; why the frames give no table. Frames that were put back stay so."""
-        with self.database.act():
+        """As `keep_frames`, but keeps `put_back`, and returns the error."""
+        with self.database.transaction():
             put_back = self.project.inputs.put_back
             refused = self._keep_frames(frames)
             self.project.put_back(put_back)
         return refused
 
     def _keep_frames(self, frames: Sequence[Frame]) -> StereocalError | None:
-        with self.database.act():
+        with self.database.transaction():
             keep_result(self.database, "frames", pack_frames(frames))
             try:
                 self.project.give(_table(frames))
-            except FullError:
+            except DiskFullError:
                 raise
             except StereocalError as error:
                 self.project.give({}, ("correspondences",))
@@ -243,17 +244,6 @@ class ProjectPhotographs:
 
     def _value(self, name: str) -> Any:
         return values_of(self.database, BAR).get(name)
-
-
-def kept(
-    photographs: Iterable[tuple[str, bytes]], store: ProjectPhotographs
-) -> dict[str, StoredFile]:
-    """Store photographs one by one, name and content; they are the project's once they are added.
-
-    Raises:
-        StereocalError: as `ProjectPhotographs.keep`.
-    """
-    return {name: store.keep(name, content) for name, content in photographs}
 
 
 def _table(frames: Sequence[Frame]) -> dict[Slot, tuple[str, bytes]]:

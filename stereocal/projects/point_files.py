@@ -1,4 +1,4 @@
-"""The points of both cameras that a project holds, to be matched and measured."""
+"""The points of both cameras in a project, to be matched and measured."""
 
 from __future__ import annotations
 
@@ -29,20 +29,20 @@ from stereocal.projects.files import (
     name_files,
 )
 from stereocal.projects.project import Project
-from stereocal.projects.refusals import DamagedError
+from stereocal.projects.sqlite_errors import DamagedError
 
 Side = Literal["primary", "secondary"]
 SIDES: tuple[Side, Side] = ("primary", "secondary")
 Asked = Literal["primary", "secondary", "bars", "matching", "measuring"]
 SUFFIXES = (".csv", ".parquet")
 POINT_FILES, TABLES, ASKING = "points", "tables", "asking"
-"""Parts of a project: point files as given, the tables read from them, and files that wait for an
-answer."""
+"""Parts of a project: uploaded point files, the tables read from them, and files with open
+questions."""
 
 
 @dataclass(frozen=True)
 class PointFile:
-    """What is known of a point file and of the table that was read from it."""
+    """A point file and the table that was read from it."""
 
     label: str
     suffix: str
@@ -50,7 +50,7 @@ class PointFile:
     rows: int
     frames: int
     answers: Mapping[str, Any] | None = None
-    """None where the file is `frame,u,v` itself."""
+    """None if the file itself is `frame,u,v`."""
 
 
 class ProjectPoints:
@@ -60,7 +60,7 @@ class ProjectPoints:
         self.project = project
         self.database = project.database
         self._own: dict[str, bytes] = {}
-        """Tables of the project's own points, which are stored with a result made of them."""
+        """Tables of the project's own points, stored with a result computed from them."""
 
     def point_file(self, side: Side) -> PointFile | None:
         """The file in use."""
@@ -71,7 +71,7 @@ class ProjectPoints:
             raise DamagedError("The list of point files is damaged; give them again.") from error
 
     def points(self, side: Side) -> Points | None:
-        """The points in use, with what messages call them."""
+        """The points in use."""
         file = self.point_file(side)
         if file is None:
             return None
@@ -80,19 +80,19 @@ class ProjectPoints:
 
     @contextmanager
     def opened(self, name: str) -> Iterator[Path]:
-        """A temporary file with a table of points, for what reads only files.
+        """A temporary file with a table of points, for libraries that read only files.
 
         Args:
             name: as in `Points.name`.
 
         Raises:
-            StereocalError: it has gone, or the disk is full.
+            StereocalError: it was deleted, or the disk is full.
         """
         with tempfile.TemporaryDirectory(prefix="stereocal-") as folder:
             yield self._copied(name, Path(folder))
 
     def table(self, name: str) -> StoredFile:
-        """A table of points, as the file that was given or was read from it."""
+        """The stored table of points of this name."""
         return StoredFile(Path(name).stem, self.database)
 
     def _copied(self, name: str, folder: Path) -> Path:
@@ -102,17 +102,17 @@ class ProjectPoints:
         return folder / name
 
     def asking(self, side: Asked) -> tuple[str, bytes] | None:
-        """Name and content of a file that cannot be used before a person has answered."""
+        """Name and content of a file with open questions."""
         with self.database.reading():
             file = files_of(self.database, ASKING).get(side)
             label = about_files(self.database, ASKING).get(side)
         return None if file is None else (str(label), file.read_bytes())
 
     def offer_points(self, side: Side, label: str, content: bytes) -> None:
-        """Take over a `frame,u,v` table; ask about any other point file.
+        """Store a `frame,u,v` table; keep any other point file until questions are answered.
 
         Raises:
-            StereocalError: it holds no points, or rows that cannot be used; nothing has changed.
+            StereocalError: no points, or invalid rows; nothing has changed.
         """
         parquet = Path(label).suffix.lower() in PARQUET
         content = content if parquet else point_text(content, label)
@@ -122,12 +122,12 @@ class ProjectPoints:
         self.ask(side, label, content)
 
     def ask(self, side: Asked, label: str, content: bytes) -> None:
-        """Keep a file until a person has said how it is to be read."""
-        with self.database.act():
+        """Keep a file until the user has answered how to read it."""
+        with self.database.transaction():
             self._name(ASKING, side, content, label, label)
 
     def answer(self, side: Side, answers: Answers) -> None:
-        """Read the file that was asked about as the answers say, and use it.
+        """Read the file with open questions as answered, and use it.
 
         Raises:
             StereocalError: it cannot be read that way; nothing has changed.
@@ -143,7 +143,7 @@ class ProjectPoints:
         self._keep_points(side, label, content, written, ".csv", answers)
 
     def preview(self, side: Side, answers: Answers, first_rows: int | None) -> pd.DataFrame:
-        """The points of the file that is asked about, as they would be read.
+        """The points of the file with open questions, as they would be read.
 
         Raises:
             StereocalError: it cannot be read that way.
@@ -156,19 +156,19 @@ class ProjectPoints:
         return read_points(content, layout, answers.camera, answers.image_height, label, first_rows)
 
     def ask_again(self, side: Side) -> None:
-        """Ask about the file in use once more; it stays in use until then."""
-        with self.database.act():
+        """Ask about the file in use again; it stays in use until answered."""
+        with self.database.transaction():
             file = self.point_file(side)
             if file is not None and file.answers is not None:
                 given = files_of(self.database, POINT_FILES)[side]
                 name_files(self.database, ASKING, {side: given}, file.label)
 
     def forget_question(self, side: Asked) -> None:
-        """Put aside the file that is asked about."""
+        """Delete the file with open questions."""
         self.database.free(lambda _db: forget_files(self.database, ASKING, [side]))
 
     def own_points(self, table: pd.DataFrame, label: str) -> Points:
-        """Points of the project itself, so that they are applied like others."""
+        """Points of the project itself, used like those of a file."""
         content = table.to_csv(index=False, lineterminator="\n").encode()
         name = f"{hashlib.sha256(content).hexdigest()}.csv"
         self._own[name] = content
@@ -186,7 +186,7 @@ class ProjectPoints:
             label, suffix, contents.rows, len(contents.frames),
             None if answers is None else answers.to_json(),
         )  # fmt: skip
-        with self.database.act():
+        with self.database.transaction():
             self._name(POINT_FILES, side, given, label, label)
             self._name(TABLES, side, table, label, asdict(file))
             forget_files(self.database, ASKING, [side])

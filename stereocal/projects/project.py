@@ -1,4 +1,4 @@
-"""One piece of work on disk: inputs, settings, results. Knows no screen.
+"""One project on disk: inputs, settings, results.
 
 The id is unguessable and is the only key to the project.
 """
@@ -13,8 +13,9 @@ from typing import Any
 from stereocal.errors import DAMAGED, RefusedRowsError, StereocalError
 from stereocal.formats.dataset_files import parse_zip
 from stereocal.formats.evaluation_files import Evaluation, pack_evaluation
-from stereocal.projects import given
+from stereocal.projects import parsed_files
 from stereocal.projects.calibration_files import pack_calibration
+from stereocal.projects.data_folder import SUFFIX, is_id, new_database
 from stereocal.projects.database import Database
 from stereocal.projects.files import (
     StoredFile,
@@ -26,31 +27,30 @@ from stereocal.projects.files import (
     keep_result,
     keep_values,
     name_files,
-    put_files,
+    replace_files,
     result_of,
     values_of,
 )
-from stereocal.projects.folders import SUFFIX, is_id, new_database
 from stereocal.projects.inputs import Inputs, Slot, check_inputs, checked_inputs
-from stereocal.projects.refusals import DamagedError
+from stereocal.projects.sqlite_errors import DamagedError
 from stereocal.refined.results import Calibration
 from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import Dataset, check_length, points_outside
 
 INPUT, SETTING, FURTHER, CALIBRATED = "input", "setting", "dataset", "calibrated"
-"""Parts of a project: what is given, forms, further data sets, what the result was made from."""
+"""Parts of a project: inputs, form values, further data sets, the inputs of the last result."""
 VALUES = tuple(
     each.name for each in dataclasses.fields(Inputs) if each.name not in ("files", "labels")
 )
 OF_TABLE = ("exchanged", "put_back")
-"""Corrections of frames, which belong to the table that they were made for."""
+"""Corrections of frames, valid for one table of points."""
 
 
 class Project:
     """A project. Every change is on disk when its method returns.
 
     Raises:
-        StereocalError: on `open`, an id that is none, or no such project.
+        StereocalError: on `open`, an invalid id, or no such project.
     """
 
     def __init__(self, database: Database) -> None:
@@ -81,10 +81,10 @@ class Project:
 
     @property
     def inputs(self) -> Inputs:
-        """What has been given so far.
+        """The inputs so far.
 
         Raises:
-            StereocalError: it is damaged.
+            StereocalError: they are damaged.
         """
         with self.database.reading():
             values = values_of(self.database, INPUT)
@@ -104,23 +104,21 @@ class Project:
         drop: Sequence[Slot] = (),
         **values: Any,
     ) -> None:
-        """Take over files (slot to name and content) and values in one step, or nothing.
-
-        The state that results is checked as far as it is complete.
+        """Store files (slot to name and content) and values in one transaction.
 
         Args:
-            drop: slots to empty before.
+            drop: slots to empty first.
 
         Raises:
-            StereocalError: what was given cannot be used; the project is as it was.
+            StereocalError: the resulting inputs are invalid; the project is unchanged.
         """
         stored = {slot: self._stored(slot, *file) for slot, file in files.items()}
-        with self.database.act():
+        with self.database.transaction():
             before = self.inputs
             forget_files(self.database, INPUT, [slot for slot in drop if slot not in files])
             for slot, file in stored.items():
                 name_files(self.database, INPUT, {slot: file.file}, file.label)
-            # A new file's own statement counts, not what was stated of the lens before.
+            # A new camera file replaces the stated uncertainty of its lens.
             known = {slot: v for slot, v in before.lens_known.items() if slot not in files}
             kept = {name: getattr(before, name) for name in VALUES} | {"lens_known": known}
             if "correspondences" in files or "correspondences" in drop:
@@ -128,19 +126,19 @@ class Project:
             keep_values(self.database, INPUT, kept | values)
             self._check_inputs(self.inputs)
 
-    def _stored(self, slot: Slot, label: str, content: bytes) -> given.GivenFile:
-        """A file in the project, which is parsed before others have to wait for the act."""
-        file = given.GivenFile(keep_file(self.database, content, label), label)
+    def _stored(self, slot: Slot, label: str, content: bytes) -> parsed_files.LabelledFile:
+        """Store and parse a file, before the transaction that others wait for."""
+        file = parsed_files.LabelledFile(keep_file(self.database, content, label), label)
         try:
-            (given.table_of if slot == "correspondences" else given.camera_of)(file)
+            (parsed_files.table_of if slot == "correspondences" else parsed_files.camera_of)(file)
         except StereocalError:
-            with self.database.act() as db:
+            with self.database.transaction() as db:
                 free_content(db, file.file.sha256)
             raise
         return file
 
     def _check_inputs(self, inputs: Inputs) -> None:
-        """Refuse inputs that cannot be used, as far as they are complete."""
+        """Check the inputs as far as they are complete."""
         for what, value in (
             ("baseline", inputs.baseline_m),
             ("distance between the targets", inputs.target_distance_m),
@@ -151,39 +149,39 @@ class Project:
         cameras = self._camera(inputs, "primary"), self._camera(inputs, "secondary")
         if "correspondences" in inputs.files:
             file = self._file(inputs, "correspondences")
-            rows = given.table_of(file).strict(file.label)
+            rows = parsed_files.table_of(file).strict(file.label)
             if outside := points_outside(rows, *cameras):
                 raise RefusedRowsError(f"{file.label}: ", outside, "with a point outside its image")
         self.dataset_of(inputs)
 
     def exchange_targets(self, frame: int) -> None:
-        """Exchange A and B of a frame in the secondary image of the table, or take it back."""
-        with self.database.act():
+        """Exchange A and B of a frame in the secondary image of the table, or undo that."""
+        with self.database.transaction():
             exchanged = sorted({*self.inputs.exchanged} ^ {frame})
             keep_values(self.database, INPUT, {"exchanged": exchanged})
 
     def put_back(self, frames: Sequence[int]) -> None:
-        """Use these frames of the table though they contradict the others, and only these."""
+        """Keep exactly these of the frames that contradict the others."""
         keep_values(self.database, INPUT, {"put_back": sorted(frames)})
 
     def rename(self, name: str) -> None:
-        """Call the project, and what is calibrated from now on, by this name."""
+        """Rename the project; later calibrations use the name."""
         keep_values(self.database, INPUT, {"name": name})
 
     @property
     def dataset(self) -> Dataset | None:
-        """The data set, once everything has been given."""
+        """The data set; None if an input is missing."""
         return self.dataset_of(self.inputs)
 
     def dataset_of(self, inputs: Inputs) -> Dataset | None:
-        """The data set of a state of the inputs; None if something is missing."""
+        """The data set of these inputs; None if one is missing."""
         if inputs.missing:
             return None
-        return given.dataset_of(given.Whole(inputs, self.database))
+        return parsed_files.dataset_of(parsed_files.CompleteInputs(inputs, self.database))
 
     @property
     def table(self) -> tuple[str, bytes] | None:
-        """Name and content of the table of points, once given."""
+        """Name and content of the table of points, if there is one."""
         inputs = self.inputs
         if "correspondences" not in inputs.files:
             return None
@@ -192,53 +190,51 @@ class Project:
 
     @property
     def cameras(self) -> tuple[Camera | None, Camera | None]:
-        """The primary and the secondary camera, as far as they were given."""
+        """The primary and the secondary camera; None for a missing one."""
         inputs = self.inputs
         return self._camera(inputs, "primary"), self._camera(inputs, "secondary")
 
-    def _file(self, inputs: Inputs, slot: Slot) -> given.GivenFile:
-        return given.file_of(inputs, slot, self.database)
+    def _file(self, inputs: Inputs, slot: Slot) -> parsed_files.LabelledFile:
+        return parsed_files.file_of(inputs, slot, self.database)
 
     def _camera(self, inputs: Inputs, slot: Slot) -> Camera | None:
-        return given.camera_of(self._file(inputs, slot)) if slot in inputs.files else None
+        return parsed_files.camera_of(self._file(inputs, slot)) if slot in inputs.files else None
 
     # Settings and results
 
     @property
     def settings(self) -> dict[str, Any]:
-        """Values of the forms by name."""
+        """Values of forms by name."""
         return values_of(self.database, SETTING)
 
     def keep_settings(self, values: Mapping[str, Any]) -> None:
-        """Remember values of forms."""
+        """Store values of forms."""
         keep_values(self.database, SETTING, values)
 
     def keep_calibration(self, calibration: Calibration, inputs: Inputs) -> None:
-        """Keep a finished result, made from `inputs`, in place of the last one.
-
-        The inputs may have changed since, in another tab.
+        """Replace the last result by one computed from `inputs`, which may have changed since.
 
         Raises:
-            StereocalError: a file of the inputs has gone meanwhile.
+            StereocalError: a file of the inputs was deleted meanwhile.
         """
         content = pack_calibration(calibration, dataclasses.asdict(inputs))
         files = {
             slot: StoredFile(digest, self.database) for slot, digest in inputs.files.items()
         }  # fmt: skip
-        with self.database.act():
-            put_files(self.database, CALIBRATED, files)
+        with self.database.transaction():
+            replace_files(self.database, CALIBRATED, files)
             keep_result(self.database, "calibration", content)
 
     @property
     def calibration(self) -> Calibration | None:
-        """The last finished result, with the data it was made from; None before the first."""
+        """The last finished result, with the data it was computed from; None before the first."""
         content = result_of(self.database, "calibration")
         if content is None:
             return None
-        return given.calibration_of(given.Packed(content, self.database))
+        return parsed_files.calibration_of(parsed_files.PackedResult(content, self.database))
 
     def keep_evaluation(self, evaluation: Evaluation) -> None:
-        """Keep a finished evaluation in place of the last one."""
+        """Replace the last evaluation."""
         keep_result(self.database, "evaluation", pack_evaluation(evaluation))
 
     @property
@@ -246,25 +242,27 @@ class Project:
         """The last finished evaluation; None before the first."""
         content = result_of(self.database, "evaluation")
         return (
-            None if content is None else given.evaluation_of(given.Packed(content, self.database))
+            None
+            if content is None
+            else parsed_files.evaluation_of(parsed_files.PackedResult(content, self.database))
         )
 
     # Further data sets, to validate on together
 
     def add_dataset(self, label: str, content: bytes) -> None:
-        """Take over a zip with a further data set.
+        """Add a zip with a further data set.
 
         Raises:
-            StereocalError: it cannot be used; the project is as it was.
+            StereocalError: it is invalid; the project is unchanged.
         """
         parse_zip(content, label)
-        with self.database.act():
+        with self.database.transaction():
             at = len(files_of(self.database, FURTHER))
             file = keep_file(self.database, content, label)
             name_files(self.database, FURTHER, {f"{at:06d}": file}, label)
 
     def drop_datasets(self) -> None:
-        """Forget the further data sets, and free their room."""
+        """Delete the further data sets."""
         self.database.free(lambda _db: forget_files(self.database, FURTHER))
 
     @property
@@ -273,6 +271,6 @@ class Project:
         with self.database.reading():
             files, labels = files_of(self.database, FURTHER), about_files(self.database, FURTHER)
         return [
-            given.further_of(given.GivenFile(file, str(labels[name])))
+            parsed_files.further_of(parsed_files.LabelledFile(file, str(labels[name])))
             for name, file in files.items()
         ]

@@ -1,4 +1,4 @@
-"""The review of a project: the frames, and the edits that can be undone, a row each."""
+"""The review of a project's frames, with edits that can be undone."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from stereocal.projects.photographs import ProjectPhotographs
 def read_review(store: ProjectPhotographs) -> Review:
     """The frames of a project, and the edits that can be undone.
 
-    Edits of a frame that is gone, or has been searched again, cannot, nor can damaged ones.
+    Edits of a frame that was removed or searched again are left out, and damaged ones.
 
     Raises:
         StereocalError: the targets have not been found yet, or the frames are damaged.
@@ -34,14 +34,14 @@ def read_review(store: ProjectPhotographs) -> Review:
 
 
 def change_review(store: ProjectPhotographs, change: Callable[[Review], Review]) -> Review:
-    """Apply an edit and keep the outcome, which is on disk when this returns.
+    """Apply an edit and store the outcome.
 
     Raises:
-        StereocalError: the edit is refused, and nothing has changed; or what is left gives the
-            project no table of points, and the frames are kept all the same.
+        StereocalError: the edit is refused, and nothing has changed; or the frames are stored, but
+            give no valid table of points.
     """
     refused = None
-    with store.database.act() as db:
+    with store.database.transaction() as db:
         before = read_review(store)
         after = change(before)
         if after != before:

@@ -1,4 +1,4 @@
-"""What can still be read of a damaged project, as a new one."""
+"""Copy the readable part of a damaged project to a new one."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Any
 
 from stereocal.errors import DAMAGED, StereocalError
+from stereocal.projects.data_folder import SUFFIX, is_id, new_database
 from stereocal.projects.database import Database, connect
 from stereocal.projects.files import keep_values, values_of
-from stereocal.projects.folders import SUFFIX, is_id, new_database
 from stereocal.projects.project import INPUT, Project
-from stereocal.projects.refusals import told
+from stereocal.projects.sqlite_errors import translated_errors
 
 COLUMNS = {
     "value": ("part", "name", "json"),
@@ -25,18 +25,18 @@ COLUMNS = {
     "edit": ("number", "json"),
     "result": ("kind", "content"),
 }
-"""What is taken over, in an order in which nothing names what is not there yet."""
+"""Columns to copy; a table follows the tables that it refers to."""
 UNREADABLE = (*DAMAGED, sqlite3.Error)
 
 
 def salvage(home: Path, project_id: str) -> tuple[Project, int]:
-    """A new project with what can be read of a damaged one, which stays as it is.
+    """A new project with the readable part of a damaged one, which is not changed.
 
     Returns:
-        The project, and how many photographs and other files were lost.
+        The project, and the number of files that were lost.
 
     Raises:
-        StereocalError: there is no such project, or nothing of it can be read.
+        StereocalError: there is no such project, or nothing of it is readable.
     """
     path = home / "projects" / f"{project_id}{SUFFIX}"
     if not is_id(project_id) or not path.exists():
@@ -45,7 +45,7 @@ def salvage(home: Path, project_id: str) -> tuple[Project, int]:
 
     def fill(database: Database) -> None:
         nonlocal lost
-        with told(), closing(connect(path)) as old, database.act() as db:
+        with translated_errors(), closing(connect(path)) as old, database.transaction() as db:
             db.execute("PRAGMA defer_foreign_keys = ON")
             taken = sum(_take(table, old, db) for table in COLUMNS)
             lost = db.execute(
@@ -76,7 +76,7 @@ def _take(table: str, old: sqlite3.Connection, new: sqlite3.Connection) -> int:
 
 
 def _is_sound(table: str, row: tuple[Any, ...]) -> bool:
-    """Whether a row is what it was: a content is known by its digest, a value by being JSON."""
+    """Whether a row is undamaged: contents must match their digest, values must be JSON."""
     if table == "content":
         return bool(hashlib.sha256(row[1]).hexdigest() == row[0])
     if table in ("value", "edit"):
@@ -85,7 +85,7 @@ def _is_sound(table: str, row: tuple[Any, ...]) -> bool:
 
 
 def _rowids(db: sqlite3.Connection, table: str) -> Iterator[int]:
-    """The rows that can be found, from either end: damage in between hides those behind it."""
+    """The readable row ids, from both ends: a damaged page hides the rows behind it."""
     seen: set[int] = set()
     for order in ("ASC", "DESC"):
         with suppress(*UNREADABLE):
@@ -97,15 +97,15 @@ def _rowids(db: sqlite3.Connection, table: str) -> Iterator[int]:
 
 
 def _mend(project: Project) -> None:
-    """Leave out what is given where it cannot be used any more."""
+    """Remove inputs that are no longer valid."""
     with suppress(StereocalError):
         _ = project.inputs
         return
     kept = values_of(project.database, INPUT)
     for name in kept:
-        with project.database.act() as db:
+        with project.database.transaction() as db:
             db.execute("DELETE FROM value WHERE part = ? AND name = ?", [INPUT, name])
     for name, value in kept.items():
-        with suppress(StereocalError), project.database.act():
+        with suppress(StereocalError), project.database.transaction():
             keep_values(project.database, INPUT, {name: value})
             _ = project.inputs

@@ -1,4 +1,4 @@
-"""Settings of the one who runs the server, from the environment; docs/deploy.md lists them."""
+"""Settings of the server, from environment variables; docs/deploy.md lists them."""
 
 from __future__ import annotations
 
@@ -14,30 +14,30 @@ MOST_WORKERS = 1000
 
 @dataclass(frozen=True)
 class ServerSettings:
-    """What differs between a person's own computer and a server that many people use."""
+    """Settings that differ between a personal computer and a shared server."""
 
     shared: bool = False
-    """STEREOCAL_SHARED=1: nobody sees a list of projects; a project is found by its address."""
+    """STEREOCAL_SHARED=1: no list of projects is shown; a project is opened by its address."""
     keep_days: float = math.inf
-    """STEREOCAL_KEEP_DAYS: projects that nobody has changed for longer are removed."""
+    """STEREOCAL_KEEP_DAYS: projects unchanged for longer are removed."""
     undo_days: float = 30.0
-    """STEREOCAL_UNDO_DAYS: so long a removed project can be brought back."""
+    """STEREOCAL_UNDO_DAYS: how long a removed project can be brought back."""
     project_mb: float = math.inf
-    """STEREOCAL_PROJECT_MB: what one project may take on disk, in millions of bytes."""
+    """STEREOCAL_PROJECT_MB: quota of one project on disk, in millions of bytes."""
     download_mb: float = 2000.0
-    """STEREOCAL_DOWNLOAD_MB: the largest project that is packed for a browser, which takes as much
-    memory as its zip while its page is open."""
+    """STEREOCAL_DOWNLOAD_MB: the largest project that is packed for download; the zip is in memory
+    while its page is open."""
     uploads_mb: float = 1000.0
-    """STEREOCAL_UPLOADS_MB: what uploads may take in memory until they are stored, together."""
+    """STEREOCAL_UPLOADS_MB: memory for all uploads together until they are stored."""
     workers: int = field(default_factory=lambda: os.cpu_count() or 1)
-    """STEREOCAL_WORKERS: so many tasks are computed at once, for all sessions together."""
+    """STEREOCAL_WORKERS: number of concurrent tasks, for all sessions together."""
 
     @classmethod
     def from_environment(cls, environment: Mapping[str, str] | None = None) -> ServerSettings:
-        """The settings of this server; what is not given keeps its default.
+        """The settings of this server; missing ones have defaults.
 
         Raises:
-            StereocalError: a value that is no number, or below 0; fewer than 1 worker.
+            StereocalError: a value that is not a number, or negative; fewer than 1 worker.
         """
         given = os.environ if environment is None else environment
         cores = os.cpu_count() or 1

@@ -1,6 +1,6 @@
-"""Which servers live: each holds a small database locked for as long as its process is there.
+"""Which servers are running: each locks a small database until its process ends.
 
-The system lets go of the lock when the process ends, however it ends.
+The operating system releases the lock, even after a kill.
 """
 
 from __future__ import annotations
@@ -11,25 +11,25 @@ import uuid
 from contextlib import closing, suppress
 from pathlib import Path
 
-from stereocal.projects.folders import SUFFIX, private_folder
-from stereocal.projects.journal import remove_database
-from stereocal.projects.refusals import told
+from stereocal.projects.data_folder import SUFFIX, private_folder
+from stereocal.projects.journal_mode import remove_database
+from stereocal.projects.sqlite_errors import translated_errors
 
 _HELD: dict[Path, tuple[str, sqlite3.Connection]] = {}
 _TAKING = threading.Lock()
 
 
 def this_server(home: Path) -> str:
-    """The name of this process among those that have the same home.
+    """The name of this process among the servers of a home.
 
     Raises:
-        StereocalError: nothing can be written to the home.
+        StereocalError: the home cannot be written.
     """
     folder = private_folder(home / "servers")
     with _TAKING:
         if folder not in _HELD or not (folder / _HELD[folder][0]).exists():
             name = f"{uuid.uuid4().hex}{SUFFIX}"
-            with told():
+            with translated_errors():
                 db = sqlite3.connect(folder / name, isolation_level=None, check_same_thread=False)
                 db.execute("BEGIN EXCLUSIVE")
             _HELD[folder] = name, db
@@ -43,7 +43,7 @@ def is_this(home: Path, name: str) -> bool:
 
 
 def is_alive(home: Path, name: str) -> bool:
-    """Whether the process of this name still lives."""
+    """Whether the process of this name is still running."""
     path = home / "servers" / Path(name).name
     if is_this(home, name) or not path.is_file():
         return is_this(home, name)
@@ -58,7 +58,7 @@ def is_alive(home: Path, name: str) -> bool:
 
 
 def forget_dead(home: Path, before: float) -> None:
-    """Remove the files of servers that ended, where they began before this time."""
+    """Remove the files of servers that have ended and began before this time."""
     for path in (home / "servers").glob(f"*{SUFFIX}"):
         with suppress(OSError):
             if path.stat().st_mtime < before and not is_alive(home, path.name):

@@ -1,4 +1,4 @@
-"""Small pictures of the frames of a project, made when they are first shown."""
+"""Thumbnails of a project's frames, made when first shown."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The Apply page: which points, which parameter sets, which gates, and the work itself."""
+"""The Apply page: choice of points, parameter sets and threshold, and the computation."""
 
 from __future__ import annotations
 
@@ -34,19 +34,19 @@ from stereocal.rig.parameters import RigParameters
 from stereocal.ui import jobs
 from stereocal.ui.decoding import server_guard
 from stereocal.ui.fields import Field, number, one_of, setting, yes_or_no
-from stereocal.ui.given_sets import PURPOSES, given_set
-from stereocal.ui.intake import check_uploads, escape_markdown, is_new, settled, taking
+from stereocal.ui.intake import check_uploads, clear_refusal, escape_markdown, is_new, taking
+from stereocal.ui.messages import callback, readable
 from stereocal.ui.parameter_files import sets_of
+from stereocal.ui.parameter_upload import PURPOSES, uploaded_set
 from stereocal.ui.refined import refined_for
 from stereocal.ui.results import show_figure
-from stereocal.ui.told import callback, readable
 from stereocal.ui.wizard import ask_about_points
 
 OWN, FILES = "The bar's own points", "Two point files"
 RESULTS, GIVEN = "This project's results", "Parameter files"
 SET_TITLES = {"2d": "2D set", "3d": "3D set", "refined": "Refined set"}
 INSTANT_S = 2.0
-"""What is expected to take less is computed as the controls move."""
+"""Shorter computations run as the controls move."""
 THRESHOLD = "apply_threshold"
 _ASKED = "apply_asked"
 
@@ -105,14 +105,14 @@ def _take_points(store: ProjectApplication, side: Side) -> None:
                 elif is_hdf5(content):
                     server_guard().check_content("hdf5", content, upload.name)
                 store.offer_points(side, upload.name, content)
-            settled()
+            clear_refusal()
         st.rerun()
 
 
 def choose_sets(
     project: Project, store: ProjectApplication
 ) -> tuple[RigParameters, RigParameters] | None:
-    """The set to match with and the set to measure with; None while one is missing.
+    """The sets to match and to measure with; None while one is missing.
 
     Raises:
         StereocalError: the project's results cannot be read.
@@ -127,7 +127,7 @@ def choose_sets(
     for use, column in zip(USES, st.columns(2), strict=True):
         with column:
             found.append(
-                _own_set(project, use, sets, instead) if own else given_set(project, store, use)
+                _own_set(project, use, sets, instead) if own else uploaded_set(project, store, use)
             )
             if found[-1] is not None:
                 purpose = "matching" if use == "matching" else "reconstruction"
@@ -140,7 +140,7 @@ def choose_sets(
 def _own_sets(
     project: Project, calibration: Calibration
 ) -> tuple[dict[str, RigParameters], list[str]]:
-    """The sets by method, and of "2d" and "3d" those whose work the refined one is to do."""
+    """The sets by method, and which of "2d" and "3d" the refined set replaces."""
     refined, instead = refined_for(project, calibration)
     return sets_of(calibration, readable(lambda: project.evaluation), refined), instead
 
@@ -155,13 +155,13 @@ def _own_set(
     return sets[chosen.value()]
 
 
-def choose_gates(
+def choose_threshold_and_depths(
     store: ProjectApplication, points: tuple[Points, Points], rig: RigParameters
 ) -> tuple[float, tuple[float, float]] | None:
-    """Threshold and depth range, beside the errors that they part; None without a threshold.
+    """Threshold (px) and depth range (m), with a plot of the errors; None without a threshold.
 
     Raises:
-        StereocalError: the points cannot be read, or a depth range that cannot be.
+        StereocalError: the points cannot be read, or the depth range is invalid.
     """
     project = store.project
     form, figure = st.columns([2, 3], gap="large")
@@ -221,7 +221,7 @@ def _depths(project: Project) -> tuple[float, float]:
 
 
 def _threshold(project: Project, usual: float | None) -> Field:
-    """As kept, or the set's own, or else chosen from the points: as the command does."""
+    """The stored threshold, or else the usual one."""
     return setting(project, THRESHOLD, usual, number(0.0, or_none=True))
 
 
@@ -238,7 +238,7 @@ def _choose(
 def _say_choice(
     rig: RigParameters, sample: Sample, depths: tuple[float, float], threshold: float | None
 ) -> None:
-    """How the threshold was chosen, where it was; why none could be, where that was asked."""
+    """How the threshold was chosen, or why none could be if the user asked for it."""
     asked = st.session_state.get(_ASKED)
     if not asked and rig.matching_threshold_px is not None:
         return
@@ -252,7 +252,7 @@ def _say_choice(
 def _choice(
     rig: RigParameters, sample: Sample, depths: tuple[float, float]
 ) -> tuple[float | None, str]:
-    """The threshold that the points speak for, or None, and why."""
+    """The threshold chosen from the points, or None, and the reason."""
     return _chosen(rig.dumps(), sample.key, depths, rig, sample.frames)
 
 
@@ -270,7 +270,7 @@ def _chosen(
 
 
 def _last(store: ProjectApplication) -> Outcome | None:
-    """The last result; None where it is damaged, so that it is made anew."""
+    """The last result; None if damaged, so that it is computed again."""
     try:
         return None if store.result is None else store.result[0]
     except StereocalError:
@@ -278,13 +278,13 @@ def _last(store: ProjectApplication) -> Outcome | None:
 
 
 def bring_up_to_date(project: Project, store: ProjectApplication, work: Application) -> None:
-    """Compute at once what is short; offer a button for what is long, and show how it goes."""
+    """Compute short work at once; for long work show a button and progress."""
     result = _last(store)
     job = jobs.Work(
         project, "apply", STAGES, {"application": work.digest}, lambda job: _run(store, work, job)
     )
     if result is not None and result.digest == work.digest:
-        jobs.is_done(job)
+        jobs.discard_finished(job)
     elif work.expected_seconds <= INSTANT_S:
         try:
             with st.spinner("Matching and measuring."):
@@ -303,20 +303,20 @@ def bring_up_to_date(project: Project, store: ProjectApplication, work: Applicat
 def _run(store: ProjectApplication, work: Application, job: jobs.Job) -> bool:
     return store.run(
         work, job.begin, job.progress, lambda: job.cancelled, job.executor,
-        job.parts("blocks", pack_block, unpack_block),
+        job.checkpoints("blocks", pack_block, unpack_block),
     )  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Sample:
-    """A sample of the points of both cameras, and which points these are."""
+    """A sample of the points of both cameras, with a key of these points."""
 
     key: str
     frames: list[FramePixels]
 
 
 def whole_table(store: ProjectApplication, name: str, label: str) -> pd.DataFrame:
-    """All points of a table; its name holds the digest of its content."""
+    """All points of a table, cached by name, which holds its digest."""
     return _table(name, label, store)
 
 

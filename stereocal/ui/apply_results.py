@@ -1,4 +1,4 @@
-"""What came out on the Apply page: answer, downloads, matches, points, a known length."""
+"""Results of the Apply page: answer, downloads, matches, points, a known length."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ from stereocal.ui.apply import whole_table
 from stereocal.ui.downloads import on_demand
 from stereocal.ui.fields import number, one_of, setting
 from stereocal.ui.intake import escape_markdown
+from stereocal.ui.messages import callback
 from stereocal.ui.results import show_figure
-from stereocal.ui.told import callback
 
 TWO = "the two points of a frame"
 FIRST_ROWS = 10
@@ -39,11 +39,11 @@ SCROLLS = """<style>
 .st-key-matches_scroll { overflow-x: auto; }
 .st-key-matches_scroll > div { min-width: 46rem; }
 </style>"""
-"""Two images side by side need their width; on a narrow screen the figure scrolls sideways."""
+"""On a narrow screen the two images scroll sideways."""
 
 
 def show_application(project: Project, store: ProjectApplication, work: Application | None) -> None:
-    """The last finished result, whatever the form says by now."""
+    """The last finished result, even if the form has changed since."""
     result = store.result
     if result is None:
         if work is not None:
@@ -53,8 +53,8 @@ def show_application(project: Project, store: ProjectApplication, work: Applicat
     st.header("Result", divider="gray")
     if work is None or outcome.digest != work.digest:
         st.warning(
-            "The points, the parameters or the gates have changed since this result. It shows what "
-            f"it was made with: {escape_markdown(outcome.made_with)}"
+            "The points, the parameters or the threshold have changed since this result. It was "
+            f"computed with: {escape_markdown(outcome.made_with)}"
         )
     try:
         pairs, points = (_read(files[name].name, name, files[name]) for name in (PAIRS, POINTS))
@@ -62,8 +62,8 @@ def show_application(project: Project, store: ProjectApplication, work: Applicat
         st.error(escape_markdown(str(error)))
         st.button("Begin again", on_click=callback(store.forget_result), key="forget_result")
         return
-    said = [*outcome.sentences, *([same] if (same := agreement(pairs)) else [])]
-    st.success(escape_markdown(" ".join(said)))
+    sentences = [*outcome.sentences, *([same] if (same := agreement(pairs)) else [])]
+    st.success(escape_markdown(" ".join(sentences)))
     for note in outcome.notes:
         st.warning(escape_markdown(note))
     for name, column in zip((PAIRS, POINTS), st.columns(2), strict=True):
@@ -170,7 +170,7 @@ def _show_tables(pairs: pd.DataFrame, points: pd.DataFrame) -> None:
 
 
 def _show_commands(store: ProjectApplication, outcome: Outcome) -> None:
-    """The same files by the command line, from the tables as they were read."""
+    """The commands that write the same files, and their input tables."""
     with st.expander("The same on the command line"):
         near, far = outcome.depths_m
         depths = "" if far is None and not near else f" --depth {near:g} {far or 'inf'}"

@@ -1,4 +1,4 @@
-"""All photographed frames at a glance: the surroundings of the targets, and how sure they are."""
+"""Contact sheet of all frames: cutouts around the targets, with their standard errors."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.review import change_review
 from stereocal.projects.thumbnails import thumbnail
 from stereocal.ui.fields import number, one_of, setting
-from stereocal.ui.intake import escape_markdown, refuse, settled
+from stereocal.ui.intake import clear_refusal, escape_markdown, refuse
 
 ON_A_SHEET = 12
 COLUMNS = 3
@@ -31,7 +31,7 @@ def show_contact_sheet(
     running: bool,
     look_closely: Callable[[int], None],
 ) -> None:
-    """The frames, twelve on a sheet, with the choice to use each, or to look at it closely."""
+    """The frames, twelve on a sheet; each can be used, left out, or opened."""
     st.info(describe_frames(frames))
     counts = {state: sum(frame.state == state for frame in frames) for state in STATES}
     kinds: dict[str, str] = {
@@ -88,6 +88,6 @@ def _choose(store: ProjectPhotographs, number: int, key: str) -> None:
     try:
         use = bool(st.session_state[key])
         change_review(store, lambda review: choose(review, number, use))
-        settled()
+        clear_refusal()
     except StereocalError as error:
         refuse(error)

@@ -1,4 +1,4 @@
-"""What native code decodes: tried by another process first, where people share a server."""
+"""Files for native decoders: on a shared server, a child process tries them first."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from stereocal.system.guarded import Guard, Reader
 from stereocal.system.photograph import read_photograph
 
 CHILDREN = 2
-"""So that a slow file of one session does not hold up the others."""
+"""Two, so that a slow file of one session does not block the others."""
 
 
 def server_guard() -> Guard:
-    """The one of this process. On a person's own computer files are decoded directly."""
+    """The guard of this process. On a personal computer it decodes directly."""
     return _guard(CHILDREN if ServerSettings.from_environment().shared else 0)
 
 

@@ -1,12 +1,10 @@
-"""Fields of forms: one interface for every value that a person sets on a page.
+"""Fields of forms: one interface for every value that the user sets on a page.
 
-A value has one place, and that is not Streamlit's session: it is read from there before its widget
-is drawn, and written there by the widget's own change alone. So a draw never writes, and the page
-shows what is kept, whichever way it was come to.
+A value is stored in one place, the project: it is read before its widget is drawn, and written only
+by the widget's own change. So drawing never writes, and every page shows the stored value.
 
-Streamlit 1.67 knows a widget by its page as well as by its key. A key that was written while one
-page was shown is therefore no value on the next: the widget there began at its own minimum, and the
-search of the calibration with it. It takes the value that is written to its key in the same run.
+Streamlit 1.67 identifies a widget by its page and key: a session value written on one page is lost
+on the next, where the widget starts at its minimum. So the value is written to the key in each run.
 """
 
 from __future__ import annotations
@@ -20,53 +18,53 @@ from typing import Any, Protocol
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.ui.told import callback, tell
+from stereocal.ui.messages import callback, tell
 
 Fit = Callable[[Any], Any]
-"""What a kept value is shown as; ValueError or TypeError if the field cannot show it."""
+"""Converts a stored value for display; ValueError or TypeError if the field cannot show it."""
 _SHOWN, _DRAWN, _BEFORE = "fields_shown", "fields_drawn", "fields_drawn_before"
 
 
 class Values(Protocol):
-    """Where values are kept by name, however that is done: a project."""
+    """Storage of values by name: a project."""
 
     @property
     def settings(self) -> dict[str, Any]:
-        """All values that were kept."""
+        """All stored values."""
 
     def keep_settings(self, values: dict[str, Any]) -> None:
-        """Keep values, beside the others."""
+        """Store values; others stay."""
 
 
 @dataclass(frozen=True)
 class Field:
-    """A widget's value, and where it is kept."""
+    """A widget's value, and where it is stored."""
 
     key: str
     """Of the widget."""
     name: str
-    """Of what it holds: a widget may hold one thing after another."""
+    """Of the value: the same widget may show several values in turn."""
     read: Callable[[], Any]
-    """The value as it is kept, or the usual one."""
+    """Returns the stored value, or the default."""
     write: Callable[[Any], object]
-    """Keeps a value; StereocalError if that cannot be."""
+    """Stores a value; may raise StereocalError."""
     tabs_own: bool = False
-    """Whether each tab goes by its own: what is looked at, which changes no result."""
+    """Whether each tab has its own value, for choices that change no result."""
     tells: bool = True
-    """Whether to say that another tab has changed it."""
+    """Whether to report a change by another tab."""
 
     def value(self) -> Any:
-        """What the page goes by, and the widget shows."""
+        """The current value."""
         shown: dict[str, Any] = st.session_state.setdefault(_SHOWN, {})
         return shown[self.name] if self.tabs_own and self.name in shown else self.read()
 
     def widget(self) -> dict[str, Any]:
-        """`key` and `on_change` for the widget that is drawn next, which will show the value."""
+        """`key` and `on_change` for the widget, which will show the value."""
         value = self.value()
         shown: dict[str, Any] = st.session_state[_SHOWN]
         if self.tells and shown.get(self.name, value) != value:
             tell("Settings were changed in another tab; they are shown as they are now.", "info")
-        # Not otherwise: it would take away what is being typed while the page is drawn.
+        # Only then: writing would discard what the user is typing.
         if not _is_drawn(self.key) or st.session_state.get(self.key) != value:
             st.session_state[self.key] = value
         shown[self.name] = value
@@ -74,14 +72,14 @@ class Field:
         return {"key": self.key, "on_change": self.changed}
 
     def shown(self) -> Any:
-        """What this tab showed last; None before."""
+        """The value that this tab showed last; None before."""
         return st.session_state.get(_SHOWN, {}).get(self.name)
 
     def set(self, value: Any) -> None:
-        """Keep a value; the widget shows it when it is drawn next.
+        """Store a value; the widget shows it when it is drawn next.
 
         Raises:
-            StereocalError: it cannot be kept. What is looked at changes all the same.
+            StereocalError: it cannot be stored; not for `tabs_own`, which changes all the same.
         """
         shown: dict[str, Any] = st.session_state.setdefault(_SHOWN, {})
         with suppress(*([StereocalError] if self.tabs_own else [])):
@@ -90,7 +88,7 @@ class Field:
 
     @property
     def changed(self) -> Callable[[], None]:
-        """The callback of the widget: keeps what a person has made of it."""
+        """The callback of the widget: stores its value."""
 
         @callback
         def keep() -> None:
@@ -108,13 +106,13 @@ def setting(
     name: str | None = None,
     tabs_own: bool = False,
 ) -> Field:
-    """A field whose value is kept among the settings.
+    """A field whose value is stored among the settings.
 
     Args:
         values: None while there is no project: the value lasts as long as the tab.
-        usual: the value until somebody sets another one.
-        fit: what of a kept value can be shown; older versions may have kept another kind.
-        name: of the setting, if it is not the widget's key.
+        usual: the default.
+        fit: checks a stored value, which an older version may have written.
+        name: of the setting, if not the widget's key.
     """
     name = name or key
 
@@ -132,7 +130,7 @@ def setting(
 
 
 def number(lowest: float, highest: float = math.inf, or_none: bool = False) -> Fit:
-    """A number of the kind of `lowest`, within bounds."""
+    """A number of the type of `lowest`, within bounds."""
 
     def fit(value: Any) -> Any:
         if value is None and or_none:
@@ -156,7 +154,7 @@ def one_of(options: Sequence[Any]) -> Fit:
 
 
 def some_of(options: Sequence[Any]) -> Fit:
-    """A list of some of the options; what is no option any more is left out."""
+    """A list of some of the options; others are dropped."""
 
     def fit(value: Any) -> list[Any]:
         return [each for each in value if each in options]
@@ -170,21 +168,21 @@ def yes_or_no(value: Any) -> bool:
 
 
 def begin_page(page: str) -> None:
-    """Note that a page begins to be drawn: on another one, no widget is there yet."""
+    """Note the start of a page: on another page than before, no widget exists yet."""
     of_page, before = st.session_state.get(_BEFORE, ("", set()))
     drawn: set[str] = st.session_state.get(_DRAWN, set())
-    # A run that a click has ended leaves the widgets of the one before in place.
+    # If a click ended the last run, the widgets of the run before it are still there.
     st.session_state[_BEFORE] = (page, before | drawn if of_page == page else set())
     st.session_state[_DRAWN] = set()
 
 
 def end_page() -> None:
-    """Note that the page is drawn whole: Streamlit forgets the widgets that were not."""
+    """Note that the page is complete: Streamlit forgets widgets that were not drawn."""
     of_page, _ = st.session_state.get(_BEFORE, ("", set()))
     st.session_state[_BEFORE] = (of_page, set())
 
 
 def _is_drawn(key: str) -> bool:
-    """Whether the browser has the widget since the last time that the page was drawn."""
+    """Whether the browser still has the widget from the last run of the page."""
     _, before = st.session_state.get(_BEFORE, ("", set()))
     return key in before or key in st.session_state.get(_DRAWN, set())

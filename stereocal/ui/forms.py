@@ -1,4 +1,4 @@
-"""The forms of the search: its settings, and how many frames it gets."""
+"""The forms of the search: its settings, and its number of frames."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class _Number:
 
     @property
     def bounds(self) -> tuple[float, float]:
-        """As the widget wants them: of the kind of the value."""
+        """Of the type of the value, as the widget requires."""
         kind = type(self.default)
         return kind(self.lowest), kind(self.highest)
 
@@ -54,7 +54,7 @@ SOLVERS = ("constrained", "linear")
 
 
 def settings_form(project: Project, dataset: Dataset) -> dict[str, Any]:
-    """The settings of the calibration, as they stand in the form."""
+    """Show the form; the settings of the calibration."""
     frames = len(dataset.correspondences.frames)
     chosen = setting(project, "calibration_frames", frames, number(1, frames))
     if frames > 1:
@@ -79,7 +79,7 @@ def _search_fields(project: Project) -> dict[str, Field]:
 
 
 def search_values(project: Project) -> dict[str, Any]:
-    """The settings of the search as they stand in the form, for pages that do not show it too."""
+    """The settings of the search, also for pages that do not show the form."""
     values = {key: field.value() for key, field in _search_fields(project).items()}
     return values | {"frames_put_back": put_back_field(project).value()}
 
@@ -108,7 +108,7 @@ def search_form(project: Project) -> dict[str, Any]:
 
 
 def settings_of(values: dict[str, Any]) -> CalibrationSettings:
-    """The settings that a form's values stand for.
+    """The settings of a form's values.
 
     Raises:
         StereocalError: values that contradict each other.

@@ -1,4 +1,4 @@
-"""Taking in what a person gives: a sample, a zip, a folder, single files, two lengths."""
+"""Uploads: data sets as zips or folders, single files, photographs."""
 
 from __future__ import annotations
 
@@ -33,14 +33,14 @@ from stereocal.system.zip_files import unzip
 from stereocal.ui import jobs
 from stereocal.ui.decoding import server_guard
 from stereocal.ui.fields import Field, one_of, setting
-from stereocal.ui.project import noted, project_to_write
+from stereocal.ui.project import own_change, project_to_write
 from stereocal.ui.refusal import ask_lens
+from stereocal.ui.refusal import clear_refusal as clear_refusal
 from stereocal.ui.refusal import refuse as refuse
-from stereocal.ui.refusal import settled as settled
 from stereocal.ui.refusal import show_refusal as show_refusal
 from stereocal.ui.texts import escape_markdown as escape_markdown
 from stereocal.ui.uploads import Upload as Upload
-from stereocal.ui.uploads import check_dropped, let_go
+from stereocal.ui.uploads import check_dropped, free_memory
 
 TITLES: Mapping[Slot, str] = {
     "correspondences": "Table of points (CSV)",
@@ -50,42 +50,42 @@ TITLES: Mapping[Slot, str] = {
 PHOTOGRAPHS = "Photographs"
 GIVEN_AS = ("Single files", PHOTOGRAPHS, "A zip", "A folder")
 CAMERA_KINDS = ["json", "yaml", "yml", "xml", "ini", "conf", "mat"]
-"""Endings of camera files; the last three are named as what they are, with what to do."""
+"""Suffixes of camera files; the last three are rejected with advice."""
 _SEEN = "uploads_seen"
 Contents = Iterable[tuple[str, bytes]]
-"""Photographs, name and content, of which one is held in memory."""
+"""Photographs, name and content, read one at a time."""
 
 
 def given_as(project: Project | None, usual: str) -> Field:
-    """How the data are given on the Data page."""
+    """How the data are uploaded on the Data page."""
     return setting(project, "data_how", usual, one_of(GIVEN_AS), tabs_own=True)
 
 
 def in_use(project: Project | None, slot: Slot) -> None:
-    """Say which file holds a slot; the uploader forgets it."""
+    """Show the file in use, which the uploader does not."""
     label = project.inputs.labels.get(slot) if project else None
     if label:
         st.caption(f"In use: {escape_markdown(label)}")
 
 
 def check_uploads(uploads: Sequence[Upload]) -> None:
-    """Refuse more or larger files than are taken, before any of them is looked at.
+    """Check number and sizes of uploads before any is read.
 
     Raises:
-        StereocalError: the limit, what was found, and the setting that changes it.
+        StereocalError: a limit is exceeded; names the setting that changes it.
     """
     check_dropped()
     limits = Limits.from_environment()
     limits.check_count(len(uploads), "The upload")
     limits.check_together(sum(upload.size for upload in uploads), "The upload")
     for upload in uploads:
-        # What a zip may hold is checked by its list of contents.
+        # Zips are checked by their list of contents.
         if not upload.name.lower().endswith(".zip"):
             limits.check_size(upload.size, upload.name)
 
 
 def take_dataset(uploads: Sequence[Upload]) -> None:
-    """A zip, or the files of a folder."""
+    """Store a data set: a zip, or the files of a folder."""
     if not uploads or not is_new(*uploads):
         return
     name = uploads[0].name
@@ -106,7 +106,7 @@ def uploaded(uploads: Sequence[Upload], prefix: str = "") -> Contents:
     """The photographs among the uploads, name and content.
 
     Args:
-        prefix: goes before their names, as a folder: which camera took them.
+        prefix: of their names: the folder of a camera.
     """
     for upload in uploads:
         if is_photograph(upload.name):
@@ -114,7 +114,7 @@ def uploaded(uploads: Sequence[Upload], prefix: str = "") -> Contents:
 
 
 def photographs_of(uploads: Sequence[Upload], prefix: str = "") -> Contents:
-    """The photographs of uploads, zips of them among these.
+    """The photographs of uploads, including those in zips.
 
     Raises:
         StereocalError: too many or too large files, or a zip without a photograph.
@@ -133,13 +133,10 @@ def photographs_of(uploads: Sequence[Upload], prefix: str = "") -> Contents:
 
 
 def take_photographs(photographs: Contents, store: ProjectPhotographs | ProjectLens) -> None:
-    """Store photographs one by one, and have them be the project's.
-
-    What cannot be used is said on the page; the others are taken.
-    """
+    """Store photographs one by one and add them; report invalid ones on the page."""
     found: dict[str, StoredFile] = {}
     refused: list[StereocalError] = []
-    # Nothing in here touches the page, so that no click can end it halfway.
+    # No Streamlit calls in here: a click could end the script halfway.
     with st.spinner("Storing the photographs."):
         try:
             for name, content in photographs:
@@ -155,14 +152,14 @@ def take_photographs(photographs: Contents, store: ProjectPhotographs | ProjectL
             refused.insert(0, error)
         if found:
             store.add(found)
-    settled()
+    clear_refusal()
     if refused:
         more = f" So do {len(refused) - 1} others." if len(refused) > 1 else ""
         refuse(StereocalError(f"{refused[0]}{more}"))
 
 
 def take_file(slot: Slot, upload: Upload | None) -> None:
-    """One of the single files."""
+    """Store a table or a camera file."""
     if upload is None or not is_new(upload):
         return
     with taking(upload):
@@ -178,7 +175,7 @@ def take_file(slot: Slot, upload: Upload | None) -> None:
 
 
 def _try_camera(slot: Slot, name: str, content: bytes) -> None:
-    """Take over a camera file; where it may be a fisheye's, ask."""
+    """Store a camera file; if it may be a fisheye's, ask."""
 
     def take() -> None:
         _try_files({slot: (name, content)})
@@ -192,7 +189,7 @@ def _try_camera(slot: Slot, name: str, content: bytes) -> None:
 
 
 def _rows_but(content: bytes, problems: Sequence[RowProblem]) -> tuple[bytes, int]:
-    """A table without its refused rows, and how many are left."""
+    """A table without its refused rows, and the number of rows left."""
     rows = read_table(content, TABLE).correspondences
     left = rows.without_lines(problem.line for problem in problems)
     return write_table(left), len(left)
@@ -204,14 +201,14 @@ def _try_dataset(
     photographs: Callable[[], Contents],
     lens_model: LensModel | None = None,
 ) -> None:
-    """Take over a data set; if rows of it are refused, offer to go on without them."""
+    """Store a data set; if rows are refused, offer to leave them out."""
     try:
         project = project_to_write()
-        with noted(project):
+        with own_change(project):
             with_photographs = give_dataset(project, files, source, photographs, lens_model)
         if with_photographs:
             given_as(project, PHOTOGRAPHS).set(PHOTOGRAPHS)
-        settled()
+        clear_refusal()
     except RefusedRowsError as error:
         folder, _ = find_description(files, source)
         rest = _rows_but(files[folder + TABLE], error.problems)
@@ -224,12 +221,12 @@ def _try_dataset(
 
 
 def _try_files(files: dict[Slot, tuple[str, bytes]]) -> None:
-    """Take over files; if rows of the table are refused, offer to go on without them."""
+    """Store files; if rows of the table are refused, offer to leave them out."""
     try:
         project = project_to_write()
-        with noted(project):
+        with own_change(project):
             project.give(files)
-        settled()
+        clear_refusal()
     except RefusedRowsError as error:
         table = files.get("correspondences") or project_to_write().table
         if table is None:
@@ -249,13 +246,13 @@ def give_dataset(
     photographs: Callable[[], Contents] = lambda: (),
     lens_model: LensModel | None = None,
 ) -> bool:
-    """Put a whole data set into a project, in place of what it held.
+    """Replace a project's data by a whole data set.
 
     Returns:
         Whether it has photographs.
 
     Raises:
-        StereocalError: what is wrong with it; the project holds what it held.
+        StereocalError: it is invalid; the project is unchanged.
     """
     store = ProjectPhotographs(project)
     folder, description = find_description(files, source)
@@ -281,36 +278,36 @@ def give_dataset(
         baseline_sigma_m=survey.baseline_sigma_m,
         target_distance_sigma_m=survey.target_distance_sigma_m,
     )
-    if not kept:  # a search that still runs is for targets of the data set before
+    if not kept:  # a running search is for the previous data set
         jobs.abandon(project, "photographs")
     return bool(found)
 
 
 def is_new(*uploads: Upload) -> bool:
-    """Whether these uploads have not been dealt with yet; a page is drawn many times."""
+    """Whether any of these uploads has not been processed yet."""
     seen: set[str] = st.session_state.get(_SEEN, set())
     return not seen.issuperset(upload.file_id for upload in uploads)
 
 
 @contextmanager
 def taking(*uploads: Upload) -> Iterator[None]:
-    """Inside, uploads are taken; a StereocalError refuses them. Then they are dealt with.
+    """Process uploads inside; then they are no longer new. A StereocalError is shown.
 
-    A click meanwhile ends the script at any access to the session or the page, by a BaseException:
-    then they are still new, and the next run takes them.
+    A click ends the script by a BaseException at any access to the session or the page: then the
+    uploads stay new, and the next run processes them.
     """
     seen: set[str] = st.session_state.setdefault(_SEEN, set())
-    dealt_with = {upload.file_id for upload in uploads}
+    processed = {upload.file_id for upload in uploads}
     try:
         try:
             yield
         except StereocalError as error:
             refuse(error)
     except Exception:
-        seen |= dealt_with
+        seen |= processed
         raise
-    # The set itself first: no click can come between the end of the taking and this line.
-    seen |= dealt_with
-    let_go(uploads)
-    # To open another project empties the session.
+    # The set first: a click can end the script only at the next access to the session.
+    seen |= processed
+    free_memory(uploads)
+    # Opening another project has emptied the session.
     st.session_state[_SEEN] = seen

@@ -1,7 +1,7 @@
-"""Long work beside the pages: it goes on when the page is left, and can be cancelled.
+"""Background jobs: they continue when the page is left, and can be cancelled.
 
-What is begun stands in the project (`projects.jobs`). If the server ends before the work, its page
-says so, and offers to go on.
+Jobs are stored in the project (`projects.jobs`). If the server ends before a job does, its page
+offers to resume it.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from typing import Any, Literal, ParamSpec, TypeVar
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.projects import jobs as kept_jobs
-from stereocal.projects.jobs import KeptJob, Parts, Record
+from stereocal.projects import jobs as stored_jobs
+from stereocal.projects.jobs import Checkpoints, Record, RunningJob
 from stereocal.projects.project import Project
 from stereocal.projects.server_settings import ServerSettings
 from stereocal.system.executors import Cluster, cluster, scheduler_of
 from stereocal.system.tasks import EndingError
+from stereocal.ui.messages import callback
 from stereocal.ui.texts import escape_markdown
-from stereocal.ui.told import callback
 from stereocal.ui.warm_up import warm_up
 
 P = ParamSpec("P")
@@ -40,12 +40,12 @@ _LOG = logging.getLogger(__name__)
 
 @dataclass
 class Job:
-    """One piece of work under way. The thread that runs it writes; pages only read."""
+    """A job of this server. Its thread writes; pages only read."""
 
     stages: tuple[str, ...]
-    """What is counted, in the order of the work: a bar each."""
+    """What is counted, in order: a progress bar each."""
     executor: Executor
-    """Where it is computed."""
+    """Computes its tasks."""
     at: int = 0
     total: int = 0
     done: int = 0
@@ -54,70 +54,67 @@ class Job:
     sentence: str = ""
     """Why it failed."""
     cancelled: bool = False
-    kept: KeptJob | None = None
-    """On disk; None for what is computed while its page is drawn."""
+    kept: RunningJob | None = None
+    """The stored job; None for work done while the page is drawn."""
     started: float = field(default_factory=time.monotonic)
     begun_with: int = 0
-    """What of the stage had been done before `started`."""
+    """How much of the stage was done before `started`."""
 
     def begin(self, stage: str) -> None:
-        """Go on to a stage of the work."""
+        """Begin a stage."""
         self.at, self.done, self.total = self.stages.index(stage), 0, 0
         self.started, self.begun_with = time.monotonic(), 0
 
     def progress(self, done: int, total: int) -> None:
-        """So much of the stage is done."""
+        """Report how much of the stage is done."""
         if self.total == 0 and done > 1:
-            # Parts that were kept, or a first chunk: neither tells the pace.
+            # Checkpoints, or a first chunk: no measure of the speed.
             self.started, self.begun_with = time.monotonic(), done
         self.done, self.total = done, total
         if self.kept is not None and not self.kept.progress(self.at, done, total):
             self.cancelled = True
 
-    def parts(
+    def checkpoints(
         self, stage: str, pack: Callable[[T], bytes | None], unpack: Callable[[bytes], T]
-    ) -> Parts[T] | None:
-        """What the same work had finished of a stage, and where more is kept; None if nowhere."""
-        return None if self.kept is None else self.kept.parts(stage, pack, unpack)
+    ) -> Checkpoints[T] | None:
+        """The checkpoints of a stage; None for a job that is not stored."""
+        return None if self.kept is None else self.kept.checkpoints(stage, pack, unpack)
 
     @property
     def digest(self) -> str:
-        """Of its work, as `Work.digest`; empty where nothing of it is kept."""
+        """As `Work.digest`; empty for a job that is not stored."""
         return "" if self.kept is None else self.kept.record.digest
 
     @property
     def seconds_left(self) -> float:
-        """Of the stage, from the pace so far."""
+        """Of the stage, from the speed so far."""
         pace = (time.monotonic() - self.started) / max(self.done - self.begun_with, 1)
         return pace * (self.total - self.done)
 
 
 @dataclass(frozen=True)
 class Work:
-    """What a page would have done."""
+    """The work that a page asks for."""
 
     project: Project
     kind: Kind
     stages: tuple[str, ...]
     """What is counted, in words: "photographs read"."""
     about: Mapping[str, Any]
-    """Inputs by their digests, and settings, for JSON: all that the result depends on."""
+    """All that the result depends on, as JSON: digests of inputs, and settings."""
     run: Callable[[Job], bool]
-    """Does all, calls `Job.progress`, looks at `Job.cancelled`, and keeps what it found in the
-    project. False if it was cancelled."""
+    """Does the work, calls `Job.progress`, checks `Job.cancelled`, and stores the result in the
+    project. False if cancelled."""
 
     @property
     def digest(self) -> str:
-        """The same for the same work alone."""
-        return kept_jobs.digest_of(self.kind, self.about)
+        """Identifies the work."""
+        return stored_jobs.digest_of(self.kind, self.about)
 
 
 @st.cache_resource(show_spinner=False)
 def pool() -> ThreadPoolExecutor:
-    """The server's one pool of threads, for all sessions.
-
-    The compiled searches do not block each other, and jobs take turns (`system.tasks`).
-    """
+    """The server's thread pool, shared by all sessions; jobs take turns (`system.tasks`)."""
     return ThreadPoolExecutor(ServerSettings.from_environment().workers)
 
 
@@ -127,7 +124,7 @@ def _cluster(address: str) -> Cluster:
 
 
 def workers() -> Executor:
-    """Where jobs are computed: the cluster that the server was given, or else its own threads.
+    """The executor of jobs: the configured cluster, or the server's own threads.
 
     Raises:
         StereocalError: the cluster cannot be reached, or cannot be used.
@@ -137,7 +134,7 @@ def workers() -> Executor:
 
 
 def compute(function: Callable[P, T], /, *arguments: P.args, **named: P.kwargs) -> T:
-    """What a page computes while it is drawn, in the pool: many sessions make no more threads."""
+    """Compute in the pool while a page is drawn, so that sessions add no threads."""
     return pool().submit(function, *arguments, **named).result()
 
 
@@ -153,27 +150,27 @@ def job_of(project: Project, kind: Kind) -> Job | None:
 
 
 def is_running(project: Project, kind: Kind) -> bool:
-    """Whether such a job is under way, here or at another server with the same projects."""
+    """Whether such a job is running, here or on another server with the same projects."""
     job = job_of(project, kind)
     if job is not None and job.state == "running":
         return True
-    found = kept_jobs.find(project.database, kind)
+    found = stored_jobs.find(project.database, kind)
     return found is not None and found[0] == "running"
 
 
 def can_go_on(work: Work) -> bool:
-    """Whether this very work was begun and interrupted."""
-    found = kept_jobs.find(work.project.database, work.kind)
+    """Whether this work was interrupted."""
+    found = stored_jobs.find(work.project.database, work.kind)
     return found is not None and found[0] == "interrupted" and found[1].digest == work.digest
 
 
 def start(work: Work) -> None:
-    """Begin a job, or go on with it, unless one of its kind is under way (a callback)."""
+    """Begin or resume a job, unless one of its kind is running (a callback)."""
     if is_running(work.project, work.kind):
         return
     job = Job(work.stages, pool())
     try:
-        job.kept = kept_jobs.begin(work.project.database, work.kind, work.stages, work.about)
+        job.kept = stored_jobs.begin(work.project.database, work.kind, work.stages, work.about)
         if job.kept is None:
             return
     except StereocalError as error:
@@ -187,17 +184,17 @@ def _drive(job: Job, run: Callable[[Job], bool]) -> None:
     kept, state = job.kept, "failed"
     assert kept is not None
     try:
-        job.executor = workers()  # here, since a cluster may take seconds to answer
+        job.executor = workers()  # in the thread: a cluster may take seconds to answer
         ended = "done" if run(job) else "cancelled"
         kept.end()
         state = ended
     except StereocalError as error:
         job.sentence = str(error)
         kept.fail(job.sentence)
-    except EndingError:  # when the server begins again, its page offers to go on
+    except EndingError:  # after a restart its page offers to resume it
         state = "interrupted"
     except Exception:
-        # Nothing of a thread reaches a page unless it is said here.
+        # Otherwise no page would show an error of this thread.
         _LOG.exception("A job ended in an error that nobody foresaw.")
         job.sentence = UNFORESEEN
         kept.fail(job.sentence)
@@ -206,23 +203,23 @@ def _drive(job: Job, run: Callable[[Job], bool]) -> None:
 
 
 def on_page(stages: tuple[str, ...]) -> Job:
-    """What is computed while its page is drawn: nothing of it is kept but the result."""
+    """A job that runs while its page is drawn, without checkpoints."""
     return Job(stages, pool())
 
 
 def show_job(project: Project, kind: Kind, cancelled: str, work: Work | None) -> None:
-    """Progress with a way to stop, while something runs; how it ended, until the next.
+    """Show a running job with a Cancel button, or how the last one ended.
 
     Args:
-        cancelled: what is said of a job that was cancelled.
-        work: what the page would have done now: an interrupted job goes on if it is the same.
+        cancelled: message for a cancelled job.
+        work: the work that the page asks for now: an interrupted job resumes only if it is equal.
     """
     job = job_of(project, kind)
     if job is not None and job.state == "running":
-        # Only now: a timer that is always there would interrupt every longer run of the page.
+        # Only now: a permanent timer would interrupt every longer run of the page.
         _show_progress(job, kind)
         return
-    found = kept_jobs.find(project.database, kind)
+    found = stored_jobs.find(project.database, kind)
     if found is not None and found[0] == "running":
         _show_elsewhere(project, kind)
     elif found is not None and found[0] == "interrupted":
@@ -235,8 +232,8 @@ def show_job(project: Project, kind: Kind, cancelled: str, work: Work | None) ->
         st.info(cancelled)
 
 
-def how_far(record: Record) -> str:
-    """What an interrupted job had finished, in a sentence."""
+def progress_so_far(record: Record) -> str:
+    """How far an interrupted job came, as a sentence."""
     if not record.total:
         return "It had just begun."
     stage = record.stages[record.at].split()[0]
@@ -245,12 +242,12 @@ def how_far(record: Record) -> str:
 
 
 def _show_interrupted(project: Project, kind: Kind, record: Record, work: Work | None) -> None:
-    same = work is not None and record.digest == kept_jobs.digest_of(kind, work.about)
+    same = work is not None and record.digest == stored_jobs.digest_of(kind, work.about)
     changed = "" if same else (
         " The data, the settings or the program have changed since, so it can only be started "
-        "anew; or set them back, and it goes on."
+        "again; or set them back, and it can go on."
     )  # fmt: skip
-    st.warning(f"The server stopped while this ran. {how_far(record)}{changed}")
+    st.warning(f"The server stopped while this ran. {progress_so_far(record)}{changed}")
     with st.container(horizontal=True):
         if same:
             st.button("Go on", type="primary", key=f"go_on_{kind}", on_click=start, args=(work,))
@@ -260,29 +257,29 @@ def _show_interrupted(project: Project, kind: Kind, record: Record, work: Work |
 
 
 def discard(project: Project, kind: Kind) -> None:
-    """Forget a job that does not run, with what it had finished.
+    """Delete a job that is not running, with its checkpoints.
 
     Raises:
         StereocalError: the disk cannot be written to.
     """
-    kept_jobs.discard(project.database, kind)
+    stored_jobs.discard(project.database, kind)
     _jobs().pop((project.id, kind), None)
 
 
 def abandon(project: Project, kind: Kind) -> None:
-    """Stop a job, or forget what it had finished: nobody wants its result any more.
+    """Cancel a running job, or delete its checkpoints.
 
     Raises:
         StereocalError: the disk cannot be written to.
     """
     if is_running(project, kind):
-        kept_jobs.ask_to_stop(project.database, kind)
+        stored_jobs.ask_to_stop(project.database, kind)
     else:
         discard(project, kind)
 
 
-def is_done(work: Work) -> None:
-    """The result of this very work is there: if its server ended just then, nothing is left to do.
+def discard_finished(work: Work) -> None:
+    """Delete an interrupted job whose result is already stored.
 
     Raises:
         StereocalError: the disk cannot be written to.
@@ -302,8 +299,8 @@ def _show_progress(job: Job, kind: Kind) -> None:
 
 @st.fragment(run_every=1.0)
 def _show_elsewhere(project: Project, kind: Kind) -> None:
-    """A job that another server runs, which has the same projects."""
-    found = kept_jobs.find(project.database, kind)
+    """Show a job that runs on another server."""
+    found = stored_jobs.find(project.database, kind)
     if found is None or found[0] != "running":
         st.rerun()
     _show_bars(found[1], "")
@@ -328,4 +325,4 @@ def _cancel(job: Job) -> None:
 
 @callback
 def _stop(project: Project, kind: Kind) -> None:
-    kept_jobs.ask_to_stop(project.database, kind)
+    stored_jobs.ask_to_stop(project.database, kind)

@@ -10,14 +10,14 @@ import streamlit as st
 from stereocal.errors import StereocalError
 from stereocal.projects.project import Project
 from stereocal.ui.fields import Field, one_of, setting
-from stereocal.ui.intake import refuse, settled
-from stereocal.ui.project import noted, project_to_write
+from stereocal.ui.intake import clear_refusal, refuse
+from stereocal.ui.project import own_change, project_to_write
 
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 
 
 def length_field(project: Project | None, name: str, label: str) -> None:
-    """A length with its unit. What the project holds is in metres."""
+    """A length with its unit; the project stores metres."""
     length = _Length(project, name)
     field, choice = st.columns([3, 1], vertical_alignment="bottom")
     field.number_input(
@@ -28,11 +28,11 @@ def length_field(project: Project | None, name: str, label: str) -> None:
 
 
 class _Length:
-    """The two fields of a length: the number, and the unit that it is read in."""
+    """The two fields of a length: the number and its unit."""
 
     def __init__(self, project: Project | None, name: str) -> None:
         self.project, self.name = project, name
-        # Each tab may read the length in its own unit.
+        # Each tab may show the length in its own unit.
         kept = setting(project, f"{name}_unit", "m", one_of(list(UNITS)), tabs_own=True)
         self.unit = replace(kept, write=self._take_unit)
         key = f"{name}_value"
@@ -46,7 +46,7 @@ class _Length:
         self._take(number, self.unit.value())
 
     def _take_unit(self, unit: str) -> None:
-        """The number stays as it was typed; but not one that another tab has changed since."""
+        """Keep the typed number in the new unit, unless another tab has changed the length."""
         number = self.number.shown()
         if number == self._read():
             self._take(number, unit)
@@ -57,10 +57,10 @@ class _Length:
         metres = None if number is None else float(number) * UNITS[unit]
         try:
             self.project = project_to_write()
-            with noted(self.project):
+            with own_change(self.project):
                 self.project.keep_settings({self.unit.key: unit})
                 given: dict[str, Any] = {self.name: metres}
                 self.project.give({}, **given)
-            settled()
+            clear_refusal()
         except StereocalError as error:
             refuse(error)

@@ -1,4 +1,4 @@
-"""The Cameras page: board photographs or a camera file in, boards found, the lens calibrated."""
+"""The Cameras page: upload of board photographs or a camera file, and the lens calibration."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ from stereocal.intrinsics.calibrate_lens import LensSettings, calibrate_lens
 from stereocal.intrinsics.files import pack_board, pack_draws, unpack_board, unpack_draws
 from stereocal.projects.lens import WHICH, ProjectLens, Which
 from stereocal.projects.project import Project
-from stereocal.projects.refusals import DamagedError
+from stereocal.projects.sqlite_errors import DamagedError
 from stereocal.system.photograph import SUFFIXES
 from stereocal.ui import jobs
 from stereocal.ui.fields import number, one_of, setting, some_of, yes_or_no
 from stereocal.ui.intake import (
     CAMERA_KINDS,
     Upload,
+    clear_refusal,
     escape_markdown,
     in_use,
     photographs_of,
-    settled,
     take_file,
     take_photographs,
 )
+from stereocal.ui.messages import callback, readable, tell
 from stereocal.ui.project import current_project, project_to_write
 from stereocal.ui.samples import has_sample_photographs, load_sample_boards
-from stereocal.ui.told import callback, readable, tell
-from stereocal.ui.uploads import let_go
+from stereocal.ui.uploads import free_memory
 
 BOARD, FILE = "Photographs of a board", "A camera file"
 CHESSBOARD, CHARUCO = "Chessboard", "ChArUco"
@@ -47,7 +47,7 @@ def job_kind(which: Which) -> jobs.Kind:
 
 
 def show_cameras_in_use(project: Project | None) -> None:
-    """What the project has for each camera."""
+    """Show the project's lens of each camera."""
     cameras = project.cameras if project else (None, None)
     labels = project.inputs.labels if project else {}
     for which, camera, column in zip(WHICH, cameras, st.columns(2), strict=True):
@@ -83,7 +83,7 @@ def choose_camera(project: Project | None) -> tuple[Which, str]:
 
 
 def from_file(project: Project | None, which: Which) -> None:
-    """A camera file, as on the Data page."""
+    """The uploader of a camera file."""
     in_use(project, which)
     upload = st.file_uploader(
         f"Camera file, {which}: stereocal's JSON, or OpenCV's YAML, XML or JSON",
@@ -93,7 +93,7 @@ def from_file(project: Project | None, which: Which) -> None:
 
 
 def from_photographs(project: Project | None, which: Which) -> ProjectLens | None:
-    """The uploader, the board, the settings and the act; None while there are no photographs."""
+    """The uploader, the forms and the calibration; None while there are no photographs."""
     key = f"upload_boards_{which}_{st.session_state.setdefault(_ROUND, 0)}"
     uploads = st.file_uploader(
         f"Photographs of the board by the {which} camera, or a zip of them", type=KINDS,
@@ -126,22 +126,22 @@ def from_photographs(project: Project | None, which: Which) -> ProjectLens | Non
 
 
 def take_boards(uploads: Sequence[Upload], which: Which) -> None:
-    """Put uploads onto the disk, and let go of them in memory."""
+    """Store uploads, and free their memory."""
     if not uploads:
         return
     store = ProjectLens(project_to_write(), which)
     take_photographs(photographs_of(uploads), store)
-    # A new key empties the uploader, which else holds every file in memory while the page is open.
-    let_go(uploads)
+    # A new key empties the uploader, which otherwise keeps every file in memory.
+    free_memory(uploads)
     st.session_state[_ROUND] += 1
     st.rerun()
 
 
 def board_form(project: Project) -> BoardPattern:
-    """What is printed on the board; the same for both cameras.
+    """The form of the printed board, the same for both cameras.
 
     Raises:
-        StereocalError: a board that cannot be.
+        StereocalError: an impossible board.
     """
     kinds, corners, side = (CHESSBOARD, CHARUCO), (3, 100), (0.1, 10_000.0)
     kind, *places, square = st.columns(4, vertical_alignment="bottom")
@@ -175,7 +175,7 @@ def board_form(project: Project) -> BoardPattern:
 
 
 def lens_form(project: Project) -> LensSettings:
-    """How the lens is calibrated, in an expander.
+    """The form of the calibration's settings, in an expander.
 
     Raises:
         StereocalError: a number out of its range.
@@ -223,7 +223,7 @@ def _act(store: ProjectLens, pattern: BoardPattern, settings: LensSettings) -> j
     )  # fmt: skip
     work = _work(store, pattern, settings, leave_out)
     if current:
-        jobs.is_done(work)
+        jobs.discard_finished(work)
     label = "Calibrate the lens" if ready else "Find the boards and calibrate the lens"
     st.button(
         label, type="secondary" if current else "primary", key=f"calibrate_{store.which}",
@@ -247,7 +247,7 @@ def _choose_left_out(store: ProjectLens, search: BoardSearch) -> list[str]:
 
 
 def _start(work: jobs.Work) -> None:
-    settled()
+    clear_refusal()
     jobs.start(work)
 
 
@@ -275,7 +275,7 @@ def _calibrate(
 
     search = store.search
     if search is None or search.pattern != pattern:
-        boards = job.parts("boards", pack_board, unpack_board)
+        boards = job.checkpoints("boards", pack_board, unpack_board)
         search = find_boards(
             store.photographs, pattern, job.executor, job.progress, cancelled, boards
         )
@@ -285,7 +285,7 @@ def _calibrate(
     job.begin(STAGES[1])
     lens = calibrate_lens(
         search.without(leave_out), settings, job.executor, job.progress, cancelled,
-        pieces=job.parts("draws", pack_draws, unpack_draws),
+        pieces=job.checkpoints("draws", pack_draws, unpack_draws),
     )  # fmt: skip
     if lens is None:
         return False
@@ -295,11 +295,11 @@ def _calibrate(
 
 @callback
 def _clear(store: ProjectLens, seen: Collection[str]) -> None:
-    with suppress(StereocalError):  # a list that is damaged is cleared as well
+    with suppress(StereocalError):  # a damaged list can be cleared as well
         if set(store.photographs) - set(seen):
             tell("Another tab has added photographs: look, and press again.")
             return
-    jobs.discard(store.project, job_kind(store.which))  # before: it needs the photographs
+    jobs.discard(store.project, job_kind(store.which))  # first: a running job needs the photographs
     store.clear()
     st.session_state[_ROUND] += 1
 
@@ -307,5 +307,5 @@ def _clear(store: ProjectLens, seen: Collection[str]) -> None:
 def _has_boards(project: Project) -> bool:
     try:
         return any(ProjectLens(project, which).photographs for which in WHICH)
-    except StereocalError:  # said where they are shown
+    except StereocalError:  # reported where they are shown
         return True

@@ -1,4 +1,4 @@
-"""A calibrated lens on the screen: answer, table, figures, downloads, and its use."""
+"""Results of the Cameras page: answer, table, figures, downloads, and use of the lens."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ from stereocal.intrinsics.quality import advice, hint, largest_shift_px
 from stereocal.intrinsics.tables import lens_answer, lens_table
 from stereocal.projects.lens import ProjectLens
 from stereocal.ui.fields import one_of, setting
-from stereocal.ui.intake import escape_markdown, refuse, settled
-from stereocal.ui.project import noted
+from stereocal.ui.intake import clear_refusal, escape_markdown, refuse
+from stereocal.ui.project import own_change
 from stereocal.ui.results import show_figure
 
 
 def show_lens(store: ProjectLens) -> None:
-    """The last finished lens of a camera, from top to bottom."""
+    """The last finished lens of a camera."""
     lens, search = None, None
-    with suppress(StereocalError):  # said above, where it can be made anew
+    with suppress(StereocalError):  # reported above, where it can be calibrated again
         lens = store.calibration
     with suppress(StereocalError):
         search = store.search
@@ -45,8 +45,8 @@ def show_lens(store: ProjectLens) -> None:
     for sentence in advice(lens):
         st.warning(escape_markdown(sentence))
     st.success(escape_markdown(lens_answer(lens)))
-    if said := hint(lens):
-        st.caption(said)
+    if text := hint(lens):
+        st.caption(text)
     _use_and_downloads(store, lens)
     views = {
         f"The {lens.settings.repeats} results": _show_draws,
@@ -89,9 +89,9 @@ def _use_and_downloads(store: ProjectLens, lens: LensCalibration) -> None:
 
 def _use(store: ProjectLens) -> None:
     try:
-        with noted(store.project):
+        with own_change(store.project):
             store.use()
-        settled()
+        clear_refusal()
     except StereocalError as error:
         refuse(error)
 
@@ -125,5 +125,5 @@ def _show_preview(store: ProjectLens, lens: LensCalibration) -> None:
     left, right = st.columns(2)
     left.image(marked, caption="As photographed, with the corners that were found", width="stretch")
     shift = largest_shift_px(lens.camera)
-    said = f"Without the lens's distortion, which moves points by up to {shift:.1f} px"
-    right.image(straight, caption=said, width="stretch")
+    caption = f"Without the lens's distortion, which moves points by up to {shift:.1f} px"
+    right.image(straight, caption=caption, width="stretch")

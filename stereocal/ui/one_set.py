@@ -50,11 +50,11 @@ from stereocal.verdict.tradeoff import TradeOff, costs_of
 
 FIXED, FREED = "As given", "Freed"
 MOST_NAMED = 12
-"""Frames left out that are named on the page."""
+"""Maximum number of left-out frames listed on the page."""
 
 
 def show_verdict(screening: Screening, evaluation: Evaluation | None) -> None:
-    """The answer, from the runs of the last validation of these data; green if it can be relied on.
+    """The verdict from the last validation of these data; green if it is reliable.
 
     Args:
         screening: of the data set; the runs were made without the frames left out.
@@ -92,7 +92,7 @@ def show_verdict(screening: Screening, evaluation: Evaluation | None) -> None:
 
 
 def show_disagreement(inputs: list[Input]) -> None:
-    """Which stated numbers the images contradict."""
+    """Which input values the images contradict."""
     accused = [item for item in inputs if item.accused]
     for item in accused:
         st.warning(escape_markdown(item.advice))
@@ -106,7 +106,7 @@ def show_disagreement(inputs: list[Input]) -> None:
 
 
 def show_frames_left_out(screening: Screening, result: RefinedResult) -> None:
-    """The frames that contradict the others, and those that the refined set left out besides."""
+    """The frames that contradict the others, and those that only the refined set left out."""
     if screening.left_out:
         st.warning(escape_markdown(left_out_line(screening)))
     left_out = result.outlying_frames
@@ -118,14 +118,14 @@ def show_frames_left_out(screening: Screening, result: RefinedResult) -> None:
     named = [f"{frame} ({digits(100 * part, 2)} %)" for frame, part in left_out.items()]
     more = f" and {len(named) - MOST_NAMED} more, all named in the file" * (len(named) > MOST_NAMED)
     st.warning(
-        f"Left out of the refined set, for they do not fit: {count(len(named), 'frame')} of "
-        f"{len(result.frames)}, in brackets the share of the whole misfit: "
+        f"Left out of the refined set, because they do not fit: {count(len(named), 'frame')} of "
+        f"{len(result.frames)}, in brackets their share of chi-square: "
         f"{', '.join(named[:MOST_NAMED])}{more}. Look at "
         "them on the Data page."
     )
 
 
-@st.fragment  # the slider draws this part anew, not the page
+@st.fragment  # the slider redraws this part only
 def show_trade_off(
     project: Project,
     dataset: Dataset,
@@ -133,10 +133,10 @@ def show_trade_off(
     settings: RefineSettings,
     calibration: Calibration | None,
 ) -> None:
-    """The curve with all methods, and a point on it to look at and to take along."""
+    """The trade-off curve with all methods, and one point of it to inspect and download."""
     try:
         _show_trade_off(project, dataset, result, settings, calibration)
-    except StereocalError as error:  # such as one bad frame, which the refined set leaves out
+    except StereocalError as error:  # for example a bad frame that the refined set leaves out
         st.info(f"There is no trade-off to show. {escape_markdown(str(error))}")
 
 
@@ -192,7 +192,7 @@ def own_view(dataset: Dataset, primary: Camera, secondary: Camera) -> Dataset:
 def show_accuracy(
     project: Project, result: RefinedResult, dataset: Dataset, settings: RefineSettings
 ) -> None:
-    """How accurate the rig is, where."""
+    """A map of the rig's accuracy."""
     kinds = ("a distance", "a point")
     of = setting(project, "accuracy_of", kinds[0], one_of(kinds), tabs_own=True)
     shown = st.segmented_control("Predicted error of", kinds, required=True, **of.widget())
@@ -210,7 +210,7 @@ def show_parameters(
     inputs: list[Input],
     evaluation: Evaluation | None,
 ) -> None:
-    """Table, downloads, and which purposes the set serves."""
+    """The refined set: table, download, and what to use it for."""
     st.table(refined_table(result))
     st.caption(
         f"Noise of an image point {digits(result.sigma_px.value)} px "
@@ -234,7 +234,7 @@ def show_parameters(
 
 
 def refined_inputs(dataset: Dataset, settings: RefineSettings) -> list[Input]:
-    """What disagrees; nothing is said where it cannot be told."""
+    """Which inputs disagree; empty if the test fails."""
     try:
         return inputs_of(dataset, settings)
     except StereocalError:

@@ -1,7 +1,4 @@
-"""The table of pairs on the Data page: how the photographs were paired, and changes to that.
-
-The editor keeps changes to the table it began with; the last change of any tab holds.
-"""
+"""The table of photograph pairs on the Data page; the last change of any tab wins."""
 
 from __future__ import annotations
 
@@ -16,7 +13,7 @@ from stereocal.projects.pair_rows import PairRow
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.ui import jobs
 from stereocal.ui.intake import escape_markdown
-from stereocal.ui.told import callback, tell
+from stereocal.ui.messages import callback, tell
 
 COLUMNS = ("Use", "Frame", "Primary photograph", "Secondary photograph")
 ROUND, _BASE, _ROWS = "photographs_round", "pairs_base", "pairs_known"
@@ -25,9 +22,9 @@ ROUND, _BASE, _ROWS = "photographs_round", "pairs_base", "pairs_known"
 def show_pairs(store: ProjectPhotographs) -> None:
     """How the photographs were paired, and the table to change that."""
     proposal, rows = store.proposal, store.rows
-    said = f"{len(store.photographs)} photographs. {proposal.sentence}"
+    sentence = f"{len(store.photographs)} photographs. {proposal.sentence}"
     sure = proposal.pairs and not (proposal.alone or proposal.unknown or proposal.ambiguous)
-    (st.success if sure else st.warning)(escape_markdown(said))
+    (st.success if sure else st.warning)(escape_markdown(sentence))
     with st.expander("The pairs: look at them, change them", expanded=not rows):
         _change_pairs(store, rows)
         st.caption(f"{sum(row.use for row in rows)} of {len(rows)} pairs are used.")
@@ -42,7 +39,7 @@ def show_pairs(store: ProjectPhotographs) -> None:
 
 
 def _change_pairs(store: ProjectPhotographs, rows: Sequence[PairRow]) -> None:
-    """The table, and what this tab or another one has changed in it."""
+    """Show the table; store changes of this tab, and reload those of others."""
     edited = rows_of(_table_of_pairs(store, rows))
     known: Sequence[PairRow] = st.session_state[_ROWS]
     try:
@@ -52,14 +49,14 @@ def _change_pairs(store: ProjectPhotographs, rows: Sequence[PairRow]) -> None:
             st.rerun()
         elif known != rows:
             forget_table()
-            tell("The pairs were changed in another tab: here they are as they are now.", "info")
+            tell("The pairs were changed in another tab; they are shown as they are now.", "info")
             st.rerun()
     except StereocalError as error:
         st.error(escape_markdown(f"{error} The last sound table is kept."))
 
 
 def _table_of_pairs(store: ProjectPhotographs, rows: Sequence[PairRow]) -> pd.DataFrame:
-    # The editor keeps changes to the table it began with: that one is held while it is on screen.
+    # The editor applies changes to its first table, which must stay the same while it is shown.
     key = f"pairs_{st.session_state[ROUND]}"
     if key not in st.session_state or _BASE not in st.session_state:
         st.session_state[_BASE], st.session_state[_ROWS] = table_of(rows), list(rows)
@@ -87,7 +84,7 @@ def table_of(rows: Sequence[PairRow]) -> pd.DataFrame:
 
 
 def rows_of(table: pd.DataFrame) -> list[PairRow]:
-    """The pairs as a person has edited them; rows not filled in yet are left aside."""
+    """The edited pairs, without incomplete rows."""
     return [
         PairRow(Pair(int(frame), str(primary), str(secondary)), use is not False)
         for use, frame, primary, secondary in table[list(COLUMNS)].itertuples(index=False)
@@ -107,7 +104,7 @@ def _pair_again(store: ProjectPhotographs, seen: Sequence[PairRow]) -> None:
 def clear(store: ProjectPhotographs, seen: Collection[str]) -> None:
     if _names(store) - set(seen):
         raise StereocalError("Another tab has added photographs: look, and press again.")
-    jobs.discard(store.project, "photographs")  # before: its photographs are still needed then
+    jobs.discard(store.project, "photographs")  # first: a running job needs the photographs
     store.clear()
     forget_table()
 
@@ -115,7 +112,7 @@ def clear(store: ProjectPhotographs, seen: Collection[str]) -> None:
 def _names(store: ProjectPhotographs) -> set[str]:
     try:
         return set(store.photographs)
-    except StereocalError:  # a list that is damaged is cleared as well
+    except StereocalError:  # a damaged list can be cleared as well
         return set()
 
 
@@ -125,6 +122,6 @@ def forget_table() -> None:
 
 
 def forget_base() -> None:
-    """The table that the editor began with is no longer the one to change."""
+    """Discard the editor's first table."""
     for key in (_BASE, _ROWS):
         st.session_state.pop(key, None)

@@ -26,7 +26,7 @@ CORNER_TITLES = {"upper-left": "upper left", "lower-left": "lower left"}
 
 
 def figures_for(calibration: Calibration, evaluation: Evaluation | None) -> dict[str, Any]:
-    """Figures of the last validation by method, if it is one of these data."""
+    """Figures of the last validation by method, if it used these data."""
     if evaluation is None or list(evaluation.sha256) != [calibration.dataset.sha256]:
         return {}
     return dict(validation_figures(evaluation.summaries, evaluation.settings))
@@ -37,7 +37,7 @@ def sets_of(
     evaluation: Evaluation | None,
     refined: RefinedResult | None = None,
 ) -> dict[str, RigParameters]:
-    """The parameter sets of a result by method: 2d, 3d and, where there is one, refined."""
+    """The parameter sets of a result by method: 2d, 3d and, if available, refined."""
     figures = figures_for(calibration, evaluation)
     methods: tuple[Literal["2d", "3d"], ...] = ("2d", "3d")
     found: dict[str, RigParameters] = {
@@ -53,12 +53,12 @@ def sets_of(
 def parameter_download(
     project: Project, rig: RigParameters, key: str, file_name: str, main: bool = True
 ) -> None:
-    """A menu of formats, what the other program will not know, and the download.
+    """A menu of formats, notes on what the format loses, and the download.
 
     Args:
-        key: tells the widgets of several sets apart.
+        key: of the widgets of this set.
         file_name: of our own file.
-        main: whether the button is one of the page's main ones.
+        main: whether the button is primary.
     """
     form = setting(project, f"format_{key}", OURS, one_of(list(TITLES)), tabs_own=True)
     chosen = st.selectbox("Format", list(TITLES), format_func=TITLES.__getitem__, **form.widget())
@@ -89,7 +89,7 @@ def packed(files: dict[str, bytes], file_name: str, chosen: str) -> tuple[str, b
 
 
 def dlt_options(project: Project, which: str) -> ExchangeOptions:
-    """How the pixels of DLT coefficients are counted; `which` tells the widgets apart."""
+    """The form of the pixel origin of DLT coefficients; `which` is part of the widgets' keys."""
     left, right = st.columns(2)
     corner = left.selectbox(
         "Points are counted from the", CORNERS, format_func=CORNER_TITLES.__getitem__,

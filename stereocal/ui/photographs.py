@@ -1,4 +1,4 @@
-"""Photographs on the Data page: taking them in, pairing them, finding the targets."""
+"""Photographs on the Data page: upload, pairs, search for the targets."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ from stereocal.ui.intake import (
     PHOTOGRAPHS,
     TITLES,
     Upload,
+    clear_refusal,
     escape_markdown,
     given_as,
     in_use,
     photographs_of,
-    settled,
     take_file,
     take_photographs,
 )
+from stereocal.ui.messages import readable
 from stereocal.ui.pairs import ROUND, clear, forget_base, show_pairs
 from stereocal.ui.project import project_to_write
 from stereocal.ui.review import show_frames
-from stereocal.ui.told import readable
-from stereocal.ui.uploads import let_go
+from stereocal.ui.uploads import free_memory
 
 TOGETHER, FOLDER, APART = "Both cameras together", "A folder", "One camera after the other"
 KINDS = [*sorted(suffix.removeprefix(".") for suffix in SUFFIXES), "zip"]
@@ -43,7 +43,7 @@ LENSES: tuple[Slot, ...] = ("primary", "secondary")
 
 
 def choose_kind(project: Project | None) -> str:
-    """What the person has; photographs, if the project holds some."""
+    """The kind of input data; photographs, if the project has some."""
     there = project is not None and has_photographs(project)
     how = given_as(project, PHOTOGRAPHS if there else GIVEN_AS[0])
     kind: str = st.segmented_control("I have", GIVEN_AS, required=True, **how.widget())
@@ -51,15 +51,15 @@ def choose_kind(project: Project | None) -> str:
 
 
 def has_photographs(project: Project) -> bool:
-    """Whether any have been given."""
+    """Whether the project has photographs."""
     try:
         return bool(ProjectPhotographs(project).photographs)
-    except StereocalError:  # said where they are shown
+    except StereocalError:  # reported where they are shown
         return True
 
 
 def photographs_in(project: Project | None) -> None:
-    """The uploaders, and what has been made of the photographs so far."""
+    """The uploaders, the pairs and the targets found."""
     ways = (TOGETHER, FOLDER, APART)
     chosen = setting(project, "photographs_how", TOGETHER, one_of(ways), tabs_own=True)
     how = st.segmented_control("They come as", ways, required=True, **chosen.widget())
@@ -104,7 +104,7 @@ def photographs_in(project: Project | None) -> None:
 
 
 def _camera_files(project: Project) -> None:
-    """Which lenses are in use, and the uploaders, out of the way once both are there."""
+    """The lenses in use, and uploaders, folded once both are there."""
     for slot, column in zip(LENSES, st.columns(2), strict=True):
         with column:
             in_use(project, slot)
@@ -117,24 +117,24 @@ def _camera_files(project: Project) -> None:
 
 
 def _take(uploads: Sequence[Upload], prefix: str = "") -> None:
-    """Put uploads onto the disk, and let go of them in memory.
+    """Store uploads, and free their memory.
 
     Args:
-        prefix: goes before the names, as a folder: which camera took them.
+        prefix: of the names: the folder of a camera.
     """
     if not uploads:
         return
     store = ProjectPhotographs(project_to_write())
     take_photographs(photographs_of(uploads, prefix), store)
     forget_base()
-    # A new key empties the uploader, which else holds every file in memory while the page is open.
-    let_go(uploads)
+    # A new key empties the uploader, which otherwise keeps every file in memory.
+    free_memory(uploads)
     st.session_state[ROUND] += 1
     st.rerun()
 
 
 def _find_targets(store: ProjectPhotographs) -> None:
-    """The button, the job, and the contact sheet of what was found."""
+    """The search for targets, and its results."""
     project, rows = store.project, [row for row in store.rows if row.use]
     running = jobs.is_running(project, "photographs")
     frames = readable(lambda: store.frames)
@@ -151,7 +151,7 @@ def _find_targets(store: ProjectPhotographs) -> None:
         disabled=running or bool(lacking) or not rows,
         on_click=_start, args=(work,),
     )  # fmt: skip
-    # The cheap look first: a digest of thousands of pairs takes its time at each draw.
+    # The cheap test first: the digest of thousands of pairs is slow.
     if frames is not None and jobs.can_go_on(work) and store.found_by == work.digest:
         jobs.discard(project, "photographs")
     last = "Cancelled. What was found before is unchanged."
@@ -169,7 +169,7 @@ def _find_targets(store: ProjectPhotographs) -> None:
 
 
 def _start(work: jobs.Work) -> None:
-    settled()
+    clear_refusal()
     jobs.start(work)
 
 
@@ -187,13 +187,13 @@ def _work(store: ProjectPhotographs, pairs: Sequence[Pair]) -> jobs.Work:
 def _find(store: ProjectPhotographs, pairs: Sequence[Pair], job: jobs.Job) -> bool:
     primary, secondary = store.project.cameras
     if primary is None or secondary is None:
-        raise StereocalError("A camera file has gone from the project; give it again.")
+        raise StereocalError("A camera file was removed from the project; give it again.")
     cameras = (primary, secondary)
     searched = store.photographs
     found = detect_frames(
         pairs, searched, cameras, job.executor, job.begin, job.progress,
         lambda: job.cancelled,
-        pieces=job.parts("detections", pack_detection, unpack_detection),
+        pieces=job.checkpoints("detections", pack_detection, unpack_detection),
     )  # fmt: skip
     if found is None:
         return False

@@ -1,4 +1,4 @@
-"""A photograph on the page with zoom, pan and marks, of which a click is a place in the image."""
+"""A photograph with zoom, pan and marks; clicks return image coordinates."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ import streamlit as st
 NAME = "stereocal_picker"
 JPEG_QUALITY = 90
 MOST_PIXELS = 16_000_000
-"""Larger photographs are reduced for the screen; places are those of the whole one all the same."""
+"""Larger photographs are reduced for the screen; coordinates stay those of the original."""
 HTML = """
 <div class="picker">
   <canvas tabindex="0" role="application"></canvas>
@@ -38,13 +38,13 @@ HTML = """
 
 @dataclass(frozen=True)
 class Mark:
-    """A place that is marked in the photograph, in pixels."""
+    """A marked position in the photograph, in pixels."""
 
     letter: str
     u: float
     v: float
     sigma: float | None
-    """Radius of the circle that is drawn around it when it is large enough to be seen."""
+    """Radius of the circle around it, drawn if large enough to be seen."""
     colour: str
     shape: str
     """circle or diamond."""
@@ -52,15 +52,15 @@ class Mark:
 
 @dataclass(frozen=True)
 class Shown:
-    """A photograph as the browser gets it."""
+    """A photograph as sent to the browser."""
 
     id: str
-    """Tells photographs apart; a click comes back with it."""
+    """Identifies the photograph; a click returns it."""
     source: str
     """A data URL."""
     width: int
     height: int
-    """Of the photograph, which may be larger than what is sent."""
+    """Of the original photograph."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ class Pick:
 
 
 def encode(image: npt.NDArray[np.uint8], name: str) -> Shown:
-    """A grey photograph for `pick`; `name` tells it apart from all others."""
+    """A grey photograph for `pick`; `name` must be unique."""
     height, width = image.shape
     if width * height > MOST_PIXELS:
         shrink = math.sqrt(MOST_PIXELS / (width * height))
@@ -94,7 +94,7 @@ def pick(
     """Show a photograph; a click calls `on_pick` before the page is drawn again.
 
     Args:
-        label: what it shows, for those who hear the page.
+        label: description for screen readers.
         locked: clicks do nothing.
     """
 
@@ -114,7 +114,7 @@ def pick(
 
 
 def pick_of(sent: Any) -> Pick | None:
-    """What the browser sent, if it is a click; anything may come from there."""
+    """The click that the browser sent; None if it is invalid."""
     try:
         found = Pick(str(sent["id"]), float(sent["u"]), float(sent["v"]), sent["raw"] is True)
     except (TypeError, KeyError, ValueError, OverflowError):
@@ -123,7 +123,7 @@ def pick_of(sent: Any) -> Pick | None:
 
 
 def _component() -> Any:
-    # Anew in every run: the runtime that draws the page must know it, and tests have several.
+    # Declared in every run: tests have several runtimes.
     here = Path(__file__)
     return st.components.v2.component(
         NAME, html=HTML, css=_text(here.with_suffix(".css")), js=_text(here.with_suffix(".js"))

@@ -1,4 +1,4 @@
-"""The open project: its id stands in the URL, everything else on disk."""
+"""The open project: its id is in the URL, everything else on disk."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ import streamlit as st
 
 from stereocal.errors import StereocalError
 from stereocal.formats.evaluation_files import Evaluation
-from stereocal.projects.folders import default_home
+from stereocal.projects.data_folder import default_home
 from stereocal.projects.home import bring_back, removed_at
 from stereocal.projects.inputs import Inputs, Slot
 from stereocal.projects.photographs import TABLE_LABEL
 from stereocal.projects.project import Project
 from stereocal.refined.results import Calibration
+from stereocal.ui.messages import attempt, callback, readable, tell
 from stereocal.ui.texts import escape_markdown
-from stereocal.ui.told import attempt, callback, readable, tell
 
 SAMPLE = Path(__file__).parents[2] / "sample_data" / "field"
 SLOT_TITLES: Mapping[str, Slot] = {
@@ -27,13 +27,13 @@ SLOT_TITLES: Mapping[str, Slot] = {
     "primary camera": "primary",
     "secondary camera": "secondary",
 }
-_ANEW = "forms_anew"
+_RESET = "forms_reset"
 _BEGUN = "projects_begun"
 _ID, _INPUTS = "project_id", "inputs_seen"
 
 
 def keep_address() -> None:
-    """Put the project's id back into the URL, which a change of page has emptied."""
+    """Restore the project's id in the URL, which a change of page removes."""
     if "project" in st.query_params:
         st.session_state[_ID] = st.query_params["project"]
     elif _ID in st.session_state:
@@ -41,16 +41,13 @@ def keep_address() -> None:
 
 
 def current_project() -> Project | None:
-    """The project that the URL names; None before there is one.
-
-    An address that names none is said on the page, which then stops.
-    """
+    """The project of the URL; None without one. An invalid URL is reported, and the page stops."""
     project_id = st.session_state.get(_ID)
     if project_id is None:
         return None
     try:
         project = Project.open(default_home(), project_id)
-        notice_others(project)
+        report_changes(project)
         return project
     except StereocalError as error:
         if not offer_removed():
@@ -60,12 +57,12 @@ def current_project() -> Project | None:
 
 
 def is_open(project_id: str) -> bool:
-    """Whether this is the project of the address."""
+    """Whether this is the project of the URL."""
     return st.session_state.get(_ID) == project_id
 
 
 def offer_removed() -> bool:
-    """Say that the project of the address was removed, and offer it; False if it was not."""
+    """Report that the project of the URL was removed, and offer it back; False if it was not."""
     project_id = st.session_state.get(_ID)
     when = None if project_id is None else removed_at(default_home(), project_id)
     if project_id is None or when is None:
@@ -88,12 +85,12 @@ def bring_project_back(project_id: str) -> None:
 
 
 def project_to_write() -> Project:
-    """The current project, made now if there is none yet."""
+    """The current project, or a new one."""
     return current_project() or new_project()
 
 
 def new_project() -> Project:
-    """Begin a project and make it the current one."""
+    """Create a project and open it."""
     project = Project.create(default_home())
     open_project(project.id)
     return project
@@ -101,31 +98,30 @@ def new_project() -> Project:
 
 @callback
 def begin_project() -> None:
-    """Begin a project (a callback)."""
+    """Create and open a project (a callback)."""
     new_project()
 
 
 def open_project(project_id: str) -> None:
-    """Make a project the current one; what the screen knew of another is forgotten."""
+    """Open a project; the session state of another one is cleared."""
     if _ID in st.session_state:
         forget_project()
     st.session_state[_ID] = project_id
     st.query_params["project"] = project_id
 
 
-def begun() -> list[Future[Project]]:
-    """Projects that are being made for this tab, to be opened on whichever page comes next.
+def projects_in_creation() -> list[Future[Project]]:
+    """Projects being created for this tab, which the next run of any page opens.
 
-    The list itself is handed to the callback that begins one. A click elsewhere ends a run at its
-    next access to the session, and a new run begins beside it: only what is shared stays.
+    Callbacks get the list itself: a click may end their run at its next access to the session.
     """
     making: list[Future[Project]] = st.session_state.setdefault(_BEGUN, [])
     return making
 
 
-def open_begun() -> bool:
-    """Open the project that was begun last, once it is whole; False if there is none."""
-    making = begun()
+def open_created() -> bool:
+    """Wait for the project created last, and open it; False if there is none."""
+    making = projects_in_creation()
     if not making:
         return False
     with st.spinner("Opening the sample."):
@@ -143,43 +139,43 @@ def open_begun() -> bool:
 
 
 def forget_project() -> None:
-    """Leave the current project; it stays on disk under its address."""
+    """Close the current project; it stays on disk."""
     st.session_state.clear()
     st.query_params.clear()
 
 
 def last_calibration(project: Project) -> Calibration | None:
-    """The last result; None, and a sentence, where it is damaged."""
+    """The last result; None and a warning if it is damaged."""
     return readable(lambda: project.calibration)
 
 
 def last_evaluation(project: Project) -> Evaluation | None:
-    """The last validation; None, and a sentence, where it is damaged."""
+    """The last validation; None and a warning if it is damaged."""
     return readable(lambda: project.evaluation)
 
 
-def begin_forms_anew() -> bool:
-    """Forget what this tab holds of its forms; False if that was just done, and did not help."""
-    if st.session_state.get(_ANEW):
+def reset_forms() -> bool:
+    """Clear this tab's form values; False if that was just done, and did not help."""
+    if st.session_state.get(_RESET):
         return False
     project_id = st.session_state.get(_ID)
     st.session_state.clear()
     if project_id is not None:
         st.session_state[_ID] = project_id
-    st.session_state[_ANEW] = True
-    tell("A form held values that cannot be used: it begins with the usual ones.", "info")
+    st.session_state[_RESET] = True
+    tell("A form held invalid values; it was reset to the defaults.", "info")
     return True
 
 
 def forms_are_sound() -> None:
-    """A page was drawn with them."""
-    st.session_state.pop(_ANEW, None)
+    """Note that a page was drawn without an error."""
+    st.session_state.pop(_RESET, None)
 
 
-def notice_others(project: Project) -> None:
-    """Tell of inputs that another tab has changed since this one was drawn.
+def report_changes(project: Project) -> None:
+    """Report inputs that another tab has changed since the last run of this one.
 
-    A table that was made of photographs is not told of: this tab's own search may have made it.
+    A table found in photographs is not reported: it may come from this tab's own search.
     """
     now = _shown_inputs(project)
     before = st.session_state.get(_INPUTS)
@@ -188,14 +184,14 @@ def notice_others(project: Project) -> None:
         return
     changed = [what for what in now if now[what] != before[what] and now[what] != TABLE_LABEL]
     if changed:
-        said = "; ".join(f"{what}: {now[what]}" for what in changed)
-        tell(f"Changed in another tab: {said}.", "info")
+        changes = "; ".join(f"{what}: {now[what]}" for what in changed)
+        tell(f"Changed in another tab: {changes}.", "info")
 
 
 @contextmanager
-def noted(project: Project) -> Iterator[None]:
-    """What changes inside is this tab's own doing, and needs not be told."""
-    notice_others(project)
+def own_change(project: Project) -> Iterator[None]:
+    """Changes inside are this tab's own, and are not reported."""
+    report_changes(project)
     try:
         yield
     finally:

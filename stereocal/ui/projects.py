@@ -1,4 +1,4 @@
-"""The list of recent projects on the Start page, and what is kept of them."""
+"""The lists of projects on the Start page, with export and import."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ import streamlit as st
 
 from stereocal.errors import StereocalError
 from stereocal.projects.archive import pack_project, unpack_project
+from stereocal.projects.data_folder import default_home
 from stereocal.projects.files import MB
-from stereocal.projects.folders import default_home
 from stereocal.projects.home import (
     Listed,
     delete,
@@ -26,12 +26,13 @@ from stereocal.projects.home import (
     removed_at,
     removed_projects,
 )
-from stereocal.projects.journal import journal_of
+from stereocal.projects.journal_mode import journal_of
 from stereocal.projects.project import Project
 from stereocal.projects.salvage import salvage
 from stereocal.projects.server_settings import ServerSettings
 from stereocal.ui.decoding import server_guard
 from stereocal.ui.intake import check_uploads, escape_markdown, is_new, taking
+from stereocal.ui.messages import tell
 from stereocal.ui.project import (
     bring_project_back,
     current_project,
@@ -39,18 +40,17 @@ from stereocal.ui.project import (
     offer_removed,
     open_project,
 )
-from stereocal.ui.told import tell
 
 _REMOVED = "removed_project"
 _FAILED = "failed_project"
 _UNPACKED = "unpacked_projects"
-"""The ids of projects from zips, by upload: opening one may be interrupted by a click."""
+"""Ids of imported projects by upload: a click may interrupt the opening of one."""
 
 
 def show_projects() -> None:
-    """Recent projects, each to open, rename, duplicate or remove, and removed ones to bring back.
+    """Recent projects to open, rename, duplicate or remove, and removed ones to bring back.
 
-    A shared server shows the open project alone; it offers a removed one to who has its address.
+    A shared server shows only the open project, and a removed one only under its address.
     """
     settings = ServerSettings.from_environment()
     folder = default_home() / "projects"
@@ -76,13 +76,13 @@ def show_projects() -> None:
                 _show(one)
         _show_removed()
     with st.expander("Take a project elsewhere, or open one from a zip"):
-        _carry(project)
+        _pack_and_unpack(project)
     with st.expander("What is kept, where and for how long"):
         st.markdown(what_is_kept(settings))
 
 
 def what_is_kept(settings: ServerSettings) -> str:
-    """Where the projects are, when they go, and how large one may be."""
+    """Where projects are stored, for how long, and their maximum size."""
     where = "on the server" if settings.shared else f"on this computer, in `{default_home()}`"
     life = (
         "until you remove it"
@@ -90,8 +90,8 @@ def what_is_kept(settings: ServerSettings) -> str:
         else f"until nobody has changed it for {settings.keep_days:g} days"
     )
     who = (
-        "Only who has the address of a project (it is in the browser's address bar) can open it: "
-        "keep it as a bookmark. Nobody sees a list."
+        "Only those who have the address of a project (in the browser's address bar) can open it: "
+        "keep it as a bookmark. There is no list."
         if settings.shared
         else "A project is found in this list, and by its address in the browser."
     )
@@ -101,10 +101,10 @@ def what_is_kept(settings: ServerSettings) -> str:
         else "from the list of removed projects on this page, or by its address"
     )
     size = (
-        "There is no limit to its size but the disk."
+        "Its size is limited only by the disk."
         if math.isinf(settings.project_mb)
         else f"One project may take {settings.project_mb:g} MB; photographs that you remove from "
-        "it make room at once."
+        "it free space at once."
     )
     return (
         f"Every file, correction, setting and result is written to disk {where}, as soon as it is "
@@ -167,12 +167,12 @@ def _show_removed() -> None:
                 )  # fmt: skip
                 st.button(
                     "Delete for good", key=f"delete_{one.id}", on_click=_delete, args=(one.id,),
-                    help="Its room on the disk is free at once.",
+                    help="Frees its space on the disk at once.",
                 )  # fmt: skip
 
 
-def _carry(project: Project | None) -> None:
-    """One zip out, of the open project, and one zip in."""
+def _pack_and_unpack(project: Project | None) -> None:
+    """Export the open project as a zip, and import one."""
     if project is not None:
         name = project.inputs.name or "project"
         if st.button(f"Pack the open project ({escape_markdown(name)})", key="pack"):
@@ -196,7 +196,7 @@ def _carry(project: Project | None) -> None:
 
 
 def _offer_packed(project: Project, name: str) -> None:
-    """Pack beside the projects' disk: one that is full or read-only can be left all the same."""
+    """Pack the project in a temporary folder, because its own disk may be full or read-only."""
     settings, size = ServerSettings.from_environment(), project.database.size
     if size > settings.download_mb * MB:
         st.error(
@@ -238,7 +238,7 @@ def _offer_undo() -> None:
     if removed is None:
         return
     project_id, name = removed
-    if removed_at(default_home(), project_id) is None:  # brought back another way, or gone for good
+    if removed_at(default_home(), project_id) is None:  # brought back elsewhere, or deleted
         del st.session_state[_REMOVED]
         return
     text, button = st.columns([6, 2], vertical_alignment="center")
@@ -258,7 +258,7 @@ def _open(project_id: str) -> None:
 def _duplicate(project_id: str) -> None:
     def act() -> None:
         copy = duplicate(default_home(), project_id)
-        if ServerSettings.from_environment().shared:  # nothing else would tell its address
+        if ServerSettings.from_environment().shared:  # there is no list to find it in
             open_project(copy.id)
 
     _try(act)
@@ -281,17 +281,17 @@ def _delete(project_id: str) -> None:
 def _remove(project_id: str) -> None:
     def act() -> None:
         name = ""
-        with suppress(StereocalError):  # a damaged one can be removed as well
+        with suppress(StereocalError):  # a damaged one can be removed too
             name = Project.open(default_home(), project_id).inputs.name
         remove(default_home(), project_id)
-        if not is_open(project_id):  # of the open one, the page says so itself
+        if not is_open(project_id):  # for the open one, `offer_removed` does
             st.session_state[_REMOVED] = (project_id, name)
 
     _try(act)
 
 
-def _try(act: Callable[[], object]) -> None:
+def _try(action: Callable[[], object]) -> None:
     try:
-        act()
+        action()
     except StereocalError as error:
         st.session_state[_FAILED] = str(error)

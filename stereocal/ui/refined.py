@@ -1,4 +1,4 @@
-"""The refined method on the screen: its form, and its results, computed once for the same data."""
+"""The form of the refined method, and its results, cached by data set and settings."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from stereocal.refined.unknowns import (
 from stereocal.rig.dataset import Dataset
 from stereocal.ui import jobs
 from stereocal.ui.fields import Field, number, setting
-from stereocal.ui.known import describe_known
 from stereocal.ui.texts import escape_markdown
+from stereocal.ui.uncertainties import describe_uncertainties
 from stereocal.verdict.tradeoff import TradeOff, trade_off
 from stereocal.workflow import calibrate
 
 
 def refine_form(project: Project, dataset: Dataset) -> RefineSettings:
-    """What the refined method is told: from the Data page, and the noise of an image point."""
-    st.caption(escape_markdown(describe_known(dataset)))
+    """The form of the refined method: uncertainties from the Data page, and the image noise."""
+    st.caption(escape_markdown(describe_uncertainties(dataset)))
     st.page_link("pages/data.py", label="State it on the Data page")
     with st.expander("Noise of the images"):
         st.number_input(
@@ -39,10 +39,9 @@ def refine_form(project: Project, dataset: Dataset) -> RefineSettings:
 
 
 def refine_settings(project: Project, dataset: Dataset) -> RefineSettings:
-    """The settings of the refined method, also on pages that do not show the form.
+    """The settings of the refined method, also for pages that do not show the form.
 
-    The lenses bring what is known of them; of the lengths it is written out, for a data set's
-    digest does not tell it.
+    They hold the uncertainties of the lengths, which a data set's digest does not cover.
     """
     return RefineSettings(
         baseline_sigma_m=dataset.baseline_sigma_m,
@@ -63,9 +62,9 @@ def refined_of(dataset: Dataset, settings: RefineSettings) -> RefinedResult:
 def refined_for(
     project: Project, calibration: Calibration
 ) -> tuple[RefinedResult | None, list[str]]:
-    """The refined set of a calibration's frames, and which purposes it is to serve.
+    """The refined set of a calibration's frames, and which of "2d" and "3d" it replaces.
 
-    None where it cannot be found: the paper's sets do not depend on it.
+    None if it cannot be computed: the paper's sets do not depend on it.
     """
     dataset = calibration.screening.dataset
     if len(calibration.held_out_frames):
@@ -79,17 +78,17 @@ def refined_for(
 
 
 def calibrated(dataset: Dataset, settings: CalibrationSettings) -> Calibration:
-    """The paper's sets, where nobody has calibrated these data yet. Raises as `calibrate`."""
+    """The paper's sets, for data not calibrated yet. Raises as `calibrate`."""
     return _calibrated(_key(dataset, settings), dataset, settings)
 
 
 def inputs_of(dataset: Dataset, settings: RefineSettings) -> list[Input]:
-    """What disagrees. Raises as `refine`."""
+    """Which inputs disagree. Raises as `refine`."""
     return _inputs(_key(dataset, settings), dataset, settings)
 
 
 def map_of(dataset: Dataset, settings: RefineSettings) -> AccuracyMap:
-    """How accurate the rig is, by place. Raises as `refine`."""
+    """Predicted errors by position. Raises as `refine`."""
     return _map(_key(dataset, settings), dataset, settings)
 
 
@@ -99,14 +98,12 @@ def curves_of(dataset: Dataset, settings: RefineSettings) -> TradeOff:
 
 
 def _key(dataset: Dataset, settings: RefineSettings | CalibrationSettings) -> str:
-    """All that a result tells: the digest is of the numbers, and a project with the same numbers
-    must not be shown somebody else's name and notes.
-    """
+    """Includes name and notes: another project with equal numbers must not show them."""
     words = [dataset.sha256, dataset.name, dataset.notes, settings.to_json()]
     return json.dumps(words, sort_keys=True)
 
 
-# Kept by digest: Streamlit would otherwise look at a sample of large arrays only.
+# Cached by our own key: Streamlit would hash only a sample of large arrays.
 
 
 @st.cache_resource(show_spinner="Refining.", max_entries=16)
@@ -126,7 +123,7 @@ def _inputs(key: str, _dataset: Dataset, _settings: RefineSettings) -> list[Inpu
     return jobs.compute(what_disagrees, _refined(key, _dataset, _settings))
 
 
-@st.cache_resource(show_spinner="Predicting errors by place.", max_entries=16)
+@st.cache_resource(show_spinner="Predicting errors by position.", max_entries=16)
 def _map(key: str, _dataset: Dataset, _settings: RefineSettings) -> AccuracyMap:
     return jobs.compute(accuracy_map, _refined(key, _dataset, _settings))
 

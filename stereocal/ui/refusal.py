@@ -1,4 +1,4 @@
-"""What was refused last, and why, with what can be done about it."""
+"""The last refused upload: the reason, and ways to continue."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _REFUSED = "refused"
 
 
 def show_refusal() -> None:
-    """What was refused last and why, until something is accepted."""
+    """Show the last refusal, until something is accepted."""
     refused: _Refusal | None = st.session_state.get(_REFUSED)
     if refused is None:
         return
@@ -37,15 +37,15 @@ class _Refusal:
     sentence: str
     problems: Sequence[RowProblem]
     ways: Mapping[str, Callable[[], None]]
-    """What can be done about it, by the button's label; two at most."""
+    """Callbacks by the label of their button; two at most."""
 
 
 def refuse(error: StereocalError, left: int = 0, retry: Callable[[], None] | None = None) -> None:
-    """Say on the page what was refused.
+    """Show a refusal on the page.
 
     Args:
-        left: how many rows could be used.
-        retry: uses these.
+        left: number of valid rows.
+        retry: uses only these.
     """
     problems = error.problems if isinstance(error, RefusedRowsError) else ()
     label = f"Leave these rows out and use the other {left}"
@@ -53,13 +53,13 @@ def refuse(error: StereocalError, left: int = 0, retry: Callable[[], None] | Non
     st.session_state[_REFUSED] = _Refusal(str(error), problems, ways)
 
 
-def settled() -> None:
-    """Forget what was refused: something was accepted."""
+def clear_refusal() -> None:
+    """Remove the refusal, because something was accepted."""
     st.session_state.pop(_REFUSED, None)
 
 
 def ask_lens(error: FourCoefficientsError, source: str, use: Callable[[], None]) -> None:
-    """Ask what four distortion coefficients are; nothing is taken over before the answer."""
+    """Ask for the model of four distortion coefficients; nothing is stored before the answer."""
     st.session_state[_REFUSED] = _Refusal(
         f"{error.question} Which are they?",
         (),

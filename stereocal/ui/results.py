@@ -1,4 +1,4 @@
-"""Results on the screen, and their downloads."""
+"""Results of the Calibrate page, and their downloads."""
 
 from __future__ import annotations
 
@@ -39,11 +39,11 @@ def show_result(
     refined: RefinedResult | None = None,
     instead: Collection[str] = (),
 ) -> None:
-    """Answer, downloads, table and figures, from top to bottom.
+    """Answer, downloads, table and figures.
 
     Args:
         refined: the refined set of the same data, for a third file.
-        instead: of "2d" and "3d", the purposes that the refined set is to serve.
+        instead: which of "2d" and "3d" the refined set replaces.
     """
     for warning in calibration.warnings:
         st.warning(escape_markdown(warning))
@@ -54,7 +54,7 @@ def show_result(
     (st.info if caution else st.success)(answer(calibration))
     sets = sets_of(calibration, evaluation, refined)
     if sets["2d"].validation is not None:
-        st.caption("The two files carry the figures of the last validation of these data.")
+        st.caption("The two files contain the figures of the last validation of these data.")
     for method, column in zip(FILES, st.columns(2), strict=True):
         with column:
             st.markdown(TWO_FILES[method])
@@ -77,13 +77,13 @@ def show_result(
 
 
 def show_figure(figure: go.Figure, sentence: str, key: str) -> None:
-    """A figure, and beneath it what it shows in words: for everyone, and for screen readers."""
+    """A figure with its description in words."""
     st.plotly_chart(figure, key=key)
     st.caption(escape_markdown(sentence))
 
 
 def dataset_download(dataset: Dataset) -> None:
-    """The whole data set as one zip, which can be uploaded again."""
+    """Download of the data set as a zip, which can be uploaded again."""
     st.download_button(
         "Download this data set",
         pack_zip(pack_dataset(dataset)),

@@ -1,4 +1,4 @@
-"""The frames of photographs: all at a glance, or one to look at closely and to correct."""
+"""Review of the frames: a contact sheet, or one frame to correct."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ from stereocal.system.photograph import read_photograph
 from stereocal.ui.contact_sheet import BADGES, show_contact_sheet
 from stereocal.ui.fields import Field, one_of, setting, yes_or_no
 from stereocal.ui.intake import escape_markdown
+from stereocal.ui.messages import callback
 from stereocal.ui.picker import Mark, Pick, Shown, encode, pick
-from stereocal.ui.told import callback
 
 ALL, ONE = "All frames", "One frame"
 NEAREST = "Nearest"
 WANTED = (NEAREST, *TARGETS)
-_SAID = "review_said"
+_OUTCOME = "review_said"
 
 
 def _view(store: ProjectPhotographs) -> Field:
@@ -48,7 +48,7 @@ def _view(store: ProjectPhotographs) -> Field:
 
 
 def _frame(store: ProjectPhotographs, numbers: Sequence[int] = ()) -> Field:
-    """The frame that is looked at; without the list of those there are, whatever was chosen."""
+    """The frame shown; without `numbers` it is not checked."""
     first = numbers[0] if numbers else 0
     return setting(store.project, "review_frame", first, one_of(numbers) if numbers else int)
 
@@ -62,7 +62,7 @@ def _raw(store: ProjectPhotographs) -> Field:
 
 
 def show_frames(store: ProjectPhotographs, frames: Sequence[Frame], running: bool) -> None:
-    """All frames or one, as the person chooses; the choice outlives the page."""
+    """All frames, or one, as chosen."""
     view = st.segmented_control("Look at", [ALL, ONE], required=True, **_view(store).widget())
     if view == ONE and frames:
         _show_one(store, running)
@@ -76,8 +76,8 @@ def _show_one(store: ProjectPhotographs, running: bool) -> None:
     frame = _choose_frame(store, review)
     icon, colour = BADGES[frame.state]
     st.markdown(f":{colour}-badge[{icon} {frame.state}] {describe_use(frame)}")
-    # A container, with or without something in it, keeps what follows in its place: elsewhere the
-    # browser would build the photographs anew.
+    # A container, even an empty one, keeps the position of what follows: otherwise the browser
+    # would rebuild the photographs.
     with st.container():
         if frame.reason:
             st.markdown(escape_markdown(frame.reason))
@@ -89,7 +89,7 @@ def _show_one(store: ProjectPhotographs, running: bool) -> None:
         help="The centre goes exactly where you click, also with the shift key held. Otherwise it "
         "goes to the fitted corner near the click.",
     )  # fmt: skip
-    _show_said(store, frame)
+    _show_outcome(store, frame)
     for camera, column in enumerate(st.columns(2)):
         with column:
             _show_photograph(store, frame, camera, running)
@@ -102,7 +102,7 @@ def _show_one(store: ProjectPhotographs, running: bool) -> None:
 
 
 def _choose_frame(store: ProjectPhotographs, review: Review) -> Frame:
-    """The frame to look at, with the ways to go on."""
+    """The frame shown, with buttons for others."""
     numbers = sorted(frame.frame for frame in review.frames)
     shown = _frame(store, numbers)
     number: int = shown.value()
@@ -125,7 +125,7 @@ def _choose_frame(store: ProjectPhotographs, review: Review) -> Frame:
 
 
 def _decide(store: ProjectPhotographs, review: Review, frame: Frame, running: bool) -> None:
-    """Use it, leave it out, undo."""
+    """Buttons to use the frame, leave it out, or undo."""
     number = frame.frame
     with st.container(horizontal=True):
         st.button(
@@ -177,7 +177,7 @@ def _show_photograph(store: ProjectPhotographs, frame: Frame, camera: int, runni
 
 @st.cache_data(show_spinner=False, max_entries=16)
 def _shown(digest: str, _file: StoredFile, _name: str) -> Shown:
-    """A photograph is decoded once."""
+    """The photograph for the browser, cached by digest."""
     return encode(eight_bits(read_photograph(_file, _name)), digest)
 
 
@@ -189,9 +189,9 @@ def _file_of(store: ProjectPhotographs, frame: Frame, camera: int) -> StoredFile
 
 
 def take_pick(store: ProjectPhotographs, number: int, camera: int, click: Pick) -> None:
-    """A click in a photograph moves or sets a target (a callback).
+    """Move or set a target where the user clicked (a callback).
 
-    A click in a photograph that is no longer shown is not one.
+    Clicks in a photograph that is no longer shown are ignored.
     """
     wanted = _target(store).value()
     raw = click.raw or _raw(store).value()
@@ -217,7 +217,7 @@ def take_pick(store: ProjectPhotographs, number: int, camera: int, click: Pick) 
 
 
 def _swap(now: Review, seen: Frame, camera: int) -> Review:
-    """Exchange A and B, unless another tab has touched them: it would take back its exchange."""
+    """Exchange A and B, unless another tab has moved them: that could undo its exchange."""
     if now.frame(seen.frame).centres[camera] != seen.centres[camera]:
         raise StereocalError("Another tab has moved A or B here: look, and press again.")
     return swap(now, seen.frame, camera)
@@ -229,7 +229,7 @@ def edit(
     change: Callable[[Review], Review],
     done: str | Callable[[], str],
 ) -> None:
-    """Make an edit and say how it went (a callback)."""
+    """Apply an edit and report the outcome (a callback)."""
     try:
         change_review(store, change)
         _say(number, done if isinstance(done, str) else done())
@@ -242,7 +242,7 @@ def take_back(store: ProjectPhotographs, seen: Edit | None) -> None:
     """Undo the latest edit, and show its frame (a callback).
 
     Args:
-        seen: the latest edit when the page was drawn: another tab's later one is not undone.
+        seen: the latest edit when the page was drawn; a later one of another tab is not undone.
     """
 
     def change(now: Review) -> Review:
@@ -273,18 +273,18 @@ def look_closely(store: ProjectPhotographs, number: int) -> None:
 @callback
 def _go_to(store: ProjectPhotographs, number: int) -> None:
     _frame(store).set(number)
-    st.session_state.pop(_SAID, None)
+    st.session_state.pop(_OUTCOME, None)
 
 
 def _say(number: int, sentence: str, refused: bool = False) -> None:
-    st.session_state[_SAID] = (number, sentence, refused)
+    st.session_state[_OUTCOME] = (number, sentence, refused)
 
 
-def _show_said(store: ProjectPhotographs, frame: Frame) -> None:
-    """How the last edit of this frame went; before the first what to do, so that nothing shifts."""
-    said: tuple[int, str, bool] | None = st.session_state.get(_SAID)
-    if said and said[0] == frame.frame and said[1]:
-        (st.warning if said[2] else st.success)(escape_markdown(said[1]))
+def _show_outcome(store: ProjectPhotographs, frame: Frame) -> None:
+    """The outcome of the last edit of this frame, or else an instruction."""
+    text: tuple[int, str, bool] | None = st.session_state.get(_OUTCOME)
+    if text and text[0] == frame.frame and text[1]:
+        (st.warning if text[2] else st.success)(escape_markdown(text[1]))
     else:
         where = "to where you click" if _raw(store).value() else "to the fitted corner there"
         st.info(f"Click near the middle of a target: it moves {where}.")

@@ -1,4 +1,4 @@
-"""The sample data, to try everything with: a table of points, or photographs of bar and boards."""
+"""The sample data: a table of points, or photographs of bar and boards."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from concurrent.futures import Future
 
 from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import pack_dataset, read_dataset
-from stereocal.projects.folders import default_home
+from stereocal.projects.data_folder import default_home
 from stereocal.projects.lens import WHICH, ProjectLens
 from stereocal.projects.project import Project
 from stereocal.system.photograph_files import is_photograph
-from stereocal.ui.intake import give_dataset, refuse, settled
+from stereocal.ui.intake import clear_refusal, give_dataset, refuse
 from stereocal.ui.jobs import pool
 from stereocal.ui.project import SAMPLE, project_to_write
 
@@ -20,12 +20,12 @@ DESCRIPTION = ("dataset.json", "primary.json", "secondary.json")
 
 
 def has_sample_photographs() -> bool:
-    """Whether they were installed; they are 22 MB, and a copy may do without."""
+    """Whether they are installed; they are optional, 22 MB."""
     return PHOTOGRAPHS.is_dir()
 
 
 def begin_sample(making: list[Future[Project]], make: Callable[[], Project]) -> None:
-    """Make a sample's project, which the next run of any page opens (a callback)."""
+    """Create a sample's project, which the next run of any page opens (a callback)."""
     making.append(pool().submit(make))
 
 
@@ -54,10 +54,10 @@ def sample_photographs() -> Project:
 
 
 def load_sample_boards() -> None:
-    """The sample's board photographs, into the open project or a new one (a callback)."""
+    """Add the sample's board photographs to the open project or a new one (a callback)."""
     try:
         _give_boards(project_to_write())
-        settled()
+        clear_refusal()
     except StereocalError as error:
         refuse(error)
 

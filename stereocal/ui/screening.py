@@ -1,4 +1,4 @@
-"""Frames that contradict the others: found once for the same data, shown, put back, exchanged."""
+"""Frames that contradict the others: cached screening, and buttons to correct or keep them."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from stereocal.rig.dataset import Dataset
 from stereocal.ui import jobs
 from stereocal.ui.fields import Field
 from stereocal.ui.intake import escape_markdown
-from stereocal.ui.told import callback
+from stereocal.ui.messages import callback
 
 MOST_BUTTONS = 6
-"""Frames with exchanged targets that have a button each."""
+"""Maximum number of frames with an Exchange button."""
 _AGAIN = "calibrate_again"
 
 
 def screenings_of(datasets: Sequence[Dataset], settings: CalibrationSettings) -> list[Screening]:
-    """The screening of the person's data set, the first, and of others; each is made once.
+    """The screenings of the project's data set, the first, and of further ones, cached.
 
-    The frames put back are those of the first; in others the same numbers mean nothing.
+    Frames put back are those of the first.
     """
     others = replace(settings, frames_put_back=())
     own = [settings, *[others] * (len(datasets) - 1)]
@@ -41,13 +41,13 @@ def screenings_of(datasets: Sequence[Dataset], settings: CalibrationSettings) ->
 
 
 def put_back_field(project: Project) -> Field:
-    """The frames that a person has put back."""
+    """The frames that the user has put back."""
     key = "frames_put_back"
     return Field(key, key, lambda: project.inputs.put_back, project.put_back)
 
 
 def show_left_out(project: Project, calibration: Calibration) -> None:
-    """Which frames were left out, with the ways to have them back."""
+    """The frames left out, with buttons to exchange targets or put frames back."""
     screening = calibration.screening
     field = put_back_field(project)
     frames = sorted({*screening.left_out, *field.value()})
@@ -70,7 +70,7 @@ def show_left_out(project: Project, calibration: Calibration) -> None:
 
 
 def show_exchanged(project: Project) -> None:
-    """The frames whose targets a person has exchanged, with the way to take that back."""
+    """The frames whose targets the user has exchanged, with buttons to undo that."""
     frames = project.inputs.exchanged
     if not frames:
         return
@@ -84,7 +84,7 @@ def show_exchanged(project: Project) -> None:
 
 
 def calibrate_again() -> bool:
-    """Whether a frame was put back or exchanged since the page was drawn last."""
+    """Whether a frame was put back or exchanged since the last run of the page."""
     return bool(st.session_state.pop(_AGAIN, False))
 
 
@@ -113,7 +113,7 @@ def exchange(project: Project, frame: int) -> None:
 
 
 def _key(dataset: Dataset, settings: CalibrationSettings) -> str:
-    """All that a screening tells, its data set's name and notes among it."""
+    """Includes name and notes, because messages show them."""
     about = [dataset.sha256, dataset.name, dataset.notes]
     return json.dumps([*about, settings.all_frames, settings.frames_put_back])
 

@@ -13,9 +13,9 @@ from stereocal.ui.intake import (
     TITLES,
     Upload,
     check_uploads,
+    clear_refusal,
     in_use,
     is_new,
-    settled,
     take_file,
     taking,
 )
@@ -24,7 +24,7 @@ from stereocal.ui.wizard import ask_about_bars
 
 
 def single_files(project: Project | None) -> None:
-    """The uploaders; for a table of another program, questions."""
+    """The uploaders, and questions about a table of another program."""
     for slot, column in zip(TITLES, st.columns(3), strict=True):
         with column:
             in_use(project, slot)
@@ -51,7 +51,7 @@ def single_files(project: Project | None) -> None:
 
 
 def _take_table(upload: Upload | None) -> None:
-    """Our table at once; a file of another program waits for answers."""
+    """Store our table at once; ask about a file of another program."""
     if upload is None:
         return
     if not holds_bars(upload.getvalue(), upload.name):
@@ -60,5 +60,5 @@ def _take_table(upload: Upload | None) -> None:
         with taking(upload):
             check_uploads([upload])
             ProjectApplication(project_to_write()).ask("bars", upload.name, upload.getvalue())
-            settled()
+            clear_refusal()
         st.rerun()

@@ -1,4 +1,4 @@
-"""Whether a shown result still belongs to what the form and the data say."""
+"""Whether a result is still current for the form and the data."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ NAMES = {
 }
 
 _FRAMES = ("all_frames", "frames_put_back")
-"""Told by the frames that were left out."""
+"""Shown with the frames left out, not in the line of settings."""
 
 
 def staleness(result: Calibration, dataset: Dataset, values: Mapping[str, Any]) -> str | None:
-    """A sentence that says what has changed since the result; None if nothing has."""
+    """What has changed since the result, as a sentence; None if nothing has."""
     if result.dataset.sha256 != dataset.sha256:
         return (
             "The data have changed since this result. Press Calibrate for the new data; until then "
@@ -34,7 +34,7 @@ def staleness(result: Calibration, dataset: Dataset, values: Mapping[str, Any]) 
         )
     if _known(result.dataset) != _known(dataset):
         return (
-            "How well the lengths are known was stated differently when this result was made. "
+            "The uncertainties of the lengths have changed since this result. "
             "Press Calibrate to renew its refined set."
         )
     made_with = result.settings.to_json()
@@ -52,7 +52,7 @@ def _known(dataset: Dataset) -> tuple[float | None, float | None]:
 
 
 def describe_settings(result: Calibration) -> str:
-    """The settings that made a result, in one line."""
+    """The settings of a result, in one line."""
     made_with = result.settings.to_json()
     made_with["calibration_frames"] = f"{len(result.frames)} calibration frames"
     parts = [

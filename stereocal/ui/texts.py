@@ -11,8 +11,8 @@ PICTURE = Path(__file__).parents[2] / "assets" / "how_it_works.svg"
 
 PURPOSE = """
 - Two cameras look at a bar with two targets, A and B, in 20 or more positions.
-- From the images, the distance A–B and the distance between the cameras, stereocal finds how the
-  cameras stand.
+- From the images, the distance A–B and the distance between the cameras, stereocal computes the
+  pose of one camera relative to the other.
 - Images are noisy, so no single set of parameters is best at everything. You get **two**:
 - the **2D set**, to find which points of the two images belong together,
 - the **3D set**, to measure positions and distances in space.
@@ -61,12 +61,12 @@ uncertainty. Where these were a little wrong, one refined set can do both jobs b
 
 
 _LINK = re.compile(r"\S*(?:://|www\.|@)\S*", re.IGNORECASE)
-"""A word that Streamlit's Markdown makes a link or a mail address of, though all its signs are
-escaped. Code it leaves as it is."""
+"""A word that Streamlit's Markdown makes a link or a mail address even if escaped, unless it is
+code."""
 
 
 def escape_markdown(text: str) -> str:
-    """Text of a file, such as its name, that Streamlit must not take for markup, nor for a link."""
+    """Escape untrusted text, such as a file's name, so that it is neither markup nor a link."""
     parts, end = [], 0
     for word in _LINK.finditer(text):
         parts += [_escaped(text[end : word.start()]), _code(word[0])]
@@ -75,7 +75,7 @@ def escape_markdown(text: str) -> str:
 
 
 def escaped_table(table: pd.DataFrame) -> pd.DataFrame:
-    """A table whose cells and headings hold text of a file: `st.table` takes them for Markdown."""
+    """Escape cells and headings of untrusted text: `st.table` renders them as Markdown."""
     safe = table.map(lambda cell: escape_markdown(cell) if isinstance(cell, str) else cell)
     return safe.rename(
         index=lambda name: escape_markdown(str(name)),

@@ -1,8 +1,7 @@
-"""What a browser has uploaded, in the server's memory: let go of when it is taken, or never is.
+"""Memory of uploads: freed once they are stored, too old, or too large together.
 
-Streamlit keeps every upload until its session ends, and some minutes longer: twelve files of 100 MB
-that no page took held 1.5 GB. So what a page has taken goes at once, what none takes after a while,
-and what is too much together as soon as it is there.
+Streamlit keeps every upload until some minutes after its session ends: twelve unused files of
+100 MB held 1.5 GB.
 """
 
 from __future__ import annotations
@@ -23,13 +22,13 @@ from stereocal.projects.files import MB
 from stereocal.projects.server_settings import ServerSettings
 
 IDLE_S = 300.0
-"""A session that uploads nothing for so long waits for no further file of the same upload."""
+"""Uploads of a session are dropped this long after its last one."""
 LOOK_EVERY_S = 1.0
 _LOG = logging.getLogger(__name__)
 
 
 class Upload(Protocol):
-    """What Streamlit hands over of an uploaded file."""
+    """An uploaded file as Streamlit passes it."""
 
     name: str
     file_id: str
@@ -40,7 +39,7 @@ class Upload(Protocol):
 
 
 class Watch:
-    """Lets go of uploads that nobody takes."""
+    """Drops uploads that no page has stored."""
 
     def __init__(self, files: MemoryUploadedFileManager, most_bytes: float) -> None:
         self.files, self.most_bytes = files, most_bytes
@@ -48,7 +47,7 @@ class Watch:
         self._dropped: set[str] = set()
 
     def look(self, now: float) -> None:
-        """Let go of what is too old or too much, by the seconds of a clock that only goes on."""
+        """Drop uploads that are too old or too large together; `now` is a monotonic time."""
         sizes = {
             session: {file: len(record.data) for file, record in list(held.items())}
             for session, held in list(self.files.file_storage.items())
@@ -66,7 +65,7 @@ class Watch:
             self._drop(most, sizes.pop(most))
 
     def has_dropped(self, session: str) -> bool:
-        """Whether uploads of this session were let go of; True once."""
+        """Whether uploads of this session were dropped; True only once."""
         found = session in self._dropped
         self._dropped.discard(session)
         return found
@@ -79,7 +78,7 @@ class Watch:
 
 @st.cache_resource(show_spinner=False)
 def watch_uploads() -> Watch | None:
-    """Begin to look, once for the server; None where no server runs, as in a test."""
+    """Start the watch, once per server; None without a server, as in a test."""
     if not runtime.exists():
         return None
     files = runtime.get_instance().uploaded_file_mgr
@@ -100,22 +99,22 @@ def _look(watch: Watch) -> None:
 
 
 def check_dropped() -> None:
-    """Refuse what is left of an upload that was too large, or too slow, for the server.
+    """Report uploads that were dropped.
 
     Raises:
-        StereocalError: the limits, and the setting that changes one.
+        StereocalError: uploads of this session were too large or too slow.
     """
     watch, run = watch_uploads(), get_script_run_ctx()
     if watch is not None and run is not None and watch.has_dropped(run.session_id):
         raise StereocalError(
-            "The server has let go of uploaded files before they could be stored: together they "
+            "The server has dropped uploaded files before they could be stored: together they "
             f"were more than {watch.most_bytes / MB:g} MB (STEREOCAL_UPLOADS_MB), or the next one "
             f"took longer than {IDLE_S / 60:g} minutes. Give them in smaller parts."
         )
 
 
-def let_go(uploads: Iterable[Upload]) -> None:
-    """Free the memory of uploads that were taken."""
+def free_memory(uploads: Iterable[Upload]) -> None:
+    """Free the memory of uploads that are stored."""
     run = get_script_run_ctx()
     if run is not None and isinstance(run.uploaded_file_mgr, MemoryUploadedFileManager):
         for upload in uploads:

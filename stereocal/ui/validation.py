@@ -1,4 +1,4 @@
-"""The Validate page: which data, which protocol, running it, and what came out."""
+"""The Validate page: choice of data and protocol, computation and results."""
 
 from __future__ import annotations
 
@@ -43,22 +43,22 @@ from stereocal.ui.downloads import on_demand
 from stereocal.ui.fields import Field, number, one_of, setting, yes_or_no
 from stereocal.ui.forms import search_form, search_values, settings_of
 from stereocal.ui.intake import check_uploads, escape_markdown, is_new, taking
+from stereocal.ui.messages import callback
 from stereocal.ui.refined import refine_settings
 from stereocal.ui.results import show_figure
 from stereocal.ui.screening import screenings_of
-from stereocal.ui.told import callback
 
 NINETEEN = Path(__file__).parents[2] / "sample_data" / "nineteen"
 MINE, ALL, PAPER = "My data set", "All my data sets", "Nineteen synthetic rigs"
 STAGES = ("runs",)
 BIN_WIDTHS = (0.02, 0.04, 0.1, 0.2, 0.5)
 INSTANT = 120
-"""Runs of 25 frames that take less than a second: those are computed as the controls move."""
+"""Runs of 25 frames that take under a second, and so are computed as the controls move."""
 SCROLLS = """<style>
 .st-key-scrolls { overflow-x: auto; }
 .st-key-scrolls > div { min-width: 54rem; }
 </style>"""
-"""Three panels side by side need their width; on a narrow screen the figure scrolls sideways."""
+"""On a narrow screen the three panels scroll sideways."""
 COLUMNS = {
     "residual": "Residual",
     "reprojection": "Reprojection error",
@@ -91,7 +91,7 @@ def _summaries(evaluation: Evaluation, bin_width: float) -> Any:
 
 
 def choose_protocol(project: Project, datasets: Sequence[Dataset]) -> EvaluationSettings:
-    """How often, and with how many frames.
+    """The form of the protocol: number of runs and of frames.
 
     Raises:
         StereocalError: settings that contradict each other.
@@ -99,7 +99,7 @@ def choose_protocol(project: Project, datasets: Sequence[Dataset]) -> Evaluation
     runs, frames, most = _protocol_fields(project, datasets)
     left, right = st.columns(2)
     left.slider(
-        "Runs", 10, 500, step=10, help="How often frames are drawn anew. Paper: 100.",
+        "Runs", 10, 500, step=10, help="How often frames are drawn again. Paper: 100.",
         **runs.widget(),
     )  # fmt: skip
     right.slider(
@@ -111,7 +111,7 @@ def choose_protocol(project: Project, datasets: Sequence[Dataset]) -> Evaluation
 
 
 def _protocol_fields(project: Project, datasets: Sequence[Dataset]) -> tuple[Field, Field, int]:
-    """Runs, frames to calibrate with, and how many those may be."""
+    """Fields of the runs and of the frames to calibrate with, and the maximum of the latter."""
     screenings = screenings_of(datasets, settings_of(search_values(project)))
     fewest = min(len(each.dataset.correspondences.frames) for each in screenings)
     most = max(fewest - 2, 2)
@@ -123,12 +123,12 @@ def _protocol_fields(project: Project, datasets: Sequence[Dataset]) -> tuple[Fie
 
 
 def usual_frames(frames: int) -> int:
-    """4 of 5, as the paper's 20 of 25: with fewer, a long recording could not show what it can."""
+    """The default number of frames to calibrate with: 4 of 5, as the paper's 20 of 25."""
     return max(4 * frames // 5, 1)
 
 
 def kept_protocol(project: Project, datasets: Sequence[Dataset]) -> EvaluationSettings:
-    """The protocol as it stands in the form of this page, for pages that do not show it too.
+    """The protocol in the form, also for pages that do not show it.
 
     Raises:
         StereocalError: settings that contradict each other.
@@ -145,10 +145,10 @@ def kept_protocol(project: Project, datasets: Sequence[Dataset]) -> EvaluationSe
 def bring_up_to_date(
     project: Project, datasets: Sequence[Dataset], settings: EvaluationSettings
 ) -> None:
-    """Compute at once what is short; offer a button for what is long, and show how it goes."""
+    """Compute short work at once; for long work show a button and progress."""
     work = _work(project, datasets, settings)
     if _is_current(_last(project), datasets, settings):
-        jobs.is_done(work)
+        jobs.discard_finished(work)
     else:
         frames = sum(len(dataset.correspondences.frames) for dataset in datasets)
         if settings.runs * frames / 25 <= INSTANT:
@@ -180,11 +180,11 @@ def _work(project: Project, datasets: Sequence[Dataset], settings: EvaluationSet
 def _validate(
     project: Project, datasets: Sequence[Dataset], settings: EvaluationSettings, job: jobs.Job
 ) -> bool:
-    """Evaluate and keep the result; False if it was cancelled."""
+    """Evaluate and store the result; False if cancelled."""
     kept = [screening.dataset for screening in screenings_of(datasets, settings.calibration)]
     runs = evaluate(
         kept, settings, job.executor, job.progress, lambda: job.cancelled,
-        pieces=job.parts("runs", pack_runs, unpack_runs),
+        pieces=job.checkpoints("runs", pack_runs, unpack_runs),
     )  # fmt: skip
     if runs is None:
         return False
@@ -202,7 +202,7 @@ def show_evaluation(
     """Answer, figure, table and downloads of the last finished evaluation."""
     if not _is_current(evaluation, datasets, settings):
         st.warning(
-            "The form or the data have changed since this validation. It shows what it was made "
+            "The form or the data have changed since this validation. It was computed "
             f"with: {describe_protocol(evaluation)}"
         )
     bins = setting(project, "bin_width", 0.1, one_of(BIN_WIDTHS))
@@ -240,7 +240,7 @@ def show_evaluation(
 
 
 def _screenings(evaluation: Evaluation, datasets: Sequence[Dataset]) -> list[Screening]:
-    """Of the data sets that were validated; none where these are not there any more."""
+    """The screenings of the validated data sets; empty if one was removed."""
     used = {dataset.sha256: dataset for dataset in datasets}
     if not all(digest in used for digest in evaluation.sha256):
         return []
@@ -251,7 +251,7 @@ def _screenings(evaluation: Evaluation, datasets: Sequence[Dataset]) -> list[Scr
 def _show_answer(
     summaries: Mapping[Method, MethodSummary], screenings: Sequence[Screening]
 ) -> None:
-    """The answer; in green only where it can be relied on."""
+    """The answer; green only if it is reliable."""
     for screening in screenings:
         if screening.left_out:
             line = f"{screening.full_dataset.name}: {left_out_line(screening)}"
@@ -316,7 +316,7 @@ def _further(project: Project, more: Sequence[Dataset]) -> None:
 
 
 def _last(project: Project) -> Evaluation | None:
-    """The last validation; None where it is damaged, so that it is made anew."""
+    """The last validation; None if damaged, so that it is computed again."""
     try:
         return project.evaluation
     except StereocalError:

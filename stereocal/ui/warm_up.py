@@ -1,4 +1,4 @@
-"""What the server does in the background from its start, and what pages show of it."""
+"""Background work of the server: compilation at its start, and deletion of old projects."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from streamlit.runtime.scriptrunner import add_script_run_ctx, get_script_run_ct
 
 from stereocal.commands.warming import compile_all
 from stereocal.errors import StereocalError
-from stereocal.projects.folders import default_home
+from stereocal.projects.data_folder import default_home
 from stereocal.projects.home import sweep
 from stereocal.projects.server_settings import ServerSettings
 
@@ -24,12 +24,12 @@ _LOG = logging.getLogger(__name__)
 
 
 class WarmUp:
-    """How far the server has compiled; its thread writes, pages only read."""
+    """Progress of the compilation. Its thread writes; pages only read."""
 
     def __init__(self) -> None:
         self.done = 0
         self.total = 0
-        """0 until something begins to be compiled: all may be in the cache."""
+        """0 until a compilation begins: everything may be in the cache."""
         self.over = False
 
     @property
@@ -39,33 +39,33 @@ class WarmUp:
 
     @property
     def share(self) -> float:
-        """Of the functions, those that are compiled."""
+        """Fraction of the functions compiled."""
         return self.done / max(self.total, 1)
 
     @property
     def sentence(self) -> str:
-        """How far it is."""
+        """The progress in words."""
         return f"Compiling once: {self.done} of {self.total} functions"
 
     def run(self) -> None:
-        """Delete what is too old, compile, and look again every hour."""
+        """Delete old projects, compile, and delete old projects every hour."""
         _sweep()
         try:
-            compile_all(self._heard)
-        except Exception:  # what cannot be compiled now says so where it is used
+            compile_all(self._count)
+        except Exception:  # reported again where the function is used
             _LOG.exception("The server could not compile everything ahead.")
         self.over = True
         while True:
             time.sleep(SWEEP_EVERY_S)
             _sweep()
 
-    def _heard(self, done: int, total: int) -> None:
+    def _count(self, done: int, total: int) -> None:
         self.done, self.total = done, total
 
 
 @st.cache_resource(show_spinner=False)
 def warm_up() -> WarmUp:
-    """What is done in the background; it begins with the first call."""
+    """The background work; the first call starts it."""
     state = WarmUp()
     threading.Thread(target=state.run, daemon=True, name="warm-up").start()
     return state
@@ -73,9 +73,9 @@ def warm_up() -> WarmUp:
 
 @contextmanager
 def compiling_shown(place: DeltaGenerator) -> Iterator[None]:
-    """While the server compiles, show how far it is, to those whose page waits for it.
+    """Show the progress of the compilation while a page is drawn.
 
-    By a thread: what the script of the page itself draws could end it in the middle.
+    A thread draws it: drawing in the page's own script could end that halfway.
     """
     state = warm_up()
     if state.over:
@@ -101,7 +101,7 @@ def compiling_shown(place: DeltaGenerator) -> Iterator[None]:
 
 
 def _sweep() -> None:
-    """What cannot be swept, as on a home that is read-only, is left for the next time."""
+    """Delete old projects. Errors, as on a read-only disk, are ignored until the next time."""
     with suppress(StereocalError, OSError):
         settings = ServerSettings.from_environment()
         sweep(default_home(), settings.undo_days, settings.keep_days)

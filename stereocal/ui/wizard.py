@@ -1,4 +1,4 @@
-"""Questions about a point file of another program, with a preview of how it will be read."""
+"""Questions about a point file of another program, with a preview of its points."""
 
 from __future__ import annotations
 
@@ -29,21 +29,21 @@ from stereocal.projects.application import ProjectApplication
 from stereocal.projects.point_files import Asked, Side
 from stereocal.projects.project import Project
 from stereocal.ui.fields import Fit, number, one_of, setting, yes_or_no
-from stereocal.ui.intake import escape_markdown, refuse, settled
+from stereocal.ui.intake import clear_refusal, escape_markdown, refuse
+from stereocal.ui.messages import callback
 from stereocal.ui.parameter_files import CORNER_TITLES
-from stereocal.ui.project import noted
+from stereocal.ui.project import own_change
 from stereocal.ui.texts import escaped_table
-from stereocal.ui.told import callback
 
 PREVIEW_ROWS = 5
 COUNTED = -1
-"""In place of the frame's column; None is what nobody has chosen yet."""
+"""Instead of the frame's column; None means not chosen yet."""
 COUNTED_TITLE = "none: the rows are counted"
 FLIP_TITLES = {"h": "h − v (most programs)", "h-1": "h − 1 − v", "h+1": "h + 1 − v"}
 
 
 def ask_about_points(store: ProjectApplication, side: Side, image_height: int | None) -> None:
-    """The questions about one camera's file, if one waits for answers."""
+    """The questions about one camera's file, if there is one."""
     asked = store.asking(side)
     if asked is None:
         return
@@ -78,7 +78,7 @@ def ask_about_points(store: ProjectApplication, side: Side, image_height: int | 
 
 
 def ask_about_bars(store: ProjectApplication) -> None:
-    """The questions about a file with both ends of the bar, if one waits for answers."""
+    """The questions about a file with both ends of the bar, if there is one."""
     asked = store.asking("bars")
     if asked is None:
         return
@@ -104,7 +104,7 @@ def ask_about_bars(store: ProjectApplication) -> None:
         st.caption(f"{len(rows)} pairs of points in {len(rows.frames)} frames.")
 
         def use() -> None:
-            with noted(store.project):
+            with own_change(store.project):
                 store.project.give({"correspondences": (label, table)})
             store.forget_question("bars")
 
@@ -113,14 +113,14 @@ def ask_about_bars(store: ProjectApplication) -> None:
 
 @dataclass(frozen=True)
 class _Form:
-    """The fields of the questions about a file, whose answers are kept for each program."""
+    """The fields of the questions about a file; answers are stored per program."""
 
     project: Project
     key: str
     layout: PointLayout
 
     def field(self, name: str, usual: Any, fit: Fit) -> dict[str, Any]:
-        """Key and callback of a widget, which begins as it was answered last time."""
+        """Key and callback of a widget, which starts with the last answer."""
         key = f"{self.key}_{name}"
         return setting(
             self.project, key, usual, fit, name=f"{key} of {self.layout.program}"
@@ -188,7 +188,7 @@ def _bar_form(form: _Form) -> BarAnswers:
 def _columns(
     form: _Form, content: bytes, label: str, first: Answers
 ) -> tuple[int | None, int, int] | None:
-    """The columns as chosen; None until all three are."""
+    """The chosen columns; None until all three are chosen."""
     names = column_names(content, form.layout, label)
     start: tuple[int | None, ...] = (None, None, None)
     if first.columns is not None:
@@ -236,7 +236,7 @@ def _origin(
 
 
 def _height(form: _Form, name: str, title: str, known: int | None, corner: Corner) -> int | None:
-    """The image height, which only a file that counts from the lower left needs."""
+    """The image height, asked only if the file counts from the lower left."""
     if corner == "upper-left":
         return known
     field = form.field(name, known, number(1, or_none=True))
@@ -253,7 +253,7 @@ def _buttons(store: ProjectApplication, asked: Asked, use: Callable[[], None]) -
     def take() -> None:
         try:
             use()
-            settled()
+            clear_refusal()
         except StereocalError as error:
             refuse(error)
 

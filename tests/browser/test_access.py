@@ -13,7 +13,7 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from stereocal.rig.parameters import RigParameters
-from stereocal.ui.frame import TITLES
+from stereocal.ui.navigation import TITLES
 from tests.browser.conftest import LONGEST_MS
 
 pytestmark = pytest.mark.browser

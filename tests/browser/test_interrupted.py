@@ -16,7 +16,7 @@ from playwright.sync_api import Page, expect
 from stereocal.evaluation.evaluate import evaluate
 from stereocal.projects.project import Project
 from tests.browser.conftest import LONGEST_MS, served
-from tests.projects.test_parts import same_runs
+from tests.projects.test_checkpoints import same_runs
 
 pytestmark = pytest.mark.browser
 SOME = re.compile(r"^\d+ of 500 runs")

@@ -11,7 +11,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from stereocal.projects.project import Project
-from stereocal.ui.frame import TITLES
+from stereocal.ui.navigation import TITLES
 from tests.browser.conftest import LONGEST_MS
 from tests.browser.work import finished_project
 

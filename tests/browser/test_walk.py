@@ -14,7 +14,7 @@ from playwright.sync_api import Browser, Page, expect
 
 from stereocal.cli import main
 from stereocal.rig.parameters import RigParameters
-from stereocal.ui.frame import TITLES
+from stereocal.ui.navigation import TITLES
 from tests.browser.conftest import LONGEST_MS, ROOT, serve
 
 pytestmark = pytest.mark.browser

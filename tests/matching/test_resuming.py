@@ -35,7 +35,7 @@ from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import RigParameters
 from tests import known_rig as rig
 from tests import lens as lens_scene
-from tests.projects.test_parts import same_detections, same_runs
+from tests.projects.test_checkpoints import same_detections, same_runs
 
 SAMPLES = Path(__file__).parents[2] / "sample_data" / "photographs"
 T = TypeVar("T")

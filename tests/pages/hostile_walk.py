@@ -10,7 +10,7 @@ from streamlit.testing.v1 import AppTest
 
 from stereocal.formats.dataset_files import pack_dataset
 from stereocal.projects.project import Project
-from stereocal.ui.frame import TITLES
+from stereocal.ui.navigation import TITLES
 from tests.hostile_projects import dataset
 from tests.soak.mutations import from_nothing, mutated
 from tests.soak.readers import readers

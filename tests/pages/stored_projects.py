@@ -8,7 +8,7 @@ from streamlit.testing.v1 import AppTest
 
 from stereocal.projects.archive import unpack_project
 from stereocal.projects.project import Project
-from stereocal.ui.frame import TITLES
+from stereocal.ui.navigation import TITLES
 
 ROOT = Path(__file__).parents[2]
 FULL = ROOT / "tests" / "projects" / "full.zip"

@@ -82,7 +82,7 @@ def test_bytes_flipped_at_random_places(seed: int, home: Path) -> None:
 
 def test_edits_that_are_damaged_cost_the_undoing_alone(home: Path) -> None:
     project = placed(FULL, home)
-    with project.database.act() as db:
+    with project.database.transaction() as db:
         db.execute("UPDATE edit SET json = '{'")
     project.keep_settings({"frames_view": "One frame"})
     app = go(session(project), "data")

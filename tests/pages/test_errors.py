@@ -15,10 +15,10 @@ from streamlit.testing.v1 import AppTest
 
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.formats.dataset_files import read_dataset
-from stereocal.projects import folders
+from stereocal.projects import data_folder
 from stereocal.projects.project import Project
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.ui.frame import TITLES
+from stereocal.ui.navigation import TITLES
 from stereocal.ui.refined import calibrated, refined_of
 from tests.browser.work import finished_project
 
@@ -75,7 +75,7 @@ def test_ids_are_random_bits_of_the_operating_system(
     monkeypatch.setattr(secrets, "token_hex", counted)
     ids = {Project.create(tmp_path).id for _ in range(20)}
     assert asked == [16] * 20  # bytes: 128 bits
-    assert len(ids) == 20 and all(folders.is_id(one) for one in ids)
+    assert len(ids) == 20 and all(data_folder.is_id(one) for one in ids)
     bits = "".join(f"{int(one, 16):0128b}" for one in ids)
     assert 0.45 < bits.count("1") / len(bits) < 0.55  # 2560 bits: 5 standard deviations
 

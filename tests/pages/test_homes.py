@@ -9,12 +9,12 @@ from pathlib import Path
 import pytest
 from streamlit.testing.v1 import AppTest
 
-from stereocal.projects import folders
+from stereocal.projects import data_folder
 from stereocal.projects import home as home_module
 from stereocal.projects.database import Database
 from stereocal.projects.project import Project
-from stereocal.projects.refusals import FullError
-from stereocal.ui.frame import TITLES
+from stereocal.projects.sqlite_errors import DiskFullError
+from stereocal.ui.navigation import TITLES
 from tests.pages.stored_projects import FULL, ROOT, SLOW, go, placed, session, told
 
 REASON = "The disk is full."
@@ -25,11 +25,11 @@ def broken(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Every change below the home fails."""
 
     def full(*_: object, **__: object) -> Database:
-        raise FullError(REASON)
+        raise DiskFullError(REASON)
 
     with monkeypatch.context() as patch:
-        patch.setattr(Database, "act", full)
-        patch.setattr(folders, "create", full)
+        patch.setattr(Database, "transaction", full)
+        patch.setattr(data_folder, "create", full)
         patch.setattr(home_module, "copy_database", full)
         yield
 

@@ -9,7 +9,7 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereocal.evaluation.evaluate import evaluate_runs
-from stereocal.projects import jobs as kept_jobs
+from stereocal.projects import jobs as stored_jobs
 from stereocal.projects.home import copy_database
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.ui import jobs, photographs
@@ -18,7 +18,7 @@ from tests.pages.test_pages import ROOT, SLOW, messages, open_sample, project_of
 from tests.pages.test_pages import app as app
 from tests.pages.test_pages import home as home
 from tests.pages.waiting import ended
-from tests.projects.test_parts import same_runs
+from tests.projects.test_checkpoints import same_runs
 
 STOPPED = "The server stopped while this ran"
 
@@ -35,8 +35,8 @@ def keys(app: AppTest) -> set[str]:
 @pytest.fixture
 def interrupted(app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch) -> AppTest:
     """A validation whose project is as it was when half of it was finished."""
-    monkeypatch.setattr(kept_jobs, "EVERY_S", 0.0)
-    half, let_go = threading.Event(), threading.Event()
+    monkeypatch.setattr(stored_jobs, "WRITE_EVERY_S", 0.0)
+    half, free_memory = threading.Event(), threading.Event()
     progress = jobs.Job.progress
 
     def then_hold(job: jobs.Job, done: int, total: int) -> None:
@@ -44,7 +44,7 @@ def interrupted(app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch) -> Ap
         progress(job, done, total)
         if done >= 60:
             half.set()
-            assert let_go.wait(SLOW)
+            assert free_memory.wait(SLOW)
 
     long_validation(app)
     project = project_of(app, home)
@@ -55,7 +55,7 @@ def interrupted(app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch) -> Ap
         assert job is not None and half.wait(SLOW)
         copy_database(project.database, home / "as_it_was")
         job.cancelled = True
-        let_go.set()
+        free_memory.set()
         assert ended(project, "evaluation").state == "cancelled"
     (home / "as_it_was").replace(project.database.path)
     jobs._jobs().clear()
@@ -67,7 +67,7 @@ def test_it_goes_on_to_the_same_result(
 ) -> None:
     app, project = interrupted, project_of(interrupted, home)
     assert STOPPED in messages(app) and "60 of 130 runs were finished." in messages(app)
-    assert "started anew" not in messages(app)
+    assert "started again" not in messages(app)
     assert "validate" not in keys(app)
     computed: list[int] = []
 
@@ -91,7 +91,7 @@ def test_it_goes_on_to_the_same_result(
 def test_with_changed_settings_it_can_only_start_anew(interrupted: AppTest, home: Path) -> None:
     app = interrupted
     app.slider(key="validate_runs").set_value(140).run()
-    assert STOPPED in messages(app) and "can only be started anew" in messages(app)
+    assert STOPPED in messages(app) and "can only be started again" in messages(app)
     assert "go_on_evaluation" not in keys(app)
     assert {"validate", "discard_evaluation"} <= keys(app)
     app.slider(key="validate_runs").set_value(130).run()
@@ -99,12 +99,12 @@ def test_with_changed_settings_it_can_only_start_anew(interrupted: AppTest, home
     app.switch_page("pages/data.py").run()
     app.number_input(key="baseline_m_value").set_value(4.6).run()
     app.switch_page("pages/validate.py").run()
-    assert "can only be started anew" in messages(app)
+    assert "can only be started again" in messages(app)
     assert "go_on_evaluation" not in keys(app)
     app.button(key="discard_evaluation").click().run()
     assert STOPPED not in messages(app)
     assert "validate" in keys(app)
-    assert kept_jobs.find(project_of(app, home).database, "evaluation") is None
+    assert stored_jobs.find(project_of(app, home).database, "evaluation") is None
 
 
 def test_start_says_it_in_the_list_and_a_new_session_finds_it(
@@ -136,17 +136,17 @@ def test_a_job_whose_tab_was_closed_is_there_when_the_page_is_opened_again(
 
 def test_a_job_of_another_server_is_shown_and_can_be_stopped(app: AppTest, home: Path) -> None:
     project = project_of(long_validation(app), home)
-    other = kept_jobs.begin(project.database, "evaluation", ("runs",), {})
+    other = stored_jobs.begin(project.database, "evaluation", ("runs",), {})
     assert other is not None
     other.progress(0, 30, 300)
     app.run()
     assert "validate" not in keys(app) and STOPPED not in messages(app)
     app.button(key="stop_evaluation").click().run()
-    kept_jobs.EVERY_S, before = 0.0, kept_jobs.EVERY_S
+    stored_jobs.WRITE_EVERY_S, before = 0.0, stored_jobs.WRITE_EVERY_S
     try:
         assert not other.progress(0, 40, 300)
     finally:
-        kept_jobs.EVERY_S = before
+        stored_jobs.WRITE_EVERY_S = before
     other.end()
     app.run()
     assert "validate" in keys(app)
@@ -178,10 +178,10 @@ def test_a_search_whose_result_was_kept_is_not_offered_again(kept: bool, home: P
     frames = store.frames
     assert frames is not None
     work = photographs._work(store, [row.pair for row in store.rows])
-    assert kept_jobs.begin(project.database, "photographs", work.stages, work.about) is not None
+    assert stored_jobs.begin(project.database, "photographs", work.stages, work.about) is not None
     store.keep_found(frames, store.photographs, work.digest if kept else "another")
-    kept_jobs._HERE.clear()  # its server died just then
+    stored_jobs._HERE.clear()  # its server died just then
     app = session(project).switch_page("pages/data.py").run()
     assert not app.exception
     assert ("go_on_photographs" in keys(app)) != kept and (STOPPED in messages(app)) != kept
-    assert (kept_jobs.find(project.database, "photographs") is None) == kept
+    assert (stored_jobs.find(project.database, "photographs") is None) == kept

@@ -64,7 +64,7 @@ def test_who_holds_the_most_loses_it_when_it_is_too_much(files: MemoryUploadedFi
 def test_what_a_page_has_taken_is_let_go(app: AppTest, monkeypatch: pytest.MonkeyPatch) -> None:
     gone: list[str] = []
     monkeypatch.setattr(
-        intake, "let_go", lambda uploads: gone.extend(upload.name for upload in uploads)
+        intake, "free_memory", lambda uploads: gone.extend(upload.name for upload in uploads)
     )
     app.switch_page("pages/data.py").run()
     app.segmented_control(key="data_how").set_value("A zip").run()

@@ -164,7 +164,7 @@ def test_from_the_sheet_to_one_frame_and_an_edit_of_the_sheet_is_undone(
 
 def test_a_photograph_that_has_gone_is_said(app: AppTest, store: ProjectPhotographs) -> None:
     st.cache_data.clear()
-    with store.database.act() as db:
+    with store.database.transaction() as db:
         db.execute("DELETE FROM named WHERE name = 'primary/left2.png'")
     app.selectbox(key="review_frame").set_value(2).run()
     assert "primary/left2.png (primary): there is no such photograph" in said(app)

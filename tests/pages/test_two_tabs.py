@@ -10,8 +10,8 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereocal.frames.review import choose
+from stereocal.projects.data_folder import default_home
 from stereocal.projects.files import StoredFile
-from stereocal.projects.folders import default_home
 from stereocal.projects.home import remove
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project

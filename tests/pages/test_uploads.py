@@ -10,7 +10,7 @@ import streamlit as st
 from streamlit.testing.v1 import AppTest
 
 from stereocal.formats.dataset_files import pack_dataset, read_dataset
-from stereocal.projects import jobs as kept_jobs
+from stereocal.projects import jobs as stored_jobs
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.archive import pack_project
 from stereocal.projects.home import recent_projects
@@ -44,7 +44,7 @@ def upload(app: AppTest, key: str, name: str, content: bytes, calls: list[object
     assert len(calls) == 2
 
 
-@pytest.mark.parametrize("place", ["give_dataset", "settled", "unzip"])
+@pytest.mark.parametrize("place", ["give_dataset", "clear_refusal", "unzip"])
 def test_data_set(app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch, place: str) -> None:
     app.switch_page("pages/data.py").run()
     app.segmented_control(key="data_how").set_value("A zip").run()
@@ -55,7 +55,7 @@ def test_data_set(app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch, pla
 
 def test_a_search_for_targets_of_the_data_set_before_is_stopped(app: AppTest, home: Path) -> None:
     project = project_of(open_sample(app), home)
-    searching = kept_jobs.begin(project.database, "photographs", ["photographs"], {})
+    searching = stored_jobs.begin(project.database, "photographs", ["photographs"], {})
     assert searching is not None and searching.progress(0, 1, 9)
     app.switch_page("pages/data.py").run()
     app.segmented_control(key="data_how").set_value("A zip").run()
@@ -76,7 +76,7 @@ def test_refusal_is_said(app: AppTest, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_camera_file(app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     app.switch_page("pages/data.py").run()
-    calls = click_meanwhile(monkeypatch, "stereocal.ui.intake.settled")
+    calls = click_meanwhile(monkeypatch, "stereocal.ui.intake.clear_refusal")
     upload(app, "upload_primary", "p.json", (FIELD / "primary.json").read_bytes(), calls)
     assert project_of(app, home).inputs.labels["primary"] == "p.json"
 
@@ -94,7 +94,7 @@ def test_points(app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch) -> No
 
 def test_wand_file(app: AppTest, monkeypatch: pytest.MonkeyPatch) -> None:
     app.switch_page("pages/data.py").run()
-    calls = click_meanwhile(monkeypatch, "stereocal.ui.single_files.settled")
+    calls = click_meanwhile(monkeypatch, "stereocal.ui.single_files.clear_refusal")
     rows = "\n".join(f"{k}.5,2.5,3.5,4.5,5.5,6.5,7.5,8.5" for k in range(6))
     upload(app, "upload_correspondences", "wand.csv", rows.encode(), calls)
     assert any("looks like a wand file" in item.value for item in app.markdown)

@@ -17,15 +17,15 @@ import pytest
 
 from stereocal.errors import StereocalError
 from stereocal.projects import database as database_module
-from stereocal.projects import files, journal, servers
+from stereocal.projects import files, journal_mode, servers
 from stereocal.projects.database import Database
 from stereocal.projects.files import StoredFile, files_of, keep_file, keep_values, values_of
 from stereocal.projects.home import copy_database, recent_projects
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
-from stereocal.projects.refusals import FullError
 from stereocal.projects.review import read_review
 from stereocal.projects.salvage import salvage
+from stereocal.projects.sqlite_errors import DiskFullError
 from tests.pages.stored_projects import FULL, placed
 
 
@@ -39,14 +39,14 @@ class ClickedAwayError(BaseException):
 
 
 def test_an_act_is_there_whole_or_not_at_all(database: Database) -> None:
-    with pytest.raises(ClickedAwayError), database.act():
+    with pytest.raises(ClickedAwayError), database.transaction():
         keep_values(database, "a", {"x": 1})
         assert values_of(database, "a") == {"x": 1}
         raise ClickedAwayError
     assert values_of(database, "a") == {}
-    with database.act():
+    with database.transaction():
         keep_values(database, "a", {"x": 2})
-        with pytest.raises(ValueError, match="part"), database.act():
+        with pytest.raises(ValueError, match="part"), database.transaction():
             keep_values(database, "a", {"x": 3, "y": 3})
             raise ValueError("part")
         keep_values(database, "a", {"z": 4})
@@ -58,7 +58,7 @@ def test_tabs_wait_for_each_other_and_the_last_write_holds(database: Database) -
 
     def add() -> None:
         for _ in range(15):
-            with database.act():
+            with database.transaction():
                 keep_values(database, "a", {"count": values_of(database, "a")["count"] + 1})
 
     threads = [threading.Thread(target=add) for _ in range(4)]
@@ -83,8 +83,8 @@ def test_without_a_write_ahead_log_a_rollback_journal_is_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     carried = placed(FULL, tmp_path / "local")
-    journal.journal_of.cache_clear()
-    monkeypatch.setattr(journal, "_writes_ahead", lambda _folder: False)
+    journal_mode.journal_of.cache_clear()
+    monkeypatch.setattr(journal_mode, "_writes_ahead", lambda _folder: False)
     project = placed(FULL, tmp_path / "remote")
     target = tmp_path / "remote" / "projects" / carried.database.path.name
     carried.database.path.rename(target)
@@ -93,7 +93,7 @@ def test_without_a_write_ahead_log_a_rollback_journal_is_kept(
         assert one.dataset is not None
         with closing(sqlite3.connect(one.database.path)) as db:
             assert db.execute("PRAGMA journal_mode").fetchone() == ("delete",)
-    journal.journal_of.cache_clear()
+    journal_mode.journal_of.cache_clear()
 
 
 def test_with_a_rollback_journal_readers_and_writers_do_not_wait_for_each_other_forever(
@@ -129,8 +129,8 @@ def test_with_a_rollback_journal_readers_and_writers_do_not_wait_for_each_other_
 )
 def test_a_network_disk_is_known_by_its_mount(mounts: str, remote: bool, tmp_path: Path) -> None:
     (tmp_path / "mounts").write_text(mounts)
-    assert journal.is_remote(Path("/srv/my data/home"), tmp_path / "mounts") == remote
-    assert not journal.is_remote(Path("/srv"), tmp_path / "none")
+    assert journal_mode.is_remote(Path("/srv/my data/home"), tmp_path / "mounts") == remote
+    assert not journal_mode.is_remote(Path("/srv"), tmp_path / "none")
 
 
 def test_a_large_value_goes_in_and_out_piece_by_piece(
@@ -170,7 +170,7 @@ def test_a_full_disk_says_so_and_loses_nothing(
 
     monkeypatch.setattr(database_module, "connect", small)
     kept = {}
-    with pytest.raises(FullError, match=r"disk is full\. Nothing was changed"):
+    with pytest.raises(DiskFullError, match=r"disk is full\. Nothing was changed"):
         for number in range(100):
             name = f"left{number}.png"
             file = store.keep(name, random.Random(number).randbytes(50_000))
@@ -194,7 +194,7 @@ def test_an_act_that_hides_the_error_of_a_full_disk_is_not_half_done(
         return db
 
     monkeypatch.setattr(database_module, "connect", small)
-    with pytest.raises(FullError), database.act():
+    with pytest.raises(DiskFullError), database.transaction():
         keep_values(database, "a", {"first": 1})
         with contextlib.suppress(StereocalError):
             keep_file(database, bytes(1_000_000), "large")
@@ -224,7 +224,7 @@ def test_a_click_in_the_middle_of_an_upload_loses_nothing(tmp_path: Path) -> Non
 
 def test_a_backup_while_it_is_open_is_whole(tmp_path: Path) -> None:
     project = placed(FULL, tmp_path)
-    with project.database.act():
+    with project.database.transaction():
         keep_values(project.database, "setting", {"half": True})
         thread = threading.Thread(
             target=lambda: copy_database(project.database, tmp_path / "backup.sqlite")
@@ -292,7 +292,7 @@ from stereocal.projects.servers import this_server
 database = Database(Path(sys.argv[1]))
 print(this_server(database.path.parents[1]), flush=True)
 for number in range(100_000):
-    with database.act():
+    with database.transaction():
         file = keep_file(database, os.urandom(100_000), "a")
         name_files(database, "bar", {f"{number}": file})
         keep_values(database, "a", {"count": number + 1})
@@ -303,7 +303,7 @@ for number in range(100_000):
 def test_killed_at_random_moments_nothing_acknowledged_is_lost(database: Database) -> None:
     rng, said = random.Random(5), 0
     for _ in range(4):
-        with database.act() as db:
+        with database.transaction() as db:
             db.execute("DELETE FROM named")
         with subprocess.Popen(
             [sys.executable, "-c", WRITER, str(database.path)], stdout=subprocess.PIPE, text=True

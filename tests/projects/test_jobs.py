@@ -15,8 +15,8 @@ from stereocal.projects.archive import pack_project, unpack_project
 from stereocal.projects.database import Database
 from stereocal.projects.home import bring_back, duplicate, remove
 from stereocal.projects.project import Project
-from stereocal.projects.refusals import FullError
-from tests.projects.test_parts import same_runs
+from stereocal.projects.sqlite_errors import DiskFullError
+from tests.projects.test_checkpoints import same_runs
 from tests.projects.test_project import filled
 
 WORK = {"datasets": ["a"], "settings": {"runs": 3}}
@@ -28,24 +28,24 @@ def database(tmp_path: Path) -> Database:
     return Project.create(tmp_path).database
 
 
-def begun(database: Database, work: dict[str, object] | None = None) -> jobs.KeptJob:
+def begun(database: Database, work: dict[str, object] | None = None) -> jobs.RunningJob:
     job = jobs.begin(database, "evaluation", STAGES, WORK if work is None else work)
     assert job is not None
     return job
 
 
-def keep(job: jobs.KeptJob, *keys: str) -> None:
-    parts = job.parts("runs", str.encode, bytes.decode)
+def keep(job: jobs.RunningJob, *keys: str) -> None:
+    parts = job.checkpoints("runs", str.encode, bytes.decode)
     for key in keys:
         parts.keep(key, key)
     job.write()
 
 
-def kept(job: jobs.KeptJob, key: str) -> str | None:
-    return job.parts("runs", str.encode, bytes.decode).get(key)
+def kept(job: jobs.RunningJob, key: str) -> str | None:
+    return job.checkpoints("runs", str.encode, bytes.decode).get(key)
 
 
-def crash(job: jobs.KeptJob) -> None:
+def crash(job: jobs.RunningJob) -> None:
     """As when the process ends: nothing is said."""
     jobs._HERE.discard(job.record.run)
 
@@ -74,7 +74,7 @@ def test_a_job_runs_once_and_leaves_nothing(database: Database) -> None:
 def test_an_interrupted_job_says_how_far_it_was_and_goes_on(
     database: Database, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(jobs, "EVERY_S", 0.0)
+    monkeypatch.setattr(jobs, "WRITE_EVERY_S", 0.0)
     job = begun(database)
     keep(job, "a", "b")
     assert job.progress(1, 340, 500)
@@ -94,7 +94,7 @@ def test_progress_and_parts_are_written_at_most_once_a_second(
     database: Database, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     job = begun(database)
-    parts = job.parts("runs", str.encode, bytes.decode)
+    parts = job.checkpoints("runs", str.encode, bytes.decode)
     written = []
     now = 100.0
     monkeypatch.setattr("stereocal.projects.jobs.time.monotonic", lambda: now)
@@ -154,7 +154,7 @@ def test_discard_forgets_everything(database: Database) -> None:
 def test_another_server_can_ask_for_a_stop(
     database: Database, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(jobs, "EVERY_S", 0.0)
+    monkeypatch.setattr(jobs, "WRITE_EVERY_S", 0.0)
     job = begun(database)
     assert job.progress(0, 1, 10)
     jobs.ask_to_stop(database, "evaluation")
@@ -168,7 +168,7 @@ def test_another_server_can_ask_for_a_stop(
 def test_a_removed_project_stops_its_job_and_can_go_on_when_it_is_back(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(jobs, "EVERY_S", 0.0)
+    monkeypatch.setattr(jobs, "WRITE_EVERY_S", 0.0)
     project = filled(tmp_path)
     job = begun(project.database)
     keep(job, "a")
@@ -186,7 +186,7 @@ def test_a_removed_project_stops_its_job_and_can_go_on_when_it_is_back(
 @pytest.mark.parametrize("content", ["", "{", "[]", "{}", '{"stages": 3}'])
 def test_a_damaged_record_is_none(database: Database, content: str) -> None:
     crash(begun(database))
-    with database.act() as db:
+    with database.transaction() as db:
         db.execute("UPDATE job SET record = ?", [content])
     assert state(database) is None
     begun(database).end()
@@ -196,11 +196,11 @@ def test_on_a_full_disk_the_job_goes_on(
     database: Database, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def full(*_: object, **__: object) -> None:
-        raise FullError("The disk is full.")
+        raise DiskFullError("The disk is full.")
 
     job = begun(database)
     with monkeypatch.context() as patch:
-        patch.setattr(Database, "act", full)
+        patch.setattr(Database, "transaction", full)
         keep(job, "a")
         assert job.progress(0, 1, 2)
     assert kept(job, "a") is None
@@ -237,7 +237,7 @@ dataset = project.dataset
 settings = EvaluationSettings(runs=300, refined=RefineSettings())
 work = {"dataset": dataset.sha256, "settings": settings.to_json()}
 job = jobs.begin(project.database, "evaluation", ("runs",), work)
-parts = job.parts("runs", pack_runs, unpack_runs)
+parts = job.checkpoints("runs", pack_runs, unpack_runs)
 print("begun", len(parts), flush=True)
 
 def progress(done, total):

@@ -10,7 +10,7 @@ import pytest
 
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
-from stereocal.projects.folders import default_home
+from stereocal.projects.data_folder import default_home
 from stereocal.projects.project import Project
 from stereocal.workflow import calibrate
 

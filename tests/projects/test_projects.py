@@ -55,7 +55,7 @@ def test_list_has_the_newest_first_and_says_what_is_finished(tmp_path: Path) -> 
 def test_damaged_and_strange_files_do_not_stop_the_list(tmp_path: Path) -> None:
     good, damaged, newer = filled(tmp_path), filled(tmp_path), filled(tmp_path)
     damaged.database.path.write_bytes(b"{" * 5000)
-    with newer.database.act() as db:
+    with newer.database.transaction() as db:
         db.execute("PRAGMA user_version = 9")
     (tmp_path / "projects" / "notes.sqlite").write_text("a file")
     aged(good.database.path, 1)

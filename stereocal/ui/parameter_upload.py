@@ -1,4 +1,4 @@
-"""Parameter files on the Apply page: ours at once, those of other programs after some questions."""
+"""Upload of parameter files on the Apply page; other programs' files need some questions."""
 
 from __future__ import annotations
 
@@ -18,9 +18,16 @@ from stereocal.projects.project import Project
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.zip_files import unzip
 from stereocal.ui.fields import number, one_of, setting
-from stereocal.ui.intake import check_uploads, escape_markdown, is_new, refuse, settled, taking
+from stereocal.ui.intake import (
+    check_uploads,
+    clear_refusal,
+    escape_markdown,
+    is_new,
+    refuse,
+    taking,
+)
+from stereocal.ui.messages import callback
 from stereocal.ui.parameter_files import dlt_options
-from stereocal.ui.told import callback
 
 PURPOSES: Mapping[Use, tuple[str, str]] = {
     "matching": ("Match with", "2d"),
@@ -36,7 +43,7 @@ LENS_TITLES: Mapping[LensModel | None, str] = {
 }
 
 
-def given_set(project: Project, store: ProjectApplication, use: Use) -> RigParameters | None:
+def uploaded_set(project: Project, store: ProjectApplication, use: Use) -> RigParameters | None:
     """The parameter set of a file; None while there is none."""
     title, default = PURPOSES[use]
     kept = store.set_of(use)
@@ -54,14 +61,14 @@ def given_set(project: Project, store: ProjectApplication, use: Use) -> RigParam
             check_uploads(fresh)
             files = {upload.name: upload.getvalue() for upload in fresh}
             store.offer_set(use, files)
-            settled()
+            clear_refusal()
         st.rerun()
     _ask_about_set(project, store, use)
     return None if kept is None else kept[1]
 
 
 def _ask_about_set(project: Project, store: ProjectApplication, use: Use) -> None:
-    """The questions about parameters of another program, if some wait for answers."""
+    """The questions about an uploaded file of another program, if any."""
     asked = store.asking(use)
     if asked is None:
         return
@@ -118,12 +125,12 @@ def _options(project: Project, use: Use, name: str | None) -> ExchangeOptions:
 
 
 def _answer(project: Project, key: str, usual: Any, options: Sequence[Any]) -> dict[str, Any]:
-    """Key and callback of a question, whose answer this tab keeps."""
+    """Key and callback of a question's widget; each tab has its own answer."""
     return setting(project, key, usual, one_of(options), tabs_own=True).widget()
 
 
 def _size(project: Project, key: str, which: str, known: ImageSize | None) -> ImageSize | None:
-    """The image size of a camera, where the file does not say it."""
+    """The image size of a camera, for files without it."""
     sides: list[int | None] = []
     for k, (column, side) in enumerate(zip(st.columns(2), ("width", "height"), strict=True)):
         start = None if known is None else known[k]
@@ -142,6 +149,6 @@ def _size(project: Project, key: str, which: str, known: ImageSize | None) -> Im
 def _use(store: ProjectApplication, use: Use, label: str, rig: RigParameters) -> None:
     try:
         store.keep_set(use, label, rig.dumps().encode())
-        settled()
+        clear_refusal()
     except StereocalError as error:
         refuse(error)

@@ -1,6 +1,6 @@
-"""A file that holds a little of the disk free, so that a full one can still be emptied.
+"""A file that reserves disk space, so that data can be deleted from a full disk.
 
-To delete 1 GB from a database, SQLite writes 2.5 MB to its log first.
+To delete 1 GB from a database, SQLite first writes 2.5 MB to its log.
 """
 
 from __future__ import annotations
@@ -14,18 +14,18 @@ BYTES = 16_000_000
 
 
 def keep_reserve(folder: Path) -> None:
-    """Make sure of the reserve, as far as the disk has the room."""
+    """Create the reserve, unless the disk is too full for it."""
     path = folder / NAME
     try:
         if path.exists() and path.stat().st_size >= BYTES:
             return
         with path.open("wb") as file:
-            file.write(os.urandom(BYTES))  # else a disk that compresses would hold nothing free
+            file.write(os.urandom(BYTES))  # random, in case the disk compresses
     except OSError:
         drop_reserve(folder)
 
 
 def drop_reserve(folder: Path) -> None:
-    """Let go of the reserve: what is deleted next needs it."""
+    """Remove the reserve before a deletion that needs the space."""
     with suppress(OSError):
         (folder / NAME).unlink(missing_ok=True)

@@ -1,8 +1,7 @@
-"""Which journal SQLite can keep in a home: a write-ahead log, or a rollback journal.
+"""Which journal SQLite can use in a folder: a write-ahead log, or a rollback journal.
 
-A write-ahead log needs memory that all processes of one computer share, which file systems on a
-network do not give, and some local ones neither. So it is tried by a real write, once for a home
-and process.
+A write-ahead log needs shared memory, which network file systems and some local ones lack. So it is
+tested by a real write, once per folder and process.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ REMOTE = frozenset((
 MOUNTS = Path("/proc/mounts")
 PROBE = ".probe-"
 SUFFIXES = ("", "-wal", "-shm", "-journal")
-"""What SQLite appends to the name of a database for the files beside it."""
+"""Suffixes of a database and of SQLite's files beside it."""
 
 
 @cache
@@ -34,7 +33,7 @@ def journal_of(folder: Path) -> Journal:
 
 
 def is_remote(folder: Path, mounts: Path = MOUNTS) -> bool:
-    """Whether a folder is on a network disk; False where the system does not say."""
+    """Whether a folder is on a network disk; False if unknown."""
     try:
         rows = [line.split() for line in mounts.read_text(encoding="utf-8").splitlines()]
         at = os.path.realpath(folder)
@@ -46,14 +45,14 @@ def is_remote(folder: Path, mounts: Path = MOUNTS) -> bool:
             continue
         place = row[1].replace("\\040", " ")
         if at == place or at.startswith(place.rstrip("/") + "/"):
-            # The last mount of the same place is the one that is seen.
+            # Of several mounts at the same place the last one is visible.
             best, kind = max((best, kind), (place, row[2]), key=lambda found: len(found[0]))
             kind = row[2] if best == place else kind
     return kind in REMOTE
 
 
 def remove_database(path: Path) -> None:
-    """Delete a database and the files beside it.
+    """Delete a database and SQLite's files beside it.
 
     Raises:
         OSError: it cannot be deleted.
@@ -63,7 +62,7 @@ def remove_database(path: Path) -> None:
 
 
 def _writes_ahead(folder: Path) -> bool:
-    """Whether two connections see what one of them writes through a write-ahead log."""
+    """Whether a second connection sees what the first writes to a write-ahead log."""
     path = folder / f"{PROBE}{uuid.uuid4().hex}"
     try:
         with closing(sqlite3.connect(path)) as first:

@@ -1,4 +1,4 @@
-"""What SQLite and the disk say, as sentences; and patience where another tab or server writes."""
+"""Error messages for SQLite's errors, and retries while the file is locked."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from typing import TypeVar
 from stereocal.errors import StereocalError
 
 T = TypeVar("T")
-PATIENCE_S = 120.0
-"""Another tab may store 900 MB meanwhile, which takes a tenth of this."""
-AGAIN_S = 0.02
+LOCK_TIMEOUT_S = 120.0
+"""Ten times what another tab needs to store 900 MB."""
+RETRY_EVERY_S = 0.02
 FULL_DISK = "The disk is full. Nothing was changed: remove something from it, and try again."
 DAMAGED_FILE = (
     "The project's file is damaged. It is kept as it is: on the Start page, what can still be read "
@@ -23,28 +23,28 @@ BUSY = (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED, sqlite3.SQLITE_PROTOCOL)
 
 
 class DamagedError(StereocalError):
-    """A project, or something in it, that cannot be read: not one of another version."""
+    """A project is damaged, as opposed to written by another version."""
 
 
-class FullError(StereocalError):
+class DiskFullError(StereocalError):
     """The disk is full."""
 
 
-def patiently(act: Callable[[], T]) -> T:
-    """What an act gives, which is repeated while another tab or server has the file."""
-    until = time.monotonic() + PATIENCE_S
+def retry_while_locked(call: Callable[[], T]) -> T:
+    """The result of a call, repeated while another tab or server has locked the file."""
+    until = time.monotonic() + LOCK_TIMEOUT_S
     while True:
         try:
-            return act()
+            return call()
         except sqlite3.OperationalError as error:
-            if code_of(error) not in BUSY or time.monotonic() > until:
+            if result_code(error) not in BUSY or time.monotonic() > until:
                 raise
-        time.sleep(AGAIN_S)
+        time.sleep(RETRY_EVERY_S)
 
 
 @contextmanager
-def told() -> Iterator[None]:
-    """What SQLite and the disk say, as a sentence.
+def translated_errors() -> Iterator[None]:
+    """Turn SQLite's errors into a StereocalError.
 
     Raises:
         StereocalError: what is wrong and what to do.
@@ -52,15 +52,15 @@ def told() -> Iterator[None]:
     try:
         yield
     except sqlite3.Error as error:
-        raise _sentence(error) from error
-    except UnicodeError as error:  # in what SQLite says of a damaged file
+        raise _translated(error) from error
+    except UnicodeError as error:  # in SQLite's message about a damaged file
         raise DamagedError(DAMAGED_FILE) from error
 
 
-def _sentence(error: sqlite3.Error) -> Exception:
-    code = code_of(error)
+def _translated(error: sqlite3.Error) -> Exception:
+    code = result_code(error)
     if code == sqlite3.SQLITE_FULL:
-        return FullError(FULL_DISK)
+        return DiskFullError(FULL_DISK)
     sentences = {
         sqlite3.SQLITE_READONLY: "The project cannot be written to: its disk or folder is "
         "read-only.",
@@ -78,11 +78,11 @@ def _sentence(error: sqlite3.Error) -> Exception:
     }  # fmt: skip
     if code in sentences:
         return StereocalError(sentences[code])
-    # What is asked is always the same: that it cannot be answered, the file is to blame for.
+    # Our queries are fixed, so other errors mean a damaged file.
     damaged = type(error) in (sqlite3.OperationalError, sqlite3.DatabaseError)
     return DamagedError(DAMAGED_FILE) if damaged else error
 
 
-def code_of(error: sqlite3.Error) -> int:
-    """The primary one of SQLite's result codes; 0 for errors of Python's own."""
+def result_code(error: sqlite3.Error) -> int:
+    """SQLite's primary result code; 0 for errors raised by Python."""
     return int(getattr(error, "sqlite_errorcode", 0)) & 0xFF

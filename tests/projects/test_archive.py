@@ -69,7 +69,7 @@ def test_what_is_missing_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[s
     project = Project.create(tmp_path)
     path = packed(project, tmp_path / "empty.zip")
     assert main(["calibrate", str(path), "--out", str(tmp_path / "out")]) == 2
-    assert "has not everything yet" in capsys.readouterr().err
+    assert "project is incomplete" in capsys.readouterr().err
 
 
 def stated(files: dict[str, bytes], edit: Callable[[Any], object]) -> None:

@@ -1,4 +1,4 @@
-"""What stands in the files that were given, parsed once for a process by their digests."""
+"""The files of a project, parsed once per process and cached by their digests."""
 
 from __future__ import annotations
 
@@ -22,56 +22,54 @@ from stereocal.refined.results import Calibration
 from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import Dataset
 
-SLOTS: tuple[Slot, ...] = ("primary", "secondary", "correspondences")
-
 
 @dataclass(frozen=True)
-class GivenFile:
-    """A file and what messages call it."""
+class LabelledFile:
+    """A file and its name in messages."""
 
     file: StoredFile
     label: str
 
 
-class Whole:
-    """Complete inputs, told apart by all that they say, and where their files are."""
+class CompleteInputs:
+    """Complete inputs, hashable by all their values, and the database of their files."""
 
     def __init__(self, inputs: Inputs, database: Database) -> None:
         self.inputs, self.database = inputs, database
         self._key = json.dumps(dataclasses.asdict(inputs), sort_keys=True)
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Whole) and self._key == other._key
+        return isinstance(other, CompleteInputs) and self._key == other._key
 
     def __hash__(self) -> int:
         return hash(self._key)
 
 
-def file_of(inputs: Inputs, slot: Slot, database: Database) -> GivenFile:
-    """The file of a slot that is not empty."""
-    return GivenFile(StoredFile(inputs.files[slot], database), inputs.labels[slot])
+def file_of(inputs: Inputs, slot: Slot, database: Database) -> LabelledFile:
+    """The file of a slot, which must not be empty."""
+    return LabelledFile(StoredFile(inputs.files[slot], database), inputs.labels[slot])
 
 
 @lru_cache(maxsize=64)
-def camera_of(given: GivenFile) -> Camera:
-    """The camera of a file; a person was asked about its lens when it was given."""
+def camera_of(given: LabelledFile) -> Camera:
+    """The camera of a file; the lens model was settled when it was uploaded."""
     return read_camera(given.file.read_bytes(), given.label, "brown")
 
 
 @lru_cache(maxsize=8)
-def table_of(given: GivenFile) -> Table:
-    """The rows of a table, also those that cannot be used."""
+def table_of(given: LabelledFile) -> Table:
+    """All rows of a table, invalid ones included."""
     return read_table(given.file.read_bytes(), given.label)
 
 
 @lru_cache(maxsize=16)
-def further_of(given: GivenFile) -> Dataset:
+def further_of(given: LabelledFile) -> Dataset:
     """The data set of a zip."""
     return parse_zip(given.file.read_bytes(), given.label, "brown")
 
 
 @lru_cache(maxsize=16)
-def dataset_of(given: Whole) -> Dataset:
+def dataset_of(given: CompleteInputs) -> Dataset:
     """The data set of complete inputs."""
     inputs = given.inputs
     primary, secondary, table = (
@@ -92,7 +90,7 @@ def dataset_of(given: Whole) -> Dataset:
 
 
 @dataclass(frozen=True)
-class Packed:
+class PackedResult:
     """A result as bytes."""
 
     content: bytes
@@ -100,16 +98,16 @@ class Packed:
 
 
 @lru_cache(maxsize=8)
-def calibration_of(packed: Packed) -> Calibration:
-    """The calibration that `pack_calibration` packed, with the data that it was made from."""
+def calibration_of(packed: PackedResult) -> Calibration:
+    """The unpacked calibration, with the data that it was computed from."""
 
     def made_from(stated: Mapping[str, Any]) -> Dataset:
-        return dataset_of(Whole(checked_inputs(stated), packed.database))
+        return dataset_of(CompleteInputs(checked_inputs(stated), packed.database))
 
     return unpack_calibration(packed.content, made_from)
 
 
 @lru_cache(maxsize=8)
-def evaluation_of(packed: Packed) -> Evaluation:
-    """The evaluation that `pack_evaluation` packed."""
+def evaluation_of(packed: PackedResult) -> Evaluation:
+    """The unpacked evaluation."""
     return unpack_evaluation(packed.content)

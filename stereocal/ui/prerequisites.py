@@ -1,4 +1,4 @@
-"""What a page needs before it can answer."""
+"""The project and data set that a page needs."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from stereocal.ui.project import current_project
 
 
 def project_with_data() -> tuple[Project, Inputs, Dataset]:
-    """The current project with its data set and the inputs that it comes from.
+    """The current project, its inputs and data set.
 
-    Where something is missing, the page says what, links to where it is given, and stops.
+    If an input is missing, the page names it, links to the Data page, and stops.
     """
     project = current_project()
     try:

@@ -1,4 +1,4 @@
-"""The frame around the pages, which `app.py` draws first."""
+"""The list of pages, and how one is run with its messages and errors."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from stereocal.projects.server_settings import ServerSettings
 from stereocal.system.executors import scheduler_of
 from stereocal.system.limits import Limits
 from stereocal.ui.fields import begin_page, end_page
-from stereocal.ui.project import begin_forms_anew, forms_are_sound, open_begun
+from stereocal.ui.messages import callback, forget_messages, show_messages
+from stereocal.ui.project import forms_are_sound, open_created, reset_forms
 from stereocal.ui.texts import escape_markdown
-from stereocal.ui.told import callback, forget_told, show_told
 from stereocal.ui.uploads import check_dropped
 from stereocal.ui.warm_up import compiling_shown
 
@@ -29,8 +29,8 @@ TITLES = {
     "one_set": "One set or two",
     "apply": "Apply",
 }
-"""The pages in the order of the work: the file below `pages/`, and, with hyphens, the last part of
-the address."""
+"""The pages in the order of the work, by the name of their file in `pages/`; with hyphens it is the
+last part of the address."""
 
 FITS = """<style>
 [data-testid=stFileUploaderDropzoneInstructions] span { white-space: normal; }
@@ -38,8 +38,7 @@ button:focus-visible, a:focus-visible, summary:focus-visible {
   outline: 2px solid currentColor; outline-offset: 2px;
 }
 </style>"""
-"""What Streamlit lacks: it cuts the list of kinds of files off where it does not fit, and a button
-that is chosen already does not show that it has the focus."""
+"""Streamlit cuts off long lists of file types, and shows no focus on a chosen button."""
 
 _DRAWN = "frame_drawn"
 _LOG = logging.getLogger(__name__)
@@ -59,7 +58,7 @@ def pages() -> list[StreamlitPage]:
 
 
 def check_settings() -> None:
-    """Say on every page that a setting of the server is none, and go no further."""
+    """Show an invalid setting of the server on every page, and stop."""
     try:
         ServerSettings.from_environment()
         Limits.from_environment()
@@ -69,18 +68,17 @@ def check_settings() -> None:
         st.stop()
 
 
-def frame_drawn() -> None:
-    """Note that `app.py` runs and will run the page."""
+def mark_app_running() -> None:
+    """Note that `app.py` runs the page."""
     st.session_state[_DRAWN] = True
     st.html(FITS)
 
 
-def need_frame() -> None:
+def ensure_navigation() -> None:
     """Run `app.py` first, if Streamlit has started a page by itself.
 
-    A server that has just started knows nothing of `app.py`'s `st.navigation`. If the first address
-    that it gets is a bookmarked page, it finds a folder `pages/` and runs that file alone, without
-    the frame and the address of the project. One call of `st.navigation` ends that mode for good.
+    If the first request to a new server is for a bookmarked page, Streamlit runs that file in
+    `pages/` alone. One call of `st.navigation` ends that mode.
     """
     if _DRAWN not in st.session_state:
         st.navigation(pages())
@@ -88,27 +86,27 @@ def need_frame() -> None:
 
 
 def run_page(page: StreamlitPage) -> None:
-    """Draw a page, and above it what is to be told.
+    """Draw a page with the queued messages above it.
 
-    What a page does not foresee of a project on disk is said in a sentence. Where it fails over
-    values of forms, as an older version or another page may have left them, the forms begin anew.
+    Errors of a project on disk are shown as messages. If a page fails over values of its forms,
+    which an older version may have left, the forms are reset.
     """
     callback(check_dropped)()
-    if open_begun() and page.url_path == "":
+    if open_created() and page.url_path == "":
         st.switch_page("pages/data.py")
     top = st.container()
-    shown = show_told(top)
+    shown = show_messages(top)
     begin_page(page.url_path)
     try:
         with compiling_shown(top):
             _draw(page)
     except StopException:
         end_page()
-        forget_told(shown)
+        forget_messages(shown)
         raise
     end_page()
-    # What has come up meanwhile; a page that is drawn once more says it all again.
-    forget_told(shown + show_told(top, shown))
+    # Messages queued meanwhile; if the page is drawn again, it shows all of them.
+    forget_messages(shown + show_messages(top, shown))
 
 
 def _draw(page: StreamlitPage) -> None:
@@ -121,7 +119,7 @@ def _draw(page: StreamlitPage) -> None:
         reason = f"{error.strerror or error}"
         st.error(escape_markdown(f"The project's folder cannot be used: {reason}."))
     except Exception:
-        if not begin_forms_anew():
-            raise  # it is not the forms
-        _LOG.exception("A page could not be drawn; its forms begin anew.")
+        if not reset_forms():
+            raise  # the forms are not the cause
+        _LOG.exception("A page could not be drawn; its forms are reset.")
         st.rerun()

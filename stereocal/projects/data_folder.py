@@ -1,4 +1,4 @@
-"""Where a server keeps projects, and how a new one comes there."""
+"""The folder in which a server keeps projects, and the creation of a project's file."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from pathlib import Path
 
 from stereocal.errors import StereocalError
 from stereocal.projects.database import Database, create
-from stereocal.projects.journal import SUFFIXES, remove_database
+from stereocal.projects.journal_mode import SUFFIXES, remove_database
 from stereocal.system.atomic_files import flush_folder, make_folder
 
 SUFFIX = ".sqlite"
 WAITING = ".new-"
-"""How the name of a project's file begins while it is not complete."""
+"""Prefix of a project's file until it is complete."""
 _ID = re.compile(r"[0-9a-f]{32}")
 
 
@@ -33,15 +33,15 @@ def default_home() -> Path:
 
 
 def is_id(name: str) -> bool:
-    """Whether this can be a project's id: 32 hexadecimal digits."""
+    """Whether `name` has the form of a project's id: 32 hexadecimal digits."""
     return _ID.fullmatch(name) is not None
 
 
 def private_folder(path: Path) -> Path:
-    """A folder that only the server's own user may look into; made if it is not there.
+    """Create a folder, if missing, that only the server's own user may read.
 
     Raises:
-        StereocalError: it cannot be made.
+        StereocalError: it cannot be created.
     """
     try:
         make_folder(path)
@@ -59,14 +59,14 @@ def new_database(
     fill: Callable[[Database], object],
     make: Callable[[Path], Database] | None = None,
 ) -> Database:
-    """A new project's file, under an id that nobody can guess; it appears when it is complete.
+    """A new project's file under an unguessable id; it appears once it is complete.
 
     Args:
-        fill: puts in what the project begins with.
-        make: makes the database, if not an empty one.
+        fill: writes the first content.
+        make: creates the database, if not an empty one.
 
     Raises:
-        StereocalError: it cannot be stored; nothing is left.
+        StereocalError: it cannot be stored; no file remains.
     """
     folder = private_folder(home / "projects")
     name = secrets.token_hex(16)

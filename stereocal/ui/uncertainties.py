@@ -1,4 +1,4 @@
-"""How well the lengths and the lenses are known: stated on the Data page, and nowhere else."""
+"""The uncertainties of lengths and lenses, which the user states on the Data page."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from stereocal.refined.unknowns import (
 from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import Dataset
 from stereocal.ui.fields import Field
-from stereocal.ui.intake import refuse, settled
+from stereocal.ui.intake import clear_refusal, refuse
 from stereocal.ui.project import project_to_write
 
 Lens = Literal["primary", "secondary"]
@@ -39,12 +39,12 @@ HELP = (
 )
 
 
-def length_known(project: Project | None, name: str, assumed: str) -> None:
-    """How well a length is known: a preset, or typed.
+def length_uncertainty(project: Project | None, name: str, assumed: str) -> None:
+    """The fields of a length's uncertainty: a preset, or a typed value.
 
     Args:
         name: `baseline_m` or `target_distance_m`.
-        assumed: what is assumed where nothing is stated.
+        assumed: the default, in words.
     """
     length = _Length(project, name)
     left, right = st.columns([3, 2], vertical_alignment="bottom")
@@ -60,8 +60,8 @@ def length_known(project: Project | None, name: str, assumed: str) -> None:
         )  # fmt: skip
 
 
-def lenses_known(project: Project | None) -> None:
-    """How well each lens that was given is known: as its file says, typed, or not stated."""
+def lens_uncertainties(project: Project | None) -> None:
+    """The fields of each lens's uncertainty: from its file, typed, or not stated."""
     if project is None:
         return
     for which, camera, column in zip(LENSES, project.cameras, st.columns(2), strict=True):
@@ -70,8 +70,8 @@ def lenses_known(project: Project | None) -> None:
                 _lens_known(project, which, camera)
 
 
-def describe_known(dataset: Dataset) -> str:
-    """What was stated, and what is assumed where nothing was."""
+def describe_uncertainties(dataset: Dataset) -> str:
+    """The stated and the assumed uncertainties, in words."""
     parts = [
         _of_length("baseline", dataset.baseline_sigma_m, DEFAULT_BASELINE * dataset.baseline_m),
         _of_length(
@@ -98,7 +98,7 @@ def _of_lens(camera: Camera) -> str:
 
 @dataclass
 class _Stated:
-    """Something that is stated: which way was chosen, which the project's settings keep."""
+    """A stated uncertainty; the settings store how it is stated."""
 
     project: Project | None
     name: str
@@ -122,13 +122,13 @@ class _Stated:
             self.project = project_to_write()
             self.project.give({}, **given)
             self.project.keep_settings({self.choice.name: option})
-            settled()
+            clear_refusal()
         except StereocalError as error:
             refuse(error)
 
 
 class _Length(_Stated):
-    """Of a length, in metres, in the inputs."""
+    """The uncertainty of a length; the inputs store it in metres."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -181,7 +181,7 @@ def _lens_known(project: Project, which: Lens, camera: Camera) -> None:
 
 @dataclass
 class _Lens(_Stated):
-    """Of a lens: a part of its focal length and pixels, in the inputs, or else in its file."""
+    """The uncertainty of a lens: a fraction of its focal length, and pixels of its centre."""
 
     camera: Camera
 

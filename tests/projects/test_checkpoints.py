@@ -1,4 +1,4 @@
-"""Finished parts of jobs: the same to the last bit."""
+"""Checkpoints of jobs: the same to the last bit."""
 
 from __future__ import annotations
 

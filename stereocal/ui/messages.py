@@ -1,0 +1,74 @@
+"""Messages that are shown once, at the top of the page.
+
+Streamlit runs callbacks before the page: an error in one would replace the page by a traceback.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import wraps
+from typing import Literal, ParamSpec, TypeVar
+
+import streamlit as st
+from streamlit.delta_generator import DeltaGenerator
+
+from stereocal.errors import StereocalError
+from stereocal.ui.texts import escape_markdown
+
+P = ParamSpec("P")
+T = TypeVar("T")
+Kind = Literal["error", "info"]
+Message = tuple[Kind, str]
+_MESSAGES = "messages"
+
+
+def tell(sentence: str, kind: Kind = "error") -> None:
+    """Queue a message for the top of this or the next page; duplicates are dropped."""
+    messages: list[Message] = st.session_state.setdefault(_MESSAGES, [])
+    if (kind, sentence) not in messages:
+        messages.append((kind, sentence))
+
+
+def show_messages(place: DeltaGenerator, but: Sequence[Message] = ()) -> list[Message]:
+    """Draw the queued messages except `but`; they stay queued until forgotten."""
+    messages = [one for one in st.session_state.get(_MESSAGES, []) if one not in but]
+    for kind, sentence in messages:
+        (place.error if kind == "error" else place.info)(escape_markdown(sentence))
+    return messages
+
+
+def forget_messages(messages: Sequence[Message]) -> None:
+    """Remove messages from the queue."""
+    st.session_state[_MESSAGES] = [
+        one for one in st.session_state.get(_MESSAGES, []) if one not in messages
+    ]
+
+
+def attempt(call: Callable[[], T]) -> T | None:
+    """The result of a call; None after an error, which is queued as a message."""
+    try:
+        return call()
+    except StereocalError as error:
+        tell(str(error))
+    except OSError as error:
+        tell(f"The project's folder cannot be used: {error.strerror or error}.")
+    return None
+
+
+def callback(function: Callable[P, object]) -> Callable[P, None]:
+    """Wrap a callback so that its errors become messages."""
+
+    @wraps(function)
+    def run(*arguments: P.args, **named: P.kwargs) -> None:
+        attempt(lambda: function(*arguments, **named))
+
+    return run
+
+
+def readable(read: Callable[[], T]) -> T | None:
+    """The result of a read; after an error None, and a warning on the page."""
+    try:
+        return read()
+    except StereocalError as error:
+        st.warning(escape_markdown(str(error)))
+        return None
