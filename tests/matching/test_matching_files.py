@@ -163,7 +163,7 @@ class TestMatch:
         assert "1 frames are in" in printed
         assert "(99)" in printed
         assert "(5)" in printed
-        assert "2 rows have no point" in printed
+        assert "2 rows without a point" in printed
         left = pd.read_csv(lost)
         assert len(left[(left["frame"] == 5) & (left["camera"] == "secondary")]) == POINTS
 

@@ -140,6 +140,6 @@ def test_a_result_made_with_other_statements_is_said_to_be_old(app: AppTest) -> 
     app.switch_page("pages/data.py").run()
     choose(app, "baseline_m", "Tape")
     app.switch_page("pages/calibrate.py").run()
-    assert "How well the lengths are known" in app.warning[0].value
+    assert "uncertainties of the lengths" in app.warning[0].value
     app.button(key="run").click().run()
     assert not app.warning
