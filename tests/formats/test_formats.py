@@ -360,7 +360,7 @@ class TestCameraFile:
             (b"[" * 100_000, "not known"),
             (b'{"a":' * 100_000, "not valid JSON"),
             (b'{"format": "stereocal-camera/9"}', "stereocal-camera/9"),
-            (b'{"format": "stereocal-camera/1"}', "lacks K, distortion, image_size"),
+            (b'{"format": "stereocal-camera/1"}', "has no K, distortion, image_size"),
             (b"%YAML:1.0", "c: "),
             (b"<?xml version='1.0'?>", "c: "),
             (b"%YAML:1.0\n" + b"#" * 4_000_000, "too many"),
