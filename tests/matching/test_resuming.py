@@ -35,9 +35,9 @@ from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import RigParameters
 from tests import known_rig as rig
 from tests import lens as lens_scene
+from tests.bar_photographs import bar_set, write
 from tests.projects.test_parts import same_detections, same_runs
 
-SAMPLES = Path(__file__).parents[2] / "sample_data" / "photographs"
 T = TypeVar("T")
 
 
@@ -150,7 +150,8 @@ def test_runs_of_other_data_or_settings_are_not_used(
 
 def test_targets_in_photographs(executor: Counting, tmp_path: Path) -> None:
     missing = tmp_path / "none.png"
-    paths = [*sorted((SAMPLES / "primary").iterdir())[:5], missing]
+    write(bar_set(5).files(), tmp_path)
+    paths = [*sorted((tmp_path / "primary").iterdir()), missing]
     photographs = {path.name: path for path in paths}
     whole = detect_series(photographs, executor)
     stop, parts = StopAt(2), Parts(pack_detection, unpack_detection)

@@ -133,10 +133,6 @@ def test_bad_photographs_are_said_and_nothing_is_lost(
     after = store_of(app, home).calibration
     assert before is not None and after is not None
     np.testing.assert_array_equal(after.draws, before.draws)
-    app.number_input(key="board_columns").set_value(9).run()
-    calibrate(app)
-    assert "shows one with 8x6" in messages(app)
-    assert store_of(app, home).calibration is not None
 
 
 def test_zip_of_photographs_and_removing_them(
