@@ -18,6 +18,7 @@ P = ParamSpec("P")
 T = TypeVar("T")
 SCHEDULER = "STEREOCAL_SCHEDULER"
 """Environment variable with the address of the cluster for a server's jobs."""
+LONGEST_TO_CONNECT = "10s"
 
 
 @contextmanager
@@ -131,7 +132,7 @@ def cluster(address: str) -> Cluster:
     dask.config.set({"distributed.admin.large-graph-warning-threshold": "1GB"})  # photographs
     connect: Any = distributed.Client
     try:
-        client = connect(address, timeout="10s")
+        client = connect(address, timeout=LONGEST_TO_CONNECT)
     except (OSError, TimeoutError, ValueError) as error:
         raise StereocalError(f"The scheduler at {address} cannot be reached ({error}).") from error
     try:

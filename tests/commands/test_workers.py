@@ -27,7 +27,7 @@ def commands(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[str]]:
     few = given / "few"
     for camera in ("primary", "secondary"):
         (few / camera).mkdir(parents=True)
-        for path in sorted((PHOTOGRAPHS / camera).iterdir())[:4]:
+        for path in sorted((PHOTOGRAPHS / camera).iterdir())[:2]:
             shutil.copy(path, few / camera)
     for name in ("dataset.json", "primary.json", "secondary.json"):
         shutil.copy(PHOTOGRAPHS / name, few)

@@ -35,9 +35,9 @@ from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import RigParameters
 from tests import known_rig as rig
 from tests import lens as lens_scene
+from tests.bar_photographs import bar_set, write
 from tests.projects.test_checkpoints import same_detections, same_runs
 
-SAMPLES = Path(__file__).parents[2] / "sample_data" / "photographs"
 T = TypeVar("T")
 
 
@@ -150,7 +150,8 @@ def test_runs_of_other_data_or_settings_are_not_used(
 
 def test_targets_in_photographs(executor: Counting, tmp_path: Path) -> None:
     missing = tmp_path / "none.png"
-    paths = [*sorted((SAMPLES / "primary").iterdir())[:5], missing]
+    write(bar_set(5).files(), tmp_path)
+    paths = [*sorted((tmp_path / "primary").iterdir()), missing]
     photographs = {path.name: path for path in paths}
     whole = detect_series(photographs, executor)
     stop, parts = StopAt(2), Parts(pack_detection, unpack_detection)
@@ -205,20 +206,20 @@ def test_boards_and_lens(executor: Counting, tmp_path: Path) -> None:
 
 
 def scattered(folder: Path) -> Application:
-    """400 frames of 6 points each, in an order of their own in either camera, with a further column
+    """160 frames of 6 points each, in an order of their own in either camera, with a further column
     that needs quotes."""
     rng = np.random.default_rng(5)
-    points = rng.uniform([-1.2, -1.0, 6.0], [1.2, 1.0, 10.0], (2400, 3))
+    points = rng.uniform([-1.2, -1.0, 6.0], [1.2, 1.0, 10.0], (960, 3))
     primary, secondary = rig.images(points)
-    frames = np.repeat(np.arange(400), 6)
+    frames = np.repeat(np.arange(160), 6)
     tables: list[Points] = []
     for which, pixels in (("p", primary), ("s", secondary)):
         table = pd.DataFrame({"frame": frames, "u": pixels[:, 0], "v": pixels[:, 1]})
-        table["note"] = [f'"{i}", the {which}\n' for i in range(2400)]
+        table["note"] = [f'"{i}", the {which}\n' for i in range(960)]
         table = table.sample(frac=1, random_state=len(tables)).sort_values("frame", kind="stable")
         path = folder / f"{which}.csv"
         table.to_csv(path, index=False)
-        tables.append(Points(path.name, path.name, 2400, 400))
+        tables.append(Points(path.name, path.name, 960, 160))
     params = RigParameters(rig.PRIMARY, rig.SECONDARY, rig.RIG, "2d", 0.0, {}, {})
     return Application(tables[0], tables[1], params, replace(params, method="3d"), 0.5)
 
@@ -227,7 +228,7 @@ def test_matching_and_measuring(
     executor: Counting, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     work = scattered(tmp_path)
-    monkeypatch.setattr("stereocal.matching.parquet.BLOCK_ROWS", 500)
+    monkeypatch.setattr("stereocal.matching.parquet.BLOCK_ROWS", 80)
     folders = [tmp_path / name for name in ("plain", "whole", "stopped", "again")]
     for folder in folders:
         folder.mkdir()
@@ -236,7 +237,7 @@ def test_matching_and_measuring(
     whole = apply_sets(work, tables, folders[1], executor=executor)
     every, executor.tasks = executor.tasks, 0
     parts = Parts(pack_block, unpack_block)
-    stop = StopAt(600)  # all 400 frames are matched, and some of the pairs measured
+    stop = StopAt(240)  # all 160 frames are matched, and some of the pairs measured
 
     def begin(_: str) -> None:
         stop.done = 0
@@ -247,7 +248,7 @@ def test_matching_and_measuring(
     assert stopped is None
     assert list(folders[2].iterdir()) == [folders[2] / PAIRS]
     finished, executor.tasks = len(parts), 0
-    assert 16 < finished < every  # all blocks of 25 frames were matched, and some were measured
+    assert 7 < finished < every  # all blocks of 25 frames were matched, and some were measured
     again = apply_sets(work, tables, folders[3], executor=executor, pieces=parts)
     assert executor.tasks == every - finished
     assert plain is not None and plain == whole == again

@@ -7,6 +7,11 @@ from collections.abc import Iterator
 
 import pytest
 from streamlit.runtime.pages_manager import PagesManager
+from streamlit.runtime.scriptrunner.script_cache import ScriptCache
+from streamlit.testing.v1 import local_script_runner
+
+SCRIPTS = ScriptCache()
+"""Pages that have been compiled; a server keeps them too."""
 
 
 @pytest.fixture(autouse=True)
@@ -35,3 +40,4 @@ def run_by_the_app(patch: pytest.MonkeyPatch) -> None:
         PagesManager.uses_pages_directory = False
 
     patch.setattr(PagesManager, "__init__", begin_with_navigation)
+    patch.setattr(local_script_runner, "ScriptCache", lambda: SCRIPTS)

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from stereocal.projects.project import Project
+from stereocal.system import executors
 from stereocal.system.executors import SCHEDULER, Cluster
 from stereocal.system.tasks import Task, run_tasks
 from stereocal.ui import jobs
@@ -49,6 +50,7 @@ def test_a_job_says_that_the_cluster_does_not_answer(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv(SCHEDULER, "tcp://127.0.0.1:1")
+    monkeypatch.setattr(executors, "LONGEST_TO_CONNECT", "100ms")
     job = begun(tmp_path, [])
     assert job.state == "failed"
     assert "tcp://127.0.0.1:1 cannot be reached" in job.sentence

@@ -12,7 +12,7 @@ from stereocal.evaluation.evaluate import evaluate_runs
 from stereocal.projects import jobs as stored_jobs
 from stereocal.projects.home import copy_database
 from stereocal.projects.photographs import ProjectPhotographs
-from stereocal.ui import jobs, photographs
+from stereocal.ui import jobs, photographs, validation
 from tests.pages.stored_projects import FULL, placed, session
 from tests.pages.test_pages import ROOT, SLOW, messages, open_sample, project_of
 from tests.pages.test_pages import app as app
@@ -23,9 +23,14 @@ from tests.projects.test_checkpoints import same_runs
 STOPPED = "The server stopped while this ran"
 
 
+@pytest.fixture(autouse=True)
+def few_runs_are_a_job(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(validation, "INSTANT", 10)
+
+
 def long_validation(app: AppTest) -> AppTest:
     open_sample(app).switch_page("pages/validate.py").run()
-    return app.slider(key="validate_runs").set_value(130).run()
+    return app.slider(key="validate_runs").set_value(40).run()
 
 
 def keys(app: AppTest) -> set[str]:
@@ -36,15 +41,15 @@ def keys(app: AppTest) -> set[str]:
 def interrupted(app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch) -> AppTest:
     """A validation whose project is as it was when half of it was finished."""
     monkeypatch.setattr(stored_jobs, "WRITE_EVERY_S", 0.0)
-    half, free_memory = threading.Event(), threading.Event()
+    half, release = threading.Event(), threading.Event()
     progress = jobs.Job.progress
 
     def then_hold(job: jobs.Job, done: int, total: int) -> None:
         """The job goes no further than half, however long the page takes."""
         progress(job, done, total)
-        if done >= 60:
+        if done >= 20:
             half.set()
-            assert free_memory.wait(SLOW)
+            assert release.wait(SLOW)
 
     long_validation(app)
     project = project_of(app, home)
@@ -55,7 +60,7 @@ def interrupted(app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch) -> Ap
         assert job is not None and half.wait(SLOW)
         copy_database(project.database, home / "as_it_was")
         job.cancelled = True
-        free_memory.set()
+        release.set()
         assert ended(project, "evaluation").state == "cancelled"
     (home / "as_it_was").replace(project.database.path)
     jobs._jobs().clear()
@@ -66,7 +71,7 @@ def test_it_goes_on_to_the_same_result(
     interrupted: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     app, project = interrupted, project_of(interrupted, home)
-    assert STOPPED in messages(app) and "60 of 130 runs were finished." in messages(app)
+    assert STOPPED in messages(app) and "20 of 40 runs were finished." in messages(app)
     assert "started again" not in messages(app)
     assert "validate" not in keys(app)
     computed: list[int] = []
@@ -78,23 +83,23 @@ def test_it_goes_on_to_the_same_result(
     monkeypatch.setattr("stereocal.evaluation.evaluate.evaluate_runs", counted)
     app.button(key="go_on_evaluation").click().run()
     assert ended(project, "evaluation").state == "done"
-    assert sum(computed) == 70
+    assert sum(computed) == 20
     app.run()
     assert STOPPED not in messages(app) and not app.error
     found = project.evaluation
-    assert found is not None and found.settings.runs == 130
+    assert found is not None and found.settings.runs == 40
     dataset = project.dataset
     assert dataset is not None
-    assert same_runs(list(found.runs[0]), evaluate_runs(dataset, found.settings, 0, range(130)))
+    assert same_runs(list(found.runs[0]), evaluate_runs(dataset, found.settings, 0, range(40)))
 
 
 def test_with_changed_settings_it_can_only_start_anew(interrupted: AppTest, home: Path) -> None:
     app = interrupted
-    app.slider(key="validate_runs").set_value(140).run()
+    app.slider(key="validate_runs").set_value(50).run()
     assert STOPPED in messages(app) and "can only be started again" in messages(app)
     assert "go_on_evaluation" not in keys(app)
     assert {"validate", "discard_evaluation"} <= keys(app)
-    app.slider(key="validate_runs").set_value(130).run()
+    app.slider(key="validate_runs").set_value(40).run()
     assert "go_on_evaluation" in keys(app)
     app.switch_page("pages/data.py").run()
     app.number_input(key="baseline_m_value").set_value(4.6).run()
@@ -130,7 +135,7 @@ def test_a_job_whose_tab_was_closed_is_there_when_the_page_is_opened_again(
     again.query_params["project"] = project.id
     assert ended(project, "evaluation").state == "done"
     again.run().switch_page("pages/validate.py").run()
-    assert any("130 runs" in str(caption.value) for caption in again.caption)
+    assert any("40 runs" in str(caption.value) for caption in again.caption)
     assert "validate" not in keys(again) and not again.error
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from stereocal.evaluation.evaluate import evaluate_runs
 from stereocal.projects import jobs
 from stereocal.projects.archive import pack_project, unpack_project
 from stereocal.projects.database import Database
@@ -234,7 +235,7 @@ from stereocal.projects import jobs
 
 project = Project(Database(Path(sys.argv[1])))
 dataset = project.dataset
-settings = EvaluationSettings(runs=300, refined=RefineSettings())
+settings = EvaluationSettings(runs=int(sys.argv[3]), refined=RefineSettings())
 work = {"dataset": dataset.sha256, "settings": settings.to_json()}
 job = jobs.begin(project.database, "evaluation", ("runs",), work)
 parts = job.checkpoints("runs", pack_runs, unpack_runs)
@@ -253,10 +254,10 @@ print("ended", flush=True)
 """
 
 
-def child(project: Project, most: int = 1000) -> subprocess.Popen[str]:
+def child(project: Project, runs: int, most: int = 1000) -> subprocess.Popen[str]:
     """A process that validates, and stops after `most` runs until it is killed."""
     return subprocess.Popen(
-        [sys.executable, "-c", CHILD, str(project.database.path), str(most)],
+        [sys.executable, "-c", CHILD, str(project.database.path), str(most), str(runs)],
         stdout=subprocess.PIPE,
         text=True,
     )
@@ -271,17 +272,18 @@ def parts_of(database: Database) -> int:
     return int(database.rows("SELECT count(*) FROM finished")[0][0])
 
 
-def test_killed_at_random_moments_it_ends_with_the_same_result(tmp_path: Path) -> None:
-    """Three kills with SIGKILL while it computes, and another process goes on each time."""
+@pytest.mark.parametrize(
+    ("runs", "kills"), [(40, [20]), pytest.param(300, [100, 200, 295], marks=pytest.mark.soak)]
+)
+def test_killed_at_random_moments_it_ends_with_the_same_result(
+    runs: int, kills: list[int], tmp_path: Path
+) -> None:
+    """Killed with SIGKILL while it computes, and another process goes on each time."""
     rng = random.Random(7)
-    whole, project = filled(tmp_path), filled(tmp_path)
-    with child(whole) as process:
-        assert line(process) == "begun 0"
-        assert line(process) == "ended"
-    before = 0
-    for most in (100, 200, 295):
+    project, before = filled(tmp_path), 0
+    for most in kills:
         size = parts_of(project.database)
-        with child(project, most) as process:
+        with child(project, runs, most) as process:
             said, there = line(process).split()
             assert said == "begun" and int(there) >= before
             before = int(there)
@@ -293,11 +295,11 @@ def test_killed_at_random_moments_it_ends_with_the_same_result(tmp_path: Path) -
             process.kill()
         assert state(project.database) == "interrupted"
         assert project.evaluation is None
-    with child(project) as process:
+    with child(project, runs) as process:
         said, there = line(process).split()
-        assert 3 <= int(there) <= 60
+        assert len(kills) <= int(there) <= runs // 5
         assert line(process) == "ended"
-    first, second = whole.evaluation, project.evaluation
-    assert first is not None and second is not None
-    assert same_runs(list(first.runs[0]), list(second.runs[0]))
-    assert first.settings == second.settings
+    found, dataset = project.evaluation, project.dataset
+    assert found is not None and dataset is not None and found.settings.runs == runs
+    whole = evaluate_runs(dataset, found.settings, 0, range(runs))
+    assert same_runs(list(found.runs[0]), whole)
