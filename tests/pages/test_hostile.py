@@ -13,9 +13,6 @@ from tests.deadly import ALL_ABORT
 from tests.pages.hostile_walk import APP, DOORS, SLOW_S, Door, begun, give, hostile, tracebacks
 from tests.pages.test_pages import messages
 
-EACH = 2
-"""Files for each door; `python -m benchmarks.hostile_pages` gives more."""
-
 
 @pytest.fixture
 def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
@@ -34,9 +31,10 @@ def deadly(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
 
 @pytest.mark.parametrize("door", DOORS, ids=lambda door: f"{door.page}, {door.reader}")
-def test_no_door_shows_a_traceback(door: Door, home: Path) -> None:
-    for number in range(EACH if door.page != "validate" else 1):
-        assert give(door, hostile(door.reader, number), begun(home)) == ""
+@pytest.mark.parametrize("number", [0, pytest.param(1, marks=pytest.mark.soak)])
+def test_no_door_shows_a_traceback(number: int, door: Door, home: Path) -> None:
+    """`python -m benchmarks.hostile_pages` gives more."""
+    assert give(door, hostile(door.reader, number), begun(home)) == ""
 
 
 @pytest.mark.parametrize(
