@@ -83,8 +83,9 @@ def test_few_are_begun_before_the_first_has_ended() -> None:
 
 
 @pytest.mark.parametrize("ahead", [1, 2, 5])
-def test_no_more_than_so_many_are_held(ahead: int) -> None:
+def test_no_more_than_so_many_are_held(ahead: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """What has ended and waits for the first counts too."""
+    monkeypatch.setattr("stereocal.system.tasks.POLL_S", 0.01)
     taken: list[int] = []
     by_hand = ByHand()
     asked = 0
