@@ -170,7 +170,7 @@ def test_a_pipe_that_nobody_reads(arguments: str, both: bool, tmp_path: Path) ->
 @pytest.mark.parametrize(
     "environment",
     [
-        pytest.param({"PYTHONIOENCODING": "ascii"}, id="ascii"),
+        pytest.param({"PYTHONIOENCODING": "ascii"}, id="ascii", marks=pytest.mark.soak),
         pytest.param({"LC_ALL": "C", "PYTHONUTF8": "0"}, id="C locale", marks=pytest.mark.soak),
     ],
 )

@@ -81,12 +81,12 @@ def test_a_project_can_be_looked_at_and_every_change_is_refused_with_a_sentence(
     project = placed(FULL, tmp_path)
     app = session(project)
     for page in TITLES:  # what is computed of the project is on the disk before it breaks
-        go(go(app, "start"), page)
+        go(app, page)
     before = project.database.path.read_bytes()
     with broken(monkeypatch):
         for page, given in acts(project).items():
             for act in given:
-                assert not go(go(app, "start"), page).exception, page
+                assert not go(app, page).exception, page
                 act(app)
                 app.run()
                 assert not app.exception, (page, app.exception)
