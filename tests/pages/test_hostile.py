@@ -31,7 +31,8 @@ def deadly(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
 
 @pytest.mark.parametrize("door", DOORS, ids=lambda door: f"{door.page}, {door.reader}")
-@pytest.mark.parametrize("number", [0, pytest.param(1, marks=pytest.mark.soak)])
+@pytest.mark.parametrize("number", [0, 1])
+@pytest.mark.soak
 def test_no_door_shows_a_traceback(number: int, door: Door, home: Path) -> None:
     """`python -m benchmarks.hostile_pages` gives more."""
     assert give(door, hostile(door.reader, number), begun(home)) == ""

@@ -19,7 +19,7 @@ from tests.soak import repeats
 from tests.soak.mutations import from_nothing, mutated
 from tests.soak.readers import Reader, readers
 
-FEW, MANY = 5, repeats(100, 400)
+FEW, MANY = 3, repeats(100, 400)
 NO_READERS = {
     "evaluation_files": "read as a file of a project",
     "lens_fit": "fits numbers",
