@@ -31,12 +31,12 @@ from stereocal.matching.application import Application
 from stereocal.projects.application import USES, ProjectApplication
 from stereocal.projects.archive import pack_project, unpack_project
 from stereocal.projects.home import recent_projects
-from stereocal.projects.lens import WHICH, ProjectLens
+from stereocal.projects.lens import ProjectLens
 from stereocal.projects.photographs import ProjectPhotographs
-from stereocal.projects.point_files import SIDES
 from stereocal.projects.project import Project
 from stereocal.projects.review import change_review, read_review
 from stereocal.projects.thumbnails import thumbnail
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.dataset import SOURCES, Dataset
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.zip_files import pack_zip, unzip
@@ -143,13 +143,13 @@ def _reads(project: Project) -> Iterator[Callable[[], object]]:
     yield lambda: (photographs.photographs, photographs.proposal.sentence, photographs.rows)
     yield lambda: [thumbnail(photographs, frame) for frame in (photographs.frames or [])[:1]]
     yield lambda: read_review(photographs)
-    for which in WHICH:
+    for which in CAMERAS:
         lens = ProjectLens(project, which)
         yield from (
             partial(getattr, lens, name)
             for name in ("photographs", "search", "calibration", "is_used")
         )
-    for side in SIDES:
+    for side in CAMERAS:
         yield from (partial(apply.points, side), partial(apply.asking, side))
     yield from (partial(apply.set_of, use) for use in USES)
     yield lambda: apply.result
@@ -250,11 +250,11 @@ def _give_points(project: Project) -> None:
     rigs: list[RigParameters] = [calibration.parameters("2d"), calibration.parameters("3d")]
     for use, rig in zip(USES, rigs, strict=True):
         store.keep_set(use, "p.json", rig.dumps().encode())
-    for side in SIDES:
+    for side in CAMERAS:
         pixels = getattr(dataset().correspondences, side)
         rows = [f"{k // 2},{u!r},{v!r}" for k, (u, v) in enumerate(pixels.tolist())]
         store.offer_points(side, f"{side}.csv", ("frame,u,v\n" + "\n".join(rows)).encode())
     store.ask("bars", "wand.csv", b"1,2,3,4,5,6,7,8\n1,2,3,4,5,6,7,8\n")
-    points = [store.points(side) for side in SIDES]
+    points = [store.points(side) for side in CAMERAS]
     assert points[0] is not None and points[1] is not None
     store.run(Application(points[0], points[1], rigs[0], rigs[1], 1.0, (0.0, np.inf)))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -32,8 +31,7 @@ from stereocal.simulation.simulate import (
     truth_of,
 )
 from stereocal.system.atomic_files import write_atomically
-
-Progress = Callable[[int, int], None]
+from stereocal.system.tasks import Progress
 
 
 def write_field(folder: Path, seed: int) -> None:

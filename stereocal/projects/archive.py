@@ -26,17 +26,17 @@ from stereocal.projects.data_folder import SUFFIX, new_database
 from stereocal.projects.database import Database
 from stereocal.projects.files import StoredFile, keep_file, keep_result, keep_values, name_files
 from stereocal.projects.home import check_size
-from stereocal.projects.lens import WHICH
 from stereocal.projects.photographs import BAR
 from stereocal.projects.point_files import ASKING, POINT_FILES, TABLES
 from stereocal.projects.project import CALIBRATED, FURTHER, INPUT, SETTING, VALUES, Project
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.dataset import Dataset
 from stereocal.system.atomic_files import write_in_parts
 from stereocal.system.json_text import read_json
 from stereocal.system.zip_files import OpenZip, open_zip, unzip
 
 MANIFEST, MANIFEST_FORMAT = "project.json", "stereocal-project/1"
-BOARDS = tuple(f"boards_{which}" for which in WHICH)
+BOARDS = tuple(f"boards_{which}" for which in CAMERAS)
 FOLDERS = {
     INPUT: "inputs", CALIBRATED: "calibrated", FURTHER: "datasets", BAR: "photographs",
     **{part: part for part in (*BOARDS, POINT_FILES, TABLES, ASKING, SETS, APPLIED)},
@@ -45,7 +45,7 @@ FOLDERS = {
 RESULTS = {
     "calibration": "calibration.json", "evaluation": "evaluation.npz", "frames": "frames.json",
     APPLIED: "applied.json", **{boards: f"{boards}.npz" for boards in BOARDS},
-    **{f"lens_{which}": f"lens_{which}.npz" for which in WHICH},
+    **{f"lens_{which}": f"lens_{which}.npz" for which in CAMERAS},
 }  # fmt: skip
 PACKED = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".zip", ".npz", ".parquet", ".h5", ".mat")
 UNSAFE = re.compile(r"[^A-Za-z0-9._-]|^\.+")

@@ -21,8 +21,8 @@ from stereocal.errors import StereocalError
 from stereocal.projects.database import Database
 from stereocal.projects.server_settings import ServerSettings
 from stereocal.projects.sqlite_errors import DamagedError
+from stereocal.system.limits import MB
 
-MB = 1e6
 LARGEST = 990_000_000
 """SQLite rows hold 1 GB at most."""
 PIECE = 4_000_000

@@ -17,7 +17,7 @@ from stereocal.errors import StereocalError
 from stereocal.projects.data_folder import SUFFIX, WAITING, is_id, new_database, private_folder
 from stereocal.projects.database import REMOVED, Database, set_journal
 from stereocal.projects.disk_reserve import keep_reserve
-from stereocal.projects.files import MB, free_unnamed
+from stereocal.projects.files import free_unnamed
 from stereocal.projects.jobs import interrupted
 from stereocal.projects.journal_mode import PROBE, remove_database
 from stereocal.projects.project import Project
@@ -25,6 +25,7 @@ from stereocal.projects.server_settings import ServerSettings
 from stereocal.projects.servers import forget_dead
 from stereocal.projects.sqlite_errors import DamagedError
 from stereocal.system.atomic_files import flush_folder
+from stereocal.system.limits import MB
 
 DAY_S = 86_400.0
 RESULTS = ("calibration", "evaluation")

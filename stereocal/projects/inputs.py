@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from stereocal.errors import can_be_shown
-from stereocal.rig.camera import Camera, LensUncertainty
+from stereocal.rig.camera import CAMERAS, Camera, CameraName, LensUncertainty
 
 Slot = Literal["primary", "secondary", "correspondences"]
 
@@ -38,7 +38,7 @@ class Inputs:
     put_back: list[int] = field(default_factory=list)
     """Frames of the table that contradict the others, but that the user keeps."""
 
-    def known(self, which: Literal["primary", "secondary"], camera: Camera) -> Camera:
+    def known(self, which: CameraName, camera: Camera) -> Camera:
         """A camera with the stated uncertainty instead of its file's.
 
         The standard errors of the distortion stay as in the file, or are 0.
@@ -108,7 +108,7 @@ def _check_lens_known(known: object) -> None:
     if not isinstance(known, dict):
         raise TypeError(known)
     for which, stated in known.items():
-        if which not in ("primary", "secondary") or not (
+        if which not in CAMERAS or not (
             stated is None or (len(stated) == 2 and all(map(_is_sigma, stated)))
         ):
             raise TypeError(stated)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Literal
 
 from stereocal.formats.camera_file import write_camera
 from stereocal.intrinsics.boards import BoardSearch
@@ -19,15 +18,13 @@ from stereocal.projects.files import (
     result_of,
 )
 from stereocal.projects.project import Project
-
-Which = Literal["primary", "secondary"]
-WHICH: tuple[Which, Which] = ("primary", "secondary")
+from stereocal.rig.camera import CAMERAS, CameraName
 
 
 class ProjectLens:
     """One camera's board photographs. Every change is on disk when its method returns."""
 
-    def __init__(self, project: Project, which: Which) -> None:
+    def __init__(self, project: Project, which: CameraName) -> None:
         self.project = project
         self.database = project.database
         self.which = which
@@ -107,7 +104,7 @@ class ProjectLens:
     @property
     def is_used(self) -> bool:
         """Whether the project uses this lens."""
-        lens, at = self.calibration, WHICH.index(self.which)
+        lens, at = self.calibration, CAMERAS.index(self.which)
         camera = self.project.cameras[at]
         return (
             lens is not None and camera is not None and (camera.to_json() == lens.camera.to_json())

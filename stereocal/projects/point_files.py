@@ -30,9 +30,8 @@ from stereocal.projects.files import (
 )
 from stereocal.projects.project import Project
 from stereocal.projects.sqlite_errors import DamagedError
+from stereocal.rig.camera import CameraName
 
-Side = Literal["primary", "secondary"]
-SIDES: tuple[Side, Side] = ("primary", "secondary")
 Asked = Literal["primary", "secondary", "bars", "matching", "measuring"]
 SUFFIXES = (".csv", ".parquet")
 POINT_FILES, TABLES, ASKING = "points", "tables", "asking"
@@ -62,7 +61,7 @@ class ProjectPoints:
         self._own: dict[str, bytes] = {}
         """Tables of the project's own points, stored with a result computed from them."""
 
-    def point_file(self, side: Side) -> PointFile | None:
+    def point_file(self, side: CameraName) -> PointFile | None:
         """The file in use."""
         found = about_files(self.database, TABLES).get(side)
         try:
@@ -70,7 +69,7 @@ class ProjectPoints:
         except DAMAGED as error:
             raise DamagedError("The list of point files is damaged; give them again.") from error
 
-    def points(self, side: Side) -> Points | None:
+    def points(self, side: CameraName) -> Points | None:
         """The points in use."""
         file = self.point_file(side)
         if file is None:
@@ -108,7 +107,7 @@ class ProjectPoints:
             label = about_files(self.database, ASKING).get(side)
         return None if file is None else (str(label), file.read_bytes())
 
-    def offer_points(self, side: Side, label: str, content: bytes) -> None:
+    def offer_points(self, side: CameraName, label: str, content: bytes) -> None:
         """Store a `frame,u,v` table; keep any other point file until questions are answered.
 
         Raises:
@@ -126,7 +125,7 @@ class ProjectPoints:
         with self.database.transaction():
             self._name(ASKING, side, content, label, label)
 
-    def answer(self, side: Side, answers: Answers) -> None:
+    def answer(self, side: CameraName, answers: Answers) -> None:
         """Read the file with open questions as answered, and use it.
 
         Raises:
@@ -142,7 +141,7 @@ class ProjectPoints:
         written = table.to_csv(index=False, lineterminator="\n").encode()
         self._keep_points(side, label, content, written, ".csv", answers)
 
-    def preview(self, side: Side, answers: Answers, first_rows: int | None) -> pd.DataFrame:
+    def preview(self, side: CameraName, answers: Answers, first_rows: int | None) -> pd.DataFrame:
         """The points of the file with open questions, as they would be read.
 
         Raises:
@@ -155,7 +154,7 @@ class ProjectPoints:
         layout = answered(layout_of(content, label), answers, content, label)
         return read_points(content, layout, answers.camera, answers.image_height, label, first_rows)
 
-    def ask_again(self, side: Side) -> None:
+    def ask_again(self, side: CameraName) -> None:
         """Ask about the file in use again; it stays in use until answered."""
         with self.database.transaction():
             file = self.point_file(side)
@@ -175,7 +174,7 @@ class ProjectPoints:
         return Points(name, label, len(table), int(table["frame"].nunique()))
 
     def _keep_points(
-        self, side: Side, label: str, given: bytes, table: bytes, suffix: str,
+        self, side: CameraName, label: str, given: bytes, table: bytes, suffix: str,
         answers: Answers | None = None,
     ) -> None:  # fmt: skip
         with tempfile.TemporaryDirectory(prefix="stereocal-") as folder:
@@ -198,7 +197,7 @@ class ProjectPoints:
 def _checked(file: PointFile) -> PointFile:
     if (
         not can_be_shown(file.label)
-        or file.suffix not in (".csv", ".parquet")
+        or file.suffix not in SUFFIXES
         or not isinstance(file.rows, int)
         or not isinstance(file.frames, int)
     ):

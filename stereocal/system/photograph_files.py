@@ -7,18 +7,18 @@ their content, never under their own name.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path, PurePosixPath
 from typing import TypeVar
 
 from stereocal.errors import StereocalError
 from stereocal.system.limits import Limits
 from stereocal.system.photograph import SUFFIXES, FileContent
+from stereocal.system.tasks import Progress
 from stereocal.system.zip_files import open_zip
 
 Photographs = Mapping[str, FileContent]
 """Files by the user's names, with folders and forward slashes."""
-Progress = Callable[[int, int], None]
 F = TypeVar("F")
 
 

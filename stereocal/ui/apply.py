@@ -27,9 +27,9 @@ from stereocal.matching.parquet import PARQUET
 from stereocal.matching.point_table import PointTable
 from stereocal.matching.threshold import FramePixels, choose_threshold
 from stereocal.projects.application import USES, ProjectApplication, Use
-from stereocal.projects.point_files import SIDES, Side
 from stereocal.projects.project import Project
 from stereocal.refined.results import Calibration
+from stereocal.rig.camera import CAMERAS, CameraName
 from stereocal.rig.parameters import RigParameters
 from stereocal.ui import jobs
 from stereocal.ui.decoding import server_guard
@@ -65,22 +65,22 @@ def choose_points(project: Project, store: ProjectApplication) -> tuple[Points, 
         st.caption("Targets A and B are left aside: the matching has to tell them apart.")
         primary, secondary = (
             store.own_points(table, f"{which} points of {dataset.name}")
-            for which, table in zip(SIDES, unlabelled(dataset.correspondences), strict=True)
+            for which, table in zip(CAMERAS, unlabelled(dataset.correspondences), strict=True)
         )
         return primary, secondary
-    for side, column in zip(SIDES, st.columns(2), strict=True):
+    for side, column in zip(CAMERAS, st.columns(2), strict=True):
         with column:
             _take_points(store, side)
     given = store.set_of("matching")
-    for side, camera in zip(SIDES, project.cameras, strict=True):
+    for side, camera in zip(CAMERAS, project.cameras, strict=True):
         if camera is None and given is not None:
             camera = given[1].primary if side == "primary" else given[1].secondary
         ask_about_points(store, side, None if camera is None else camera.image_size[1])
-    first, second = (store.points(side) for side in SIDES)
+    first, second = (store.points(side) for side in CAMERAS)
     return None if first is None or second is None else (first, second)
 
 
-def _take_points(store: ProjectApplication, side: Side) -> None:
+def _take_points(store: ProjectApplication, side: CameraName) -> None:
     file = store.point_file(side)
     if file is not None:
         st.caption(

@@ -26,6 +26,7 @@ from stereocal.matching.pairs import pixels_of
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.files import StoredFile
 from stereocal.projects.project import Project
+from stereocal.rig.camera import CAMERAS
 from stereocal.ui.apply import whole_table
 from stereocal.ui.downloads import on_demand
 from stereocal.ui.fields import number, one_of, setting
@@ -175,9 +176,7 @@ def _show_commands(store: ProjectApplication, outcome: Outcome) -> None:
         near, far = outcome.depths_m
         depths = "" if far is None and not near else f" --depth {near:g} {far or 'inf'}"
         suffixes = [Path(name).suffix for name in outcome.tables]
-        names = [
-            f"{which}{end}" for which, end in zip(("primary", "secondary"), suffixes, strict=True)
-        ]
+        names = [f"{which}{end}" for which, end in zip(CAMERAS, suffixes, strict=True)]
         st.code(
             f"python -m stereocal match {names[0]} {names[1]} --parameters parameters_2d.json "
             f"--threshold {outcome.threshold_px!r}{depths} --out {PAIRS}\n"

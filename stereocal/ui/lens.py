@@ -13,9 +13,10 @@ from stereocal.intrinsics.board_pattern import DICTIONARIES, BoardPattern
 from stereocal.intrinsics.boards import BoardSearch, find_boards
 from stereocal.intrinsics.calibrate_lens import LensSettings, calibrate_lens
 from stereocal.intrinsics.files import pack_board, pack_draws, unpack_board, unpack_draws
-from stereocal.projects.lens import WHICH, ProjectLens, Which
+from stereocal.projects.lens import ProjectLens
 from stereocal.projects.project import Project
 from stereocal.projects.sqlite_errors import DamagedError
+from stereocal.rig.camera import CAMERAS, CameraName
 from stereocal.system.photograph import SUFFIXES
 from stereocal.ui import jobs
 from stereocal.ui.fields import number, one_of, setting, some_of, yes_or_no
@@ -41,7 +42,7 @@ KINDS = [*sorted(suffix.removeprefix(".") for suffix in SUFFIXES), "zip"]
 _ROUND = "boards_round"
 
 
-def job_kind(which: Which) -> jobs.Kind:
+def job_kind(which: CameraName) -> jobs.Kind:
     """The kind of a camera's jobs."""
     return "lens_primary" if which == "primary" else "lens_secondary"
 
@@ -50,7 +51,7 @@ def show_cameras_in_use(project: Project | None) -> None:
     """Show the project's lens of each camera."""
     cameras = project.cameras if project else (None, None)
     labels = project.inputs.labels if project else {}
-    for which, camera, column in zip(WHICH, cameras, st.columns(2), strict=True):
+    for which, camera, column in zip(CAMERAS, cameras, st.columns(2), strict=True):
         with column.container(border=True, height="stretch"):
             st.markdown(f"**{which.capitalize()} camera**")
             if camera is None:
@@ -67,12 +68,12 @@ def show_cameras_in_use(project: Project | None) -> None:
         st.page_link("pages/data.py", label="Go on to Data", icon=":material/arrow_forward:")
 
 
-def choose_camera(project: Project | None) -> tuple[Which, str]:
+def choose_camera(project: Project | None) -> tuple[CameraName, str]:
     """Which camera, and where its lens comes from."""
     left, right = st.columns(2)
-    camera = setting(project, "lens_camera", WHICH[0], one_of(WHICH), tabs_own=True)
-    which: Which = left.segmented_control(
-        "Camera", WHICH, required=True, format_func=str.capitalize, **camera.widget()
+    camera = setting(project, "lens_camera", CAMERAS[0], one_of(CAMERAS), tabs_own=True)
+    which: CameraName = left.segmented_control(
+        "Camera", CAMERAS, required=True, format_func=str.capitalize, **camera.widget()
     )
     kinds = (BOARD, FILE)
     way = setting(project, "lens_how", BOARD, one_of(kinds), tabs_own=True)
@@ -82,7 +83,7 @@ def choose_camera(project: Project | None) -> tuple[Which, str]:
     return which, how
 
 
-def from_file(project: Project | None, which: Which) -> None:
+def from_file(project: Project | None, which: CameraName) -> None:
     """The uploader of a camera file."""
     in_use(project, which)
     upload = st.file_uploader(
@@ -92,7 +93,7 @@ def from_file(project: Project | None, which: Which) -> None:
     take_file(which, upload)
 
 
-def from_photographs(project: Project | None, which: Which) -> ProjectLens | None:
+def from_photographs(project: Project | None, which: CameraName) -> ProjectLens | None:
     """The uploader, the forms and the calibration; None while there are no photographs."""
     key = f"upload_boards_{which}_{st.session_state.setdefault(_ROUND, 0)}"
     uploads = st.file_uploader(
@@ -125,7 +126,7 @@ def from_photographs(project: Project | None, which: Which) -> ProjectLens | Non
     return store
 
 
-def take_boards(uploads: Sequence[Upload], which: Which) -> None:
+def take_boards(uploads: Sequence[Upload], which: CameraName) -> None:
     """Store uploads, and free their memory."""
     if not uploads:
         return
@@ -306,6 +307,6 @@ def _clear(store: ProjectLens, seen: Collection[str]) -> None:
 
 def _has_boards(project: Project) -> bool:
     try:
-        return any(ProjectLens(project, which).photographs for which in WHICH)
+        return any(ProjectLens(project, which).photographs for which in CAMERAS)
     except StereocalError:  # reported where they are shown
         return True

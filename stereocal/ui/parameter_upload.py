@@ -15,6 +15,7 @@ from stereocal.formats.lens_model import FourCoefficientsError, LensModel
 from stereocal.formats.units import UNITS, Unit, UnitError
 from stereocal.projects.application import ProjectApplication, Use
 from stereocal.projects.project import Project
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.zip_files import unzip
 from stereocal.ui.fields import number, one_of, setting
@@ -119,7 +120,7 @@ def _options(project: Project, use: Use, name: str | None) -> ExchangeOptions:
         return options
     sizes = [
         _size(project, f"set_size_{use}_{which}", which, camera.image_size if camera else None)
-        for which, camera in zip(("primary", "secondary"), project.cameras, strict=True)
+        for which, camera in zip(CAMERAS, project.cameras, strict=True)
     ]
     return replace(options, image_sizes=(sizes[0], sizes[1]))
 

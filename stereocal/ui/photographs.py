@@ -10,7 +10,6 @@ from stereocal.errors import StereocalError
 from stereocal.frames.detection_file import pack_detection, unpack_detection
 from stereocal.frames.pairing import Pair
 from stereocal.frames.search import STAGES, detect_frames
-from stereocal.projects.inputs import Slot
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
@@ -39,7 +38,6 @@ from stereocal.ui.uploads import free_memory
 
 TOGETHER, FOLDER, APART = "Both cameras together", "A folder", "One camera after the other"
 KINDS = [*sorted(suffix.removeprefix(".") for suffix in SUFFIXES), "zip"]
-LENSES: tuple[Slot, ...] = ("primary", "secondary")
 
 
 def choose_kind(project: Project | None) -> str:
@@ -105,11 +103,11 @@ def photographs_in(project: Project | None) -> None:
 
 def _camera_files(project: Project) -> None:
     """The lenses in use, and uploaders, folded once both are there."""
-    for slot, column in zip(LENSES, st.columns(2), strict=True):
+    for slot, column in zip(CAMERAS, st.columns(2), strict=True):
         with column:
             in_use(project, slot)
     with st.expander("Camera files", expanded=not all(readable(lambda: project.cameras) or ())):
-        for slot, column in zip(LENSES, st.columns(2), strict=True):
+        for slot, column in zip(CAMERAS, st.columns(2), strict=True):
             key = f"upload_{slot}"
             with column:
                 take_file(slot, st.file_uploader(TITLES[slot], type=CAMERA_KINDS, key=key))

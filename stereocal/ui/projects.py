@@ -15,7 +15,6 @@ import streamlit as st
 from stereocal.errors import StereocalError
 from stereocal.projects.archive import pack_project, unpack_project
 from stereocal.projects.data_folder import default_home
-from stereocal.projects.files import MB
 from stereocal.projects.home import (
     Listed,
     delete,
@@ -30,6 +29,7 @@ from stereocal.projects.journal_mode import journal_of
 from stereocal.projects.project import Project
 from stereocal.projects.salvage import salvage
 from stereocal.projects.server_settings import ServerSettings
+from stereocal.system.limits import MB
 from stereocal.ui.decoding import server_guard
 from stereocal.ui.intake import check_uploads, escape_markdown, is_new, taking
 from stereocal.ui.messages import tell

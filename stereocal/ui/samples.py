@@ -8,8 +8,9 @@ from concurrent.futures import Future
 from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import pack_dataset, read_dataset
 from stereocal.projects.data_folder import default_home
-from stereocal.projects.lens import WHICH, ProjectLens
+from stereocal.projects.lens import ProjectLens
 from stereocal.projects.project import Project
+from stereocal.rig.camera import CAMERAS
 from stereocal.system.photograph_files import is_photograph
 from stereocal.ui.intake import clear_refusal, give_dataset, refuse
 from stereocal.ui.jobs import pool
@@ -63,14 +64,14 @@ def load_sample_boards() -> None:
 
 
 def _give_boards(project: Project) -> None:
-    for which in WHICH:
+    for which in CAMERAS:
         store = ProjectLens(project, which)
         found = _photographs(f"boards_{which}")
         store.add({name: store.keep(name, content) for name, content in found})
 
 
 def _bars() -> Iterator[tuple[str, bytes]]:
-    for which in WHICH:
+    for which in CAMERAS:
         for name, content in _photographs(which):
             yield f"{which}/{name}", content
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any, Literal
+from typing import Any
 
 import streamlit as st
 
@@ -18,14 +18,12 @@ from stereocal.refined.unknowns import (
     DEFAULT_FOCAL,
     lens_prior,
 )
-from stereocal.rig.camera import Camera
+from stereocal.rig.camera import CAMERAS, Camera, CameraName
 from stereocal.rig.dataset import Dataset
 from stereocal.ui.fields import Field
 from stereocal.ui.intake import clear_refusal, refuse
 from stereocal.ui.project import project_to_write
 
-Lens = Literal["primary", "secondary"]
-LENSES: tuple[Lens, ...] = ("primary", "secondary")
 NOT_STATED, TYPED, OWN = "Not stated", "Typed", "own"
 PRESETS_MM = {"Laser range finder": 2.0, "Tape": 5.0, "Total station": 1.0}
 TITLES = {
@@ -64,7 +62,7 @@ def lens_uncertainties(project: Project | None) -> None:
     """The fields of each lens's uncertainty: from its file, typed, or not stated."""
     if project is None:
         return
-    for which, camera, column in zip(LENSES, project.cameras, st.columns(2), strict=True):
+    for which, camera, column in zip(CAMERAS, project.cameras, st.columns(2), strict=True):
         if camera is not None:
             with column:
                 _lens_known(project, which, camera)
@@ -79,7 +77,7 @@ def describe_uncertainties(dataset: Dataset) -> str:
             DEFAULT_DISTANCE * dataset.target_distance_m,
         ),
     ]  # fmt: skip
-    for which, camera in zip(LENSES, (dataset.primary, dataset.secondary), strict=True):
+    for which, camera in zip(CAMERAS, (dataset.primary, dataset.secondary), strict=True):
         stated = "" if camera.uncertainty else " (not stated, assumed)"
         parts.append(f"{which} lens {_of_lens(camera)}{stated}")
     return f"How well the inputs are known: {'; '.join(parts)}."
@@ -157,7 +155,7 @@ class _Length(_Stated):
         self._keep(TYPED, **{self._sigma: _metres(mm)})
 
 
-def _lens_known(project: Project, which: Lens, camera: Camera) -> None:
+def _lens_known(project: Project, which: CameraName, camera: Camera) -> None:
     lens = _Lens(project, which, camera)
     own = f"Its own calibration: {_of_lens(camera)}"
     titles = {OWN: own, NOT_STATED: NOT_STATED, TYPED: "Typed"}

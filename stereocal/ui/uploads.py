@@ -18,8 +18,8 @@ from streamlit.runtime.memory_uploaded_file_manager import MemoryUploadedFileMan
 from streamlit.runtime.scriptrunner import get_script_run_ctx
 
 from stereocal.errors import StereocalError
-from stereocal.projects.files import MB
 from stereocal.projects.server_settings import ServerSettings
+from stereocal.system.limits import MB
 
 IDLE_S = 300.0
 """Uploads of a session are dropped this long after its last one."""

@@ -26,8 +26,9 @@ from stereocal.formats.point_answers import (
 )
 from stereocal.formats.point_files import PointLayout
 from stereocal.projects.application import ProjectApplication
-from stereocal.projects.point_files import Asked, Side
+from stereocal.projects.point_files import Asked
 from stereocal.projects.project import Project
+from stereocal.rig.camera import CAMERAS, CameraName
 from stereocal.ui.fields import Fit, number, one_of, setting, yes_or_no
 from stereocal.ui.intake import clear_refusal, escape_markdown, refuse
 from stereocal.ui.messages import callback
@@ -42,7 +43,7 @@ COUNTED_TITLE = "none: the rows are counted"
 FLIP_TITLES = {"h": "h − v (most programs)", "h-1": "h − 1 − v", "h+1": "h + 1 − v"}
 
 
-def ask_about_points(store: ProjectApplication, side: Side, image_height: int | None) -> None:
+def ask_about_points(store: ProjectApplication, side: CameraName, image_height: int | None) -> None:
     """The questions about one camera's file, if there is one."""
     asked = store.asking(side)
     if asked is None:
@@ -134,7 +135,7 @@ def _say_layout(label: str, layout: PointLayout, what: str) -> None:
 
 
 def _point_form(
-    form: _Form, side: Side, content: bytes, label: str, image_height: int | None
+    form: _Form, side: CameraName, content: bytes, label: str, image_height: int | None
 ) -> Answers:
     layout = form.layout
     first = first_answers(layout, 0 if side == "primary" else 1, image_height)
@@ -177,7 +178,7 @@ def _bar_form(form: _Form) -> BarAnswers:
     heights = [
         _height(form, f"height_{k}", f"Image height, {which} (px)",
                 None if camera is None else camera.image_size[1], corner)
-        for k, (which, camera) in enumerate(zip(("primary", "secondary"), cameras, strict=True))
+        for k, (which, camera) in enumerate(zip(CAMERAS, cameras, strict=True))
     ]  # fmt: skip
     return BarAnswers(
         (chosen["camera_0"], chosen["camera_1"]), (chosen["end_0"], chosen["end_1"]),

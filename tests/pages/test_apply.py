@@ -17,8 +17,8 @@ from stereocal.formats.exchange.exchange import FORMATS
 from stereocal.matching.application import PAIRS, POINTS
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.archive import pack_project, unpack_project
-from stereocal.projects.point_files import Side
 from stereocal.projects.project import Project
+from stereocal.rig.camera import CameraName
 from stereocal.rig.parameters import RigParameters
 from stereocal.ui import apply as apply_page
 from tests.known_rig import PRIMARY, RIG, SECONDARY, bar_ends, images
@@ -30,10 +30,10 @@ SET_2D = RigParameters(PRIMARY, SECONDARY, RIG, "2d", 1.0, {}, {}, matching_thre
 SET_3D = replace(SET_2D, method="3d", matching_threshold_px=None)
 
 
-def tables(frames: int = 6, points: int = 15) -> dict[Side, pd.DataFrame]:
+def tables(frames: int = 6, points: int = 15) -> dict[CameraName, pd.DataFrame]:
     """Points of both cameras, shuffled; `bird` tells which is which."""
     rng = np.random.default_rng(4)
-    sides: dict[Side, list[pd.DataFrame]] = {"primary": [], "secondary": []}
+    sides: dict[CameraName, list[pd.DataFrame]] = {"primary": [], "secondary": []}
     for frame in range(1, 1 + frames):
         seen = images(rng.uniform([-1.3, -1.1, 6.0], [1.3, 1.0, 10.5], (points, 3)))
         for side, pixels in zip(sides, seen, strict=True):

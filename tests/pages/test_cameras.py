@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 from streamlit.testing.v1 import AppTest
 
-from stereocal.projects.lens import WHICH, ProjectLens, Which
+from stereocal.projects.lens import ProjectLens
 from stereocal.projects.project import Project
+from stereocal.rig.camera import CAMERAS, CameraName
 from stereocal.ui.lens import job_kind
 from tests.lens import SMALL, write_boards
 from tests.pages.waiting import ended
@@ -51,7 +52,7 @@ def messages(app: AppTest) -> str:
                     for item in kind).replace("\\", "")  # fmt: skip
 
 
-def store_of(app: AppTest, home: Path, which: Which = "primary") -> ProjectLens:
+def store_of(app: AppTest, home: Path, which: CameraName = "primary") -> ProjectLens:
     return ProjectLens(Project.open(home, app.session_state["project_id"]), which)
 
 
@@ -70,7 +71,7 @@ def small_board(app: AppTest) -> AppTest:
     return app.number_input(key="lens_repeats").set_value(6).run()
 
 
-def calibrate(app: AppTest, which: Which = "primary") -> AppTest:
+def calibrate(app: AppTest, which: CameraName = "primary") -> AppTest:
     app.button(key=f"calibrate_{which}").click().run()
     project = Project.open(Path(os.environ["STEREOCAL_HOME"]), app.session_state["project_id"])
     ended(project, job_kind(which))
@@ -174,5 +175,5 @@ def test_camera_file(app: AppTest, home: Path) -> None:
 
 def test_sample_photographs(app: AppTest, home: Path) -> None:
     app.button(key="sample_boards").click().run()
-    for which in WHICH:
+    for which in CAMERAS:
         assert len(store_of(app, home, which).photographs) == 30

@@ -14,8 +14,9 @@ import numpy.typing as npt
 import pytest
 from streamlit.testing.v1 import AppTest
 
-from stereocal.projects.lens import WHICH, ProjectLens
+from stereocal.projects.lens import ProjectLens
 from stereocal.projects.project import Project
+from stereocal.rig.camera import CAMERAS
 from tests.pages import test_cameras as cameras
 from tests.pages import test_photographs as data
 from tests.pages.test_cameras import boards as boards
@@ -84,7 +85,7 @@ def test_sample_photographs_fill_all_pages(app: AppTest, home: Path) -> None:
     project = Project.open(home, app.session_state["project_id"])
     assert all(project.cameras)
     assert project.inputs.missing == ["the table of points"]
-    for which in WHICH:
+    for which in CAMERAS:
         assert len(ProjectLens(project, which).photographs) == 30
     app.switch_page("pages/cameras.py").run()
     assert "30 photographs of the primary camera are here" in said(app)
