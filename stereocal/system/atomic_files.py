@@ -7,7 +7,7 @@ without which the new name may be lost.
 from __future__ import annotations
 
 import os
-import tempfile
+import secrets
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -78,13 +78,13 @@ def write_all(files: Mapping[Path, bytes]) -> None:
             make_folder(path.parent)
             if path.is_dir():
                 raise IsADirectoryError(0, "it is a folder", str(path))
-            handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-            waiting.append((Path(name), path))
-            with os.fdopen(handle, "wb") as file:
+            temporary = _name_beside(path)
+            waiting.append((temporary, path))  # before it exists: Ctrl-C may come at any moment
+            with temporary.open("xb") as file:
                 file.write(content)
                 file.flush()
                 os.fsync(file.fileno())
-            Path(name).chmod(0o644)
+            temporary.chmod(0o644)
         for folder in dict.fromkeys(path.parent for path in files):
             for temporary, path in waiting:
                 if path.parent == folder:
@@ -106,14 +106,12 @@ def write_in_parts(path: Path) -> Iterator[Path]:
         StereocalError: the folder cannot be written to, or the disk is full. After this or any
             other error inside the `with`, `path` is as it was.
     """
-    temporary: Path | None = None
+    temporary = _name_beside(path)
     try:
         make_folder(path.parent)
         if path.is_dir():
             raise IsADirectoryError(0, "it is a folder", str(path))
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-        os.close(handle)
-        temporary = Path(name)
+        temporary.touch(exist_ok=False)
         yield temporary
         flush_file(temporary)
         temporary.chmod(0o644)
@@ -124,8 +122,11 @@ def write_in_parts(path: Path) -> Iterator[Path]:
             f"{path.name} cannot be written: {error.strerror or error}."
         ) from error
     finally:
-        if temporary is not None:
-            _remove(temporary)
+        _remove(temporary)
+
+
+def _name_beside(path: Path) -> Path:
+    return path.parent / f".{path.name}.{secrets.token_hex(4)}"
 
 
 def _remove(path: Path) -> None:
