@@ -27,6 +27,7 @@ def plot_draws(lens: LensCalibration) -> go.Figure:
         rows=rows, cols=COLUMNS, horizontal_spacing=0.06, vertical_spacing=0.34 / rows
     )
     finish(figure, 60 + 190 * rows)
+    shapes: list[dict[str, object]] = []
     for number, at in enumerate(free):
         row, column = number // COLUMNS + 1, number % COLUMNS + 1
         unit = " px" if at < 4 else ""
@@ -42,11 +43,14 @@ def plot_draws(lens: LensCalibration) -> go.Figure:
             ),
             row=row, col=column,
         )  # fmt: skip
-        figure.add_vrect(
-            x0=value - sigma, x1=value + sigma, fillcolor=BAND, line_width=0,
-            layer="below", row=row, col=column,
-        )  # fmt: skip
-        figure.add_vline(x=value, line={"color": ORANGE, "width": 2}, row=row, col=column)
+        suffix = str(number + 1) if number else ""
+        height = {"xref": f"x{suffix}", "yref": f"y{suffix} domain", "y0": 0, "y1": 1}
+        shapes += [
+            {**height, "type": "rect", "x0": value - sigma, "x1": value + sigma,
+             "fillcolor": BAND, "line": {"width": 0}, "layer": "below"},
+            {**height, "type": "line", "x0": value, "x1": value,
+             "line": {"color": ORANGE, "width": 2}},
+        ]  # fmt: skip
         # One tick, at the median: at 420 px there is no room for more.
         reach = 1.1 * max(high - value, value - low, sigma)
         shown, _, error = with_error(value, sigma).partition(" ")
@@ -62,6 +66,8 @@ def plot_draws(lens: LensCalibration) -> go.Figure:
             "color": "rgba(213,94,0,0.4)", "symbol": "square", "size": 12}}),
     ):  # fmt: skip
         figure.add_trace(go.Scatter(x=[None], y=[None], name=name, **style), row=1, col=1)
+    # All at once, because Plotly copies the earlier ones when one is added.
+    figure.update_layout(shapes=shapes)
     return figure
 
 

@@ -46,23 +46,22 @@ TRANSPARENT = "rgba(0,0,0,0)"
 
 def finish(figure: go.Figure, height: int) -> go.Figure:
     """Apply the common style: transparent, small margins, legend in rows above the plot."""
-    figure.update_layout(
-        height=height,
-        paper_bgcolor=TRANSPARENT,
-        plot_bgcolor=TRANSPARENT,
-        margin={"l": 8, "r": 8, "t": 8, "b": 8},
-        font={"size": 14},
-        legend={
+    common = {
+        "height": height, "paper_bgcolor": TRANSPARENT, "plot_bgcolor": TRANSPARENT,
+        "margin": {"l": 8, "r": 8, "t": 8, "b": 8}, "font": {"size": 14},
+        "legend": {
             "orientation": "h", "x": 0, "xanchor": "left", "y": 1.0, "yanchor": "bottom",
             "font": {"size": 14}, "bgcolor": TRANSPARENT, "itemsizing": "constant",
         },
-    )  # fmt: skip
+    }  # fmt: skip
     axes = {
         "automargin": True, "showgrid": True, "gridcolor": GRID, "zeroline": False,
         "showline": True, "linecolor": FAINT, "ticks": "outside", "tickcolor": FAINT,
-        "tickfont": {"size": 13}, "title.font": {"size": 14}, "title.standoff": 6,
+        "tickfont": {"size": 13}, "title": {"font": {"size": 14}, "standoff": 6},
     }  # fmt: skip
-    # Set one by one, because `update_xaxes` takes four times as long.
+    # Set one by one, because `update_layout` and `update_xaxes` take four times as long.
+    for name, value in common.items():
+        figure.layout[name] = value
     for axis in (*figure.select_xaxes(), *figure.select_yaxes()):
         for name, value in axes.items():
             axis[name] = value

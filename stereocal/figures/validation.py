@@ -104,11 +104,14 @@ def plot_validation(
     )  # fmt: skip
     finish(figure, height)
     for column, quantity in enumerate(columns, start=1):
-        own = {(panel.row, column): panel for panel in panels if panel.column == column}
-        _add_column(figure, quantity, [(panel, titles[at]) for at, panel in own.items()])
+        own = [panel for panel in panels if panel.column == column]
+        _add_column(figure, quantity, own)
     _add_key(figure, columns)
+    # All at once, because Plotly copies the earlier ones when one is added.
     figure.update_layout(
         hovermode="x", dragmode=False, margin_t=top,
+        annotations=[_heading(panel, titles[panel.row, panel.column]) for panel in panels],
+        shapes=[_frame(panel) for panel in panels if panel.is_best],
         legend={"xref": "container", "yref": "container", "y": 1.0, "yanchor": "top"},
     )  # fmt: skip
     return figure
@@ -219,15 +222,12 @@ def _outside(panels: Sequence[_Panel], span: tuple[float, float]) -> int:
     return round(total)
 
 
-def _add_column(
-    figure: go.Figure, quantity: str, panels: Sequence[tuple[_Panel, list[str]]]
-) -> None:
+def _add_column(figure: go.Figure, quantity: str, own: Sequence[_Panel]) -> None:
     """Draw the panels of one quantity, with equal axes."""
-    own = [panel for panel, _ in panels]
     span = _span(own)
     highest = max((float(pdf.density.max(initial=0)) for p in own for pdf in p.pdfs), default=0.0)
-    for panel, title in panels:
-        _add_panel(figure, panel, span, highest or 1.0, title)
+    for panel in own:
+        _add_panel(figure, panel, span, highest or 1.0)
     outside = _outside(own, span)
     figure.update_xaxes(
         row=own[-1].row, col=own[-1].column,
@@ -236,32 +236,35 @@ def _add_column(
     )  # fmt: skip
 
 
-def _add_panel(
-    figure: go.Figure, panel: _Panel, span: tuple[float, float], highest: float, title: list[str]
-) -> None:
+def _add_panel(figure: go.Figure, panel: _Panel, span: tuple[float, float], highest: float) -> None:
     if panel.matching:
         _add_pdf(figure, panel, panel.matching.correct, "correct")
         _add_pdf(figure, panel, panel.matching.wrong, "wrong")
     else:
         _add_pdf(figure, panel, panel.summary.reconstruction.pdf, panel.method)
     _add_line(figure, panel, span, highest)
-    figure.add_annotation(
-        text="<br>".join(title), xref=f"x{panel.axis} domain", x=0, xanchor="left",
-        yref=f"y{panel.axis} domain", y=1, yanchor="bottom", yshift=3, align="left",
-        showarrow=False, font={"size": 12},
-    )  # fmt: skip
-    if panel.is_best:
-        figure.add_shape(
-            type="rect", xref=f"x{panel.axis} domain", yref=f"y{panel.axis} domain",
-            x0=0, x1=1, y0=0, y1=1, line={"color": METHOD_COLOURS[panel.method], "width": 4},
-            name=f"best {panel.quantity}",
-        )  # fmt: skip
     figure.update_xaxes(row=panel.row, col=panel.column, range=span, tickangle=0, nticks=8)
     figure.update_yaxes(
         row=panel.row, col=panel.column, range=[0, 1.22 * highest], nticks=5,
         title_text=f"<b>{METHOD_NAMES[panel.method]}</b><br>Density per decade"
         if panel.column == 1 else None,
     )  # fmt: skip
+
+
+def _heading(panel: _Panel, title: list[str]) -> dict[str, object]:
+    return {
+        "text": "<br>".join(title), "xref": f"x{panel.axis} domain", "x": 0, "xanchor": "left",
+        "yref": f"y{panel.axis} domain", "y": 1, "yanchor": "bottom", "yshift": 3,
+        "align": "left", "showarrow": False, "font": {"size": 12},
+    }  # fmt: skip
+
+
+def _frame(panel: _Panel) -> dict[str, object]:
+    return {
+        "type": "rect", "xref": f"x{panel.axis} domain", "yref": f"y{panel.axis} domain",
+        "x0": 0, "x1": 1, "y0": 0, "y1": 1, "name": f"best {panel.quantity}",
+        "line": {"color": METHOD_COLOURS[panel.method], "width": 4},
+    }  # fmt: skip
 
 
 def _add_pdf(figure: go.Figure, panel: _Panel, pdf: Pdf, kind: str) -> None:

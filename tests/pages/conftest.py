@@ -6,6 +6,7 @@ import sys
 from collections.abc import Iterator
 
 import pytest
+from streamlit.components.v2.component_manager import BidiComponentManager
 from streamlit.runtime.pages_manager import PagesManager
 from streamlit.runtime.scriptrunner.script_cache import ScriptCache
 from streamlit.testing.v1 import local_script_runner
@@ -41,3 +42,5 @@ def run_by_the_app(patch: pytest.MonkeyPatch) -> None:
 
     patch.setattr(PagesManager, "__init__", begin_with_navigation)
     patch.setattr(local_script_runner, "ScriptCache", lambda: SCRIPTS)
+    # A server looks through the installed packages for components once.
+    patch.setattr(BidiComponentManager, "discover_and_register_components", lambda *_, **__: None)
