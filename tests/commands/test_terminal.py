@@ -45,7 +45,7 @@ INTERRUPTED_COMMANDS: dict[str, tuple[str, bool, list[str]]] = {
     ),
     "compile": ("Compiling", True, ["compile"]),
 }  # fmt: skip
-FEW = ("calibrate", "evaluate in processes", "match")
+FEW = ("calibrate", "match")
 """One that computes, one with processes of its own, one with half a file; the rest in the soak."""
 
 

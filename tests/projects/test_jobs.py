@@ -272,9 +272,8 @@ def parts_of(database: Database) -> int:
     return int(database.rows("SELECT count(*) FROM finished")[0][0])
 
 
-@pytest.mark.parametrize(
-    ("runs", "kills"), [(40, [20]), pytest.param(300, [100, 200, 295], marks=pytest.mark.soak)]
-)
+@pytest.mark.soak
+@pytest.mark.parametrize(("runs", "kills"), [(40, [20]), (300, [100, 200, 295])])
 def test_killed_at_random_moments_it_ends_with_the_same_result(
     runs: int, kills: list[int], tmp_path: Path
 ) -> None:

@@ -125,7 +125,8 @@ Guard(deadly.READERS, least_seconds=1).check(sys.argv[2], Path(sys.argv[1]), "a"
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="this system kills otherwise")
-@pytest.mark.parametrize("kind", ["hang", pytest.param("spin", marks=pytest.mark.soak)])
+@pytest.mark.soak
+@pytest.mark.parametrize("kind", ["hang", "spin"])
 def test_the_child_ends_with_a_server_that_is_killed(file: Path, kind: str) -> None:
     server = subprocess.Popen(
         [sys.executable, "-c", SERVER, str(file), kind], cwd=Path(__file__).parents[2]
