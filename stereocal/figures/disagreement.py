@@ -19,8 +19,10 @@ NAMES = {
     "distance": "Distance A–B",
     "primary focal": "Focal length, primary",
     "primary centre": "Image centre, primary",
+    "primary distortion": "Distortion, primary",
     "secondary focal": "Focal length, secondary",
     "secondary centre": "Image centre, secondary",
+    "secondary distortion": "Distortion, secondary",
 }
 
 
@@ -67,8 +69,9 @@ def _words(item: Input) -> str:
     if np.isnan(item.standard_errors):
         return f"{name_of(item)}: the images have no information about it"
     return (
-        f"{name_of(item)}: stated {_numbers(item.stated)} {item.unit}, estimated "
-        f"{_numbers(item.estimate)} {item.unit}, {digits(item.standard_errors, 2)} standard errors"
+        f"{name_of(item)}: stated {_numbers(item.stated)} {item.unit}".rstrip()
+        + f", estimated {_numbers(item.estimate)} {item.unit}".rstrip()
+        + f", {digits(item.standard_errors, 2)} standard errors"
     )
 
 

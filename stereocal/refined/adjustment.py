@@ -13,6 +13,7 @@ import numpy as np
 from stereocal.refined.bar_fit import (
     ALL,
     BASELINE,
+    DISTORTION,
     ERRORS,
     OWN,
     RESIDUALS,
@@ -24,7 +25,8 @@ from stereocal.refined.bar_fit import (
     normal_matrix,
     row_product,
 )
-from stereocal.rig.compiled import FloatArray, compiled, internal
+from stereocal.refined.distortion import set_distortion
+from stereocal.rig.compiled import FloatArray, IntArray, compiled, internal
 from stereocal.rig.decompositions import backward, factor, forward
 from stereocal.rig.geometry import fill_pose, midpoint
 
@@ -52,7 +54,8 @@ def loss(s: float, limit: float) -> tuple[float, float]:
 @compiled
 def sum_normal_equations(
     q: FloatArray,
-    lenses: FloatArray,
+    free: IntArray,
+    stated_lenses: FloatArray,
     pixels: FloatArray,
     rays: FloatArray,
     distances: FloatArray,
@@ -67,18 +70,22 @@ def sum_normal_equations(
     """Fit the points of all frames, sum the normal equations, and return the cost.
 
     Args:
+        free: the indices of the unknowns that are not held fixed; H and g are 0 for the others.
+        stated_lenses: (2, 23): as `lenses` in `bar_fit.fill_residuals`; the k1, k2, p1, p2 are
+            those of q.
         pixels: (n, 2, 4): as in `bar_fit.fill_residuals`.
         rays: (n, 2, 4): the same points undistorted with the stated lenses, for initial points.
         distances: (n,): in metres; NaN without a bar.
         points: (n, 6), updated: 3D points; NaN where initial points are needed.
         chi_squares: (n,), written.
-        H: (15, 15), written: J J^T with x eliminated.
-        g: (15,), written: J r with x eliminated.
+        H: (23, 23), written: J J^T with x eliminated.
+        g: (23,), written: J r with x eliminated.
     """
+    lenses = set_distortion(q, DISTORTION, stated_lenses)
     R, T, motions = np.empty((3, 3)), np.empty(3), np.empty((6, 3))
     fill_pose(q, q[BASELINE], R, T)
     fill_motions(q, R, motions)
-    derivatives, J, V = np.empty((8, 4)), np.empty((ALL + 1, RESIDUALS)), np.empty((OWN, OWN))
+    derivatives, J, V = np.empty((8, 5)), np.empty((ALL + 1, RESIDUALS)), np.empty((OWN, OWN))
     x, Y = np.empty(OWN), np.empty((SHARED + 1, OWN))
     for i in range(SHARED):
         g[i] = 0.0
@@ -94,10 +101,12 @@ def sum_normal_equations(
         rho, w = loss(s, limits[f])
         cost += rho
         if w > 0.0 and s < np.inf:
-            fill_shared_derivatives(R, motions, seen, distances[f], weight, own, x, derivatives, J)
+            fill_shared_derivatives(
+                q, R, motions, lenses, seen, distances[f], weight, own, x, derivatives, J
+            )
             normal_matrix(J, seen, V)
             if factor(V, 0.0):
-                eliminate(J, V, w, Y, H, g)
+                eliminate(J, V, w, free, Y, H, g)
         for i in range(OWN):
             points[f, i] = x[i] if s < np.inf else np.nan
     for i in range(SHARED):
@@ -131,24 +140,32 @@ def start_points(
 
 @internal
 def eliminate(
-    J: FloatArray, L: FloatArray, w: float, Y: FloatArray, H: FloatArray, g: FloatArray
+    J: FloatArray,
+    L: FloatArray,
+    w: float,
+    free: IntArray,
+    Y: FloatArray,
+    H: FloatArray,
+    g: FloatArray,
 ) -> None:
     """Add w times the Schur complement of a frame to H (lower half) and g.
 
     With J_x J_x^T = L L^T and y = L^-1 J_x J_q^T: H = J_q J_q^T - y^T y.
     """
-    for i in range(SHARED + 1):  # the unknowns, and last the residuals
+    n = len(free)
+    for a in range(n + 1):  # the unknowns, and last the residuals
+        i = free[a] if a < n else SHARED
         for j in range(OWN):
             Y[i, j] = row_product(J, j, OWN + i)
         forward(L, Y[i])
-    for i in range(SHARED + 1):
-        for j in range(min(i + 1, SHARED)):
+        for b in range(min(a + 1, n)):
+            j = free[b]
             total = 0.0
             for k in range(RESIDUALS):
                 total += J[OWN + i, k] * J[OWN + j, k]
             for k in range(OWN):
                 total -= Y[i, k] * Y[j, k]
-            if i < SHARED:
+            if a < n:
                 H[i, j] += w * total
             else:
                 g[j] += w * total
@@ -158,6 +175,7 @@ def eliminate(
 def adjust(
     origin: FloatArray,
     M: FloatArray,
+    free: IntArray,
     precision: FloatArray,
     p: FloatArray,
     lenses: FloatArray,
@@ -176,7 +194,7 @@ def adjust(
     """Minimise the cost over the free parameters p (Levenberg-Marquardt), with q = origin + M p.
 
     p, points, chi_squares and H are updated in place. The prior of p is normal with mean 0 and the
-    given precision (0 for no prior).
+    given precision (k, k), 0 for no prior.
 
     Returns:
         The cost with the priors, the number of steps tried, and whether it converged.
@@ -188,7 +206,7 @@ def adjust(
     for step in range(most_steps + 1):
         fill_shared(origin, M, trial_p, q)
         trial = sum_normal_equations(
-            q, lenses, pixels, rays, distances, weight, length_weight, limits, trial_points,
+            q, free, lenses, pixels, rays, distances, weight, length_weight, limits, trial_points,
             trial_chi_squares, trial_H, trial_g,
         ) + prior_cost(trial_p, precision)  # fmt: skip
         if trial <= cost or step == 0:
@@ -248,10 +266,11 @@ def fill_shared(origin: FloatArray, M: FloatArray, p: FloatArray, q: FloatArray)
 
 @internal
 def prior_cost(p: FloatArray, precision: FloatArray) -> float:
-    """Sum of the squared deviations from the stated values, in units of their prior sigmas."""
+    """p^T precision p."""
     total = 0.0
     for i in range(len(p)):
-        total += precision[i] * p[i] * p[i]
+        for j in range(len(p)):
+            total += p[i] * precision[i, j] * p[j]
     return total
 
 
@@ -267,23 +286,23 @@ def reduce_normal_equations(
 ) -> None:
     """A = M^T H M + precision, b = M^T g + precision p."""
     for i in range(len(p)):
-        b[i] = precision[i] * p[i]
+        b[i] = 0.0
         for r in range(SHARED):
             b[i] += M[r, i] * g[r]
         for j in range(len(p)):
-            total = 0.0
+            b[i] += precision[i, j] * p[j]
+            total = precision[i, j]
             for r in range(SHARED):
                 if M[r, i] != 0.0:
                     for s in range(SHARED):
                         total += M[r, i] * H[r, s] * M[s, j]
             A[i, j] = total
-        A[i, i] += precision[i]
 
 
 @compiled
 def length_innovations(
     q: FloatArray,
-    lenses: FloatArray,
+    stated_lenses: FloatArray,
     pixels: FloatArray,
     distances: FloatArray,
     weight: float,
@@ -296,9 +315,10 @@ def length_innovations(
     stated length, in metres. Column 1: its variance from the noise of the pixels, in square metres:
     l^T (J_x J_x^T)^-1 l, where l is the gradient of the length. NaN if there is no bar.
     """
+    lenses = set_distortion(q, DISTORTION, stated_lenses)
     R, T, x = np.empty((3, 3)), np.empty(3), np.empty(OWN)
     fill_pose(q, q[BASELINE], R, T)
-    derivatives, J, V = np.empty((8, 4)), np.empty((ALL + 1, RESIDUALS)), np.empty((OWN, OWN))
+    derivatives, J, V = np.empty((8, 5)), np.empty((ALL + 1, RESIDUALS)), np.empty((OWN, OWN))
     gradient = np.empty(OWN)
     for f in range(len(pixels)):
         found[f, 0] = found[f, 1] = np.nan
@@ -321,18 +341,23 @@ def length_innovations(
 
 @compiled
 def fill_point_jacobians(
-    q: FloatArray, lenses: FloatArray, weight: float, points: FloatArray, derivatives: FloatArray
+    q: FloatArray,
+    stated_lenses: FloatArray,
+    weight: float,
+    points: FloatArray,
+    derivatives: FloatArray,
 ) -> None:
     """Write the derivatives of the pixels of points (n, 3), by the point and by q.
 
     Args:
         weight: 1 / sigma_px, by which the derivatives are multiplied.
-        derivatives: (n, 18, 4), written; NaN behind a camera.
+        derivatives: (n, 26, 4), written; NaN behind a camera.
     """
+    lenses = set_distortion(q, DISTORTION, stated_lenses)
     R, T, motions = np.empty((3, 3)), np.empty(3), np.empty((6, 3))
     fill_pose(q, q[BASELINE], R, T)
     fill_motions(q, R, motions)
-    work, J, x = np.empty((8, 4)), np.empty((ALL + 1, RESIDUALS)), np.zeros(OWN)
+    work, J, x = np.empty((8, 5)), np.empty((ALL + 1, RESIDUALS)), np.zeros(OWN)
     pixels = np.full((2, 4), np.nan)
     for i in range(4):
         pixels[0, i] = 0.0
@@ -340,7 +365,7 @@ def fill_point_jacobians(
         for j in range(3):
             x[j] = points[k, j]
         s = fill_residuals(q, R, T, lenses, pixels, 0.0, weight, 0.0, x, work, J)
-        fill_shared_derivatives(R, motions, pixels, 0.0, weight, 0.0, x, work, J)
+        fill_shared_derivatives(q, R, motions, lenses, pixels, 0.0, weight, 0.0, x, work, J)
         for j in range(3 + SHARED):
             row = j if j < 3 else OWN + j - 3
             for i in range(4):

@@ -1,11 +1,12 @@
 """One frame of the refined method: its 3D points, residuals and Jacobian, compiled.
 
-All frames share the unknowns `q` (15,): the five angles, the baseline in metres, the factor of the
-bar's length, and fx, fy, cx, cy of the primary and of the secondary camera. A frame adds the 3D
-points of its targets, `x` (6,), in metres in the primary's frame. It has nine residuals: eight
-pixel coordinates over sigma_px, and the length |A - B| minus the bar's, over its scatter.
+All frames share the unknowns `q` (23,): the five angles, the baseline in metres, the factor of the
+bar's length, fx, fy, cx, cy of the primary and of the secondary camera, and k1, k2, p1, p2 of the
+primary and of the secondary camera. A frame adds the 3D points of its targets, `x` (6,), in metres
+in the primary's frame. It has nine residuals: eight pixel coordinates over sigma_px, and the length
+|A - B| minus the bar's, over its scatter.
 
-`J` has shape (22, 9): the derivatives of the residuals by x and by q in the first 21 rows, the
+`J` has shape (30, 9): the derivatives of the residuals by x and by q in the first 29 rows, the
 residuals in the last. Each row belongs to one unknown, so that sums over the residuals read
 consecutive memory.
 """
@@ -14,12 +15,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from stereocal.refined.distortion import distort
+from stereocal.refined.distortion import distort, distortion_derivatives
 from stereocal.rig.compiled import FloatArray, internal
 from stereocal.rig.decompositions import backward, factor, forward
 
 YAW, PITCH, ROLL, DELTA, EPSILON, BASELINE, BAR, PRIMARY, SECONDARY = 0, 1, 2, 3, 4, 5, 6, 7, 11
-SHARED = 15
+DISTORTION = 15
+"""The first of k1, k2, p1, p2 of the primary; those of the secondary follow."""
+SHARED = 23
 OWN = 6
 RESIDUALS = 9
 ALL = OWN + SHARED
@@ -69,13 +72,15 @@ def fill_residuals(
     """Write the residuals of a frame and their derivatives by x to J.
 
     Args:
-        lenses: (2, 23): skew and `distortion.lens_terms` of each camera.
+        lenses: (2, 23): skew and `distortion.lens_terms` of each camera, with the k1, k2, p1, p2
+            of q.
         pixels: (2, 4): of each target u, v in the primary and in the secondary; NaN for a target
             that was not seen, whose residuals are 0.
         weight: 1 / sigma_px.
         length_weight: 1 / scatter of the bar's length; 0 leaves the length out.
-        derivatives: (8, 4), written: of each pixel coordinate its derivatives by the point in the
-            camera's frame, and the distorted point's coordinate along the same axis.
+        derivatives: (8, 5), written: of each pixel coordinate its derivatives by the point in the
+            camera's frame, and along the same axis the coordinates of the distorted and of the
+            undistorted point.
 
     Returns:
         The sum of squares; infinite if a target is behind a camera.
@@ -107,6 +112,7 @@ def fill_residuals(
             vx, vy = scale * fy * yx, scale * fy * yy
             derivatives[row, 0], derivatives[row, 1], derivatives[row, 3] = ux, uy, bx
             derivatives[row + 1, 0], derivatives[row + 1, 1], derivatives[row + 1, 3] = vx, vy, by
+            derivatives[row, 4], derivatives[row + 1, 4] = nx, ny
             derivatives[row, 2], derivatives[row + 1, 2] = (
                 -(ux * nx + uy * ny),
                 -(vx * nx + vy * ny),
@@ -157,8 +163,10 @@ def length_residual(expected: float, weight: float, x: FloatArray, J: FloatArray
 
 @internal
 def fill_shared_derivatives(
+    q: FloatArray,
     R: FloatArray,
     motions: FloatArray,
+    lenses: FloatArray,
     pixels: FloatArray,
     distance: float,
     weight: float,
@@ -169,6 +177,7 @@ def fill_shared_derivatives(
 ) -> None:
     """Write the derivatives by q to J, after `fill_residuals` with the same arguments."""
     zero_rows(J, OWN, ALL)
+    by_lens = np.empty((2, 4))
     for target in range(2):
         if np.isnan(pixels[target, 0]):
             continue
@@ -176,6 +185,15 @@ def fill_shared_derivatives(
             vertical = k % 2
             own = OWN + PRIMARY + 4 * (k % 4 // 2) + vertical
             J[own, k], J[own + 2, k] = weight * derivatives[k, 3], weight
+        for camera in range(2):
+            k, own = 4 * target + 2 * camera, OWN + DISTORTION + 4 * camera
+            fx, fy = q[PRIMARY + 4 * camera], q[PRIMARY + 4 * camera + 1]
+            nx, ny = derivatives[k, 4], derivatives[k + 1, 4]
+            distortion_derivatives(nx, ny, lenses, camera, by_lens)
+            for i in range(4):
+                along_x, along_y = weight * by_lens[0, i], weight * by_lens[1, i]
+                J[own + i, k] = fx * along_x + lenses[camera, 0] * along_y
+                J[own + i, k + 1] = fy * along_y
         a, b, c = x[3 * target], x[3 * target + 1], x[3 * target + 2]
         yx = R[0, 0] * a + R[0, 1] * b + R[0, 2] * c
         yy = R[1, 0] * a + R[1, 1] * b + R[1, 2] * c

@@ -1,4 +1,4 @@
-"""Test which input disagrees with the others: baseline, bar, focal length, principal point.
+"""Test which input disagrees with the others: baseline, bar, or a part of a lens.
 
 If an input with prior variance P is estimated with posterior variance C, the difference between
 the estimate and the stated value has the variance P - C, provided that all inputs are correct. The
@@ -14,28 +14,34 @@ The images determine the ratio of baseline and bar, not which of the two is wron
 explain the conflict equally well, the one with the smallest error in units of its own uncertainty
 is reported first, and the others are its rivals. The baseline may have twice the error, because it
 ends at invisible points inside the lenses.
+
+A distortion without a stated uncertainty is held fixed and has no prior to test. It is tested by
+the misfit that is lost when it is free (F test of four coefficients, k1, k2, p1 and p2). The F test
+measures the gain by the misfit that remains, so that a noise that is estimated too large because
+of the wrong distortion does not hide it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import ndtri_exp
+from scipy.special import chdtrc, fdtrc, ndtri, ndtri_exp
 
 from stereocal.errors import StereocalError
-from stereocal.refined.bar_fit import BAR, BASELINE, PRIMARY, SECONDARY, SHARED
+from stereocal.refined.bar_fit import BAR, BASELINE, DISTORTION, PRIMARY, SECONDARY, SHARED
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.stated_inputs import LENGTHS, Input, advice_on, note_on_rivals, pair_advice
 from stereocal.refined.unknowns import (
+    FREE_DISTORTION,
     LensPrior,
     RefineSettings,
     baseline_sigma_m,
     distance_sigma_m,
     lens_prior,
 )
-from stereocal.rig.camera import CAMERAS
+from stereocal.rig.camera import CAMERAS, LENS_UNKNOWNS
 from stereocal.rig.compiled import FloatArray
 
 ACCUSED = 3.2
@@ -43,6 +49,9 @@ ACCUSED = 3.2
 in 1 % of the cases."""
 
 WIDER = 10.0
+
+COEFFICIENTS = 4
+"""Of a distortion: k1, k2, p1, p2."""
 
 EQUAL_FIT = 0.95
 """An input whose test value is this fraction of the largest explains the conflict equally well."""
@@ -55,20 +64,30 @@ MINIMUM_INFORMATION = 1e-4
 fraction."""
 
 
-def what_disagrees(result: RefinedResult) -> list[Input]:
-    """Test all inputs that have a prior; solves again for each accused input.
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """All inputs compared with the other data."""
 
-    Returns:
-        The accused inputs first, then the others by falling `standard_errors`.
-    """
+    inputs: list[Input]
+    """The accused inputs first, then the others by falling `standard_errors`."""
+    model: RefinedResult
+    """The fit without the priors of the accused inputs; the given one if none is accused."""
+
+
+def what_disagrees(result: RefinedResult) -> list[Input]:
+    """The inputs of `compare_inputs`."""
+    return compare_inputs(result).inputs
+
+
+def compare_inputs(result: RefinedResult) -> Comparison:
+    """Test all inputs that have a prior, and a fixed distortion; solves again for each test."""
     current = _with_its_noise(result)
-    found = {key: _input(result, key, value) for key, (value, _) in _tests(current).items()}
+    tests = _tests(current)
+    found = {key: _input(result, key, value) for key, (value, _) in tests.items()}
     named: list[str] = []
     while True:
         suspects = {
-            k: t
-            for k, t in _tests(current).items()
-            if t[0] >= ACCUSED and not _the_only_scale(current, k)
+            k: t for k, t in tests.items() if t[0] >= ACCUSED and not _the_only_scale(current, k)
         }
         if not suspects:
             break
@@ -82,11 +101,20 @@ def what_disagrees(result: RefinedResult) -> list[Input]:
         }
         found[key] = _accused(found[key], freed, tuple(rivals), found)
         current = freed[key]
+        tests = _tests(current)
     rest = sorted(
         (key for key in found if key not in named),
         key=lambda key: -np.nan_to_num(found[key].standard_errors, nan=-1.0),
     )
-    return [found[key] for key in [*named, *rest]]
+    model = result
+    if named:
+        settings = replace(
+            current.settings,
+            sigma_px=result.settings.sigma_px,
+            scatter_m=result.settings.scatter_m,
+        )
+        model = refine(result.dataset, settings, current.pose, result.rows)
+    return Comparison([found[key] for key in [*named, *rest]], model)
 
 
 def _the_only_scale(result: RefinedResult, key: str) -> bool:
@@ -115,19 +143,28 @@ def _with_its_noise(result: RefinedResult) -> RefinedResult:
 
 
 def _widened(lens: LensPrior) -> LensPrior:
-    return replace(lens, focal=WIDER * lens.focal, centre_px=WIDER * lens.centre_px)
+    k1, k2, p1, p2 = (WIDER * sigma for sigma in lens.distortion)
+    return replace(
+        lens,
+        focal=WIDER * lens.focal,
+        centre_px=WIDER * lens.centre_px,
+        distortion=(k1, k2, p1, p2),
+    )
 
 
 def _tests(result: RefinedResult) -> dict[str, tuple[float, float]]:
-    """The test value of each input with a prior, and the error that would explain the conflict.
+    """The test value of each input, and the error that would explain the conflict.
 
-    The error is in units of the input's own uncertainty.
+    The error is in units of the input's own uncertainty; of a distortion without one it is 1.
     """
     found = {}
     for key, columns in _columns(result).items():
-        prior = np.diag(np.square(result.unknowns.sigma[columns]))
-        if not np.isfinite(prior).all():
+        if not columns:
+            found[key] = _distortion_test(result, key), 1.0
             continue
+        if not np.isfinite(result.unknowns.sigma[columns]).all():
+            continue
+        prior = result.unknowns.prior_covariance(columns)
         gained = prior - result.p_covariance[np.ix_(columns, columns)]
         scale = 1.0 / np.sqrt(np.diag(prior))
         informed, along = np.linalg.eigh(gained * np.outer(scale, scale))
@@ -142,29 +179,60 @@ def _tests(result: RefinedResult) -> dict[str, tuple[float, float]]:
     return found
 
 
+def _distortion_test(result: RefinedResult, key: str) -> float:
+    """|z| of the F test whether a distortion that is held fixed differs from the stated one."""
+    kept = np.isin(result.dataset.correspondences.frame, result.frames[~result.outlying]) & (
+        True if result.rows is None else result.rows
+    )
+    settings = replace(
+        _freed(result, key),
+        sigma_px=result.sigma_px.value,
+        scatter_m=result.scatter_m.value,
+        loss="squares",
+    )
+    try:
+        freed = refine(result.dataset, settings, result.pose, kept)
+    except StereocalError:
+        return float("nan")
+    used = int(result.degrees_of_freedom[~result.outlying].sum())
+    left = max(used - len(result.unknowns.names) - COEFFICIENTS, 1)
+    gain = max(result.cost - freed.cost, 0.0) / COEFFICIENTS
+    return _as_z(float(fdtrc(COEFFICIENTS, left, gain / max(freed.cost / left, 1e-12))))
+
+
 def _as_normal(chi_square: float, degrees_of_freedom: int) -> float:
-    """|z| of the normal distribution with the p-value of this chi-square (1 or 2 degrees)."""
+    """|z| of the normal distribution with the p-value of this chi-square."""
     if degrees_of_freedom == 1:
         return float(np.sqrt(chi_square))
-    return max(float(-ndtri_exp(-0.5 * chi_square - np.log(2.0))), 0.0)
+    if degrees_of_freedom == 2:
+        return max(float(-ndtri_exp(-0.5 * chi_square - np.log(2.0))), 0.0)
+    return _as_z(float(chdtrc(degrees_of_freedom, chi_square)))
+
+
+def _as_z(probability: float) -> float:
+    return max(float(-ndtri(0.5 * max(probability, 1e-300))), 0.0)
 
 
 def _columns(result: RefinedResult) -> dict[str, list[int]]:
-    """The indices in p of the free parameters of each input."""
+    """The indices in p of the free parameters of each input; none for a fixed distortion."""
     names = result.unknowns.names
     groups = {"baseline": ["baseline"], "distance": ["bar"]}
     for camera in CAMERAS:
         groups[f"{camera} focal"] = [f"{camera} {key}" for key in ("focal", "fx", "fy")]
         groups[f"{camera} centre"] = [f"{camera} {key}" for key in ("cx", "cy")]
+        groups[f"{camera} distortion"] = [f"{camera} {key}" for key in LENS_UNKNOWNS[4:]]
     found = {
         key: [names.index(name) for name in members if name in names]
         for key, members in groups.items()
     }
-    return {key: columns for key, columns in found.items() if columns}
+    return {key: columns for key, columns in found.items() if columns or key.endswith("distortion")}
 
 
 def _values(result: RefinedResult, key: str, values: FloatArray) -> FloatArray:
-    """The values of an input among the 15 shared unknowns, in the input's unit."""
+    """The values of an input among the 23 shared unknowns, in the input's unit."""
+    if key.endswith("distortion"):
+        first = DISTORTION + 4 * key.startswith("secondary")
+        return values[first : first + 4]
     if key == "baseline":
         return values[[BASELINE]]
     if key == "distance":
@@ -186,7 +254,7 @@ def _input(result: RefinedResult, key: str, standard_errors: float) -> Input:
         )
     return Input(
         key=key,
-        unit="m" if key in LENGTHS else "px",
+        unit="m" if key in LENGTHS else "" if key.endswith("distortion") else "px",
         stated=_values(result, key, result.unknowns.origin),
         prior_sigma=before,
         estimate=_values(result, key, result.q),
@@ -210,6 +278,8 @@ def _sigma_stated(result: RefinedResult, key: str) -> bool:
         return (settings.distance_sigma_m or dataset.target_distance_sigma_m) is not None
     which = key.split()[0]
     # The settings of a result have explicit lens priors: the default ones were not stated.
+    if key.endswith("distortion"):
+        return any(lens_prior(getattr(dataset, which), getattr(settings, which)).distortion)
     default = getattr(settings, which) in (None, LensPrior())
     return not default or getattr(dataset, which).uncertainty is not None
 
@@ -223,7 +293,12 @@ def _freed(result: RefinedResult, key: str) -> RefineSettings:
         return replace(settings, distance_sigma_m=np.inf)
     camera, part = key.split()
     lens = lens_prior(getattr(result.dataset, camera), getattr(settings, camera))
-    lens = replace(lens, focal=np.inf) if part == "focal" else replace(lens, centre_px=np.inf)
+    if part == "focal":
+        lens = replace(lens, focal=np.inf)
+    elif part == "centre":
+        lens = replace(lens, centre_px=np.inf)
+    else:
+        lens = replace(lens, distortion=FREE_DISTORTION)
     return (
         replace(settings, primary=lens)
         if camera == "primary"

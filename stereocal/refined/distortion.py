@@ -74,3 +74,44 @@ def distort(
     a, b = (terms[13] - tu * terms[19]) * scale, (terms[14] - tu * terms[20]) * scale
     c, d = (terms[16] - tv * terms[19]) * scale, (terms[17] - tv * terms[20]) * scale
     return tu, tv, a * ux + b * vx, a * uy + b * vy, c * ux + d * vx, c * uy + d * vy
+
+
+@internal
+def distortion_derivatives(
+    x: float, y: float, lenses: FloatArray, camera: int, by_lens: FloatArray
+) -> None:
+    """Write the derivatives of the distorted point by k1, k2, p1, p2 to `by_lens` (2, 4)."""
+    terms = lenses[camera, 1:]
+    rr = x * x + y * y
+    below = 1.0 / (1.0 + rr * (terms[5] + rr * (terms[6] + rr * terms[7])))
+    by_lens[0, 0], by_lens[1, 0] = x * rr * below, y * rr * below
+    by_lens[0, 1], by_lens[1, 1] = rr * by_lens[0, 0], rr * by_lens[1, 0]
+    by_lens[0, 2], by_lens[1, 2] = 2.0 * x * y, rr + 2.0 * y * y
+    by_lens[0, 3], by_lens[1, 3] = rr + 2.0 * x * x, 2.0 * x * y
+    if terms[12] == 0.0:
+        return
+    radial = (1.0 + rr * (terms[0] + rr * (terms[1] + rr * terms[4]))) * below
+    u = x * radial + 2.0 * terms[2] * x * y + terms[3] * (rr + 2.0 * x * x)
+    v = y * radial + terms[2] * (rr + 2.0 * y * y) + 2.0 * terms[3] * x * y
+    u += rr * (terms[8] + rr * terms[9])
+    v += rr * (terms[10] + rr * terms[11])
+    scale = 1.0 / (terms[19] * u + terms[20] * v + terms[21])
+    tu = (terms[13] * u + terms[14] * v + terms[15]) * scale
+    tv = (terms[16] * u + terms[17] * v + terms[18]) * scale
+    a, b = (terms[13] - tu * terms[19]) * scale, (terms[14] - tu * terms[20]) * scale
+    c, d = (terms[16] - tv * terms[19]) * scale, (terms[17] - tv * terms[20]) * scale
+    for i in range(4):
+        along_x, along_y = by_lens[0, i], by_lens[1, i]
+        by_lens[0, i], by_lens[1, i] = a * along_x + b * along_y, c * along_x + d * along_y
+
+
+@internal
+def set_distortion(q: FloatArray, first: int, lenses: FloatArray) -> FloatArray:
+    """A copy of `lenses` (2, 23) with the k1, k2, p1, p2 that begin at q[first]."""
+    found = np.empty((2, TERMS + 1))
+    for camera in range(2):
+        for i in range(TERMS + 1):
+            found[camera, i] = lenses[camera, i]
+        for i in range(4):
+            found[camera, 1 + i] = q[first + 4 * camera + i]
+    return found

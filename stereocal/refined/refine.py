@@ -19,7 +19,7 @@ import numpy as np
 
 from stereocal.calibration.essential import calibrate_essential, choose_pose
 from stereocal.errors import StereocalError
-from stereocal.refined.bar_fit import BAR, BASELINE, EPSILON, PRIMARY, SECONDARY
+from stereocal.refined.bar_fit import BAR, BASELINE, EPSILON
 from stereocal.refined.solve import Noise, Solve, lenses_of
 from stereocal.refined.unknowns import RefineSettings, Unknowns, camera_of, with_lens_priors
 from stereocal.rig.camera import Camera
@@ -48,7 +48,7 @@ class RefinedResult:
     p: FloatArray
     """(k,): the estimated free parameters, as deviations from `unknowns.origin`."""
     information: FloatArray
-    """(15, 15): information matrix of the shared unknowns from images and lengths, without the
+    """(23, 23): information matrix of the shared unknowns from images and lengths, without the
     priors."""
     sigma_px: Noise
     """Standard deviation of an image coordinate."""
@@ -72,7 +72,7 @@ class RefinedResult:
 
     @cached_property
     def q(self) -> FloatArray:
-        """(15,): the shared unknowns, as in `bar_fit`."""
+        """(23,): the shared unknowns, as in `bar_fit`."""
         return np.asarray(self.unknowns.origin + self.unknowns.M @ self.p)
 
     @cached_property
@@ -84,13 +84,13 @@ class RefinedResult:
     def p_covariance(self) -> FloatArray:
         """(k, k): covariance of the free parameters, priors included."""
         M = self.unknowns.M
-        A = M.T @ self.information @ M + np.diag(self.unknowns.precision)
+        A = M.T @ self.information @ M + self.unknowns.precision
         scale = 1.0 / np.sqrt(np.diag(A))
         return np.asarray(np.linalg.inv(A * np.outer(scale, scale)) * np.outer(scale, scale))
 
     @cached_property
     def covariance(self) -> FloatArray:
-        """(15, 15): covariance of the shared unknowns, in the units of `q`; 0 for fixed ones."""
+        """(23, 23): covariance of the shared unknowns, in the units of `q`; 0 for fixed ones."""
         M = self.unknowns.M
         return np.asarray(M @ self.p_covariance @ M.T)
 
@@ -199,8 +199,8 @@ def _result(solve: Solve, rows: BoolArray | None, seconds: float) -> RefinedResu
         dataset=solve.dataset,
         settings=solve.settings,
         pose=Pose.from_angles(Angles(*q[: EPSILON + 1].tolist()), float(q[BASELINE])),
-        primary=camera_of(solve.dataset.primary, q[PRIMARY : PRIMARY + 4]),
-        secondary=camera_of(solve.dataset.secondary, q[SECONDARY : SECONDARY + 4]),
+        primary=camera_of(solve.dataset.primary, q, 0),
+        secondary=camera_of(solve.dataset.secondary, q, 1),
         rows=rows,
         unknowns=solve.unknowns,
         p=solve.p,

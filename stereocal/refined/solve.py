@@ -184,16 +184,18 @@ class Solve:
 
     def _solve(self, limits: FloatArray, tolerance: float = TOLERANCE) -> None:
         self.cost, steps, self.converged = adjust(
-            self.unknowns.origin, self.unknowns.M, self.unknowns.precision, self.p, self.lenses,
-            self.pixels, self.rays, self.distances, 1 / self.sigma_px, 1 / self.scatter, limits,
-            self.points, self.chi_squares, self.H, tolerance, self.settings.maximum_steps,
+            self.unknowns.origin, self.unknowns.M, self.unknowns.free, self.unknowns.precision,
+            self.p, self.lenses, self.pixels, self.rays, self.distances, 1 / self.sigma_px,
+            1 / self.scatter, limits, self.points, self.chi_squares, self.H, tolerance,
+            self.settings.maximum_steps,
         )  # fmt: skip
         self.steps += steps
 
     def _evaluate(self, limits: FloatArray) -> None:
         sum_normal_equations(
-            self.q, self.lenses, self.pixels, self.rays, self.distances, 1 / self.sigma_px,
-            1 / self.scatter, limits, self.points, self.chi_squares, self.H, np.empty(SHARED),
+            self.q, self.unknowns.free, self.lenses, self.pixels, self.rays, self.distances,
+            1 / self.sigma_px, 1 / self.scatter, limits, self.points, self.chi_squares, self.H,
+            np.empty(SHARED),
         )  # fmt: skip
 
     def _estimate_noise(self, robust: bool = False) -> bool:
@@ -205,8 +207,8 @@ class Solve:
         H = np.empty((SHARED, SHARED))
         used = np.where(self.outlying, 0.0, np.inf)
         sum_normal_equations(
-            self.q, self.lenses, self.pixels, self.rays, self.distances, 1 / self.sigma_px, 0.0,
-            used, points, chi_squares, H, np.empty(SHARED),
+            self.q, self.unknowns.free, self.lenses, self.pixels, self.rays, self.distances,
+            1 / self.sigma_px, 0.0, used, points, chi_squares, H, np.empty(SHARED),
         )  # fmt: skip
         spent_px, spent_m = (0.0, 0.0) if robust else self._spent(H)
         if self.source_px == ESTIMATED:
@@ -237,8 +239,9 @@ class Solve:
         """
         M = self.unknowns.M
         pixels, everything = M.T @ of_pixels @ M, M.T @ self.H @ M
-        scale = 1.0 / np.sqrt(np.maximum(np.diag(everything) + self.unknowns.precision, 1e-300))
-        A = (everything + np.diag(self.unknowns.precision)) * np.outer(scale, scale)
+        A = everything + self.unknowns.precision
+        scale = 1.0 / np.sqrt(np.maximum(np.diag(A), 1e-300))
+        A = A * np.outer(scale, scale)
         C = np.linalg.pinv(A, hermitian=True) * np.outer(scale, scale)
         return float(np.sum(C * pixels)), max(float(np.sum(C * (everything - pixels))), 0.0)
 

@@ -18,13 +18,13 @@ LENGTHS = {"baseline", "distance"}
 class Input:
     """One stated input compared with the other data.
 
-    Arrays have one number, or two for (fx, fy) and (cx, cy).
+    Arrays have one number, two for (fx, fy) and (cx, cy), or four for (k1, k2, p1, p2).
     """
 
     key: str
-    """`baseline`, `distance`, `primary focal`, `primary centre`, `secondary focal`, ..."""
+    """`baseline`, `distance`, `primary focal`, `primary centre`, `primary distortion`, ..."""
     unit: str
-    """`m` or `px`."""
+    """`m` or `px`; empty for a distortion."""
     stated: FloatArray
     prior_sigma: FloatArray
     estimate: FloatArray
@@ -121,6 +121,12 @@ def advice_on(key: str, stated: FloatArray, say: FloatArray, sigma: FloatArray) 
             f"{found} m. Measure between the centres of the targets, or widen its uncertainty."
         )
     camera, part = key.split()
+    if part == "distortion":
+        return (
+            f"The {camera} camera's distortion (k1, k2, p1, p2) is stated as {given}; images and "
+            f"lengths say {found}. Was the lens calibrated with another focus, or with few points "
+            "near the edges? Calibrate it again, or let it be estimated here."
+        )
     if part == "focal":
         return (
             f"The {camera} camera's focal length (fx, fy) is stated as {given} px; images and "
@@ -148,7 +154,11 @@ NAMES = {
     **{
         f"{camera} {part}": f"the {camera} camera's {name}"
         for camera in CAMERAS
-        for part, name in (("focal", "focal length"), ("centre", "principal point"))
+        for part, name in (
+            ("focal", "focal length"),
+            ("centre", "principal point"),
+            ("distortion", "distortion"),
+        )
     },
 }
 

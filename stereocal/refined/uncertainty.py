@@ -75,7 +75,7 @@ def distance_sigmas(
 def length_jacobian(
     result: RefinedResult, first_m: npt.ArrayLike, second_m: npt.ArrayLike
 ) -> FloatArray:
-    """(n, 15): derivatives of reconstructed distances by the shared unknowns of `bar_fit`."""
+    """(n, 23): derivatives of reconstructed distances by the shared unknowns of `bar_fit`."""
     return _length_errors(result, first_m, second_m)[2]
 
 
@@ -83,7 +83,7 @@ def _length_errors(
     result: RefinedResult, first_m: npt.ArrayLike, second_m: npt.ArrayLike
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Unit directions (n, 3), covariances from the pixels (n, 3, 3) of the ends' differences, and
-    derivatives (n, 15) of the distances by the shared unknowns.
+    derivatives (n, 23) of the distances by the shared unknowns.
     """
     a, b = (np.asarray(points, dtype=np.float64) for points in (first_m, second_m))
     along = (a - b) / np.linalg.norm(a - b, axis=1, keepdims=True)
@@ -151,7 +151,7 @@ def in_view(camera: Camera, points_m: FloatArray) -> BoolArray:
 
 
 def _point_errors(result: RefinedResult, points_m: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Covariances (n, 3, 3) of points from the noise of their pixels, and derivatives (n, 3, 15)
+    """Covariances (n, 3, 3) of points from the noise of their pixels, and derivatives (n, 3, 23)
     of the points by the shared unknowns.
     """
     points = np.ascontiguousarray(points_m, dtype=np.float64).reshape(-1, 3)

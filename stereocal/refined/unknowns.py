@@ -7,11 +7,12 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from stereocal.errors import StereocalError
-from stereocal.refined.bar_fit import BAR, BASELINE, EPSILON, PRIMARY, SECONDARY, SHARED
-from stereocal.rig.camera import CAMERAS, Camera
-from stereocal.rig.compiled import FloatArray
+from stereocal.refined.bar_fit import BAR, BASELINE, DISTORTION, EPSILON, PRIMARY, SECONDARY, SHARED
+from stereocal.rig.camera import CAMERAS, LENS_UNKNOWNS, Camera
+from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
 
@@ -39,13 +40,21 @@ class LensPrior:
     """Standard deviation of each coordinate of the principal point, in pixels."""
     apart: bool = False
     """Whether fx and fy vary separately; otherwise they share one factor."""
+    distortion: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    """Of k1, k2, p1 and p2."""
+    correlation: tuple[tuple[float, ...], ...] | None = None
+    """(8, 8), between fx, fy, cx, cy, k1, k2, p1, p2, used with `apart`; None if independent. That
+    of a value that is fixed or has no prior is not used."""
 
     def __post_init__(self) -> None:
-        if not (self.focal >= 0 and self.centre_px >= 0):
+        if not all(sigma >= 0 for sigma in (self.focal, self.centre_px, *self.distortion)):
             raise StereocalError("The uncertainty of a lens must be 0 (fixed) or more.")
 
 
 FIXED_LENS = LensPrior(0.0, 0.0)
+FREE_DISTORTION = (0.5, 1.0, 0.02, 0.02)
+"""Standard deviations of k1, k2, p1, p2 that hardly restrict them; they keep those finite about
+which the images say nothing."""
 
 
 @dataclass(frozen=True)
@@ -100,8 +109,7 @@ class RefineSettings:
         given = {name: _number(value) for name, value in data.items()}
         for lens in CAMERAS:
             if isinstance(own := given.get(lens), Mapping):
-                numbers = {name: _number(value) for name, value in own.items()}
-                given[lens] = LensPrior(**numbers)
+                given[lens] = _lens_prior_of(own)
         try:
             return cls(**given)
         except TypeError as error:
@@ -110,29 +118,43 @@ class RefineSettings:
 
 @dataclass(frozen=True, eq=False)
 class Unknowns:
-    """The free parameters p of a solve and the 15 shared unknowns q = origin + M p."""
+    """The free parameters p of a solve and the 23 shared unknowns q = origin + M p."""
 
     names: tuple[str, ...]
     origin: FloatArray
-    """(15,): the initial angles, and the stated values of the others."""
+    """(23,): the initial angles, and the stated values of the others."""
     M: FloatArray
-    """(15, k)."""
+    """(23, k)."""
     sigma: FloatArray
     """(k,): standard deviations of the priors of p; infinite without a prior."""
+    precision: FloatArray
+    """(k, k): inverse of the covariance of the priors of p; 0 without a prior."""
 
     @property
-    def precision(self) -> FloatArray:
-        """(k,): 1 / sigma^2."""
-        return 1.0 / np.square(self.sigma)
+    def free(self) -> IntArray:
+        """The indices of the shared unknowns that are not held fixed."""
+        return np.flatnonzero(self.M.any(axis=1)).astype(np.int64)
+
+    def prior_covariance(self, columns: list[int]) -> FloatArray:
+        """The covariance of the priors of some free parameters, which must all have one."""
+        known = np.flatnonzero(np.isfinite(self.sigma))
+        whole = np.linalg.inv(self.precision[np.ix_(known, known)])
+        at = np.searchsorted(known, columns)
+        return np.asarray(whole[np.ix_(at, at)])
 
 
 def unknowns_of(
-    dataset: Dataset, start: Pose, settings: RefineSettings, bars: bool = True
+    dataset: Dataset,
+    start: Pose,
+    settings: RefineSettings,
+    bars: bool = True,
+    distortion: bool = True,
 ) -> Unknowns:
     """The unknowns of a data set.
 
     Args:
         bars: whether there are bars; if not, the bar's length is held fixed.
+        distortion: whether distortion may be an unknown; if not, it is held fixed.
 
     Raises:
         StereocalError: neither baseline nor bar has a prior, so nothing determines the scale.
@@ -140,48 +162,84 @@ def unknowns_of(
     origin = np.empty(SHARED)
     origin[: EPSILON + 1] = start.angles
     origin[BASELINE], origin[BAR] = dataset.baseline_m, 1.0
-    for at, camera in ((PRIMARY, dataset.primary), (SECONDARY, dataset.secondary)):
-        origin[at : at + 4] = _lens(camera)
+    for number, camera in enumerate((dataset.primary, dataset.secondary)):
+        origin[_places(number)] = camera.lens_values
     baseline = baseline_sigma_m(dataset, settings)
     bar = distance_sigma_m(dataset, settings) / dataset.target_distance_m if bars else 0.0
     if np.isinf(baseline) and (np.isinf(bar) or not bars):
         raise StereocalError(
             "Nothing fixes the scale: give the baseline or the bar a finite uncertainty."
         )
-    columns: list[tuple[str, float, FloatArray]] = [
-        (name, np.inf, _unit(i)) for i, name in enumerate(ANGLES)
+    blocks: list[tuple[list[tuple[str, float, FloatArray]], FloatArray | None]] = [
+        ([(name, np.inf, _unit(i)) for i, name in enumerate(ANGLES)], None),
+        ([("baseline", baseline, _unit(BASELINE)), ("bar", bar, _unit(BAR))], None),
     ]
-    columns += [("baseline", baseline, _unit(BASELINE)), ("bar", bar, _unit(BAR))]
-    for name, at, prior in (
-        ("primary", PRIMARY, lens_prior(dataset.primary, settings.primary)),
-        ("secondary", SECONDARY, lens_prior(dataset.secondary, settings.secondary)),
-    ):
-        along_x, along_y = origin[at] * _unit(at), origin[at + 1] * _unit(at + 1)
-        if prior.apart:
-            columns += [
-                (f"{name} fx", prior.focal, along_x),
-                (f"{name} fy", prior.focal, along_y),
-            ]
-        else:
-            columns.append((f"{name} focal", prior.focal, along_x + along_y))
-        columns += [
-            (f"{name} cx", prior.centre_px, _unit(at + 2)),
-            (f"{name} cy", prior.centre_px, _unit(at + 3)),
-        ]
-    free = [column for column in columns if column[1] > 0]
-    return Unknowns(
-        names=tuple(name for name, _, _ in free),
-        origin=origin,
-        M=np.ascontiguousarray(np.column_stack([along for _, _, along in free])),
-        sigma=np.array([sigma for _, sigma, _ in free]),
+    priors = (
+        lens_prior(dataset.primary, settings.primary),
+        lens_prior(dataset.secondary, settings.secondary),
     )
+    for number, prior in enumerate(priors):
+        if not distortion:
+            prior = replace(prior, distortion=(0.0, 0.0, 0.0, 0.0))
+        blocks.append(_lens_columns(number, prior, origin))
+    names, sigmas, along, precisions = [], [], [], []
+    for columns, correlation in blocks:
+        free = [i for i, (_, sigma, _) in enumerate(columns) if sigma > 0]
+        names += [columns[i][0] for i in free]
+        along += [columns[i][2] for i in free]
+        own = np.array([columns[i][1] for i in free])
+        sigmas.append(own)
+        among = np.eye(len(free)) if correlation is None else correlation[np.ix_(free, free)]
+        precisions.append(_precision(own, among))
+    return Unknowns(
+        names=tuple(names),
+        origin=origin,
+        M=np.ascontiguousarray(np.column_stack(along)),
+        sigma=np.concatenate(sigmas),
+        precision=block_diag(*precisions),
+    )
+
+
+def _lens_columns(
+    number: int, prior: LensPrior, origin: FloatArray
+) -> tuple[list[tuple[str, float, FloatArray]], FloatArray | None]:
+    """Of each free parameter of a lens its name, sigma and column of M; and their correlation."""
+    name, at = CAMERAS[number], _places(number)
+    along_x, along_y = origin[at[0]] * _unit(at[0]), origin[at[1]] * _unit(at[1])
+    if prior.apart:
+        columns = [(f"{name} fx", prior.focal, along_x), (f"{name} fy", prior.focal, along_y)]
+    else:
+        columns = [(f"{name} focal", prior.focal, along_x + along_y)]
+    sigmas = (prior.centre_px, prior.centre_px, *prior.distortion)
+    columns += [
+        (f"{name} {key}", sigma, _unit(place))
+        for key, sigma, place in zip(LENS_UNKNOWNS[2:], sigmas, at[2:], strict=True)
+    ]
+    whole = prior.correlation if prior.apart else None
+    return columns, None if whole is None else np.array(whole)
+
+
+def _precision(sigma: FloatArray, correlation: FloatArray) -> FloatArray:
+    """(k, k): the inverse of the covariance; 0 for those without a prior."""
+    known = np.flatnonzero(np.isfinite(sigma))
+    found = np.zeros((len(sigma), len(sigma)))
+    covariance = correlation[np.ix_(known, known)] * np.outer(sigma[known], sigma[known])
+    found[np.ix_(known, known)] = np.linalg.inv(covariance) if len(known) else covariance
+    return found
+
+
+def _places(number: int) -> list[int]:
+    """The indices in q of the lens unknowns of the primary (0) or the secondary (1)."""
+    first, distortion = (PRIMARY, SECONDARY)[number], DISTORTION + 4 * number
+    return [*range(first, first + 4), *range(distortion, distortion + 4)]
 
 
 def lens_prior(camera: Camera, given: LensPrior | None) -> LensPrior:
     """The prior of a lens: `given`, else from the camera's uncertainty, else the default.
 
-    The camera's uncertainty has standard errors of fx, fy, cx and cy. The prior uses the root mean
-    square of the relative errors of fx and fy, and the larger error of cx and cy.
+    The camera's uncertainty has standard errors of fx, fy, cx, cy and the distortion, perhaps with
+    their correlation. The prior uses the root mean square of the relative errors of fx and fy, and
+    the larger error of cx and cy.
     """
     if given is not None:
         return given
@@ -189,7 +247,15 @@ def lens_prior(camera: Camera, given: LensPrior | None) -> LensPrior:
     if known is None:
         return LensPrior()
     relative = np.array([known.fx / camera.K[0, 0], known.fy / camera.K[1, 1]])
-    return LensPrior(float(np.sqrt(np.mean(relative**2))), max(known.cx, known.cy))
+    k1, k2, p1, p2 = [*known.distortion.tolist(), 0.0, 0.0, 0.0, 0.0][:4]
+    whole = known.correlation
+    return LensPrior(
+        focal=float(np.sqrt(np.mean(relative**2))),
+        centre_px=max(known.cx, known.cy),
+        apart=whole is not None,
+        distortion=(k1, k2, p1, p2),
+        correlation=None if whole is None else tuple(tuple(row) for row in whole.tolist()),
+    )
 
 
 def with_lens_priors(settings: RefineSettings, dataset: Dataset) -> RefineSettings:
@@ -217,16 +283,16 @@ def distance_sigma_m(dataset: Dataset, settings: RefineSettings) -> float:
     )
 
 
-def camera_of(stated: Camera, lens: FloatArray) -> Camera:
-    """The stated camera with `lens`, (fx, fy, cx, cy), instead of its own."""
+def camera_of(stated: Camera, q: FloatArray, number: int) -> Camera:
+    """The stated primary (0) or secondary (1) with the lens values of q instead of its own."""
+    fx, fy, cx, cy, *distortion = q[_places(number)].tolist()
     K = stated.K.copy()
-    K[0, 0], K[1, 1], K[0, 2], K[1, 2] = lens
-    return Camera(K, stated.distortion, stated.image_size)
-
-
-def _lens(camera: Camera) -> FloatArray:
-    K = camera.K
-    return np.array([K[0, 0], K[1, 1], K[0, 2], K[1, 2]])
+    K[0, 0], K[1, 1], K[0, 2], K[1, 2] = fx, fy, cx, cy
+    whole = stated.distortion.copy()
+    if not len(whole) and any(distortion):
+        whole = np.zeros(4)
+    whole[:4] = distortion[: len(whole)]
+    return Camera(K, whole, stated.image_size)
 
 
 def _unit(at: int) -> FloatArray:
@@ -239,6 +305,15 @@ def _first(*values: float | None) -> float:
     return next(value for value in values if value is not None)
 
 
+def _lens_prior_of(data: Mapping[str, Any]) -> LensPrior:
+    given = {name: _number(value) for name, value in data.items()}
+    if "distortion" in given:
+        given["distortion"] = tuple(_number(value) for value in given["distortion"])
+    if given.get("correlation") is not None:
+        given["correlation"] = tuple(tuple(map(float, row)) for row in given["correlation"])
+    return LensPrior(**given)
+
+
 def _number(value: Any) -> Any:
     return np.inf if value == "inf" else value
 
@@ -246,4 +321,6 @@ def _number(value: Any) -> Any:
 def _without_infinity(value: Any) -> Any:
     if isinstance(value, dict):
         return {key: _without_infinity(inner) for key, inner in value.items()}
+    if isinstance(value, tuple):
+        return [_without_infinity(inner) for inner in value]
     return "inf" if isinstance(value, float) and np.isinf(value) else value

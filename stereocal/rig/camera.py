@@ -15,9 +15,13 @@ from stereocal.rig.compiled import FloatArray
 
 CameraName = Literal["primary", "secondary"]
 CAMERAS: tuple[CameraName, CameraName] = ("primary", "secondary")
+LENS_UNKNOWNS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2")
+"""The order of `Camera.lens_values` and of the correlation of a lens."""
 LARGEST_SIDE = 1_000_000
 MAXIMUM_K = 1e9
 DISTORTION_LENGTHS = (0, 4, 5, 8, 12, 14)
+SMALLEST_EIGENVALUE = 1e-9
+"""Of a correlation; a smaller one would make a combination of values exact."""
 SIZE_FACTOR_TOLERANCE = 1.3
 """The principal point may be this many times the image centre, or one over it, before K counts as
 that of another image size."""
@@ -30,9 +34,10 @@ class LensUncertainty:
     Args:
         fx, fy, cx, cy: in pixels.
         distortion: one for each coefficient of the camera.
+        correlation: (8, 8), of the errors of `LENS_UNKNOWNS`; None if unknown.
 
     Raises:
-        StereocalError: a number is negative or not finite.
+        StereocalError: a number is negative or not finite, or the correlation is not one.
     """
 
     fx: float
@@ -40,6 +45,7 @@ class LensUncertainty:
     cx: float
     cy: float
     distortion: FloatArray
+    correlation: FloatArray | None = None
 
     def __post_init__(self) -> None:
         distortion = np.array(self.distortion, dtype=np.float64).ravel()
@@ -48,12 +54,23 @@ class LensUncertainty:
             raise StereocalError("An uncertainty of the lens is below 0 or not a finite number.")
         distortion.setflags(write=False)
         object.__setattr__(self, "distortion", distortion)
+        if self.correlation is not None:
+            whole = np.array(self.correlation, dtype=np.float64)
+            if not is_correlation(whole, len(LENS_UNKNOWNS)):
+                raise StereocalError(
+                    "The correlation of the lens must be a symmetric 8x8 table of fx, fy, cx, cy, "
+                    "k1, k2, p1, p2, with 1 on its diagonal and positive eigenvalues."
+                )
+            whole.setflags(write=False)
+            object.__setattr__(self, "correlation", whole)
 
     def to_json(self) -> dict[str, Any]:
         """The standard errors by name, as plain numbers."""
+        whole = self.correlation
         return {
             **{name: float(getattr(self, name)) for name in ("fx", "fy", "cx", "cy")},
             "distortion": self.distortion.tolist(),
+            **({} if whole is None else {"correlation": whole.tolist()}),
         }
 
     @classmethod
@@ -65,7 +82,10 @@ class LensUncertainty:
         """
         try:
             fx, fy, cx, cy = (float(data[name]) for name in ("fx", "fy", "cx", "cy"))
-            return cls(fx, fy, cx, cy, np.array(data["distortion"], dtype=np.float64))
+            distortion = np.array(data["distortion"], dtype=np.float64)
+            whole = data.get("correlation")
+            correlation = None if whole is None else np.array(whole, dtype=np.float64)
+            return cls(fx, fy, cx, cy, distortion, correlation)
         except StereocalError as error:
             raise StereocalError(f"{source}: {error}") from error
         except (TypeError, ValueError, KeyError, OverflowError) as error:
@@ -73,6 +93,17 @@ class LensUncertainty:
                 f"{source}: the uncertainty must have the numbers fx, fy, cx, cy and a list "
                 "distortion."
             ) from error
+
+
+def is_correlation(table: FloatArray, size: int) -> bool:
+    """Whether a table is a correlation matrix of this size that can be inverted."""
+    return bool(
+        table.shape == (size, size)
+        and np.isfinite(table).all()
+        and np.allclose(table, table.T, atol=1e-6)
+        and np.allclose(np.diag(table), 1.0, atol=1e-6)
+        and np.linalg.eigvalsh(table)[0] > SMALLEST_EIGENVALUE
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,6 +166,14 @@ class Camera:
         object.__setattr__(self, "K", K)
         object.__setattr__(self, "distortion", distortion)
         object.__setattr__(self, "image_size", (width, height))
+
+    @property
+    def lens_values(self) -> FloatArray:
+        """(8,): the values of `LENS_UNKNOWNS`; coefficients that the camera does not have are 0."""
+        distortion = np.zeros(4)
+        distortion[: min(4, self.distortion.size)] = self.distortion[:4]
+        K = self.K
+        return np.array([K[0, 0], K[1, 1], K[0, 2], K[1, 2], *distortion])
 
     @property
     def pixel_scale(self) -> FloatArray:

@@ -18,7 +18,7 @@ import numpy as np
 from stereocal.calibration.essential import calibrate_essential
 from stereocal.calibration.problems import reconstruction_problem, reprojection_problem
 from stereocal.errors import StereocalError
-from stereocal.refined.bar_fit import BASELINE, EPSILON, PRIMARY, SECONDARY
+from stereocal.refined.bar_fit import BASELINE, EPSILON
 from stereocal.refined.solve import lenses_of
 from stereocal.refined.unknowns import FIXED_LENS, RefineSettings, Unknowns, camera_of, unknowns_of
 from stereocal.rig.camera import Camera
@@ -107,7 +107,7 @@ def trade_off(
     as_stated = replace(settings, primary=FIXED_LENS, secondary=FIXED_LENS, baseline_sigma_m=0.0)
     curves = []
     for number, (lenses, own) in enumerate((("fixed", as_stated), ("freed", settings))):
-        unknowns = unknowns_of(dataset, start, replace(own, distance_sigma_m=0.0))
+        unknowns = unknowns_of(dataset, start, replace(own, distance_sigma_m=0.0), distortion=False)
         curve = _Curve(dataset, unknowns, lenses)
         done = curve.trace(points, number, progress, cancelled)
         if done is None:
@@ -187,7 +187,7 @@ class _Curve:
             self.errors, self.pairs, 2.0 * (1.0 - share) / self.mean_px, 2.0 * share / self.mean_m,
             SMOOTHING * self.mean_px, SMOOTHING * self.mean_m, self.weights,
         )  # fmt: skip
-        return float(value + 0.5 * np.sum(self.unknowns.precision * p * p))
+        return float(value + 0.5 * (p @ self.unknowns.precision @ p))
 
     def _minimise(self, p: FloatArray, share: float) -> FloatArray:
         """Iteratively reweighted least squares with Levenberg-Marquardt steps, from p."""
@@ -201,8 +201,8 @@ class _Curve:
                     self.inverse_jacobians, self.bars, self.distances, self.J,
                 )  # fmt: skip
                 weighted = self.J * self.weights
-                A = weighted @ self.J.T + np.diag(self.unknowns.precision)
-                b = weighted @ self.errors + self.unknowns.precision * p
+                A = weighted @ self.J.T + self.unknowns.precision
+                b = weighted @ self.errors + self.unknowns.precision @ p
             scale = 1.0 / np.sqrt(np.diag(A))
             lifted = A * np.outer(scale, scale) + damping * np.eye(len(p))
             trial = p - scale * np.linalg.solve(lifted, scale * b)
@@ -229,8 +229,8 @@ class _Curve:
             cost_2d_px=cost_2d,
             cost_3d_m=cost_3d,
             pose=Pose.from_angles(Angles(*q[: EPSILON + 1].tolist()), float(q[BASELINE])),
-            primary=camera_of(self.dataset.primary, q[PRIMARY : PRIMARY + 4]),
-            secondary=camera_of(self.dataset.secondary, q[SECONDARY : SECONDARY + 4]),
+            primary=camera_of(self.dataset.primary, q, 0),
+            secondary=camera_of(self.dataset.secondary, q, 1),
             lenses=self.name,
         )
 

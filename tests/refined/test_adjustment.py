@@ -14,11 +14,11 @@ from stereocal.refined.bar_fit import (
     ALL,
     BAR,
     BASELINE,
+    DISTORTION,
     ERRORS,
     OWN,
     PRIMARY,
     RESIDUALS,
-    SECONDARY,
     SHARED,
 )
 from stereocal.refined.distortion import lens_terms
@@ -39,6 +39,8 @@ fill_motions, fill_residuals = (
 )
 fill_shared_derivatives = machine_code(bar_fit.fill_shared_derivatives)
 distort = machine_code(distortion.distort)
+distortion_derivatives = machine_code(distortion.distortion_derivatives)
+set_distortion = machine_code(distortion.set_distortion)
 
 LENSES = {
     "five": [-0.21, 0.17, 0.0009, -0.0013, -0.06],
@@ -50,12 +52,11 @@ LENSES = {
 
 
 def truth() -> FloatArray:
-    """The 15 shared numbers of the tests' rig."""
+    """The 23 shared unknowns of the tests' rig."""
     q = np.empty(SHARED)
     q[:5], q[BASELINE], q[BAR] = rig.ANGLES, rig.BASELINE_M, 1.0
-    for at, camera in ((PRIMARY, rig.PRIMARY), (SECONDARY, rig.SECONDARY)):
-        K = camera.K
-        q[at : at + 4] = K[0, 0], K[1, 1], K[0, 2], K[1, 2]
+    lenses = [rig.PRIMARY.lens_values, rig.SECONDARY.lens_values]
+    q[PRIMARY:] = np.concatenate([lens[:4] for lens in lenses] + [lens[4:] for lens in lenses])
     return q
 
 
@@ -64,10 +65,10 @@ def frame_of(q: FloatArray, x: FloatArray, pixels: FloatArray) -> tuple[FloatArr
     R, T, motions = np.empty((3, 3)), np.empty(3), np.empty((6, 3))
     fill_pose(q[:5], q[BASELINE], R, T)
     fill_motions(q, R, motions)
-    slopes, J = np.empty((8, 4)), np.empty((ALL + 1, RESIDUALS))
-    lenses = lenses_of(rig.dataset(5))
+    slopes, J = np.empty((8, 5)), np.empty((ALL + 1, RESIDUALS))
+    lenses = set_distortion(q, DISTORTION, lenses_of(rig.dataset(5)))
     s = fill_residuals(q, R, T, lenses, pixels, rig.BAR_M, 4.0, 900.0, x, slopes, J)
-    fill_shared_derivatives(R, motions, pixels, rig.BAR_M, 4.0, 900.0, x, slopes, J)
+    fill_shared_derivatives(q, R, motions, lenses, pixels, rig.BAR_M, 4.0, 900.0, x, slopes, J)
     assert s == pytest.approx(float(J[ERRORS] @ J[ERRORS]), rel=1e-12)
     return J[ERRORS], J[:ALL]
 
@@ -102,6 +103,22 @@ def test_slopes_of_bend(name: str) -> None:
         np.testing.assert_allclose(distort(x, y, terms, 0)[2:], expected, atol=1e-8)
 
 
+@pytest.mark.parametrize("name", LENSES)
+def test_derivatives_by_the_distortion(name: str) -> None:
+    terms, h = bending(Camera(np.eye(3), np.array(LENSES[name]), (100, 100))), 1e-6
+    for x, y in np.random.default_rng(2).uniform(-0.5, 0.5, (20, 2)):
+        found = np.empty((2, 4))
+        distortion_derivatives(x, y, terms, 0, found)
+        for i in range(4):
+            sides = []
+            for step in (h, -h):
+                moved = terms.copy()
+                moved[0, 1 + i] += step
+                sides.append(np.array(distort(x, y, moved, 0)[:2]))
+            # Central differences of step 1e-6: 1e-10 of rounding.
+            np.testing.assert_allclose(found[:, i], (sides[0] - sides[1]) / (2 * h), atol=1e-8)
+
+
 @given(seed=rig.SEEDS)
 @settings(max_examples=6)
 def test_slopes_are_those_of_finite_differences(seed: int) -> None:
@@ -131,10 +148,10 @@ def test_an_unseen_target_and_one_behind_a_camera() -> None:
     R, T, motions = np.empty((3, 3)), np.empty(3), np.empty((6, 3))
     fill_pose(q[:5], q[BASELINE], R, T)
     fill_motions(q, R, motions)
-    slopes, J = np.empty((8, 4)), np.empty((ALL + 1, RESIDUALS))
+    slopes, J = np.empty((8, 5)), np.empty((ALL + 1, RESIDUALS))
     lenses = lenses_of(rig.dataset(5))
     fill_residuals(q, R, T, lenses, pixels, np.nan, 1.0, 0.0, x, slopes, J)
-    fill_shared_derivatives(R, motions, pixels, np.nan, 1.0, 0.0, x, slopes, J)
+    fill_shared_derivatives(q, R, motions, lenses, pixels, np.nan, 1.0, 0.0, x, slopes, J)
     assert J[:, :4].any()
     assert not J[:, 4:].any()
     x[2] = -1.0
@@ -189,7 +206,7 @@ def test_the_result_is_scipys_of_the_whole_problem() -> None:
         fill_pose(q[:5], q[BASELINE], R, T)
         found = [z[:k][free] / unknowns.sigma[free]]
         for f, x in enumerate(z[k:].reshape(-1, OWN)):
-            slopes, J = np.empty((8, 4)), np.empty((ALL + 1, RESIDUALS))
+            slopes, J = np.empty((8, 5)), np.empty((ALL + 1, RESIDUALS))
             fill_residuals(
                 q, R, T, lenses, solve.pixels[f], rig.BAR_M, 1 / 0.3, 1000.0, x, slopes, J
             )
@@ -204,7 +221,7 @@ def test_the_result_is_scipys_of_the_whole_problem() -> None:
     covariance = np.linalg.inv(slopes.T @ slopes)[:k, :k]
     sigma = np.sqrt(np.diag(covariance))
     assert (np.abs(peer.x[:k] - solve.p) < 1e-3 * sigma).all()
-    A = unknowns.M.T @ solve.H @ unknowns.M + np.diag(unknowns.precision)
+    A = unknowns.M.T @ solve.H @ unknowns.M + unknowns.precision
     # SciPy's slopes are finite differences.
     np.testing.assert_allclose(np.sqrt(np.diag(np.linalg.inv(A))), sigma, rtol=1e-3)
 
@@ -218,7 +235,8 @@ def test_left_out_frames_have_no_say() -> None:
         n = len(limits)
         H, g = np.empty((SHARED, SHARED)), np.empty(SHARED)
         cost = sum_normal_equations(
-            unknowns.origin, solve.lenses, solve.pixels[:n], solve.rays[:n], solve.distances[:n],
+            unknowns.origin, unknowns.free, solve.lenses, solve.pixels[:n], solve.rays[:n],
+            solve.distances[:n],
             5.0, 100.0, limits, np.full((n, OWN), np.nan), np.empty(n), H, g,
         )  # fmt: skip
         sides.append((cost, H, g))

@@ -9,14 +9,16 @@ import pytest
 
 from benchmarks.refined_rigs import Misjudged, random_scene, stated
 from benchmarks.refined_truth import accusations
-from stereocal.refined.disagreement import ACCUSED, _as_normal, what_disagrees
+from stereocal.refined.bar_fit import DISTORTION
+from stereocal.refined.disagreement import ACCUSED, _as_normal, compare_inputs, what_disagrees
 from stereocal.refined.refine import refine
 from stereocal.refined.stated_inputs import undetectable_errors
 from stereocal.refined.unknowns import FIXED_LENS, LensPrior, RefineSettings
+from stereocal.rig.camera import Camera, CameraName, LensUncertainty
 from stereocal.rig.dataset import Dataset
 from tests import known_rig as rig
 
-KEYS = {
+KEYS = {"primary distortion", "secondary distortion",
     "baseline", "distance", "primary focal", "primary centre", "secondary focal",
     "secondary centre",
 }  # fmt: skip
@@ -80,9 +82,10 @@ def test_what_is_fixed_or_free_is_not_tested() -> None:
     data = rig.dataset(25, 0.2)
     settings = RefineSettings(FIXED_LENS, FIXED_LENS, baseline_sigma_m=np.inf)
     items = what_disagrees(refine(data, settings))
-    assert [item.key for item in items] == ["distance"]
+    distortions = {"primary distortion", "secondary distortion"}
+    assert {item.key for item in items} == {"distance", *distortions}
     # Where the baseline is free, the images say nothing about the bar.
-    assert np.isnan(items[0].standard_errors)
+    assert np.isnan(next(item for item in items if item.key == "distance").standard_errors)
     assert not items[0].accused
 
 
@@ -111,7 +114,7 @@ def test_what_nobody_stated_is_asked_for() -> None:
     settings = RefineSettings(primary=LensPrior(0.003, 5.0), secondary=LensPrior(0.003, 5.0))
     items = what_disagrees(refine(stated_all, settings))
     assert undetectable_errors(items) == ""
-    assert all(item.sigma_stated for item in items)
+    assert all(item.sigma_stated for item in items if not item.key.endswith("distortion"))
     assert "focal" not in undetectable_errors(what_disagrees(refine(data, settings)))
 
 
@@ -138,3 +141,44 @@ def test_two_numbers_are_as_rare_as_one() -> None:
     assert _as_normal(5.9914645, 2) == pytest.approx(1.959964, abs=1e-6)
     assert _as_normal(0.0, 2) == pytest.approx(0.0, abs=1e-9)
     assert 60 < _as_normal(4000.0, 2) < 64  # no underflow
+
+
+@pytest.mark.parametrize("camera", ["primary", "secondary"])
+def test_a_wrong_distortion_is_named_and_estimated(camera: CameraName) -> None:
+    """A k1 off by 0.25; one of 0.08 is mostly followed by the focal length within 1 %."""
+    data = rig.dataset(50, 0.2)
+    own = getattr(data, camera)
+    off = Camera(
+        own.K, own.distortion + 0.25 * np.eye(1, own.distortion.size).ravel(), own.image_size
+    )
+    found = compare_inputs(
+        refine(replace(data, primary=off) if camera == "primary" else replace(data, secondary=off))
+    )
+    assert f"{camera} distortion" in [item.key for item in found.inputs if item.accused]
+    freed = getattr(found.model, camera).distortion
+    at = DISTORTION + 4 * (camera == "secondary")
+    sigma = float(np.sqrt(found.model.covariance[at, at]))
+    assert abs(freed[0] - own.distortion[0]) < 3.5 * sigma
+    assert found.model.sigma_px.value == pytest.approx(0.2, rel=0.3)  # held fixed: 0.26 to 0.31
+
+
+def test_sound_rigs_keep_their_distortion() -> None:
+    accused = [
+        item.key
+        for seed in range(20)
+        for item in what_disagrees(refine(rig.dataset(25, 0.2, seed=seed)))
+        if item.accused
+    ]
+    assert len(accused) <= 1
+
+
+def test_a_stated_distortion_moves_within_its_standard_error() -> None:
+    """Without noise, a k1 that is off by 0.02 and said to be within 0.02 is found again."""
+    data = rig.dataset(40, 0.01)
+    own = data.primary
+    off = own.distortion + np.array([0.02, *np.zeros(own.distortion.size - 1)])
+    sigma = np.array([0.02, 0.02, *np.zeros(own.distortion.size - 2)])
+    known = LensUncertainty(1.0, 1.0, 1.0, 1.0, sigma)
+    result = refine(replace(data, primary=Camera(own.K, off, own.image_size, known)))
+    found = result.primary.distortion[0] - own.distortion[0]
+    assert abs(found) < 4 * np.sqrt(result.covariance[DISTORTION, DISTORTION]) < 0.01

@@ -8,6 +8,7 @@ import pytest
 from benchmarks.refined_rigs import Misjudged, fixed_lenses
 from benchmarks.refined_truth import deviations, over_bound
 from stereocal.errors import StereocalError
+from stereocal.refined.bar_fit import SHARED
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.uncertainty import (
     accuracy_map,
@@ -98,7 +99,7 @@ def triangulated(q: FloatArray, primary: FloatArray, secondary: FloatArray) -> F
 def test_noise_of_a_point_is_what_simulation_shows() -> None:
     """The part of the pixels: the midpoints of 4000 noisy views of three points."""
     held = refine(rig.dataset(25, 0.2), fixed_lenses(RefineSettings(sigma_px=0.2)))
-    held.__dict__["covariance"] = np.zeros((15, 15))
+    held.__dict__["covariance"] = np.zeros((SHARED, SHARED))
     rng = np.random.default_rng(2)
     for point in ([0.2, -0.4, 6.0], [-0.9, 0.6, 9.0], [1.0, 0.1, 10.0]):
         many = np.tile(point, (4000, 1))
