@@ -29,7 +29,7 @@ import numpy as np
 from stereocal.errors import StereocalError
 from stereocal.intrinsics.board_pattern import BoardPattern
 from stereocal.intrinsics.boards import BoardSearch, BoardView
-from stereocal.rig.camera import Camera, LensUncertainty
+from stereocal.rig.camera import LENS_UNKNOWNS, Camera, LensUncertainty
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.system.tasks import Pieces, Progress, StoppedError, Task, run_tasks
 
@@ -40,6 +40,8 @@ CRITERIA = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 100, 1e-12)
 OUTLYING = 2.0
 """A photograph is an outlier if its error exceeds this multiple of the median."""
 CHUNK = 5
+SHRUNK = 0.02
+"""Share of the identity in the correlation."""
 MEDIAN_OVER_MEAN = np.pi / 2
 """Variance of the median of normally distributed numbers over that of their mean."""
 SIGMA_TAIL = 15.8655
@@ -115,11 +117,26 @@ class LensCalibration:
         return np.asarray(np.sqrt(jackknife + MEDIAN_OVER_MEAN * variance / repeats))
 
     @cached_property
+    def correlation(self) -> FloatArray:
+        """(8, 8): correlation of the errors of `LENS_UNKNOWNS`, that of the draws.
+
+        Shrunk by 2 % so that it can be inverted: fewer than 9 draws determine no full matrix.
+        """
+        known = self.draws[:, : len(LENS_UNKNOWNS)]
+        scale = known.std(axis=0)
+        found = np.eye(len(LENS_UNKNOWNS))
+        free = np.flatnonzero(scale > 0)
+        if len(free) > 1:
+            among = np.corrcoef(known[:, free], rowvar=False)
+            found[np.ix_(free, free)] = (1 - SHRUNK) * among + SHRUNK * np.eye(len(free))
+        return found
+
+    @cached_property
     def camera(self) -> Camera:
         """The camera with the median parameters and their standard errors."""
         sigma = self.standard_errors
         fx, fy, cx, cy = (float(value) for value in sigma[:4])
-        uncertainty = LensUncertainty(fx, fy, cx, cy, sigma[4:])
+        uncertainty = LensUncertainty(fx, fy, cx, cy, sigma[4:], self.correlation)
         return _camera(self.values, self.search.image_size, uncertainty)
 
     @cached_property
