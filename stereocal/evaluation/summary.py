@@ -202,10 +202,10 @@ def figures_of_set(run: Run, bin_width: float = 0.1) -> tuple[float, float]:
 
     NaN if there are no values.
     """
-    merged = _merged(run.counts[0, REPROJECTION].astype(np.int64), round(bin_width / BIN_WIDTH))
+    merged = merge_bins(run.counts[0, REPROJECTION].astype(np.int64), round(bin_width / BIN_WIDTH))
     errors = np.abs(run.lengths[0] - 1)
     known = errors[np.isfinite(errors)]
-    return float(_overlap(merged)), float(np.median(known)) if len(known) else float("nan")
+    return float(overlap(merged)), float(np.median(known)) if len(known) else float("nan")
 
 
 def best_methods(summaries: Mapping[Method, MethodSummary]) -> dict[str, Method]:
@@ -239,8 +239,8 @@ def _discrimination(
         weights: (bootstraps, units): how often each unit is drawn.
     """
     pooled = counts.sum(axis=0)
-    merged = _merged(counts, merge)
-    bin_of_threshold = _crossing(pooled)
+    merged = merge_bins(counts, merge)
+    bin_of_threshold = int(crossing(pooled))
     total = pooled.sum(axis=1, keepdims=True)
     shares = pooled / np.where(total, total, np.nan)  # NaN without pairs
     below = shares[:, UNDERFLOW] + shares[:, :bin_of_threshold].sum(axis=1)
@@ -268,10 +268,10 @@ def _fcp(counts: IntArray, weights: IntArray) -> Estimate:
     of 0.76, 0.32, 0.088, 0.011, 0.0022: 94, 93, 92, 95, 97 %. The percentiles of the bootstrap
     cover 92, 93, 92, 89, 60 %.
     """
-    value = float(_overlap(counts.sum(axis=0)))
+    value = float(overlap(counts.sum(axis=0)))
     filled = counts[..., counts.any(axis=(0, 1))].astype(np.float64)
     drawn = weights.astype(np.float64) @ filled.reshape(len(counts), -1)
-    bootstrap = _overlap(drawn.reshape(len(weights), *filled.shape[1:]))
+    bootstrap = overlap(drawn.reshape(len(weights), *filled.shape[1:]))
     pairs = max(int(counts.sum(axis=(0, 2)).min()), 1)
     factor = float(stdtrit(max(len(counts) - 1, 1), 0.975)) ** 2
     share = min(max(2 * value - float(bootstrap.mean()), 0.0), 1.0)
@@ -283,7 +283,7 @@ def _fcp(counts: IntArray, weights: IntArray) -> Estimate:
     return Estimate(value, max(min(low, value), 0.0), min(max(high, value), 1.0))
 
 
-def _merged(counts: IntArray, merge: int) -> IntArray:
+def merge_bins(counts: IntArray, merge: int) -> IntArray:
     """Counts (..., BINS + 2) in wider bins of `merge` bins each; the last two counters stay."""
     spare = -BINS % merge
     inner = np.concatenate(
@@ -293,27 +293,28 @@ def _merged(counts: IntArray, merge: int) -> IntArray:
     return np.concatenate([wide, counts[..., BINS:]], axis=-1)
 
 
-def _overlap(counts: IntArray | FloatArray) -> FloatArray:
+def overlap(counts: IntArray | FloatArray) -> FloatArray:
     """The overlap (...) of pairs of histograms with counts (..., 2, bins)."""
     total = counts.sum(axis=-1, keepdims=True)
     return np.asarray((counts / np.maximum(total, 1)).min(axis=-2).sum(axis=-1))
 
 
-def _crossing(pooled: IntArray) -> int:
-    """The bin at whose lower edge the PDFs cross.
+def crossing(pooled: IntArray) -> IntArray:
+    """(...): the bin at whose lower edge the PDFs of counts (..., 2, BINS + 2) cross.
 
     There the difference of the cumulative distributions, correct minus wrong, is largest. If the
     PDFs are separate, this holds in the whole gap, and its centre in log10 is used.
     """
-    shares = pooled / np.maximum(pooled.sum(axis=1, keepdims=True), 1)
-    below = np.cumsum(np.concatenate([shares[:, [UNDERFLOW]], shares[:, :BINS]], axis=1), axis=1)
-    gain = below[CORRECT] - below[WRONG]
-    best = np.flatnonzero(gain >= gain.max() - 1e-12)
-    return int((best[0] + best[-1]) // 2)
+    shares = pooled / np.maximum(pooled.sum(axis=-1, keepdims=True), 1)
+    below = np.cumsum(np.concatenate([shares[..., [UNDERFLOW]], shares[..., :BINS]], axis=-1), -1)
+    gain = below[..., CORRECT, :] - below[..., WRONG, :]
+    best = gain >= gain.max(axis=-1, keepdims=True) - 1e-12
+    first, last = best.argmax(axis=-1), BINS - best[..., ::-1].argmax(axis=-1)
+    return np.asarray((first + last) // 2)
 
 
 def _pdf(counts: IntArray, nans: int, merge: int) -> Pdf:
-    wide = _merged(counts, merge)[:-2]
+    wide = merge_bins(counts, merge)[:-2]
     width = merge * BIN_WIDTH
     total = int(counts.sum())
     return Pdf(

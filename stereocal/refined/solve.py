@@ -24,6 +24,7 @@ from stereocal.refined.adjustment import (
 from stereocal.refined.bar_fit import OWN, SHARED
 from stereocal.refined.distortion import lens_terms
 from stereocal.refined.unknowns import RefineSettings, Unknowns, unknowns_of
+from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
@@ -262,10 +263,13 @@ def limits_of(degrees_of_freedom: IntArray, unknowns: int) -> FloatArray:
 
 
 def lenses_of(dataset: Dataset) -> FloatArray:
-    """(2, 23): skew and `lens_terms` of both cameras, which the adjustment does not change."""
-    return np.array(
-        [np.append(c.K[0, 1], lens_terms(c)) for c in (dataset.primary, dataset.secondary)]
-    )
+    """(2, 23): skew and `lens_terms` of both cameras, as stated."""
+    return lenses_of_cameras(dataset.primary, dataset.secondary)
+
+
+def lenses_of_cameras(primary: Camera, secondary: Camera) -> FloatArray:
+    """(2, 23): skew and `lens_terms` of both cameras."""
+    return np.array([np.append(c.K[0, 1], lens_terms(c)) for c in (primary, secondary)])
 
 
 def scatter_of(

@@ -25,8 +25,8 @@ from stereocal.evaluation.summary import (
     BOOTSTRAPS,
     MethodSummary,
     _fcp,
-    _merged,
     best_methods,
+    merge_bins,
     summarise,
 )
 from stereocal.rig.compiled import FloatArray
@@ -100,7 +100,7 @@ def test_fcp_interval_covers_the_truth(
 def fcp_covers(counts: np.ndarray, truth: float, seed: int) -> bool:
     """Only what `summarise` does for one panel: all nine panels would take nine times as long."""
     weights = np.random.default_rng(seed).multinomial(100, np.full(100, 0.01), BOOTSTRAPS // 4)
-    found = _fcp(_merged(counts, 5), weights)
+    found = _fcp(merge_bins(counts, 5), weights)
     return found.low <= truth <= found.high
 
 

@@ -1,0 +1,84 @@
+"""Judge parameter sets on simulated images of a rig whose truth is known, compiled."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stereocal.evaluation.compiled_run import count_pairs
+from stereocal.refined.bar_fit import BASELINE, DISTORTION, PRIMARY, SECONDARY
+from stereocal.refined.distortion import distort, set_distortion
+from stereocal.rig.compiled import CountArray, FloatArray, IntArray, compiled
+from stereocal.rig.geometry import bar_length, fill_essential, fill_pose
+from stereocal.verdict.paper_costs import undistort_rays
+
+
+@compiled
+def photograph(
+    q: FloatArray, stated_lenses: FloatArray, points: FloatArray, pixels: FloatArray
+) -> None:
+    """Write the pixels (n, 4), u and v of the primary and the secondary, of points (n, 3)."""
+    lenses = set_distortion(q, DISTORTION, stated_lenses)
+    R, T = np.empty((3, 3)), np.empty(3)
+    fill_pose(q, q[BASELINE], R, T)
+    for k in range(len(points)):
+        a, b, c = points[k, 0], points[k, 1], points[k, 2]
+        for camera in range(2):
+            at = PRIMARY if camera == 0 else SECONDARY
+            if camera == 1:
+                a, b, c = (
+                    R[0, 0] * a + R[0, 1] * b + R[0, 2] * c + T[0],
+                    R[1, 0] * a + R[1, 1] * b + R[1, 2] * c + T[1],
+                    R[2, 0] * a + R[2, 1] * b + R[2, 2] * c + T[2],
+                )
+            x, y, _, _, _, _ = distort(a / c, b / c, lenses, camera)
+            pixels[k, 2 * camera] = q[at] * x + lenses[camera, 0] * y + q[at + 2]
+            pixels[k, 2 * camera + 1] = q[at + 1] * y + q[at + 3]
+
+
+@compiled
+def judge(
+    sets: FloatArray,
+    stated_lenses: FloatArray,
+    pixels: FloatArray,
+    start: FloatArray,
+    distances: FloatArray,
+    partners: IntArray,
+    counts: CountArray,
+    nans: IntArray,
+    lengths: FloatArray,
+    correct_px: FloatArray,
+) -> None:
+    """Count the errors of all pairs with each set, and measure the bars.
+
+    Args:
+        sets: (s, 23): the shared unknowns of `bar_fit` of each set.
+        stated_lenses: (2, 23), as in `bar_fit`.
+        pixels: (n, 4): the ends A and B of each bar in turn, n = 2 m.
+        start: (4, n): initial rays for the undistortion.
+        distances: (m,), the true lengths in metres.
+        partners: (n, p): the secondary points paired with each primary point.
+        counts, nans, lengths, correct_px: written, as in `compiled_run.validate_rays`.
+    """
+    R, T, E = np.empty((3, 3)), np.empty(3), np.empty((3, 3))
+    rays, inverse_jacobians = start.copy(), np.empty((len(pixels), 2, 4))
+    scale = np.empty((2, 3))
+    for s in range(len(sets)):
+        q = sets[s]
+        lenses = set_distortion(q, DISTORTION, stated_lenses)
+        if not undistort_rays(q, lenses, pixels, rays, inverse_jacobians):
+            for i in range(rays.shape[0]):
+                for k in range(rays.shape[1]):
+                    rays[i, k] = start[i, k]
+            correct_px[s] = np.nan
+            for k in range(len(distances)):
+                lengths[s, k] = np.nan
+            continue
+        fill_pose(q, q[BASELINE], R, T)
+        fill_essential(R, T, E)
+        for camera in range(2):
+            at = PRIMARY if camera == 0 else SECONDARY
+            scale[camera, 0], scale[camera, 1] = q[at], lenses[camera, 0]
+            scale[camera, 2] = q[at + 1]
+        correct_px[s] = count_pairs(R, T, E, rays, scale, partners, counts[s], nans[s])
+        for k in range(len(distances)):
+            lengths[s, k] = bar_length(R, T, rays, 2 * k, 2 * k + 1) / distances[k]
