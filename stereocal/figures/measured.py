@@ -63,7 +63,10 @@ def plot_points(points: pd.DataFrame, colour: Colour, secondary_m: FloatArray) -
         figure.add_trace(
             go.Scatter3d(
                 **upright(xyz[shown[some]]), mode="markers",
-                marker={**marker, "color": values[some], "symbol": symbol},
+                marker={
+                    **marker, "color": values[some], "symbol": symbol,
+                    "showscale": len(figure.data) == 0,
+                },
                 customdata=about[some],
                 hovertemplate=(
                     "frame %{customdata[0]:d}, error %{customdata[1]:.3f} px<br>x %{x:.3f} m "

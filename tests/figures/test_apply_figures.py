@@ -152,6 +152,7 @@ def test_points_outside_the_volume_have_open_symbols() -> None:
     assert 0 < outside < len(POINTS)
     inner, outer, _ = plot_points(marked, "frame", SECONDARY_M).data
     assert (inner.marker.symbol, outer.marker.symbol) == ("circle", "circle-open")
+    assert (inner.marker.showscale, outer.marker.showscale) == (True, False)
     assert inner.y.max() <= 8.0 < outer.y.min()
     assert inner.marker.cmin == outer.marker.cmin and inner.marker.cmax == outer.marker.cmax
     assert outer.name == f"Outside the volume of the bars (n = {outside})"
