@@ -82,12 +82,8 @@ def run(parsed: argparse.Namespace) -> None:
     refined = RefineSettings() if parsed.refined else None
     calibration = calibrate(dataset, settings, refined=refined)
     figures = validation_in_summary(parsed.validation, dataset) if parsed.validation else {}
-    files = {
-        parsed.out / FILES[method]: calibration.parameters(method, figures.get(method))
-        .dumps()
-        .encode()
-        for method in FILES
-    }
+    sets = {method: calibration.parameters(method, figures.get(method)) for method in FILES}
+    files = {parsed.out / FILES[method]: sets[method].dumps().encode() for method in FILES}
     inputs: list[Input] = []
     if calibration.refined is not None:
         inputs = what_disagrees(calibration.refined)
@@ -108,6 +104,8 @@ def run(parsed: argparse.Namespace) -> None:
         print(left_out_line(calibration.screening))
     print(table_of(calibration))
     print(answer(calibration))
+    if (volume := sets["3d"].volume) is not None:
+        print(volume.sentence())
     if calibration.refined is not None:
         print(refined_lines(calibration.refined))
     if caution := why_not_trusted(calibration):

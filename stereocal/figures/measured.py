@@ -39,30 +39,42 @@ def plot_points(points: pd.DataFrame, colour: Colour, secondary_m: FloatArray) -
     shown = shown[:: int(np.ceil(len(shown) / MAXIMUM_DRAWN))]
     values = points["frame" if colour == "frame" else "error_px"].to_numpy(dtype=np.float64)[shown]
     figure = finish(go.Figure(), HEIGHT)
-    figure.add_trace(
-        go.Scatter3d(
-            **upright(xyz[shown]), mode="markers",
-            marker={
-                "size": 4 if len(shown) <= 500 else 2, "color": values,
-                "colorscale": [list(stop) for stop in COLOURS],
-                "cmin": float(values.min()), "cmax": _top(values, colour),
-                "colorbar": {
-                    "title": {"text": TITLES[colour], "side": "top"}, "thickness": 14,
-                    "len": 0.8, "tickfont": {"size": 13}, "nticks": 6, "orientation": "h",
-                    "x": 0.5, "xanchor": "center", "y": 0.0, "yanchor": "top",
-                    **({"tickformat": "d"} if colour == "frame" else {}),
+    about = np.column_stack(
+        [points[["frame", "error_px"]].to_numpy(dtype=np.float64)[shown], xyz[shown, 1]]
+    )
+    marker = {
+        "size": 4 if len(shown) <= 500 else 2,
+        "colorscale": [list(stop) for stop in COLOURS],
+        "cmin": float(values.min()), "cmax": _top(values, colour),
+        "colorbar": {
+            "title": {"text": TITLES[colour], "side": "top"}, "thickness": 14,
+            "len": 0.8, "tickfont": {"size": 13}, "nticks": 6, "orientation": "h",
+            "x": 0.5, "xanchor": "center", "y": 0.0, "yanchor": "top",
+            **({"tickformat": "d"} if colour == "frame" else {}),
+        },
+    }  # fmt: skip
+    outside = outside_volume(points)[shown]
+    for some, symbol, name in (
+        (~outside, "circle", "Points"),
+        (outside, "circle-open", "Outside the volume of the bars"),
+    ):
+        if not some.any():
+            continue
+        figure.add_trace(
+            go.Scatter3d(
+                **upright(xyz[shown[some]]), mode="markers",
+                marker={
+                    **marker, "color": values[some], "symbol": symbol,
+                    "showscale": len(figure.data) == 0,
                 },
-            },
-            customdata=np.column_stack(
-                [points[["frame", "error_px"]].to_numpy(dtype=np.float64)[shown], xyz[shown, 1]]
-            ),
-            hovertemplate=(
-                "frame %{customdata[0]:d}, error %{customdata[1]:.3f} px<br>x %{x:.3f} m (right), "
-                "y %{customdata[2]:.3f} m (down), z %{y:.3f} m (depth)<extra></extra>"
-            ),
-            name=f"Points (n = {len(shown)})",
-        )
-    )  # fmt: skip
+                customdata=about[some],
+                hovertemplate=(
+                    "frame %{customdata[0]:d}, error %{customdata[1]:.3f} px<br>x %{x:.3f} m "
+                    "(right), y %{customdata[2]:.3f} m (down), z %{y:.3f} m (depth)<extra></extra>"
+                ),
+                name=f"{name} (n = {np.count_nonzero(some)})",
+            )
+        )  # fmt: skip
     cameras = np.vstack([np.zeros(3), secondary_m])
     figure.add_trace(
         go.Scatter3d(
@@ -90,13 +102,22 @@ def describe_points(points: pd.DataFrame) -> str:
         f"from {x.min():.2f} to {x.max():.2f} m, y from {y.min():.2f} to {y.max():.2f} m, depth z "
         f"from {z.min():.2f} to {z.max():.2f} m"
     )
+    if outside := int((outside_volume(points) & shown).sum()):
+        text += f"; {outside} of them outside the volume of the bars, with open symbols"
     if shown.sum() > MAXIMUM_DRAWN:
-        text += f"; about {MAXIMUM_DRAWN} of them, evenly spread, are drawn"
+        text += f"; about {MAXIMUM_DRAWN} points, evenly spread, are drawn"
     if far := int((finite & ~shown).sum()):
         text += f"; {count(far, 'point')} far away from all others not drawn"
     if behind := int((~finite).sum()):
         text += f"; {count(behind, 'pair')} without a point (behind a camera)"
     return text + "."
+
+
+def outside_volume(points: pd.DataFrame) -> BoolArray:
+    """(n,): the column `outside_volume`; false without it."""
+    if "outside_volume" not in points:
+        return np.zeros(len(points), dtype=bool)
+    return points["outside_volume"].to_numpy(dtype=bool)
 
 
 def in_view(xyz: FloatArray) -> BoolArray:

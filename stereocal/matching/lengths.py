@@ -8,6 +8,11 @@ import numpy as np
 import pandas as pd
 
 from stereocal.errors import StereocalError
+from stereocal.matching.reconstruction_files import (
+    OUTSIDE_VOLUME,
+    POINT_COLUMNS,
+    SIGMA_COLUMNS,
+)
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.dataset import check_length
 
@@ -55,7 +60,7 @@ class LengthCheck:
 
 def label_columns(points: pd.DataFrame) -> list[str]:
     """Further columns that can name points: at least two and not too many distinct values."""
-    own = {"frame", "x", "y", "z", "error_px", "sigma_x", "sigma_y", "sigma_z", "ambiguous"}
+    own = {*POINT_COLUMNS, *SIGMA_COLUMNS, OUTSIDE_VOLUME, "ambiguous"}
     names = [str(name) for name in points.columns if name not in own]
     return [name for name in names if 2 <= points[name].nunique() <= MAXIMUM_LABELS]
 

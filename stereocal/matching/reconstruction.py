@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stereocal.errors import DAMAGED, StereocalError
-from stereocal.rig.compiled import FloatArray
+from stereocal.rig.compiled import BoolArray, FloatArray
 from stereocal.rig.geometry import (
     Angles,
     Pose,
@@ -39,6 +39,8 @@ class Points:
     """(n,) reprojection error, mean over both cameras; NaN likewise."""
     sigma_m: FloatArray | None = None
     """(n, 3) standard error of each coordinate; None if no noise is known."""
+    outside_volume: BoolArray | None = None
+    """(n,): not in the volume of the bars; true for NaN, None if the volume is unknown."""
 
 
 def reconstruct_points(
@@ -75,7 +77,8 @@ def reconstruct_points(
         if world is not None:
             covariance = world.R @ covariance @ world.R.T
         sigma = np.sqrt(np.einsum("nii->ni", covariance))
-    return Points(xyz if world is None else world.apply(xyz), error, sigma)
+    outside = None if rig.volume is None else ~rig.volume.contains(xyz)
+    return Points(xyz if world is None else world.apply(xyz), error, sigma, outside)
 
 
 def noise_of_file(rig: RigParameters) -> tuple[float | None, FloatArray | None]:

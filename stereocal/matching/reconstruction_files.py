@@ -20,11 +20,13 @@ from stereocal.matching.reconstruction import noise_of_file, reconstruct_points
 from stereocal.matching.table_writer import open_table
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
+from stereocal.rig.volume import Volume
 from stereocal.system.tasks import Pieces, Progress, StoppedError, Task, run_tasks
 
 PIXELS = ("u_primary", "v_primary", "u_secondary", "v_secondary")
 POINT_COLUMNS = ("frame", "x", "y", "z", "error_px")
 SIGMA_COLUMNS = ("sigma_x", "sigma_y", "sigma_z")
+OUTSIDE_VOLUME = "outside_volume"
 OF_MATCHING = ("error_px", "runner_up_px")
 """Errors by the matching's parameters, not passed on; the points have their own error."""
 
@@ -44,12 +46,23 @@ class ReconstructionReport:
     """Pairs that do not meet in front of both cameras; their coordinates are empty."""
     median_error_px: float
     notes: list[str] = field(default_factory=list)
+    outside: int = 0
+    """Points outside the volume of the bars."""
+    volume: Volume | None = None
+    """The volume of the bars, if the parameter file has one."""
 
     def sentence(self) -> str:
         lost = f"; {self.behind} pairs do not meet in front of both cameras" if self.behind else ""
+        found = self.points - self.behind
+        text = f"{found} points, median reprojection error {self.median_error_px:.3g} px{lost}."
+        if self.volume is None:
+            return text
+        filled = f"outside the volume that the bars filled ({self.volume.depths})"
+        if not self.outside:
+            return f"{text} No point lies {filled}."
         return (
-            f"{self.points - self.behind} points, median reprojection error "
-            f"{self.median_error_px:.3g} px{lost}."
+            f"{text} {self.outside} of {found} points {'lies' if self.outside == 1 else 'lie'} "
+            f"{filled}; errors there can be larger than stated."
         )
 
 
@@ -67,8 +80,9 @@ def reconstruct(
             None: that of a refined file, if any.
 
     Returns:
-        `frame,x,y,z,error_px`, then any standard errors, then the further columns. NaN for pairs
-        that do not meet in front of both cameras.
+        `frame,x,y,z,error_px`, then any standard errors, then `outside_volume` if the parameters
+        know the volume of the bars, then the further columns. NaN, and outside, for pairs that do
+        not meet in front of both cameras.
 
     Raises:
         StereocalError: a column is missing, or a noise below 0.
@@ -85,6 +99,8 @@ def reconstruct(
     if found.sigma_m is not None:
         for k, name in enumerate(SIGMA_COLUMNS):
             columns[name] = found.sigma_m[:, k]
+    if found.outside_volume is not None:
+        columns[OUTSIDE_VOLUME] = found.outside_volume
     table = pd.DataFrame(columns)
     for name, new in _passed_on(tuple(str(c) for c in pairs.columns)).items():
         table[new] = pairs[name].array
@@ -118,6 +134,7 @@ def reconstruct_table(
     contents = pairs.check(lambda block: _outside(rig, block))
     has_errors = sigma_px is not None or noise_of_file(rig)[0] is not None
     columns = [*POINT_COLUMNS, *(SIGMA_COLUMNS if has_errors else ())]
+    columns += [] if rig.volume is None else [OUTSIDE_VOLUME]
     columns += list(_passed_on(pairs.names).values())
 
     lines_of = None if pieces is None else columns
@@ -131,12 +148,13 @@ def reconstruct_table(
         for block in pairs.blocks()
     )
     measured = run_tasks(tasks, executor, contents.rows, progress, cancelled, pieces, AHEAD)
-    errors = []
+    errors, outside = [], 0
     try:
         with open_table(out, columns) as writer, closing(measured):
             for _, found in measured:
                 writer.add(found.rows)
-                errors.append(found.numbers)
+                outside += int(found.numbers[0])
+                errors.append(found.numbers[1:])
     except StoppedError:
         return None
     pooled = np.concatenate(errors)
@@ -149,7 +167,7 @@ def reconstruct_table(
             "Most pairs do not fit these parameters at all: make sure that both are of the same "
             "rig, and that primary and secondary are not exchanged."
         )
-    return ReconstructionReport(len(pooled), behind, median, notes)
+    return ReconstructionReport(len(pooled), behind, median, notes, outside, rig.volume)
 
 
 def _measure_block(
@@ -159,15 +177,22 @@ def _measure_block(
     sigma_px: float | None,
     lines_of: Sequence[str] | None,
 ) -> TableBlock:
-    """The points of a block, as lines of CSV if `lines_of` names columns; numbers: the errors."""
+    """The points of a block, as lines of CSV if `lines_of` names columns.
+
+    numbers: how many points lie outside the volume of the bars, then the errors.
+    """
     table = reconstruct(rig, block, world, sigma_px)
-    measured = TableBlock(table, table["error_px"].to_numpy(dtype=np.float32))
+    errors = table["error_px"].to_numpy(dtype=np.float32)
+    outside = 0
+    if OUTSIDE_VOLUME in table:
+        outside = int((table[OUTSIDE_VOLUME].to_numpy() & ~np.isnan(errors)).sum())
+    measured = TableBlock(table, np.append(np.float32(outside), errors))
     return measured if lines_of is None else measured.as_lines(lines_of)
 
 
 def _passed_on(names: tuple[str, ...]) -> dict[str, str]:
     """The further columns of pairs, and their names in the table of points."""
-    own = {*POINT_COLUMNS, *SIGMA_COLUMNS}
+    own = {*POINT_COLUMNS, *SIGMA_COLUMNS, OUTSIDE_VOLUME}
     return {
         name: f"{name}_of_pair" if name in own else name
         for name in names

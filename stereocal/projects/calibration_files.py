@@ -37,7 +37,7 @@ def pack_calibration(calibration: Calibration, inputs: Mapping[str, Any]) -> byt
         "settings": calibration.settings.to_json(),
         "screening": {
             name: getattr(calibration.screening, name)
-            for name in ("left_out", "exchanged", "together", "failure")
+            for name in ("left_out", "exchanged", "together", "failure", "noise_px")
         },
         "frames": calibration.frames.tolist(),
         "warnings": list(calibration.warnings),
@@ -84,7 +84,11 @@ def _screening(dataset: Dataset, data: Mapping[str, Any]) -> Screening:
         tuple(int(frame) for frame in data.get(name, ())) for name in ("left_out", "exchanged")
     )
     together, failure = (str(data.get(name, "")) for name in ("together", "failure"))
-    return Screening(dataset, None, left_out, exchanged, together, failure)
+    noise = data.get("noise_px")
+    return Screening(
+        dataset, None, left_out, exchanged, together, failure,
+        None if noise is None else float(noise),
+    )  # fmt: skip
 
 
 def _to_json(found: MethodResult) -> dict[str, Any]:

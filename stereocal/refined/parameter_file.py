@@ -14,6 +14,7 @@ from stereocal.refined.uncertainty import LENS, standard_errors
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.geometry import Angles
 from stereocal.rig.parameters import RigParameters, inputs_of
+from stereocal.rig.volume import Volume
 
 COVARIANCE_OF = (
     *Angles._fields,
@@ -49,6 +50,8 @@ def refined_parameters(
         validation=validation,
         uncertainties=uncertainties_of(result, inputs),
         frames_left_out=tuple(sorted({*left_out, *result.outlying_frames})),
+        noise_px=float(result.sigma_px.value),
+        volume=Volume.of_bars(result.points_m[~result.outlying]),
     )
 
 

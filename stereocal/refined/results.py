@@ -15,7 +15,9 @@ from stereocal.refined.refine import RefinedResult
 from stereocal.refined.screening import Screening
 from stereocal.rig.compiled import IntArray
 from stereocal.rig.dataset import Dataset
+from stereocal.rig.geometry import Pose, triangulate_rays
 from stereocal.rig.parameters import RigParameters, inputs_of
+from stereocal.rig.volume import Volume
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +58,18 @@ class Calibration:
         left_out = self.screening.left_out
         return errors_of(self.refined.apply(self.dataset), self.refined.pose, left_out)
 
+    @property
+    def noise_px(self) -> float | None:
+        """Standard deviation of an image coordinate by the refined or the screening's fit."""
+        if self.refined is not None:
+            return float(self.refined.sigma_px.value)
+        return self.screening.noise_px
+
+    def _volume(self, pose: Pose) -> Volume:
+        """Where a set sees the bars that it was calibrated with."""
+        used = np.isin(self.dataset.correspondences.frame, self.frames)
+        return Volume.of_bars(triangulate_rays(pose.R, pose.T, self.dataset.rays[:, used]))
+
     def parameters(
         self,
         method: Literal["2d", "3d"],
@@ -79,4 +93,6 @@ class Calibration:
             matching_threshold_px=validation["threshold_px"] if validation else None,
             validation=validation,
             frames_left_out=self.screening.left_out,
+            noise_px=self.noise_px,
+            volume=self._volume(found.pose),
         )

@@ -61,6 +61,8 @@ class Screening:
     lenses or the timing are wrong rather than these frames; else empty."""
     failure: str = ""
     """Why the screening failed; else empty."""
+    noise_px: float | None = None
+    """Standard deviation of an image coordinate by the robust fit; None if there is none."""
 
     @cached_property
     def dataset(self) -> Dataset:
@@ -102,6 +104,7 @@ def screen(dataset: Dataset, put_back: Collection[int] = ()) -> Screening:
         tuple(fit.frames[out].tolist()),
         tuple(fit.frames[exchanged].tolist()),
         _common_cause(fit, out & ~exchanged),
+        noise_px=float(fit.sigma_px.value),
     )
 
 

@@ -25,6 +25,7 @@ from stereocal.rig.geometry import (
     Pose,
 )
 from stereocal.rig.rig import Rig
+from stereocal.rig.volume import Volume
 from stereocal.system.atomic_files import write_atomically
 from stereocal.system.json_text import read_json
 
@@ -60,6 +61,11 @@ class RigParameters(Rig):
     other methods."""
     frames_left_out: tuple[int, ...] = ()
     """Numbers of the frames that the screening excluded from the calibration."""
+    noise_px: float | None = None
+    """Standard deviation of an image coordinate, estimated with the calibration; None if
+    unknown."""
+    volume: Volume | None = None
+    """Where the bars of the calibration were; None if unknown."""
 
     def __post_init__(self) -> None:
         if self.method not in PURPOSES:
@@ -74,9 +80,12 @@ class RigParameters(Rig):
             )
         if self.method != "imported" and (self.cost is None or not np.isfinite(self.cost)):
             raise StereocalError("The cost of the parameter set is not a finite number.")
-        threshold = self.matching_threshold_px
-        if threshold is not None and not (np.isfinite(threshold) and threshold >= 0):
-            raise StereocalError(f"The matching threshold is {threshold} px: it must be 0 or more.")
+        for what, value in (
+            ("matching threshold", self.matching_threshold_px),
+            ("image noise", self.noise_px),
+        ):
+            if value is not None and not (np.isfinite(value) and value >= 0):
+                raise StereocalError(f"The {what} is {value} px: it must be 0 or more.")
 
     @property
     def purpose(self) -> str:
@@ -106,6 +115,8 @@ class RigParameters(Rig):
             "settings": dict(self.settings),
             "inputs": dict(self.inputs),
             "frames_left_out": list(self.frames_left_out),
+            "noise_px": self.noise_px,
+            "volume": None if self.volume is None else self.volume.to_json(),
             "software": {
                 "stereocal": stereocal.__version__,
                 "python": platform.python_version(),
@@ -181,7 +192,7 @@ class RigParameters(Rig):
             None if data.get(name) is None else _object(data[name], name, source)
             for name in ("validation", "uncertainties")
         )
-        threshold = data["matching_threshold_px"]
+        volume = data.get("volume")
         return cls(
             method=data["method"],
             primary=Camera.from_json(data["cameras"]["primary"], f"{source}, primary"),
@@ -190,11 +201,13 @@ class RigParameters(Rig):
             cost=None if data["method"] == "imported" else float(data["cost"]),
             settings=settings,
             inputs=inputs,
-            matching_threshold_px=None if threshold is None else float(threshold),
+            matching_threshold_px=_number_or_none(data["matching_threshold_px"]),
             validation=validation,
             triangulation=data["triangulation"],
             uncertainties=uncertainties,
             frames_left_out=tuple(int(frame) for frame in data.get("frames_left_out", [])),
+            noise_px=_number_or_none(data.get("noise_px")),
+            volume=None if volume is None else Volume.from_json(volume, source),
         )
 
 
@@ -215,6 +228,10 @@ def _check_size(size: int, source: str) -> None:
             f"{source}: a file of {size} bytes is too large for a parameter file "
             f"(at most {LARGEST_TEXT})."
         )
+
+
+def _number_or_none(value: Any) -> float | None:
+    return None if value is None else float(value)
 
 
 def _object(data: Any, name: str, source: str) -> Mapping[str, Any]:

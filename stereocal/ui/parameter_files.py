@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, Literal
 
 import streamlit as st
@@ -39,6 +40,7 @@ def sets_of(
 ) -> dict[str, RigParameters]:
     """The parameter sets of a result by method: 2d, 3d and, if available, refined."""
     figures = figures_for(calibration, evaluation)
+    calibration = replace(calibration, refined=refined)  # all files then state the same noise
     methods: tuple[Literal["2d", "3d"], ...] = ("2d", "3d")
     found: dict[str, RigParameters] = {
         method: calibration.parameters(method, figures.get(method)) for method in methods

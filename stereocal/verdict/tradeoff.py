@@ -26,6 +26,8 @@ from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.parameters import RigParameters, inputs_of
+from stereocal.rig.rig import Rig
+from stereocal.rig.volume import Volume
 from stereocal.verdict.paper_costs import fill_errors, fill_jacobian, undistort_rays, weigh
 
 POINTS = 25
@@ -54,6 +56,7 @@ class TradeOffPoint:
 
     def parameters(self, dataset: Dataset) -> RigParameters:
         """The point as a parameter set to save."""
+        rig, rows = Rig(self.primary, self.secondary, self.pose), dataset.correspondences
         return RigParameters(
             method="refined",
             primary=self.primary,
@@ -61,7 +64,8 @@ class TradeOffPoint:
             pose=self.pose,
             cost=(1.0 - self.share) * self.cost_2d_px + self.share * self.cost_3d_m,
             settings={"trade_off_share": self.share, "lenses": self.lenses},
-            inputs=inputs_of(dataset, dataset.correspondences.frames),
+            inputs=inputs_of(dataset, rows.frames),
+            volume=Volume.of_bars(rig.reconstruct(rows.primary, rows.secondary)),
         )
 
 

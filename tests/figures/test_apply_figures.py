@@ -146,6 +146,27 @@ def test_points_in_space(colour: str) -> None:
     assert describe_points(POINTS).startswith(f"{len(POINTS)} points of {FRAMES} frames")
 
 
+def test_points_outside_the_volume_have_open_symbols() -> None:
+    marked = POINTS.assign(outside_volume=POINTS["z"] > 8.0)
+    outside = int(marked["outside_volume"].sum())
+    assert 0 < outside < len(POINTS)
+    inner, outer, _ = plot_points(marked, "frame", SECONDARY_M).data
+    assert (inner.marker.symbol, outer.marker.symbol) == ("circle", "circle-open")
+    assert (inner.marker.showscale, outer.marker.showscale) == (True, False)
+    assert inner.y.max() <= 8.0 < outer.y.min()
+    assert inner.marker.cmin == outer.marker.cmin and inner.marker.cmax == outer.marker.cmax
+    assert outer.name == f"Outside the volume of the bars (n = {outside})"
+    sentence = f"; {outside} of them outside the volume of the bars, with open symbols"
+    assert sentence in describe_points(marked)
+    none, every = (
+        plot_points(POINTS.assign(outside_volume=each), "frame", SECONDARY_M)
+        for each in (False, True)
+    )
+    assert [len(figure.data) for figure in (none, every)] == [2, 2]
+    assert every.data[0].marker.symbol == "circle-open"
+    assert "outside" not in describe_points(POINTS)
+
+
 def test_far_points_and_missing_ones_are_said_and_not_drawn() -> None:
     odd = pd.concat([POINTS] * 20, ignore_index=True)
     odd.loc[0, ["x", "y", "z"]] = np.nan

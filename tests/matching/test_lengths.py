@@ -80,6 +80,8 @@ def test_refused(known: float, ends: tuple[str, str], sentence: str) -> None:
 def test_columns_that_can_name_points() -> None:
     table = pd.concat([BIRDS] * 300, ignore_index=True)
     table["size"], table["same"] = np.arange(len(table)) + 0.5, "x"
+    table["outside_volume"] = table["ambiguous"] = np.arange(len(table)) % 2 == 0
+    table["sigma_x"] = np.arange(len(table)) % 3
     assert label_columns(table) == ["bird"]
 
 

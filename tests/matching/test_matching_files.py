@@ -17,8 +17,14 @@ from stereocal.matching import parquet
 from stereocal.matching.matching_files import match_tables
 from stereocal.matching.pairs import PAIR_COLUMNS, match
 from stereocal.matching.point_table import PointTable
-from stereocal.matching.reconstruction_files import reconstruct
+from stereocal.matching.reconstruction_files import (
+    OUTSIDE_VOLUME,
+    PIXELS,
+    reconstruct,
+    reconstruct_table,
+)
 from stereocal.rig.parameters import RigParameters
+from stereocal.rig.volume import Volume
 from tests.known_rig import PRIMARY, RIG, SECONDARY, images
 from tests.terminal import sentences
 
@@ -231,6 +237,66 @@ class TestReconstruct:
         np.testing.assert_allclose(points["sigma_x"], plain["sigma_y"], rtol=1e-9)
         assert list(points)[4:8] == ["error_px", "sigma_x", "sigma_y", "sigma_z"]
         assert "median reprojection error" in capsys.readouterr().out
+
+    @pytest.mark.parametrize("ending", ["csv", "parquet"])
+    def test_points_outside_the_volume_are_marked(
+        self, folder: Path, ending: str, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        """By the depth in the primary's frame, also in the world's; as `ambiguous` is written."""
+        (folder / "world.csv").write_text("0,0,1,5\n1,0,0,2\n0,1,0,3\n0,0,0,1\n")
+        rig = replace(RIG_2D, method="3d", volume=Volume((-1.0, 1.0), (-1.0, 1.0), (5.0, 10.0)))
+        rig.save(folder / "3d.json")
+        assert run_match(folder, ending=ending) == 0
+        more = ["--world", str(folder / "world.csv"), "--sigma-px", "0.1", "--workers", "2"]
+        assert self.run(folder, *more, ending=ending) == 0
+        read = pd.read_csv if ending == "csv" else pd.read_parquet
+        pairs, points = (read(folder / f"{name}.{ending}") for name in ("pairs", "points"))
+        assert list(points)[5:10] == ["sigma_x", "sigma_y", "sigma_z", OUTSIDE_VOLUME, "ambiguous"]
+        assert points[OUTSIDE_VOLUME].dtype == points["ambiguous"].dtype == bool
+        depth = points["x"] - 5
+        assert (points[OUTSIDE_VOLUME] == (depth > 10.0)).all()
+        outside = int(points[OUTSIDE_VOLUME].sum())
+        assert 0 < outside < len(points)
+        printed = " ".join(capsys.readouterr().out.split())
+        assert f"{outside} of {len(points)} points lie outside the volume that the bars" in printed
+        assert "filled (5 to 10 m); errors there can be larger than stated." in printed
+        by_library = reconstruct(rig, pairs, sigma_px=0.1)
+        assert list(by_library) == list(points)
+        assert (by_library[OUTSIDE_VOLUME] == points[OUTSIDE_VOLUME]).all()
+
+    def test_nothing_outside_a_column_of_that_name_and_no_volume(
+        self, folder: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        assert run_match(folder) == 0
+        pairs = pd.read_csv(folder / "pairs.csv").assign(outside_volume="mine")
+        pairs.to_csv(folder / "pairs.csv", index=False)
+        assert self.run(folder) == 0
+        assert "volume" not in capsys.readouterr().out
+        assert list(pd.read_csv(folder / "points.csv"))[-1] == "outside_volume_of_pair"
+        wide = Volume((-9.0, 9.0), (-9.0, 9.0), (0.0, 1000.0))
+        replace(RIG_2D, method="3d", volume=wide).save(folder / "3d.json")
+        assert self.run(folder) == 0
+        assert "No point lies outside the volume" in " ".join(capsys.readouterr().out.split())
+        points = pd.read_csv(folder / "points.csv")
+        assert not points[OUTSIDE_VOLUME].any()
+        assert (points["outside_volume_of_pair"] == "mine").all()
+
+    def test_pairs_without_a_point_are_marked_and_not_counted(self, folder: Path) -> None:
+        """One pair of three does not meet in front of both cameras, another is too far away."""
+        rig = replace(RIG_2D, method="3d", volume=Volume((-1.0, 1.0), (-1.0, 1.0), (5.0, 8.0)))
+        first, second = images([[0.1, 0.2, 6.0], [0.2, 0.1, 7.0], [0.1, 0.1, 9.0]])
+        first[0], second[0] = (20.0, 600.0), (1270.0, 600.0)
+        pairs = pd.DataFrame({"frame": [1, 1, 1]})
+        pairs[list(PIXELS)] = np.hstack([first, second])
+        pairs.to_csv(folder / "pairs.csv", index=False)
+        table = PointTable(folder / "pairs.csv", PIXELS)
+        report = reconstruct_table(rig, table, folder / "points.csv")
+        assert report is not None
+        assert (report.points, report.behind, report.outside) == (3, 1, 1)
+        assert "1 of 2 points lies outside the volume" in report.sentence()
+        points = pd.read_csv(folder / "points.csv")
+        assert points[OUTSIDE_VOLUME].tolist() == [True, False, True]
+        assert points["x"].isna().tolist() == [True, False, False]
 
     def test_wrong_purpose_and_wrong_rig(
         self, folder: Path, capsys: pytest.CaptureFixture[str]

@@ -14,6 +14,7 @@ from stereocal.matching.reconstruction import read_world, reconstruct_points
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.parameters import RigParameters
+from stereocal.rig.volume import Volume
 from tests.known_rig import ANGLES, BASELINE_M, PRIMARY, RIG, SECONDARY, bar_ends, images
 
 RIG_3D = RigParameters(PRIMARY, SECONDARY, RIG, "3d", 1.0, {}, {})
@@ -50,6 +51,21 @@ def test_the_world_frame_turns_points_and_their_errors() -> None:
         np.linalg.norm(turned.sigma_m, axis=1), np.linalg.norm(plain.sigma_m, axis=1), rtol=1e-9
     )
     assert not np.allclose(turned.sigma_m, plain.sigma_m, rtol=0.15)
+
+
+def test_points_outside_the_volume_of_the_bars_in_any_frame() -> None:
+    """Of the points, those to 8 m deep are inside, also after the world has turned them."""
+    volume = Volume((-1.0, 1.0), (-1.0, 1.0), (5.0, 8.0))
+    rig = replace(RIG_3D, volume=volume)
+    far = POINTS[:, 2] > 8.0
+    assert 0 < far.sum() < len(far)
+    for world in (None, WORLD):
+        found = reconstruct_points(rig, *PIXELS, world=world)
+        np.testing.assert_array_equal(found.outside_volume, far)
+    assert reconstruct_points(RIG_3D, *PIXELS).outside_volume is None
+    lost = reconstruct_points(rig, PIXELS[0][::-1], PIXELS[1] + [600.0, 0.0])
+    assert lost.outside_volume is not None
+    assert lost.outside_volume[np.isnan(lost.error_px)].all()
 
 
 def noisy(rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:

@@ -33,6 +33,7 @@ from stereocal.matching.blocks import pack_block, unpack_block
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import RigParameters
+from stereocal.rig.volume import Volume
 from tests import known_rig as rig
 from tests import lens as lens_scene
 from tests.bar_photographs import bar_set, write
@@ -221,7 +222,9 @@ def scattered(folder: Path) -> Application:
         table.to_csv(path, index=False)
         tables.append(Points(path.name, path.name, 960, 160))
     params = RigParameters(rig.PRIMARY, rig.SECONDARY, rig.RIG, "2d", 0.0, {}, {})
-    return Application(tables[0], tables[1], params, replace(params, method="3d"), 0.5)
+    volume = Volume((-0.2, 0.2), (-0.2, 0.2), (6.5, 9.0))
+    measuring = replace(params, method="3d", volume=volume)
+    return Application(tables[0], tables[1], params, measuring, 0.5)
 
 
 def test_matching_and_measuring(
@@ -252,6 +255,8 @@ def test_matching_and_measuring(
     again = apply_sets(work, tables, folders[3], executor=executor, pieces=parts)
     assert executor.tasks == every - finished
     assert plain is not None and plain == whole == again
+    outside = pd.read_csv(folders[0] / POINTS)["outside_volume"]
+    assert f"{outside.sum()} of 960 points lie outside the volume" in plain.sentences[1]
     for name in (PAIRS, POINTS):
         contents = {(folder / name).read_bytes() for folder in (*folders[:2], folders[3])}
         assert len(contents) == 1

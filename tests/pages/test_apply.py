@@ -20,6 +20,7 @@ from stereocal.projects.archive import pack_project, unpack_project
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CameraName
 from stereocal.rig.parameters import RigParameters
+from stereocal.rig.volume import Volume
 from stereocal.ui import apply as apply_page
 from tests.known_rig import PRIMARY, RIG, SECONDARY, bar_ends, images
 from tests.pages.waiting import ended
@@ -122,8 +123,11 @@ def test_nothing_yet_is_said(app: AppTest) -> None:
 def test_own_points_are_matched_and_measured(app: AppTest, home: Path) -> None:
     calibrated(app)
     assert "50 of 50 pairs have the same target in both cameras" in said(app, "success")
+    assert "50 points, median reprojection error" in said(app, "success")
+    assert "No point lies outside the volume that the bars filled" in said(app, "success")
     pairs, points = written(app, home)
     assert len(pairs) == len(points) == 50
+    assert not points["outside_volume"].any()  # the volume holds the bars that it was found from
     assert (pairs["target_primary"] == pairs["target_secondary"]).all()
     app.segmented_control(key="apply_view").set_value("A known length").run()
     app.selectbox(key="apply_way").set_value("target_primary").run()
@@ -161,6 +165,24 @@ def test_the_files_are_those_of_the_command_line(app: AppTest, home: Path, tmp_p
         assert result is not None
         for name in (PAIRS, POINTS):
             assert result[1][name].read_bytes() == (tmp_path / name).read_bytes()
+
+
+def test_points_outside_the_volume_of_the_bars_are_said_and_drawn(app: AppTest, home: Path) -> None:
+    with_files(app)
+    assert "volume" not in said(app)
+    volume = Volume((-1.0, 1.0), (-1.0, 1.0), (5.0, 8.0))
+    give_sets(app, SET_2D, replace(SET_3D, volume=volume))
+    points = written(app, home)[1]
+    outside = (points["z"] > 8.0).to_numpy()
+    np.testing.assert_array_equal(points["outside_volume"], outside)
+    assert (
+        f"{outside.sum()} of 90 points lie outside the volume that the bars filled (5 to 8 m)"
+        in (said(app, "success"))
+    )
+    app.segmented_control(key="apply_view").set_value("Points in 3D").run()
+    assert f"{outside.sum()} of them outside the volume of the bars" in said(app, "caption")
+    app.segmented_control(key="apply_view").set_value("A known length").run()
+    assert "outside_volume" not in app.selectbox(key="apply_way").options
 
 
 def test_threshold_moves_the_result_and_is_kept(app: AppTest, home: Path) -> None:

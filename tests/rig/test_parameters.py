@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 from stereocal.errors import StereocalError
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.parameters import RigParameters
+from stereocal.rig.volume import Volume
 from tests.known_rig import (
     ANGLES,
     ANY_ANGLES,
@@ -40,7 +41,7 @@ PARAMETERS = RigParameters(
 KEYS = [
     "format", "purpose", "method", "convention", "units", "pixel_origin", "cameras", "R", "T", "E",
     "angles", "baseline_m", "triangulation", "matching_threshold_px", "cost", "validation",
-    "settings", "inputs", "frames_left_out", "software", "created",
+    "settings", "inputs", "frames_left_out", "noise_px", "volume", "software", "created",
 ]  # fmt: skip
 
 
@@ -114,6 +115,19 @@ class TestFile:
         ]
         assert without[0] == without[1]
 
+    def test_noise_and_volume_there_and_back(self) -> None:
+        volume = Volume.of_bars(bar_ends(9))
+        full = replace(PARAMETERS, noise_px=0.21, volume=volume)
+        back = RigParameters.loads(full.dumps())
+        assert (back.noise_px, back.volume) == (0.21, volume)
+
+    def test_a_file_from_before_noise_and_volume_is_read(self) -> None:
+        def older(data: dict[str, Any]) -> None:
+            del data["noise_px"], data["volume"]
+
+        back = RigParameters.loads(damaged(older))
+        assert (back.noise_px, back.volume) == (None, None)
+
     @given(ANY_ANGLES, st.floats(1e-3, 500.0))
     @settings(max_examples=40)
     def test_any_rig_there_and_back(self, angles: Angles, baseline: float) -> None:
@@ -162,6 +176,11 @@ class TestRefusals:
             (put("matching_threshold_px", value="wide"), "damaged"),
             (put("matching_threshold_px", value=float("nan")), "threshold"),
             (put("matching_threshold_px", value=-1.0), "threshold"),
+            (put("noise_px", value="low"), "damaged"),
+            (put("noise_px", value=-0.1), "image noise"),
+            (put("noise_px", value=float("nan")), "image noise"),
+            (put("volume", value={"z_m": [3.0, 8.0]}), "^test: the volume of the bars"),
+            (put("volume", value=[1, 2]), "^test: the volume of the bars"),
             (put("cameras", "primary", "K", 0, 0, value=-5.0), "primary.*inverted"),
             (put("cameras", "secondary", "distortion", value=[1.0]), "secondary.*1 distortion"),
             (put("cameras", value=7), "damaged"),

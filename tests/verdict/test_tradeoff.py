@@ -123,6 +123,8 @@ def test_a_point_can_be_saved(data: Dataset, curves: TradeOff) -> None:
     assert read.purpose == "both"
     assert read.settings == {"trade_off_share": 0.5, "lenses": "freed"}
     rows = data.correspondences
+    assert read.volume is not None
+    assert read.volume.contains(read.reconstruct(rows.primary, rows.secondary)).all()
     np.testing.assert_array_equal(
         read.reconstruct(rows.primary, rows.secondary),
         saved.reconstruct(rows.primary, rows.secondary),

@@ -1,0 +1,119 @@
+"""The volume of the bars: its margin, what lies in it, there and back, and what is refused."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+
+from stereocal.errors import StereocalError
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.volume import Volume
+from tests.known_rig import bar_ends
+
+VOLUME = Volume((-0.3, 0.2), (-0.1, 0.25), (3.0, 8.0))
+DIRECTIONS = np.linspace(-0.5, 0.5, 21) + 0.001
+
+
+def points_at(x_over_z: float, y_over_z: float, z: float) -> FloatArray:
+    return np.array([[x_over_z * z, y_over_z * z, z]])
+
+
+def test_every_end_of_the_bars_is_inside() -> None:
+    points = bar_ends(25)
+    assert Volume.of_bars(points).contains(points).all()
+    assert Volume.of_bars(points.reshape(25, 2, 3)) == Volume.of_bars(points)
+
+
+@pytest.mark.parametrize("x", DIRECTIONS)
+def test_a_point_is_inside_where_all_three_ranges_hold_it(x: float) -> None:
+    for y in DIRECTIONS:
+        for z in (2.99, 3.0, 5.0, 8.0, 8.01):
+            inside = -0.3 < x < 0.2 and -0.1 < y < 0.25 and 3 <= z <= 8
+            assert VOLUME.contains(points_at(x, y, z)).tolist() == [inside]
+
+
+def test_points_behind_the_camera_and_missing_ones_are_outside() -> None:
+    """A point behind the camera has the direction of one before it."""
+    points = np.array([[0.1, 0.1, 5.0], [-0.1, -0.1, -5.0], [0.0, 0.0, 0.0], [0.1, np.nan, 5.0]])
+    wide = Volume((-0.3, 0.2), (-0.1, 0.25), (-8.0, 8.0))
+    for volume in (VOLUME, wide):
+        assert volume.contains(points).tolist() == [True, False, False, False]
+    assert VOLUME.contains(np.full((2, 3), np.nan)).tolist() == [False, False]
+    assert VOLUME.contains(np.empty((0, 3))).shape == (0,)
+
+
+def test_the_margin_makes_up_for_the_shortness_of_a_range() -> None:
+    """Of bars spread evenly over a depth of 4 to 9 m, the range with its margin is 5 m on
+    average; the ends of each bar are at one place here."""
+    rng = np.random.default_rng(0)
+    plain, found = [], []
+    for _ in range(2000):
+        z = np.repeat(rng.uniform(4.0, 9.0, 10), 2)
+        volume = Volume.of_bars(np.column_stack([0.1 * z, 0.2 * z, z]))
+        plain.append(np.ptp(z))
+        found.append(volume.z_m)
+    assert np.mean(plain) == pytest.approx(5 * 9 / 11, abs=0.05)  # 2 / 11 short
+    # The standard error of the means is 0.01 m.
+    np.testing.assert_allclose(np.mean(found, axis=0), [4.0, 9.0], atol=0.05)
+
+
+def test_few_further_bars_in_the_same_place_are_outside() -> None:
+    further = bar_ends(3000, seed=99)
+    shares = [1 - Volume.of_bars(bar_ends(25, k)).contains(further).mean() for k in range(40)]
+    assert 0.03 < np.mean(shares) < 0.09  # measured: 0.06; 0.11 without a margin
+
+
+def test_bars_behind_the_camera_or_missing_do_not_count() -> None:
+    points = bar_ends(10)
+    more = np.vstack([points, -points, np.full((4, 3), np.nan)])
+    assert Volume.of_bars(more) == Volume.of_bars(points)
+    for none in (-points, np.empty((0, 3)), np.full((2, 3), np.nan)):
+        with pytest.raises(StereocalError, match="No bar is in front"):
+            Volume.of_bars(none)
+
+
+def test_few_bars_and_near_ones() -> None:
+    one = Volume.of_bars([[0.1, 0.2, 1.0], [0.2, 0.2, 3.0]])
+    assert one.z_m == (0.0, 5.0)  # never behind the camera
+    same = Volume.of_bars([[0.1, 0.2, 1.0]])
+    assert same.contains([[0.1, 0.2, 1.0], [0.1, 0.2, 1.1]]).tolist() == [True, False]
+
+
+def test_there_and_back() -> None:
+    for volume in (VOLUME, Volume.of_bars(bar_ends(7))):
+        data = json.loads(json.dumps(volume.to_json()))
+        assert list(data) == ["x/z", "y/z", "z_m"]
+        assert Volume.from_json(data, "test") == volume
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        None,
+        {},
+        [1, 2, 3],
+        "wide",
+        {"x/z": [0.0, 0.1], "y/z": [0.0, 0.1]},
+        {**VOLUME.to_json(), "z_m": [8.0, 3.0]},
+        {**VOLUME.to_json(), "z_m": [3.0]},
+        {**VOLUME.to_json(), "z_m": [3.0, 4.0, 5.0]},
+        {**VOLUME.to_json(), "z_m": 3.0},
+        {**VOLUME.to_json(), "x/z": [0.0, float("nan")]},
+        {**VOLUME.to_json(), "x/z": [0.0, float("inf")]},
+        {**VOLUME.to_json(), "y/z": ["left", "right"]},
+        {**VOLUME.to_json(), "y/z": [None, 0.1]},
+        {**VOLUME.to_json(), "y/z": [0, 10**400]},
+    ],
+)
+def test_refused_with_one_message(change: Any) -> None:
+    with pytest.raises(StereocalError, match=r"^file\.json: the volume of the bars must give x/z"):
+        Volume.from_json(change, "file.json")
+
+
+def test_in_words() -> None:
+    volume = Volume((-0.3, 0.2), (-0.1, 0.25), (3.1234, 107.8))
+    assert volume.depths == "3.12 to 108 m"
+    assert "depths from 3.12 to 108 m, 28° wide and 20° high" in volume.sentence()
