@@ -53,7 +53,7 @@ def one_rig(off: Misjudged, frames: int, seed: int) -> dict[Method, dict[str, tu
     files = files_of(dataset, poses, calibration.refined)
     model = compare_inputs(calibration.refined).model
     forecasts = predict(model, files).forecasts
-    test = place_bars(scene.rig, rng, TEST_BARS, BAR_M, DEPTHS_M, 0.0)
+    test = place_bars(scene.rig, rng, TEST_BARS, BAR_M, DEPTHS_M)
     thresholds = {method: found.threshold_px.value for method, found in forecasts.items()}
     truths = population(scene.rig, files, test.ends_m, noise, thresholds, rng)
     return {

@@ -72,6 +72,12 @@ class Volume:
         return np.asarray(inside)
 
     @property
+    def limits(self) -> tuple[FloatArray, FloatArray]:
+        """The low and the high ends of x/z, y/z and z, (3,) each."""
+        low, high = self._ranges.T
+        return low, high
+
+    @property
     def depths(self) -> str:
         """The range of depths for people, such as `3.12 to 7.93 m`."""
         low, high = (np.format_float_positional(z, 3, fractional=False, trim="-") for z in self.z_m)
