@@ -130,9 +130,17 @@ def minimise(
 
 @compiled
 def covariance_and_noise(
-    pixels: FloatArray, p: FloatArray, radius: float, samples: int, penalty: FloatArray
+    pixels: FloatArray,
+    p: FloatArray,
+    radius: float,
+    samples: int,
+    penalty: FloatArray,
+    shift: float,
 ) -> FloatArray:
     """Covariance of the centre and measures of the residuals.
+
+    Args:
+        shift: from `shading_shift`; the centre is p[:2] + shift * p[11:13].
 
     Returns:
         (6,): uu, uv, vv of the covariance for unit noise variance; the variance of the residuals;
@@ -148,7 +156,7 @@ def covariance_and_noise(
     if not factor(L, SMALLEST_PIVOT):
         return found
     for a in range(2):
-        columns[a, a] = 1.0
+        columns[a, a], columns[a, 11 + a] = 1.0, shift
         forward(L, columns[a])
         backward(L, columns[a])
     frame, rows = np.empty(FRAME), np.empty((ALL + 1, CHUNK))
@@ -172,7 +180,9 @@ def covariance_and_noise(
             beside += error * before
             neighbours += 1
         before = error
-    found[0], found[1], found[2] = columns[0, 0], columns[0, 1], columns[1, 1]
+    found[0] = columns[0, 0] + shift * columns[0, 11]
+    found[1] = columns[0, 1] + shift * columns[0, 12]
+    found[2] = columns[1, 1] + shift * columns[1, 12]
     found[3] = total / max(pixels.shape[0] - ALL, 1)
     found[4] = weighted / weights
     found[5] = beside / max(neighbours, 1)
