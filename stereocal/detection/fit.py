@@ -44,6 +44,8 @@ PATTERN, SMALLER, SUSPECT = 0.035, 0.7, 0.055
 behind the board may have extended an arm. If that fit is good, the misfit is set to `SUSPECT`."""
 PIXEL_VARIANCE = 1.0 / 12.0
 """px^2: the blur by the area of a pixel, if the model averages over it."""
+MAXIMUM_CORRELATION = 0.9
+"""Of neighbouring residuals; above it the sum would be infinite."""
 SHARP = 1.3
 """Blur in px below which the model is averaged over each pixel."""
 
@@ -281,6 +283,10 @@ def _final(
         noise = max(found[3], smallest)
     # Not the mean over all pixels: those at the border of a small board do not move the centre.
     variance = max(found[4], smallest)
+    # Correlated residuals, as from the border of a shadow, count as fewer pixels: with r between
+    # neighbours in rows and columns, a sum over an area has ((1 + r) / (1 - r))^2 the variance.
+    r = min(max(float(found[6]) - 3.0 / math.sqrt(len(pixels)), 0.0), MAXIMUM_CORRELATION)
+    variance *= ((1.0 + r) / (1.0 - r)) ** 2
     if not np.isfinite(found).all():
         return None
     covariance = variance * np.array([[found[0], found[1]], [found[1], found[2]]])
