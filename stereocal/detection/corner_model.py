@@ -14,7 +14,8 @@ The parameters, in this order:
     4       log of the blur s, px
     5, 6    offset a and half contrast b, grey levels
     7, 8    curvature of the two edges by lens distortion, 1/px
-    9 - 12  gradients of a and of b over the window, by u and by v: shading and vignetting
+    9, 10   gradient of a over the window by u and by v, grey levels: stray light
+    11, 12  relative gradient of the light over the window, for a and b alike: shading, vignetting
 The last six have priors with mean 0: in a small window they remain close to 0, in a large one they
 are estimated. The covariance includes their uncertainty.
 """
@@ -35,7 +36,9 @@ CURVATURE_SIGMA = 3e-5
 k1 = -0.12 and f = 7100 px at d = 1000 px; 1.5e-4 for k1 = -0.2 and f = 1500 px at 800 px, where
 boards large enough for it to matter determine it well."""
 GRADIENT_SIGMA = 0.05
-"""Change of offset and contrast from the centre to the edge of the window, over half contrast."""
+"""Change of the offset from the centre to the edge of the window, over half contrast."""
+LIGHT_SIGMA = 0.1
+"""Change of the light from the centre to the edge of the window, relative."""
 FAR = 5.0
 """Distance from an edge, in blurs, beyond which its effect is neglected: F is within 6e-7 of 1."""
 NODES, WEIGHTS = (np.ascontiguousarray(part) for part in np.polynomial.legendre.leggauss(6))
@@ -157,16 +160,16 @@ def fill_rows(
             if i == 3:
                 share = 0.25
         f *= share
-        half = contrast + p[11] * gx + p[12] * gy
-        share *= half
-        rows[0, n] = share * by_u - (p[9] + p[11] * f) * per_radius
-        rows[1, n] = share * by_v - (p[10] + p[12] * f) * per_radius
+        light, level = 1.0 + p[11] * gx + p[12] * gy, p[5] + contrast * f
+        share *= light * contrast
+        rows[0, n] = share * by_u - (p[9] + p[11] * level) * per_radius
+        rows[1, n] = share * by_v - (p[10] + p[12] * level) * per_radius
         rows[2, n], rows[3, n], rows[4, n] = share * by_1, share * by_2, share * by_blur
         rows[5, n], rows[6, n], rows[7, n], rows[8, n] = (
-            1.0,
-            f,
+            light,
+            light * f,
             share * by_curve1,
             share * by_curve2,
         )
-        rows[9, n], rows[10, n], rows[11, n], rows[12, n] = gx, gy, gx * f, gy * f
-        rows[13, n] = p[5] + p[9] * gx + p[10] * gy + half * f - pixels[first + n, 2]
+        rows[9, n], rows[10, n], rows[11, n], rows[12, n] = gx, gy, gx * level, gy * level
+        rows[13, n] = light * level + p[9] * gx + p[10] * gy - pixels[first + n, 2]

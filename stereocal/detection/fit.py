@@ -11,7 +11,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stereocal.detection.corner_model import ALL, CORE, CURVATURE_SIGMA, GRADIENT_SIGMA
+from stereocal.detection.corner_model import (
+    ALL,
+    CORE,
+    CURVATURE_SIGMA,
+    GRADIENT_SIGMA,
+    LIGHT_SIGMA,
+)
 from stereocal.detection.edges import GreyImage, arm_quality, follow
 from stereocal.detection.solver import covariance_and_noise, minimise
 from stereocal.rig.compiled import FloatArray, compiled
@@ -36,6 +42,10 @@ MISFIT = 0.06
 PATTERN, SMALLER, SUSPECT = 0.035, 0.7, 0.055
 """If the misfit is above `PATTERN`, the window is reduced by the factor `SMALLER`, since something
 behind the board may have extended an arm. If that fit is good, the misfit is set to `SUSPECT`."""
+PIXEL_VARIANCE = 1.0 / 12.0
+"""px^2: the blur by the area of a pixel, if the model averages over it."""
+MAXIMUM_CORRELATION = 0.9
+"""Of neighbouring residuals; above it the sum would be infinite."""
 SHARP = 1.3
 """Blur in px below which the model is averaged over each pixel."""
 
@@ -113,7 +123,8 @@ def _fit(
     penalty = np.zeros(ALL)
     radius = float(half.max())
     penalty[7:9] = noise / CURVATURE_SIGMA**2
-    penalty[9:] = noise / (GRADIENT_SIGMA * p[6]) ** 2
+    penalty[9:11] = noise / (GRADIENT_SIGMA * p[6]) ** 2
+    penalty[11:] = noise / LIGHT_SIGMA**2
     fitted = p.copy()
     if len(pixels) <= size + 4:
         return pixels, fitted, penalty, False
@@ -237,6 +248,15 @@ def fit_corner(
     return corner
 
 
+def shading_shift(p: FloatArray, radius: float, samples: int) -> float:
+    """Distance of the true centre from p[:2], in px for a relative gradient of the light of 1.
+
+    The blur of shaded light, of (1 + g x) F(x), is (1 + g x) F(x) + s^2 g F'(x) and not only the
+    first term, which is the model: all edges appear displaced by s^2 g towards the dark side.
+    """
+    return float(math.exp(2.0 * p[4]) + (PIXEL_VARIANCE if samples > 1 else 0.0)) / radius
+
+
 def _final(
     image: GreyImage,
     p: FloatArray,
@@ -258,9 +278,15 @@ def _final(
         if not converged or not plausible(fitted, p, float(min(half))):
             return None
         p = fitted
-        found = covariance_and_noise(pixels, p, radius, samples, penalty)
+        shift = shading_shift(p, radius, samples)
+        found = covariance_and_noise(pixels, p, radius, samples, penalty, shift)
         noise = max(found[3], smallest)
-    variance = max(found[3], found[4], smallest)
+    # Not the mean over all pixels: those at the border of a small board do not move the centre.
+    variance = max(found[4], smallest)
+    # Correlated residuals, as from the border of a shadow, count as fewer pixels: with r between
+    # neighbours in rows and columns, a sum over an area has ((1 + r) / (1 - r))^2 the variance.
+    r = min(max(float(found[6]) - 3.0 / math.sqrt(len(pixels)), 0.0), MAXIMUM_CORRELATION)
+    variance *= ((1.0 + r) / (1.0 - r)) ** 2
     if not np.isfinite(found).all():
         return None
     covariance = variance * np.array([[found[0], found[1]], [found[1], found[2]]])
@@ -268,7 +294,7 @@ def _final(
     # The mean product of n residuals of pure noise has a standard deviation of 1 / sqrt(n).
     pattern = float(found[5] - 2.0 * found[3] / math.sqrt(len(pixels)))
     return Corner(
-        centre=p[:2].copy(),
+        centre=p[:2] + shift * p[11:13],
         covariance=covariance,
         directions=_directions(p),
         arms=ends[0],

@@ -130,31 +130,40 @@ def minimise(
 
 @compiled
 def covariance_and_noise(
-    pixels: FloatArray, p: FloatArray, radius: float, samples: int, penalty: FloatArray
+    pixels: FloatArray,
+    p: FloatArray,
+    radius: float,
+    samples: int,
+    penalty: FloatArray,
+    shift: float,
 ) -> FloatArray:
     """Covariance of the centre and measures of the residuals.
 
+    Args:
+        shift: from `shading_shift`; the centre is p[:2] + shift * p[11:13].
+
     Returns:
-        (6,): uu, uv, vv of the covariance for unit noise variance; the variance of the residuals;
+        (7,): uu, uv, vv of the covariance for unit noise variance; the variance of the residuals;
         their variance weighted by the influence of each pixel on the centre, since noise and model
         errors are different near the edges; the mean product of neighbouring residuals, which is 0
-        for noise, and positive for objects that are not a board. All NaN if the pixels do not
-        determine the parameters.
+        for noise, and positive for objects that are not a board; the correlation of neighbouring
+        residuals with the weights. All NaN if the pixels do not determine the parameters.
     """
-    found = np.full(6, np.nan)
+    found = np.full(7, np.nan)
     L, g = np.empty((ALL, ALL)), np.empty(ALL)
     columns = np.zeros((2, ALL))
     _normal_equations(pixels, p, radius, samples, penalty, L, g)
     if not factor(L, SMALLEST_PIVOT):
         return found
     for a in range(2):
-        columns[a, a] = 1.0
+        columns[a, a], columns[a, 11 + a] = 1.0, shift
         forward(L, columns[a])
         backward(L, columns[a])
     frame, rows = np.empty(FRAME), np.empty((ALL + 1, CHUNK))
     fill_frame(p, radius, samples, frame)
     total, weighted, weights = 0.0, 0.0, 0.0
     beside, neighbours, before = 0.0, 0, 0.0
+    weighted_beside, weights_beside, weight_before = 0.0, 1e-300, 0.0
     for i in range(pixels.shape[0]):
         column = i % CHUNK
         if column == 0:
@@ -171,9 +180,15 @@ def covariance_and_noise(
         if i > 0 and pixels[i, 0] == pixels[i - 1, 0] + 1.0:
             beside += error * before
             neighbours += 1
-        before = error
-    found[0], found[1], found[2] = columns[0, 0], columns[0, 1], columns[1, 1]
+            both = np.sqrt(weight * weight_before)
+            weighted_beside += both * error * before
+            weights_beside += both
+        before, weight_before = error, weight
+    found[0] = columns[0, 0] + shift * columns[0, 11]
+    found[1] = columns[0, 1] + shift * columns[0, 12]
+    found[2] = columns[1, 1] + shift * columns[1, 12]
     found[3] = total / max(pixels.shape[0] - ALL, 1)
     found[4] = weighted / weights
     found[5] = beside / max(neighbours, 1)
+    found[6] = weighted_beside / weights_beside / found[4] if found[4] > 0.0 else 0.0
     return found

@@ -19,7 +19,7 @@ from stereocal.simulation.rendering import PhotographSettings, Placed, photograp
 from tests.detection.boards import Board, picture
 
 PARAMETERS = np.array(
-    [10.2, 9.7, 0.3, 1.2, np.log(1.2), 100.0, 60.0, 2e-3, -1e-3, 3.0, 2.0, -4.0, 1.0]
+    [10.2, 9.7, 0.3, 1.2, np.log(1.2), 100.0, 60.0, 2e-3, -1e-3, 3.0, 2.0, -0.1, 0.05]
 )
 
 
@@ -117,11 +117,29 @@ def test_the_stated_sigma_is_true_and_ours_beats_opencv() -> None:
     assert np.sqrt(np.mean(np.square(ours))) < 0.4 * best  # measured 0.15
 
 
-def test_a_gradient_of_the_light_does_not_move_the_centre() -> None:
-    even = near(Board((0.2, 0.1), 90.0, 0.5, 0.4, 1.0), 0.5)
-    shaded = near(Board((0.2, 0.1), 90.0, 0.5, 0.4, 1.0, shade=(0.3, -0.2)), 0.5)
-    # 0.3 per 100 px would move an edge by 0.02 px if it were not in the model.
-    assert np.abs(shaded.centre - even.centre).max() < 0.01
+@pytest.mark.parametrize("gradient", [0.0, 0.3, 0.6])
+def test_the_stated_sigma_is_true_under_a_gradient_of_the_light(gradient: float) -> None:
+    normal = []
+    for seed in range(120):
+        rng = np.random.default_rng([1, seed])
+        side, towards = rng.uniform(25.0, 90.0), rng.uniform(0.0, 6.3)
+        relative = 100.0 / side * gradient
+        board = Board(
+            (rng.uniform(-0.5, 0.5), rng.uniform(-0.5, 0.5)),
+            side,
+            rng.uniform(0.0, 6.3),
+            rng.uniform(0.0, 0.8),
+            rng.uniform(0.0, 6.3),
+            blur=rng.uniform(0.6, 2.0),
+            black=40.0,
+            white=160.0,
+            shade=(relative * np.cos(towards), relative * np.sin(towards)),
+        )
+        corner = near(board, rng.uniform(0.5, 5.0), seed, fine=4)
+        normal.append(np.linalg.solve(np.linalg.cholesky(corner.covariance), corner.centre))
+    # 240 normal numbers have a spread known to 4.6 %; measured 0.95, 0.98 and 1.00. Without the
+    # displacement of blurred edges in shaded light: 0.90, 1.37 and 2.27.
+    assert 0.9 < np.sqrt(np.mean(np.square(normal))) < 1.15
 
 
 def test_the_size_of_the_board_and_its_lean() -> None:
