@@ -1,0 +1,116 @@
+"""Whether the verdict is right: simulated rigs, sound ones and such that the model cannot follow.
+
+python -m benchmarks.verdicts --rigs 40 --frames 25
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from benchmarks.refined_rigs import BAR_M, DEPTHS_M, Misjudged, random_scene, stated
+from stereocal.calibration.methods import CalibrationSettings
+from stereocal.errors import StereocalError
+from stereocal.refined.disagreement import compare_inputs
+from stereocal.refined.unknowns import LensPrior, RefineSettings
+from stereocal.rig.camera import Camera
+from stereocal.simulation.simulate import place_bars
+from stereocal.verdict.one_or_two_sets import TOLERANCE, Verdict, run_splits, verdict
+from stereocal.verdict.predictive import files_of, population, predict
+from stereocal.workflow import calibrate
+
+
+@dataclass(frozen=True)
+class Case:
+    """What is stated wrongly."""
+
+    off: Misjudged
+    k1: float = 0.0
+    """Of the primary."""
+    too_sure: float = 1.0
+    """Factor by which the lens files understate their errors."""
+
+
+CASES: Mapping[str, Case] = {
+    "exact": Case(Misjudged(0.0, 0.0, 0.0, 0.0)),
+    "0.2 %, 4 px, 0.5 %": Case(Misjudged(0.0115, 0.0005, 0.002, 4.0)),
+    "1 %, 15 px, 2 %": Case(Misjudged(0.046, 0.0005, 0.01, 15.0)),
+    "k1 off by 0.02": Case(Misjudged(0.0115, 0.0005, 0.002, 4.0), k1=0.02),
+    "k1 off by 0.08": Case(Misjudged(0.0115, 0.0005, 0.002, 4.0), k1=0.08),
+    "lens files 20 times too sure": Case(Misjudged(0.0115, 0.0005, 0.01, 15.0), too_sure=20.0),
+    "lens files 40 times too sure": Case(Misjudged(0.0115, 0.0005, 0.01, 15.0), too_sure=40.0),
+}
+RUNS = 20
+
+
+def one_rig(case: Case, frames: int, seed: int) -> tuple[Verdict, bool]:
+    """The verdict, and whether two sets are truly needed."""
+    rng = np.random.default_rng([seed, frames, 77])
+    noise = float(np.exp(rng.uniform(np.log(0.1), np.log(0.5))))
+    scene = random_scene(rng, frames)
+    dataset = stated(scene, rng, replace(case.off, noise_px=noise))
+    own = dataset.primary
+    bent = own.distortion + case.k1 * np.eye(1, own.distortion.size).ravel()
+    dataset = replace(dataset, primary=Camera(own.K, bent, own.image_size))
+    settings = RefineSettings()
+    if case.off.focal:
+        settings = case.off.settings()
+        lens = LensPrior(case.off.focal / case.too_sure, case.off.centre_px / case.too_sure)
+        settings = replace(settings, primary=lens, secondary=lens)
+    calibration = calibrate(dataset, CalibrationSettings(), refined=settings)
+    assert calibration.refined is not None
+    files = files_of(
+        calibration.dataset,
+        {name: found.pose for name, found in calibration.methods.items()},
+        calibration.refined,
+    )
+    predictive = predict(compare_inputs(calibration.refined).model, files)
+    runs = run_splits(calibration.screening.dataset, calibration.settings, settings, RUNS)
+    answer = verdict(predictive, frames, runs or ())
+    test = place_bars(scene.rig, rng, 1500, BAR_M, DEPTHS_M)
+    true = population(scene.rig, files, test.ends_m, noise, dict.fromkeys(files, 1.0), rng)
+    limit = 1.0 + TOLERANCE
+    two = (
+        true["refined"]["mean_reprojection_px"] > limit * true["2d"]["mean_reprojection_px"]
+        or true["refined"]["mean_error_3d"] > limit * true["3d"]["mean_error_3d"]
+    )
+    return answer, two
+
+
+def main() -> None:
+    """All cases."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--rigs", type=int, default=40)
+    parser.add_argument("--frames", type=int, default=25)
+    parser.add_argument("--cases", type=int, nargs="+", default=list(range(len(CASES))))
+    parsed = parser.parse_args()
+    for name, case in [list(CASES.items())[at] for at in parsed.cases]:
+        found = []
+        for seed in range(parsed.rigs):
+            try:
+                found.append(one_rig(case, parsed.frames, seed))
+            except StereocalError as error:
+                print(f"  {seed}: {error}")
+        decided = [(answer, two) for answer, two in found if answer.kind != "level"]
+        right = sum((answer.kind == "two") == two for answer, two in decided)
+        needing = [answer for answer, two in found if two]
+        caught = sum(answer.kind == "two" for answer in needing)
+        doubted = sum(answer.check is not None and not answer.check.holds for answer, _ in found)
+        checks = np.array(
+            [(a.check.matching, a.check.measuring) for a, _ in found if a.check is not None]
+        )
+        low, middle, high = np.percentile(checks, (1, 50, 99), axis=0)
+        print(
+            f"{name}: {len(found)} rigs, decided {len(decided)}, right {right}; "
+            f"{len(needing)} need two, {caught} found; model doubted {doubted}; held-out over "
+            f"forecast {middle[0]:.2f} ({low[0]:.2f} to {high[0]:.2f}) px, "
+            f"{middle[1]:.2f} ({low[1]:.2f} to {high[1]:.2f}) length",
+            flush=True,
+        )
+
+
+if __name__ == "__main__":
+    main()
