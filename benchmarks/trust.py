@@ -21,10 +21,10 @@ import numpy as np
 from benchmarks.refined_rigs import BAR_M, DEPTHS_M, Misjudged, random_scene, stated
 from stereocal.calibration.methods import CalibrationSettings, Method
 from stereocal.errors import StereocalError
-from stereocal.refined.disagreement import compare_inputs
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.simulation.simulate import place_bars
-from stereocal.verdict.predictive import Forecast, files_of, population, predict
+from stereocal.verdict.forecast import forecast_files
+from stereocal.verdict.predictive import Forecast, population
 from stereocal.workflow import calibrate
 
 CASES: Mapping[str, Misjudged] = {
@@ -48,11 +48,8 @@ def one_rig(off: Misjudged, frames: int, seed: int) -> dict[Method, dict[str, tu
     dataset = stated(scene, rng, replace(off, noise_px=noise))
     settings = off.settings() if off.focal else RefineSettings()
     calibration = calibrate(dataset, CalibrationSettings(), refined=settings)
-    assert calibration.refined is not None
-    poses = {name: found.pose for name, found in calibration.methods.items()}
-    files = files_of(dataset, poses, calibration.refined)
-    model = compare_inputs(calibration.refined).model
-    forecasts = predict(model, files).forecasts
+    outlook = forecast_files(calibration)
+    files, forecasts = outlook.files, outlook.predictive.forecasts
     test = place_bars(scene.rig, rng, TEST_BARS, BAR_M, DEPTHS_M)
     thresholds = {method: found.threshold_px.value for method, found in forecasts.items()}
     truths = population(scene.rig, files, test.ends_m, noise, thresholds, rng)

@@ -14,12 +14,12 @@ import numpy as np
 from benchmarks.refined_rigs import BAR_M, DEPTHS_M, Misjudged, random_scene, stated
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
-from stereocal.refined.disagreement import compare_inputs
 from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.rig.camera import Camera
 from stereocal.simulation.simulate import place_bars
+from stereocal.verdict.forecast import forecast_files
 from stereocal.verdict.one_or_two_sets import TOLERANCE, Verdict, run_splits, verdict
-from stereocal.verdict.predictive import files_of, population, predict
+from stereocal.verdict.predictive import population
 from stereocal.workflow import calibrate
 
 
@@ -61,15 +61,10 @@ def one_rig(case: Case, frames: int, seed: int) -> tuple[Verdict, bool]:
         lens = LensPrior(case.off.focal / case.too_sure, case.off.centre_px / case.too_sure)
         settings = replace(settings, primary=lens, secondary=lens)
     calibration = calibrate(dataset, CalibrationSettings(), refined=settings)
-    assert calibration.refined is not None
-    files = files_of(
-        calibration.dataset,
-        {name: found.pose for name, found in calibration.methods.items()},
-        calibration.refined,
-    )
-    predictive = predict(compare_inputs(calibration.refined).model, files)
+    outlook = forecast_files(calibration)
+    files = outlook.files
     runs = run_splits(calibration.screening.dataset, calibration.settings, settings, RUNS)
-    answer = verdict(predictive, frames, runs or ())
+    answer = verdict(outlook.predictive, frames, runs or ())
     test = place_bars(scene.rig, rng, 1500, BAR_M, DEPTHS_M)
     true = population(scene.rig, files, test.ends_m, noise, dict.fromkeys(files, 1.0), rng)
     limit = 1.0 + TOLERANCE

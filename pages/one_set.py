@@ -1,5 +1,7 @@
 """One set or two: does this rig need two sets, and which input disagrees?"""
 
+from dataclasses import replace
+
 import streamlit as st
 
 from stereocal.errors import StereocalError
@@ -16,7 +18,7 @@ from stereocal.ui.one_set import (
 )
 from stereocal.ui.prerequisites import project_with_data
 from stereocal.ui.project import last_calibration, last_evaluation
-from stereocal.ui.refined import refine_form, refined_of
+from stereocal.ui.refined import calibrated, outlook_for, refine_form, refined_of
 from stereocal.ui.screening import screenings_of
 from stereocal.ui.texts import ONE_SET
 from stereocal.ui.validation import bring_up_to_date, kept_protocol
@@ -37,12 +39,13 @@ try:
     evaluation = last_evaluation(project)
     calibration = last_calibration(project)
     inputs = refined_inputs(kept, settings)
+    outlook = outlook_for(replace(calibrated(dataset, protocol.calibration), refined=result))
 except StereocalError as error:
     st.error(escape_markdown(str(error)))
     st.stop()
 try:
     st.header("Verdict", divider="gray")
-    show_verdict(screening, evaluation)
+    show_verdict(screening, evaluation, outlook)
     st.header("What disagrees", divider="gray")
     show_disagreement(inputs)
     show_frames_left_out(screening, result)
@@ -51,6 +54,6 @@ try:
     st.header("How accurate, where", divider="gray")
     show_accuracy(project, result, kept, settings)
     st.header("The refined set", divider="gray")
-    show_parameters(project, screening, result, inputs, evaluation)
+    show_parameters(project, screening, result, inputs, evaluation, outlook)
 except StereocalError as error:
     st.error(escape_markdown(str(error)))

@@ -7,7 +7,7 @@ import math
 from pathlib import Path
 from typing import Literal
 
-from stereocal.calibration.methods import METHODS, CalibrationSettings
+from stereocal.calibration.methods import METHODS
 from stereocal.commands.options import (
     add_lens_model,
     add_search_options,
@@ -16,7 +16,15 @@ from stereocal.commands.options import (
 )
 from stereocal.commands.progress import ProgressBar
 from stereocal.errors import StereocalError
-from stereocal.figures.tables import answer, left_out_line, listed, why_not_trusted
+from stereocal.figures.tables import (
+    answer,
+    digits,
+    interval,
+    left_out_line,
+    listed,
+    percent,
+    why_not_trusted,
+)
 from stereocal.formats.evaluation_files import validation_in_summary
 from stereocal.projects.archive import read_input
 from stereocal.refined.disagreement import what_disagrees
@@ -26,9 +34,10 @@ from stereocal.refined.results import Calibration
 from stereocal.refined.stated_inputs import Input, undetectable_errors
 from stereocal.refined.uncertainty import standard_errors
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.rig.dataset import Dataset
 from stereocal.system.atomic_files import write_all
+from stereocal.verdict.forecast import Outlook, outlook_of
 from stereocal.verdict.one_or_two_sets import run_splits, verdict
+from stereocal.verdict.predictive import Predictive
 from stereocal.workflow import calibrate
 
 FILES: dict[Literal["2d", "3d"], str] = {"2d": "parameters_2d.json", "3d": "parameters_3d.json"}
@@ -82,14 +91,23 @@ def run(parsed: argparse.Namespace) -> None:
     refined = RefineSettings() if parsed.refined else None
     calibration = calibrate(dataset, settings, refined=refined)
     figures = validation_in_summary(parsed.validation, dataset) if parsed.validation else {}
-    sets = {method: calibration.parameters(method, figures.get(method)) for method in FILES}
+    outlook = outlook_of(calibration)
+    forecasts = outlook.of_files(figures) if outlook else {}
+    sets = {
+        method: calibration.parameters(method, figures.get(method), forecasts.get(method))
+        for method in FILES
+    }
     files = {parsed.out / FILES[method]: sets[method].dumps().encode() for method in FILES}
     inputs: list[Input] = []
     if calibration.refined is not None:
-        inputs = what_disagrees(calibration.refined)
+        inputs = outlook.comparison.inputs if outlook else what_disagrees(calibration.refined)
         files[parsed.out / REFINED] = (
             refined_parameters(
-                calibration.refined, inputs, figures.get("refined"), calibration.screening.left_out
+                calibration.refined,
+                inputs,
+                figures.get("refined"),
+                calibration.screening.left_out,
+                forecasts.get("refined"),
             )
             .dumps()
             .encode()
@@ -108,16 +126,23 @@ def run(parsed: argparse.Namespace) -> None:
         print(volume.sentence())
     if calibration.refined is not None:
         print(refined_lines(calibration.refined))
+    if outlook:
+        print(forecast_lines(outlook.predictive))
     if caution := why_not_trusted(calibration):
         print(f"Do not rely on this result: {caution}")
+    print_notes(calibration, inputs)
+    if refined is not None and parsed.runs:
+        print(verdict_line(calibration, outlook, refined, parsed.runs))
+    for path in files:
+        print(f"wrote {path}")
+
+
+def print_notes(calibration: Calibration, inputs: list[Input]) -> None:
+    """Warnings, inputs that disagree, and errors that cannot be detected."""
     accused = [item.advice for item in inputs if item.accused]
     for note in [*calibration.warnings, *accused, undetectable_errors(inputs)]:
         if note:
             print(f"Note: {note}")
-    if refined is not None and parsed.runs:
-        print(verdict_line(calibration.screening.dataset, settings, refined, parsed.runs))
-    for path in files:
-        print(f"wrote {path}")
 
 
 def refined_lines(result: RefinedResult) -> str:
@@ -134,16 +159,34 @@ def refined_lines(result: RefinedResult) -> str:
 
 
 def verdict_line(
-    dataset: Dataset, settings: CalibrationSettings, refined: RefineSettings, runs: int
+    calibration: Calibration, outlook: Outlook | None, refined: RefineSettings, runs: int
 ) -> str:
-    """The verdict of random splits, or why there is none."""
+    """The verdict, checked by random splits, or why there is none."""
     try:
+        if outlook is None:
+            raise StereocalError("there are too few bars for a forecast.")
         with ProgressBar("random splits") as bar:
-            found = run_splits(dataset, settings, refined, runs, progress=bar.show)
+            found = run_splits(
+                calibration.screening.dataset, calibration.settings, refined, runs,
+                progress=bar.show,
+            )  # fmt: skip
         assert found is not None  # nobody cancels here
-        return f"Verdict of {runs} random splits: {verdict(found).text}"
+        return f"Verdict: {verdict(outlook.predictive, len(calibration.frames), found).text}"
     except StereocalError as error:
         return f"No verdict: {error}"
+
+
+def forecast_lines(predictive: Predictive) -> str:
+    """What each file will do on frames to come."""
+    lines = ["On frames to come with bars like these (95 % intervals):"]
+    for method, found in predictive.forecasts.items():
+        fcp, length = found.fcp_reprojection, found.median_error_3d
+        lines.append(
+            f"{method:<10} wrong pairs that look right {percent(fcp.value)} % ({interval(fcp)}), "
+            f"length error (median) {percent(length.value)} % ({interval(length)}), "
+            f"threshold {digits(found.threshold_px.value, 2)} px"
+        )
+    return "\n".join(lines)
 
 
 def table_of(calibration: Calibration) -> str:

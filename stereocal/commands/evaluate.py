@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 
+from stereocal.calibration.methods import Method
 from stereocal.commands.options import (
     add_lens_model,
     add_search_options,
@@ -15,15 +17,20 @@ from stereocal.commands.options import (
     workers_from,
 )
 from stereocal.commands.progress import ProgressBar
+from stereocal.errors import StereocalError
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate, evaluate_runs
-from stereocal.evaluation.summary import summarise_all
+from stereocal.evaluation.summary import MethodSummary, summarise_all
 from stereocal.figures.report import report_html
 from stereocal.figures.tables import left_out_line, validation_answer, why_validation_not_trusted
 from stereocal.formats.evaluation_files import summary_json, unique_names
 from stereocal.projects.archive import read_input
 from stereocal.refined.screening import screened
 from stereocal.refined.unknowns import RefineSettings
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.parameters import FileForecast
 from stereocal.system.atomic_files import write_all
+from stereocal.verdict.forecast import forecast_files
+from stereocal.workflow import calibrate
 
 
 def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -66,10 +73,14 @@ def run(parsed: argparse.Namespace) -> None:
         runs = evaluate(kept, settings, executor, bar.show)
     assert runs is not None  # nobody cancels here
     pooled, by_dataset = summarise_all(unique_names(datasets), runs)
+    forecasts = [
+        forecasts_of(dataset, settings, own)
+        for dataset, own in zip(datasets, by_dataset.values(), strict=True)
+    ]
     write_all(
         {
             parsed.out / "summary.json": summary_json(
-                pooled, by_dataset, datasets, settings, screenings
+                pooled, by_dataset, datasets, settings, screenings, forecasts
             ),
             parsed.out / "report.html": report_html(
                 pooled, by_dataset, datasets, settings, screenings
@@ -84,3 +95,20 @@ def run(parsed: argparse.Namespace) -> None:
     print(validation_answer(pooled))
     for path in (parsed.out / "summary.json", parsed.out / "report.html"):
         print(f"wrote {path}")
+
+
+def forecasts_of(
+    dataset: Dataset, settings: EvaluationSettings, summaries: Mapping[Method, MethodSummary]
+) -> dict[Method, FileForecast]:
+    """Of the files that `calibrate` writes from all frames; empty if there can be none."""
+    if settings.refined is None:
+        return {}
+    try:
+        outlook = forecast_files(calibrate(dataset, settings.calibration, refined=settings.refined))
+    except StereocalError:
+        return {}
+    thresholds = {
+        method: {"threshold_px": found.reprojection.threshold}
+        for method, found in summaries.items()
+    }
+    return outlook.of_files(thresholds)

@@ -20,6 +20,7 @@ from stereocal.evaluation.evaluate import EvaluationSettings, Run
 from stereocal.evaluation.summary import MethodSummary, summarise
 from stereocal.refined.screening import Screening
 from stereocal.rig.dataset import Dataset
+from stereocal.rig.parameters import FileForecast
 from stereocal.system.arrays import Array, read_arrays, shaped
 from stereocal.system.json_text import read_json
 
@@ -34,17 +35,20 @@ def summary_json(
     datasets: Sequence[Dataset],
     settings: EvaluationSettings,
     screenings: Sequence[Screening] = (),
+    forecasts: Sequence[Mapping[Method, FileForecast]] = (),
 ) -> bytes:
     """`summary.json`: all figures pooled and by data set; errors as fractions, angles in rad.
 
     Args:
         datasets: with all frames, before screening.
         screenings: of the data sets, in order; empty if there was none.
+        forecasts: of the files that `calibrate` writes, by data set, each possibly empty.
     """
+    each = list(forecasts) or [{} for _ in datasets]
     left_out = [list(screening.left_out) for screening in screenings] or [[] for _ in datasets]
     content = {
         "format": SUMMARY_FORMAT,
-        "methods": {method: found.to_json() for method, found in pooled.items()},
+        "methods": _with_forecasts(pooled, each[0] if len(datasets) == 1 else {}),
         "datasets": [
             {
                 "name": name,
@@ -55,16 +59,27 @@ def summary_json(
                 "target_distance_m": dataset.target_distance_m,
                 "sha256": dataset.sha256,
                 "frames_left_out": without,
-                "methods": {method: found.to_json() for method, found in own.items()},
+                "methods": _with_forecasts(own, forecast),
             }
-            for (name, own), dataset, without in zip(
-                by_dataset.items(), datasets, left_out, strict=True
+            for (name, own), dataset, without, forecast in zip(
+                by_dataset.items(), datasets, left_out, each, strict=True
             )
         ],
         "settings": settings.to_json(),
         "software": {"stereocal": stereocal.__version__, "numpy": np.__version__},
     }
     return (json.dumps(content, indent=2, allow_nan=False) + "\n").encode()
+
+
+def _with_forecasts(
+    summaries: Mapping[Method, MethodSummary], forecasts: Mapping[Method, FileForecast]
+) -> dict[str, Any]:
+    """The figures by method, with those forecast under `predicted`."""
+    found: dict[str, Any] = {method: own.to_json() for method, own in summaries.items()}
+    for method, forecast in forecasts.items():
+        if method in found:
+            found[method]["predicted"] = dict(forecast.figures)
+    return found
 
 
 def validation_figures(

@@ -11,9 +11,13 @@ import numpy as np
 import numpy.typing as npt
 
 from stereocal.errors import DAMAGED, StereocalError
+from stereocal.refined.bar_fit import BASELINE, SHARED
+from stereocal.refined.parameter_file import COVARIANCE_OF
+from stereocal.refined.solve import lenses_of_cameras
+from stereocal.refined.uncertainty import point_errors
+from stereocal.refined.unknowns import shared_unknowns
 from stereocal.rig.compiled import BoolArray, FloatArray
 from stereocal.rig.geometry import (
-    Angles,
     Pose,
     reprojection_errors_of_rays,
     stack_rays,
@@ -22,11 +26,9 @@ from stereocal.rig.geometry import (
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.json_text import read_json
 
-POSE_NAMES = (*Angles._fields, "baseline_m")
-RAY_STEP = 1e-6
-POSE_STEP = 1e-6
-"""Steps of the derivatives: rad for rays and angles, metres for the baseline. Truncation and
-rounding errors of the central differences are below 1e-8."""
+LARGEST_TABLE = 1_000_000
+POSE = BASELINE + 1
+"""Number of the shared unknowns that are the pose: five angles and the baseline."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,10 +59,11 @@ def reconstruct_points(
         primary_px: (n, 2) raw pixels; `secondary_px`: (n, 2), their partners row by row.
         world: `world_from_primary`; None: points in the primary's frame.
         sigma_px: standard deviation of one pixel coordinate, for the standard errors. If this and
-            `pose_covariance` are None, those of a refined file are used.
-        pose_covariance: (6, 6) of yaw, pitch, roll, delta, epsilon (rad) and baseline (m), added to
-            the effect of image noise. Its part is common to all points: distances between points
-            are more precise than their positions.
+            `pose_covariance` are None, those of the file are used.
+        pose_covariance: (6, 6) of yaw, pitch, roll, delta, epsilon (rad) and baseline (m), or
+            (23, 23) of all shared unknowns of `bar_fit`, added to the effect of image noise. Its
+            part is common to all points: distances between points are more precise than their
+            positions.
 
     Raises:
         StereocalError: an invalid noise or covariance.
@@ -73,7 +76,7 @@ def reconstruct_points(
     if sigma_px is None and pose_covariance is None:
         sigma_px, pose_covariance = noise_of_file(rig)
     if sigma_px is not None or pose_covariance is not None:
-        covariance = point_covariances(rig, rays, sigma_px or 0.0, pose_covariance)
+        covariance = point_covariances(rig, xyz, sigma_px or 0.0, pose_covariance)
         if world is not None:
             covariance = world.R @ covariance @ world.R.T
         sigma = np.sqrt(np.einsum("nii->ni", covariance))
@@ -82,18 +85,25 @@ def reconstruct_points(
 
 
 def noise_of_file(rig: RigParameters) -> tuple[float | None, FloatArray | None]:
-    """Image noise (px) and covariance (6, 6) of the pose of a refined file, else None.
+    """Image noise (px) and covariance (23, 23) of the shared unknowns of a file, else None.
 
-    The covariance of the lenses is ignored, so standard errors are slightly too small far from the
-    image's centre.
+    Raises:
+        StereocalError: the uncertainties of the file cannot be read.
     """
-    stored = getattr(rig, "uncertainties", None)
+    stored = rig.uncertainties
     if not stored:
         return None, None
     try:
-        order = [stored["covariance"]["of"].index(name) for name in POSE_NAMES]
+        names = list(stored["covariance"]["of"])
         whole = np.array(stored["covariance"]["matrix"], dtype=np.float64)
-        return float(stored["sigma_px"]["value"]), whole[np.ix_(order, order)]
+        if whole.shape != (len(names), len(names)) or not np.isfinite(whole).all():
+            raise ValueError("the covariance is not a square table of numbers")
+        found = np.zeros((SHARED, SHARED))
+        if missing := set(COVARIANCE_OF[:POSE]) - set(names):
+            raise ValueError(f"the covariance is without {sorted(missing)[0]}")
+        at = [COVARIANCE_OF.index(name) for name in names]
+        found[np.ix_(at, at)] = whole
+        return float(stored["sigma_px"]["value"]), found
     except (KeyError, TypeError, ValueError, IndexError) as error:
         raise StereocalError(
             f"The uncertainties of the parameter file cannot be read ({error})."
@@ -102,58 +112,36 @@ def noise_of_file(rig: RigParameters) -> tuple[float | None, FloatArray | None]:
 
 def point_covariances(
     rig: RigParameters,
-    rays: FloatArray,
+    points_m: FloatArray,
     sigma_px: float,
-    pose_covariance: npt.ArrayLike | None = None,
+    covariance: npt.ArrayLike | None = None,
 ) -> FloatArray:
-    """Covariances (n, 3, 3) of points from rays (4, n), m^2 in the primary's frame, first order.
+    """Covariances (n, 3, 3) of points (n, 3), m^2 in the primary's frame, first order.
 
-    The noise applies to the undistorted image, equal in both coordinates and cameras.
+    Args:
+        covariance: of the shared unknowns (23, 23), or of the pose alone (6, 6).
 
     Raises:
-        StereocalError: a negative noise, or a covariance that is not a symmetric (6, 6) table.
+        StereocalError: a negative noise, or a covariance that is not a symmetric table of this
+            size.
     """
     if not (np.isfinite(sigma_px) and sigma_px >= 0):
         raise StereocalError(f"The image noise is {sigma_px} px: it must be 0 or more.")
-    R, T = rig.pose.R, rig.pose.T
-    total = np.zeros((rays.shape[1], 3, 3))
-    for camera, rows in ((rig.primary, slice(0, 2)), (rig.secondary, slice(2, 4))):
-        derivatives = []
-        for row in range(rows.start, rows.stop):
-            step = np.zeros((4, 1))
-            step[row] = RAY_STEP
-            ahead, behind = triangulate_rays(R, T, rays + step), triangulate_rays(R, T, rays - step)
-            derivatives.append((ahead - behind) / (2 * RAY_STEP))
-        by_pixel = np.stack(derivatives, axis=2) @ np.linalg.inv(camera.K[:2, :2])
-        total += sigma_px**2 * by_pixel @ by_pixel.transpose(0, 2, 1)
-    if pose_covariance is not None:
-        covariance = np.array(pose_covariance, dtype=np.float64)
-        if covariance.shape != (6, 6) or not np.allclose(covariance, covariance.T, rtol=1e-6):
-            raise StereocalError(
-                "The covariance of the pose must be a symmetric 6x6 table, in the order yaw, "
-                "pitch, roll, delta, epsilon, baseline."
-            )
-        J = _pose_jacobian(rig.pose, rays)
-        total += J @ covariance @ J.transpose(0, 2, 1)
-    return total
-
-
-def _pose_jacobian(pose: Pose, rays: FloatArray) -> FloatArray:
-    """(n, 3, 6): derivatives of points with respect to the five angles and the baseline."""
-    here = np.array([*pose.angles, pose.baseline])
-    derivatives = []
-    for k in range(6):
-        sides = []
-        for sign in (1, -1):
-            moved = here.copy()
-            moved[k] += sign * POSE_STEP
-            there = Pose.from_angles(Angles(*moved[:5]), moved[5])
-            sides.append(triangulate_rays(there.R, there.T, rays))
-        derivatives.append((sides[0] - sides[1]) / (2 * POSE_STEP))
-    return np.stack(derivatives, axis=2)
-
-
-LARGEST_TABLE = 1_000_000
+    lenses = lenses_of_cameras(rig.primary, rig.secondary)
+    own, jacobian = point_errors(shared_unknowns(rig), lenses, sigma_px, points_m)
+    if covariance is None:
+        return own
+    whole = np.array(covariance, dtype=np.float64)
+    size = len(whole) if whole.ndim == 2 else 0
+    if whole.shape not in ((POSE, POSE), (SHARED, SHARED)) or not np.allclose(
+        whole, whole.T, rtol=1e-6, atol=0.0
+    ):
+        raise StereocalError(
+            "The covariance of the pose must be a symmetric 6x6 table, in the order yaw, "
+            "pitch, roll, delta, epsilon, baseline."
+        )
+    J = jacobian[:, :, :size]
+    return np.asarray(own + J @ whole @ J.transpose(0, 2, 1))
 
 
 def read_world(path: str | Path) -> Pose:

@@ -11,9 +11,10 @@ from stereocal.refined.bar_fit import BAR
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.stated_inputs import Input
 from stereocal.refined.uncertainty import LENS, standard_errors
-from stereocal.rig.camera import CAMERAS
+from stereocal.rig.camera import CAMERAS, LENS_UNKNOWNS
+from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Angles
-from stereocal.rig.parameters import RigParameters, inputs_of
+from stereocal.rig.parameters import FileForecast, RigParameters, inputs_of, threshold_of
 from stereocal.rig.volume import Volume
 
 COVARIANCE_OF = (
@@ -21,6 +22,7 @@ COVARIANCE_OF = (
     "baseline_m",
     "bar_factor",
     *(f"{camera}_{key}" for camera in CAMERAS for key in LENS),
+    *(f"{camera}_{key}" for camera in CAMERAS for key in LENS_UNKNOWNS[len(LENS) :]),
 )
 """Names of the rows of the covariance, in order."""
 
@@ -30,12 +32,14 @@ def refined_parameters(
     inputs: Sequence[Input] = (),
     validation: Mapping[str, Any] | None = None,
     left_out: Collection[int] = (),
+    forecast: FileForecast | None = None,
 ) -> RigParameters:
     """The file `parameters_refined.json`: method `refined`, purpose `both`.
 
     Args:
         inputs: from `disagreement.what_disagrees`, if it was computed.
         validation: figures of a validation; its `threshold_px` becomes the matching threshold.
+        forecast: figures on frames to come; its threshold is used if there is no validation.
         left_out: frames left out by the screening, in addition to those that the fit left out.
     """
     return RigParameters(
@@ -46,13 +50,21 @@ def refined_parameters(
         cost=result.cost,
         settings=result.settings.to_json(),
         inputs=inputs_of(result.dataset, result.frames),
-        matching_threshold_px=validation["threshold_px"] if validation else None,
+        matching_threshold_px=threshold_of(validation, forecast),
         validation=validation,
-        uncertainties=uncertainties_of(result, inputs),
+        predicted=forecast.figures if forecast else None,
+        uncertainties=uncertainties_of(result, inputs)
+        if forecast is None
+        else {**uncertainties_of(result, inputs), **forecast.uncertainties},
         frames_left_out=tuple(sorted({*left_out, *result.outlying_frames})),
         noise_px=float(result.sigma_px.value),
         volume=Volume.of_bars(result.points_m[~result.outlying]),
     )
+
+
+def covariance_entry(covariance: FloatArray) -> dict[str, Any]:
+    """The entry of a file on the covariance (23, 23) of the shared unknowns."""
+    return {"of": list(COVARIANCE_OF), "matrix": covariance.tolist()}
 
 
 def uncertainties_of(result: RefinedResult, inputs: Sequence[Input] = ()) -> dict[str, Any]:
@@ -70,7 +82,7 @@ def uncertainties_of(result: RefinedResult, inputs: Sequence[Input] = ()) -> dic
             "estimate": bar * result.bar_factor,
             "standard_error": bar * float(np.sqrt(result.covariance[BAR, BAR])),
         },
-        "covariance": {"of": list(COVARIANCE_OF), "matrix": result.covariance.tolist()},
+        "covariance": covariance_entry(result.covariance),
         "frames_left_out": [
             {"frame": frame, "share_of_misfit": share}
             for frame, share in result.outlying_frames.items()

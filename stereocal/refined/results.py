@@ -16,7 +16,7 @@ from stereocal.refined.screening import Screening
 from stereocal.rig.compiled import IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose, triangulate_rays
-from stereocal.rig.parameters import RigParameters, inputs_of
+from stereocal.rig.parameters import FileForecast, RigParameters, inputs_of, threshold_of
 from stereocal.rig.volume import Volume
 
 
@@ -74,12 +74,14 @@ class Calibration:
         self,
         method: Literal["2d", "3d"],
         validation: Mapping[str, Any] | None = None,
+        forecast: FileForecast | None = None,
     ) -> RigParameters:
         """The parameter set to save: `2d` for matching, `3d` for reconstruction.
 
         Args:
             validation: figures of a validation of this data set; its `threshold_px` becomes the
                 recommended matching threshold.
+            forecast: figures on frames to come; its threshold is used if there is no validation.
         """
         found = self.methods[method]
         return RigParameters(
@@ -90,8 +92,10 @@ class Calibration:
             cost=found.cost,
             settings=self.settings.to_json(),
             inputs=inputs_of(self.dataset, self.frames),
-            matching_threshold_px=validation["threshold_px"] if validation else None,
+            matching_threshold_px=threshold_of(validation, forecast),
             validation=validation,
+            predicted=forecast.figures if forecast else None,
+            uncertainties=forecast.uncertainties if forecast else None,
             frames_left_out=self.screening.left_out,
             noise_px=self.noise_px,
             volume=self._volume(found.pose),

@@ -151,12 +151,22 @@ def in_view(camera: Camera, points_m: FloatArray) -> BoolArray:
 
 
 def _point_errors(result: RefinedResult, points_m: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
+    return point_errors(result.q, result.lenses, result.sigma_px.value, points_m)
+
+
+def point_errors(
+    q: FloatArray, lenses: FloatArray, sigma_px: float, points_m: npt.ArrayLike
+) -> tuple[FloatArray, FloatArray]:
     """Covariances (n, 3, 3) of points from the noise of their pixels, and derivatives (n, 3, 23)
-    of the points by the shared unknowns.
+    of the points by the shared unknowns; NaN behind a camera.
+
+    Args:
+        q: (23,), and `lenses` (2, 23): as in `bar_fit`.
+        points_m: (n, 3), in the primary's frame.
     """
     points = np.ascontiguousarray(points_m, dtype=np.float64).reshape(-1, 3)
     jacobians = np.empty((len(points), 3 + SHARED, 4))
-    fill_point_jacobians(result.q, result.lenses, 1 / result.sigma_px.value, points, jacobians)
+    fill_point_jacobians(q, lenses, 1.0, points, jacobians)
     by_point, by_shared = jacobians[:, :3].transpose(0, 2, 1), jacobians[:, 3:].transpose(0, 2, 1)
     usable = np.asarray(np.isfinite(by_point).all(axis=(1, 2)))
     own = np.full((len(points), 3, 3), np.nan)
@@ -164,6 +174,6 @@ def _point_errors(result: RefinedResult, points_m: npt.ArrayLike) -> tuple[Float
     J = by_point[usable]
     shifts = np.concatenate([np.linalg.pinv(J[:, :2]), np.linalg.pinv(J[:, 2:])], axis=2)
     gain = np.linalg.solve(shifts @ J, shifts)
-    own[usable] = gain @ gain.transpose(0, 2, 1)
+    own[usable] = sigma_px**2 * gain @ gain.transpose(0, 2, 1)
     jacobian[usable] = -gain @ by_shared[usable]
     return own, jacobian

@@ -15,6 +15,7 @@ from stereocal.rig.camera import CAMERAS, LENS_UNKNOWNS, Camera
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
+from stereocal.rig.rig import Rig
 
 DEFAULT_FOCAL = 0.01
 DEFAULT_CENTRE_PX = 10.0
@@ -293,6 +294,14 @@ def camera_of(stated: Camera, q: FloatArray, number: int) -> Camera:
         whole = np.zeros(4)
     whole[:4] = distortion[: len(whole)]
     return Camera(K, whole, stated.image_size)
+
+
+def shared_unknowns(rig: Rig) -> FloatArray:
+    """(23,): the shared unknowns of `bar_fit` of a rig, with a bar factor of 1."""
+    first, second = rig.primary.lens_values, rig.secondary.lens_values
+    return np.concatenate(
+        [[*rig.pose.angles, rig.pose.baseline, 1.0], first[:4], second[:4], first[4:], second[4:]]
+    )
 
 
 def _unit(at: int) -> FloatArray:

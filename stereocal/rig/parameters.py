@@ -37,6 +37,25 @@ LARGEST_TEXT = 16_000_000
 UNITS = {"T": "m", "baseline_m": "m", "angles": "rad", "K": "px", "matching_threshold_px": "px"}
 
 
+@dataclass(frozen=True)
+class FileForecast:
+    """What a parameter file will do on frames to come, as its JSON says it."""
+
+    figures: Mapping[str, Any]
+    """By figure: value, low and high of the 95 % interval."""
+    uncertainties: Mapping[str, Any]
+    """`sigma_px` and the `covariance` of the file about the truth."""
+
+
+def threshold_of(
+    validation: Mapping[str, Any] | None, forecast: FileForecast | None
+) -> float | None:
+    """The recommended matching threshold: that of the validation, else the forecast one."""
+    if validation:
+        return float(validation["threshold_px"])
+    return None if forecast is None else float(forecast.figures["threshold_px"]["value"])
+
+
 @dataclass(frozen=True, eq=False)
 class RigParameters(Rig):
     """One parameter set: a rig, the method and settings that produced it, and its purpose.
@@ -57,8 +76,11 @@ class RigParameters(Rig):
     validation: Mapping[str, Any] | None = None
     triangulation: str = "midpoint"
     uncertainties: Mapping[str, Any] | None = None
-    """Noise, standard errors and covariance of a refined set; None, and no key in the file, for
-    other methods."""
+    """Noise and covariance of the set about the truth, of a refined set also standard errors; None,
+    and no key in the file, if unknown."""
+    predicted: Mapping[str, Any] | None = None
+    """What the set will do on frames to come: by figure its value, low and high; errors are
+    fractions."""
     frames_left_out: tuple[int, ...] = ()
     """Numbers of the frames that the screening excluded from the calibration."""
     noise_px: float | None = None
@@ -111,6 +133,7 @@ class RigParameters(Rig):
             "matching_threshold_px": self.matching_threshold_px,
             "cost": self.cost,
             "validation": self.validation,
+            **({} if self.predicted is None else {"predicted": dict(self.predicted)}),
             **({} if self.uncertainties is None else {"uncertainties": dict(self.uncertainties)}),
             "settings": dict(self.settings),
             "inputs": dict(self.inputs),
@@ -188,9 +211,9 @@ class RigParameters(Rig):
         if not (np.allclose(stated.R, pose.R, atol=1e-6) and np.allclose(stated.T, pose.T, 1e-6)):
             raise StereocalError(f"{source}: the angles and R, T contradict each other.")
         settings, inputs = (_object(data[name], name, source) for name in ("settings", "inputs"))
-        validation, uncertainties = (
+        validation, uncertainties, predicted = (
             None if data.get(name) is None else _object(data[name], name, source)
-            for name in ("validation", "uncertainties")
+            for name in ("validation", "uncertainties", "predicted")
         )
         volume = data.get("volume")
         return cls(
@@ -205,6 +228,7 @@ class RigParameters(Rig):
             validation=validation,
             triangulation=data["triangulation"],
             uncertainties=uncertainties,
+            predicted=predicted,
             frames_left_out=tuple(int(frame) for frame in data.get("frames_left_out", [])),
             noise_px=_number_or_none(data.get("noise_px")),
             volume=None if volume is None else Volume.from_json(volume, source),

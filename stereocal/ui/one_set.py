@@ -45,7 +45,8 @@ from stereocal.ui.intake import escape_markdown
 from stereocal.ui.refined import calibrated, curves_of, inputs_of, map_of
 from stereocal.ui.results import show_figure
 from stereocal.ui.validation import kept_protocol
-from stereocal.verdict.one_or_two_sets import held_out, verdict
+from stereocal.verdict.forecast import Outlook
+from stereocal.verdict.one_or_two_sets import HeldOut, held_out, verdict
 from stereocal.verdict.tradeoff import TradeOff, costs_of
 
 FIXED, FREED = "As given", "Freed"
@@ -53,42 +54,39 @@ MOST_NAMED = 12
 """Maximum number of left-out frames listed on the page."""
 
 
-def show_verdict(screening: Screening, evaluation: Evaluation | None) -> None:
-    """The verdict from the last validation of these data; green if it is reliable.
+def show_verdict(
+    screening: Screening, evaluation: Evaluation | None, outlook: Outlook | None
+) -> None:
+    """The verdict of the forecast; green if it decides and may be relied on.
 
     Args:
-        screening: of the data set; the runs were made without the frames left out.
+        screening: of the data set; the forecast and the runs leave out the same frames.
+        evaluation: the last validation, the check of the model if it is of these data.
+        outlook: the forecast of all files.
     """
     dataset, kept = screening.full_dataset, screening.dataset
-    if (
-        evaluation is None
-        or list(evaluation.sha256) != [dataset.sha256]
-        or evaluation.settings.refined is None
-    ):
-        st.info("The verdict comes from a validation with the refined method: start it above.")
+    if outlook is None:
+        st.info("There are too few bars with both targets for a forecast: record at least 3.")
         return
-    frames = evaluation.settings.calibration_frames
-    try:
-        answer = verdict([held_out(run, kept, frames) for run in evaluation.runs[0]])
-    except StereocalError as error:
-        st.info(escape_markdown(str(error)))
-        return
-    caution = why_validation_not_trusted(evaluation.summaries, [screening])
+    runs: list[HeldOut] = []
+    of_these = evaluation is not None and list(evaluation.sha256) == [dataset.sha256]
+    if evaluation is not None and of_these and evaluation.settings.refined is not None:
+        frames = evaluation.settings.calibration_frames
+        runs = [held_out(run, kept, frames) for run in evaluation.runs[0]]
+    answer = verdict(outlook.predictive, len(kept.correspondences.frames), runs)
+    caution = (
+        why_validation_not_trusted(evaluation.summaries, [screening])
+        if evaluation is not None and of_these
+        else ""
+    )
     if caution:
         st.error(escape_markdown(f"Do not rely on this result: {caution}"))
-    (st.info if caution or answer.kind == "few" else st.success)(answer.text)
-    st.caption(
-        f"From {len(evaluation.runs[0])} random splits, {frames} frames fitted and the others "
-        "tested, the same as on the page Validate. Times: error of the refined set over that of "
-        "the set made for the job, with its 95 % interval; up to 1.1 counts as level."
-    )
-    usual = 4 * len(kept.correspondences.frames) // 5
-    if answer.kind == "few" and frames < usual:
-        st.info(
-            f"Each split fitted only {frames} of {len(kept.correspondences.frames)} frames. "
-            f"Before adding any, fit {usual}, 4 of 5 as in the paper: the answer becomes sharper."
-        )
-        st.page_link("pages/validate.py", label="Set it on the Validate page")
+    (st.info if caution or answer.kind == "level" else st.success)(answer.text)
+    if answer.check is None:
+        st.caption("Not yet checked on held-out frames: the Validate page does that.")
+        st.page_link("pages/validate.py", label="Check it on the Validate page")
+    elif answer.check.holds:
+        st.caption(answer.check.text)
 
 
 def show_disagreement(inputs: list[Input]) -> None:
@@ -209,6 +207,7 @@ def show_parameters(
     result: RefinedResult,
     inputs: list[Input],
     evaluation: Evaluation | None,
+    outlook: Outlook | None,
 ) -> None:
     """The refined set: table, download, and what to use it for."""
     st.table(refined_table(result))
@@ -220,7 +219,10 @@ def show_parameters(
     figures: dict[str, dict[str, Any]] = {}
     if evaluation is not None and list(evaluation.sha256) == [screening.full_dataset.sha256]:
         figures = validation_figures(evaluation.summaries, evaluation.settings)
-    content = refined_parameters(result, inputs, figures.get("refined"), screening.left_out).dumps()
+    forecasts = outlook.of_files(figures) if outlook else {}
+    content = refined_parameters(
+        result, inputs, figures.get("refined"), screening.left_out, forecasts.get("refined")
+    ).dumps()
     st.download_button(
         "Download parameters_refined.json", content, "parameters_refined.json",
         "application/json", on_click="ignore", type="primary", icon=":material/download:",

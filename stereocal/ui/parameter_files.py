@@ -20,6 +20,7 @@ from stereocal.rig.parameters import RigParameters
 from stereocal.system.zip_files import pack_zip
 from stereocal.ui.fields import number, one_of, setting
 from stereocal.ui.intake import escape_markdown
+from stereocal.ui.refined import outlook_for
 
 OURS = "stereocal"
 TITLES = {OURS: "stereocal (JSON)", **{name: each.title for name, each in FORMATS.items()}}
@@ -41,14 +42,18 @@ def sets_of(
     """The parameter sets of a result by method: 2d, 3d and, if available, refined."""
     figures = figures_for(calibration, evaluation)
     calibration = replace(calibration, refined=refined)  # all files then state the same noise
+    outlook = outlook_for(calibration)
+    forecasts = outlook.of_files(figures) if outlook else {}
     methods: tuple[Literal["2d", "3d"], ...] = ("2d", "3d")
     found: dict[str, RigParameters] = {
-        method: calibration.parameters(method, figures.get(method)) for method in methods
+        method: calibration.parameters(method, figures.get(method), forecasts.get(method))
+        for method in methods
     }
     if refined is not None:
         found["refined"] = refined_parameters(
-            refined, (), figures.get("refined"), calibration.screening.left_out
-        )
+            refined, outlook.comparison.inputs if outlook else (), figures.get("refined"),
+            calibration.screening.left_out, forecasts.get("refined"),
+        )  # fmt: skip
     return found
 
 

@@ -22,6 +22,7 @@ from stereocal.ui import jobs
 from stereocal.ui.fields import Field, number, setting
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.uncertainties import describe_uncertainties
+from stereocal.verdict.forecast import Outlook, outlook_of
 from stereocal.verdict.tradeoff import TradeOff, trade_off
 from stereocal.workflow import calibrate
 
@@ -87,6 +88,19 @@ def inputs_of(dataset: Dataset, settings: RefineSettings) -> list[Input]:
     return _inputs(_key(dataset, settings), dataset, settings)
 
 
+def outlook_for(calibration: Calibration) -> Outlook | None:
+    """What the files of a calibration will do on frames to come; None if that cannot be said."""
+    if calibration.refined is None:
+        return None
+    poses = [[*found.pose.angles, found.pose.baseline] for found in calibration.methods.values()]
+    key = [
+        _key(calibration.dataset, calibration.refined.settings),
+        calibration.refined.q.tolist(),
+        poses,
+    ]
+    return _outlook(json.dumps(key), calibration)
+
+
 def map_of(dataset: Dataset, settings: RefineSettings) -> AccuracyMap:
     """Predicted errors by position. Raises as `refine`."""
     return _map(_key(dataset, settings), dataset, settings)
@@ -121,6 +135,12 @@ def _calibrated(key: str, _dataset: Dataset, _settings: CalibrationSettings) -> 
 @st.cache_resource(show_spinner="Looking for inputs that disagree.", max_entries=16)
 def _inputs(key: str, _dataset: Dataset, _settings: RefineSettings) -> list[Input]:
     return jobs.compute(what_disagrees, _refined(key, _dataset, _settings))
+
+
+@st.cache_resource(show_spinner="Forecasting.", max_entries=16)
+def _outlook(key: str, _calibration: Calibration) -> Outlook | None:
+    assert key
+    return jobs.compute(outlook_of, _calibration)
 
 
 @st.cache_resource(show_spinner="Predicting errors by position.", max_entries=16)

@@ -63,7 +63,9 @@ def fresh_bars(model: RefinedResult, draws: int, bars: int, rng: np.random.Gener
         else:
             h = factor * rule
             moved = places[own] + h * _normal(spread, len(own), rng)
-        turned = directions[own] + h * _normal(axes, len(own), rng)
+        turn = _normal(axes, len(own), rng)
+        turn -= np.sum(turn * directions[own], axis=1, keepdims=True) * directions[own]
+        turned = directions[own] + h * turn
         turned *= 0.5 * (lengths[own] / np.linalg.norm(turned, axis=1))[:, None]
         depth = np.exp(moved[:, 2:])
         middle = np.hstack([moved[:, :2] * depth, depth])

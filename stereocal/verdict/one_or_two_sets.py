@@ -15,7 +15,7 @@ from typing import Literal
 
 import numpy as np
 
-from stereocal.calibration.methods import ALL_METHODS, METHOD_NAMES, CalibrationSettings, Method
+from stereocal.calibration.methods import ALL_METHODS, CalibrationSettings, Method
 from stereocal.errors import StereocalError
 from stereocal.evaluation.evaluate import EvaluationSettings, Run, evaluate_run
 from stereocal.refined.unknowns import RefineSettings
@@ -26,7 +26,7 @@ from stereocal.verdict.predictive import TAILS, Predictive
 TOLERANCE = 0.10
 """One set is sufficient if its errors exceed those of the specialised sets by at most this
 fraction."""
-SURE = 0.95
+SURE = 0.975
 """Share of the draws that decides."""
 MINIMUM_RUNS = 10
 MAXIMUM_TO_ADD = 10
@@ -129,8 +129,10 @@ def verdict(predictive: Predictive, frames: int, runs: Sequence[HeldOut] = ()) -
     chance = float(np.mean((in_images <= limit) & (in_length <= limit)))
     check = check_model(predictive, runs) if len(runs) >= MINIMUM_RUNS else None
     kind: Kind = "level"
-    if check is None or check.holds:
-        kind = "one" if chance >= SURE else "two" if chance <= 1.0 - SURE else "level"
+    if chance <= 1.0 - SURE:
+        kind = "two"
+    elif chance >= SURE and (check is None or check.holds):
+        kind = "one"
     match_with: Method = "2d" if matching.value > limit else "refined"
     measure_with: Method = "3d" if measuring.value > limit else "refined"
     add = _frames_to_add((matching, measuring), frames) if kind == "level" else None
@@ -224,20 +226,23 @@ def _ratio(draws: FloatArray) -> Ratio:
 
 
 def _opening(kind: Kind, chance: float, match_with: Method, measure_with: Method) -> str:
-    match, measure = METHOD_NAMES[match_with], METHOD_NAMES[measure_with]
-    use = (
-        f"Match and measure with the {match.lower()} set."
-        if match_with == measure_with
-        else f"Match with the {match} set, measure with the {measure} set."
-    )
+    names = {"2d": "the 2D set", "3d": "the 3D set", "refined": "the refined set"}
+    match, measure = names[match_with], names[measure_with]
+    use = f"Match with {match}, measure with {measure}."
+    if match_with == measure_with:
+        use = f"Match and measure with {match}."
     if kind == "one":
-        return f"One refined set does both jobs ({100 * chance:.0f} % sure). {use}"
+        return f"One refined set does both jobs ({_sure(chance)} sure). {use}"
     if kind == "two":
-        return f"Two sets are worth it on this rig ({100 * (1 - chance):.0f} % sure). {use}"
+        return f"Two sets are worth it on this rig ({_sure(1 - chance)} sure). {use}"
     return (
-        f"One set or two is level on this rig: one does both jobs with a probability of "
+        "One set or two is not decided on this rig: one does both jobs with a probability of "
         f"{100 * chance:.0f} %. {use}"
     )
+
+
+def _sure(chance: float) -> str:
+    return "more than 99 %" if chance > 0.99 else f"{100 * chance:.0f} %"
 
 
 def _figures(predictive: Predictive, matching: Ratio, measuring: Ratio) -> str:

@@ -8,6 +8,7 @@ the population, for bars and frames like the recorded ones, without the scatter 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -29,9 +30,8 @@ from stereocal.evaluation.compiled_run import (
 from stereocal.evaluation.summary import Estimate, crossing, merge_bins, overlap
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.solve import lenses_of, lenses_of_cameras
+from stereocal.refined.unknowns import shared_unknowns
 from stereocal.rig.compiled import CountArray, FloatArray, IntArray
-from stereocal.rig.dataset import Dataset
-from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
 from stereocal.verdict.fresh_bars import GROUP, fresh_bars
 from stereocal.verdict.judging import judge, photograph
@@ -89,7 +89,7 @@ class Predictive:
     @cached_property
     def forecasts(self) -> Mapping[Method, Forecast]:
         """The figures of each file."""
-        return {method: self._forecast(at) for at, method in enumerate(self.methods)}
+        return {method: self.forecast(method) for method in self.methods}
 
     def ratio(self, quantity: FloatArray, of: Method, to: Method) -> FloatArray:
         """(draws,): the figures of one file over those of another, on the same images.
@@ -106,11 +106,19 @@ class Predictive:
         """(draws, halves, methods)."""
         return np.asarray(np.nanmean(self.errors_3d, axis=-1))
 
-    def _forecast(self, at: int) -> Forecast:
+    def forecast(self, method: Method, threshold_px: float | None = None) -> Forecast:
+        """The figures of one file.
+
+        Args:
+            threshold_px: at which the shares are given; None: the recommended one.
+        """
+        at = self.methods.index(method)
         counts = self.counts[:, :, at].astype(np.int64)
         errors = self.errors_3d[:, :, at]
         pooled = counts.sum(axis=(0, 1))
-        threshold_bin = int(crossing(pooled[REPROJECTION]))
+        recommended = threshold_bin = int(crossing(pooled[REPROJECTION]))
+        if threshold_px is not None:
+            threshold_bin = int(np.clip(_bin_edge(threshold_px), 0, BINS))
         below = counts[..., REPROJECTION, :, UNDERFLOW] + counts[
             ..., REPROJECTION, :, :threshold_bin
         ].sum(axis=-1)
@@ -122,7 +130,7 @@ class Predictive:
         )
         crossings = crossing(both)
         thresholds = np.power(10.0, LOWEST + crossings * BIN_WIDTH)
-        value = float(10 ** (LOWEST + threshold_bin * BIN_WIDTH))
+        value = float(10 ** (LOWEST + recommended * BIN_WIDTH))
         middle = _estimate(thresholds[:, 2], thresholds[:, :2], _LOG)
         return Forecast(
             fcp_residual=_fcp(counts[..., RESIDUAL, :, :]),
@@ -161,7 +169,7 @@ def predict(
     """
     rng = np.random.default_rng(np.random.SeedSequence([seed, 0x5E7]))
     methods = tuple(method for method in ALL_METHODS if method in files)
-    sets = np.array([_shared(files[method]) for method in methods])
+    sets = np.array([shared_unknowns(files[method]) for method in methods])
     lenses = lenses_of(model.dataset)
     residuals = standardised_residuals(model)
     scales, degrees = draw_noise(residuals, len(residuals) - _freedom(model), draws, rng)
@@ -224,7 +232,7 @@ def population(
     correct_px = np.empty(len(methods))
     any_file = next(iter(files.values()))
     judge(
-        np.array([_shared(files[method]) for method in methods]),
+        np.array([shared_unknowns(files[method]) for method in methods]),
         lenses_of_cameras(any_file.primary, any_file.secondary),
         pixels, np.ascontiguousarray(start.T),
         np.linalg.norm(ends_m[:, 0] - ends_m[:, 1], axis=1), _partners(bars, rng, 2 * GROUP - 1),
@@ -233,7 +241,7 @@ def population(
     found = {}
     for at, method in enumerate(methods):
         merged = overlap(merge_bins(counts[at].astype(np.int64), MERGE))
-        limit = round((np.log10(thresholds[method]) - LOWEST) / BIN_WIDTH)
+        limit = _bin_edge(thresholds[method])
         of_px = counts[at, REPROJECTION].astype(np.int64)
         below = of_px[:, UNDERFLOW] + of_px[:, :limit].sum(axis=1)
         share = below / of_px.sum(axis=1)
@@ -251,12 +259,9 @@ def population(
     return found
 
 
-def _shared(rig: Rig) -> FloatArray:
-    """(23,): the shared unknowns of a rig."""
-    first, second = rig.primary.lens_values, rig.secondary.lens_values
-    return np.concatenate(
-        [[*rig.pose.angles, rig.pose.baseline, 1.0], first[:4], second[:4], first[4:], second[4:]]
-    )
+def _bin_edge(threshold_px: float) -> int:
+    """The bin at whose lower edge a threshold lies."""
+    return round((math.log10(max(threshold_px, 1e-300)) - LOWEST) / BIN_WIDTH)
 
 
 def _freedom(model: RefinedResult) -> float:
@@ -381,15 +386,3 @@ def _with_limit(found: Estimate, n: int) -> Estimate:
 
 def _plain(estimate: Estimate) -> dict[str, float | None]:
     return {key: v if np.isfinite(v) else None for key, v in vars(estimate).items()}
-
-
-def files_of(
-    dataset: Dataset, poses: Mapping[Method, Pose], refined: RefinedResult | None
-) -> dict[Method, Rig]:
-    """The written rigs: the paper's methods with the stated lenses, and the refined set."""
-    found: dict[Method, Rig] = {
-        method: Rig(dataset.primary, dataset.secondary, pose) for method, pose in poses.items()
-    }
-    if refined is not None:
-        found["refined"] = Rig(refined.primary, refined.secondary, refined.pose)
-    return found

@@ -141,7 +141,7 @@ class TestCameraFile:
 
     def test_further_keys_are_let_pass(self) -> None:
         content = json.loads(write_camera(KNOWN))
-        content["uncertainty"]["correlation"] = [[1.0]]
+        content["uncertainty"]["more"] = [[1.0]]
         content["more"] = 1
         assert read_camera(json.dumps(content).encode(), "x.json").uncertainty is not None
 
@@ -153,6 +153,8 @@ class TestCameraFile:
             ({"fx": "wide"}, "numbers"),
             ({"distortion": [0.1]}, "5 distortion coefficients"),
             ({"distortion": None}, "numbers|finite"),
+            ({"correlation": [[1.0]]}, "8x8"),
+            ({"correlation": np.ones((8, 8)).tolist()}, "8x8"),
         ],
     )
     def test_uncertainty_that_cannot_be(self, change: dict[str, object], sentence: str) -> None:

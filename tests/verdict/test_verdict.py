@@ -8,91 +8,89 @@ import numpy as np
 import pytest
 
 from benchmarks.refined_rigs import Misjudged, random_scene, stated
-from stereocal.calibration.methods import CalibrationSettings
+from stereocal.calibration.methods import CalibrationSettings, Method
 from stereocal.calibration.results import errors_of
 from stereocal.errors import StereocalError
+from stereocal.evaluation.compiled_run import BINS, CORRECT, WRONG
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate_run, split
 from stereocal.refined.refine import refine
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.geometry import Angles, Pose
+from stereocal.verdict.forecast import forecast_files
 from stereocal.verdict.one_or_two_sets import HeldOut, held_out, run_splits, verdict
+from stereocal.verdict.predictive import Predictive
+from stereocal.workflow import calibrate
 from tests import known_rig as rig
 
+SETS: tuple[Method, ...] = ("2d", "3d", "refined")
 
-def runs_of(
-    matching: float, measuring: float, spread: float, runs: int = 40, frames: int = 25
-) -> list[HeldOut]:
-    """Runs whose refined set is worse by these factors than each job's own set."""
+
+def forecast_with(matching: float, measuring: float, spread: float, draws: int = 400) -> Predictive:
+    """Draws in which the refined set is worse by these factors than each job's own set."""
     rng = np.random.default_rng(1)
-    found = []
-    for _ in range(runs):
-        noise = np.exp(spread * rng.normal(size=2))
-        found.append(
-            HeldOut(
-                fitted_frames=frames - 5,
-                tested_frames=5,
-                matching_px=np.array([0.1, 3.0, 0.1 * matching * noise[0]]),
-                length=np.array([0.01, 0.002, 0.002 * measuring * noise[1]]),
-            )
-        )
-    return found
+    noise = np.exp(spread * rng.normal(size=(2, draws, 1)))
+    counts = np.zeros((draws, 2, 3, 2, 2, BINS + 2), dtype=np.int32)
+    counts[..., WRONG, 700], counts[..., CORRECT, 500] = 9, 10
+    px = np.ones((draws, 2, 3)) * np.array([0.1, 3.0, 0.1])
+    px[:, :, 2] *= matching * noise[0]
+    error = np.ones((draws, 2, 3)) * np.array([0.01, 0.002, 0.002])
+    error[:, :, 2] *= measuring * noise[1]
+    return Predictive(SETS, counts, px, 1.0 + np.repeat(error[..., None], 20, axis=3))
+
+
+def runs_with(px: float, length: float, runs: int = 20) -> list[HeldOut]:
+    """Splits whose refined set has these errors on held-out frames."""
+    return [HeldOut(20, 5, np.array([0.1, 3.0, px]), np.array([0.01, 0.002, length]))] * runs
 
 
 @pytest.mark.parametrize(
-    ("matching", "measuring", "kind", "words"),
+    ("matching", "measuring", "kind", "files"),
     [
-        (0.8, 0.9, "one", "One refined set does both jobs"),
-        (1.0, 1.0, "one", "One refined set does both jobs"),
-        (2.0, 0.9, "two", "Two sets are worth it on this rig"),
-        (0.9, 1.5, "two", "Two sets are worth it on this rig"),
+        (0.8, 0.9, "one", ("refined", "refined")),
+        (1.0, 1.0, "one", ("refined", "refined")),
+        (2.0, 0.9, "two", ("2d", "refined")),
+        (0.9, 1.5, "two", ("refined", "3d")),
+        (1.6, 1.5, "two", ("2d", "3d")),
     ],
 )
-def test_clear_cases(matching: float, measuring: float, kind: str, words: str) -> None:
-    answer = verdict(runs_of(matching, measuring, spread=0.05))
+def test_clear_cases(matching: float, measuring: float, kind: str, files: tuple[str, str]) -> None:
+    answer = verdict(forecast_with(matching, measuring, spread=0.02), 25)
     assert answer.kind == kind
-    assert answer.text.startswith(words)
+    assert (answer.match_with, answer.measure_with) == files
     assert answer.frames_to_add is None
     assert answer.matching.low < matching < answer.matching.high
     assert answer.measuring.low < measuring < answer.measuring.high
-    assert answer.matching_px[:2] == (0.1, 3.0)
     assert "the 3D set with 0.20 %" in answer.text
+    assert answer.check is None
 
 
-def test_wide_intervals_ask_for_frames() -> None:
-    answer = verdict(runs_of(0.9, 0.9, spread=0.5))
-    assert answer.kind == "few"
+def test_wide_intervals_ask_for_frames_and_still_name_files() -> None:
+    answer = verdict(forecast_with(0.9, 0.9, spread=0.15), 25)
+    assert answer.kind == "level"
     assert answer.frames_to_add is not None
-    assert answer.text.startswith(
-        f"Too few frames to tell: add about {answer.frames_to_add}. So far the refined set"
-    )
-    wider = verdict(runs_of(0.9, 0.9, spread=0.7))
+    assert f"About {answer.frames_to_add} more frames" in answer.text
+    assert "Match and measure with the refined set" in answer.text
+    wider = verdict(forecast_with(0.9, 0.9, spread=0.2), 25)
     assert wider.frames_to_add is not None
     assert wider.frames_to_add > answer.frames_to_add > 0
-    # Intervals narrow with the root of the frames; so many more bring both below the limit.
-    narrower = np.sqrt(25 / (25 + answer.frames_to_add))
-    for ratio in (answer.matching, answer.measuring):
-        assert ratio.value * (ratio.high / ratio.value) ** narrower <= 1.1
-    hopeless = verdict(runs_of(1.1, 0.9, spread=0.5))
+    hopeless = verdict(forecast_with(1.1, 0.9, spread=0.5), 25)
     assert hopeless.frames_to_add is None
-    assert "add more than 250" in hopeless.text
 
 
-def test_the_interval_holds_the_truth() -> None:
-    """The mean of dependent runs: the frames of each test are 1/5 of the same pool."""
-    rng = np.random.default_rng(4)
-    held = 0
-    for _ in range(200):
-        frames = rng.normal(size=25) * 0.3  # log ratio of each frame, mean 0
-        runs = []
-        for _ in range(30):
-            mean = frames[rng.permutation(25)[:5]].mean()
-            runs.append(
-                HeldOut(20, 5, np.array([1.0, 1.0, np.exp(mean)]), np.array([1.0, 1.0, 1.0]))
-            )
-        answer = verdict(runs).matching
-        held += answer.low <= 1.0 <= answer.high
-    # Measured on 1,000: 93.6 %; the interval that ignores the overlap, 48.4 %.
-    assert held >= 180
+def test_a_model_that_does_not_hold_decides_for_no_single_set() -> None:
+    one = forecast_with(0.8, 0.9, 0.02)
+    px, length = one.forecasts["refined"].mean_reprojection_px.value, 0.0018
+    sound = verdict(one, 25, runs_with(1.05 * px, 1.0 * length))
+    assert sound.kind == "one"
+    assert sound.check is not None
+    assert sound.check.holds
+    doubted = verdict(one, 25, runs_with(2.0 * px, 1.0 * length))
+    assert doubted.kind == "level"
+    assert doubted.check is not None
+    assert doubted.check.matching == pytest.approx(2.0, rel=0.01)
+    assert "does not explain these images" in doubted.text
+    # Two sets are needed the more so.
+    assert verdict(forecast_with(2.0, 0.9, 0.02), 25, runs_with(2.0, length)).kind == "two"
 
 
 def test_figures_of_a_run() -> None:
@@ -130,20 +128,22 @@ def test_from_data_to_verdict() -> None:
     assert runs is not None
     assert seen == list(range(13, 25))
     assert (runs[0].fitted_frames, runs[0].tested_frames) == (48, 12)
-    answer = verdict(runs)
+    outlook = forecast_files(calibrate(data, settings, refined=RefineSettings()))
+    answer = verdict(outlook.predictive, 60, runs)
     assert answer.kind == "one"
     assert answer.matching.value < 1
+    assert answer.check is not None
+    assert answer.check.holds
     again = run_splits(data, settings, RefineSettings(), 2)
     assert again is not None
     np.testing.assert_array_equal(again[1].length, runs[1].length)
     assert run_splits(data, settings, RefineSettings(), 2, cancelled=lambda: True) is None
 
 
-def test_what_it_refuses() -> None:
-    with pytest.raises(StereocalError, match="at least 10 runs; there are 3"):
-        verdict(runs_of(1.0, 1.0, 0.1, runs=3))
-    without = [
-        HeldOut(20, 5, run.matching_px, np.full(3, np.nan)) for run in runs_of(1.0, 1.0, 0.1)
-    ]
-    with pytest.raises(StereocalError, match="both targets"):
-        verdict(without)
+def test_it_refuses_a_forecast_without_the_refined_set() -> None:
+    whole = forecast_with(1.0, 1.0, 0.1, draws=4)
+    without = Predictive(
+        ("2d", "3d"), whole.counts[:, :, :2], whole.correct_px[:, :, :2], whole.lengths[:, :, :2]
+    )
+    with pytest.raises(StereocalError, match="refined"):
+        verdict(without, 25)

@@ -1,0 +1,91 @@
+"""The forecast of all files of a calibration, and the model that it comes from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from stereocal.calibration.methods import Method
+from stereocal.errors import StereocalError
+from stereocal.refined.bar_fit import BAR
+from stereocal.refined.disagreement import Comparison, compare_inputs
+from stereocal.refined.parameter_file import covariance_entry
+from stereocal.refined.results import Calibration
+from stereocal.refined.unknowns import shared_unknowns
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.parameters import FileForecast
+from stereocal.rig.rig import Rig
+from stereocal.verdict.predictive import Predictive, predict
+
+
+@dataclass(frozen=True, eq=False)
+class Outlook:
+    """The forecast of all files of a calibration."""
+
+    files: Mapping[Method, Rig]
+    comparison: Comparison
+    predictive: Predictive
+
+    def of_file(self, method: Method, threshold_px: float | None = None) -> FileForecast:
+        """The entries of one parameter file.
+
+        Args:
+            threshold_px: at which the shares are given; None: the recommended one.
+        """
+        model = self.comparison.model
+        return FileForecast(
+            self.predictive.forecast(method, threshold_px).to_json(),
+            {
+                "sigma_px": {"value": float(model.sigma_px.value), "source": model.sigma_px.source},
+                "covariance": covariance_entry(self.covariance(method)),
+            },
+        )
+
+    def of_files(self, validation: Mapping[Any, Mapping[str, Any]]) -> dict[Method, FileForecast]:
+        """The entries of all files, with the shares at the thresholds of a validation, if any."""
+        return {
+            method: self.of_file(
+                method, validation[method]["threshold_px"] if method in validation else None
+            )
+            for method in self.files
+        }
+
+    def covariance(self, method: Method) -> FloatArray:
+        """(23, 23): mean square deviation of a file from the truth, of the shared unknowns.
+
+        That of the model about the truth, and the deviation of the file from the model.
+        """
+        model = self.comparison.model
+        away = shared_unknowns(self.files[method]) - model.q
+        away[BAR] = 0.0
+        return np.asarray(model.covariance + np.outer(away, away))
+
+
+def forecast_files(calibration: Calibration, seed: int = 0) -> Outlook:
+    """Forecast the files of a calibration with its refined set.
+
+    Raises:
+        StereocalError: there is no refined set, or there are too few bars.
+    """
+    refined = calibration.refined
+    if refined is None:
+        raise StereocalError("A forecast needs the refined method.")
+    stated = calibration.dataset
+    files: dict[Method, Rig] = {
+        method: Rig(stated.primary, stated.secondary, found.pose)
+        for method, found in calibration.methods.items()
+    }
+    files["refined"] = Rig(refined.primary, refined.secondary, refined.pose)
+    comparison = compare_inputs(refined)
+    return Outlook(files, comparison, predict(comparison.model, files, seed))
+
+
+def outlook_of(calibration: Calibration, seed: int = 0) -> Outlook | None:
+    """The forecast, or None if there cannot be one."""
+    try:
+        return forecast_files(calibration, seed)
+    except StereocalError:
+        return None
