@@ -50,9 +50,10 @@ def one_rig(off: Misjudged, frames: int, seed: int) -> dict[Method, dict[str, tu
     calibration = calibrate(dataset, CalibrationSettings(), refined=settings)
     outlook = forecast_files(calibration)
     files, forecasts = outlook.files, outlook.predictive.forecasts
+    factor = BAR_M / dataset.target_distance_m
     test = place_bars(scene.rig, rng, TEST_BARS, BAR_M, DEPTHS_M)
     thresholds = {method: found.threshold_px.value for method, found in forecasts.items()}
-    truths = population(scene.rig, files, test.ends_m, noise, thresholds, rng)
+    truths = population(scene.rig, files, test.ends_m, noise, thresholds, rng, factor)
     return {
         method: {
             figure: (truths[method][figure], *_numbers(forecasts[method], figure))

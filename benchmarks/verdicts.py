@@ -65,8 +65,9 @@ def one_rig(case: Case, frames: int, seed: int) -> tuple[Verdict, bool]:
     files = outlook.files
     runs = run_splits(calibration.screening.dataset, calibration.settings, settings, RUNS)
     answer = verdict(outlook.predictive, frames, runs or ())
+    factor = BAR_M / dataset.target_distance_m
     test = place_bars(scene.rig, rng, 1500, BAR_M, DEPTHS_M)
-    true = population(scene.rig, files, test.ends_m, noise, dict.fromkeys(files, 1.0), rng)
+    true = population(scene.rig, files, test.ends_m, noise, dict.fromkeys(files, 1.0), rng, factor)
     limit = 1.0 + TOLERANCE
     two = (
         true["refined"]["mean_reprojection_px"] > limit * true["2d"]["mean_reprojection_px"]

@@ -4,6 +4,7 @@ Given the data, the truth is distributed as the refined fit says: normal, with i
 each draw of it come fresh bars (`fresh_bars`), fresh noise (`noise_model`), and every written set
 is judged on the same images. No calibration is repeated. The intervals are those of the figure of
 the population, for bars and frames like the recorded ones, without the scatter of a finite test.
+Length errors are those of the paper: relative to distances measured as the bar was.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ from stereocal.evaluation.compiled_run import (
     UNDERFLOW,
 )
 from stereocal.evaluation.summary import Estimate, crossing, merge_bins, overlap
+from stereocal.refined.bar_fit import BAR
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.solve import lenses_of, lenses_of_cameras
 from stereocal.refined.unknowns import shared_unknowns
@@ -79,7 +81,7 @@ class Predictive:
     correct_px: FloatArray
     """(draws, halves, methods): mean reprojection error of the correct pairs."""
     lengths: FloatArray
-    """(draws, halves, methods, bars): measured over true length of fresh bars."""
+    """(draws, halves, methods, bars): D^R / D of fresh bars, D measured as the bar was."""
 
     @cached_property
     def errors_3d(self) -> FloatArray:
@@ -188,6 +190,7 @@ def predict(
         pixels = np.empty((len(points), 4))
         photograph(truths[draw], lenses, points, pixels)
         distances = np.linalg.norm(ends[draw, :, 0] - ends[draw, :, 1], axis=1)
+        distances /= truths[draw, BAR]  # as measured, with the error of the bar at hand
         seen = model.pose.apply(points)
         start = np.column_stack([points[:, :2] / points[:, 2:], seen[:, :2] / seen[:, 2:]])
         for half in range(2):
@@ -211,6 +214,7 @@ def population(
     noise_px: float,
     thresholds: Mapping[Method, float],
     rng: np.random.Generator,
+    bar_factor: float = 1.0,
 ) -> dict[Method, dict[str, float]]:
     """The figures of files on a large test whose truth is known, under the names of `Forecast`.
 
@@ -219,6 +223,7 @@ def population(
         ends_m: (bars, 2, 3), in metres.
         noise_px: standard deviation of a pixel coordinate.
         thresholds: in pixels, for the shares.
+        bar_factor: true over measured lengths.
     """
     methods = tuple(method for method in ALL_METHODS if method in files)
     bars = len(ends_m)
@@ -235,7 +240,8 @@ def population(
         np.array([shared_unknowns(files[method]) for method in methods]),
         lenses_of_cameras(any_file.primary, any_file.secondary),
         pixels, np.ascontiguousarray(start.T),
-        np.linalg.norm(ends_m[:, 0] - ends_m[:, 1], axis=1), _partners(bars, rng, 2 * GROUP - 1),
+        np.linalg.norm(ends_m[:, 0] - ends_m[:, 1], axis=1) / bar_factor,
+        _partners(bars, rng, 2 * GROUP - 1),
         counts, nans, lengths, correct_px,
     )  # fmt: skip
     found = {}

@@ -1,0 +1,92 @@
+"""Forecasts from one half of a recording against the other half.
+
+    python -m benchmarks.halves DATASET
+
+Figures of the written files on the held-out half, with and without the frames that the screening of
+the whole recording leaves out, beside the forecast intervals; and the check of the model.
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from stereocal.calibration.methods import CalibrationSettings
+from stereocal.evaluation.evaluate import count_set
+from stereocal.evaluation.summary import merge_bins, overlap
+from stereocal.formats.dataset_files import read_dataset
+from stereocal.refined.screening import screen
+from stereocal.refined.unknowns import RefineSettings
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.rig import Rig
+from stereocal.verdict.forecast import forecast_files
+from stereocal.verdict.one_or_two_sets import run_splits, verdict
+from stereocal.workflow import calibrate
+
+MERGE = 5
+FIGURES = ("fcp_reprojection", "mean_reprojection_px", "median_error_3d", "p95_error_3d")
+
+
+def figures_on(data: Dataset, rig: Rig) -> dict[str, float]:
+    """Of one file on a data set."""
+    seen = replace(data, primary=rig.primary, secondary=rig.secondary)
+    run = count_set(seen, rig.pose)
+    errors = np.abs(run.lengths[0] - 1.0)
+    fcp = overlap(merge_bins(run.counts[0, 1].astype(np.int64), MERGE))
+    return {
+        "fcp_reprojection": float(fcp),
+        "mean_reprojection_px": float(run.correct_px[0]),
+        "median_error_3d": float(np.nanmedian(errors)),
+        "p95_error_3d": float(np.nanpercentile(errors, 95)),
+    }
+
+
+def one_half(fitted: Dataset, tested: Dataset, sound: Dataset) -> None:
+    """Print the figures of all files."""
+    settings = RefineSettings()
+    calibration = calibrate(fitted, CalibrationSettings(), refined=settings)
+    outlook = forecast_files(calibration)
+    kept = calibration.screening.dataset
+    runs = run_splits(kept, calibration.settings, settings, 20)
+    answer = verdict(outlook.predictive, len(kept.correspondences.frames), runs or ())
+    for item in outlook.comparison.inputs:
+        if item.accused:
+            print(f"  {item.advice}")
+    print(f"  {answer.text}")
+    print(f"  {answer.check.text if answer.check else ''}")
+    for method in outlook.predictive.methods:
+        forecast = outlook.predictive.forecast(method)
+        all_frames = figures_on(tested, outlook.files[method])
+        kept_frames = figures_on(sound, outlook.files[method])
+        for figure in FIGURES:
+            said = getattr(forecast, figure)
+            held = ["misses", "holds"][said.low <= kept_frames[figure] <= said.high]
+            print(
+                f"  {method:9s} {figure:22s} forecast {said.value:.5f} ({said.low:.5f} to "
+                f"{said.high:.5f}); held out {kept_frames[figure]:.5f} {held}, with all frames "
+                f"{all_frames[figure]:.5f}"
+            )
+
+
+def main() -> None:
+    """Even fitted and odd held out, and the reverse."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("dataset", type=Path)
+    data = read_dataset(parser.parse_args().dataset)
+    left_out = screen(data).left_out
+    numbers = data.correspondences.frames
+    for parity in (0, 1):
+        print(f"{'even' if parity == 0 else 'odd'} frames fitted")
+        rest = numbers[numbers % 2 != parity]
+        one_half(
+            data.of_frames(numbers[numbers % 2 == parity]),
+            data.of_frames(rest),
+            data.of_frames(rest[~np.isin(rest, left_out)]),
+        )
+
+
+if __name__ == "__main__":
+    main()
