@@ -82,7 +82,14 @@ def show_verdict(
     if caution:
         st.error(escape_markdown(f"Do not rely on this result: {caution}"))
     (st.info if caution or answer.kind == "level" else st.success)(answer.text)
-    if answer.check is None:
+    if answer.check is None and runs:
+        frames, usual = runs[0].fitted_frames, 4 * len(kept.correspondences.frames) // 5
+        st.info(
+            f"Each split fitted only {frames} of {len(kept.correspondences.frames)} frames, too few "
+            f"for a check of this forecast: fit {usual}, 4 of 5 as in the paper."
+        )
+        st.page_link("pages/validate.py", label="Set it on the Validate page")
+    elif answer.check is None:
         st.caption("Not yet checked on held-out frames: the Validate page does that.")
         st.page_link("pages/validate.py", label="Check it on the Validate page")
     elif answer.check.holds:

@@ -29,11 +29,19 @@ fraction."""
 SURE = 0.975
 """Share of the draws that decides."""
 MINIMUM_RUNS = 10
+MINIMUM_FITTED = 0.7
+"""Share of the frames that a split must fit; sets of fewer frames say little about the file."""
 MAXIMUM_TO_ADD = 10
 """Largest number of frames to add that is reported, as a multiple of the present number."""
 HELD_OUT_LIMITS = (1.3, 1.6)
 """Error on held-out frames over the forecast, in the images and in length, from which on the model
 is doubted. In sound rigs of 25 frames 1 in 100 exceeds them."""
+
+CAUTIOUS_BELOW = 0.75
+CAUTIOUS = (
+    " The forecast of lengths is cautious here: it takes the noise along the epipolar lines to be "
+    "as large as across them, where a wrong distortion or cameras out of step add to it."
+)
 
 SETS: tuple[Method, ...] = ("2d", "3d", "refined")
 Kind = Literal["one", "two", "level"]
@@ -76,10 +84,11 @@ class ModelCheck:
     def text(self) -> str:
         """What was found, for the user."""
         if self.holds:
-            return (
+            found = (
                 f"Checked on held-out frames: their errors are {self.matching:.2f} times the "
                 f"forecast in the images and {self.measuring:.2f} times in length."
             )
+            return found + CAUTIOUS if self.measuring < CAUTIOUS_BELOW else found
         return (
             f"Errors on held-out frames are {self.matching:.2f} times the forecast in the images "
             f"and {self.measuring:.2f} times in length: the model does not explain these images. "
@@ -115,7 +124,8 @@ def verdict(predictive: Predictive, frames: int, runs: Sequence[HeldOut] = ()) -
     Args:
         predictive: of all files, the refined one among them.
         frames: number of frames of the calibration.
-        runs: random splits, for the check of the model; fewer than 10 are no check.
+        runs: random splits, for the check of the model; those that fit fewer than 7 of 10 frames,
+            and fewer than 10 of them, are no check.
 
     Raises:
         StereocalError: the forecast has no refined file.
@@ -127,7 +137,8 @@ def verdict(predictive: Predictive, frames: int, runs: Sequence[HeldOut] = ()) -
     limit = 1.0 + TOLERANCE
     matching, measuring = _ratio(in_images), _ratio(in_length)
     chance = float(np.mean((in_images <= limit) & (in_length <= limit)))
-    check = check_model(predictive, runs) if len(runs) >= MINIMUM_RUNS else None
+    usable = [run for run in runs if run.fitted_frames >= MINIMUM_FITTED * frames]
+    check = check_model(predictive, usable) if len(usable) >= MINIMUM_RUNS else None
     kind: Kind = "level"
     if chance <= 1.0 - SURE:
         kind = "two"
@@ -137,7 +148,7 @@ def verdict(predictive: Predictive, frames: int, runs: Sequence[HeldOut] = ()) -
     measure_with: Method = "3d" if measuring.value > limit else "refined"
     add = _frames_to_add((matching, measuring), frames) if kind == "level" else None
     parts = [
-        _opening(kind, chance, match_with, measure_with),
+        _opening(kind, chance, match_with, measure_with, check is None or check.holds),
         _figures(predictive, matching, measuring),
     ]
     if kind == "level" and (check is None or check.holds):
@@ -225,7 +236,9 @@ def _ratio(draws: FloatArray) -> Ratio:
     return Ratio(float(value), float(low), float(high))
 
 
-def _opening(kind: Kind, chance: float, match_with: Method, measure_with: Method) -> str:
+def _opening(
+    kind: Kind, chance: float, match_with: Method, measure_with: Method, model_holds: bool
+) -> str:
     names = {"2d": "the 2D set", "3d": "the 3D set", "refined": "the refined set"}
     match, measure = names[match_with], names[measure_with]
     use = f"Match with {match}, measure with {measure}."
@@ -235,6 +248,8 @@ def _opening(kind: Kind, chance: float, match_with: Method, measure_with: Method
         return f"One refined set does both jobs ({_sure(chance)} sure). {use}"
     if kind == "two":
         return f"Two sets are worth it on this rig ({_sure(1 - chance)} sure). {use}"
+    if not model_holds:
+        return f"One set or two cannot be decided, since the forecast does not hold here. {use}"
     return (
         "One set or two is not decided on this rig: one does both jobs with a probability of "
         f"{100 * chance:.0f} %. {use}"
