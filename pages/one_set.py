@@ -18,7 +18,7 @@ from stereocal.ui.one_set import (
 )
 from stereocal.ui.prerequisites import project_with_data
 from stereocal.ui.project import last_calibration, last_evaluation
-from stereocal.ui.refined import calibrated, outlook_for, refine_form, refined_of
+from stereocal.ui.refined import calibrated, outlook_for, refine_form, refined_of, seeds_matter
 from stereocal.ui.screening import screenings_of
 from stereocal.ui.texts import ONE_SET
 from stereocal.ui.validation import bring_up_to_date, kept_protocol
@@ -39,13 +39,16 @@ try:
     evaluation = last_evaluation(project)
     calibration = last_calibration(project)
     inputs = refined_inputs(kept, settings)
-    outlook = outlook_for(replace(calibrated(dataset, protocol.calibration), refined=result))
+    found = replace(calibrated(dataset, protocol.calibration), refined=result)
+    outlook = outlook_for(found)
 except StereocalError as error:
     st.error(escape_markdown(str(error)))
     st.stop()
 try:
     st.header("Verdict", divider="gray")
     show_verdict(screening, evaluation, outlook)
+    if seeds := seeds_matter(found):
+        st.info(escape_markdown(seeds))
     st.header("What disagrees", divider="gray")
     show_disagreement(inputs)
     show_frames_left_out(screening, result)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -21,6 +22,14 @@ from stereocal.refined.screening import Screening, screen, screened
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.compiled import IntArray
 from stereocal.rig.dataset import Dataset
+from stereocal.rig.rig import Rig
+from stereocal.verdict.forecast import Outlook
+from stereocal.verdict.one_or_two_sets import verdict
+from stereocal.verdict.predictive import predict
+
+OTHER_SEEDS = (1, 2, 3, 4)
+FEWER_DRAWS = 48
+"""Draws of the truth for each further seed."""
 
 
 def calibrate(
@@ -141,3 +150,42 @@ def _only(dataset: Dataset, frames: IntArray) -> Dataset:
     if len(frames) == len(dataset.correspondences.frames):
         return dataset
     return dataset.of_frames(frames)
+
+
+def conclusions_of_seeds(
+    calibration: Calibration, outlook: Outlook, seeds: Sequence[int] = OTHER_SEEDS
+) -> str:
+    """A sentence if the files to use depend on the seed of the searches; else empty.
+
+    The 3D search stops somewhere along directions that lengths leave almost free, so that its set
+    differs from seed to seed (docs/method.md).
+
+    Args:
+        seeds: added to the seed of the calibration.
+    """
+    if calibration.settings.calibration_frames is not None:
+        return ""  # another seed would draw other frames
+    frames = len(calibration.frames)
+    found = [verdict(outlook.predictive, frames)]
+    lengths = [outlook.predictive.forecasts["3d"].mean_error_3d.value]
+    for seed in seeds:
+        search = calibration.settings.search
+        settings = replace(calibration.settings, search=replace(search, seed=search.seed + seed))
+        other = replace(calibrate(calibration.dataset, settings), refined=calibration.refined)
+        files = {**outlook.files, **{name: _rig(other, name) for name in other.methods}}
+        predictive = predict(outlook.comparison.model, files, draws=FEWER_DRAWS)
+        found.append(verdict(predictive, frames))
+        lengths.append(predictive.forecasts["3d"].mean_error_3d.value)
+    files_to_use = {(answer.match_with, answer.measure_with) for answer in found}
+    if len(files_to_use) == 1:
+        return ""
+    return (
+        f"Another seed of the search would change which files to use: with {len(found)} seeds, the "
+        f"3D set measures with an error of {100 * min(lengths):.2f} to {100 * max(lengths):.2f} %. "
+        "Where that matters, calibrate with several seeds, or use the refined set."
+    )
+
+
+def _rig(calibration: Calibration, method: Method) -> Rig:
+    dataset = calibration.dataset
+    return Rig(dataset.primary, dataset.secondary, calibration.methods[method].pose)

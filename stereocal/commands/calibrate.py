@@ -38,7 +38,7 @@ from stereocal.system.atomic_files import write_all
 from stereocal.verdict.forecast import Outlook, outlook_of
 from stereocal.verdict.one_or_two_sets import run_splits, verdict
 from stereocal.verdict.predictive import Predictive
-from stereocal.workflow import calibrate
+from stereocal.workflow import calibrate, conclusions_of_seeds
 
 FILES: dict[Literal["2d", "3d"], str] = {"2d": "parameters_2d.json", "3d": "parameters_3d.json"}
 REFINED = "parameters_refined.json"
@@ -133,6 +133,8 @@ def run(parsed: argparse.Namespace) -> None:
     print_notes(calibration, inputs)
     if refined is not None and parsed.runs:
         print(verdict_line(calibration, outlook, refined, parsed.runs))
+        if outlook and (seeds := conclusions_of_seeds(calibration, outlook)):
+            print(f"Note: {seeds}")
     for path in files:
         print(f"wrote {path}")
 

@@ -85,8 +85,8 @@ def show_verdict(
     if answer.check is None and runs:
         frames, usual = runs[0].fitted_frames, 4 * len(kept.correspondences.frames) // 5
         st.info(
-            f"Each split fitted only {frames} of {len(kept.correspondences.frames)} frames, too few "
-            f"for a check of this forecast: fit {usual}, 4 of 5 as in the paper."
+            f"Each split fitted only {frames} of {len(kept.correspondences.frames)} frames, too "
+            f"few for a check of this forecast: fit {usual}, 4 of 5 as in the paper."
         )
         st.page_link("pages/validate.py", label="Set it on the Validate page")
     elif answer.check is None:

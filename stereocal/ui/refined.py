@@ -24,7 +24,7 @@ from stereocal.ui.texts import escape_markdown
 from stereocal.ui.uncertainties import describe_uncertainties
 from stereocal.verdict.forecast import Outlook, outlook_of
 from stereocal.verdict.tradeoff import TradeOff, trade_off
-from stereocal.workflow import calibrate
+from stereocal.workflow import calibrate, conclusions_of_seeds
 
 
 def refine_form(project: Project, dataset: Dataset) -> RefineSettings:
@@ -101,6 +101,19 @@ def outlook_for(calibration: Calibration) -> Outlook | None:
     return _outlook(json.dumps(key), calibration)
 
 
+def seeds_matter(calibration: Calibration) -> str:
+    """A sentence if the files to use depend on the seed of the searches; else empty."""
+    outlook = outlook_for(calibration)
+    if outlook is None or calibration.refined is None:
+        return ""
+    key = [
+        _key(calibration.dataset, calibration.refined.settings),
+        calibration.refined.q.tolist(),
+        calibration.settings.to_json(),
+    ]
+    return _seeds(json.dumps(key), calibration, outlook)
+
+
 def map_of(dataset: Dataset, settings: RefineSettings) -> AccuracyMap:
     """Predicted errors by position. Raises as `refine`."""
     return _map(_key(dataset, settings), dataset, settings)
@@ -141,6 +154,12 @@ def _inputs(key: str, _dataset: Dataset, _settings: RefineSettings) -> list[Inpu
 def _outlook(key: str, _calibration: Calibration) -> Outlook | None:
     assert key
     return jobs.compute(outlook_of, _calibration)
+
+
+@st.cache_resource(show_spinner="Trying other seeds.", max_entries=16)
+def _seeds(key: str, _calibration: Calibration, _outlook: Outlook) -> str:
+    assert key
+    return jobs.compute(conclusions_of_seeds, _calibration, _outlook)
 
 
 @st.cache_resource(show_spinner="Predicting errors by position.", max_entries=16)
