@@ -34,6 +34,7 @@ from stereocal.refined.results import Calibration
 from stereocal.refined.stated_inputs import Input, undetectable_errors
 from stereocal.refined.uncertainty import standard_errors
 from stereocal.refined.unknowns import RefineSettings
+from stereocal.rig.camera import CAMERAS
 from stereocal.system.atomic_files import write_all
 from stereocal.verdict.forecast import Outlook, outlook_of
 from stereocal.verdict.one_or_two_sets import run_splits, verdict
@@ -77,6 +78,14 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
         help="the two sets of the paper only",
     )
     command.add_argument(
+        "--free-distortion",
+        nargs="+",
+        choices=CAMERAS,
+        default=[],
+        metavar="CAMERA",
+        help="refined set: estimate the distortion of primary, secondary, or both",
+    )
+    command.add_argument(
         "--validation",
         type=Path,
         metavar="SUMMARY.JSON",
@@ -88,7 +97,8 @@ def run(parsed: argparse.Namespace) -> None:
     """Calibrate, write the files, print the table, inconsistent inputs and the verdict."""
     dataset = with_sigmas(read_input(parsed.dataset, parsed.lens_model), parsed)
     settings = settings_from(parsed, parsed.calibration_frames)
-    refined = RefineSettings() if parsed.refined else None
+    free = tuple(parsed.free_distortion)
+    refined = RefineSettings(free_distortion=free) if parsed.refined else None
     calibration = calibrate(dataset, settings, refined=refined)
     figures = validation_in_summary(parsed.validation, dataset) if parsed.validation else {}
     outlook = outlook_of(calibration)

@@ -125,7 +125,8 @@ def advice_on(key: str, stated: FloatArray, say: FloatArray, sigma: FloatArray) 
         return (
             f"The {camera} camera's distortion (k1, k2, p1, p2) is stated as {given}; images and "
             f"lengths say {found}. Was the lens calibrated with another focus, or with few points "
-            "near the edges? Calibrate it again, or let it be estimated here."
+            "near the edges? Calibrate it again, or have it estimated: on the page One set or "
+            "two, or with --free-distortion."
         )
     if part == "focal":
         return (

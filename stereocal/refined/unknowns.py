@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
@@ -11,7 +11,7 @@ from scipy.linalg import block_diag
 
 from stereocal.errors import StereocalError
 from stereocal.refined.bar_fit import BAR, BASELINE, DISTORTION, EPSILON, PRIMARY, SECONDARY, SHARED
-from stereocal.rig.camera import CAMERAS, LENS_UNKNOWNS, Camera
+from stereocal.rig.camera import CAMERAS, LENS_UNKNOWNS, Camera, CameraName
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
@@ -80,6 +80,8 @@ class RefineSettings:
     """Scatter of the bar's length from frame to frame. None: estimated from the residuals."""
     loss: Literal["robust", "squares"] = "robust"
     """`squares` uses every frame with full weight."""
+    free_distortion: tuple[CameraName, ...] = ()
+    """Cameras whose k1, k2, p1 and p2 are estimated from the images, whatever is stated."""
     maximum_steps: int = 60
     """Maximum number of steps of each solve."""
 
@@ -92,6 +94,8 @@ class RefineSettings:
             raise StereocalError("sigma_px is 0: it must be above 0.")
         if self.loss not in ("robust", "squares"):
             raise StereocalError(f'The loss "{self.loss}" is unknown: robust or squares.')
+        if not set(self.free_distortion) <= set(CAMERAS):
+            raise StereocalError("free_distortion names a camera that is not primary or secondary.")
         if self.maximum_steps < 1:
             raise StereocalError("maximum_steps must be at least 1.")
 
@@ -111,6 +115,8 @@ class RefineSettings:
         for lens in CAMERAS:
             if isinstance(own := given.get(lens), Mapping):
                 given[lens] = _lens_prior_of(own)
+        if isinstance(free := given.get("free_distortion"), Sequence):
+            given["free_distortion"] = tuple(free)
         try:
             return cls(**given)
         except TypeError as error:
@@ -261,11 +267,13 @@ def lens_prior(camera: Camera, given: LensPrior | None) -> LensPrior:
 
 def with_lens_priors(settings: RefineSettings, dataset: Dataset) -> RefineSettings:
     """The same settings with explicit priors of both lenses."""
-    return replace(
-        settings,
-        primary=lens_prior(dataset.primary, settings.primary),
-        secondary=lens_prior(dataset.secondary, settings.secondary),
-    )
+    primary = lens_prior(dataset.primary, settings.primary)
+    secondary = lens_prior(dataset.secondary, settings.secondary)
+    if "primary" in settings.free_distortion:
+        primary = replace(primary, distortion=FREE_DISTORTION)
+    if "secondary" in settings.free_distortion:
+        secondary = replace(secondary, distortion=FREE_DISTORTION)
+    return replace(settings, primary=primary, secondary=secondary)
 
 
 def baseline_sigma_m(dataset: Dataset, settings: RefineSettings) -> float:

@@ -17,6 +17,7 @@ from stereocal.refined.uncertainty import AccuracyMap, accuracy_map
 from stereocal.refined.unknowns import (
     RefineSettings,
 )
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.dataset import Dataset
 from stereocal.ui import jobs
 from stereocal.ui.fields import Field, number, setting
@@ -31,6 +32,12 @@ def refine_form(project: Project, dataset: Dataset) -> RefineSettings:
     """The form of the refined method: uncertainties from the Data page, and the image noise."""
     st.caption(escape_markdown(describe_uncertainties(dataset)))
     st.page_link("pages/data.py", label="State it on the Data page")
+    free = _free(project)
+    st.multiselect(
+        "Estimate the distortion of", CAMERAS, placeholder="no camera: as its file says",
+        help="k1, k2, p1 and p2, from the images of the bar. Needs bars out to the image borders.",
+        **free.widget(),
+    )  # fmt: skip
     with st.expander("Noise of the images"):
         st.number_input(
             "Noise of an image point, px", 0.0, 1e5, format="%.4g",
@@ -48,11 +55,18 @@ def refine_settings(project: Project, dataset: Dataset) -> RefineSettings:
         baseline_sigma_m=dataset.baseline_sigma_m,
         distance_sigma_m=dataset.target_distance_sigma_m,
         sigma_px=_noise(project).value() or None,
+        free_distortion=tuple(_free(project).value()),
     )
 
 
 def _noise(project: Project) -> Field:
     return setting(project, "refine_sigma_px", 0.0, number(0.0, 1e5))
+
+
+def _free(project: Project) -> Field:
+    return setting(
+        project, "free_distortion", [], lambda value: [name for name in CAMERAS if name in value]
+    )
 
 
 def refined_of(dataset: Dataset, settings: RefineSettings) -> RefinedResult:

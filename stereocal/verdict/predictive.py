@@ -45,9 +45,15 @@ WRONG_PARTNERS = 3
 """Wrong partners of each point, of the nine in its group."""
 MERGE = 5
 """Bins of the counts in a bin of the PDFs of 0.1 decade."""
-FCP_SCATTER = 0.5
-"""Two halves of an overlap differ more than its scatter, since it is a sum of minima: 65 to 72 % of
-the intervals held with the whole difference removed, 100 % with none."""
+SHARE_SCATTER = 0.75
+"""Part of the difference of two halves that is removed from shares and overlaps. They are sums of
+minima or of rare cases, whose halves differ more than half of the whole scatters: 65 to 72 % of the
+intervals held with all of it removed, 99 % with a half."""
+RARELY_NONE = 0.05
+"""Share of halves without a case, up to which their difference is used."""
+WIDER = 1.15
+"""Factor of the intervals of lengths and pixels, in logarithms: 25 bars show less of their
+population than draws of them tell. Measured on 669 rigs without it: 86 to 95 % held."""
 LEVEL = 0.95
 TAILS = (50 * (1 - LEVEL), 100 - 50 * (1 - LEVEL))
 
@@ -339,7 +345,7 @@ def _estimate(
     total = float(each.var())
     kept = np.sqrt(max(1.0 - removed * of_sample / total, 0.0)) if total > 0 else 0.0
     middle = float(each.mean())
-    shrunk = middle + kept * (each - middle)
+    shrunk = middle + kept * (WIDER if scale is _LOG else 1.0) * (each - middle)
     low, value, high = (
         float(scale.back(v)) for v in np.percentile(shrunk, (TAILS[0], 50, TAILS[1]))
     )
@@ -373,16 +379,20 @@ def _quantile_of(values: FloatArray, share: float) -> FloatArray:
 def _fcp(counts: IntArray) -> Estimate:
     """The overlap of counts (draws, halves, 2, bins)."""
     merged = merge_bins(counts, MERGE)
-    found = _estimate(overlap(merged.sum(axis=1)), overlap(merged), _ROOT, FCP_SCATTER)
+    found = _estimate(overlap(merged.sum(axis=1)), overlap(merged), _ROOT, SHARE_SCATTER)
     return _with_limit(found, int(counts[:, :, CORRECT].sum()))
 
 
 def _share(cases: IntArray, of: IntArray) -> Estimate:
     """The share of cases (draws, halves)."""
     shares = cases.sum(axis=1) / of.sum(axis=1)
-    low, high = np.percentile(shares, TAILS)
     pooled = float(cases.sum() / of.sum())
-    return _with_limit(Estimate(pooled, float(low), float(high)), int(of.sum()))
+    if np.mean(cases == 0) < RARELY_NONE:
+        found = _estimate(shares, cases / of, _ROOT, SHARE_SCATTER)
+        low, high = min(found.low, pooled), max(found.high, pooled)
+    else:  # too few cases to tell their scatter
+        low, high = (float(v) for v in np.percentile(shares, TAILS))
+    return _with_limit(Estimate(pooled, low, high), int(of.sum()))
 
 
 def _with_limit(found: Estimate, n: int) -> Estimate:

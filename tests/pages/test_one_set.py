@@ -130,3 +130,15 @@ def test_splits_of_few_frames_are_no_check(app: AppTest, home: Path) -> None:
     one_set(app)
     assert "One refined set does both jobs" in messages(app)
     assert "Each split fitted only 6 of 25 frames, too few for a check" in messages(app)
+
+
+def test_the_distortion_can_be_estimated(app: AppTest, home: Path) -> None:
+    project = project_of(open_sample(app), home)
+    few_runs(app, home)
+    one_set(app)
+    before = app.table[-1].value
+    app.multiselect(key="free_distortion").set_value(["secondary"]).run()
+    assert not app.exception
+    assert project.settings["free_distortion"] == ["secondary"]
+    row = "Focal length fx, secondary camera (px)"
+    assert app.table[-1].value.loc[row, "Value"] != before.loc[row, "Value"]
