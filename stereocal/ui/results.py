@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from dataclasses import replace
 
 import plotly.graph_objects as go
 import streamlit as st
@@ -17,6 +18,7 @@ from stereocal.figures import (
     plot_rig,
     plot_traces,
 )
+from stereocal.figures.forecast_table import forecast_table
 from stereocal.figures.tables import answer, results_table, why_not_trusted
 from stereocal.formats.dataset_files import pack_dataset
 from stereocal.formats.evaluation_files import Evaluation
@@ -28,6 +30,7 @@ from stereocal.system.zip_files import pack_zip
 from stereocal.ui.fields import one_of, setting
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.parameter_files import parameter_download, sets_of
+from stereocal.ui.refined import outlook_for
 from stereocal.ui.screening import show_left_out
 from stereocal.ui.texts import TWO_FILES
 
@@ -65,6 +68,9 @@ def show_result(
     if "refined" in sets:
         st.markdown("One **refined** set for both, its lenses included:")
         parameter_download(project, sets["refined"], "refined", REFINED, main=False)
+    outlook = outlook_for(replace(calibration, refined=refined))
+    if outlook:
+        st.table(forecast_table(outlook.predictive))
     st.table(results_table(calibration))
     views = {
         "Errors by frame": _show_frames,
