@@ -68,6 +68,8 @@ def name_of(item: Input) -> str:
 def _words(item: Input) -> str:
     if np.isnan(item.standard_errors):
         return f"{name_of(item)}: the images have no information about it"
+    if not item.prior_sigma.any() and not item.accused:
+        return f"{name_of(item)}: held as stated, {digits(item.standard_errors, 2)} standard errors"
     return (
         f"{name_of(item)}: stated {_numbers(item.stated)} {item.unit}".rstrip()
         + f", estimated {_numbers(item.estimate)} {item.unit}".rstrip()
