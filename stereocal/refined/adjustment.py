@@ -92,6 +92,7 @@ def sum_normal_equations(
         for j in range(SHARED):
             H[i, j] = 0.0
     cost = 0.0
+    bent = len(free) > 0 and free[-1] >= DISTORTION
     for f in range(len(pixels)):
         own = 0.0 if np.isnan(distances[f]) else length_weight
         start_points(R, T, rays, points, f, x)
@@ -102,7 +103,7 @@ def sum_normal_equations(
         cost += rho
         if w > 0.0 and s < np.inf:
             fill_shared_derivatives(
-                q, R, motions, lenses, seen, distances[f], weight, own, x, derivatives, J
+                q, R, motions, lenses, bent, seen, distances[f], weight, own, x, derivatives, J
             )
             normal_matrix(J, seen, V)
             if factor(V, 0.0):
@@ -225,7 +226,7 @@ def adjust(
                 return cost, step, True
             copy(points, trial_points)
             damping = max(20.0 * damping, 1e-4)
-        reduce_normal_equations(H, g, M, p, precision, A, d)
+        reduce_normal_equations(H, g, M, free, p, precision, A, d)
         for i in range(k):
             A[i, i] *= 1.0 + damping
         if not factor(A, 0.0):
@@ -279,6 +280,7 @@ def reduce_normal_equations(
     H: FloatArray,
     g: FloatArray,
     M: FloatArray,
+    free: IntArray,
     p: FloatArray,
     precision: FloatArray,
     A: FloatArray,
@@ -287,14 +289,14 @@ def reduce_normal_equations(
     """A = M^T H M + precision, b = M^T g + precision p."""
     for i in range(len(p)):
         b[i] = 0.0
-        for r in range(SHARED):
+        for r in free:
             b[i] += M[r, i] * g[r]
         for j in range(len(p)):
             b[i] += precision[i, j] * p[j]
             total = precision[i, j]
-            for r in range(SHARED):
+            for r in free:
                 if M[r, i] != 0.0:
-                    for s in range(SHARED):
+                    for s in free:
                         total += M[r, i] * H[r, s] * M[s, j]
             A[i, j] = total
 
@@ -365,7 +367,7 @@ def fill_point_jacobians(
         for j in range(3):
             x[j] = points[k, j]
         s = fill_residuals(q, R, T, lenses, pixels, 0.0, weight, 0.0, x, work, J)
-        fill_shared_derivatives(q, R, motions, lenses, pixels, 0.0, weight, 0.0, x, work, J)
+        fill_shared_derivatives(q, R, motions, lenses, True, pixels, 0.0, weight, 0.0, x, work, J)
         for j in range(3 + SHARED):
             row = j if j < 3 else OWN + j - 3
             for i in range(4):

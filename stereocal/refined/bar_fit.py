@@ -167,6 +167,7 @@ def fill_shared_derivatives(
     R: FloatArray,
     motions: FloatArray,
     lenses: FloatArray,
+    bent: bool,
     pixels: FloatArray,
     distance: float,
     weight: float,
@@ -175,7 +176,11 @@ def fill_shared_derivatives(
     derivatives: FloatArray,
     J: FloatArray,
 ) -> None:
-    """Write the derivatives by q to J, after `fill_residuals` with the same arguments."""
+    """Write the derivatives by q to J, after `fill_residuals` with the same arguments.
+
+    Args:
+        bent: whether those by the distortion are wanted; else they are 0.
+    """
     zero_rows(J, OWN, ALL)
     by_lens = np.empty((2, 4))
     for target in range(2):
@@ -185,7 +190,7 @@ def fill_shared_derivatives(
             vertical = k % 2
             own = OWN + PRIMARY + 4 * (k % 4 // 2) + vertical
             J[own, k], J[own + 2, k] = weight * derivatives[k, 3], weight
-        for camera in range(2):
+        for camera in range(2 if bent else 0):
             k, own = 4 * target + 2 * camera, OWN + DISTORTION + 4 * camera
             fx, fy = q[PRIMARY + 4 * camera], q[PRIMARY + 4 * camera + 1]
             nx, ny = derivatives[k, 4], derivatives[k + 1, 4]

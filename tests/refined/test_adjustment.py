@@ -68,7 +68,9 @@ def frame_of(q: FloatArray, x: FloatArray, pixels: FloatArray) -> tuple[FloatArr
     slopes, J = np.empty((8, 5)), np.empty((ALL + 1, RESIDUALS))
     lenses = set_distortion(q, DISTORTION, lenses_of(rig.dataset(5)))
     s = fill_residuals(q, R, T, lenses, pixels, rig.BAR_M, 4.0, 900.0, x, slopes, J)
-    fill_shared_derivatives(q, R, motions, lenses, pixels, rig.BAR_M, 4.0, 900.0, x, slopes, J)
+    fill_shared_derivatives(
+        q, R, motions, lenses, True, pixels, rig.BAR_M, 4.0, 900.0, x, slopes, J
+    )
     assert s == pytest.approx(float(J[ERRORS] @ J[ERRORS]), rel=1e-12)
     return J[ERRORS], J[:ALL]
 
@@ -151,7 +153,7 @@ def test_an_unseen_target_and_one_behind_a_camera() -> None:
     slopes, J = np.empty((8, 5)), np.empty((ALL + 1, RESIDUALS))
     lenses = lenses_of(rig.dataset(5))
     fill_residuals(q, R, T, lenses, pixels, np.nan, 1.0, 0.0, x, slopes, J)
-    fill_shared_derivatives(q, R, motions, lenses, pixels, np.nan, 1.0, 0.0, x, slopes, J)
+    fill_shared_derivatives(q, R, motions, lenses, True, pixels, np.nan, 1.0, 0.0, x, slopes, J)
     assert J[:, :4].any()
     assert not J[:, 4:].any()
     x[2] = -1.0
