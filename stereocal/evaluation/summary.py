@@ -305,12 +305,14 @@ def crossing(pooled: IntArray) -> IntArray:
     There the difference of the cumulative distributions, correct minus wrong, is largest. If the
     PDFs are separate, this holds in the whole gap, and its centre in log10 is used.
     """
-    shares = pooled / np.maximum(pooled.sum(axis=-1, keepdims=True), 1)
-    below = np.cumsum(np.concatenate([shares[..., [UNDERFLOW]], shares[..., :BINS]], axis=-1), -1)
+    filled = np.flatnonzero(pooled[..., :BINS].reshape(-1, BINS).any(axis=0))
+    first, end = (int(filled[0]), int(filled[-1]) + 1) if len(filled) else (0, BINS)
+    total = np.maximum(pooled.sum(axis=-1, keepdims=True), 1)
+    below = np.cumsum(pooled[..., [UNDERFLOW, *range(first, end)]], axis=-1) / total
     gain = below[..., CORRECT, :] - below[..., WRONG, :]
     best = gain >= gain.max(axis=-1, keepdims=True) - 1e-12
-    first, last = best.argmax(axis=-1), BINS - best[..., ::-1].argmax(axis=-1)
-    return np.asarray((first + last) // 2)
+    lowest, highest = best.argmax(axis=-1), end - first - best[..., ::-1].argmax(axis=-1)
+    return np.asarray(first + (lowest + highest) // 2)
 
 
 def _pdf(counts: IntArray, nans: int, merge: int) -> Pdf:
