@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from dataclasses import replace
 
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate_runs
 from stereocal.frames.search import compile_detection
 from stereocal.matching.matching import match_points
-from stereocal.refined.disagreement import what_disagrees
 from stereocal.refined.refine import refine
 from stereocal.refined.uncertainty import accuracy_map
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.compilations import compilations
 from stereocal.simulation.simulate import simulate_field
+from stereocal.system.tasks import Progress
+from stereocal.verdict.forecast import forecast_files
 from stereocal.verdict.tradeoff import trade_off
 from stereocal.workflow import calibrate
 
-FUNCTIONS = 98
+FUNCTIONS = 100
 """Number of functions compiled with an empty cache; test_warming.py counts them."""
-Progress = Callable[[int, int], None]
 
 
 def compile_all(progress: Progress | None = None) -> int:
@@ -57,6 +57,6 @@ def _use_all() -> None:
     evaluate_runs(dataset, EvaluationSettings(refined=RefineSettings()), 0, [0])
     compile_detection()
     refined = refine(dataset, RefineSettings(), calibration.methods["essential"].pose)
-    what_disagrees(refined)
+    forecast_files(replace(calibration, refined=refined))
     accuracy_map(refined, size=4)
     trade_off(dataset, RefineSettings(), points=3)

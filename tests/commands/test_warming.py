@@ -38,6 +38,7 @@ from stereocal.matching.threshold import choose_threshold
 from stereocal.matching.reconstruction import reconstruct_points
 from stereocal.refined.refine import refine
 from stereocal.refined.disagreement import what_disagrees
+from stereocal.verdict.forecast import forecast_files
 from stereocal.verdict.tradeoff import costs_of, trade_off
 from stereocal.refined.uncertainty import accuracy_map
 from stereocal.refined.unknowns import FIXED_LENS, RefineSettings
@@ -64,7 +65,9 @@ refined = refine(dataset, RefineSettings())
 what_disagrees(refined), accuracy_map(refined, size=5)
 trade_off(dataset, RefineSettings(), points=3)
 costs_of(dataset, {"2d": (found.methods["2d"].pose, dataset.primary, dataset.secondary)})
-rig, rows = found.parameters("2d"), dataset.correspondences
+forecasts = forecast_files(found).of_files({})
+rig, rows = found.parameters("2d", None, forecasts["2d"]), dataset.correspondences
+reconstruct_points(rig, rows.primary, rows.secondary)
 reconstruct_points(rig, rows.primary, rows.secondary, None, 0.2)
 frames = sample_frames(*unlabelled(rows))
 nearest_errors(rig, frames, (0.0, float("inf"))), choose_threshold(rig, frames)
