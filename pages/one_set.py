@@ -38,9 +38,9 @@ try:
     bring_up_to_date(project, [dataset], protocol)
     evaluation = last_evaluation(project)
     calibration = last_calibration(project)
-    inputs = refined_inputs(kept, settings)
     found = replace(calibrated(dataset, protocol.calibration), refined=result)
     outlook = outlook_for(found)
+    inputs = outlook.comparison.inputs if outlook else refined_inputs(kept, settings)
 except StereocalError as error:
     st.error(escape_markdown(str(error)))
     st.stop()

@@ -181,9 +181,6 @@ def _tests(result: RefinedResult) -> dict[str, tuple[float, float]]:
 
 def _distortion_test(result: RefinedResult, key: str) -> float:
     """|z| of the F test whether a distortion that is held fixed differs from the stated one."""
-    kept = np.isin(result.dataset.correspondences.frame, result.frames[~result.outlying]) & (
-        True if result.rows is None else result.rows
-    )
     settings = replace(
         _freed(result, key),
         sigma_px=result.sigma_px.value,
@@ -191,7 +188,7 @@ def _distortion_test(result: RefinedResult, key: str) -> float:
         loss="squares",
     )
     try:
-        freed = refine(result.dataset, settings, result.pose, kept)
+        freed = refine(result.dataset, settings, result.pose, result.used_rows)
     except StereocalError:
         return float("nan")
     used = int(result.degrees_of_freedom[~result.outlying].sum())

@@ -95,6 +95,12 @@ class RefinedResult:
         return np.asarray(M @ self.p_covariance @ M.T)
 
     @property
+    def used_rows(self) -> BoolArray:
+        """(n,): mask of the rows of the frames that were not left out."""
+        used = np.isin(self.dataset.correspondences.frame, self.frames[~self.outlying])
+        return np.asarray(used if self.rows is None else used & self.rows)
+
+    @property
     def outlying_frames(self) -> dict[int, float]:
         """The frames left out with their share of the total chi-square, largest first."""
         finite = np.where(

@@ -35,9 +35,13 @@ class Outlook:
         Args:
             threshold_px: at which the shares are given; None: the recommended one.
         """
-        model = self.comparison.model
+        model, predictive = self.comparison.model, self.predictive
+        usual = threshold_px is None
+        forecast = (
+            predictive.forecasts[method] if usual else predictive.forecast(method, threshold_px)
+        )
         return FileForecast(
-            self.predictive.forecast(method, threshold_px).to_json(),
+            forecast.to_json(),
             {
                 "sigma_px": {"value": float(model.sigma_px.value), "source": model.sigma_px.source},
                 "covariance": covariance_entry(self.covariance(method)),

@@ -13,25 +13,19 @@ import numpy as np
 from scipy.special import gammaln
 
 from stereocal.refined.refine import RefinedResult
-from stereocal.rig.compiled import BoolArray, FloatArray
+from stereocal.rig.compiled import FloatArray
 
 DEGREES = np.array([3.0, 4.0, 5.0, 7.0, 10.0, 15.0, 30.0, np.inf])
 PRIOR = np.append(np.full(len(DEGREES) - 1, 0.5 / (len(DEGREES) - 1)), 0.5)
 SCALES = np.geomspace(0.3, 2.0, 160)
 
 
-def standardised_residuals(model: RefinedResult, rows: BoolArray | None = None) -> FloatArray:
+def standardised_residuals(model: RefinedResult) -> FloatArray:
     """Distances of pairs from their epipolar lines over their standard deviations, (n,).
 
-    To first order (Sampson); the noise is that of the model.
-
-    Args:
-        rows: mask of the rows of the data set; None: those of the frames that the model used.
+    To first order (Sampson), of the rows that the model used; the noise is that of the model.
     """
-    table = model.dataset.correspondences
-    if rows is None:
-        rows = np.isin(table.frame, model.frames[~model.outlying])
-        rows = rows if model.rows is None else rows & model.rows
+    table, rows = model.dataset.correspondences, model.used_rows
     one = np.column_stack([model.primary.undistort(table.primary[rows]), np.ones(rows.sum())])
     two = np.column_stack([model.secondary.undistort(table.secondary[rows]), np.ones(rows.sum())])
     E = model.pose.essential

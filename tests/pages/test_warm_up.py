@@ -11,7 +11,7 @@ import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 from streamlit.testing.v1 import AppTest
 
-from stereocal.commands.warming import Progress
+from stereocal.system.tasks import Progress
 from stereocal.ui import jobs, warm_up
 
 APP = Path(__file__).parents[2] / "app.py"
