@@ -37,7 +37,7 @@ from stereocal.rig.compiled import CountArray, FloatArray, IntArray
 from stereocal.rig.rig import Rig
 from stereocal.verdict.fresh_bars import GROUP, fresh_bars
 from stereocal.verdict.judging import judge, photograph
-from stereocal.verdict.noise_model import draw_noise, noise_of_points, standardised_residuals
+from stereocal.verdict.noise_model import draw_noise, epipolar_gradient, noise_of_points
 
 DRAWS, BARS = 128, 200
 """Draws of the truth, and fresh bars of each half of a draw."""
@@ -179,12 +179,11 @@ def predict(
     methods = tuple(method for method in ALL_METHODS if method in files)
     sets = np.array([shared_unknowns(files[method]) for method in methods])
     lenses = lenses_of(model.dataset)
-    residuals = standardised_residuals(model)
-    scales, degrees = draw_noise(residuals, len(residuals) - _freedom(model), draws, rng)
-    truths = _truths(model, scales, rng)
+    of_noise = draw_noise(model, draws, rng)
+    truths = _truths(model, of_noise.across, rng)
     ends = fresh_bars(model, draws, 2 * bars, rng)
-    noise = noise_of_points(degrees, 4 * bars, rng)
-    noise *= (model.sigma_px.value * scales)[:, None, None]
+    noise = noise_of_points(of_noise.degrees, 4 * bars, rng)
+    noise *= (model.sigma_px.value * of_noise.across)[:, None, None]
     partners = _partners(bars, rng)
     size = (draws, 2, len(methods))
     counts = np.zeros((*size, 2, 2, BINS + 2), dtype=np.int32)
@@ -198,7 +197,12 @@ def predict(
         distances = np.linalg.norm(ends[draw, :, 0] - ends[draw, :, 1], axis=1)
         distances /= truths[draw, BAR]  # as measured, with the error of the bar at hand
         seen = model.pose.apply(points)
-        start = np.column_stack([points[:, :2] / points[:, 2:], seen[:, :2] / seen[:, 2:]])
+        one, two = points / points[:, 2:], seen / seen[:, 2:]
+        start = np.column_stack([one[:, :2], two[:, :2]])
+        across = epipolar_gradient(model, one, two)
+        across /= np.linalg.norm(across, axis=1, keepdims=True)
+        across *= np.sum(across * noise[draw], axis=1, keepdims=True)
+        noise[draw] = across + of_noise.along[draw] * (noise[draw] - across)
         for half in range(2):
             own = slice(2 * bars * half, 2 * bars * (half + 1))
             judge(
@@ -274,17 +278,6 @@ def population(
 def _bin_edge(threshold_px: float) -> int:
     """The bin at whose lower edge a threshold lies."""
     return round((math.log10(max(threshold_px, 1e-300)) - LOWEST) / BIN_WIDTH)
-
-
-def _freedom(model: RefinedResult) -> float:
-    """Degrees of freedom that the fit has left to the residuals of the pairs, at least 1."""
-    used = ~model.outlying
-    spent = float(
-        np.sum(model.p_covariance * (model.unknowns.M.T @ model.information @ model.unknowns.M))
-    )
-    freedom = float(model.degrees_of_freedom[used].sum())
-    pairs = float(np.isfinite(model.points_m[used, :, 0]).sum())
-    return max(pairs * (1.0 - spent / freedom), 1.0)
 
 
 def _truths(model: RefinedResult, scales: FloatArray, rng: np.random.Generator) -> FloatArray:
