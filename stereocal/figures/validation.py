@@ -28,7 +28,7 @@ from stereocal.figures.style import (
     count,
     finish,
 )
-from stereocal.figures.tables import digits, interval, percent
+from stereocal.verdict.in_words import digits, interval, percent
 
 ROW_HEIGHT = 300
 COLUMNS = ("residual", "reprojection", "reconstruction")

@@ -20,12 +20,7 @@ from stereocal.figures import (
     plot_validation,
 )
 from stereocal.figures.report import report_html
-from stereocal.figures.tables import (
-    left_out_line,
-    validation_answer,
-    validation_table,
-    why_validation_not_trusted,
-)
+from stereocal.figures.tables import validation_answer, validation_table
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.formats.evaluation_files import (
     Evaluation,
@@ -47,6 +42,8 @@ from stereocal.ui.messages import callback
 from stereocal.ui.refined import refine_settings
 from stereocal.ui.results import show_figure
 from stereocal.ui.screening import screenings_of
+from stereocal.verdict.in_words import left_out_line, why_validation_not_trusted
+from stereocal.workflow import usual_frames
 
 NINETEEN = Path(__file__).parents[2] / "sample_data" / "nineteen"
 MINE, ALL, PAPER = "My data set", "All my data sets", "Nineteen synthetic rigs"
@@ -120,11 +117,6 @@ def _protocol_fields(project: Project, datasets: Sequence[Dataset]) -> tuple[Fie
         setting(project, "validate_frames", min(usual_frames(fewest), most), number(1, most)),
         most,
     )
-
-
-def usual_frames(frames: int) -> int:
-    """The default number of frames to calibrate with: 4 of 5, as the paper's 20 of 25."""
-    return max(4 * frames // 5, 1)
 
 
 def kept_protocol(project: Project, datasets: Sequence[Dataset]) -> EvaluationSettings:
