@@ -34,7 +34,7 @@ from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
 from stereocal.verdict.forecast import Outlook
-from stereocal.verdict.one_or_two_sets import HeldOut, held_out, verdict
+from stereocal.verdict.one_or_two_sets import verdict
 from stereocal.verdict.predictive import predict
 from stereocal.verdict.recommendation import Recommendation, Validated, recommend
 
@@ -218,14 +218,9 @@ def answer(
         evaluation: of the same data set.
         validation: entries to write into the files instead of those of `evaluation`.
     """
-    splits: list[HeldOut] = []
     if evaluation is not None:
-        settings = evaluation.settings
-        validation = validation or validation_figures(evaluation.summaries, settings)
-        if settings.refined is not None:
-            kept, frames = calibration.screening.dataset, settings.calibration_frames
-            splits = [held_out(run, kept, frames) for run in evaluation.runs[0]]
-    found = recommend(calibration, outlook, validation, splits)
+        validation = validation or validation_figures(evaluation.summaries, evaluation.settings)
+    found = recommend(calibration, outlook, validation)
     return Answer(calibration, outlook, validation or {}, found)
 
 

@@ -114,6 +114,8 @@ def run(parsed: argparse.Namespace) -> None:
     print_notes(calibration, found.inputs)
     if found.outlook and (seeds := conclusions_of_seeds(calibration, found.outlook)):
         print(f"Note: {seeds}")
+    if found.outlook:
+        print(f"Note: {found.outlook.advice}")
     print(f"Recommendation: {found.recommendation.text}")
     for path in files:
         print(f"wrote {path}")

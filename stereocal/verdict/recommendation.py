@@ -7,12 +7,11 @@ verdict on one or two sets.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from stereocal.calibration.methods import Method
-from stereocal.errors import StereocalError
 from stereocal.evaluation.summary import Estimate
 from stereocal.refined.results import Calibration
 from stereocal.verdict.forecast import Outlook
@@ -24,7 +23,7 @@ from stereocal.verdict.in_words import (
     why_held_out_not_trusted,
     why_not_trusted,
 )
-from stereocal.verdict.one_or_two_sets import HeldOut, Verdict, sure, verdict
+from stereocal.verdict.one_or_two_sets import Verdict, sure
 
 NAMES: Mapping[Method, str] = {
     "essential": "the essential matrix",
@@ -114,7 +113,6 @@ def recommend(
     calibration: Calibration,
     outlook: Outlook | None,
     validation: Mapping[Any, Validated] | None = None,
-    splits: Sequence[HeldOut] = (),
 ) -> Recommendation:
     """The recommendation for a calibration.
 
@@ -122,10 +120,9 @@ def recommend(
         outlook: the forecast of its files; None if there is none: then the paper's two files are
             recommended, on held-out frames alone.
         validation: by method, as in the files.
-        splits: the runs of that validation, for the check of the forecast.
     """
     validation = validation or {}
-    found = None if outlook is None else _verdict(calibration, outlook, splits)
+    found = None if outlook is None else outlook.verdict
     match = figures_of(found.match_with if found else "2d", outlook, validation)
     measure = figures_of(found.measure_with if found else "3d", outlook, validation)
     sentences = (
@@ -168,15 +165,6 @@ def figures_of(
         length_median=figure("median_error_3d", usual, "median_error_3d"),
         length_p95=figure("p95_error_3d", usual, "p95_error_3d"),
     )
-
-
-def _verdict(
-    calibration: Calibration, outlook: Outlook, splits: Sequence[HeldOut]
-) -> Verdict | None:
-    try:
-        return verdict(outlook.predictive, len(calibration.frames), splits)
-    except StereocalError:
-        return None
 
 
 def _holds(found: Verdict | None) -> bool:
