@@ -8,6 +8,7 @@ from stereocal.ui.projects import show_projects
 from stereocal.ui.samples import (
     begin_sample,
     has_sample_photographs,
+    real_recording,
     sample_photographs,
     sample_points,
 )
@@ -20,16 +21,17 @@ st.subheader("What is the pose of two cameras, and how well can they match and m
 text, picture = st.columns([5, 6], gap="large")
 with text:
     st.markdown(PURPOSE)
-    samples = {"demo": ("Try it with sample data", sample_points)}
+    samples = {"recording": ("Open the real recording", real_recording)}
     if has_sample_photographs():
-        samples["demo_photographs"] = ("Try it with sample photographs", sample_photographs)
+        samples["demo_photographs"] = ("Sample photographs", sample_photographs)
+    samples["demo"] = ("Simulated rig", sample_points)
     with st.container(horizontal=True):
         for key, (label, make) in samples.items():
             st.button(
-                label, type="primary" if key == "demo" else "secondary", key=key,
+                label, type="primary" if key == "recording" else "secondary", key=key,
                 on_click=begin_sample, args=(projects_in_creation(), make),
             )  # fmt: skip
-    if st.button("Begin with my own data", key="begin"):
+    if st.button("Start with my own data", key="begin"):
         forget_project()
         st.switch_page("pages/data.py")
 with picture:
