@@ -16,7 +16,8 @@ from stereocal.ui.story import show_story
 from stereocal.ui.texts import NEEDED, PURPOSE
 
 ensure_navigation()
-st.subheader(PURPOSE)
+st.title("Two cameras, a bar, two lengths")
+st.markdown(PURPOSE)
 show_story()
 
 samples = {"recording": ("Open the real recording", real_recording)}

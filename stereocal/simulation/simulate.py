@@ -211,15 +211,16 @@ def simulate_field(seed: int) -> tuple[Scene, Dataset]:
     """
     rng = np.random.default_rng(seed)
     scene = place_bars(field_rig(), rng, FIELD_FRAMES, FIELD_BAR_M)
-    lenses = (
-        lens_off_by(lens, *error)
-        for lens, error in zip(
-            (scene.rig.primary, scene.rig.secondary), FIELD_LENS_ERRORS, strict=True
+    primary, secondary = (
+        replace(wrong, K=wrong.K.round(2))
+        for wrong in (
+            lens_off_by(lens, *error)
+            for lens, error in zip(
+                (scene.rig.primary, scene.rig.secondary), FIELD_LENS_ERRORS, strict=True
+            )
         )
     )
-    nominal = Nominal(
-        *(replace(lens, K=lens.K.round(2)) for lens in lenses), FIELD_BASELINE_M, FIELD_BAR_M
-    )
+    nominal = Nominal(primary, secondary, FIELD_BASELINE_M, FIELD_BAR_M)
     notes = f"Synthetic, seed {seed}; the truth is in {TRUTH}."
     return scene, observe(scene, rng, FIELD_NOISE_PX, "field", nominal, notes)
 

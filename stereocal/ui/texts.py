@@ -6,7 +6,10 @@ import re
 
 import pandas as pd
 
-PURPOSE = "Two cameras, a bar, two lengths: the pose, and which set for what"
+PURPOSE = (
+    "Know the pose of your cameras, and which numbers to use for what: match with one set and "
+    "measure with another, or use one refined set for both."
+)
 
 NEEDED = """
 1. **A bar with two targets**, seen by both cameras in 20 to 30 frames, near and far, all over the
