@@ -6,7 +6,6 @@ from collections.abc import Iterator, Mapping
 from concurrent.futures import Future
 from contextlib import contextmanager
 from datetime import datetime
-from pathlib import Path
 
 import streamlit as st
 
@@ -21,7 +20,6 @@ from stereocal.refined.results import Calibration
 from stereocal.ui.messages import attempt, callback, readable, tell
 from stereocal.ui.texts import escape_markdown
 
-SAMPLE = Path(__file__).parents[2] / "sample_data" / "field"
 SLOT_TITLES: Mapping[str, Slot] = {
     "table of points": "correspondences",
     "primary camera": "primary",

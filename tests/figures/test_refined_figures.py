@@ -54,7 +54,7 @@ def test_trade_off_has_both_curves_all_sets_and_the_point(curves: TradeOff) -> N
     assert by_name["The slider's point"].x[0] == curves.freed[2].cost_2d_px
     assert by_name["3D set"].marker.symbol == "triangle-up"
     assert figure.layout.xaxis.type == "linear"  # the 3D set stands at the edge
-    assert figure.layout.yaxis.type == "linear"  # 23 to 59 mm
+    assert figure.layout.yaxis.type == "log"  # 23 to 490 mm
     words = describe_trade_off(curves, costs)
     assert "3D set 1200 px and 26.0 mm" in words
 

@@ -12,7 +12,9 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereocal.formats.dataset_files import pack_dataset, read_dataset
+from stereocal.projects.application import ProjectApplication
 from stereocal.projects.project import Project
+from stereocal.rig.camera import CAMERAS
 
 ROOT = Path(__file__).parents[2]
 FIELD = ROOT / "sample_data" / "field"
@@ -77,6 +79,20 @@ def test_sample_to_result_and_back_in_a_new_session(app: AppTest, home: Path) ->
     again.run().switch_page("pages/calibrate.py").run()
     assert "Use the refined set for both" in messages(again)
     assert again.slider(key="calibration_frames").value == 20
+
+
+def test_real_recording_with_its_middle_marker_to_apply(app: AppTest, home: Path) -> None:
+    app.button(key="recording").click().run()
+    app.switch_page("pages/data.py").run()
+    assert "818 pairs of points in 409 frames" in messages(app)
+    project = project_of(app, home)
+    read = read_dataset(FIELD.parent / "recording")
+    assert project.dataset is not None and project.dataset.sha256 == read.sha256
+    assert project.table is not None and b"time_frame" in project.table[1]
+    store = ProjectApplication(project)
+    for side in CAMERAS:
+        points = store.points(side)
+        assert points is not None and (points.rows, points.frames) == (409, 409)
 
 
 def test_form_that_moved_on_is_said_and_the_result_stays(app: AppTest) -> None:
