@@ -36,11 +36,11 @@ from stereocal.rig.dataset import Dataset
 from stereocal.ui import jobs
 from stereocal.ui.downloads import on_demand
 from stereocal.ui.fields import Field, number, one_of, setting, yes_or_no
+from stereocal.ui.figure import show_figure
 from stereocal.ui.forms import search_form, search_values, settings_of
 from stereocal.ui.intake import check_uploads, escape_markdown, is_new, taking
 from stereocal.ui.messages import callback
 from stereocal.ui.refined import refine_settings
-from stereocal.ui.results import show_figure
 from stereocal.ui.screening import screenings_of
 from stereocal.verdict.in_words import left_out_line, why_validation_not_trusted
 from stereocal.workflow import usual_frames

@@ -13,11 +13,12 @@ from stereocal.refined.refine import refine
 from stereocal.refined.results import Calibration
 from stereocal.rig.parameters import RigParameters
 from stereocal.verdict.forecast import Outlook, forecast_files
+from stereocal.verdict.model_check import IN_IMAGES, IN_LENGTH, HeldOutRatio, ModelCheck
 from stereocal.verdict.predictive import Predictive
 from stereocal.verdict.recommendation import NO_FORECAST, NO_REFINED, Recommendation, recommend
 from stereocal.workflow import answer, calibrate
 from tests import known_rig as rig
-from tests.verdict.test_verdict import forecast_with, runs_with
+from tests.verdict.test_verdict import forecast_with
 
 
 @pytest.fixture(scope="module")
@@ -32,9 +33,10 @@ def outlook(calibration: Calibration) -> Outlook:
 
 
 def told(
-    calibration: Calibration, outlook: Outlook, predictive: Predictive, *more: Any
-) -> Recommendation:
-    return recommend(calibration, replace(outlook, predictive=predictive), *more)
+    calibration: Calibration, outlook: Outlook, predictive: Predictive,
+    validation: Any = None, check: ModelCheck | None = None,
+) -> Recommendation:  # fmt: skip
+    return recommend(calibration, replace(outlook, predictive=predictive, check=check), validation)
 
 
 def entry(threshold: float, **more: Any) -> dict[str, Any]:
@@ -104,12 +106,13 @@ def test_figures_and_threshold_are_those_of_the_file(
 def test_a_doubted_model_lets_held_out_frames_speak(
     calibration: Calibration, outlook: Outlook
 ) -> None:
-    one = forecast_with(0.8, 0.9, 0.02)
-    px = one.forecasts["refined"].mean_reprojection_px.value
-    found = told(calibration, outlook, one, VALIDATION, runs_with(2.0 * px, 0.0018))
+    check = ModelCheck(
+        HeldOutRatio("", IN_IMAGES, 2.0, 9.0), HeldOutRatio("", IN_LENGTH, 1.0, 0.0), ()
+    )
+    found = told(calibration, outlook, forecast_with(0.8, 0.9, 0.02), VALIDATION, check)
     assert not found.forecast_holds
     assert "95 % of lengths are within 0.60 % (on held-out frames)." in found.sentences[0]
-    assert "the model does not explain these images" in found.text
+    assert "The model does not explain these images" in found.text
 
 
 def test_without_a_forecast_the_papers_two(calibration: Calibration) -> None:
