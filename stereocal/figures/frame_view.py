@@ -96,6 +96,13 @@ class FrameView:
         at = np.flatnonzero(rows.frame[rows.bars[:, 0]] == self.frame)
         return float(self.dataset.bar_distances_m[at[0]]) if len(at) else None
 
+    @property
+    def length_error(self) -> float | None:
+        """Relative; None with one target."""
+        if self.length_m is None or self.stated_m is None:
+            return None
+        return self.length_m / self.stated_m - 1.0
+
     def line(self, camera: int, target: int) -> FloatArray:
         """(m, 2): the epipolar line of a target's partner in the image as recorded, in pixels."""
         E = self.rig.pose.essential

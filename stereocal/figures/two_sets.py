@@ -40,16 +40,16 @@ def plot_image(
     The close-ups have the same size with every set.
     """
     view = views[method]
-    figure = make_subplots(
-        rows=2, cols=2, specs=[[{"colspan": 2}, None], [{}, {}]], row_heights=[0.58, 0.42],
-        vertical_spacing=0.09, horizontal_spacing=0.12,
-        subplot_titles=["", *(f"close-up of {letter}" for letter in view.letters)],
-    )  # fmt: skip
-    finish(figure, IMAGE_HEIGHT).update_layout(showlegend=False)
-    width, height = view.cameras[camera].image_size
     half = 1.4 * max(
         SMALLEST_WINDOW_PX, *(float(each.distances_px.max()) for each in views.values())
     )
+    figure = make_subplots(
+        rows=2, cols=2, specs=[[{"colspan": 2}, None], [{}, {}]], row_heights=[0.58, 0.42],
+        vertical_spacing=0.14, horizontal_spacing=0.06,
+        subplot_titles=["", *(f"{letter} ± {half:.2g} px" for letter in view.letters)],
+    )  # fmt: skip
+    finish(figure, IMAGE_HEIGHT).update_layout(showlegend=False)
+    width, height = view.cameras[camera].image_size
     boxes = [(-0.5, -0.5, width - 0.5, height - 0.5)]
     boxes += [(u - half, v - half, u + half, v + half) for u, v in view.pixels[camera]]
     for at, box in enumerate(boxes):
@@ -61,11 +61,13 @@ def plot_image(
         name = figure.get_subplot(row, column).xaxis.plotly_name.replace("axis", "")
         figure.update_xaxes(
             row=row, col=column, range=[left, right], showgrid=False, nticks=4,
-            constrain="domain", mirror=True,
+            constrain="domain", mirror=True, showticklabels=at == 0,
+            ticks="outside" if at == 0 else "",
         )  # fmt: skip
         figure.update_yaxes(
             row=row, col=column, range=[bottom, top], showgrid=False, nticks=4,
-            scaleanchor=name, constrain="domain", mirror=True,
+            scaleanchor=name, constrain="domain", mirror=True, showticklabels=at == 0,
+            ticks="outside" if at == 0 else "",
         )  # fmt: skip
     figure.update_annotations(font_size=13)
     figure.update_layout(margin_t=24)
@@ -170,16 +172,17 @@ def describe_two_sets(views: Mapping[Method, FrameView]) -> str:
     """All sets in one sentence with numbers."""
     parts: list[str] = []
     for method, view in views.items():
-        px = float(view.distances_px.mean())
-        name = METHOD_NAMES[method][0].lower() + METHOD_NAMES[method][1:]
-        name = METHOD_NAMES[method] if method != "refined" else name
-        first = "the epipolar lines pass " if not parts else ""
-        text = f"with the {name} {first}{px:.2g} px{' from the points' if first else ''}"
-        if view.length_m is not None and view.stated_m is not None:
-            error = view.length_m / view.stated_m - 1
-            long = "long" if error > 0 else "short"
-            bar = "the bar is " if first else ""
-            text += f" and {bar}{100 * abs(error):.2g} % too {long}"
+        name = "the refined set" if method == "refined" else f"the {METHOD_NAMES[method]}"
+        px, error = float(view.distances_px.mean()), view.length_error
+        if not parts:
+            text = f"With {name} the epipolar lines pass {px:.2g} px from the points"
+            text += "" if error is None else f" and the bar is {_too_long(error)}"
+        else:
+            text = f"with {name} {px:.2g} px"
+            text += "" if error is None else f" and {_too_long(error)}"
         parts.append(text)
-    frame = next(iter(views.values())).frame
-    return f"Frame {frame}: {'; '.join(parts)}."
+    return f"{'; '.join(parts)}."
+
+
+def _too_long(error: float) -> str:
+    return f"{100 * abs(error):.2g} % too {'long' if error > 0 else 'short'}"
