@@ -56,16 +56,25 @@ SOLVERS = ("constrained", "linear")
 def settings_form(project: Project, dataset: Dataset) -> dict[str, Any]:
     """Show the form; the settings of the calibration."""
     frames = len(dataset.correspondences.frames)
-    chosen = setting(project, "calibration_frames", frames, number(1, frames))
     if frames > 1:
         st.slider(
             "Frames to calibrate with (the others test the result)",
-            1, frames, **chosen.widget(),
+            1, frames, **_frames_field(project, frames).widget(),
             help=f"All {frames}, or fewer, drawn at random. Paper: 20 of 25.",
         )  # fmt: skip
-    values = search_form(project)
-    used = chosen.value()
-    return values | {"calibration_frames": None if used == frames else used}
+    search_form(project)
+    return form_values(project, dataset)
+
+
+def form_values(project: Project, dataset: Dataset) -> dict[str, Any]:
+    """The settings of the calibration, also for pages that do not show the form."""
+    frames = len(dataset.correspondences.frames)
+    used = _frames_field(project, frames).value()
+    return search_values(project) | {"calibration_frames": None if used == frames else used}
+
+
+def _frames_field(project: Project, frames: int) -> Field:
+    return setting(project, "calibration_frames", frames, number(1, frames))
 
 
 def _search_fields(project: Project) -> dict[str, Field]:

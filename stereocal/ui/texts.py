@@ -24,7 +24,7 @@ BRING = """
    Or **the photographs**: stereocal finds the targets, two-by-two checkerboards, in them.
 2. **One camera file for each camera**: the lens, as OpenCV or stereocal saved it
    (focal length, image centre, distortion, image size).
-   Or **about 50 photographs of a chessboard** by each camera, for the Cameras page.
+   Or **about 50 photographs of a chessboard** by each camera, for the Lenses page.
 3. **The baseline**: the distance between the two cameras, measured with a laser range finder.
 4. **The distance between the two targets** on the bar, centre to centre.
 

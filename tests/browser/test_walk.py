@@ -82,7 +82,7 @@ def test_upload_real_recordings_and_compare_with_the_command_line(
     box.fill("390")
     box.press("Enter")
     expect(page.get_by_text("818 pairs of points in 409 frames")).to_be_visible()
-    page.locator("[data-testid=stMain]").get_by_role("link", name="Calibrate").click()
+    page.get_by_role("button", name="Next: Calibrate").click()
     settled(page)
     calibrate(page)
     reprojection = [float(cell) for cell in row_of(page, "Mean reprojection error (px)")]
@@ -139,7 +139,7 @@ def test_sample_to_downloads_with_a_refresh_and_a_restart(
         page.goto("about:blank")
     with serve(home) as url:  # a bookmark is the first address that the new server gets
         page.goto(re.sub(r"http://[^/]+", url, address))
-        expect(page.get_by_test_id("stSidebar").get_by_role("link")).to_have_text(
+        expect(page.get_by_test_id("stSidebarNavLink").locator("p")).to_have_text(
             list(TITLES.values())
         )
         settled(page)
