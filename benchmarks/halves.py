@@ -25,7 +25,6 @@ from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.rig import Rig
 from stereocal.verdict.forecast import forecast_files
-from stereocal.verdict.one_or_two_sets import run_splits, verdict
 from stereocal.workflow import calibrate
 
 MERGE = 5
@@ -63,9 +62,7 @@ def one_half(fitted: Dataset, tested: Dataset, sound: Dataset) -> None:
     settings = RefineSettings()
     calibration = calibrate(fitted, CalibrationSettings(), refined=settings)
     outlook = forecast_files(calibration)
-    kept = calibration.screening.dataset
-    runs = run_splits(kept, calibration.settings, settings, 20)
-    answer = verdict(outlook.predictive, len(kept.correspondences.frames), runs or ())
+    answer = outlook.verdict
     for item in outlook.comparison.inputs:
         if item.accused:
             print(f"  {item.advice}")
