@@ -50,7 +50,8 @@ from stereocal.figures.two_sets import (
     plot_gap,
     plot_image,
 )
-from stereocal.figures.validation import describe_validation, plot_validation
+from stereocal.figures.validation import plot_validation
+from stereocal.figures.validation_panels import describe_validation
 
 __all__ = [
     "METHOD_COLOURS",
