@@ -10,7 +10,7 @@ def main() -> None:
     """
     import streamlit as st
 
-    from stereocal.ui.navigation import check_settings, mark_app_running, pages, run_page
+    from stereocal.ui.navigation import check_settings, mark_app_running, run_page, show_menu
     from stereocal.ui.project import keep_address
     from stereocal.ui.uploads import watch_uploads
     from stereocal.ui.warm_up import warm_up
@@ -20,7 +20,7 @@ def main() -> None:
     check_settings()
     warm_up()
     watch_uploads()
-    page = st.navigation(pages())
+    page = show_menu()
     keep_address()
     mark_app_running()
     run_page(page)

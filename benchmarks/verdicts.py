@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from benchmarks.population import population
 from benchmarks.refined_rigs import BAR_M, DEPTHS_M, Misjudged, random_scene, stated
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
@@ -18,8 +19,7 @@ from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.rig.camera import Camera
 from stereocal.simulation.simulate import place_bars
 from stereocal.verdict.forecast import forecast_files
-from stereocal.verdict.one_or_two_sets import TOLERANCE, Verdict, run_splits, verdict
-from stereocal.verdict.predictive import population
+from stereocal.verdict.one_or_two_sets import TOLERANCE, Verdict
 from stereocal.workflow import calibrate
 
 
@@ -43,7 +43,6 @@ CASES: Mapping[str, Case] = {
     "lens files 20 times too sure": Case(Misjudged(0.0115, 0.0005, 0.01, 15.0), too_sure=20.0),
     "lens files 40 times too sure": Case(Misjudged(0.0115, 0.0005, 0.01, 15.0), too_sure=40.0),
 }
-RUNS = 20
 
 
 def one_rig(case: Case, frames: int, seed: int) -> tuple[Verdict, bool]:
@@ -63,8 +62,7 @@ def one_rig(case: Case, frames: int, seed: int) -> tuple[Verdict, bool]:
     calibration = calibrate(dataset, CalibrationSettings(), refined=settings)
     outlook = forecast_files(calibration)
     files = outlook.files
-    runs = run_splits(calibration.screening.dataset, calibration.settings, settings, RUNS)
-    answer = verdict(outlook.predictive, frames, runs or ())
+    answer = outlook.verdict
     factor = BAR_M / dataset.target_distance_m
     test = place_bars(scene.rig, rng, 1500, BAR_M, DEPTHS_M)
     true = population(scene.rig, files, test.ends_m, noise, dict.fromkeys(files, 1.0), rng, factor)
@@ -96,7 +94,11 @@ def main() -> None:
         caught = sum(answer.kind == "two" for answer in needing)
         doubted = sum(answer.check is not None and not answer.check.holds for answer, _ in found)
         checks = np.array(
-            [(a.check.matching, a.check.measuring) for a, _ in found if a.check is not None]
+            [
+                (a.check.matching.ratio, a.check.measuring.ratio)
+                for a, _ in found
+                if a.check is not None
+            ]
         )
         low, middle, high = np.percentile(checks, (1, 50, 99), axis=0)
         print(

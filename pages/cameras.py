@@ -1,4 +1,4 @@
-"""Cameras: the lens of each camera, from photographs of a board or from a camera file."""
+"""Lenses: the lens of each camera, from photographs of a board or from a camera file."""
 
 import streamlit as st
 
@@ -15,7 +15,7 @@ from stereocal.ui.project import current_project
 from stereocal.ui.texts import BOARDS
 
 ensure_navigation()
-st.title("Cameras")
+st.title("Lenses (optional)")
 st.subheader("How does each camera's lens see, and how well is that known?")
 
 project = current_project()
@@ -24,13 +24,12 @@ which, how = choose_camera(project)
 if how == "A camera file":
     from_file(project, which)
     show_refusal()
-    st.stop()
-
-with st.expander("How to take the photographs"):
-    st.markdown(BOARDS)
-store = from_photographs(project, which)
-show_refusal()
-if store is None:
-    st.info("Nothing to calibrate yet: upload photographs of the board.")
-    st.stop()
-show_lens(store)
+else:
+    with st.expander("How to take the photographs"):
+        st.markdown(BOARDS)
+    store = from_photographs(project, which)
+    show_refusal()
+    if store is None:
+        st.info("Nothing to calibrate yet: upload photographs of the board.")
+    else:
+        show_lens(store)

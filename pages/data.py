@@ -60,9 +60,8 @@ if dataset is None:
     st.stop()
 st.success(
     f"Complete: {len(dataset.correspondences)} pairs of points in "
-    f"{len(dataset.correspondences.frames)} frames. Go on to calibrate."
+    f"{len(dataset.correspondences.frames)} frames."
 )
-st.page_link("pages/calibrate.py", label="Calibrate", icon=":material/arrow_forward:")
 show_figure(plot_coverage(dataset), describe_coverage(dataset), "coverage")
 st.table(contents_table(dataset))
 dataset_download(dataset)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -73,11 +72,7 @@ def calibrate(
             "essential", start.pose, start.cost, start.evaluations, start.stop_reason, start.seconds
         )
     }
-    searches: tuple[tuple[Method, Problem, np.random.SeedSequence], ...] = (
-        ("2d", reprojection_problem(chosen), seed_2d),
-        ("3d", reconstruction, seed_3d),
-    )
-    for method, problem, seed in searches:
+    for method, (problem, seed) in _searches(chosen, settings, seed_2d, seed_3d).items():
         report(method)
         found = minimise(problem, start.pose, settings.search, seed, trace)
         results[method] = MethodResult(
@@ -96,6 +91,19 @@ def calibrate(
     return Calibration(
         dataset, settings, screening, frames, results, tuple(warnings), refined_result
     )
+
+
+def _searches(
+    dataset: Dataset,
+    settings: CalibrationSettings,
+    seed_2d: np.random.SeedSequence,
+    seed_3d: np.random.SeedSequence,
+) -> dict[Method, tuple[Problem, np.random.SeedSequence]]:
+    """The problems of the two searches, with their random streams."""
+    return {
+        "2d": (reprojection_problem(dataset), seed_2d),
+        "3d": (reconstruction_problem(dataset, settings.known_points), seed_3d),
+    }
 
 
 def _essential(
@@ -165,14 +173,11 @@ def conclusions_of_seeds(
     """
     if calibration.settings.calibration_frames is not None:
         return ""  # another seed would draw other frames
-    frames = len(calibration.frames)
+    frames, settings = len(calibration.frames), calibration.settings
     found = [verdict(outlook.predictive, frames)]
     lengths = [outlook.predictive.forecasts["3d"].mean_error_3d.value]
     for seed in seeds:
-        search = calibration.settings.search
-        settings = replace(calibration.settings, search=replace(search, seed=search.seed + seed))
-        other = replace(calibrate(calibration.dataset, settings), refined=calibration.refined)
-        files = {**outlook.files, **{name: _rig(other, name) for name in other.methods}}
+        files = {**outlook.files, **files_of_seed(calibration, settings.search.seed + seed)}
         predictive = predict(outlook.comparison.model, files, draws=FEWER_DRAWS)
         found.append(verdict(predictive, frames))
         lengths.append(predictive.forecasts["3d"].mean_error_3d.value)
@@ -186,6 +191,13 @@ def conclusions_of_seeds(
     )
 
 
-def _rig(calibration: Calibration, method: Method) -> Rig:
-    dataset = calibration.dataset
-    return Rig(dataset.primary, dataset.secondary, calibration.methods[method].pose)
+def files_of_seed(calibration: Calibration, seed: int) -> dict[Method, Rig]:
+    """The 2D and the 3D set of a calibration with another seed of the searches."""
+    settings, dataset = calibration.settings, calibration.screening.dataset
+    start = calibration.methods["essential"].pose
+    streams = np.random.SeedSequence(seed).spawn(3)[1:]
+    found: dict[Method, Rig] = {}
+    for method, (problem, stream) in _searches(dataset, settings, *streams).items():
+        pose = minimise(problem, start, settings.search, stream).pose
+        found[method] = Rig(dataset.primary, dataset.secondary, pose)
+    return found

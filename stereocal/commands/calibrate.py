@@ -14,8 +14,6 @@ from stereocal.commands.options import (
     settings_from,
     with_sigmas,
 )
-from stereocal.commands.progress import ProgressBar
-from stereocal.errors import StereocalError
 from stereocal.figures.tables import (
     answer,
     digits,
@@ -36,8 +34,7 @@ from stereocal.refined.uncertainty import standard_errors
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import CAMERAS
 from stereocal.system.atomic_files import write_all
-from stereocal.verdict.forecast import Outlook, outlook_of
-from stereocal.verdict.one_or_two_sets import run_splits, verdict
+from stereocal.verdict.forecast import outlook_of
 from stereocal.verdict.predictive import Predictive
 from stereocal.workflow import calibrate, conclusions_of_seeds
 
@@ -67,9 +64,9 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     command.add_argument(
         "--runs",
         type=int,
-        default=50,
+        default=1,
         metavar="N",
-        help="random splits for the verdict; 0 for none (default: 50)",
+        help="0: no verdict; other numbers make no difference",
     )
     command.add_argument(
         "--no-refined",
@@ -142,7 +139,11 @@ def run(parsed: argparse.Namespace) -> None:
         print(f"Do not rely on this result: {caution}")
     print_notes(calibration, inputs)
     if refined is not None and parsed.runs:
-        print(verdict_line(calibration, outlook, refined, parsed.runs))
+        print(
+            f"Verdict: {outlook.verdict.text} {outlook.advice}"
+            if outlook
+            else "No verdict: there are too few bars for a forecast."
+        )
         if outlook and (seeds := conclusions_of_seeds(calibration, outlook)):
             print(f"Note: {seeds}")
     for path in files:
@@ -168,24 +169,6 @@ def refined_lines(result: RefinedResult) -> str:
         named = listed([str(frame) for frame in result.outlying_frames])
         lines.append(f"refined: left out as well, given its stated uncertainties: {named}")
     return "\n".join(lines)
-
-
-def verdict_line(
-    calibration: Calibration, outlook: Outlook | None, refined: RefineSettings, runs: int
-) -> str:
-    """The verdict, checked by random splits, or why there is none."""
-    try:
-        if outlook is None:
-            raise StereocalError("there are too few bars for a forecast.")
-        with ProgressBar("random splits") as bar:
-            found = run_splits(
-                calibration.screening.dataset, calibration.settings, refined, runs,
-                progress=bar.show,
-            )  # fmt: skip
-        assert found is not None  # nobody cancels here
-        return f"Verdict: {verdict(outlook.predictive, len(calibration.frames), found).text}"
-    except StereocalError as error:
-        return f"No verdict: {error}"
 
 
 def forecast_lines(predictive: Predictive) -> str:

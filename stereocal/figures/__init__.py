@@ -43,7 +43,8 @@ from stereocal.figures.style import (
 )
 from stereocal.figures.traces import describe_traces, plot_traces
 from stereocal.figures.tradeoff import describe_trade_off, plot_trade_off
-from stereocal.figures.validation import describe_validation, plot_validation
+from stereocal.figures.validation import plot_validation
+from stereocal.figures.validation_panels import describe_validation
 
 __all__ = [
     "METHOD_COLOURS",

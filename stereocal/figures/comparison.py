@@ -17,10 +17,15 @@ from stereocal.rig.compiled import FloatArray
 
 COMPARISON_HEIGHT = 700
 LONGEST_NAME = 20
+LIMIT = "arrow-bar-down"
+"""Symbol of an upper limit: an arrow downwards from it."""
 
 
 def plot_comparison(by_dataset: Mapping[str, Mapping[Method, MethodSummary]]) -> go.Figure:
-    """FCP of the reprojection error and median 3D error of several data sets, with intervals."""
+    """FCP of the reprojection error and median 3D error of several data sets, with intervals.
+
+    Where no wrong pair looked right, an arrow starts at the upper limit of the FCP.
+    """
     names = list(by_dataset)
     figure = make_subplots(rows=2, cols=1, shared_xaxes=True, vertical_spacing=0.06)
     finish(figure, COMPARISON_HEIGHT)
@@ -36,7 +41,7 @@ def plot_comparison(by_dataset: Mapping[str, Mapping[Method, MethodSummary]]) ->
         zeros = sum(e.value == 0 for of_method in estimates.values() for e in of_method)
         figure.update_yaxes(
             row=row, col=1, type="log", exponentformat="none", dtick="D2",
-            title_text=title + (f"<br>open: 0 (n = {zeros})" if zeros else ""),
+            title_text=title + (f"<br>↧: upper limit, none counted (n = {zeros})" if zeros else ""),
         )  # fmt: skip
     short = [n if len(n) <= LONGEST_NAME else f"{n[: LONGEST_NAME - 1]}…" for n in names]
     figure.update_xaxes(
@@ -78,7 +83,7 @@ def _estimate(summary: MethodSummary, row: int) -> Estimate:
 
 
 def _floor(estimates: Sequence[Estimate]) -> float:
-    """The position of zeros on a logarithmic axis, below all positive values."""
+    """The end of intervals that reach 0, on a logarithmic axis below all positive values."""
     positive = [v for e in estimates for v in (e.value, e.low, e.high) if v > 0]
     return min(positive) / 2 if positive else 1e-6
 
@@ -87,21 +92,24 @@ def _add_comparison(
     figure: go.Figure, row: int, method: Method, names: Sequence[str],
     estimates: Sequence[Estimate], floor: float,
 ) -> None:  # fmt: skip
-    values = np.array([[e.value, e.low, e.high] for e in estimates])
+    # Where nothing was counted, the upper limit alone.
+    values = np.array([[e.value or e.high, e.low if e.value else e.high, e.high]
+                       for e in estimates])  # fmt: skip
     drawn: FloatArray = 100 * np.maximum(values, floor)
     symbol = METHOD_SYMBOLS[method]
     texts = [
-        f"{html.escape(name)}, {METHOD_NAMES[method]}<br>{percent(e.value)} % ({interval(e)})"
+        f"{html.escape(name)}, {METHOD_NAMES[method]}<br>"
+        + (f"{percent(e.value)} % ({interval(e)})" if e.value else f"below {percent(e.high)} %")
         for name, e in zip(names, estimates, strict=True)
     ]
     figure.add_trace(
         go.Scatter(
-            x=np.arange(len(names)) + 0.2 * (ALL_METHODS.index(method) - 1), y=drawn[:, 0],
+            x=np.arange(len(names)) + 0.2 * (ALL_METHODS.index(method) - 1.5), y=drawn[:, 0],
             error_y={"type": "data", "array": drawn[:, 2] - drawn[:, 0],
                      "arrayminus": drawn[:, 0] - drawn[:, 1], "thickness": 1.5, "width": 3},
             mode="markers", name=METHOD_NAMES[method], legendgroup=method, showlegend=row == 1,
             marker={"color": METHOD_COLOURS[method], "size": 9 if len(names) <= 8 else 7,
-                    "symbol": [symbol + "-open" * (e.value == 0) for e in estimates]},
+                    "symbol": [symbol if e.value else LIMIT for e in estimates]},
             text=texts, hovertemplate="%{text}<extra></extra>",
         ),
         row=row, col=1,

@@ -30,7 +30,8 @@ from stereocal.figures.tables import (
     validation_answer,
     validation_table,
 )
-from stereocal.figures.validation import COLUMNS, describe_validation, plot_validation
+from stereocal.figures.validation import plot_validation
+from stereocal.figures.validation_panels import COLUMNS, describe_validation
 from stereocal.refined.screening import Screening
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles

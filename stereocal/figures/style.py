@@ -7,6 +7,7 @@ distinguished with colour blindness (tests/figures/test_colours.py).
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import plotly.graph_objects as go
 
@@ -44,26 +45,29 @@ GRID_3D = "#8C9399"
 TRANSPARENT = "rgba(0,0,0,0)"
 
 
+LAYOUT: Mapping[str, Any] = {
+    "paper_bgcolor": TRANSPARENT, "plot_bgcolor": TRANSPARENT,
+    "margin": {"l": 8, "r": 8, "t": 8, "b": 8}, "font": {"size": 14},
+    "legend": {
+        "orientation": "h", "x": 0, "xanchor": "left", "y": 1.0, "yanchor": "bottom",
+        "font": {"size": 14}, "bgcolor": TRANSPARENT, "itemsizing": "constant",
+    },
+}  # fmt: skip
+"""Transparent, small margins, legend in rows above the plot."""
+AXIS: Mapping[str, Any] = {
+    "automargin": True, "showgrid": True, "gridcolor": GRID, "zeroline": False,
+    "showline": True, "linecolor": FAINT, "ticks": "outside", "tickcolor": FAINT,
+    "tickfont": {"size": 13}, "title": {"font": {"size": 14}, "standoff": 6},
+}  # fmt: skip
+
+
 def finish(figure: go.Figure, height: int) -> go.Figure:
-    """Apply the common style: transparent, small margins, legend in rows above the plot."""
-    common = {
-        "height": height, "paper_bgcolor": TRANSPARENT, "plot_bgcolor": TRANSPARENT,
-        "margin": {"l": 8, "r": 8, "t": 8, "b": 8}, "font": {"size": 14},
-        "legend": {
-            "orientation": "h", "x": 0, "xanchor": "left", "y": 1.0, "yanchor": "bottom",
-            "font": {"size": 14}, "bgcolor": TRANSPARENT, "itemsizing": "constant",
-        },
-    }  # fmt: skip
-    axes = {
-        "automargin": True, "showgrid": True, "gridcolor": GRID, "zeroline": False,
-        "showline": True, "linecolor": FAINT, "ticks": "outside", "tickcolor": FAINT,
-        "tickfont": {"size": 13}, "title": {"font": {"size": 14}, "standoff": 6},
-    }  # fmt: skip
+    """Apply the common style."""
     # Set one by one, because `update_layout` and `update_xaxes` take four times as long.
-    for name, value in common.items():
+    for name, value in {**LAYOUT, "height": height}.items():
         figure.layout[name] = value
     for axis in (*figure.select_xaxes(), *figure.select_yaxes()):
-        for name, value in axes.items():
+        for name, value in AXIS.items():
             axis[name] = value
     return figure
 

@@ -36,7 +36,7 @@ class FourCoefficientsError(StereocalError):
 def fisheye_refused(source: str) -> StereocalError:
     return StereocalError(
         f"{source}: the lens is a fisheye (k1 k2 k3 k4), which stereocal does not support. "
-        "Calibrate it as a usual lens (OpenCV's calibrateCamera, or the page Cameras), or "
+        "Calibrate it as a usual lens (OpenCV's calibrateCamera, or the page Lenses), or "
         "undistort the images first and use a camera without distortion."
     )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any
 
@@ -50,22 +51,34 @@ NUMBERS = (
 )  # fmt: skip
 
 
+SLIDERS = ("delta", "acceptance")
+DELTAS = (1e-5, 2e-5, 5e-5, 1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2, 2e-2, 5e-2, 0.1)
+"""Positions of the slider of the first step, rad."""
 SOLVERS = ("constrained", "linear")
 
 
 def settings_form(project: Project, dataset: Dataset) -> dict[str, Any]:
     """Show the form; the settings of the calibration."""
     frames = len(dataset.correspondences.frames)
-    chosen = setting(project, "calibration_frames", frames, number(1, frames))
     if frames > 1:
         st.slider(
             "Frames to calibrate with (the others test the result)",
-            1, frames, **chosen.widget(),
+            1, frames, **_frames_field(project, frames).widget(),
             help=f"All {frames}, or fewer, drawn at random. Paper: 20 of 25.",
         )  # fmt: skip
-    values = search_form(project)
-    used = chosen.value()
-    return values | {"calibration_frames": None if used == frames else used}
+    search_form(project)
+    return form_values(project, dataset)
+
+
+def form_values(project: Project, dataset: Dataset) -> dict[str, Any]:
+    """The settings of the calibration, also for pages that do not show the form."""
+    frames = len(dataset.correspondences.frames)
+    used = _frames_field(project, frames).value()
+    return search_values(project) | {"calibration_frames": None if used == frames else used}
+
+
+def _frames_field(project: Project, frames: int) -> Field:
+    return setting(project, "calibration_frames", frames, number(1, frames))
 
 
 def _search_fields(project: Project) -> dict[str, Field]:
@@ -84,12 +97,31 @@ def search_values(project: Project) -> dict[str, Any]:
     return values | {"frames_put_back": put_back_field(project).value()}
 
 
-def search_form(project: Project) -> dict[str, Any]:
-    """The settings of the search and of the essential method, in an expander."""
+def search_sliders(project: Project) -> None:
+    """The two settings of the search that the paper varies, as sliders."""
     fields = _search_fields(project)
-    with st.expander("Settings of the search"):
+    left, right = st.columns(2)
+    delta, acceptance = (each for each in NUMBERS if each.key in SLIDERS)
+    steps = sorted({*DELTAS, fields["delta"].value()})
+    left.select_slider(
+        delta.title, steps, format_func="{:g}".format, help=delta.help, **fields["delta"].widget()
+    )
+    right.slider(
+        acceptance.title, *acceptance.bounds, step=0.01, help=acceptance.help,
+        **fields["acceptance"].widget(),
+    )  # fmt: skip
+
+
+def search_form(project: Project, without: Collection[str] = ()) -> dict[str, Any]:
+    """The settings of the search and of the essential method, in an expander.
+
+    Args:
+        without: keys of numbers that stand elsewhere on the page.
+    """
+    fields = _search_fields(project)
+    with st.expander("Other settings of the search" if without else "Settings of the search"):
         columns = st.columns(3)
-        for at, each in enumerate(NUMBERS):
+        for at, each in enumerate(each for each in NUMBERS if each.key not in without):
             kind = type(each.default)
             columns[at % 3].number_input(
                 each.title, *each.bounds, format=each.format, help=each.help,

@@ -1,4 +1,4 @@
-"""The Cameras page: upload of board photographs or a camera file, and the lens calibration."""
+"""The Lenses page: upload of board photographs or a camera file, and the lens calibration."""
 
 from __future__ import annotations
 
@@ -64,8 +64,6 @@ def show_cameras_in_use(project: Project | None) -> None:
                 f"{escape_markdown(labels[which])}: fx {camera.K[0, 0]:.2f}{sigma} px, "
                 f"image {width} × {height} px"
             )
-    if project and all(cameras):
-        st.page_link("pages/data.py", label="Go on to Data", icon=":material/arrow_forward:")
 
 
 def choose_camera(project: Project | None) -> tuple[CameraName, str]:

@@ -1,4 +1,4 @@
-"""Results of the Cameras page: answer, table, figures, downloads, and use of the lens."""
+"""Results of the Lenses page: answer, table, figures, downloads, and use of the lens."""
 
 from __future__ import annotations
 

@@ -4,33 +4,49 @@ from __future__ import annotations
 
 import logging
 import os
+from collections.abc import Mapping
+from itertools import pairwise
 
 import streamlit as st
+from streamlit.delta_generator import DeltaGenerator
 from streamlit.navigation.page import StreamlitPage
 from streamlit.runtime.scriptrunner import StopException
 
 from stereocal.errors import StereocalError
+from stereocal.projects.project import Project
 from stereocal.projects.server_settings import ServerSettings
 from stereocal.system.executors import scheduler_of
 from stereocal.system.limits import Limits
 from stereocal.ui.fields import begin_page, end_page
 from stereocal.ui.messages import callback, forget_messages, show_messages
-from stereocal.ui.project import forms_are_sound, open_created, reset_forms
+from stereocal.ui.page_states import PageState, page_states
+from stereocal.ui.project import (
+    forms_are_sound,
+    open_created,
+    open_or_none,
+    reset_forms,
+    show_project,
+    show_saved,
+)
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.uploads import check_dropped
 from stereocal.ui.warm_up import compiling_shown
 
-TITLES = {
-    "start": "Start",
-    "cameras": "Cameras",
-    "data": "Data",
-    "calibrate": "Calibrate",
-    "validate": "Validate",
-    "one_set": "One set or two",
-    "apply": "Apply",
+SECTIONS: Mapping[str, Mapping[str, str]] = {
+    "": {"start": "Start"},
+    "Before": {"cameras": "Lenses (optional)"},
+    "Calibrate": {
+        "data": "Data",
+        "calibrate": "Calibrate",
+        "validate": "Validate",
+        "one_set": "One set or two",
+    },
+    "Use": {"apply": "Apply"},
 }
-"""The pages in the order of the work, by the name of their file in `pages/`; with hyphens it is the
-last part of the address."""
+"""Titles of the pages by group and by the name of their file in `pages/`, in the order of the work;
+with hyphens the name is the last part of the address."""
+TITLES = {name: title for group in SECTIONS.values() for name, title in group.items()}
+_ORDER = list(TITLES)
 
 FITS = """<style>
 [data-testid=stFileUploaderDropzoneInstructions] span { white-space: normal; }
@@ -40,21 +56,29 @@ button:focus-visible, a:focus-visible, summary:focus-visible {
 </style>"""
 """Streamlit cuts off long lists of file types, and shows no focus on a chosen button."""
 
-_DRAWN = "frame_drawn"
+_DRAWN, _STATES, _NEXT = "frame_drawn", "page_states", "next_page"
 _LOG = logging.getLogger(__name__)
 
 
-def pages() -> list[StreamlitPage]:
-    """All pages of the dashboard."""
-    return [
-        st.Page(
-            f"pages/{name}.py",
-            title=title,
-            url_path=name.replace("_", "-"),
-            default=name == "start",
-        )
-        for name, title in TITLES.items()
-    ]
+def show_menu() -> StreamlitPage:
+    """The menu with the state of each page as it was last; returns the chosen page."""
+    states: Mapping[str, PageState] = st.session_state.get(_STATES, {})
+    sections = {
+        group: [_page(name, title, states.get(name)) for name, title in titles.items()]
+        for group, titles in SECTIONS.items()
+    }
+    return st.navigation(sections, expanded=True)
+
+
+def _page(name: str, title: str, state: PageState | None) -> StreamlitPage:
+    return st.Page(
+        f"pages/{name}.py",
+        title=title,
+        icon=state.icon if state else None,
+        help=state.words if state else None,
+        url_path=name.replace("_", "-"),
+        default=name == "start",
+    )
 
 
 def check_settings() -> None:
@@ -81,7 +105,7 @@ def ensure_navigation() -> None:
     `pages/` alone. One call of `st.navigation` ends that mode.
     """
     if _DRAWN not in st.session_state:
-        st.navigation(pages())
+        show_menu()
         st.rerun()
 
 
@@ -92,21 +116,53 @@ def run_page(page: StreamlitPage) -> None:
     which an older version may have left, the forms are reset.
     """
     callback(check_dropped)()
+    if chosen := st.session_state.pop(_NEXT, None):
+        st.switch_page(chosen)
     if open_created() and page.url_path == "":
         st.switch_page("pages/data.py")
     top = st.container()
     shown = show_messages(top)
     begin_page(page.url_path)
+    project = open_or_none()
+    with st.sidebar:
+        saved = show_project(project)
     try:
         with compiling_shown(top):
             _draw(page)
+        _show_next(page)
     except StopException:
         end_page()
+        _show_states(project, saved)
         forget_messages(shown)
         raise
     end_page()
+    _show_states(project, saved)
     # Messages queued meanwhile; if the page is drawn again, it shows all of them.
     forget_messages(shown + show_messages(top, shown))
+
+
+def _show_states(project: Project | None, saved: DeltaGenerator) -> None:
+    """Show what the page has changed: the states in the menu, and the time of the last change."""
+    show_saved(project, saved)
+    states = page_states(project)
+    if states != st.session_state.get(_STATES, {}):
+        st.session_state[_STATES] = states
+        show_menu()
+
+
+def _show_next(page: StreamlitPage) -> None:
+    """The button to the next page; none on Start, which has its own, and on the last page."""
+    name = page.url_path.replace("-", "_")
+    following = dict(pairwise(_ORDER)).get(name)
+    if following is not None:
+        st.button(
+            f"Next: {TITLES[following].partition(' (')[0]}", key="next", type="primary",
+            icon=":material/arrow_forward:", on_click=_go, args=(following,),
+        )  # fmt: skip
+
+
+def _go(name: str) -> None:
+    st.session_state[_NEXT] = f"pages/{name}.py"
 
 
 def _draw(page: StreamlitPage) -> None:

@@ -46,7 +46,6 @@ from stereocal.ui.refined import calibrated, curves_of, inputs_of, map_of
 from stereocal.ui.results import show_figure
 from stereocal.ui.validation import kept_protocol
 from stereocal.verdict.forecast import Outlook
-from stereocal.verdict.one_or_two_sets import HeldOut, held_out, verdict
 from stereocal.verdict.tradeoff import TradeOff, costs_of
 
 FIXED, FREED = "As given", "Freed"
@@ -61,19 +60,15 @@ def show_verdict(
 
     Args:
         screening: of the data set; the forecast and the runs leave out the same frames.
-        evaluation: the last validation, the check of the model if it is of these data.
+        evaluation: the last validation, for its warning if it is of these data.
         outlook: the forecast of all files.
     """
-    dataset, kept = screening.full_dataset, screening.dataset
+    dataset = screening.full_dataset
     if outlook is None:
         st.info("There are too few bars with both targets for a forecast: record at least 3.")
         return
-    runs: list[HeldOut] = []
     of_these = evaluation is not None and list(evaluation.sha256) == [dataset.sha256]
-    if evaluation is not None and of_these and evaluation.settings.refined is not None:
-        frames = evaluation.settings.calibration_frames
-        runs = [held_out(run, kept, frames) for run in evaluation.runs[0]]
-    answer = verdict(outlook.predictive, len(kept.correspondences.frames), runs)
+    answer = outlook.verdict
     caution = (
         why_validation_not_trusted(evaluation.summaries, [screening])
         if evaluation is not None and of_these
@@ -82,18 +77,9 @@ def show_verdict(
     if caution:
         st.error(escape_markdown(f"Do not rely on this result: {caution}"))
     (st.info if caution or answer.kind == "level" else st.success)(answer.text)
-    if answer.check is None and runs:
-        frames, usual = runs[0].fitted_frames, 4 * len(kept.correspondences.frames) // 5
-        st.info(
-            f"Each split fitted only {frames} of {len(kept.correspondences.frames)} frames, too "
-            f"few for a check of this forecast: fit {usual}, 4 of 5 as in the paper."
-        )
-        st.page_link("pages/validate.py", label="Set it on the Validate page")
-    elif answer.check is None:
-        st.caption("Not yet checked on held-out frames: the Validate page does that.")
-        st.page_link("pages/validate.py", label="Check it on the Validate page")
-    elif answer.check.holds:
-        st.caption(answer.check.text)
+    if answer.check is not None and answer.check.holds:
+        st.caption(escape_markdown(answer.check.text))
+    st.caption(escape_markdown(outlook.advice))
 
 
 def show_disagreement(inputs: list[Input]) -> None:

@@ -4,19 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from concurrent.futures import Future
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from datetime import datetime
 
 import streamlit as st
+from streamlit.delta_generator import DeltaGenerator
 
 from stereocal.errors import StereocalError
 from stereocal.formats.evaluation_files import Evaluation
 from stereocal.projects.data_folder import default_home
-from stereocal.projects.home import bring_back, removed_at
+from stereocal.projects.home import bring_back, changed_at, removed_at
 from stereocal.projects.inputs import Inputs, Slot
 from stereocal.projects.photographs import TABLE_LABEL
 from stereocal.projects.project import Project
 from stereocal.refined.results import Calibration
+from stereocal.ui.fields import Field
 from stereocal.ui.messages import attempt, callback, readable, tell
 from stereocal.ui.texts import escape_markdown
 
@@ -52,6 +54,34 @@ def current_project() -> Project | None:
             st.error(escape_markdown(str(error)))
             st.button("Start a new project", on_click=forget_project, type="primary")
         st.stop()
+
+
+def open_or_none() -> Project | None:
+    """The project of the URL; None without one that can be opened, which pages report."""
+    with suppress(StereocalError, OSError):
+        return Project.open(default_home(), st.session_state.get(_ID, ""))
+    return None
+
+
+def show_project(project: Project | None) -> DeltaGenerator:
+    """The project's name, to change; returns the place for `show_saved`."""
+    with suppress(StereocalError):  # reported by the page
+        if project is not None:
+            st.text_input("Project", placeholder="Give it a name", **_name(project).widget())
+    return st.empty()
+
+
+def _name(project: Project) -> Field:
+    key = "project_name"
+    return Field(key, key, lambda: project.inputs.name, project.rename, tells=False)
+
+
+def show_saved(project: Project | None, place: DeltaGenerator) -> None:
+    """When the project was last written to disk."""
+    changed = changed_at(project.database.path) if project else 0.0
+    if changed:
+        date = datetime.fromtimestamp(changed).astimezone().strftime("%Y-%m-%d %H:%M")
+        place.caption(f"Saved {date}")
 
 
 def is_open(project_id: str) -> bool:

@@ -15,7 +15,7 @@ NEEDED = """
 1. **A bar with two targets** in 20 to 30 frames, near and far, all over both views: a table of
    points (CSV), or the photographs.
 2. **A lens file for each camera**, as OpenCV or stereocal saved it, or about 50 photographs of a
-   chessboard by each camera.
+   chessboard by each camera, for the Lenses page.
 3. **The baseline**: the distance between the two cameras, measured with a laser range finder.
 4. **The distance between the two targets** on the bar, centre to centre.
 5. Nothing else: all is computed by the stereocal server that you started, and nothing leaves it.

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -13,11 +14,15 @@ from stereocal.errors import StereocalError
 from stereocal.refined.bar_fit import BAR
 from stereocal.refined.disagreement import Comparison, compare_inputs
 from stereocal.refined.parameter_file import covariance_entry
+from stereocal.refined.refine import RefinedResult
 from stereocal.refined.results import Calibration
 from stereocal.refined.unknowns import shared_unknowns
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.parameters import FileForecast
 from stereocal.rig.rig import Rig
+from stereocal.verdict.improvements import advice_on_improvements
+from stereocal.verdict.model_check import ModelCheck, check_model
+from stereocal.verdict.one_or_two_sets import Verdict, verdict
 from stereocal.verdict.predictive import Predictive, predict
 
 
@@ -26,8 +31,22 @@ class Outlook:
     """The forecast of all files of a calibration."""
 
     files: Mapping[Method, Rig]
+    refined: RefinedResult
     comparison: Comparison
     predictive: Predictive
+    check: ModelCheck | None
+    """Whether held-out frames agree with the forecast; None with too few frames."""
+
+    @cached_property
+    def verdict(self) -> Verdict:
+        """Whether two sets are needed, and which files to use."""
+        frames = len(self.refined.dataset.correspondences.frames)
+        return verdict(self.predictive, frames, self.check)
+
+    @cached_property
+    def advice(self) -> str:
+        """What would lower the errors of the refined set."""
+        return advice_on_improvements(self.comparison.model)
 
     def of_file(self, method: Method, threshold_px: float | None = None) -> FileForecast:
         """The entries of one parameter file.
@@ -36,10 +55,7 @@ class Outlook:
             threshold_px: at which the shares are given; None: the recommended one.
         """
         model, predictive = self.comparison.model, self.predictive
-        usual = threshold_px is None
-        forecast = (
-            predictive.forecasts[method] if usual else predictive.forecast(method, threshold_px)
-        )
+        forecast = predictive.forecast(method, threshold_px)
         return FileForecast(
             forecast.to_json(),
             {
@@ -84,7 +100,11 @@ def forecast_files(calibration: Calibration, seed: int = 0) -> Outlook:
     }
     files["refined"] = Rig(refined.primary, refined.secondary, refined.pose)
     comparison = compare_inputs(refined)
-    return Outlook(files, comparison, predict(comparison.model, files, seed))
+    predictive = predict(comparison.model, files, seed)
+    check = check_model(refined, comparison.model, predictive)
+    if check is not None and not check.holds:
+        predictive = replace(predictive, excess=check.excess)
+    return Outlook(files, refined, comparison, predictive, check)
 
 
 def outlook_of(calibration: Calibration, seed: int = 0) -> Outlook | None:

@@ -1,23 +1,55 @@
 """The noise of image points with its uncertainty and its tails, from standardised residuals.
 
-A pair of points has one residual that the position of the target cannot absorb: its distance from
-the epipolar line. Divided by its standard deviation, and by the share of it that the fit has not
-absorbed, it is 1 on average. Its distribution is that of Student with unknown scale and degrees of
+The four pixel coordinates of a pair have one combination that no position of the target can absorb:
+the distance from the epipolar line. The other three move the reconstructed point, and show in the
+lengths of the bars. Both noises need not be alike: a wrong distortion, or cameras that are slightly
+out of step, add to the first (on a real recording it was 1.4 times the second).
+
+A residual over its standard deviation, and over the share of it that the fit has not absorbed, is 1
+on average. The distribution across the lines is that of Student with unknown scale and degrees of
 freedom; their posterior is computed on a grid. Half of the prior belongs to the normal
-distribution.
+distribution, and half to equal noise along and across the lines.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.special import gammaln
 
+from stereocal.refined.innovations import bar_innovations, length_freedom
 from stereocal.refined.refine import RefinedResult
 from stereocal.rig.compiled import FloatArray
 
 DEGREES = np.array([3.0, 4.0, 5.0, 7.0, 10.0, 15.0, 30.0, np.inf])
 PRIOR = np.append(np.full(len(DEGREES) - 1, 0.5 / (len(DEGREES) - 1)), 0.5)
 SCALES = np.geomspace(0.3, 2.0, 160)
+LARGEST_SHIFT = 77
+"""Noise along over noise across the lines is between 0.4 and 2.5; in steps of `SCALES`."""
+
+
+@dataclass(frozen=True)
+class NoiseDraws:
+    """Draws of what describes the noise, each (draws,)."""
+
+    across: FloatArray
+    """Noise across the epipolar lines, relative to that of the model."""
+    along: FloatArray
+    """The noise that moves the reconstructed point, relative to `across`."""
+    degrees: FloatArray
+    """Degrees of freedom; infinite if normal."""
+
+
+def epipolar_gradient(model: RefinedResult, one: FloatArray, two: FloatArray) -> FloatArray:
+    """(n, 4): derivative of the residual of pairs by the pixels u, v of both images.
+
+    Args:
+        one, two: (n, 3): homogeneous undistorted rays of the primary and the secondary.
+    """
+    E = model.pose.essential
+    scales = [np.array([c.K[0, 0], c.K[1, 1]]) for c in (model.primary, model.secondary)]
+    return np.column_stack([(two @ E)[:, :2] / scales[0], (one @ E.T)[:, :2] / scales[1]])
 
 
 def standardised_residuals(model: RefinedResult) -> FloatArray:
@@ -28,26 +60,57 @@ def standardised_residuals(model: RefinedResult) -> FloatArray:
     table, rows = model.dataset.correspondences, model.used_rows
     one = np.column_stack([model.primary.undistort(table.primary[rows]), np.ones(rows.sum())])
     two = np.column_stack([model.secondary.undistort(table.secondary[rows]), np.ones(rows.sum())])
-    E = model.pose.essential
-    by_two, by_one = one @ E.T, two @ E
-    scales = [np.array([c.K[0, 0], c.K[1, 1]]) for c in (model.primary, model.secondary)]
-    variance = np.sum(np.square(by_one[:, :2] / scales[0]), axis=1)
-    variance += np.sum(np.square(by_two[:, :2] / scales[1]), axis=1)
-    residual = np.sum(two * by_two, axis=1)
-    return np.asarray(residual / (model.sigma_px.value * np.sqrt(variance)))
+    gradient = epipolar_gradient(model, one, two)
+    residual = np.sum(two * (one @ model.pose.essential.T), axis=1)
+    return np.asarray(residual / (model.sigma_px.value * np.linalg.norm(gradient, axis=1)))
 
 
-def draw_noise(
-    residuals: FloatArray, absorbed: float, draws: int, rng: np.random.Generator
-) -> tuple[FloatArray, FloatArray]:
-    """Scales (relative to the model's noise) and degrees of freedom (infinite if normal), (draws,).
+def draw_noise(model: RefinedResult, draws: int, rng: np.random.Generator) -> NoiseDraws:
+    """Draw the noise of the images of a model."""
+    residuals = standardised_residuals(model)
+    bars = bar_innovations(model, model.used_rows)
+    lengths = bars.errors_m / np.sqrt(bars.variances_m2 + model.scatter_m.value**2)
+    return noise_given(
+        residuals, len(residuals) - _freedom(model),
+        lengths[np.isfinite(lengths)], length_freedom(model, bars), draws, rng,
+    )  # fmt: skip
+
+
+def noise_given(
+    residuals: FloatArray,
+    absorbed: float,
+    lengths: FloatArray,
+    absorbed_lengths: float,
+    draws: int,
+    rng: np.random.Generator,
+) -> NoiseDraws:
+    """Draw the noise given the standardised residuals of pairs (n,) and of lengths (m,).
 
     Args:
-        residuals: (n,), from `standardised_residuals`.
+        absorbed, absorbed_lengths: degrees of freedom of either that the fit has absorbed.
+    """
+    density = _log_density(residuals, absorbed) + np.log(PRIOR)[:, None]
+    chance = np.exp(density - density.max()).ravel()
+    drawn = rng.choice(chance.size, draws, p=chance / chance.sum())
+    of_scale, of_degrees = drawn % len(SCALES), drawn // len(SCALES)
+    of_lengths = _log_density(lengths, absorbed_lengths)
+    shifts = np.arange(-LARGEST_SHIFT, LARGEST_SHIFT + 1)
+    prior = np.where(shifts == 0, 0.5, 0.5 / (2 * LARGEST_SHIFT))
+    at = np.clip(of_scale[:, None] + shifts, 0, len(SCALES) - 1)
+    chances = of_lengths[of_degrees[:, None], at] + np.log(prior)
+    chosen = shifts[np.argmax(chances + rng.gumbel(size=chances.shape), axis=1)]
+    along = np.exp(chosen * np.log(SCALES[1] / SCALES[0]))
+    return NoiseDraws(SCALES[of_scale], along, DEGREES[of_degrees])
+
+
+def _log_density(residuals: FloatArray, absorbed: float) -> FloatArray:
+    """(DEGREES, SCALES): log-likelihood of standardised residuals (n,).
+
+    Args:
         absorbed: degrees of freedom of the residuals that the fit has absorbed.
     """
-    n = len(residuals)
-    left = max(n - absorbed, 1.0) / n
+    n = max(len(residuals), 1)
+    left = max(len(residuals) - absorbed, 1.0) / n
     squares = np.square(residuals) / left
     density = np.empty((len(DEGREES), len(SCALES)))
     for i, nu in enumerate(DEGREES):
@@ -57,10 +120,19 @@ def draw_noise(
         else:
             constant = gammaln((nu + 1) / 2) - gammaln(nu / 2) - 0.5 * np.log(nu * np.pi)
             shape = constant - 0.5 * (nu + 1) * np.log1p(ratio / nu)
-        density[i] = left * (shape - np.log(SCALES)).sum(axis=0) + np.log(PRIOR[i])
-    chance = np.exp(density - density.max()).ravel()
-    drawn = rng.choice(chance.size, draws, p=chance / chance.sum())
-    return SCALES[drawn % len(SCALES)], DEGREES[drawn // len(SCALES)]
+        density[i] = left * (shape - np.log(SCALES)).sum(axis=0)
+    return density
+
+
+def _freedom(model: RefinedResult) -> float:
+    """Degrees of freedom that the fit has left to the residuals of the pairs, at least 1."""
+    used = ~model.outlying
+    spent = float(
+        np.sum(model.p_covariance * (model.unknowns.M.T @ model.information @ model.unknowns.M))
+    )
+    freedom = float(model.degrees_of_freedom[used].sum())
+    pairs = float(np.isfinite(model.points_m[used, :, 0]).sum())
+    return max(pairs * (1.0 - spent / freedom), 1.0)
 
 
 def noise_of_points(degrees: FloatArray, points: int, rng: np.random.Generator) -> FloatArray:

@@ -3,99 +3,36 @@
 Two sets are needed where, on fresh bars, the refined set is more than 10 % worse than the 2D set in
 mean reprojection error, or than the 3D set in mean length error. The forecast (`predictive`) judges
 all three on the same simulated images, so that the verdict is its share of draws. It is right as
-far as the model is: errors on held-out frames of random splits are held against the forecast, and
+far as the model is: errors on held-out frames are compared with the forecast (`model_check`), and
 where they are larger, the verdict says so and does not decide for one set. For two it still does:
 what the model lacks makes one set worse, not better (right in all 6 simulated rigs looked at).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
-from stereocal.calibration.methods import ALL_METHODS, CalibrationSettings, Method
+from stereocal.calibration.methods import Method
 from stereocal.errors import StereocalError
-from stereocal.evaluation.evaluate import EvaluationSettings, Run, evaluate_run
-from stereocal.refined.unknowns import RefineSettings
+from stereocal.evaluation.summary import Estimate
 from stereocal.rig.compiled import FloatArray
-from stereocal.rig.dataset import Dataset
-from stereocal.verdict.predictive import TAILS, Predictive
+from stereocal.verdict.intervals import TAILS
+from stereocal.verdict.model_check import ModelCheck
+from stereocal.verdict.predictive import Predictive
 
 TOLERANCE = 0.10
 """One set is sufficient if its errors exceed those of the specialised sets by at most this
 fraction."""
 SURE = 0.975
 """Share of the draws that decides."""
-MINIMUM_RUNS = 10
-MINIMUM_FITTED = 0.7
-"""Share of the frames that a split must fit; sets of fewer frames say little about the file."""
 MAXIMUM_TO_ADD = 10
 """Largest number of frames to add that is reported, as a multiple of the present number."""
-HELD_OUT_LIMITS = (1.3, 1.6)
-"""Error on held-out frames over the forecast, in the images and in length, from which on the model
-is doubted. In sound rigs of 25 frames 1 in 100 exceeds them."""
-
-CAUTIOUS_BELOW = 0.75
-CAUTIOUS = (
-    " The forecast of lengths is cautious here: it takes the noise along the epipolar lines to be "
-    "as large as across them, where a wrong distortion or cameras out of step add to it."
-)
-
 SETS: tuple[Method, ...] = ("2d", "3d", "refined")
 Kind = Literal["one", "two", "level"]
-
-
-@dataclass(frozen=True, eq=False)
-class HeldOut:
-    """Errors of the three sets on the frames that one run held out; the first axis is `SETS`."""
-
-    fitted_frames: int
-    tested_frames: int
-    matching_px: FloatArray
-    """(3,): mean reprojection error of the correct pairs; NaN without pairs."""
-    length: FloatArray
-    """(3,): mean relative length error of the bars; NaN without bars."""
-
-
-@dataclass(frozen=True)
-class Ratio:
-    """Error of the refined set over that of another set, with its 95 % interval."""
-
-    value: float
-    low: float
-    high: float
-
-
-@dataclass(frozen=True)
-class ModelCheck:
-    """Errors of the refined set on held-out frames over the forecast ones."""
-
-    matching: float
-    measuring: float
-
-    @property
-    def holds(self) -> bool:
-        """Whether neither is larger than in sound rigs."""
-        return self.matching <= HELD_OUT_LIMITS[0] and self.measuring <= HELD_OUT_LIMITS[1]
-
-    @property
-    def text(self) -> str:
-        """What was found, for the user."""
-        if self.holds:
-            found = (
-                f"Checked on held-out frames: their errors are {self.matching:.2f} times the "
-                f"forecast in the images and {self.measuring:.2f} times in length."
-            )
-            return found + CAUTIOUS if self.measuring < CAUTIOUS_BELOW else found
-        return (
-            f"Errors on held-out frames are {self.matching:.2f} times the forecast in the images "
-            f"and {self.measuring:.2f} times in length: the model does not explain these images. "
-            "Likely causes: a wrong distortion, a lens file too sure of itself, a bar that bends, "
-            "cameras out of step. Until it is found, trust the errors on held-out frames."
-        )
 
 
 @dataclass(frozen=True)
@@ -104,9 +41,9 @@ class Verdict:
 
     kind: Kind
     text: str
-    matching: Ratio
+    matching: Estimate
     """Refined over 2D set, mean reprojection error."""
-    measuring: Ratio
+    measuring: Estimate
     """Refined over 3D set, mean length error."""
     chance_of_one: float
     """Share of the draws in which one set does both jobs."""
@@ -116,17 +53,16 @@ class Verdict:
     """For `level`: approximate number of further frames that would decide; None if more than
     `MAXIMUM_TO_ADD` times the present number, or if nothing is to be decided."""
     check: ModelCheck | None
-    """None if no splits were made."""
+    """None if there are too few frames for one."""
 
 
-def verdict(predictive: Predictive, frames: int, runs: Sequence[HeldOut] = ()) -> Verdict:
+def verdict(predictive: Predictive, frames: int, check: ModelCheck | None = None) -> Verdict:
     """The verdict of a forecast.
 
     Args:
         predictive: of all files, the refined one among them.
         frames: number of frames of the calibration.
-        runs: random splits, for the check of the model; those that fit fewer than 7 of 10 frames,
-            and fewer than 10 of them, are no check.
+        check: of the model behind the forecast.
 
     Raises:
         StereocalError: the forecast has no refined file.
@@ -138,8 +74,6 @@ def verdict(predictive: Predictive, frames: int, runs: Sequence[HeldOut] = ()) -
     limit = 1.0 + TOLERANCE
     matching, measuring = _ratio(in_images), _ratio(in_length)
     chance = float(np.mean((in_images <= limit) & (in_length <= limit)))
-    usable = [run for run in runs if run.fitted_frames >= MINIMUM_FITTED * frames]
-    check = check_model(predictive, usable) if len(usable) >= MINIMUM_RUNS else None
     kind: Kind = "level"
     if chance <= 1.0 - SURE:
         kind = "two"
@@ -165,76 +99,9 @@ def verdict(predictive: Predictive, frames: int, runs: Sequence[HeldOut] = ()) -
     )
 
 
-def check_model(predictive: Predictive, runs: Sequence[HeldOut]) -> ModelCheck:
-    """Errors on held-out frames against the forecast of the refined file."""
-    forecast = predictive.forecasts["refined"]
-    at = SETS.index("refined")
-    px = np.nanmean([run.matching_px[at] for run in runs])
-    length = np.nanmean([run.length[at] for run in runs])
-    return ModelCheck(
-        float(px / forecast.mean_reprojection_px.value),
-        float(length / forecast.mean_error_3d.value),
-    )
-
-
-def held_out(run: Run, dataset: Dataset, fitted_frames: int) -> HeldOut:
-    """The errors of one validation run.
-
-    Raises:
-        StereocalError: the run does not include the refined method.
-    """
-    if len(run.angles) < len(ALL_METHODS):
-        raise StereocalError("A verdict needs validation runs that include the refined method.")
-    rows = [ALL_METHODS.index(name) for name in SETS]
-    errors = np.abs(run.lengths[rows] - 1.0)
-    known = np.isfinite(errors)
-    with np.errstate(invalid="ignore"):
-        length = np.where(known, errors, 0.0).sum(axis=1) / known.sum(axis=1)
-    return HeldOut(
-        fitted_frames=fitted_frames,
-        tested_frames=len(dataset.correspondences.frames) - fitted_frames,
-        matching_px=run.correct_px[rows],
-        length=length,
-    )
-
-
-def run_splits(
-    dataset: Dataset,
-    settings: CalibrationSettings,
-    refine_settings: RefineSettings,
-    runs: int = 50,
-    calibration_frames: int | None = None,
-    progress: Callable[[int, int], None] | None = None,
-    cancelled: Callable[[], bool] | None = None,
-) -> list[HeldOut] | None:
-    """The errors of `runs` random splits, the same ones as in a validation with this seed.
-
-    Args:
-        calibration_frames: 4 of 5 frames if None, as in the paper.
-        progress: called with the number of finished runs and of all runs.
-        cancelled: checked after each run.
-
-    Returns:
-        The errors of each run; None if cancelled.
-
-    Raises:
-        StereocalError: too few frames, or points that do not determine the pose.
-    """
-    frames = calibration_frames or (4 * len(dataset.correspondences.frames)) // 5
-    validation = EvaluationSettings(settings, runs, frames, refine_settings)
-    found = []
-    for run in range(runs):
-        found.append(held_out(evaluate_run(dataset, validation, 0, run), dataset, frames))
-        if progress:
-            progress(run + 1, runs)
-        if cancelled and cancelled():
-            return None
-    return found
-
-
-def _ratio(draws: FloatArray) -> Ratio:
+def _ratio(draws: FloatArray) -> Estimate:
     low, value, high = np.nanpercentile(draws, (TAILS[0], 50, TAILS[1]))
-    return Ratio(float(value), float(low), float(high))
+    return Estimate(float(value), float(low), float(high))
 
 
 def _opening(
@@ -261,7 +128,7 @@ def _sure(chance: float) -> str:
     return "more than 99 %" if chance > 0.99 else f"{100 * chance:.0f} %"
 
 
-def _figures(predictive: Predictive, matching: Ratio, measuring: Ratio) -> str:
+def _figures(predictive: Predictive, matching: Estimate, measuring: Estimate) -> str:
     of = predictive.forecasts
     px = {name: of[name].mean_reprojection_px.value for name in SETS}
     length = {name: of[name].mean_error_3d.value for name in SETS}
@@ -273,7 +140,7 @@ def _figures(predictive: Predictive, matching: Ratio, measuring: Ratio) -> str:
     )
 
 
-def _frames_to_add(ratios: Sequence[Ratio], frames: int) -> int | None:
+def _frames_to_add(ratios: Sequence[Estimate], frames: int) -> int | None:
     """Number of additional frames after which no interval should contain the limit; None if many.
 
     The widths of the intervals are assumed to fall with the square root of the number of frames.
@@ -291,7 +158,7 @@ def _frames_to_add(ratios: Sequence[Ratio], frames: int) -> int | None:
     return max(5 * int(np.ceil((needed - 1.0) * frames / 5)), 5)
 
 
-def _in_words(ratio: Ratio) -> str:
+def _in_words(ratio: Estimate) -> str:
     return f"{ratio.value:.2f} times, {ratio.low:.2f} to {ratio.high:.2f}"
 
 

@@ -48,7 +48,7 @@ def give(page: Page, box: str, files: Mapping[str, bytes], folder: Path) -> None
 
 
 def lens_of_boards(page: Page, which: str, settled: Settled, tmp_path: Path) -> None:
-    """On the Cameras page: boards in, the lens calibrated, downloaded and used."""
+    """On the Lenses page: boards in, the lens calibrated, downloaded and used."""
     page.locator(".st-key-lens_camera").get_by_text(which.capitalize(), exact=True).click()
     settled(page)
     boards = photographed_rig(FRAMES, BOARDS).boards[which]
@@ -86,7 +86,7 @@ def test_photographs_to_lenses_and_rig(
     settled(page)
     for which in ("primary", "secondary"):
         lens_of_boards(page, which, settled, tmp_path)
-    page.get_by_role("link", name="Go on to Data").click()
+    page.get_by_role("button", name="Next: Data").click()
     expect(page.get_by_role("heading", name="Data", exact=True)).to_be_visible()
     settled(page)
     page.get_by_text("Photographs", exact=True).first.click()
@@ -105,7 +105,7 @@ def test_photographs_to_lenses_and_rig(
     expect(page.get_by_text(f"{FRAMES} frames: {FRAMES} found")).to_be_visible(timeout=LONGEST_MS)
     expect(page.get_by_text(f"{2 * FRAMES} pairs of points in {FRAMES} frames")).to_be_visible()
     settled(page)
-    page.get_by_test_id("stMain").get_by_role("link", name="Calibrate").click()
+    page.get_by_role("button", name="Next: Calibrate").click()
     settled(page)
     page.get_by_role("button", name="Calibrate", exact=True).click()
     expect(page.get_by_text("To find which points belong together")).to_be_visible(

@@ -12,7 +12,7 @@ import pytest
 from stereocal.calibration.methods import METHODS, CalibrationSettings, Method
 from stereocal.errors import StereocalError
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
-from stereocal.evaluation.summary import Estimate, MethodSummary, Pdf, best_methods, summarise
+from stereocal.evaluation.summary import Estimate, MethodSummary, Pdf, summarise
 from stereocal.figures import (
     METHOD_COLOURS,
     METHOD_NAMES,
@@ -68,10 +68,10 @@ def texts(figure: go.Figure) -> list[str]:
     return [annotation.text for annotation in figure.layout.annotations]
 
 
-def assert_shows(drawn: Any, pdf: Pdf) -> None:
-    """The trace has every filled bin of the PDF, in its middle."""
-    middles = (pdf.edges[:-1] + pdf.edges[1:]) / 2
-    at = np.searchsorted(middles, np.array(drawn.x) - 1e-9)
+def assert_shows(drawn: Any, pdf: Pdf, scale: float = 1.0) -> None:
+    """The trace has every filled bin of the PDF, in its middle on a logarithmic axis."""
+    middles = scale * 10 ** ((pdf.edges[:-1] + pdf.edges[1:]) / 2)
+    at = np.searchsorted(middles, np.array(drawn.x) * (1 - 1e-9))
     np.testing.assert_allclose(middles[at], drawn.x)
     np.testing.assert_array_equal(pdf.density[at], drawn.y)
     assert np.sum(drawn.y) == pytest.approx(pdf.density.sum())
@@ -87,7 +87,7 @@ def test_every_panel_shows_its_pdfs(summaries: Summaries) -> None:
             assert_shows(trace(figure, f"{name}, correct pairs", axis), found.correct)
             assert_shows(trace(figure, f"{name}, wrong pairs", axis), found.wrong)
         errors = trace(figure, f"{name}, 3D error", axis_of(method, 3))
-        assert_shows(errors, summary.reconstruction.pdf)
+        assert_shows(errors, summary.reconstruction.pdf, 100.0)  # in %
         assert errors.line.color == METHOD_COLOURS[method]
 
 
@@ -104,23 +104,40 @@ def test_lines_stand_at_the_thresholds_and_at_one_percent(summaries: Summaries) 
     for method, summary in summaries.items():
         for column, found in ((1, summary.residual), (2, summary.reprojection)):
             line = trace(figure, "Recommended threshold", axis_of(method, column))
-            assert list(line.x) == [pytest.approx(np.log10(found.threshold))] * 2
-        assert list(trace(figure, "3D error of 1 %", axis_of(method, 3)).x) == [-2, -2]
+            assert list(line.x) == [pytest.approx(found.threshold)] * 2
+        assert list(trace(figure, "3D error of 1 %", axis_of(method, 3)).x) == [1, 1]
 
 
-def test_the_best_panel_of_each_column_is_framed_and_named(summaries: Summaries) -> None:
-    figure = plot_validation(summaries)
-    best = best_methods(summaries)
-    frames = {shape.name: shape for shape in figure.layout.shapes}
-    assert len(figure.layout.shapes) == len(best) == 3
-    for column, (quantity, method) in enumerate(best.items(), start=1):
-        frame = frames[f"best {quantity}"]
-        assert frame.xref == f"{axis_of(method, column)} domain"
-        assert (frame.x0, frame.x1, frame.y0, frame.y1) == (0, 1, 0, 1)
-        (named,) = (
-            a for a in figure.layout.annotations if "best" in a.text and a.xref == frame.xref
-        )
-        assert ": best</b>" in named.text
+def apart(summaries: Summaries, best: Method) -> Summaries:
+    """As if one method matched better than the others beyond the intervals."""
+    others = {method: with_fcp(own, 0.1, 0.08, 0.12) for method, own in summaries.items()}
+    return {**others, best: with_fcp(summaries[best], 0.01, 0.005, 0.02)}
+
+
+def marks(figure: go.Figure, column: int) -> dict[Method, str]:
+    """What the titles of a column say of each panel: best, level, or nothing."""
+    found: dict[Method, str] = {}
+    for method in METHODS:
+        axis = f"{axis_of(method, column)} domain"
+        (title,) = (a.text for a in figure.layout.annotations if a.xref == axis)
+        found[method] = next((m for m in ("best", "level") if f"· <b>{m}</b>" in title), "")
+    return found
+
+
+def test_the_panel_apart_from_the_others_is_framed_and_named(summaries: Summaries) -> None:
+    figure = plot_validation(apart(summaries, "2d"))
+    (frame,) = (shape for shape in figure.layout.shapes if shape.name == "best reprojection")
+    assert frame.xref == f"{axis_of('2d', 2)} domain"
+    assert (frame.x0, frame.x1, frame.y0, frame.y1) == (0, 1, 0, 1)
+    assert marks(figure, 2) == {"essential": "", "2d": "best", "3d": ""}
+    assert "(best)" in describe_validation(apart(summaries, "2d"))
+
+
+def test_panels_that_cannot_be_told_apart_are_level_and_not_framed(summaries: Summaries) -> None:
+    tied = {**apart(summaries, "2d"), "3d": with_fcp(summaries["3d"], 0.018, 0.015, 0.03)}
+    figure = plot_validation(tied)
+    assert not [shape for shape in figure.layout.shapes if shape.name == "best reprojection"]
+    assert marks(figure, 2) == {"essential": "", "2d": "level", "3d": "level"}
 
 
 def test_panels_say_fcp_interval_and_counts(summaries: Summaries) -> None:
@@ -155,13 +172,37 @@ def test_axes_are_shared_by_column_and_hold_all_lines(summaries: Summaries) -> N
         }
         assert len(ranges) == 1
     low, high = figure.layout.xaxis3.range
-    assert low < -2 < high and high - low < 8
+    assert low < 0 < high and high - low < 8  # 1 %
+
+
+def test_axes_are_in_units_and_label_decades(summaries: Summaries) -> None:
+    figure = plot_validation(summaries)
+    titles = [figure.layout[f"xaxis{number}"].title.text for number in (7, 8, 9)]
+    units = ("(no unit)", "(px)", "(%)")
+    assert all(unit in title for unit, title in zip(units, titles, strict=True))
+    assert not any("log" in title for title in titles)
+    for method in METHODS:
+        for column in (1, 2, 3):
+            axis = figure.layout[axis_of(method, column).replace("x", "xaxis")]
+            assert axis.type == "log" and axis.dtick in (1, 2)
+    assert figure.layout.xaxis8.exponentformat == "none"  # 0.01, not 10^-2
+
+
+def test_values_out_of_view_are_said_with_their_side(summaries: Summaries) -> None:
+    found = summaries["2d"].reprojection
+    density = found.wrong.density.copy()
+    density[0] = 0.001 / np.diff(found.wrong.edges)[0]  # 0.1 % of the pairs, at 1e-12 px
+    odd = replace(found, wrong=replace(found.wrong, density=density, n=9000))
+    changed = {**summaries, "2d": replace(summaries["2d"], reprojection=odd)}
+    title = plot_validation(changed).layout.xaxis8.title.text
+    before = plot_validation(summaries).layout.xaxis8.title.text
+    assert "Not in view" in title and "smaller" in title and title != before
 
 
 def test_one_column_can_be_drawn_alone(summaries: Summaries) -> None:
     figure = plot_validation(summaries, ["reconstruction"])
     assert len(figure.layout.annotations) == 3
-    assert len(figure.layout.shapes) == 1
+    assert len(figure.layout.shapes) <= 1
     assert not any(t.name == "Correct pairs" for t in figure.data)
     with pytest.raises(StereocalError, match="residual, reprojection, reconstruction"):
         plot_validation(summaries, ["depth"])
@@ -171,7 +212,8 @@ def test_bars_that_cannot_be_reconstructed_are_said(summaries: Summaries) -> Non
     lost = {method: without_bars(summary) for method, summary in summaries.items()}
     figure = plot_validation(lost)
     assert sum("no bar could be measured" in text for text in texts(figure)) == 3
-    assert len(figure.layout.shapes) == 2
+    assert not [shape for shape in figure.layout.shapes if shape.name == "best reconstruction"]
+    assert marks(figure, 3) == dict.fromkeys(METHODS, "")
     assert len(figure.to_json()) > 1000
     assert "none" in describe_validation(lost)
     assert "No bar could be measured" in validation_answer(lost)
@@ -201,13 +243,18 @@ def test_comparison_shows_values_with_intervals(summaries: Summaries) -> None:
     assert "Over 2 data sets" in describe_comparison(by_dataset)
 
 
-def test_a_comparison_draws_an_fcp_of_zero_as_an_open_symbol(summaries: Summaries) -> None:
-    apart = {**summaries, "2d": with_fcp(summaries["2d"], 0.0, 0.0, 0.0)}
-    figure = plot_comparison({"apart": apart})
+def test_a_comparison_draws_the_upper_limit_where_nothing_was_counted(
+    summaries: Summaries,
+) -> None:
+    some = {**summaries, "2d": with_fcp(summaries["2d"], 0.01, 0.005, 0.02)}
+    none = {**summaries, "2d": with_fcp(summaries["2d"], 0.0, 0.0, 0.004)}
+    figure = plot_comparison({"some": some, "none": none})
     drawn = trace(figure, "2D set", "x")
-    assert list(drawn.marker.symbol) == ["circle-open"]
-    assert drawn.y[0] > 0
-    assert "open: 0 (n = 1)" in figure.layout.yaxis.title.text
+    assert list(drawn.marker.symbol) == ["circle", "arrow-bar-down"]
+    assert drawn.y[1] == pytest.approx(0.4)
+    assert drawn.error_y.array[1] == drawn.error_y.arrayminus[1] == 0
+    assert "below 0.40 %" in drawn.text[1]
+    assert "upper limit, none counted (n = 1)" in figure.layout.yaxis.title.text
 
 
 def test_the_answer_names_the_best_and_what_is_level_with_it(summaries: Summaries) -> None:

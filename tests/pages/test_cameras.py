@@ -1,4 +1,4 @@
-"""The Cameras page, without a browser."""
+"""The Lenses page, without a browser."""
 
 from __future__ import annotations
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
+from benchmarks.population import population
 from benchmarks.refined_rigs import BAR_M, DEPTHS_M, Misjudged, random_scene, stated
 from benchmarks.trust import CASES, one_rig
 from stereocal.calibration.methods import Method
@@ -29,8 +30,8 @@ from stereocal.rig.volume import Volume
 from stereocal.simulation.simulate import Nominal, Scene, observe, place_bars
 from stereocal.verdict.forecast import Outlook, forecast_files
 from stereocal.verdict.fresh_bars import fresh_bars
-from stereocal.verdict.noise_model import draw_noise, standardised_residuals
-from stereocal.verdict.predictive import population, predict
+from stereocal.verdict.noise_model import noise_given, standardised_residuals
+from stereocal.verdict.predictive import predict
 from stereocal.workflow import calibrate
 from tests import known_rig as rig
 
@@ -124,12 +125,21 @@ def test_bars_along_one_axis_stay_so() -> None:
 
 def test_tails_of_the_noise_are_found() -> None:
     rng = np.random.default_rng(4)
-    normal, heavy = rng.normal(size=400), rng.standard_t(3, size=400)
-    scales, degrees = draw_noise(normal, 5.0, 400, rng)
-    assert np.median(scales) == pytest.approx(1.0, abs=0.1)
-    assert np.mean(degrees >= 15) > 0.8  # measured: 0.97
-    _, degrees = draw_noise(heavy, 5.0, 400, rng)
-    assert np.mean(degrees <= 5) > 0.9  # measured: 1.0
+    normal, heavy, lengths = rng.normal(size=400), rng.standard_t(3, size=400), rng.normal(size=200)
+    found = noise_given(normal, 5.0, lengths, 2.0, 400, rng)
+    assert np.median(found.across) == pytest.approx(1.0, abs=0.1)
+    assert np.mean(found.degrees >= 15) > 0.8  # measured: 0.97
+    found = noise_given(heavy, 5.0, lengths, 2.0, 400, rng)
+    assert np.mean(found.degrees <= 5) > 0.9  # measured: 1.0
+
+
+@pytest.mark.parametrize(("truth", "limits"), [(0.7, (0.6, 0.8)), (1.0, (0.99, 1.01))])
+def test_noise_along_the_epipolar_lines_shows_in_the_lengths(
+    truth: float, limits: tuple[float, float]
+) -> None:
+    rng = np.random.default_rng(5)
+    found = noise_given(rng.normal(size=200), 8.0, truth * rng.normal(size=100), 2.0, 400, rng)
+    assert limits[0] < np.median(found.along) < limits[1]  # measured: 0.67 and 1.0
 
 
 def test_standardised_residuals_have_a_mean_square_below_one() -> None:

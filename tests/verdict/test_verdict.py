@@ -8,19 +8,15 @@ import numpy as np
 import pytest
 
 from benchmarks.refined_rigs import Misjudged, random_scene, stated
-from stereocal.calibration.methods import CalibrationSettings, Method
-from stereocal.calibration.results import errors_of
+from stereocal.calibration.methods import Method
 from stereocal.errors import StereocalError
 from stereocal.evaluation.compiled_run import BINS, CORRECT, WRONG
-from stereocal.evaluation.evaluate import EvaluationSettings, evaluate_run, split
-from stereocal.refined.refine import refine
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.rig.geometry import Angles, Pose
 from stereocal.verdict.forecast import forecast_files
-from stereocal.verdict.one_or_two_sets import HeldOut, held_out, run_splits, verdict
+from stereocal.verdict.model_check import HeldOutRatio, ModelCheck
+from stereocal.verdict.one_or_two_sets import verdict
 from stereocal.verdict.predictive import Predictive
 from stereocal.workflow import calibrate
-from tests import known_rig as rig
 
 SETS: tuple[Method, ...] = ("2d", "3d", "refined")
 
@@ -29,18 +25,24 @@ def forecast_with(matching: float, measuring: float, spread: float, draws: int =
     """Draws in which the refined set is worse by these factors than each job's own set."""
     rng = np.random.default_rng(1)
     noise = np.exp(spread * rng.normal(size=(2, draws, 1)))
-    counts = np.zeros((draws, 2, 3, 2, 2, BINS + 2), dtype=np.int32)
+    counts = np.zeros((draws, 2, 3, 2, 2, BINS + 2), dtype=np.uint16)
     counts[..., WRONG, 700], counts[..., CORRECT, 500] = 9, 10
     px = np.ones((draws, 2, 3)) * np.array([0.1, 3.0, 0.1])
     px[:, :, 2] *= matching * noise[0]
     error = np.ones((draws, 2, 3)) * np.array([0.01, 0.002, 0.002])
     error[:, :, 2] *= measuring * noise[1]
-    return Predictive(SETS, counts, px, 1.0 + np.repeat(error[..., None], 20, axis=3))
+    lengths = 1.0 + np.repeat(error[..., None], 20, axis=3)
+    depths, radii = rng.uniform(4, 10, (draws, 2, 20)), rng.uniform(0, 1, (draws, 2, 20))
+    return Predictive(SETS, counts, px, lengths, depths, radii)
 
 
-def runs_with(px: float, length: float, runs: int = 20) -> list[HeldOut]:
-    """Splits whose refined set has these errors on held-out frames."""
-    return [HeldOut(20, 5, np.array([0.1, 3.0, px]), np.array([0.01, 0.002, length]))] * runs
+def held_out(px: float, length: float) -> ModelCheck:
+    """A check with these errors over the forecast, known to a tenth."""
+    ratios = [
+        HeldOutRatio("", what, ratio, float(np.log(ratio)) / 0.1)
+        for what, ratio in (("in the images", px), ("in length", length))
+    ]
+    return ModelCheck(ratios[0], ratios[1], ())
 
 
 @pytest.mark.parametrize(
@@ -79,71 +81,35 @@ def test_wide_intervals_ask_for_frames_and_still_name_files() -> None:
 
 def test_a_model_that_does_not_hold_decides_for_no_single_set() -> None:
     one = forecast_with(0.8, 0.9, 0.02)
-    px, length = one.forecasts["refined"].mean_reprojection_px.value, 0.0018
-    sound = verdict(one, 25, runs_with(1.05 * px, 1.0 * length))
+    sound = verdict(one, 25, held_out(1.05, 1.0))
     assert sound.kind == "one"
-    assert sound.check is not None
-    assert sound.check.holds
-    doubted = verdict(one, 25, runs_with(2.0 * px, 1.0 * length))
+    doubted = verdict(one, 25, held_out(2.0, 1.0))
     assert doubted.kind == "level"
-    assert doubted.check is not None
-    assert doubted.check.matching == pytest.approx(2.0, rel=0.01)
     assert "does not explain these images" in doubted.text
     # Two sets are needed the more so.
-    assert verdict(forecast_with(2.0, 0.9, 0.02), 25, runs_with(2.0, length)).kind == "two"
-
-
-def test_figures_of_a_run() -> None:
-    """Of an evaluation's run, against the errors of the same sets on the same frames."""
-    data = rig.dataset(20, 0.2)
-    protocol = EvaluationSettings(runs=1, calibration_frames=15, refined=RefineSettings())
-    run = evaluate_run(data, protocol, 0, 0)
-    figures = held_out(run, data, 15)
-    assert (figures.fitted_frames, figures.tested_frames) == (15, 5)
-    fit = split(data, 15, np.random.SeedSequence([0, 0, 0]).spawn(4)[0])
-    test = data.of_frames(np.unique(data.correspondences.frame[~fit]))
-    for at, row in ((0, 1), (1, 2)):
-        pose = Pose.from_angles(Angles(*run.angles[row].tolist()), data.baseline_m)
-        errors = errors_of(test, pose)
-        assert figures.matching_px[at] == pytest.approx(errors.mean_reprojection_px)
-        assert figures.length[at] == pytest.approx(errors.mean_length)
-    start = Pose.from_angles(Angles(*run.angles[0].tolist()), data.baseline_m)
-    found = refine(data, RefineSettings(), start, fit)
-    own = errors_of(found.apply(test), found.pose)
-    assert figures.matching_px[2] == pytest.approx(own.mean_reprojection_px)
-    assert figures.length[2] == pytest.approx(own.mean_length)
-    with pytest.raises(StereocalError, match="refined"):
-        held_out(evaluate_run(data, replace(protocol, refined=None), 0, 0), data, 15)
+    assert verdict(forecast_with(2.0, 0.9, 0.02), 25, held_out(2.0, 1.0)).kind == "two"
 
 
 def test_from_data_to_verdict() -> None:
     """Lenses off: one set does both, for it alone can move the lenses."""
     rng = np.random.default_rng(21)
     data = stated(random_scene(rng, 60), rng, Misjudged(noise_px=0.05))
-    seen: list[int] = []
-    settings = CalibrationSettings()
-    runs = run_splits(
-        data, settings, RefineSettings(), 12, progress=lambda done, total: seen.append(done + total)
-    )
-    assert runs is not None
-    assert seen == list(range(13, 25))
-    assert (runs[0].fitted_frames, runs[0].tested_frames) == (48, 12)
-    outlook = forecast_files(calibrate(data, settings, refined=RefineSettings()))
-    answer = verdict(outlook.predictive, 60, runs)
+    outlook = forecast_files(calibrate(data, refined=RefineSettings()))
+    answer = outlook.verdict
     assert answer.kind == "one"
     assert answer.matching.value < 1
     assert answer.check is not None
     assert answer.check.holds
-    again = run_splits(data, settings, RefineSettings(), 2)
-    assert again is not None
-    np.testing.assert_array_equal(again[1].length, runs[1].length)
-    assert run_splits(data, settings, RefineSettings(), 2, cancelled=lambda: True) is None
 
 
 def test_it_refuses_a_forecast_without_the_refined_set() -> None:
     whole = forecast_with(1.0, 1.0, 0.1, draws=4)
-    without = Predictive(
-        ("2d", "3d"), whole.counts[:, :, :2], whole.correct_px[:, :, :2], whole.lengths[:, :, :2]
+    without = replace(
+        whole,
+        methods=("2d", "3d"),
+        counts=whole.counts[:, :, :2],
+        correct_px=whole.correct_px[:, :, :2],
+        lengths=whole.lengths[:, :, :2],
     )
     with pytest.raises(StereocalError, match="refined"):
         verdict(without, 25)

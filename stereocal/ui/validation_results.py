@@ -1,0 +1,196 @@
+"""Results of the Validate page: answer, figure, downloads, table."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import lru_cache, partial
+from typing import Any
+
+import plotly.graph_objects as go
+import streamlit as st
+
+from stereocal.calibration.methods import Method
+from stereocal.evaluation.evaluate import EvaluationSettings
+from stereocal.evaluation.summary import MethodSummary, summarise_all
+from stereocal.figures import (
+    describe_comparison,
+    describe_validation,
+    plot_comparison,
+    plot_validation,
+)
+from stereocal.figures.report import report_html
+from stereocal.figures.tables import (
+    left_out_line,
+    validation_answer,
+    validation_table,
+    why_validation_not_trusted,
+)
+from stereocal.formats.evaluation_files import Evaluation, summary_json
+from stereocal.projects.project import Project
+from stereocal.refined.screening import Screening
+from stereocal.rig.dataset import Dataset
+from stereocal.ui.downloads import on_demand
+from stereocal.ui.fields import Field, one_of, setting, yes_or_no
+from stereocal.ui.intake import escape_markdown
+from stereocal.ui.screening import screenings_of
+from stereocal.ui.validation import is_current
+
+BIN_WIDTHS = (0.02, 0.04, 0.1, 0.2, 0.5)
+SCROLLS = """<style>
+.st-key-scrolls { overflow-x: auto; }
+.st-key-scrolls > div { min-width: 54rem; }
+</style>"""
+"""On a narrow screen the three panels scroll sideways."""
+COLUMNS = {
+    "residual": "Residual",
+    "reprojection": "Reprojection error",
+    "reconstruction": "3D error",
+}
+FORMATS = ("SVG", "PNG")
+Summaries = dict[Method, MethodSummary]
+
+
+def with_refined(project: Project) -> Field:
+    """Whether the figure has a row of the refined method; the paper's has none."""
+    return setting(project, "with_refined", False, yes_or_no, tabs_own=True)
+
+
+@lru_cache(maxsize=8)
+def _summaries(
+    evaluation: Evaluation, bin_width: float, refined: bool
+) -> tuple[Summaries, dict[str, Summaries]]:
+    """Pooled and by data set; of one object, which a project gives for one content."""
+    pooled, by_dataset = summarise_all(evaluation.names, evaluation.runs, bin_width)
+    if not refined:
+        for own in (pooled, *by_dataset.values()):
+            own.pop("refined", None)
+    return pooled, by_dataset
+
+
+def show_evaluation(
+    project: Project,
+    evaluation: Evaluation,
+    datasets: Sequence[Dataset],
+    settings: EvaluationSettings,
+) -> None:
+    """Answer, figure, downloads and table of an evaluation.
+
+    Args:
+        datasets, settings: what the form says now.
+    """
+    if not is_current(evaluation, datasets, settings):
+        st.warning(
+            "The form or the data have changed since this validation. It was computed "
+            f"with: {describe_protocol(evaluation)}"
+        )
+    bins = setting(project, "bin_width", 0.1, one_of(BIN_WIDTHS))
+    refined = with_refined(project)
+    pooled, by_dataset = _summaries(evaluation, bins.value(), refined.value())
+    screenings = _screenings(evaluation, datasets)
+    _show_answer(pooled, screenings)
+    columns, picture = _choose_view(project, refined)
+    if len(columns) > 1:
+        st.html(SCROLLS)
+    with st.container(key="scrolls" if len(columns) > 1 else "fits"):
+        words = describe_validation(pooled, columns)
+        _show_figure(plot_validation(pooled, columns), words, "validation", picture)
+    if screenings:
+        _downloads(screenings, evaluation, pooled, by_dataset)
+    with st.expander("Figures as a table, and the width of the bins"):
+        st.table(validation_table(pooled))
+        st.select_slider(
+            "Width of the bins (decades)", BIN_WIDTHS, help="The overlap depends on it a little.",
+            **bins.widget(),
+        )  # fmt: skip
+        st.caption(escape_markdown(words))
+    if len(evaluation.names) > 1:
+        st.subheader("Data set by data set")
+        words = describe_comparison(by_dataset)
+        _show_figure(plot_comparison(by_dataset), words, "comparison", picture)
+        st.caption(escape_markdown(words))
+    st.caption(f"Made with: {describe_protocol(evaluation)}")
+
+
+def _choose_view(project: Project, refined: Field) -> tuple[list[str], str]:
+    """The columns to show, and the format of pictures."""
+    panels = ["All three", *COLUMNS.values()]
+    shown = setting(project, "columns", panels[0], one_of(panels), tabs_own=True)
+    saved = setting(project, "picture_format", FORMATS[0], one_of(FORMATS), tabs_own=True)
+    with st.container(
+        horizontal=True, vertical_alignment="bottom", horizontal_alignment="distribute"
+    ):
+        wide = st.segmented_control("Show", panels, required=True, **shown.widget())
+        st.toggle(
+            "With the refined method", **refined.widget(),
+            help="One set, fitted to images and lengths at once. The paper has the other three.",
+        )  # fmt: skip
+        picture = st.segmented_control(
+            "Save pictures as", FORMATS, required=True,
+            help="The camera at the top right of a figure saves it.", **saved.widget(),
+        )  # fmt: skip
+    return [key for key, title in COLUMNS.items() if wide in ("All three", title)], picture
+
+
+def _show_figure(figure: go.Figure, words: str, key: str, picture: str) -> None:
+    """A figure with a button that saves it in the browser, as it is seen."""
+    st.plotly_chart(
+        figure, key=key, alt=words,
+        config={
+            "displayModeBar": True, "modeBarButtons": [["toImage"]],
+            "toImageButtonOptions": {"format": picture.lower(), "filename": key, "scale": 2},
+        },
+    )  # fmt: skip
+
+
+def _screenings(evaluation: Evaluation, datasets: Sequence[Dataset]) -> list[Screening]:
+    """The screenings of the validated data sets; empty if one was removed."""
+    used = {dataset.sha256: dataset for dataset in datasets}
+    if not all(digest in used for digest in evaluation.sha256):
+        return []
+    validated = [used[digest] for digest in evaluation.sha256]
+    return screenings_of(validated, evaluation.settings.calibration)
+
+
+def _show_answer(
+    summaries: Mapping[Method, MethodSummary], screenings: Sequence[Screening]
+) -> None:
+    """The answer; green only if it is reliable."""
+    for screening in screenings:
+        if screening.left_out:
+            line = f"{screening.full_dataset.name}: {left_out_line(screening)}"
+            st.warning(escape_markdown(line))
+    caution = why_validation_not_trusted(summaries, screenings)
+    if caution:
+        st.error(escape_markdown(f"Do not rely on this result: {caution}"))
+    (st.info if caution else st.success)(validation_answer(summaries))
+
+
+def describe_protocol(evaluation: Evaluation) -> str:
+    """Data and settings of an evaluation in one line."""
+    settings = evaluation.settings
+    search = settings.calibration.search
+    return (
+        f"{escape_markdown(', '.join(evaluation.names[:3]))}"
+        f"{' and more' if len(evaluation.names) > 3 else ''}; {settings.runs} runs, "
+        f"{settings.calibration_frames} calibration frames, Δ {search.delta:g}, Δ min "
+        f"{search.delta_min:g}, acceptance ratio {search.acceptance:g}, shrink factor "
+        f"{search.shrink:g}, minimum moves {search.minimum_moves}, seed {search.seed}, "
+        f"essential solver {settings.calibration.essential}."
+    )
+
+
+def _downloads(
+    screenings: Sequence[Screening], evaluation: Evaluation, pooled: Any, by_dataset: Any
+) -> None:
+    left, right = st.columns(2)
+    about = ([each.full_dataset for each in screenings], evaluation.settings, screenings)
+    report = partial(report_html, pooled, by_dataset, *about)
+    left.download_button(
+        "Download report.html", on_demand(report, "report.html", "text/html"), "report.html",
+        "text/html", on_click="ignore", icon=":material/download:", key="download_report",
+    )  # fmt: skip
+    right.download_button(
+        "Download summary.json", summary_json(pooled, by_dataset, *about),
+        "summary.json", "application/json", on_click="ignore", icon=":material/download:",
+        key="download_summary",
+    )  # fmt: skip

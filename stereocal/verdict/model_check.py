@@ -1,0 +1,261 @@
+"""Hold a forecast against errors on held-out frames, overall and by place.
+
+The refined method is repeated on five parts of the recording, each time without one fifth of the
+frames, so that every frame is held out once. Its errors there are compared with the forecast of
+the refined file: all frames, near and far ones, and those in the inner and the outer half of the
+images. Where they are larger than chance explains, the model lacks something.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stereocal.calibration.results import errors_of
+from stereocal.errors import StereocalError
+from stereocal.evaluation.summary import Estimate
+from stereocal.refined.innovations import Innovations, bar_innovations
+from stereocal.refined.refine import RefinedResult, refine
+from stereocal.refined.solve import ESTIMATED, SMALLEST_SCATTER
+from stereocal.refined.unknowns import RefineSettings
+from stereocal.rig.compiled import BoolArray, FloatArray
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.geometry import Pose
+from stereocal.verdict.predictive import Predictive, image_radii
+
+FOLDS = 5
+MINIMUM_FRAMES = 15
+DOUBTED = 3.2
+"""Standard errors by which held-out errors exceed the forecast, from which on the model is
+doubted: with ten comparisons, 1 sound rig in 100."""
+SMALLEST_EXCESS = 1.15
+"""An excess below this factor is reported, but changes no decision."""
+CAUTIOUS_BELOW = 0.75
+NOISE_EXCESS = 1.5
+MINIMUM_ERRORS = 5
+"""Of a place, for a comparison."""
+TELLING = 3.0
+"""Difference of two log-likelihoods that tells one cause from the other."""
+FACTORS = np.geomspace(0.05, 20.0, 50)
+IN_IMAGES, IN_LENGTH = "in the images", "in length"
+BENDS = "alike near and far, as of a bar that bends or of targets that move on it"
+ALONG = "most where they are least certain, as of blur by motion or of cameras out of step"
+UNCLEAR = "these bars cannot tell whether the bar bends or the points are less exact"
+PLACES = ("in the near half", "in the far half", "near the image centres", "near the image edges")
+
+
+@dataclass(frozen=True)
+class HeldOutRatio:
+    """Mean error on held-out frames over the forecast one, at one place."""
+
+    where: str
+    """Empty for all frames."""
+    what: str
+    ratio: float
+    standard_errors: float
+    """By which the logarithm of the ratio exceeds 0; of a half, by which it exceeds the other."""
+
+    @property
+    def holds(self) -> bool:
+        """Whether chance explains the excess, or it is too small to matter."""
+        return not (self.ratio > SMALLEST_EXCESS and self.standard_errors > DOUBTED)
+
+
+@dataclass(frozen=True)
+class ModelCheck:
+    """Whether the model explains the images."""
+
+    matching: HeldOutRatio
+    """Reprojection errors of all frames."""
+    measuring: HeldOutRatio
+    """Length errors of all bars."""
+    places: tuple[HeldOutRatio, ...]
+    notes: tuple[str, ...] = ()
+    """What else is known of the noise, for the user."""
+
+    @property
+    def worst(self) -> HeldOutRatio:
+        """The comparison with the clearest excess."""
+        failed = [each for each in self._all if not each.holds]
+        return max(failed or self._all, key=lambda each: each.standard_errors)
+
+    @property
+    def holds(self) -> bool:
+        """Whether no error is larger than the forecast beyond chance."""
+        return self.worst.holds
+
+    @property
+    def excess(self) -> tuple[float, float]:
+        """The largest significant excess in the images and in length, each at least 1."""
+        failed = [each for each in self._all if not each.holds]
+        images, length = (
+            max([1.0, *(each.ratio for each in failed if each.what == what)])
+            for what in (IN_IMAGES, IN_LENGTH)
+        )
+        return images, length
+
+    @property
+    def _all(self) -> tuple[HeldOutRatio, ...]:
+        return self.matching, self.measuring, *self.places
+
+    @property
+    def text(self) -> str:
+        """What was found, for the user."""
+        overall = (
+            f"errors on held-out frames are {self.matching.ratio:.2f} times the forecast in the "
+            f"images and {self.measuring.ratio:.2f} times in length"
+        )
+        if self.holds:
+            parts = [f"Checked: {overall}."]
+            if self.measuring.ratio < CAUTIOUS_BELOW:
+                parts.append("The forecast of lengths is cautious here.")
+        else:
+            at = self.worst
+            place = f" ({at.ratio:.2f} times {at.where}, {at.what})" if at.where else ""
+            parts = [
+                f"The model does not explain these images: {overall}{place}.",
+                "Likely causes: a wrong distortion, a lens file too sure of itself, cameras out of "
+                "step. The upper ends of the intervals are raised by these factors.",
+            ]
+        return " ".join([*parts, *self.notes])
+
+
+def check_model(
+    refined: RefinedResult, model: RefinedResult, predictive: Predictive, seed: int = 0
+) -> ModelCheck | None:
+    """Compare the forecast of the refined file with held-out frames; None with too few frames.
+
+    Args:
+        refined: the fit of the file.
+        model: the fit behind the forecast, whose accused inputs are freed.
+        seed: of the division into parts.
+    """
+    data = refined.dataset.of_frames(refined.frames[~refined.outlying])
+    errors = _held_out_errors(data, refined.settings, refined.pose, seed)
+    if errors is None:
+        return None
+    px, lengths = errors
+    forecast, table = predictive.forecasts["refined"], data.correspondences
+    innovations = bar_innovations(model, model.used_rows)
+    bends = model.scatter_m.value if cause_of_scatter(model, innovations) == BENDS else 0.0
+
+    of_bar = 0.8 * bends / data.target_distance_m  # the mean of |N| is 0.8
+
+    def errors_over_forecast(pairs: BoolArray, bars: BoolArray, drawn: BoolArray) -> list[_Ratio]:
+        length = float(np.hypot(predictive.mean_length_error("refined", drawn), of_bar))
+        return [
+            _Ratio.of(px[pairs], forecast.mean_reprojection_px.value),
+            _Ratio.of(lengths[bars], length),
+        ]
+
+    everywhere = errors_over_forecast(
+        np.isfinite(px), np.isfinite(lengths), np.isfinite(predictive.depths)
+    )
+    spreads = [_log_sigma(forecast.mean_reprojection_px), _log_sigma(forecast.mean_error_3d)]
+    matching, measuring = (
+        HeldOutRatio("", what, own.ratio, float(np.log(own.ratio) / np.hypot(own.spread, spread)))
+        for what, own, spread in zip((IN_IMAGES, IN_LENGTH), everywhere, spreads, strict=True)
+    )
+    places: list[HeldOutRatio] = []
+    at = np.searchsorted(refined.frames, table.frame)
+    depths = refined.points_m[at, table.target, 2]
+    radii = image_radii(refined, np.hstack([table.primary, table.secondary]))
+    for names, own, drawn in (
+        (PLACES[:2], depths, predictive.depths),
+        (PLACES[2:], radii, predictive.radii),
+    ):
+        at_bars, middle = own[table.bars].mean(axis=1), np.median(own)
+        inner = errors_over_forecast(own <= middle, at_bars <= middle, drawn <= middle)
+        outer = errors_over_forecast(own > middle, at_bars > middle, drawn > middle)
+        for what, a, b in zip((IN_IMAGES, IN_LENGTH), inner, outer, strict=True):
+            more = float(np.log(b.ratio / a.ratio) / np.hypot(a.spread, b.spread))
+            places.append(HeldOutRatio(names[0], what, a.ratio, -more))
+            places.append(HeldOutRatio(names[1], what, b.ratio, more))
+    return ModelCheck(matching, measuring, tuple(places), tuple(notes_on_noise(model, innovations)))
+
+
+def _held_out_errors(
+    data: Dataset, settings: RefineSettings, start: Pose, seed: int
+) -> tuple[FloatArray, FloatArray] | None:
+    """Reprojection errors (n,) of the pairs and length errors (m,) of the bars, each held out."""
+    table = data.correspondences
+    if len(table.frames) < MINIMUM_FRAMES:
+        return None
+    order = np.random.default_rng([seed, 0xF01D]).permutation(len(table.frames)) % FOLDS
+    part = order[np.searchsorted(table.frames, table.frame)]
+    px, lengths = np.empty(len(table)), np.empty(len(table.bars))
+    for fold in range(FOLDS):
+        try:
+            found = refine(data, settings, start, part != fold)
+        except StereocalError:
+            return None
+        errors = errors_of(found.apply(data), found.pose)
+        px[part == fold] = errors.reprojection_px[part == fold]
+        of_bars = part[table.bars[:, 0]] == fold
+        lengths[of_bars] = errors.length[of_bars]
+    return px, lengths
+
+
+@dataclass(frozen=True)
+class _Ratio:
+    """A mean error over the forecast one, and the standard error of its logarithm; NaN if few."""
+
+    ratio: float
+    spread: float
+
+    @classmethod
+    def of(cls, errors: FloatArray, forecast: float) -> _Ratio:
+        known = errors[np.isfinite(errors)]
+        if len(known) < MINIMUM_ERRORS:
+            return cls(float("nan"), float("nan"))
+        mean = float(known.mean())
+        return cls(mean / forecast, float(known.std(ddof=1)) / mean / len(known) ** 0.5)
+
+
+def _log_sigma(interval: Estimate) -> float:
+    return float(np.log(interval.high / interval.low)) / (2 * 1.96)
+
+
+def cause_of_scatter(model: RefinedResult, bars: Innovations) -> str:
+    """Why the lengths of bars vary more than the noise explains; empty if they do not.
+
+    A bar that bends varies alike everywhere; noise along the epipolar lines makes those lengths
+    vary most that are least certain. The likelihoods of both are compared.
+    """
+    known = np.isfinite(bars.errors_m)
+    smallest = SMALLEST_SCATTER * model.dataset.target_distance_m
+    if model.scatter_m.source != ESTIMATED or not model.scatter_m.value > 2 * smallest:
+        return ""
+    v, squares = bars.variances_m2[known], np.square(bars.errors_m[known])
+
+    def best(variances: FloatArray) -> float:
+        """The largest log-likelihood of rows of variances."""
+        return float(np.max(-0.5 * (np.log(variances) + squares / variances).sum(axis=1)))
+
+    added = best(v + np.square(model.scatter_m.value * FACTORS[:, None]))
+    multiplied = best(v * np.square(1 + FACTORS[:, None]))
+    if abs(added - multiplied) < TELLING:
+        return UNCLEAR
+    return BENDS if added > multiplied else ALONG
+
+
+def notes_on_noise(model: RefinedResult, bars: Innovations) -> list[str]:
+    """What is unusual about the noise, for the user."""
+    found = []
+    cause = cause_of_scatter(model, bars)
+    if cause:
+        found.append(
+            f"The lengths of the bar vary by {1000 * model.scatter_m.value:.2g} mm more than the "
+            f"noise of the images explains: {cause}."
+        )
+    table, rows = model.dataset.correspondences, model.used_rows
+    sigmas = np.concatenate([table.sigma_primary_px[rows], table.sigma_secondary_px[rows]])
+    stated = float(np.sqrt(np.nanmean(np.square(sigmas)))) if np.isfinite(sigmas).any() else np.nan
+    if model.sigma_px.source == ESTIMATED and model.sigma_px.value > NOISE_EXCESS * stated:
+        found.append(
+            f"The points scatter by {model.sigma_px.value:.2g} px, detection states "
+            f"{stated:.2g} px: the rest is what the model lacks (distortion, vibration, cameras "
+            "out of step)."
+        )
+    return found

@@ -1,0 +1,68 @@
+"""The menu: groups, states, the project's name, and the way to the next page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from streamlit.testing.v1 import AppTest
+
+from stereocal.projects.project import Project
+from stereocal.ui.navigation import SECTIONS, TITLES
+from tests.pages.stored_projects import FULL, go, placed, session
+
+
+@pytest.fixture
+def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Project:
+    monkeypatch.setenv("STEREOCAL_HOME", str(tmp_path))
+    return placed(FULL, tmp_path)
+
+
+def states(app: AppTest) -> dict[str, str]:
+    found = app.session_state["page_states"]
+    return {name: state.mark for name, state in found.items()}
+
+
+def test_every_file_of_pages_is_in_one_group() -> None:
+    files = sorted(path.stem for path in (Path(__file__).parents[2] / "pages").glob("*.py"))
+    assert sorted(TITLES) == files
+    assert list(SECTIONS) == ["", "Before", "Calibrate", "Use"]
+
+
+def test_the_project_is_named_and_renamed(project: Project) -> None:
+    app = go(session(project), "validate")
+    name = app.sidebar.text_input(key="project_name")
+    assert name.value == project.inputs.name
+    name.set_value("Meadow").run()
+    assert project.inputs.name == "Meadow"
+    assert app.sidebar.caption[0].value.startswith("Saved 20")
+    assert not app.exception and not app.info
+    assert go(app, "data").sidebar.text_input(key="project_name").value == "Meadow"
+
+
+def test_the_states_follow_what_the_page_has_changed(project: Project) -> None:
+    app = go(session(project), "calibrate")
+    app.button(key="run").click().run()
+    assert states(app)["calibrate"] == "done"
+    app = go(app, "data")
+    app.number_input(key="baseline_m_value").set_value(1.2345).run()
+    assert states(app)["calibrate"] == "stale"
+
+
+def test_next_leads_through_all_pages(project: Project) -> None:
+    app = go(session(project), "cameras")
+    for title in ("Data", "Calibrate", "Validate", "One set or two", "Apply"):
+        assert app.button(key="next").label == f"Next: {title}"
+        app.button(key="next").click().run()
+        assert app.title[0].value == title
+    assert not [button for button in app.button if button.key == "next"]
+
+
+def test_no_next_where_something_is_missing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("STEREOCAL_HOME", str(tmp_path))
+    app = session(Project.create(tmp_path))
+    assert go(app, "cameras").button(key="next")  # lenses are optional
+    for page in ("data", "calibrate", "validate", "one_set"):
+        assert not [button for button in go(app, page).button if button.key == "next"]

@@ -1,0 +1,137 @@
+"""The check of the model: what it doubts, where, and what it says of the noise."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.stats import binom
+
+from benchmarks.refined_rigs import Misjudged, random_scene, stated
+from stereocal.refined.innovations import bar_innovations
+from stereocal.refined.refine import RefinedResult, refine
+from stereocal.refined.unknowns import RefineSettings
+from stereocal.rig.dataset import Dataset
+from stereocal.simulation.simulate import Nominal, observe
+from stereocal.verdict.forecast import forecast_files
+from stereocal.verdict.improvements import advice_on_improvements, improvements
+from stereocal.verdict.model_check import (
+    ALONG,
+    BENDS,
+    ModelCheck,
+    cause_of_scatter,
+    notes_on_noise,
+)
+from stereocal.verdict.predictive import predict
+from stereocal.workflow import calibrate
+
+SETTINGS = Misjudged().settings()
+
+
+def rig(seed: int, frames: int = 60, off: Misjudged | None = None) -> Dataset:
+    rng = np.random.default_rng([seed, 0xC4])
+    return stated(random_scene(rng, frames), rng, off or Misjudged())
+
+
+def check(data: Dataset, settings: RefineSettings | None = None) -> ModelCheck:
+    found = forecast_files(calibrate(data, refined=settings or Misjudged().settings())).check
+    assert found is not None
+    return found
+
+
+def test_sound_rigs_are_not_doubted() -> None:
+    doubted = sum(not check(rig(seed, 25)).holds for seed in range(8))
+    # 1 in 100 is expected: two of 8 have a probability of 1 in 400.
+    assert binom.sf(1, 8, 0.01) < 3e-3
+    assert doubted <= 1
+
+
+def test_a_lens_that_the_model_cannot_follow_is_doubted_and_raises_the_intervals() -> None:
+    """A field that k1, k2, p1 and p2 cannot follow: a ripple that grows towards the edges."""
+    data = rig(1, 80)
+    table = data.correspondences
+    middle = 0.5 * np.array(data.primary.image_size)
+    away = (table.primary - middle) / np.linalg.norm(middle)
+    radius = np.linalg.norm(away, axis=1, keepdims=True)
+    ripple = 15.0 * radius**4 * np.sin(9.0 * away[:, ::-1])
+    moved = replace(table, primary=table.primary + ripple)
+    spoiled = replace(data, correspondences=moved)
+    outlook = forecast_files(calibrate(spoiled, refined=SETTINGS))
+    assert outlook.check is not None
+    assert not outlook.check.holds
+    assert outlook.check.worst.where == "near the image edges"
+    assert "edges" in outlook.check.text
+    images, length = outlook.check.excess
+    assert images > 1.15
+    usual = predict(outlook.comparison.model, outlook.files).forecasts["refined"]
+    raised = outlook.predictive.forecasts["refined"]
+    assert raised.mean_reprojection_px.high == usual.mean_reprojection_px.high * images
+    assert raised.median_error_3d.high == usual.median_error_3d.high * length
+    assert raised.median_error_3d.low == usual.median_error_3d.low
+
+
+def bent(rng: np.random.Generator) -> RefinedResult:
+    """A fit of 100 bars whose length varies by 1 %."""
+    scene = random_scene(rng, 100, margin_px=60.0)
+    middle, along = scene.ends_m.mean(axis=1, keepdims=True), np.diff(scene.ends_m, axis=1) / 2
+    factor = 1 + 0.01 * rng.normal(size=(100, 1, 1))
+    ends = np.concatenate([middle - factor * along, middle + factor * along], axis=1)
+    off = Nominal.exact(scene)
+    return refine(observe(replace(scene, ends_m=ends), rng, 0.1, "bent", off), SETTINGS)
+
+
+def blurred(rng: np.random.Generator) -> RefinedResult:
+    """A fit of 100 bars with 0.7 px along the image rows and 0.1 px across."""
+    data = stated(random_scene(rng, 100), rng, Misjudged(0, 0, 0, 0, 0.1))
+    table = data.correspondences
+    along = [np.column_stack([0.7 * rng.normal(size=200), np.zeros(200)]) for _ in range(2)]
+    moved = replace(table, primary=table.primary + along[0], secondary=table.secondary + along[1])
+    return refine(replace(data, correspondences=moved), SETTINGS)
+
+
+def test_a_bar_that_bends_is_told_apart_from_noise_along_the_lines() -> None:
+    """Right in 6 and 6 of 6 here; never the other one."""
+    bends: list[str] = []
+    along: list[str] = []
+    for seed in range(6):
+        for found, model in (
+            (bends, bent(np.random.default_rng([seed, 1]))),
+            (along, blurred(np.random.default_rng([seed, 2]))),
+        ):
+            found.append(cause_of_scatter(model, bar_innovations(model, model.used_rows)))
+    assert bends.count(BENDS) >= 3
+    assert ALONG not in bends
+    assert along.count(ALONG) >= 3
+    assert BENDS not in along
+
+
+def test_notes_on_the_noise() -> None:
+    rng = np.random.default_rng(3)
+    model = bent(rng)
+    bars = bar_innovations(model, model.used_rows)
+    assert any("bends" in note for note in notes_on_noise(model, bars))
+    sound = refine(rig(2), SETTINGS)
+    assert not notes_on_noise(sound, bar_innovations(sound, sound.used_rows))
+    rows = sound.dataset.correspondences
+    sigma = np.full(len(rows), 0.05)
+    told = replace(rows, sigma_primary_px=sigma, sigma_secondary_px=sigma)
+    sure = refine(replace(sound.dataset, correspondences=told), SETTINGS)
+    (note,) = notes_on_noise(sure, bar_innovations(sure, sure.used_rows))
+    assert "0.05 px" in note
+
+
+def test_few_frames_are_not_checked() -> None:
+    data = rig(3, 12)
+    assert forecast_files(calibrate(data, refined=RefineSettings())).check is None
+
+
+def test_improvements_go_the_right_way() -> None:
+    """Poor lenses and 8 frames limit this rig; with all known, only noise is left."""
+    off = Misjudged(0.05, 0.0005, 0.02, 30.0, 0.1)
+    model = refine(rig(4, 8, off), off.settings())
+    found = improvements(model)
+    now, noise = found.pop(""), found.pop("everything known exactly")
+    assert all(noise.length < each.length < 1.05 * now.length for each in found.values())
+    lenses, baseline = found["exactly known lenses"], found["an exactly known baseline"]
+    assert lenses.length < baseline.length
+    assert "exactly known lenses" in advice_on_improvements(model)
