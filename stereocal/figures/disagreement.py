@@ -8,10 +8,10 @@ import numpy as np
 import plotly.graph_objects as go
 
 from stereocal.figures.style import FAINT, NEUTRAL, WRONG_COLOUR, finish
-from stereocal.figures.tables import digits
 from stereocal.refined.disagreement import ACCUSED
 from stereocal.refined.stated_inputs import Input
 from stereocal.rig.compiled import FloatArray
+from stereocal.verdict.in_words import digits
 
 ROW, FRAME = 44, 100
 NAMES = {

@@ -15,8 +15,8 @@ from stereocal.figures.style import (
     NEUTRAL,
     finish,
 )
-from stereocal.figures.tables import digits
 from stereocal.rig.compiled import FloatArray
+from stereocal.verdict.in_words import digits
 from stereocal.verdict.tradeoff import TradeOff, TradeOffPoint
 
 HEIGHT = 520

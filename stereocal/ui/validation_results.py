@@ -19,12 +19,7 @@ from stereocal.figures import (
     plot_validation,
 )
 from stereocal.figures.report import report_html
-from stereocal.figures.tables import (
-    left_out_line,
-    validation_answer,
-    validation_table,
-    why_validation_not_trusted,
-)
+from stereocal.figures.tables import validation_answer, validation_table
 from stereocal.formats.evaluation_files import Evaluation, summary_json
 from stereocal.projects.project import Project
 from stereocal.refined.screening import Screening
@@ -34,6 +29,7 @@ from stereocal.ui.fields import Field, one_of, setting, yes_or_no
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.screening import screenings_of
 from stereocal.ui.validation import is_current
+from stereocal.verdict.in_words import left_out_line, why_validation_not_trusted
 
 BIN_WIDTHS = (0.02, 0.04, 0.1, 0.2, 0.5)
 SCROLLS = """<style>

@@ -94,7 +94,7 @@ def test_the_refined_set_can_serve_a_purpose(app: AppTest, home: Path) -> None:
     app.toggle(key="refined_3d").set_value(True).run()
     assert Project.open(home, project.id).settings["refined_3d"] is True
     app.switch_page("pages/calibrate.py").run()
-    assert text(app).count("Holds the refined set") == 1
+    assert "parameters_3d.json holds the refined set" in text(app)
 
 
 def test_what_a_data_set_states_of_its_lengths_is_taken(app: AppTest, home: Path) -> None:
