@@ -13,12 +13,12 @@ from stereocal.refined.refine import refine
 from stereocal.refined.results import Calibration
 from stereocal.rig.parameters import RigParameters
 from stereocal.verdict.forecast import Outlook, forecast_files
-from stereocal.verdict.model_check import IN_IMAGES, IN_LENGTH, HeldOutRatio, ModelCheck
+from stereocal.verdict.model_check import ModelCheck
 from stereocal.verdict.predictive import Predictive
 from stereocal.verdict.recommendation import NO_FORECAST, NO_REFINED, Recommendation, recommend
 from stereocal.workflow import answer, calibrate
 from tests import known_rig as rig
-from tests.verdict.test_verdict import forecast_with
+from tests.verdict.test_verdict import forecast_with, held_out
 
 
 @pytest.fixture(scope="module")
@@ -106,10 +106,8 @@ def test_figures_and_threshold_are_those_of_the_file(
 def test_a_doubted_model_lets_held_out_frames_speak(
     calibration: Calibration, outlook: Outlook
 ) -> None:
-    check = ModelCheck(
-        HeldOutRatio("", IN_IMAGES, 2.0, 9.0), HeldOutRatio("", IN_LENGTH, 1.0, 0.0), ()
-    )
-    found = told(calibration, outlook, forecast_with(0.8, 0.9, 0.02), VALIDATION, check)
+    doubted = held_out(2.0, 1.0)
+    found = told(calibration, outlook, forecast_with(0.8, 0.9, 0.02), VALIDATION, doubted)
     assert not found.forecast_holds
     assert "95 % of lengths are within 0.60 % (on held-out frames)." in found.sentences[0]
     assert "The model does not explain these images" in found.text
