@@ -57,8 +57,10 @@ def choose_frame(project: Project, calibration: Calibration) -> int:
 
 def _actions(project: Project, calibration: Calibration, frame: int) -> None:
     """Buttons to leave the frame out, put it back, exchange its targets, or correct it."""
-    screening = calibration.screening
-    if frame in screening.left_out:
+    screening, inputs = calibration.screening, project.inputs
+    # As asked for last: without the frame there may have been no result.
+    back = frame in screening.left_out and frame not in inputs.put_back
+    if back or frame in inputs.left_out:
         st.button(
             "Put it back", key="frame_put_back", icon=":material/undo:",
             on_click=put_back, args=(project, frame),
