@@ -42,7 +42,8 @@ def flat(values: Any) -> np.ndarray[Any, np.dtype[np.float64]]:
 
 
 def accuracy(figure: go.Figure) -> list[float]:
-    z = np.array(figure.data[0].z, dtype=np.float64)
+    maps = [trace for trace in figure.data if trace.type == "heatmap"]
+    z = np.concatenate([np.array(trace.z, dtype=np.float64).ravel() for trace in maps])
     z = z[np.isfinite(z)]
     return [
         10 ** float(value) for value in np.percentile(z, [5, 50, 95])
@@ -120,7 +121,7 @@ def trade_off(figure: go.Figure) -> list[float]:
     found = []
     for trace in named(figure, "Lenses"):
         found += [float(trace.x[0]), float(trace.x[-1]), float(trace.y[0]), float(trace.y[-1])]
-    for trace in named(figure, "Essential", "2D", "Refined"):
+    for trace in named(figure, "Essential", "2D", "3D", "Refined"):
         found += [float(trace.x[0]), float(trace.y[0])]
     return found
 
