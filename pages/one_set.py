@@ -50,7 +50,7 @@ except StereocalError as error:
     st.stop()
 try:
     show_verdict(screening, evaluation, outlook)
-    show_seeds(found, outlook)
+    place = st.container()
     show_download(project, screening, result, inputs, evaluation, outlook)
     st.header("What disagrees", divider="gray")
     show_disagreement(inputs)
@@ -65,5 +65,7 @@ try:
     field = setting(project, "one_set_view", next(iter(views)), one_of(list(views)), tabs_own=True)
     view = st.segmented_control("Look at", list(views), required=True, **field.widget())
     views[view]()
+    with place:  # last, because the trials take the processor from the rest of the page
+        show_seeds(found, outlook)
 except StereocalError as error:
     st.error(escape_markdown(str(error)))

@@ -35,7 +35,7 @@ from stereocal.ui.intake import escape_markdown
 from stereocal.ui.screening import screenings_of
 from stereocal.ui.validation import is_current
 
-BIN_WIDTHS = (0.02, 0.04, 0.1, 0.2, 0.5)
+BIN_WIDTHS, USUAL_WIDTH = (0.02, 0.04, 0.1, 0.2, 0.5), 0.1
 SCROLLS = """<style>
 .st-key-scrolls { overflow-x: auto; }
 .st-key-scrolls > div { min-width: 54rem; }
@@ -60,7 +60,11 @@ def _summaries(
     evaluation: Evaluation, bin_width: float, refined: bool
 ) -> tuple[Summaries, dict[str, Summaries]]:
     """Pooled and by data set; of one object, which a project gives for one content."""
-    pooled, by_dataset = summarise_all(evaluation.names, evaluation.runs, bin_width)
+    if bin_width == USUAL_WIDTH and len(evaluation.names) == 1:
+        pooled = dict(evaluation.summaries)  # made once for all pages
+        by_dataset = {evaluation.names[0]: pooled}
+    else:
+        pooled, by_dataset = summarise_all(evaluation.names, evaluation.runs, bin_width)
     if not refined:
         for own in (pooled, *by_dataset.values()):
             own.pop("refined", None)
@@ -83,7 +87,7 @@ def show_evaluation(
             "The form or the data have changed since this validation. It was computed "
             f"with: {describe_protocol(evaluation)}"
         )
-    bins = setting(project, "bin_width", 0.1, one_of(BIN_WIDTHS))
+    bins = setting(project, "bin_width", USUAL_WIDTH, one_of(BIN_WIDTHS))
     refined = with_refined(project)
     pooled, by_dataset = _summaries(evaluation, bins.value(), refined.value())
     screenings = _screenings(evaluation, datasets)
