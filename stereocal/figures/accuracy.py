@@ -15,7 +15,7 @@ from stereocal.rig.compiled import FloatArray
 
 WIDTH, LEAST_HEIGHT, MOST_HEIGHT = 860, 140, 420
 """Of a map in px: at this width of the page, equal axes fill their room."""
-TOP, GAP, FOOT = 106, 58, 62
+TOP, TITLE, GAP, FOOT = 112, 26, 72, 62
 Quantity = Literal["distance", "point"]
 TITLES: dict[Quantity, str] = {
     "distance": "Error of a distance as long as the bar (%)",
@@ -52,7 +52,7 @@ def plot_accuracy(
         "coloraxis": {
             "colorscale": "Cividis", "cmin": low, "cmax": high,
             "colorbar": {"title": {"text": TITLES[quantity], "side": "top"}, "orientation": "h",
-                         "yref": "container", "y": 1, "yanchor": "top", "thickness": 14,
+                         "y": 1 + (TITLE + 6) / inside, "yanchor": "bottom", "thickness": 14,
                          "tickvals": np.log10(ticks), "ticktext": [f"{t:g}" for t in ticks]},
         },
         "annotations": [_title(found, at) for at, found in enumerate(maps)],
