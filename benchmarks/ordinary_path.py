@@ -17,7 +17,6 @@ import numpy as np
 from benchmarks.refined_rigs import Misjudged, random_scene, stated
 from benchmarks.refined_truth import turned
 from stereocal.errors import StereocalError
-from stereocal.figures.tables import why_not_trusted
 from stereocal.refined.disagreement import what_disagrees
 from stereocal.refined.refine import refine
 from stereocal.refined.results import Calibration
@@ -26,6 +25,7 @@ from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import Dataset
 from stereocal.simulation.simulate import Scene, lens_off_by
+from stereocal.verdict.in_words import why_not_trusted
 from stereocal.workflow import calibrate
 
 KNOWN = Misjudged()

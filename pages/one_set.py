@@ -24,7 +24,7 @@ from stereocal.ui.project import last_calibration, last_evaluation
 from stereocal.ui.refined import calibrated, outlook_for, refine_form, refined_of
 from stereocal.ui.screening import screenings_of
 from stereocal.ui.texts import ONE_SET
-from stereocal.ui.validation import bring_up_to_date, kept_protocol
+from stereocal.ui.validation import kept_protocol
 
 ensure_navigation()
 st.title("One set or two")
@@ -39,7 +39,6 @@ try:
     (screening,) = screenings_of([dataset], protocol.calibration)
     kept = screening.dataset
     result = refined_of(kept, settings)
-    bring_up_to_date(project, [dataset], protocol)
     evaluation = last_evaluation(project)
     calibration = last_calibration(project)
     found = replace(calibrated(dataset, protocol.calibration), refined=result)

@@ -1,9 +1,14 @@
-"""Run all methods on a data set: screening, the paper's three (Section 3), the refined one."""
+"""Run all methods on a data set: screening, the paper's three (Section 3), the refined one.
+
+`calibrate` computes; `answer` puts together what to tell and what to write.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -15,17 +20,23 @@ from stereocal.calibration.problems import reconstruction_problem, reprojection_
 from stereocal.calibration.results import POOR_LENGTH, MethodResult, errors_of
 from stereocal.calibration.wrong_inputs import check_inputs, pose_fit
 from stereocal.errors import StereocalError
+from stereocal.formats.evaluation_files import Evaluation, validation_figures
 from stereocal.refined.diagnosis import explain_failure, warnings_about_fit
+from stereocal.refined.disagreement import what_disagrees
+from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import refine
 from stereocal.refined.results import Calibration
 from stereocal.refined.screening import Screening, screen, screened
+from stereocal.refined.stated_inputs import Input
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.compiled import IntArray
 from stereocal.rig.dataset import Dataset
+from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
 from stereocal.verdict.forecast import Outlook
 from stereocal.verdict.one_or_two_sets import verdict
 from stereocal.verdict.predictive import predict
+from stereocal.verdict.recommendation import Recommendation, Validated, recommend
 
 OTHER_SEEDS = (1, 2, 3, 4)
 FEWER_DRAWS = 48
@@ -73,11 +84,7 @@ def calibrate(
             "essential", start.pose, start.cost, start.evaluations, start.stop_reason, start.seconds
         )
     }
-    searches: tuple[tuple[Method, Problem, np.random.SeedSequence], ...] = (
-        ("2d", reprojection_problem(chosen), seed_2d),
-        ("3d", reconstruction, seed_3d),
-    )
-    for method, problem, seed in searches:
+    for method, (problem, seed) in _searches(chosen, settings, seed_2d, seed_3d).items():
         report(method)
         found = minimise(problem, start.pose, settings.search, seed, trace)
         results[method] = MethodResult(
@@ -96,6 +103,19 @@ def calibrate(
     return Calibration(
         dataset, settings, screening, frames, results, tuple(warnings), refined_result
     )
+
+
+def _searches(
+    dataset: Dataset,
+    settings: CalibrationSettings,
+    seed_2d: np.random.SeedSequence,
+    seed_3d: np.random.SeedSequence,
+) -> dict[Method, tuple[Problem, np.random.SeedSequence]]:
+    """The problems of the two searches, with their random streams."""
+    return {
+        "2d": (reprojection_problem(dataset), seed_2d),
+        "3d": (reconstruction_problem(dataset, settings.known_points), seed_3d),
+    }
 
 
 def _essential(
@@ -152,6 +172,67 @@ def _only(dataset: Dataset, frames: IntArray) -> Dataset:
     return dataset.of_frames(frames)
 
 
+def usual_frames(frames: int) -> int:
+    """The default number of frames to calibrate with: 4 of 5, as the paper's 20 of 25."""
+    return max(4 * frames // 5, 1)
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """What a calibration and its validation tell, and the files to write."""
+
+    calibration: Calibration
+    outlook: Outlook | None
+    """None if there is no forecast."""
+    validation: Mapping[Any, Validated]
+    """The entries of the files on the validation, by method; empty without one."""
+    recommendation: Recommendation
+
+    @cached_property
+    def inputs(self) -> list[Input]:
+        """Which input values the images contradict; empty without a refined set."""
+        if self.outlook is not None:
+            return self.outlook.comparison.inputs
+        refined = self.calibration.refined
+        return [] if refined is None else what_disagrees(refined)
+
+    @cached_property
+    def sets(self) -> dict[Method, RigParameters]:
+        """The parameter files: 2d, 3d and, if available, refined."""
+        calibration, validation = self.calibration, self.validation
+        forecasts = self.outlook.of_files(validation) if self.outlook else {}
+        found: dict[Method, RigParameters] = {
+            "2d": calibration.parameters("2d", validation.get("2d"), forecasts.get("2d")),
+            "3d": calibration.parameters("3d", validation.get("3d"), forecasts.get("3d")),
+        }
+        if calibration.refined is not None:
+            found["refined"] = refined_parameters(
+                calibration.refined, self.inputs, validation.get("refined"),
+                calibration.screening.left_out, forecasts.get("refined"),
+            )  # fmt: skip
+        about = self.recommendation.to_json()
+        return {method: replace(rig, recommendation=about) for method, rig in found.items()}
+
+
+def answer(
+    calibration: Calibration,
+    outlook: Outlook | None,
+    evaluation: Evaluation | None = None,
+    validation: Mapping[Any, Validated] | None = None,
+) -> Answer:
+    """The answer of a calibration with its refined set.
+
+    Args:
+        outlook: the forecast of its files, if any.
+        evaluation: of the same data set.
+        validation: entries to write into the files instead of those of `evaluation`.
+    """
+    if evaluation is not None:
+        validation = validation or validation_figures(evaluation.summaries, evaluation.settings)
+    found = recommend(calibration, outlook, validation)
+    return Answer(calibration, outlook, validation or {}, found)
+
+
 def conclusions_of_seeds(
     calibration: Calibration, outlook: Outlook, seeds: Sequence[int] = OTHER_SEEDS
 ) -> str:
@@ -165,14 +246,11 @@ def conclusions_of_seeds(
     """
     if calibration.settings.calibration_frames is not None:
         return ""  # another seed would draw other frames
-    frames = len(calibration.frames)
+    frames, settings = len(calibration.frames), calibration.settings
     found = [verdict(outlook.predictive, frames)]
     lengths = [outlook.predictive.forecasts["3d"].mean_error_3d.value]
     for seed in seeds:
-        search = calibration.settings.search
-        settings = replace(calibration.settings, search=replace(search, seed=search.seed + seed))
-        other = replace(calibrate(calibration.dataset, settings), refined=calibration.refined)
-        files = {**outlook.files, **{name: _rig(other, name) for name in other.methods}}
+        files = {**outlook.files, **files_of_seed(calibration, settings.search.seed + seed)}
         predictive = predict(outlook.comparison.model, files, draws=FEWER_DRAWS)
         found.append(verdict(predictive, frames))
         lengths.append(predictive.forecasts["3d"].mean_error_3d.value)
@@ -186,6 +264,13 @@ def conclusions_of_seeds(
     )
 
 
-def _rig(calibration: Calibration, method: Method) -> Rig:
-    dataset = calibration.dataset
-    return Rig(dataset.primary, dataset.secondary, calibration.methods[method].pose)
+def files_of_seed(calibration: Calibration, seed: int) -> dict[Method, Rig]:
+    """The 2D and the 3D set of a calibration with another seed of the searches."""
+    settings, dataset = calibration.settings, calibration.screening.dataset
+    start = calibration.methods["essential"].pose
+    streams = np.random.SeedSequence(seed).spawn(3)[1:]
+    found: dict[Method, Rig] = {}
+    for method, (problem, stream) in _searches(dataset, settings, *streams).items():
+        pose = minimise(problem, start, settings.search, stream).pose
+        found[method] = Rig(dataset.primary, dataset.secondary, pose)
+    return found

@@ -78,10 +78,7 @@ def _simulated(peers: Sequence[Peer], tasks: Sequence[Task]) -> None:
     print(_load())
 
 
-def _recorded(peers: Sequence[Peer], task: Task | None) -> None:
-    if task is None:
-        print(f"\n{RECORDING} is skipped: STEREOCAL_REAL_DATA names no folder that holds it.")
-        return
+def _recorded(peers: Sequence[Peer], task: Task) -> None:
     print(f"\n### {RECORDING}, {len(task.fit.correspondences.bars)} frames fitted\n")
     print(
         "| program | epipolar RMS (px) | length error (%) | third marker (%) | baseline (m) "

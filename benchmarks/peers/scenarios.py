@@ -1,8 +1,7 @@
-"""What is solved: simulated rigs with known truth, and the real recording where it is at hand."""
+"""What is solved: simulated rigs with known truth, and the real recording."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,8 +10,8 @@ import numpy as np
 
 from benchmarks.peers.solution import Solution
 from benchmarks.refined_rigs import BAR_M, DEPTHS_M, Misjudged, random_scene, spoiled, stated
-from stereocal.formats.camera_file import read_camera
-from stereocal.formats.correspondences_csv import read_table
+from stereocal.formats.dataset_files import read_dataset
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.simulation.simulate import Nominal, place_bars
@@ -92,33 +91,19 @@ SCENARIOS = (
 RECORDING = "ewand12"
 
 
-def recording() -> Task | None:
-    """ewand12, even frames to fit and odd ones to test; None if STEREOCAL_REAL_DATA lacks it."""
-    folder = Path(os.environ.get("STEREOCAL_REAL_DATA", "")) / "ewand12"
-    if not (folder / "correspondences.csv").is_file():
-        return None
-    table = read_table((folder / "correspondences.csv").read_bytes(), "correspondences.csv")
-    data = Dataset(
-        name="ewand12",
-        primary=read_camera((folder / "primary.yaml").read_bytes(), "primary.yaml"),
-        secondary=read_camera((folder / "secondary.yaml").read_bytes(), "secondary.yaml"),
-        correspondences=table.strict("correspondences.csv"),
-        baseline_m=4.976,
-        target_distance_m=0.390,
-    )
+def recording() -> Task:
+    """ewand12, even frames to fit and odd ones to test."""
+    folder = Path(__file__).parents[2] / "sample_data" / "recording"
+    data = read_dataset(folder)
     frames = data.correspondences.frames
     odd = frames[frames % 2 == 1]
+    middle = [
+        np.genfromtxt(folder / f"points_{side}.csv", delimiter=",", skip_header=1)
+        for side in CAMERAS
+    ]
     return Task(
         fit=data.of_frames(frames[frames % 2 == 0]),
         test=data.of_frames(odd),
         kept=0.98,
-        middle=_middle(folder / "middle_marker.csv", odd.tolist()),
+        middle=np.stack([table[np.isin(table[:, 0], odd), 1:] for table in middle], axis=1),
     )
-
-
-def _middle(path: Path, frames: list[int]) -> FloatArray:
-    """(n, 2, 2): the third marker in both images; NaN where a frame has none."""
-    columns = ("frame", "u_primary", "v_primary", "u_secondary", "v_secondary")
-    table = np.genfromtxt(path, delimiter=",", names=True)
-    by_frame = {int(row["frame"]): [row[name] for name in columns[1:]] for row in table}
-    return np.array([by_frame.get(frame, [np.nan] * 4) for frame in frames]).reshape(-1, 2, 2)

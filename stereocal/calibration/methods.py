@@ -41,6 +41,8 @@ class CalibrationSettings:
     """Use every frame, as the paper does, without screening."""
     frames_put_back: tuple[int, ...] = ()
     """Numbers of frames that the screening must keep."""
+    frames_left_out: tuple[int, ...] = ()
+    """Numbers of frames to leave out, whatever the screening finds."""
 
     def __post_init__(self) -> None:
         if self.essential not in ("constrained", "linear"):
@@ -59,6 +61,7 @@ class CalibrationSettings:
             "known_points": self.known_points,
             "all_frames": self.all_frames,
             "frames_put_back": list(self.frames_put_back),
+            "frames_left_out": list(self.frames_left_out),
         }
 
     @classmethod
@@ -78,10 +81,11 @@ class CalibrationSettings:
             for name in ("known_points", "all_frames"):
                 if not isinstance(own.get(name, False), bool):
                     raise TypeError(f"{name} is neither true nor false")
-            back = rest.pop("frames_put_back", [])
-            if not all(isinstance(frame, int) for frame in back):
-                raise TypeError("frames_put_back is not a list of frame numbers")
-            own["frames_put_back"] = tuple(sorted(back))
+            for name in ("frames_put_back", "frames_left_out"):
+                frames = rest.pop(name, [])
+                if not all(isinstance(frame, int) for frame in frames):
+                    raise TypeError(f"{name} is not a list of frame numbers")
+                own[name] = tuple(sorted(frames))
             if not isinstance(own.get("calibration_frames"), int | None):
                 raise TypeError("calibration_frames is not a whole number")
             return cls(search=SearchSettings(**rest), **own)

@@ -4,29 +4,21 @@ from __future__ import annotations
 
 import argparse
 import math
+from dataclasses import replace
 from pathlib import Path
-from typing import Literal
 
-from stereocal.calibration.methods import METHODS
+from stereocal.calibration.methods import METHODS, Method
 from stereocal.commands.options import (
     add_lens_model,
     add_search_options,
     settings_from,
     with_sigmas,
 )
-from stereocal.figures.tables import (
-    answer,
-    digits,
-    interval,
-    left_out_line,
-    listed,
-    percent,
-    why_not_trusted,
-)
-from stereocal.formats.evaluation_files import validation_in_summary
+from stereocal.commands.progress import ProgressBar
+from stereocal.errors import StereocalError
+from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
+from stereocal.formats.evaluation_files import Evaluation, validation_in_summary
 from stereocal.projects.archive import read_input
-from stereocal.refined.disagreement import what_disagrees
-from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.results import Calibration
 from stereocal.refined.stated_inputs import Input, undetectable_errors
@@ -34,12 +26,17 @@ from stereocal.refined.uncertainty import standard_errors
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import CAMERAS
 from stereocal.system.atomic_files import write_all
+from stereocal.system.executors import engine
 from stereocal.verdict.forecast import outlook_of
+from stereocal.verdict.in_words import digits, interval, listed, percent
 from stereocal.verdict.predictive import Predictive
-from stereocal.workflow import calibrate, conclusions_of_seeds
+from stereocal.workflow import answer, calibrate, conclusions_of_seeds, usual_frames
 
-FILES: dict[Literal["2d", "3d"], str] = {"2d": "parameters_2d.json", "3d": "parameters_3d.json"}
-REFINED = "parameters_refined.json"
+FILES: dict[Method, str] = {
+    "2d": "parameters_2d.json",
+    "3d": "parameters_3d.json",
+    "refined": "parameters_refined.json",
+}
 
 
 def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -64,9 +61,9 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     command.add_argument(
         "--runs",
         type=int,
-        default=1,
+        default=100,
         metavar="N",
-        help="0: no verdict; other numbers make no difference",
+        help="random splits of the validation; 0 for none (default: 100)",
     )
     command.add_argument(
         "--no-refined",
@@ -91,63 +88,58 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
 
 
 def run(parsed: argparse.Namespace) -> None:
-    """Calibrate, write the files, print the table, inconsistent inputs and the verdict."""
+    """Calibrate, validate, write the files, print the table and the recommendation."""
     dataset = with_sigmas(read_input(parsed.dataset, parsed.lens_model), parsed)
     settings = settings_from(parsed, parsed.calibration_frames)
     free = tuple(parsed.free_distortion)
     refined = RefineSettings(free_distortion=free) if parsed.refined else None
-    calibration = calibrate(dataset, settings, refined=refined)
     figures = validation_in_summary(parsed.validation, dataset) if parsed.validation else {}
-    outlook = outlook_of(calibration)
-    forecasts = outlook.of_files(figures) if outlook else {}
-    sets = {
-        method: calibration.parameters(method, figures.get(method), forecasts.get(method))
-        for method in FILES
-    }
-    files = {parsed.out / FILES[method]: sets[method].dumps().encode() for method in FILES}
-    inputs: list[Input] = []
-    if calibration.refined is not None:
-        inputs = outlook.comparison.inputs if outlook else what_disagrees(calibration.refined)
-        files[parsed.out / REFINED] = (
-            refined_parameters(
-                calibration.refined,
-                inputs,
-                figures.get("refined"),
-                calibration.screening.left_out,
-                forecasts.get("refined"),
-            )
-            .dumps()
-            .encode()
-        )
+    calibration = calibrate(dataset, settings, refined=refined)
+    evaluation = validate(calibration, refined, parsed.runs) if parsed.runs else None
+    found = answer(calibration, outlook_of(calibration), evaluation, figures)
+    files = {parsed.out / FILES[name]: own.dumps().encode() for name, own in found.sets.items()}
     write_all(files)
     rows = dataset.correspondences
     print(
         f"{dataset.name}: {len(rows)} pairs, {len(rows.bars)} bars in {len(rows.frames)} frames; "
         f"calibrated with {len(calibration.frames)} frames; errors are of all frames not left out."
     )
-    if calibration.screening.left_out:
-        print(left_out_line(calibration.screening))
     print(table_of(calibration))
-    print(answer(calibration))
-    if (volume := sets["3d"].volume) is not None:
+    if (volume := found.sets["3d"].volume) is not None:
         print(volume.sentence())
     if calibration.refined is not None:
         print(refined_lines(calibration.refined))
-    if outlook:
-        print(forecast_lines(outlook.predictive))
-    if caution := why_not_trusted(calibration):
-        print(f"Do not rely on this result: {caution}")
-    print_notes(calibration, inputs)
-    if refined is not None and parsed.runs:
-        print(
-            f"Verdict: {outlook.verdict.text} {outlook.advice}"
-            if outlook
-            else "No verdict: there are too few bars for a forecast."
-        )
-        if outlook and (seeds := conclusions_of_seeds(calibration, outlook)):
-            print(f"Note: {seeds}")
+    if found.outlook:
+        print(forecast_lines(found.outlook.predictive))
+    print_notes(calibration, found.inputs)
+    if found.outlook and (seeds := conclusions_of_seeds(calibration, found.outlook)):
+        print(f"Note: {seeds}")
+    if found.outlook:
+        print(f"Note: {found.outlook.advice}")
+    print(f"Recommendation: {found.recommendation.text}")
     for path in files:
         print(f"wrote {path}")
+
+
+def validate(
+    calibration: Calibration, refined: RefineSettings | None, runs: int
+) -> Evaluation | None:
+    """Random splits of the frames not left out; None, and the reason, if there are too few."""
+    kept = calibration.screening.dataset
+    settings = EvaluationSettings(
+        replace(calibration.settings, calibration_frames=None),
+        runs,
+        usual_frames(len(kept.correspondences.frames)),
+        refined,
+    )
+    try:
+        with engine() as executor, ProgressBar("random splits") as bar:
+            found = evaluate([kept], settings, executor, bar.show)
+    except StereocalError as error:
+        print(f"No validation: {error}")
+        return None
+    assert found is not None  # nobody cancels here
+    return Evaluation(found, settings, [kept.name], [calibration.dataset.sha256])
 
 
 def print_notes(calibration: Calibration, inputs: list[Input]) -> None:

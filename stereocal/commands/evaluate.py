@@ -21,7 +21,7 @@ from stereocal.errors import StereocalError
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate, evaluate_runs
 from stereocal.evaluation.summary import MethodSummary, summarise_all
 from stereocal.figures.report import report_html
-from stereocal.figures.tables import left_out_line, validation_answer, why_validation_not_trusted
+from stereocal.figures.tables import validation_answer
 from stereocal.formats.evaluation_files import summary_json, unique_names
 from stereocal.projects.archive import read_input
 from stereocal.refined.screening import screened
@@ -30,6 +30,7 @@ from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import FileForecast
 from stereocal.system.atomic_files import write_all
 from stereocal.verdict.forecast import forecast_files
+from stereocal.verdict.in_words import left_out_line, why_validation_not_trusted
 from stereocal.workflow import calibrate
 
 

@@ -48,6 +48,14 @@ def add_search_options(parser: argparse.ArgumentParser) -> None:
         metavar="FRAME",
         help="frames to keep though they contradict the others",
     )
+    parser.add_argument(
+        "--leave-out",
+        type=int,
+        nargs="+",
+        default=[],
+        metavar="FRAME",
+        help="frames to leave out, whatever the screening finds",
+    )
 
 
 def add_lens_model(parser: argparse.ArgumentParser) -> None:
@@ -124,4 +132,5 @@ def settings_from(
         known_points=parsed.known_points,
         all_frames=parsed.all_frames,
         frames_put_back=tuple(sorted(parsed.put_back)),
+        frames_left_out=tuple(sorted(parsed.leave_out)),
     )

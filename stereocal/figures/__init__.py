@@ -26,6 +26,14 @@ from stereocal.figures.measured import (
 )
 from stereocal.figures.pair_errors import describe_pair_errors, plot_pair_errors
 from stereocal.figures.rig import describe_rig, plot_rig
+from stereocal.figures.story import (
+    describe_story_lengths,
+    describe_story_lines,
+    describe_two_rays,
+    plot_story_lengths,
+    plot_story_lines,
+    plot_two_rays,
+)
 from stereocal.figures.style import (
     METHOD_COLOURS,
     METHOD_NAMES,
@@ -56,8 +64,11 @@ __all__ = [
     "describe_points",
     "describe_residual_field",
     "describe_rig",
+    "describe_story_lengths",
+    "describe_story_lines",
     "describe_traces",
     "describe_trade_off",
+    "describe_two_rays",
     "describe_validation",
     "describe_view_errors",
     "plot_accuracy",
@@ -72,8 +83,11 @@ __all__ = [
     "plot_points",
     "plot_residual_field",
     "plot_rig",
+    "plot_story_lengths",
+    "plot_story_lines",
     "plot_traces",
     "plot_trade_off",
+    "plot_two_rays",
     "plot_validation",
     "plot_view_errors",
 ]

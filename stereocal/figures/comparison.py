@@ -12,8 +12,8 @@ from plotly.subplots import make_subplots
 from stereocal.calibration.methods import ALL_METHODS, Method
 from stereocal.evaluation.summary import Estimate, MethodSummary, best_methods
 from stereocal.figures.style import METHOD_COLOURS, METHOD_NAMES, METHOD_SYMBOLS, count, finish
-from stereocal.figures.tables import interval, percent
 from stereocal.rig.compiled import FloatArray
+from stereocal.verdict.in_words import interval, percent
 
 COMPARISON_HEIGHT = 700
 LONGEST_NAME = 20

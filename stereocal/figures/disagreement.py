@@ -9,10 +9,10 @@ import pandas as pd
 import plotly.graph_objects as go
 
 from stereocal.figures.style import FAINT, NEUTRAL, WRONG_COLOUR, finish
-from stereocal.figures.tables import digits
 from stereocal.refined.disagreement import ACCUSED
 from stereocal.refined.stated_inputs import Input, in_digits
 from stereocal.rig.compiled import FloatArray
+from stereocal.verdict.in_words import digits
 
 ROW, FRAME = 44, 100
 NAMES = {

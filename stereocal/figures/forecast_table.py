@@ -6,7 +6,7 @@ import pandas as pd
 
 from stereocal.calibration.methods import METHOD_NAMES
 from stereocal.evaluation.summary import Estimate
-from stereocal.figures.tables import digits, interval, percent
+from stereocal.verdict.in_words import digits, interval, percent
 from stereocal.verdict.predictive import Predictive
 
 COLUMN = "On frames to come (95 % intervals)"

@@ -25,8 +25,6 @@ from stereocal.figures.comparison import describe_comparison, plot_comparison
 from stereocal.figures.tables import (
     ANGLE_TITLES,
     contents_table,
-    left_out_line,
-    listed,
     validation_answer,
     validation_table,
 )
@@ -35,6 +33,7 @@ from stereocal.figures.validation_panels import COLUMNS, describe_validation
 from stereocal.refined.screening import Screening
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles
+from stereocal.verdict.in_words import left_out_line, listed
 
 SETTING_NAMES = {
     "delta": "First size of a step, Δ (rad)",
@@ -49,6 +48,7 @@ SETTING_NAMES = {
     "known_points": "3D cost from known points instead of lengths",
     "all_frames": "Trust every frame, also one that contradicts the others",
     "frames_put_back": "Frames kept though they contradict the others",
+    "frames_left_out": "Frames that the user left out",
     "runs": "Runs for each data set",
     "refined": "Settings of the refined method",
 }

@@ -12,10 +12,10 @@ import numpy as np
 import numpy.typing as npt
 import plotly.graph_objects as go
 
-from stereocal.calibration.methods import METHODS, Method
+from stereocal.calibration.methods import ALL_METHODS, Method
 from stereocal.calibration.results import Errors
 from stereocal.errors import StereocalError
-from stereocal.figures.space import set_scene, upright
+from stereocal.figures.space import BEHIND, Eye, set_scene, upright
 from stereocal.figures.style import (
     METHOD_COLOURS,
     METHOD_NAMES,
@@ -31,7 +31,9 @@ from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import TARGETS, Dataset
 from stereocal.rig.geometry import Pose, triangulate_rays
 
-HEIGHT = 520
+HEIGHT = 560
+VIEWS = ("Behind", "Above", "Side", "Camera 1", "Camera 2")
+"""From where the scene is seen; camera 1 is the primary."""
 FRUSTUM_OF_DEPTH = 0.15
 """Depth of a drawn camera over the depth of the scene; at its true size it would be a dot."""
 
@@ -41,6 +43,7 @@ class _Scene:
     """The data set reconstructed by one method, in the primary camera's frame."""
 
     dataset: Dataset
+    cameras: tuple[Camera, Camera]
     pose: Pose
     errors: Errors
 
@@ -86,11 +89,14 @@ class _Scene:
         ]
 
 
-def plot_rig(calibration: Calibration, method: str) -> go.Figure:
+def plot_rig(calibration: Calibration, method: str, view: str = VIEWS[0]) -> go.Figure:
     """The rig and the bars reconstructed by one method; equal axes, metres.
 
+    Args:
+        view: one of `VIEWS`.
+
     Raises:
-        StereocalError: an unknown method.
+        StereocalError: an unknown method, or there is no refined set.
     """
     chosen = _method(method)
     scene = _scene(calibration, chosen)
@@ -99,7 +105,7 @@ def plot_rig(calibration: Calibration, method: str) -> go.Figure:
     _add_targets(figure, scene)
     _add_cameras(figure, scene)
     _add_baseline(figure, scene)
-    set_scene(figure)
+    set_scene(figure, _eye(scene, view))
     return figure
 
 
@@ -128,14 +134,35 @@ def describe_rig(calibration: Calibration, method: str) -> str:
 
 
 def _method(name: str) -> Method:
-    for method in METHODS:
+    for method in ALL_METHODS:
         if method == name:
             return method
-    raise StereocalError(f'The method "{name}" is not known: {", ".join(METHODS)}.')
+    raise StereocalError(f'The method "{name}" is not known: {", ".join(ALL_METHODS)}.')
 
 
 def _scene(calibration: Calibration, method: Method) -> _Scene:
-    return _Scene(calibration.dataset, calibration.methods[method].pose, calibration.errors[method])
+    dataset = calibration.dataset
+    if method != "refined":
+        pose = calibration.methods[method].pose
+        cameras = dataset.primary, dataset.secondary
+        return _Scene(dataset, cameras, pose, calibration.errors[method])
+    refined, errors = calibration.refined, calibration.refined_errors
+    if refined is None or errors is None:
+        raise StereocalError("There is no refined set.")
+    cameras = refined.primary, refined.secondary
+    return _Scene(refined.apply(dataset), cameras, refined.pose, errors)
+
+
+def _eye(scene: _Scene, view: str) -> Eye:
+    """From where, and towards where, the scene is seen."""
+    first, second = np.zeros(3), scene.secondary_centre
+    bars = scene.bars[scene.drawn].reshape(-1, 3)
+    target = bars.mean(axis=0) if len(bars) else np.array([0.0, 0.0, scene.depth])
+    if view.startswith("Camera"):
+        return Eye(target, at=first if view == "Camera 1" else second)
+    middle = 0.5 * (0.5 * (first + second) + target)
+    directions = {"Above": (0.0, -1.0, -1e-3), "Side": (1.0, 0.0, 0.0)}
+    return Eye(middle, directions.get(view, BEHIND))
 
 
 def _add_bars(figure: go.Figure, scene: _Scene, method: Method) -> None:
@@ -186,10 +213,10 @@ def _add_cameras(figure: go.Figure, scene: _Scene) -> None:
     size = FRUSTUM_OF_DEPTH * scene.depth
     primary_from_secondary = scene.pose.inverse()
     for name, camera, corners in (
-        ("primary", scene.dataset.primary, _corners(scene.dataset.primary, size)),
+        ("primary", scene.cameras[0], _corners(scene.cameras[0], size)),
         (
-            "secondary", scene.dataset.secondary,
-            primary_from_secondary.apply(_corners(scene.dataset.secondary, size)),
+            "secondary", scene.cameras[1],
+            primary_from_secondary.apply(_corners(scene.cameras[1], size)),
         ),
     ):  # fmt: skip
         centre = np.zeros(3) if name == "primary" else scene.secondary_centre

@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 import pandas as pd
 
 from stereocal.calibration.methods import ALL_METHODS, COST_UNITS, METHOD_NAMES, METHODS, Method
-from stereocal.calibration.results import POOR_LENGTH, errors_of
+from stereocal.calibration.results import MethodResult
 from stereocal.evaluation.summary import Estimate, MethodSummary, best_methods
 from stereocal.refined.bar_fit import BAR
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.results import Calibration
-from stereocal.refined.screening import MAXIMUM_LEFT_OUT, Screening
 from stereocal.refined.uncertainty import standard_errors
-from stereocal.rig.compiled import IntArray
 from stereocal.rig.dataset import Dataset
+from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
+from stereocal.verdict.in_words import digits, interval, percent
 
 LENS_TITLES = {
     "fx": "Focal length fx",
@@ -35,10 +35,18 @@ ANGLE_TITLES = {
 }
 
 
-def results_table(calibration: Calibration) -> pd.DataFrame:
-    """The results of the three methods as text: one column per method, one row per quantity."""
+def errors_table(calibration: Calibration) -> pd.DataFrame:
+    """The errors of the paper's methods on all frames not left out."""
     return pd.DataFrame(
-        {METHOD_NAMES[name]: _column(calibration, name) for name in METHODS}
+        {
+            METHOD_NAMES[name]: {
+                "Mean reprojection error (px)": digits(errors.mean_reprojection_px),
+                "Mean bar length error (%)": digits(100 * errors.mean_length),
+                "95 % of bars within (%)": digits(100 * errors.p95_length),
+                "Pairs behind a camera": f"{int(np.isnan(errors.reprojection_px).sum())}",
+            }
+            for name, errors in calibration.errors.items()
+        }
     ).rename_axis(_frames_in_words(calibration))
 
 
@@ -48,22 +56,29 @@ def _frames_in_words(calibration: Calibration) -> str:
     return f"All frames{f' but the {left_out} left out' if left_out else ''}{held_out}"
 
 
-def _column(calibration: Calibration, name: Method) -> dict[str, str]:
-    found, errors = calibration.methods[name], calibration.errors[name]
-    angles = found.pose.angles
-    unit = COST_UNITS[name]
+def angles_table(calibration: Calibration) -> pd.DataFrame:
+    """Angles, baseline and cost of each set, and how its computation ended."""
+    columns = {
+        METHOD_NAMES[name]: _column(found.pose, name, found, found.evaluations)
+        for name, found in calibration.methods.items()
+    }
+    if (refined := calibration.refined) is not None:
+        columns[METHOD_NAMES["refined"]] = _column(refined.pose, "refined", refined, refined.steps)
+    return pd.DataFrame(columns).rename_axis("Parameters")
+
+
+def _column(
+    pose: Pose, name: Method, found: MethodResult | RefinedResult, evaluations: int
+) -> dict[str, str]:
+    angles = pose.angles
     return {
-        "Mean reprojection error (px)": digits(errors.mean_reprojection_px),
-        "Mean bar length error (%)": digits(100 * errors.mean_length),
-        "95 % of bars within (%)": digits(100 * errors.p95_length),
-        "Pairs behind a camera": f"{int(np.isnan(errors.reprojection_px).sum())}",
         **{
             title: f"{math.degrees(getattr(angles, key)):.4f}"
             for key, title in ANGLE_TITLES.items()
         },
-        "Baseline (m)": f"{found.pose.baseline:.4f}",
-        "Cost": f"{digits(found.cost)} {unit}".strip(),
-        "Evaluations of the cost": f"{found.evaluations}",
+        "Baseline (m)": f"{pose.baseline:.4f}",
+        "Cost": f"{digits(found.cost)} {COST_UNITS[name]}".strip(),
+        "Evaluations of the cost": f"{evaluations}",
         "Time (ms)": digits(1000 * found.seconds, 2),
         "Stopped because": found.stop_reason,
     }
@@ -103,86 +118,6 @@ def parameters_table(rig: RigParameters) -> pd.DataFrame:
         for key, value in zip(LENS_TITLES, (K[0, 0], K[1, 1], K[0, 2], K[1, 2]), strict=True):
             lines[f"{LENS_TITLES[key]}, {which} camera (px)"] = f"{value:.2f}"
     return pd.DataFrame({"Value": lines}).rename_axis("Parameter")
-
-
-def answer(calibration: Calibration) -> str:
-    """The result in one or two sentences, on the held-out frames if there are any."""
-    testing = len(calibration.held_out_frames)
-    dataset = calibration.dataset.of_frames(_tested(calibration))
-    where = "the frames it was fitted to"
-    if testing:
-        where = f"{testing} frames that were not used for the fit"
-    matching = errors_of(dataset, calibration.methods["2d"].pose)
-    measuring = errors_of(dataset, calibration.methods["3d"].pose)
-    first = (
-        f"To find which points belong together, use the 2D set: on {where}, points "
-        f"reproject to within {digits(matching.mean_reprojection_px)} px on average."
-    )
-    if math.isnan(measuring.mean_length):
-        return first
-    return (
-        f"{first} To measure, use the 3D set: bar lengths are correct to "
-        f"{digits(100 * measuring.mean_length)} % on average, and 95 % of them within "
-        f"{digits(100 * measuring.p95_length)} % (with the 2D set "
-        f"{digits(100 * matching.mean_length)} % on average)."
-    )
-
-
-def left_out_line(screening: Screening) -> str:
-    """A sentence on the frames left out, and on those whose targets look exchanged; or empty."""
-    frames = screening.left_out
-    if not frames:
-        return ""
-    one = len(frames) == 1
-    named, verb = ("frame", "contradicts") if one else ("frames", "contradict")
-    line = f"Left out: {named} {listed(frames)}, which {verb} the others."
-    if screening.exchanged:
-        which = screening.exchanged
-        where = "there" if which == frames else f"in frame{'s' * (len(which) > 1)} {listed(which)}"
-        line += f" A and B look exchanged in one camera {where}."
-    return line
-
-
-def why_not_trusted(calibration: Calibration) -> str:
-    """Why a calibration is not reliable; empty if there is no reason."""
-    dataset = calibration.dataset.of_frames(_tested(calibration))
-    error = errors_of(dataset, calibration.methods["3d"].pose).p95_length
-    return _not_trusted([calibration.screening], error)
-
-
-def why_validation_not_trusted(
-    summaries: Mapping[Method, MethodSummary], screenings: Sequence[Screening]
-) -> str:
-    """Why a validation is not reliable, judged by the set that measures best; or empty."""
-    errors = [found.reconstruction.p95 for found in summaries.values()]
-    known = [error for error in errors if math.isfinite(error)]
-    return _not_trusted(screenings, min(known, default=math.nan))
-
-
-def _not_trusted(screenings: Sequence[Screening], p95_length: float) -> str:
-    found = [
-        f"{percent(each.share)} % of the frames of {each.full_dataset.name} contradict the others "
-        "and were left out."
-        for each in screenings
-        if each.share > MAXIMUM_LEFT_OUT
-    ]
-    if p95_length > POOR_LENGTH:
-        found.append(f"5 % of the bars have length errors above {percent(p95_length)} %.")
-    return " ".join(found)
-
-
-def listed(frames: Sequence[object], most: int = 12) -> str:
-    """Frame numbers in a sentence, `3, 8 and 12`, with the number of further ones."""
-    shown = [str(frame) for frame in frames[:most]]
-    if len(frames) > most:
-        return f"{', '.join(shown)} and {len(frames) - most} more"
-    return " and ".join([", ".join(shown[:-1]), shown[-1]] if len(shown) > 1 else shown)
-
-
-def _tested(calibration: Calibration) -> IntArray:
-    """The frames on which a result is tested: held-out ones if there are any, else fitted ones."""
-    held_out = calibration.held_out_frames
-    return held_out if len(held_out) else calibration.frames
 
 
 def contents_table(dataset: Dataset) -> pd.DataFrame:
@@ -339,27 +274,7 @@ def _name(method: Method) -> str:
     return "the essential matrix" if method == "essential" else f"the {METHOD_NAMES[method]}"
 
 
-def percent(fraction: float, significant: int = 2) -> str:
-    """A fraction in percent, without the percent sign: 0.0037 gives `0.37`."""
-    return digits(round(100 * fraction, 9) + 0.0, significant)
-
-
-def interval(estimate: Estimate) -> str:
-    """The interval of a fraction, in percent: `0.18 to 0.51`."""
-    return f"{percent(estimate.low)} to {percent(estimate.high)}"
-
-
 def _with_interval(estimate: Estimate) -> str:
     if not math.isfinite(estimate.value):
         return "none"
     return f"{percent(estimate.value)} ({interval(estimate)})"
-
-
-def digits(value: float, significant: int = 3) -> str:
-    """A number with `significant` digits, with an exponent only from 1e5 or below 1e-4."""
-    if not math.isfinite(value):
-        return "none"
-    if value == 0 or 1e-4 <= abs(value) < 1e5:
-        decimals = 0 if value == 0 else significant - 1 - math.floor(math.log10(abs(value)))
-        return f"{value:.{max(0, decimals)}f}"
-    return f"{value:.{significant - 1}e}"

@@ -15,7 +15,7 @@ from stereocal.figures.style import (
     NEUTRAL,
     finish,
 )
-from stereocal.figures.tables import digits
+from stereocal.verdict.in_words import digits
 from stereocal.verdict.tradeoff import TradeOff, TradeOffPoint
 
 HEIGHT = 520

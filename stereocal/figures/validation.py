@@ -20,8 +20,8 @@ from stereocal.figures.style import (
     NEUTRAL,
     WRONG_COLOUR,
 )
-from stereocal.figures.tables import digits
 from stereocal.figures.validation_panels import COLUMNS, HEADINGS, UNITS, Panel, panels_of
+from stereocal.verdict.in_words import digits
 
 PANEL_HEIGHT, SPACING = 190, 0.065
 AXIS_TITLES = {

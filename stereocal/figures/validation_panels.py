@@ -19,7 +19,7 @@ from stereocal.evaluation.summary import (
     best_methods,
 )
 from stereocal.figures.style import METHOD_NAMES
-from stereocal.figures.tables import digits, interval, percent
+from stereocal.verdict.in_words import digits, interval, percent
 
 COLUMNS = ("residual", "reprojection", "reconstruction")
 HEADINGS = {

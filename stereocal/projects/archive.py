@@ -44,6 +44,7 @@ FOLDERS = {
 """Where the files of each part are in the zip."""
 RESULTS = {
     "calibration": "calibration.json", "evaluation": "evaluation.npz", "frames": "frames.json",
+    "calibration_evaluation": "calibration_evaluation.npz",
     APPLIED: "applied.json", **{boards: f"{boards}.npz" for boards in BOARDS},
     **{f"lens_{which}": f"lens_{which}.npz" for which in CAMERAS},
 }  # fmt: skip

@@ -37,7 +37,7 @@ def pack_calibration(calibration: Calibration, inputs: Mapping[str, Any]) -> byt
         "settings": calibration.settings.to_json(),
         "screening": {
             name: getattr(calibration.screening, name)
-            for name in ("left_out", "exchanged", "together", "failure", "noise_px")
+            for name in ("left_out", "exchanged", "by_user", "together", "failure", "noise_px")
         },
         "frames": calibration.frames.tolist(),
         "warnings": list(calibration.warnings),
@@ -80,14 +80,15 @@ def unpack_calibration(
 
 def _screening(dataset: Dataset, data: Mapping[str, Any]) -> Screening:
     """The screening without its fit, which is not stored."""
-    left_out, exchanged = (
-        tuple(int(frame) for frame in data.get(name, ())) for name in ("left_out", "exchanged")
+    left_out, exchanged, by_user = (
+        tuple(int(frame) for frame in data.get(name, ()))
+        for name in ("left_out", "exchanged", "by_user")
     )
     together, failure = (str(data.get(name, "")) for name in ("together", "failure"))
     noise = data.get("noise_px")
     return Screening(
         dataset, None, left_out, exchanged, together, failure,
-        None if noise is None else float(noise),
+        None if noise is None else float(noise), by_user,
     )  # fmt: skip
 
 

@@ -37,6 +37,8 @@ class Inputs:
     """Frames of the table whose targets the user has exchanged in the secondary image."""
     put_back: list[int] = field(default_factory=list)
     """Frames of the table that contradict the others, but that the user keeps."""
+    left_out: list[int] = field(default_factory=list)
+    """Frames of the table that the user leaves out."""
 
     def known(self, which: CameraName, camera: Camera) -> Camera:
         """A camera with the stated uncertainty instead of its file's.
@@ -93,7 +95,8 @@ def check_inputs(inputs: Inputs) -> None:
             raise TypeError(mapping)
     if not can_be_shown(inputs.name) or set(inputs.files) - set(inputs.labels):
         raise TypeError(inputs)
-    if not all(isinstance(frame, int) for frame in (*inputs.exchanged, *inputs.put_back)):
+    frames = (*inputs.exchanged, *inputs.put_back, *inputs.left_out)
+    if not all(isinstance(frame, int) for frame in frames):
         raise TypeError(inputs)
     _check_lens_known(inputs.lens_known)
     for each in fields(Inputs):

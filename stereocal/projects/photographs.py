@@ -223,11 +223,13 @@ class ProjectPhotographs:
             raise refused
 
     def keep_corrected(self, frames: Sequence[Frame]) -> StereocalError | None:
-        """As `keep_frames`, but keeps `put_back`, and returns the error."""
+        """As `keep_frames`, but keeps `put_back` and `left_out`, and returns the error."""
         with self.database.transaction():
-            put_back = self.project.inputs.put_back
+            inputs = self.project.inputs
             refused = self._keep_frames(frames)
-            self.project.put_back(put_back)
+            self.project.put_back(inputs.put_back)
+            for frame in inputs.left_out:
+                self.project.leave_out(frame)
         return refused
 
     def _keep_frames(self, frames: Sequence[Frame]) -> StereocalError | None:

@@ -42,7 +42,7 @@ INPUT, SETTING, FURTHER, CALIBRATED = "input", "setting", "dataset", "calibrated
 VALUES = tuple(
     each.name for each in dataclasses.fields(Inputs) if each.name not in ("files", "labels")
 )
-OF_TABLE = ("exchanged", "put_back")
+OF_TABLE = ("exchanged", "put_back", "left_out")
 """Corrections of frames, valid for one table of points."""
 
 
@@ -164,6 +164,20 @@ class Project:
         """Keep exactly these of the frames that contradict the others."""
         keep_values(self.database, INPUT, {"put_back": sorted(frames)})
 
+    def leave_out(self, frame: int) -> None:
+        """Leave a frame out."""
+        inputs = self.inputs
+        given = {"put_back": {*inputs.put_back} - {frame}, "left_out": {*inputs.left_out, frame}}
+        keep_values(self.database, INPUT, {name: sorted(frames) for name, frames in given.items()})
+
+    def take_in(self, frame: int) -> None:
+        """Use a frame that the user or the screening left out."""
+        inputs = self.inputs
+        given: dict[str, list[int]] = {"left_out": sorted({*inputs.left_out} - {frame})}
+        if frame not in inputs.left_out:
+            given["put_back"] = sorted({*inputs.put_back, frame})
+        keep_values(self.database, INPUT, given)
+
     def rename(self, name: str) -> None:
         """Rename the project; later calibrations use the name."""
         keep_values(self.database, INPUT, {"name": name})
@@ -233,19 +247,38 @@ class Project:
             return None
         return parsed_files.calibration_of(parsed_files.PackedResult(content, self.database))
 
-    def keep_evaluation(self, evaluation: Evaluation) -> None:
-        """Replace the last evaluation."""
-        keep_result(self.database, "evaluation", pack_evaluation(evaluation))
+    def keep_evaluation(self, evaluation: Evaluation, of_calibration: bool = False) -> None:
+        """Replace the last evaluation.
+
+        Args:
+            of_calibration: also the one whose figures the calibration's files contain.
+        """
+        content = pack_evaluation(evaluation)
+        with self.database.transaction():
+            keep_result(self.database, "evaluation", content)
+            if of_calibration:
+                keep_result(self.database, "calibration_evaluation", content)
 
     @property
     def evaluation(self) -> Evaluation | None:
         """The last finished evaluation; None before the first."""
-        content = result_of(self.database, "evaluation")
-        return (
-            None
-            if content is None
-            else parsed_files.evaluation_of(parsed_files.PackedResult(content, self.database))
-        )
+        return self._evaluation("evaluation")
+
+    @property
+    def calibration_evaluation(self) -> Evaluation | None:
+        """The evaluation made with the last result; None if it has none yet."""
+        found, calibration = self._evaluation("calibration_evaluation"), self.calibration
+        if found is None or calibration is None:
+            return None
+        settings = dataclasses.replace(calibration.settings, calibration_frames=None)
+        same = found.settings.calibration == settings
+        return found if same and list(found.sha256) == [calibration.dataset.sha256] else None
+
+    def _evaluation(self, kind: str) -> Evaluation | None:
+        content = result_of(self.database, kind)
+        if content is None:
+            return None
+        return parsed_files.evaluation_of(parsed_files.PackedResult(content, self.database))
 
     # Further data sets, to validate on together
 

@@ -53,7 +53,8 @@ class Screening:
     fit: RefinedResult | None
     """The robust fit; None if there is none."""
     left_out: tuple[int, ...]
-    """Numbers of the frames that contradict the others, except those put back; ascending."""
+    """Numbers of the frames that contradict the others, except those put back, and of those that
+    the user left out; ascending."""
     exchanged: tuple[int, ...]
     """The frames of `left_out` that fit if A and B are exchanged in one of the cameras."""
     together: str
@@ -63,6 +64,8 @@ class Screening:
     """Why the screening failed; else empty."""
     noise_px: float | None = None
     """Standard deviation of an image coordinate by the robust fit; None if there is none."""
+    by_user: tuple[int, ...] = ()
+    """The frames of `left_out` that the user left out."""
 
     @cached_property
     def dataset(self) -> Dataset:
@@ -73,38 +76,48 @@ class Screening:
         return self.full_dataset.of_frames(frames[~np.isin(frames, self.left_out)])
 
     @property
+    def contradicting(self) -> tuple[int, ...]:
+        """The frames of `left_out` that contradict the others."""
+        return tuple(frame for frame in self.left_out if frame not in self.by_user)
+
+    @property
     def share(self) -> float:
-        """Fraction of the frames that was left out."""
-        return len(self.left_out) / len(self.full_dataset.correspondences.frames)
+        """Fraction of the frames that contradict the others and were left out."""
+        return len(self.contradicting) / len(self.full_dataset.correspondences.frames)
 
 
-def unscreened(dataset: Dataset, failure: str = "") -> Screening:
-    """The result that keeps every frame."""
-    return Screening(dataset, None, (), (), "", failure)
+def unscreened(dataset: Dataset, failure: str = "", by_user: tuple[int, ...] = ()) -> Screening:
+    """The result that keeps every frame but those that the user left out."""
+    return Screening(dataset, None, by_user, (), "", failure, by_user=by_user)
 
 
-def screen(dataset: Dataset, put_back: Collection[int] = ()) -> Screening:
+def screen(
+    dataset: Dataset, put_back: Collection[int] = (), leave_out: tuple[int, ...] = ()
+) -> Screening:
     """Detect the frames that contradict the others.
 
     Args:
         put_back: numbers of frames that are kept in any case.
+        leave_out: numbers of frames of the data set that are left out in any case.
     """
-    frames = dataset.correspondences.frames
-    if len(frames) < MINIMUM_FRAMES:
-        return unscreened(dataset)
+    frames, by_user = dataset.correspondences.frames, tuple(leave_out)
+    rest = dataset.of_frames(frames[~np.isin(frames, by_user)]) if by_user else dataset
+    if len(rest.correspondences.frames) < MINIMUM_FRAMES:
+        return unscreened(dataset, by_user=by_user)
     try:
-        fit = refine(dataset, _wide(dataset))
+        fit = refine(rest, _wide(rest))
     except StereocalError as error:
-        return unscreened(dataset, str(error))
+        return unscreened(dataset, str(error), by_user)
     out = fit.outlying & ~np.isin(fit.frames, list(put_back))
     exchanged = out & _fit_exchanged(fit)
     return Screening(
         dataset,
         fit,
-        tuple(fit.frames[out].tolist()),
+        tuple(sorted([*by_user, *fit.frames[out].tolist()])),
         tuple(fit.frames[exchanged].tolist()),
         _common_cause(fit, out & ~exchanged),
         noise_px=float(fit.sigma_px.value),
+        by_user=by_user,
     )
 
 
@@ -230,5 +243,15 @@ def _like_neighbours(fit: RefinedResult, out: BoolArray) -> bool:
 
 
 def screened(dataset: Dataset, settings: CalibrationSettings) -> Screening:
-    """Screen a data set, unless the settings trust all frames."""
-    return unscreened(dataset) if settings.all_frames else screen(dataset, settings.frames_put_back)
+    """Screen a data set, unless the settings trust all frames.
+
+    Raises:
+        StereocalError: the settings leave out every frame.
+    """
+    leave_out, frames = settings.frames_left_out, dataset.correspondences.frames
+    by_user = tuple(frames[np.isin(frames, leave_out)].tolist())
+    if len(by_user) == len(frames):
+        raise StereocalError("Every frame is left out: put some back.")
+    if settings.all_frames:
+        return unscreened(dataset, by_user=by_user)
+    return screen(dataset, settings.frames_put_back, by_user)

@@ -81,6 +81,8 @@ class RigParameters(Rig):
     predicted: Mapping[str, Any] | None = None
     """What the set will do on frames to come: by figure its value, low and high; errors are
     fractions."""
+    recommendation: Mapping[str, Any] | None = None
+    """Which file to match and which to measure with; None, and no key in the file, if unknown."""
     frames_left_out: tuple[int, ...] = ()
     """Numbers of the frames that the screening excluded from the calibration."""
     noise_px: float | None = None
@@ -133,8 +135,11 @@ class RigParameters(Rig):
             "matching_threshold_px": self.matching_threshold_px,
             "cost": self.cost,
             "validation": self.validation,
-            **({} if self.predicted is None else {"predicted": dict(self.predicted)}),
-            **({} if self.uncertainties is None else {"uncertainties": dict(self.uncertainties)}),
+            **{
+                name: dict(value)
+                for name in ("predicted", "recommendation", "uncertainties")
+                if (value := getattr(self, name)) is not None
+            },
             "settings": dict(self.settings),
             "inputs": dict(self.inputs),
             "frames_left_out": list(self.frames_left_out),
@@ -211,10 +216,10 @@ class RigParameters(Rig):
         if not (np.allclose(stated.R, pose.R, atol=1e-6) and np.allclose(stated.T, pose.T, 1e-6)):
             raise StereocalError(f"{source}: the angles and R, T contradict each other.")
         settings, inputs = (_object(data[name], name, source) for name in ("settings", "inputs"))
-        validation, uncertainties, predicted = (
-            None if data.get(name) is None else _object(data[name], name, source)
-            for name in ("validation", "uncertainties", "predicted")
-        )
+        about = {
+            name: None if data.get(name) is None else _object(data[name], name, source)
+            for name in ("validation", "uncertainties", "predicted", "recommendation")
+        }
         volume = data.get("volume")
         return cls(
             method=data["method"],
@@ -225,13 +230,11 @@ class RigParameters(Rig):
             settings=settings,
             inputs=inputs,
             matching_threshold_px=_number_or_none(data["matching_threshold_px"]),
-            validation=validation,
             triangulation=data["triangulation"],
-            uncertainties=uncertainties,
-            predicted=predicted,
             frames_left_out=tuple(int(frame) for frame in data.get("frames_left_out", [])),
             noise_px=_number_or_none(data.get("noise_px")),
             volume=None if volume is None else Volume.from_json(volume, source),
+            **about,
         )
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import pandas as pd
 import streamlit as st
 
+from stereocal.calibration.methods import Method
 from stereocal.errors import StereocalError
 from stereocal.figures import describe_pair_errors, plot_pair_errors
 from stereocal.formats.other_files import is_hdf5
@@ -28,7 +29,6 @@ from stereocal.matching.point_table import PointTable
 from stereocal.matching.threshold import FramePixels, choose_threshold
 from stereocal.projects.application import USES, ProjectApplication, Use
 from stereocal.projects.project import Project
-from stereocal.refined.results import Calibration
 from stereocal.rig.camera import CAMERAS, CameraName
 from stereocal.rig.parameters import RigParameters
 from stereocal.ui import jobs
@@ -36,9 +36,8 @@ from stereocal.ui.decoding import server_guard
 from stereocal.ui.fields import Field, number, one_of, setting, yes_or_no
 from stereocal.ui.intake import check_uploads, clear_refusal, escape_markdown, is_new, taking
 from stereocal.ui.messages import callback, readable
-from stereocal.ui.parameter_files import sets_of
 from stereocal.ui.parameter_upload import PURPOSES, uploaded_set
-from stereocal.ui.refined import refined_for
+from stereocal.ui.refined import answer_of, replaced_by_refined
 from stereocal.ui.results import show_figure
 from stereocal.ui.wizard import ask_about_points
 
@@ -123,7 +122,8 @@ def choose_sets(
     st.segmented_control("Parameters", kinds, required=True, **chosen.widget())
     found: list[RigParameters | None] = []
     own = calibration is not None and chosen.value() == RESULTS
-    sets, instead = _own_sets(project, calibration) if own and calibration else ({}, [])
+    sets = answer_of(project, calibration).sets if own and calibration else {}
+    instead = replaced_by_refined(project)
     for use, column in zip(USES, st.columns(2), strict=True):
         with column:
             found.append(
@@ -137,19 +137,11 @@ def choose_sets(
     return None if matching is None or measuring is None else (matching, measuring)
 
 
-def _own_sets(
-    project: Project, calibration: Calibration
-) -> tuple[dict[str, RigParameters], list[str]]:
-    """The sets by method, and which of "2d" and "3d" the refined set replaces."""
-    refined, instead = refined_for(project, calibration)
-    return sets_of(calibration, readable(lambda: project.evaluation), refined), instead
-
-
 def _own_set(
-    project: Project, use: Use, sets: Mapping[str, RigParameters], instead: Sequence[str]
+    project: Project, use: Use, sets: Mapping[Method, RigParameters], instead: Sequence[Method]
 ) -> RigParameters:
     title, default = PURPOSES[use]
-    default = "refined" if default in instead else default
+    default = "refined" if default in instead and "refined" in sets else default
     chosen = setting(project, f"apply_{use}", default, one_of(list(sets)))
     st.selectbox(title, list(sets), format_func=SET_TITLES.__getitem__, **chosen.widget())
     return sets[chosen.value()]

@@ -13,7 +13,6 @@ from stereocal.calibration.montecarlo import SearchSettings
 from stereocal.projects.project import Project
 from stereocal.rig.dataset import Dataset
 from stereocal.ui.fields import Field, number, one_of, setting, yes_or_no
-from stereocal.ui.screening import put_back_field
 
 
 @dataclass(frozen=True)
@@ -58,15 +57,16 @@ SOLVERS = ("constrained", "linear")
 
 
 def settings_form(project: Project, dataset: Dataset) -> dict[str, Any]:
-    """Show the form; the settings of the calibration."""
+    """Show the form, folded; the settings of the calibration."""
     frames = len(dataset.correspondences.frames)
-    if frames > 1:
-        st.slider(
-            "Frames to calibrate with (the others test the result)",
-            1, frames, **_frames_field(project, frames).widget(),
-            help=f"All {frames}, or fewer, drawn at random. Paper: 20 of 25.",
-        )  # fmt: skip
-    search_form(project)
+    with st.expander("Settings"):
+        if frames > 1:
+            st.slider(
+                "Frames to calibrate with (the others test the result)",
+                1, frames, **_frames_field(project, frames).widget(),
+                help=f"All {frames}, or fewer, drawn at random. Paper: 20 of 25.",
+            )  # fmt: skip
+        _numbers(project)
     return form_values(project, dataset)
 
 
@@ -94,11 +94,12 @@ def _search_fields(project: Project) -> dict[str, Field]:
 def search_values(project: Project) -> dict[str, Any]:
     """The settings of the search, also for pages that do not show the form."""
     values = {key: field.value() for key, field in _search_fields(project).items()}
-    return values | {"frames_put_back": put_back_field(project).value()}
+    inputs = project.inputs
+    return values | {"frames_put_back": inputs.put_back, "frames_left_out": inputs.left_out}
 
 
-def search_sliders(project: Project) -> None:
-    """The two settings of the search that the paper varies, as sliders."""
+def search_form(project: Project) -> None:
+    """The two settings of the search that the paper varies as sliders, the others folded."""
     fields = _search_fields(project)
     left, right = st.columns(2)
     delta, acceptance = (each for each in NUMBERS if each.key in SLIDERS)
@@ -110,33 +111,28 @@ def search_sliders(project: Project) -> None:
         acceptance.title, *acceptance.bounds, step=0.01, help=acceptance.help,
         **fields["acceptance"].widget(),
     )  # fmt: skip
+    with st.expander("Other settings of the search"):
+        _numbers(project, without=SLIDERS)
 
 
-def search_form(project: Project, without: Collection[str] = ()) -> dict[str, Any]:
-    """The settings of the search and of the essential method, in an expander.
-
-    Args:
-        without: keys of numbers that stand elsewhere on the page.
-    """
+def _numbers(project: Project, without: Collection[str] = ()) -> None:
     fields = _search_fields(project)
-    with st.expander("Other settings of the search" if without else "Settings of the search"):
-        columns = st.columns(3)
-        for at, each in enumerate(each for each in NUMBERS if each.key not in without):
-            kind = type(each.default)
-            columns[at % 3].number_input(
-                each.title, *each.bounds, format=each.format, help=each.help,
-                step=kind(1) if kind is int else each.default / 10, **fields[each.key].widget(),
-            )  # fmt: skip
-        st.segmented_control(
-            "Solver of the essential matrix", SOLVERS, required=True,
-            help="Constrained: the best essential matrix. Linear: the textbook's 8-point estimate "
-            "alone, as the start of the searches.", **fields["essential"].widget(),
+    columns = st.columns(3)
+    for at, each in enumerate(each for each in NUMBERS if each.key not in without):
+        kind = type(each.default)
+        columns[at % 3].number_input(
+            each.title, *each.bounds, format=each.format, help=each.help,
+            step=kind(1) if kind is int else each.default / 10, **fields[each.key].widget(),
         )  # fmt: skip
-        st.toggle(
-            "Trust every frame, as the paper does", **fields["all_frames"].widget(),
-            help="Otherwise frames that contradict the others are left out.",
-        )  # fmt: skip
-    return search_values(project)
+    st.segmented_control(
+        "Solver of the essential matrix", SOLVERS, required=True,
+        help="Constrained: the best essential matrix. Linear: the textbook's 8-point estimate "
+        "alone, as the start of the searches.", **fields["essential"].widget(),
+    )  # fmt: skip
+    st.toggle(
+        "Trust every frame, as the paper does", **fields["all_frames"].widget(),
+        help="Otherwise frames that contradict the others are left out.",
+    )  # fmt: skip
 
 
 def settings_of(values: dict[str, Any]) -> CalibrationSettings:

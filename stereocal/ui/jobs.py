@@ -30,7 +30,9 @@ from stereocal.ui.warm_up import warm_up
 
 P = ParamSpec("P")
 T = TypeVar("T")
-Kind = Literal["evaluation", "photographs", "lens_primary", "lens_secondary", "apply"]
+Kind = Literal[
+    "calibration", "evaluation", "photographs", "lens_primary", "lens_secondary", "apply"
+]
 UNFORESEEN = (
     "Something unforeseen happened, and this could not be finished. What was there before is there "
     "still. The server's log says more."

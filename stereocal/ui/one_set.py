@@ -24,14 +24,7 @@ from stereocal.figures import (
 from stereocal.figures.accuracy import Quantity
 from stereocal.figures.disagreement import disagreement_table
 from stereocal.figures.style import count
-from stereocal.figures.tables import (
-    digits,
-    left_out_line,
-    parameters_table,
-    percent,
-    refined_table,
-    why_validation_not_trusted,
-)
+from stereocal.figures.tables import parameters_table, refined_table
 from stereocal.formats.evaluation_files import Evaluation, validation_figures
 from stereocal.projects.project import Project
 from stereocal.refined.parameter_file import refined_parameters
@@ -51,6 +44,7 @@ from stereocal.ui.refined import calibrated, curves_of, inputs_of, maps_of
 from stereocal.ui.results import show_figure
 from stereocal.ui.validation import kept_protocol
 from stereocal.verdict.forecast import Outlook
+from stereocal.verdict.in_words import digits, left_out_line, percent, why_validation_not_trusted
 from stereocal.verdict.tradeoff import TradeOff, costs_of
 from stereocal.workflow import conclusions_of_seeds
 

@@ -1,88 +1,80 @@
-"""The parameter sets of a project's results, and their downloads for all programs."""
+"""Downloads of the parameter files, ours and in the formats of other programs."""
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import Any, Literal
+from collections.abc import Collection, Mapping
+from functools import partial
 
 import streamlit as st
 
+from stereocal.calibration.methods import METHOD_NAMES, Method
 from stereocal.errors import StereocalError
-from stereocal.formats.evaluation_files import Evaluation, validation_figures
 from stereocal.formats.exchange.exchange import FORMATS, export_files, export_notes
 from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.pixel_origin import CORNERS, PixelOrigin
 from stereocal.projects.project import Project
-from stereocal.refined.parameter_file import refined_parameters
-from stereocal.refined.refine import RefinedResult
-from stereocal.refined.results import Calibration
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.zip_files import pack_zip
+from stereocal.ui.downloads import on_demand
 from stereocal.ui.fields import number, one_of, setting
-from stereocal.ui.intake import escape_markdown
-from stereocal.ui.refined import outlook_for
+from stereocal.ui.texts import escape_markdown
 
-OURS = "stereocal"
-TITLES = {OURS: "stereocal (JSON)", **{name: each.title for name, each in FORMATS.items()}}
 CORNER_TITLES = {"upper-left": "upper left", "lower-left": "lower left"}
 
 
-def figures_for(calibration: Calibration, evaluation: Evaluation | None) -> dict[str, Any]:
-    """Figures of the last validation by method, if it used these data."""
-    if evaluation is None or list(evaluation.sha256) != [calibration.dataset.sha256]:
-        return {}
-    return dict(validation_figures(evaluation.summaries, evaluation.settings))
+FILES: dict[Method, tuple[str, str]] = {
+    "2d": ("parameters_2d.json", "to match"),
+    "3d": ("parameters_3d.json", "to measure"),
+    "refined": ("parameters_refined.json", "for both"),
+}
+"""Name and purpose of each file, the paper's two first."""
 
 
-def sets_of(
-    calibration: Calibration,
-    evaluation: Evaluation | None,
-    refined: RefinedResult | None = None,
-) -> dict[str, RigParameters]:
-    """The parameter sets of a result by method: 2d, 3d and, if available, refined."""
-    figures = figures_for(calibration, evaluation)
-    calibration = replace(calibration, refined=refined)  # all files then state the same noise
-    outlook = outlook_for(calibration)
-    forecasts = outlook.of_files(figures) if outlook else {}
-    methods: tuple[Literal["2d", "3d"], ...] = ("2d", "3d")
-    found: dict[str, RigParameters] = {
-        method: calibration.parameters(method, figures.get(method), forecasts.get(method))
-        for method in methods
-    }
-    if refined is not None:
-        found["refined"] = refined_parameters(
-            refined, outlook.comparison.inputs if outlook else (), figures.get("refined"),
-            calibration.screening.left_out, forecasts.get("refined"),
-        )  # fmt: skip
-    return found
-
-
-def parameter_download(
-    project: Project, rig: RigParameters, key: str, file_name: str, main: bool = True
-) -> None:
-    """A menu of formats, notes on what the format loses, and the download.
+def parameter_downloads(sets: Mapping[Method, RigParameters], replaced: Collection[Method]) -> None:
+    """A download button for each file.
 
     Args:
-        key: of the widgets of this set.
-        file_name: of our own file.
-        main: whether the button is primary.
+        replaced: which of "2d" and "3d" hold the refined set instead.
     """
-    form = setting(project, f"format_{key}", OURS, one_of(list(TITLES)), tabs_own=True)
-    chosen = st.selectbox("Format", list(TITLES), format_func=TITLES.__getitem__, **form.widget())
+    with st.container(horizontal=True):
+        for method, (name, purpose) in FILES.items():
+            chosen = "refined" if method in replaced and "refined" in sets else method
+            if chosen not in sets:
+                continue
+            made = partial(RigParameters.dumps, sets[chosen])
+            st.download_button(
+                f"{name} · {purpose}", on_demand(made, name, _mime(name)), name, _mime(name),
+                on_click="ignore", type="secondary" if method == "refined" else "primary",
+                icon=":material/download:", key=f"download_{method}",
+            )  # fmt: skip
+    both = [FILES[method][0] for method in replaced if "refined" in sets]
+    if both:
+        verb = "holds" if len(both) == 1 else "hold"
+        st.caption(f"{' and '.join(both)} {verb} the refined set, as chosen on One set or two.")
+
+
+def other_formats(project: Project, sets: Mapping[Method, RigParameters]) -> None:
+    """A file in the format of another program."""
+    left, right = st.columns(2)
+    files, formats = list(sets), list(FORMATS)
+    of_file = setting(project, "format_file", files[0], one_of(files), tabs_own=True)
+    method = left.selectbox("File", files, format_func=METHOD_NAMES.__getitem__, **of_file.widget())
+    form = setting(project, "format", formats[0], one_of(formats), tabs_own=True)
+    chosen = right.selectbox(
+        "Format", formats, format_func=lambda name: FORMATS[name].title, **form.widget()
+    )
+    rig, file_name = sets[method], FILES[method][0]
     try:
-        name, content = file_name, rig.dumps().encode()
-        if chosen != OURS:
-            options = dlt_options(project, key) if chosen == "dlt" else ExchangeOptions()
-            name, content = packed(export_files(rig, chosen, options), file_name, chosen)
-            for note in export_notes(rig, chosen):
-                st.caption(escape_markdown(note))
+        options = dlt_options(project, method) if chosen == "dlt" else ExchangeOptions()
+        name, content = packed(export_files(rig, chosen, options), file_name, chosen)
+        for note in export_notes(rig, chosen):
+            st.caption(escape_markdown(note))
     except StereocalError as error:
         st.error(escape_markdown(str(error)))
         return
     st.download_button(
         f"Download {name}", content, name, _mime(name), on_click="ignore",
-        type="primary" if main else "secondary", icon=":material/download:",
-        key=f"download_{key}",
+        icon=":material/download:", key="download_format",
     )  # fmt: skip
 
 

@@ -6,7 +6,6 @@ from collections.abc import Iterator, Mapping
 from concurrent.futures import Future
 from contextlib import contextmanager, suppress
 from datetime import datetime
-from pathlib import Path
 
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
@@ -23,7 +22,6 @@ from stereocal.ui.fields import Field
 from stereocal.ui.messages import attempt, callback, readable, tell
 from stereocal.ui.texts import escape_markdown
 
-SAMPLE = Path(__file__).parents[2] / "sample_data" / "field"
 SLOT_TITLES: Mapping[str, Slot] = {
     "table of points": "correspondences",
     "primary camera": "primary",

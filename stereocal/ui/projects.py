@@ -1,13 +1,10 @@
-"""The lists of projects on the Start page, with export and import."""
+"""The projects on the Start page: recent and removed ones, export and import."""
 
 from __future__ import annotations
 
 import math
 import re
 import tempfile
-from collections.abc import Callable
-from contextlib import suppress
-from datetime import datetime
 from pathlib import Path
 
 import streamlit as st
@@ -16,42 +13,41 @@ from stereocal.errors import StereocalError
 from stereocal.projects.archive import pack_project, unpack_project
 from stereocal.projects.data_folder import default_home
 from stereocal.projects.home import (
-    Listed,
     delete,
-    duplicate,
     listed,
     recent_projects,
-    remove,
     removed_at,
     removed_projects,
 )
 from stereocal.projects.journal_mode import journal_of
 from stereocal.projects.project import Project
-from stereocal.projects.salvage import salvage
 from stereocal.projects.server_settings import ServerSettings
 from stereocal.system.limits import MB
 from stereocal.ui.decoding import server_guard
 from stereocal.ui.intake import check_uploads, escape_markdown, is_new, taking
-from stereocal.ui.messages import tell
 from stereocal.ui.project import (
     bring_project_back,
     current_project,
-    is_open,
     offer_removed,
     open_project,
 )
+from stereocal.ui.project_cards import FAILED, OPENED, REMOVED, date_of, show_cards, try_action
 
-_REMOVED = "removed_project"
-_FAILED = "failed_project"
+IN_A_ROW = 4
 _UNPACKED = "unpacked_projects"
 """Ids of imported projects by upload: a click may interrupt the opening of one."""
 
 
-def show_projects() -> None:
+def show_projects() -> Project | None:
     """Recent projects to open, rename, duplicate or remove, and removed ones to bring back.
 
     A shared server shows only the open project, and a removed one only under its address.
+
+    Returns:
+        The open project.
     """
+    if st.session_state.pop(OPENED, False):
+        st.switch_page("pages/data.py")
     settings = ServerSettings.from_environment()
     folder = default_home() / "projects"
     if folder.is_dir() and journal_of(folder) == "delete":
@@ -62,23 +58,30 @@ def show_projects() -> None:
     project = None if offer_removed() else current_project()
     if not settings.shared:
         _offer_undo()
-    if failure := st.session_state.pop(_FAILED, None):
+    if failure := st.session_state.pop(FAILED, None):
         st.error(escape_markdown(failure))
     if settings.shared:
         if project is not None:
-            st.header("The open project", divider="gray")
-            _show(listed(project))
+            st.subheader("The open project")
+            show_cards([listed(project)])
     else:
         recent = recent_projects(default_home())
         if recent:
-            st.header("Recent projects", divider="gray")
-            for one in recent:
-                _show(one)
+            st.subheader("Recent projects")
+            show_cards(recent[:IN_A_ROW])
+        if recent[IN_A_ROW:]:
+            with st.expander("Older projects"):
+                show_cards(recent[IN_A_ROW:])
         _show_removed()
+    return project
+
+
+def show_storage(project: Project | None) -> None:
+    """Export and import of projects, and what is stored for how long."""
     with st.expander("Take a project elsewhere, or open one from a zip"):
         _pack_and_unpack(project)
     with st.expander("What is kept, where and for how long"):
-        st.markdown(what_is_kept(settings))
+        st.markdown(what_is_kept(ServerSettings.from_environment()))
 
 
 def what_is_kept(settings: ServerSettings) -> str:
@@ -113,43 +116,6 @@ def what_is_kept(settings: ServerSettings) -> str:
     )
 
 
-def _show(one: Listed) -> None:
-    if one.damaged:
-        _show_damaged(one)
-        return
-    state = {
-        (): "no result yet",
-        ("calibration",): "calibrated",
-        ("evaluation",): "validated",
-    }.get(one.finished, "calibrated, validated")
-    if one.interrupted:
-        state += ", interrupted"
-    key = f"name_{one.id}"
-    with st.container(horizontal=True, vertical_alignment="bottom"):
-        st.text_input(
-            f"{_date(one.changed)}, {state}", one.name, key=key,
-            placeholder="Give it a name", width=420, on_change=_rename, args=(one.id, key),
-        )  # fmt: skip
-        for label, act in (("Open", _open), ("Duplicate", _duplicate), ("Remove", _remove)):
-            st.button(label, key=f"{label.lower()}_{one.id}", on_click=act, args=(one.id,))
-    if st.session_state.pop("go_to_data", None) == one.id:
-        st.switch_page("pages/data.py")
-
-
-def _show_damaged(one: Listed) -> None:
-    with st.container(horizontal=True, vertical_alignment="center"):
-        st.warning(
-            f"{_date(one.changed)}: the file of this project is damaged. It is kept as it is; what "
-            "can still be read of it can be taken into a new project."
-        )
-        for label, act in (("Salvage", _salvage), ("Remove", _remove)):
-            st.button(label, key=f"{label.lower()}_{one.id}", on_click=act, args=(one.id,))
-
-
-def _date(seconds: float) -> str:
-    return datetime.fromtimestamp(seconds).astimezone().strftime("%Y-%m-%d %H:%M")
-
-
 def _show_removed() -> None:
     removed = removed_projects(default_home())
     if not removed:
@@ -158,7 +124,7 @@ def _show_removed() -> None:
         for one in removed:
             text, button = st.columns([6, 2], vertical_alignment="center")
             text.markdown(
-                f"{escape_markdown(one.name or 'Without a name')}, removed {_date(one.removed)}"
+                f"{escape_markdown(one.name or 'Without a name')}, removed {date_of(one.removed)}"
             )
             with button, st.container(horizontal=True):
                 st.button(
@@ -234,64 +200,17 @@ def _size(count: int) -> str:
 
 
 def _offer_undo() -> None:
-    removed = st.session_state.get(_REMOVED)
+    removed = st.session_state.get(REMOVED)
     if removed is None:
         return
     project_id, name = removed
     if removed_at(default_home(), project_id) is None:  # brought back elsewhere, or deleted
-        del st.session_state[_REMOVED]
+        del st.session_state[REMOVED]
         return
     text, button = st.columns([6, 2], vertical_alignment="center")
     text.info(f"{escape_markdown(name or 'The project')} was removed.")
     button.button("Undo", key="undo_remove", on_click=bring_project_back, args=(project_id,))
 
 
-def _rename(project_id: str, key: str) -> None:
-    _try(lambda: Project.open(default_home(), project_id).rename(st.session_state[key].strip()))
-
-
-def _open(project_id: str) -> None:
-    open_project(project_id)
-    st.session_state["go_to_data"] = project_id
-
-
-def _duplicate(project_id: str) -> None:
-    def act() -> None:
-        copy = duplicate(default_home(), project_id)
-        if ServerSettings.from_environment().shared:  # there is no list to find it in
-            open_project(copy.id)
-
-    _try(act)
-
-
-def _salvage(project_id: str) -> None:
-    def act() -> None:
-        project, lost = salvage(default_home(), project_id)
-        open_project(project.id)
-        missing = f" {lost} files could not be read any more." if lost else ""
-        tell(f"What could be read of the damaged project is in this one.{missing}", "info")
-
-    _try(act)
-
-
 def _delete(project_id: str) -> None:
-    _try(lambda: delete(default_home(), project_id))
-
-
-def _remove(project_id: str) -> None:
-    def act() -> None:
-        name = ""
-        with suppress(StereocalError):  # a damaged one can be removed too
-            name = Project.open(default_home(), project_id).inputs.name
-        remove(default_home(), project_id)
-        if not is_open(project_id):  # for the open one, `offer_removed` does
-            st.session_state[_REMOVED] = (project_id, name)
-
-    _try(act)
-
-
-def _try(action: Callable[[], object]) -> None:
-    try:
-        action()
-    except StereocalError as error:
-        st.session_state[_FAILED] = str(error)
+    try_action(lambda: delete(default_home(), project_id))

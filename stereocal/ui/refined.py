@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from typing import get_args
 
 import streamlit as st
 
-from stereocal.calibration.methods import CalibrationSettings
+from stereocal.calibration.methods import CalibrationSettings, Method
 from stereocal.errors import StereocalError
+from stereocal.formats.evaluation_files import Evaluation
 from stereocal.projects.project import Project
 from stereocal.refined.disagreement import what_disagrees
 from stereocal.refined.refine import RefinedResult, refine
@@ -22,11 +24,12 @@ from stereocal.rig.camera import CAMERAS
 from stereocal.rig.dataset import Dataset
 from stereocal.ui import jobs
 from stereocal.ui.fields import Field, number, setting
+from stereocal.ui.messages import readable
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.uncertainties import describe_uncertainties
 from stereocal.verdict.forecast import Outlook, outlook_of
 from stereocal.verdict.tradeoff import TradeOff, trade_off
-from stereocal.workflow import calibrate, conclusions_of_seeds
+from stereocal.workflow import Answer, answer, calibrate, conclusions_of_seeds
 
 MAP_SIZE = 45
 """Points of an accuracy map along each side; both maps take 0.1 s."""
@@ -78,22 +81,22 @@ def refined_of(dataset: Dataset, settings: RefineSettings) -> RefinedResult:
     return _refined(_key(dataset, settings), dataset, settings)
 
 
-def refined_for(
-    project: Project, calibration: Calibration
-) -> tuple[RefinedResult | None, list[str]]:
-    """The refined set of a calibration's frames, and which of "2d" and "3d" it replaces.
-
-    None if it cannot be computed: the paper's sets do not depend on it.
-    """
+def _refined_for(calibration: Calibration, settings: RefineSettings) -> RefinedResult | None:
+    """The refined set of a calibration's frames; None if it cannot be computed."""
     dataset = calibration.screening.dataset
     if len(calibration.held_out_frames):
         dataset = dataset.of_frames(calibration.frames)
     try:
-        refined = refined_of(dataset, refine_settings(project, dataset))
+        return refined_of(dataset, settings)
     except StereocalError:
-        return None, []
+        return None
+
+
+def replaced_by_refined(project: Project) -> list[Method]:
+    """Which of "2d" and "3d" the user replaces by the refined set."""
     kept = project.settings
-    return refined, [purpose for purpose in ("2d", "3d") if kept.get(f"refined_{purpose}")]
+    purposes: tuple[Method, ...] = ("2d", "3d")
+    return [purpose for purpose in purposes if kept.get(f"refined_{purpose}")]
 
 
 def calibrated(dataset: Dataset, settings: CalibrationSettings) -> Calibration:
@@ -117,6 +120,29 @@ def outlook_for(calibration: Calibration) -> Outlook | None:
         poses,
     ]
     return _outlook(json.dumps(key), calibration)
+
+
+def answer_of(project: Project, calibration: Calibration) -> Answer:
+    """What the last result of a project tells."""
+    settings = refine_settings(project, calibration.dataset)
+    evaluation = readable(lambda: project.calibration_evaluation)
+    return answer_for(calibration, settings, evaluation)
+
+
+def answer_for(
+    calibration: Calibration, settings: RefineSettings, evaluation: Evaluation | None
+) -> Answer:
+    """What a stored calibration and its validation tell, with the refined set of its frames.
+
+    Args:
+        settings: of the refined set.
+        evaluation: made with the calibration; None if there is none yet.
+    """
+    made_with = None if evaluation is None else evaluation.settings.to_json()
+    poses = [[*found.pose.angles, found.pose.baseline] for found in calibration.methods.values()]
+    about = [calibration.settings.to_json(), calibration.frames.tolist(), made_with, poses]
+    key = json.dumps([_key(calibration.dataset, settings), *about])
+    return _answer(key, calibration, settings, evaluation)
 
 
 def seeds_matter(calibration: Calibration) -> str:
@@ -172,6 +198,15 @@ def _inputs(key: str, _dataset: Dataset, _settings: RefineSettings) -> list[Inpu
 def _outlook(key: str, _calibration: Calibration) -> Outlook | None:
     assert key
     return jobs.compute(outlook_of, _calibration)
+
+
+@st.cache_resource(show_spinner="Forecasting.", max_entries=16)
+def _answer(
+    key: str, _calibration: Calibration, _settings: RefineSettings, _evaluation: Evaluation | None
+) -> Answer:
+    assert key
+    whole = replace(_calibration, refined=_refined_for(_calibration, _settings))
+    return jobs.compute(answer, whole, outlook_for(whole), _evaluation)
 
 
 @st.cache_resource(show_spinner="Trying other seeds.", max_entries=16)

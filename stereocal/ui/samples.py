@@ -1,12 +1,14 @@
-"""The sample data: a table of points, or photographs of bar and boards."""
+"""The sample data: a real recording, simulated points, or photographs of bar and boards."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
+from pathlib import Path
 
 from stereocal.errors import StereocalError
-from stereocal.formats.dataset_files import pack_dataset, read_dataset
+from stereocal.formats.dataset_files import TABLE
+from stereocal.projects.application import ProjectApplication
 from stereocal.projects.data_folder import default_home
 from stereocal.projects.lens import ProjectLens
 from stereocal.projects.project import Project
@@ -14,9 +16,10 @@ from stereocal.rig.camera import CAMERAS
 from stereocal.system.photograph_files import is_photograph
 from stereocal.ui.intake import clear_refusal, give_dataset, refuse
 from stereocal.ui.jobs import pool
-from stereocal.ui.project import SAMPLE, project_to_write
+from stereocal.ui.project import project_to_write
 
-PHOTOGRAPHS = SAMPLE.parent / "photographs"
+SAMPLES = Path(__file__).parents[2] / "sample_data"
+RECORDING, FIELD, PHOTOGRAPHS = (SAMPLES / name for name in ("recording", "field", "photographs"))
 DESCRIPTION = ("dataset.json", "primary.json", "secondary.json")
 
 
@@ -30,14 +33,29 @@ def begin_sample(making: list[Future[Project]], make: Callable[[], Project]) -> 
     making.append(pool().submit(make))
 
 
-def sample_points() -> Project:
-    """A project with the sample data set of points.
+def real_recording() -> Project:
+    """A project with the real recording; its middle marker is the points to match and measure.
 
     Raises:
         StereocalError: the sample cannot be read, or the disk is full.
     """
     project = Project.create(default_home())
-    give_dataset(project, pack_dataset(read_dataset(SAMPLE)), "sample data")
+    give_dataset(project, _files(RECORDING, (*DESCRIPTION, TABLE)), "real recording")
+    store = ProjectApplication(project)
+    for which in CAMERAS:
+        name = f"points_{which}.csv"
+        store.offer_points(which, name, (RECORDING / name).read_bytes())
+    return project
+
+
+def sample_points() -> Project:
+    """A project with the simulated data set of points.
+
+    Raises:
+        StereocalError: the sample cannot be read, or the disk is full.
+    """
+    project = Project.create(default_home())
+    give_dataset(project, _files(FIELD, (*DESCRIPTION, TABLE)), "sample data")
     return project
 
 
@@ -48,8 +66,7 @@ def sample_photographs() -> Project:
         StereocalError: the sample cannot be read, or the disk is full.
     """
     project = Project.create(default_home())
-    files = {name: (PHOTOGRAPHS / name).read_bytes() for name in DESCRIPTION}
-    give_dataset(project, files, "sample photographs", _bars)
+    give_dataset(project, _files(PHOTOGRAPHS, DESCRIPTION), "sample photographs", _bars)
     _give_boards(project)
     return project
 
@@ -61,6 +78,13 @@ def load_sample_boards() -> None:
         clear_refusal()
     except StereocalError as error:
         refuse(error)
+
+
+def _files(folder: Path, names: Sequence[str]) -> dict[str, bytes]:
+    try:
+        return {name: (folder / name).read_bytes() for name in names}
+    except OSError as error:
+        raise StereocalError(f"{folder} cannot be read: {error.strerror or error}.") from error
 
 
 def _give_boards(project: Project) -> None:

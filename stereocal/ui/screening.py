@@ -9,7 +9,6 @@ from dataclasses import replace
 import streamlit as st
 
 from stereocal.calibration.methods import CalibrationSettings
-from stereocal.figures.tables import left_out_line
 from stereocal.frames.review import swap
 from stereocal.projects.photographs import TABLE_LABEL, ProjectPhotographs
 from stereocal.projects.project import Project
@@ -21,6 +20,7 @@ from stereocal.ui import jobs
 from stereocal.ui.fields import Field
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.messages import callback
+from stereocal.verdict.in_words import left_out_line
 
 MOST_BUTTONS = 6
 """Maximum number of frames with an Exchange button."""
@@ -30,9 +30,9 @@ _AGAIN = "calibrate_again"
 def screenings_of(datasets: Sequence[Dataset], settings: CalibrationSettings) -> list[Screening]:
     """The screenings of the project's data set, the first, and of further ones, cached.
 
-    Frames put back are those of the first.
+    Frames put back and left out are those of the first.
     """
-    others = replace(settings, frames_put_back=())
+    others = replace(settings, frames_put_back=(), frames_left_out=())
     own = [settings, *[others] * (len(datasets) - 1)]
     return [
         _screened(_key(dataset, chosen), dataset, chosen)
@@ -115,7 +115,9 @@ def exchange(project: Project, frame: int) -> None:
 def _key(dataset: Dataset, settings: CalibrationSettings) -> str:
     """Includes name and notes, because messages show them."""
     about = [dataset.sha256, dataset.name, dataset.notes]
-    return json.dumps([*about, settings.all_frames, settings.frames_put_back])
+    return json.dumps(
+        [*about, settings.all_frames, settings.frames_put_back, settings.frames_left_out]
+    )
 
 
 @st.cache_resource(show_spinner="Looking for frames that contradict the others.", max_entries=64)

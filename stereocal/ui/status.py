@@ -19,9 +19,10 @@ NAMES = {
     "calibration_frames": "calibration frames",
     "all_frames": "trust in every frame",
     "frames_put_back": "frames put back",
+    "frames_left_out": "frames left out",
 }
 
-_FRAMES = ("all_frames", "frames_put_back")
+_FRAMES = ("all_frames", "frames_put_back", "frames_left_out")
 """Shown with the frames left out, not in the line of settings."""
 
 

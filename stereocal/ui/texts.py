@@ -3,32 +3,22 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
 import pandas as pd
 
-PICTURE = Path(__file__).parents[2] / "assets" / "how_it_works.svg"
+PURPOSE = (
+    "The pose of your cameras, and which numbers to use for what: one set to match and one to "
+    "measure, or one for both."
+)
 
-PURPOSE = """
-- Two cameras look at a bar with two targets, A and B, in 20 or more positions.
-- From the images, the distance A–B and the distance between the cameras, stereocal computes the
-  pose of one camera relative to the other.
-- Images are noisy, so no single set of parameters is best at everything. You get **two**:
-- the **2D set**, to find which points of the two images belong together,
-- the **3D set**, to measure positions and distances in space.
-"""
-
-BRING = """
-1. **A table of points** (CSV): for each frame, where targets A and B are in both images, in pixels.
-   About 25 frames, with the bar moved through the whole view and at different distances.
-   Or **the photographs**: stereocal finds the targets, two-by-two checkerboards, in them.
-2. **One camera file for each camera**: the lens, as OpenCV or stereocal saved it
-   (focal length, image centre, distortion, image size).
-   Or **about 50 photographs of a chessboard** by each camera, for the Lenses page.
+NEEDED = """
+1. **A bar with two targets** in 20 to 30 frames, near and far, all over both views: a table of
+   points (CSV), or the photographs.
+2. **A lens file for each camera**, as OpenCV or stereocal saved it, or about 50 photographs of a
+   chessboard by each camera, for the Lenses page.
 3. **The baseline**: the distance between the two cameras, measured with a laser range finder.
 4. **The distance between the two targets** on the bar, centre to centre.
-
-Nothing leaves this computer: the page talks to the stereocal server that you started.
+5. Nothing else: all is computed by the stereocal server that you started, and nothing leaves it.
 """
 
 VALIDATE = """

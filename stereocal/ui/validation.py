@@ -24,17 +24,12 @@ from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
 from stereocal.ui import jobs
 from stereocal.ui.fields import Field, number, one_of, setting
-from stereocal.ui.forms import (
-    SLIDERS,
-    search_form,
-    search_sliders,
-    search_values,
-    settings_of,
-)
+from stereocal.ui.forms import search_form, search_values, settings_of
 from stereocal.ui.intake import check_uploads, escape_markdown, is_new, taking
 from stereocal.ui.messages import callback
 from stereocal.ui.refined import refine_settings
 from stereocal.ui.screening import screenings_of
+from stereocal.workflow import usual_frames
 
 NINETEEN = Path(__file__).parents[2] / "sample_data" / "nineteen"
 MINE, ALL, PAPER = "My data set", "All my data sets", "Nineteen synthetic rigs"
@@ -78,8 +73,7 @@ def choose_protocol(project: Project, datasets: Sequence[Dataset]) -> Evaluation
         "Frames to calibrate with; the others test", 1, most, help="Paper: 20 of 25.",
         **frames.widget(),
     )  # fmt: skip
-    search_sliders(project)
-    search_form(project, without=SLIDERS)
+    search_form(project)
     return kept_protocol(project, datasets)
 
 
@@ -93,11 +87,6 @@ def _protocol_fields(project: Project, datasets: Sequence[Dataset]) -> tuple[Fie
         setting(project, "validate_frames", min(usual_frames(fewest), most), number(1, most)),
         most,
     )
-
-
-def usual_frames(frames: int) -> int:
-    """The default number of frames to calibrate with: 4 of 5, as the paper's 20 of 25."""
-    return max(4 * frames // 5, 1)
 
 
 def kept_protocol(project: Project, datasets: Sequence[Dataset]) -> EvaluationSettings:

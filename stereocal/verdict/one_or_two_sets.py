@@ -113,9 +113,9 @@ def _opening(
     if match_with == measure_with:
         use = f"Match and measure with {match}."
     if kind == "one":
-        return f"One refined set does both jobs ({_sure(chance)} sure). {use}"
+        return f"One refined set does both jobs ({sure(chance)} sure). {use}"
     if kind == "two":
-        return f"Two sets are worth it on this rig ({_sure(1 - chance)} sure). {use}"
+        return f"Two sets are worth it on this rig ({sure(1 - chance)} sure). {use}"
     if not model_holds:
         return f"One set or two cannot be decided, since the forecast does not hold here. {use}"
     return (
@@ -124,7 +124,8 @@ def _opening(
     )
 
 
-def _sure(chance: float) -> str:
+def sure(chance: float) -> str:
+    """A probability, for the user."""
     return "more than 99 %" if chance > 0.99 else f"{100 * chance:.0f} %"
 
 

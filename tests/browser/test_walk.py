@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -20,6 +19,7 @@ from tests.browser.conftest import LONGEST_MS, ROOT, serve
 pytestmark = pytest.mark.browser
 Settled = Callable[[Page], None]
 FIELD = ROOT / "sample_data" / "field"
+RECORDING = ROOT / "sample_data" / "recording"
 
 
 def download(page: Page, method: str, folder: Path) -> Path:
@@ -56,19 +56,15 @@ def row_of(page: Page, name: str) -> list[str]:
 def test_upload_real_recordings_and_compare_with_the_command_line(
     page: Page, app_url: str, settled: Settled, tmp_path: Path
 ) -> None:
-    given = os.environ.get("STEREOCAL_REAL_DATA")
-    if not given:
-        pytest.skip("STEREOCAL_REAL_DATA is not set")
-    real = Path(given) / "ewand12"
     page.goto(f"{app_url}/data")
     settled(page)
     missing = page.get_by_text("Still missing")
     for slot, name, lacking in (
         ("correspondences", "correspondences.csv", "the primary camera's file, the secondary"),
-        ("primary", "primary.yaml", "Still missing: the secondary camera's file"),
-        ("secondary", "secondary.yaml", "Still missing: the baseline"),
+        ("primary", "primary.json", "Still missing: the secondary camera's file"),
+        ("secondary", "secondary.json", "Still missing: the baseline"),
     ):
-        page.locator(f".st-key-upload_{slot} input[type=file]").set_input_files(real / name)
+        page.locator(f".st-key-upload_{slot} input[type=file]").set_input_files(RECORDING / name)
         expect(missing).to_contain_text(lacking)
     box = page.locator(".st-key-baseline_m_value input")
     box.fill("4.976")
@@ -90,17 +86,7 @@ def test_upload_real_recordings_and_compare_with_the_command_line(
     assert len(reprojection) == len(length) == 3
     assert reprojection[1] < reprojection[2] and length[2] < length[1]  # the paper's point
 
-    described = {
-        "format": "stereocal-dataset/1", "name": "ewand12", "baseline_m": 4.976,
-        "target_distance_m": 0.39,
-        "cameras": {"primary": "primary.yaml", "secondary": "secondary.yaml"},
-    }  # fmt: skip
-    folder = tmp_path / "ewand12"
-    folder.mkdir()
-    (folder / "dataset.json").write_text(json.dumps(described))
-    for name in ("correspondences.csv", "primary.yaml", "secondary.yaml"):
-        (folder / name).write_bytes((real / name).read_bytes())
-    assert main(["calibrate", str(folder), "--out", str(tmp_path / "cli")]) == 0
+    assert main(["calibrate", str(RECORDING), "--out", str(tmp_path / "cli")]) == 0
     for method, purpose in (("2d", "matching"), ("3d", "reconstruction")):
         mine = download(page, method, tmp_path)
         assert mine.name == f"parameters_{method}.json"

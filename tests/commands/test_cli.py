@@ -40,7 +40,8 @@ def test_calibrate_prints_the_methods_and_writes_three_files(
     for word in ("essential", "2d", "3d", "50 pairs", "25 bars", "the step fell below"):
         assert word in printed
     assert "refined: noise 0.1" in printed
-    assert "Verdict: One refined set does both jobs" in printed
+    assert "Recommendation: Use the refined set for both: match below" in printed
+    assert "One set does both jobs here (more than 99 % sure)" in printed
     assert "On frames to come" in printed
     assert "Checked on held-out frames" not in printed  # said where it does not hold
     assert sorted(path.name for path in out.iterdir()) == [
@@ -59,8 +60,9 @@ def test_calibrate_without_the_refined_set(
 ) -> None:
     assert main(["calibrate", str(field), "--out", str(tmp_path / "out"), "--no-refined"]) == 0
     printed = capsys.readouterr().out
-    assert "refined" not in printed
-    assert "erdict" not in printed
+    assert "Match with the 2D set below" in printed
+    assert "(on held-out frames)" in printed
+    assert "There is no forecast, because there is no refined set." in printed
     assert not (tmp_path / "out" / "parameters_refined.json").exists()
 
 
@@ -72,7 +74,7 @@ def test_calibrate_names_bad_frames_and_decides_without_splits(
     printed = capsys.readouterr().out
     frame = (field / "correspondences.csv").read_text().splitlines()[8].split(",")[0]
     assert f"Left out: frame {frame}, which contradicts the others." in printed
-    assert "Verdict: " in printed
+    assert "Recommendation: " in printed
 
 
 def test_same_seed_same_bytes_but_for_the_date(field: Path, tmp_path: Path) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import multiprocessing
-import os
 from collections.abc import Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import replace
@@ -40,8 +39,6 @@ from stereocal.evaluation.evaluate import (
     split,
 )
 from stereocal.evaluation.summary import figures_of_set, summarise
-from stereocal.formats.camera_file import read_camera
-from stereocal.formats.correspondences_csv import read_table
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.compiled import FloatArray
@@ -51,7 +48,7 @@ from tests import known_rig as rig
 from tests.calibration import reference
 
 NINETEEN = Path(__file__).parents[2] / "sample_data" / "nineteen"
-REAL = Path(os.environ.get("STEREOCAL_REAL_DATA", "none")) / "ewand12"
+RECORDING = Path(__file__).parents[2] / "sample_data" / "recording"
 FEW = EvaluationSettings(runs=7, calibration_frames=20)
 
 
@@ -351,20 +348,10 @@ def test_the_papers_ranking_on_the_nineteen(pooled: tuple[Solver, list[list[Run]
     assert essential.reprojection.correct.n == matching.reprojection.correct.n == 19 * 6 * 10
 
 
-@pytest.mark.real_data
-@pytest.mark.skipif(not REAL.is_dir(), reason="STEREOCAL_REAL_DATA names no folder with ewand12/")
 @pytest.mark.parametrize(("frames", "fit", "runs"), [(25, 20, 40), (400, 200, 10)])
 def test_the_ranking_holds_on_real_recordings(frames: int, fit: int, runs: int) -> None:
     """The 2D set matches better than the 3D set, which measures better: intervals apart."""
-    table = read_table((REAL / "correspondences.csv").read_bytes(), "correspondences.csv")
-    whole = Dataset(
-        name="ewand12",
-        primary=read_camera((REAL / "primary.yaml").read_bytes(), "primary.yaml"),
-        secondary=read_camera((REAL / "secondary.yaml").read_bytes(), "secondary.yaml"),
-        correspondences=table.strict("correspondences.csv"),
-        baseline_m=4.976,
-        target_distance_m=0.390,
-    )
+    whole = read_dataset(RECORDING)
     chosen = np.random.default_rng(0).choice(whole.correspondences.frames, frames, replace=False)
     settings = EvaluationSettings(
         CalibrationSettings(essential="linear"), runs=runs, calibration_frames=fit

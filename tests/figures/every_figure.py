@@ -13,6 +13,7 @@ from stereocal import figures
 from stereocal.calibration.methods import METHODS, CalibrationSettings, Method
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
 from stereocal.evaluation.summary import summarise_all
+from stereocal.figures.story import read_story
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.intrinsics.calibrate_lens import LensSettings, calibrate_lens
 from stereocal.matching.lengths import check_lengths
@@ -37,7 +38,8 @@ from tests.known_rig import BAR_M
 from tests.lens import search
 
 PLOTS = [name.removeprefix("plot_") for name in figures.__all__ if name.startswith("plot_")]
-FIELD = Path(__file__).parents[2] / "sample_data" / "field"
+ROOT = Path(__file__).parents[2]
+FIELD, STORY = ROOT / "sample_data" / "field", ROOT / "assets" / "story.json"
 
 
 @dataclass(frozen=True)
@@ -74,6 +76,7 @@ def every_figure() -> dict[str, Drawn]:
     tables = [table[table["frame"] == 1] for table in (PRIMARY_TABLE, SECONDARY_TABLE)]
     left, right = (table[["u", "v"]].to_numpy() for table in tables)
     pairs = PAIRS[PAIRS["frame"] == 1]
+    story = read_story(STORY)
     f = figures
     return {
         name: Drawn(figure, words)
@@ -92,9 +95,12 @@ def every_figure() -> dict[str, Drawn]:
             ("points", f.plot_points(POINTS, "frame", SECONDARY_M), f.describe_points(POINTS)),
             ("residual_field", f.plot_residual_field(lens), f.describe_residual_field(lens)),
             ("rig", f.plot_rig(calibration, "3d"), f.describe_rig(calibration, "3d")),
+            ("story_lengths", f.plot_story_lengths(story), f.describe_story_lengths(story)),
+            ("story_lines", f.plot_story_lines(story), f.describe_story_lines(story)),
             ("traces", f.plot_traces(calibration), f.describe_traces(calibration)),
             ("trade_off", f.plot_trade_off(curves, costs, curves.freed[1]),
              f.describe_trade_off(curves, costs)),
+            ("two_rays", f.plot_two_rays(story), f.describe_two_rays(story)),
             ("validation", f.plot_validation(pooled), f.describe_validation(pooled)),
             ("view_errors", f.plot_view_errors(lens), f.describe_view_errors(lens)),
         )

@@ -57,7 +57,7 @@ def test_trade_off_has_both_curves_all_sets_and_the_point(curves: TradeOff) -> N
     assert by_name["3D set"].marker.symbol == "triangle-up"
     assert by_name["3D set"].x[0] == 1200.0 and by_name["2D set"].x[0] == 9.0
     assert figure.layout.xaxis.type == "log"  # so that all sets are in it
-    assert figure.layout.yaxis.type == "linear"  # 23 to 59 mm
+    assert figure.layout.yaxis.type == "log"  # 23 to 490 mm
     words = describe_trade_off(curves, costs)
     assert "3D set 1200 px and 26.0 mm" in words
 

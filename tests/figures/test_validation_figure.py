@@ -21,8 +21,9 @@ from stereocal.figures import (
     plot_comparison,
     plot_validation,
 )
-from stereocal.figures.tables import percent, validation_answer, validation_table
+from stereocal.figures.tables import validation_answer, validation_table
 from stereocal.formats.dataset_files import read_dataset
+from stereocal.verdict.in_words import percent
 
 SAMPLE = Path(__file__).parents[2] / "sample_data" / "field"
 SETTINGS = EvaluationSettings(CalibrationSettings(essential="linear"), runs=6)

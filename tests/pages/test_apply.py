@@ -416,8 +416,10 @@ def test_menu_of_formats(app: AppTest) -> None:
     app.button(key="demo").click().run()
     app.switch_page("pages/calibrate.py").run()
     app.button(key="run").click().run()
+    app.segmented_control(key="view").set_value("Parameters").run()
+    app.selectbox(key="format_file").set_value("3d").run()
     for name in FORMATS:
-        app.selectbox(key="format_3d").set_value(name).run()
+        app.selectbox(key="format").set_value(name).run()
         assert not app.exception
         assert not app.error, (name, said(app, "error"))
     assert "undistort points" in said(app, "caption")

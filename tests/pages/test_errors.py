@@ -95,6 +95,8 @@ CACHES = {
     "jobs.pool": "threads, which know no project",
     "jobs._cluster": "threads of a cluster, which know no project",
     "jobs._jobs": "by the project's id",
+    "project_cards._card": "by the project's id",
+    "story._story": "a file of the program, which knows no project",
     "screening._screened": "by all numbers, the name, the notes and the settings",
     "uploads.watch_uploads": "by the session's id, which the server gives out",
     "warm_up.warm_up": "a thread, which knows no project",
@@ -105,7 +107,16 @@ CACHES = {
     "apply_results._read": "by the digest of the table's content",
     **{
         f"refined.{name}": "by all numbers, the name, the notes and the settings"
-        for name in ("_refined", "_calibrated", "_inputs", "_outlook", "_seeds", "_maps", "_curves")
+        for name in (
+            "_refined",
+            "_calibrated",
+            "_inputs",
+            "_answer",
+            "_outlook",
+            "_seeds",
+            "_maps",
+            "_curves",
+        )
     },
 }
 

@@ -12,7 +12,9 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereocal.formats.dataset_files import pack_dataset, read_dataset
+from stereocal.projects.application import ProjectApplication
 from stereocal.projects.project import Project
+from stereocal.rig.camera import CAMERAS
 
 ROOT = Path(__file__).parents[2]
 FIELD = ROOT / "sample_data" / "field"
@@ -68,15 +70,29 @@ def test_sample_to_result_and_back_in_a_new_session(app: AppTest, home: Path) ->
     assert "No result yet" in messages(app)
     app.slider(key="calibration_frames").set_value(20).run()
     app.button(key="run").click().run()
-    assert "5 frames that were not used for the fit" in messages(app)
+    assert "Use the refined set for both" in messages(app)
     result = project_of(app, home).calibration
     assert result is not None and len(result.frames) == 20
 
     again = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW)
     again.query_params["project"] = app.session_state["project_id"]
     again.run().switch_page("pages/calibrate.py").run()
-    assert "5 frames that were not used for the fit" in messages(again)
+    assert "Use the refined set for both" in messages(again)
     assert again.slider(key="calibration_frames").value == 20
+
+
+def test_real_recording_with_its_middle_marker_to_apply(app: AppTest, home: Path) -> None:
+    app.button(key="recording").click().run()
+    app.switch_page("pages/data.py").run()
+    assert "818 pairs of points in 409 frames" in messages(app)
+    project = project_of(app, home)
+    read = read_dataset(FIELD.parent / "recording")
+    assert project.dataset is not None and project.dataset.sha256 == read.sha256
+    assert project.table is not None and b"time_frame" in project.table[1]
+    store = ProjectApplication(project)
+    for side in CAMERAS:
+        points = store.points(side)
+        assert points is not None and (points.rows, points.frames) == (409, 409)
 
 
 def test_form_that_moved_on_is_said_and_the_result_stays(app: AppTest) -> None:
@@ -84,7 +100,7 @@ def test_form_that_moved_on_is_said_and_the_result_stays(app: AppTest) -> None:
     app.button(key="run").click().run()
     app.number_input(key="delta").set_value(2e-3).run()
     assert "The form has changed since this result (Δ)" in messages(app)
-    assert "To find which points belong together" in messages(app)
+    assert "Use the refined set for both" in messages(app)
     app.switch_page("pages/data.py").run()
     app.number_input(key="baseline_m_value").set_value(4.6).run()
     app.switch_page("pages/calibrate.py").run()
@@ -98,7 +114,7 @@ def test_settings_that_contradict_are_said_and_the_last_result_stays(app: AppTes
     app.number_input(key="delta_min").set_value(0.1).run()
     app.button(key="run").click().run()
     assert "delta" in app.error[0].value and "it must be" in app.error[0].value
-    assert "To find which points belong together" in messages(app)
+    assert "Use the refined set for both" in messages(app)
 
 
 @pytest.mark.parametrize(

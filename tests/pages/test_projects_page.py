@@ -26,10 +26,37 @@ def keys(app: AppTest) -> set[str]:
 
 
 def test_an_empty_server_shows_no_list_and_says_what_is_kept(app: AppTest, home: Path) -> None:
-    assert [header.value for header in app.header] == ["What to bring"]
+    assert "What you need" in [header.value for header in app.subheader]
+    assert "Recent projects" not in [header.value for header in app.subheader]
     text = " ".join(str(item.value) for item in app.markdown)
     assert str(home) in text
     assert "brought back for 30 days, from the list of removed projects" in text
+
+
+def test_a_card_says_what_a_project_holds_and_its_key_result(app: AppTest, home: Path) -> None:
+    def card() -> str:
+        (text,) = [each.value for each in start(app).caption if each.value.startswith("20")]
+        return str(text)
+
+    project = project_of(open_sample(app), home)
+    assert "25 frames" in card() and "not calibrated" in card()
+    app.switch_page("pages/calibrate.py").run()
+    app.button(key="run").click().run()
+    found = project.calibration
+    assert found is not None
+    length = 100 * found.errors["3d"].mean_length
+    assert f"lengths {length:.2g} %, pairs " in card()
+    project.give({}, drop=["correspondences"])
+    assert "no points yet" in card()
+
+
+def test_many_projects_are_folded(app: AppTest, home: Path) -> None:
+    projects = [Project.create(home) for _ in range(6)]
+    assert "Older projects" in [each.label for each in start(app).expander]
+    assert {f"open_{project.id}" for project in projects} <= keys(app)
+    app.button(key=f"open_{projects[0].id}").click().run()
+    assert app.session_state["project_id"] == projects[0].id
+    assert "Nothing is loaded yet" in messages(app)
 
 
 def test_rename_duplicate_remove_and_undo(app: AppTest, home: Path) -> None:

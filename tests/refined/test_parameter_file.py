@@ -20,8 +20,7 @@ from stereocal.refined.uncertainty import standard_errors
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.volume import Volume
-from stereocal.ui.parameter_files import sets_of
-from stereocal.workflow import calibrate
+from stereocal.workflow import answer, calibrate
 from tests import known_rig as rig
 
 METHODS: tuple[Literal["2d", "3d"], ...] = ("2d", "3d")
@@ -97,7 +96,7 @@ def test_noise_and_volume_of_the_papers_sets() -> None:
     trusting = calibrate(data, CalibrationSettings(all_frames=True))
     assert trusting.parameters("2d").noise_px is None
     # The page's files name one noise, and what is stored of a calibration keeps the screening's.
-    sets = sets_of(found, None, refined)
+    sets = answer(replace(found, refined=refined), None).sets
     assert {each.noise_px for each in sets.values()} == {refined.sigma_px.value}
     stored = unpack_calibration(pack_calibration(found, {}), lambda _: data)
     assert stored.parameters("3d").noise_px == found.parameters("3d").noise_px

@@ -16,7 +16,6 @@ from stereocal.calibration.methods import CalibrationSettings
 from stereocal.calibration.wrong_inputs import LENGTH_TOLERANCE, essential_fit
 from stereocal.cli import main
 from stereocal.errors import StereocalError
-from stereocal.figures.tables import left_out_line, why_not_trusted
 from stereocal.formats.dataset_files import pack_dataset
 from stereocal.projects.calibration_files import pack_calibration, unpack_calibration
 from stereocal.refined.diagnosis import explain_failure
@@ -25,6 +24,7 @@ from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import RigParameters
 from stereocal.simulation.simulate import observe, place_bars
+from stereocal.verdict.in_words import left_out_line, why_not_trusted
 from stereocal.workflow import calibrate
 from tests import known_rig as rig
 

@@ -16,6 +16,7 @@ from stereocal.calibration.problems import reconstruction_problem, reprojection_
 from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.formats.simulated import write_field
+from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose
@@ -24,6 +25,7 @@ from stereocal.simulation.simulate import (
     FIELD_BAR_M,
     FIELD_BASELINE_M,
     FIELD_DEPTHS_M,
+    FIELD_LENS_ERRORS,
     FIELD_NOISE_PX,
     MARGIN_PX,
     Nominal,
@@ -190,30 +192,43 @@ def test_all_rigs_of_the_paper_share_enough_view(baseline: float, bar: float) ->
     assert scene.bar_length_m == pytest.approx(bar, rel=1e-12)
 
 
-def test_calibration_of_the_shipped_field_is_near_the_truth() -> None:
-    """The 0.15 px noise allows so much, at 8 to 25 m with lenses of 7143 px.
+def test_calibration_of_the_shipped_field_shows_the_need_of_two_sets() -> None:
+    """The lenses as given are off: each set is good at its own job, and none has the true pose.
 
-    Rotation and direction of T. Measured on seed 0: essential 2.9e-4 and 5.5e-4 rad, 2D 2.6e-4 and
-    4.2e-4, 3D 4.2e-3 and 2.7e-3 (nearly all of it pitch, the turn about the baseline, and the
-    epsilon of T); over seeds 0 to 20 at most 4.0e-3 and 1.8e-3 (2D), 6.7e-3 and 2.6e-2 (3D). Mean
-    errors on seed 0: 2D 0.090 px and 0.14 %, 3D 12 px and 0.12 %.
+    Measured on seed 0: 2D 0.119 px and 2.33 %, 3D 6.9 px and 0.120 %, refined 0.091 px and 0.118 %;
+    over seeds 0 to 20 the 2D set's lengths are 0.14 to 3.5 % wrong, the 3D set's 0.08 to 0.20 %.
+    Rotation and direction of T, over the same seeds: at most 7.0e-3 and 8.4e-3 (2D), 1.0e-2 and
+    2.4e-2 (3D).
     """
-    found = calibrate(read_dataset(SHIPPED))
+    found = calibrate(read_dataset(SHIPPED), refined=RefineSettings())
     truth = json.loads((SHIPPED / "truth.json").read_text())
     true_pose = Pose(np.array(truth["R"]), np.array(truth["T"]))
-    for method, rotation, direction in (
-        ("essential", 1e-3, 1e-3),
-        ("2d", 1e-3, 1e-3),
-        ("3d", 1e-2, 1e-2),
-    ):
+    for method, bound in (("essential", 0.01), ("2d", 0.01), ("3d", 0.03)):
         pose = found.methods[method].pose  # type: ignore[index]
-        assert rotation_between(pose, true_pose) < rotation, method
-        assert np.linalg.norm(pose.T - true_pose.T) / FIELD_BASELINE_M < direction, method
+        assert rotation_between(pose, true_pose) < bound, method
+        assert np.linalg.norm(pose.T - true_pose.T) / FIELD_BASELINE_M < bound, method
         assert pose.baseline == pytest.approx(FIELD_BASELINE_M, rel=1e-12)
-    assert found.errors["2d"].mean_reprojection_px < 0.12
-    assert found.errors["3d"].mean_length < 0.0015
-    assert found.errors["3d"].mean_length <= found.errors["2d"].mean_length
-    assert found.errors["2d"].mean_reprojection_px <= found.errors["essential"].mean_reprojection_px
+    matching, measuring, refined = found.errors["2d"], found.errors["3d"], found.refined_errors
+    assert matching.mean_reprojection_px < 0.13 < 10 * 0.13 < measuring.mean_reprojection_px
+    assert measuring.mean_length < 0.0015 < 0.02 < matching.mean_length
+    assert refined is not None and refined.mean_reprojection_px < matching.mean_reprojection_px
+    assert refined.mean_length < 0.0015
+    assert matching.mean_reprojection_px <= found.errors["essential"].mean_reprojection_px
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_given_lenses_are_off_as_a_lab_leaves_them(seed: int) -> None:
+    scene, dataset = simulate_field(seed)
+    for given, true, (focal, centre) in zip(
+        (dataset.primary, dataset.secondary),
+        (scene.rig.primary, scene.rig.secondary),
+        FIELD_LENS_ERRORS,
+        strict=True,
+    ):
+        assert given.K[[0, 1], [0, 1]] == pytest.approx((1 + focal) * true.K[[0, 1], [0, 1]])
+        assert given.K[:2, 2] == pytest.approx(true.K[:2, 2] + centre, abs=0.01)
+        assert np.hypot(*centre) == pytest.approx(4.0, abs=0.1)
+        assert given.distortion.tolist() == true.distortion.tolist()
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -260,7 +275,8 @@ def test_wrong_lenses_part_the_two_tasks() -> None:
     """
     exact, wrong, wrong_3d = [], [], []
     for seed in SEEDS:
-        _, dataset = simulate_field(seed)
+        scene, dataset = simulate_field(seed)
+        dataset = replace(dataset, primary=scene.rig.primary, secondary=scene.rig.secondary)
         believed = replace(
             dataset,
             primary=lens_off_by(dataset.primary, 0.003, (4.0, 0.0)),

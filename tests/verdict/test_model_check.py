@@ -126,7 +126,7 @@ def test_few_frames_are_not_checked() -> None:
 
 
 def test_improvements_go_the_right_way() -> None:
-    """Poor lenses and 8 frames limit this rig; with all known, only the noise of the points is left."""
+    """Poor lenses and 8 frames limit this rig; with all known, only noise is left."""
     off = Misjudged(0.05, 0.0005, 0.02, 30.0, 0.1)
     model = refine(rig(4, 8, off), off.settings())
     found = improvements(model)

@@ -6,37 +6,28 @@ Fitted on the even frames, tested on the odd ones.
 
 from __future__ import annotations
 
-import csv
-import io
-import os
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from stereocal.calibration.methods import CalibrationSettings, Method
 from stereocal.calibration.montecarlo import SearchSettings
 from stereocal.calibration.results import errors_of
-from stereocal.formats.camera_file import read_camera
-from stereocal.formats.correspondences_csv import read_table
+from stereocal.formats.dataset_files import read_dataset
 from stereocal.refined.disagreement import what_disagrees
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.results import Calibration
 from stereocal.refined.screening import screen
 from stereocal.refined.unknowns import RefineSettings
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose, epipolar_distances, triangulate, triangulate_rays
 from stereocal.workflow import calibrate
 
-FOLDER = os.environ.get("STEREOCAL_REAL_DATA")
-pytestmark = [
-    pytest.mark.real_data,
-    pytest.mark.skipif(
-        FOLDER is None or not (Path(FOLDER) / "ewand12").is_dir(),
-        reason="STEREOCAL_REAL_DATA names no folder that holds ewand12/",
-    ),
-]
+RECORDING = Path(__file__).parents[2] / "sample_data" / "recording"
 SEEDS = range(5)
 KEPT = 0.98
 """Best part of points and bars: a few detections of these recordings are wrong."""
@@ -44,16 +35,7 @@ KEPT = 0.98
 
 @pytest.fixture(scope="module")
 def recordings() -> Dataset:
-    folder = Path(FOLDER or "") / "ewand12"
-    table = read_table((folder / "correspondences.csv").read_bytes(), "correspondences.csv")
-    return Dataset(
-        name="ewand12",
-        primary=read_camera((folder / "primary.yaml").read_bytes(), "primary.yaml"),
-        secondary=read_camera((folder / "secondary.yaml").read_bytes(), "secondary.yaml"),
-        correspondences=table.strict("correspondences.csv"),
-        baseline_m=4.976,
-        target_distance_m=0.390,
-    )
+    return read_dataset(RECORDING)
 
 
 @pytest.fixture(scope="module")
@@ -105,14 +87,12 @@ def length_error_of(data: Dataset, pose: Pose) -> float:
 
 def middle_errors(data: Dataset, pose: Pose) -> tuple[float, float]:
     """Mean relative errors of A to middle (0.13 m) and middle to B (0.26 m), best 98 %."""
-    text = (Path(FOLDER or "") / "ewand12" / "middle_marker.csv").read_text()
-    pixels = {int(row["frame"]): row for row in csv.DictReader(io.StringIO(text))}
     rows = data.correspondences
     ends = triangulate_rays(pose.R, pose.T, data.rays)[rows.bars]
     frames = rows.frame[rows.bars[:, 0]]
     primary, secondary = (
-        np.array([[float(pixels[int(f)][f"{axis}_{name}"]) for axis in "uv"] for f in frames])
-        for name in ("primary", "secondary")
+        pd.read_csv(RECORDING / f"points_{side}.csv", index_col="frame").loc[frames].to_numpy()
+        for side in CAMERAS
     )
     middle = triangulate(pose, data.primary.undistort(primary), data.secondary.undistort(secondary))
     found = [
@@ -125,6 +105,19 @@ def middle_errors(data: Dataset, pose: Pose) -> tuple[float, float]:
 def test_the_recordings_are_those(recordings: Dataset) -> None:
     assert len(recordings.correspondences.frames) == 409
     assert len(recordings.correspondences.bars) == 409
+    assert (recordings.baseline_m, recordings.target_distance_m) == (4.976, 0.390)
+    assert recordings.baseline_sigma_m is recordings.target_distance_sigma_m is None
+
+
+def test_recorded_frames_stand_beside_the_numbers_of_frames(recordings: Dataset) -> None:
+    """`time_frame` is not `frame`: 30 of the 408 steps are gaps, of up to 41 frames."""
+    table = pd.read_csv(RECORDING / "correspondences.csv")
+    assert list(recordings.correspondences.frame) == list(table["frame"])
+    recorded = table.groupby("frame")["time_frame"].agg(["min", "max"])
+    assert (recorded["min"] == recorded["max"]).all()
+    steps = np.diff(recorded["min"])
+    assert (steps > 1).sum() == 30
+    assert steps.max() == 41
 
 
 @pytest.mark.parametrize("seed", SEEDS)

@@ -6,8 +6,6 @@ all three markers of the odd ones. The middle marker took no part in any fit.
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -19,22 +17,24 @@ from stereocal.matching.reconstruction_files import reconstruct
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import RigParameters
 from stereocal.workflow import calibrate
-from tests.evaluation.test_ewand12 import FOLDER, SEEDS, pytestmark, recordings
+from tests.evaluation.test_recording import RECORDING, SEEDS, recordings
 
-__all__ = ["pytestmark", "recordings"]
+__all__ = ["recordings"]
 DISTANCES_M = {("A", "M"): 0.13, ("M", "B"): 0.26, ("A", "B"): 0.39}
 
 
 @pytest.fixture(scope="module")
 def markers() -> tuple[pd.DataFrame, pd.DataFrame]:
     """All markers of the odd frames in each camera, shuffled; `marker` only serves to judge."""
-    names = ("correspondences.csv", "middle_marker.csv")
-    both = pd.concat([pd.read_csv(Path(FOLDER or "") / "ewand12" / name) for name in names])
-    odd = both[both["frame"] % 2 == 1]
+    outer = pd.read_csv(RECORDING / "correspondences.csv")
     sides = []
     for side, seed in (("primary", 1), ("secondary", 2)):
-        table = odd[["frame", "target", f"u_{side}", f"v_{side}"]].sample(frac=1, random_state=seed)
-        sides.append(table.set_axis(["frame", "marker", "u", "v"], axis=1))
+        middle = pd.read_csv(RECORDING / f"points_{side}.csv").assign(marker="M")
+        ends = outer[["frame", "target", f"u_{side}", f"v_{side}"]].set_axis(
+            ["frame", "marker", "u", "v"], axis=1
+        )
+        both = pd.concat([ends, middle])
+        sides.append(both[both["frame"] % 2 == 1].sample(frac=1, random_state=seed))
     return sides[0], sides[1]
 
 

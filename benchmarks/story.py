@@ -1,0 +1,105 @@
+"""The story of the Start page: each set fitted to half of the real recording, tested on the rest.
+
+python -m benchmarks.story      # writes assets/story.json
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from stereocal.calibration.methods import Method
+from stereocal.calibration.results import errors_of
+from stereocal.figures.story import HeldOut, Story, best_mean
+from stereocal.formats.dataset_files import read_dataset
+from stereocal.refined.unknowns import RefineSettings
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.dataset import TARGETS, Dataset
+from stereocal.rig.geometry import Pose
+from stereocal.system.atomic_files import write_atomically
+from stereocal.workflow import calibrate
+
+ROOT = Path(__file__).parents[1]
+RECORDING, STORY = ROOT / "sample_data" / "recording", ROOT / "assets" / "story.json"
+
+
+def tell_story() -> Story:
+    """Fitted to the even frames with the default settings, tested on the odd ones."""
+    recording = read_dataset(RECORDING)
+    frames = recording.correspondences.frames
+    fitted = recording.of_frames(frames[frames % 2 == 0])
+    tested = recording.of_frames(frames[frames % 2 == 1])
+    found = calibrate(fitted, refined=RefineSettings())
+    assert found.refined is not None
+    seen: dict[Method, tuple[Dataset, Pose]] = {
+        method: (tested, result.pose) for method, result in found.methods.items()
+    }
+    seen["refined"] = (found.refined.apply(tested), found.refined.pose)
+    feet = {method: _feet(*each) for method, each in seen.items()}
+    row = _typical([np.hypot(*foot.T) for foot, _ in feet.values()])
+    rows = tested.correspondences
+    return Story(
+        fitted=len(fitted.correspondences.frames),
+        frame=int(rows.frame[row]),
+        target=TARGETS[rows.target[row]],
+        sets={
+            method: _held_out(*each, row, *(part[row] for part in feet[method]))
+            for method, each in seen.items()
+        },
+    )
+
+
+def _held_out(
+    tested: Dataset, pose: Pose, row: int, foot: FloatArray, along: FloatArray
+) -> HeldOut:
+    lengths = tested.reconstructed_lengths_m(pose) / tested.bar_distances_m - 1.0
+    return HeldOut(
+        length_errors=tuple(lengths.round(6).tolist()),
+        reprojection_px=round(best_mean(errors_of(tested, pose).reprojection_px), 4),
+        line_px=(tuple(foot.round(4).tolist()), tuple(along.round(6).tolist())),
+        gap_m=round(_gap_m(tested, pose, row), 7),
+    )
+
+
+def _feet(tested: Dataset, pose: Pose) -> tuple[FloatArray, FloatArray]:
+    """Epipolar lines in the secondary image, undistorted pixels: (n, 2) the nearest points,
+    relative to the measured ones, and (n, 2) the directions."""
+    rows = tested.correspondences
+    primary = tested.primary.undistort(rows.primary)
+    points = tested.secondary.undistort_to_pixels(rows.secondary)
+    n = len(rows)
+    lines = np.column_stack([primary, np.ones(n)]) @ pose.essential.T
+    lines = lines @ np.linalg.inv(tested.secondary.K)
+    lines /= np.hypot(lines[:, 0], lines[:, 1])[:, None]
+    distances = (lines * np.column_stack([points, np.ones(n)])).sum(axis=1)
+    return -distances[:, None] * lines[:, :2], np.column_stack([-lines[:, 1], lines[:, 0]])
+
+
+def _typical(distances: list[FloatArray]) -> int:
+    """The row whose distances are nearest to the median of each set."""
+    away = [np.abs(np.log(each / np.median(each))) for each in distances]
+    return int(np.argmin(np.max(away, axis=0)))
+
+
+def _gap_m(tested: Dataset, pose: Pose, row: int) -> float:
+    """Shortest distance between the two rays of a pair."""
+    x1, y1, x2, y2 = tested.rays[:, row]
+    across = np.cross([x1, y1, 1.0], pose.R.T @ [x2, y2, 1.0])
+    return float(abs(pose.R.T @ pose.T @ across) / np.linalg.norm(across))
+
+
+def main() -> None:
+    """Write the file that the Start page reads."""
+    story = tell_story()
+    write_atomically(STORY, story.to_json().encode())
+    for method, found in story.sets.items():
+        print(
+            f"{method:9s} lengths {100 * found.length_error:.3f} %, reprojection "
+            f"{found.reprojection_px:.3f} px, line {found.line_distance_px:.2f} px, gap "
+            f"{1000 * found.gap_m:.2f} mm"
+        )
+
+
+if __name__ == "__main__":
+    main()

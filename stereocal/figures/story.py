@@ -1,0 +1,267 @@
+"""Why two sets, on the real recording: length errors, epipolar lines, and two rays that miss.
+
+`python -m benchmarks.story` computes the figures' numbers; they are read from a file, so that the
+Start page opens at once.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+import plotly.graph_objects as go
+
+from stereocal.calibration.methods import Method
+from stereocal.figures.style import (
+    METHOD_COLOURS,
+    METHOD_NAMES,
+    METHOD_SYMBOLS,
+    NEUTRAL,
+    finish,
+)
+from stereocal.rig.compiled import FloatArray
+
+HEIGHT = 280
+BEST = 0.98
+"""Part of the bars and pairs that the means take: some detections of the recording are wrong."""
+ROWS: Mapping[Method, str] = {
+    "essential": "One set, by the book (essential matrix)",
+    "3d": "Two sets (the 3D set measures)",
+    "refined": "One refined set",
+}
+SHOWN_PERCENT = (-2.0, 4.0)
+"""Length errors outside are not drawn, but counted."""
+REACH_PX = 12.0
+"""Half the side of the picture of epipolar lines."""
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """One parameter set on the held-out frames."""
+
+    length_errors: tuple[float, ...]
+    """(D^R - D) / D of each bar."""
+    reprojection_px: float
+    """Mean reprojection error of the best 98 % of the pairs."""
+    line_px: tuple[tuple[float, float], tuple[float, float]]
+    """Epipolar line of the example in the secondary image: the point nearest to the measured one,
+    relative to it, and the unit direction."""
+    gap_m: float
+    """Distance between the example's two rays."""
+
+    @property
+    def length_error(self) -> float:
+        """Mean of |D^R - D| / D over the best 98 % of the bars."""
+        return best_mean(np.abs(self.length_errors))
+
+    @property
+    def line_distance_px(self) -> float:
+        """Distance of the epipolar line from the example's point."""
+        return float(np.hypot(*self.line_px[0]))
+
+
+@dataclass(frozen=True)
+class Story:
+    """The sets fitted to half of a recording, tested on the other half."""
+
+    fitted: int
+    """Number of frames that the sets were fitted to."""
+    frame: int
+    """The example: a held-out frame."""
+    target: str
+    sets: Mapping[Method, HeldOut]
+
+    def to_json(self) -> str:
+        """Read back by `read_story`."""
+        return json.dumps(asdict(self), separators=(",", ":")) + "\n"
+
+
+def read_story(path: Path) -> Story:
+    """The numbers as written by `Story.to_json`."""
+    content = json.loads(path.read_text(encoding="utf-8"))
+    return Story(**content | {"sets": {key: HeldOut(**s) for key, s in content["sets"].items()}})
+
+
+def best_mean(errors: FloatArray) -> float:
+    """Mean of the smallest 98 % of the errors; NaN, behind a camera, counts as largest."""
+    return float(np.sort(errors)[: int(BEST * len(errors))].mean())
+
+
+def plot_story_lengths(story: Story) -> go.Figure:
+    """The length error of each held-out bar, a row for each set, on one axis in percent."""
+    figure = finish(go.Figure(), HEIGHT)
+    for row, (method, name) in enumerate(ROWS.items()):
+        found = story.sets[method]
+        percent = 100 * np.array(found.length_errors)
+        # Scattered about the row by the golden ratio, in the order of the frames.
+        heights = -row + 0.5 * (np.arange(len(percent)) * 0.6180339887 % 1.0) - 0.42
+        figure.add_trace(
+            go.Scatter(
+                x=percent, y=heights, mode="markers", name=name, showlegend=False,
+                marker={"color": METHOD_COLOURS[method], "symbol": METHOD_SYMBOLS[method],
+                        "size": 5, "opacity": 0.7},
+                hovertemplate="%{x:.2f} %<extra></extra>",
+            )
+        )  # fmt: skip
+        figure.add_annotation(
+            x=0, xref="paper", xanchor="left", y=-row + 0.13, yanchor="bottom", showarrow=False,
+            text=f"{name}: <b>{100 * found.length_error:.2g} %</b>", font={"size": 13},
+        )  # fmt: skip
+        _line(figure, np.array([[0.0, -row - 0.45], [0.0, -row + 0.11]]), NEUTRAL, 1.5)
+    figure.update_xaxes(
+        range=SHOWN_PERCENT,
+        showgrid=False,
+        title_text="Length error of held-out bars (%)<br>"
+        f"Bold: mean size, best {100 * BEST:g} % of the bars",
+    )
+    figure.update_yaxes(visible=False, range=[-2.5, 0.6])
+    return figure
+
+
+def describe_story_lengths(story: Story) -> str:
+    """The figure in words."""
+    parts = [
+        f"{name.lower()} {100 * story.sets[method].length_error:.2g} %"
+        for method, name in ROWS.items()
+    ]
+    errors = np.array([story.sets[method].length_errors for method in ROWS])
+    low, high = np.array(SHOWN_PERCENT) / 100
+    outside = int((~((low <= errors) & (errors <= high))).any(axis=0).sum())
+    return (
+        f"A real recording: sets fitted to the {story.fitted} even frames, and tested on the "
+        f"{errors.shape[1]} odd ones. Mean length error of the best 98 % of these bars (a few "
+        f"detections are wrong): {', '.join(parts)}. Each dot is a bar; {outside} bars have an "
+        f"error outside {SHOWN_PERCENT[0]:g} to {SHOWN_PERCENT[1]:g} % and are not drawn."
+    )
+
+
+def plot_story_lines(story: Story) -> go.Figure:
+    """The epipolar line of one held-out point with each set, about its measured partner."""
+    figure = finish(go.Figure(), HEIGHT)
+    names = []
+    for (method, found), dash in zip(
+        story.sets.items(), ("solid", "dash", "solid", "dot"), strict=True
+    ):
+        start, along = np.array(found.line_px)
+        name = f"{METHOD_NAMES[method]}: {found.line_distance_px:.2g} px"
+        names.append(f'<span style="color:{METHOD_COLOURS[method]}">■</span> {name}')
+        ends = start + np.outer([-4 * REACH_PX, 4 * REACH_PX], along)
+        _line(figure, ends, METHOD_COLOURS[method], 3, dash, name)
+    figure.add_trace(
+        go.Scatter(
+            x=[0], y=[0], mode="markers", name="Measured point", showlegend=False,
+            marker={"symbol": "cross-thin", "size": 16, "color": NEUTRAL,
+                    "line": {"width": 3, "color": NEUTRAL}},
+            hoverinfo="name",
+        )
+    )  # fmt: skip
+    # The lines rise to the right: there is room for their names below.
+    figure.add_annotation(
+        x=0.99, y=0.01, xref="paper", yref="paper", xanchor="right", yanchor="bottom",
+        align="left", text="<br>".join(names), showarrow=False, font={"size": 13},
+    )  # fmt: skip
+    figure.update_xaxes(
+        range=[-REACH_PX, REACH_PX], title_text="Pixels from the measured point", dtick=4,
+        constrain="domain",
+    )  # fmt: skip
+    figure.update_yaxes(range=[REACH_PX, -REACH_PX], scaleanchor="x", constrain="domain", dtick=4)
+    return figure
+
+
+def describe_story_lines(story: Story) -> str:
+    """The figure in words."""
+    parts = [
+        f"{METHOD_NAMES[method]} {found.line_distance_px:.2g} px"
+        for method, found in story.sets.items()
+    ]
+    means = [
+        f"{METHOD_NAMES[method]} {found.reprojection_px:.2g} px"
+        for method, found in story.sets.items()
+    ]
+    return (
+        f"Target {story.target} of the held-out frame {story.frame} in the secondary image. Its "
+        f"epipolar line, on which the point of the primary image must lie, misses it by: "
+        f"{', '.join(parts)}. Mean reprojection error of the best 98 % of all held-out pairs: "
+        f"{', '.join(means)}."
+    )
+
+
+PRIMARY_XY, SECONDARY_XY = np.array([1.0, 0.7]), np.array([9.0, 0.7])
+ON_RAYS = np.array([[4.1, 5.6], [5.9, 5.1]])
+"""Where the drawn rays are nearest to each other."""
+IMAGE_AT = 0.4
+"""Of the way from the camera to that place."""
+
+
+def plot_two_rays(story: Story) -> go.Figure:
+    """A drawing, not to scale: two rays that miss, the gap, its middle, and its images."""
+    figure = finish(go.Figure(), HEIGHT)
+    middle = ON_RAYS.mean(axis=0)
+    for camera, on_ray, name in zip(
+        (PRIMARY_XY, SECONDARY_XY), ON_RAYS, ("primary", "secondary"), strict=True
+    ):
+        seen, back = (camera + IMAGE_AT * (to - camera) for to in (on_ray, middle))
+        across = (back - seen) / np.linalg.norm(back - seen)
+        plane = np.array([seen - 0.9 * across, back + 0.9 * across])
+        _line(figure, np.array([camera, camera + 1.06 * (on_ray - camera)]), NEUTRAL, 2)
+        _line(figure, np.array([camera, middle]), NEUTRAL, 1.5, "dot")
+        _line(figure, plane, NEUTRAL, 2)
+        _line(figure, np.array([seen, back]), METHOD_COLOURS["2d"], 6)
+        figure.add_annotation(
+            x=camera[0], y=camera[1] - 0.25, text=name, showarrow=False, yanchor="top"
+        )
+    _line(figure, ON_RAYS, METHOD_COLOURS["3d"], 4)
+    both = np.array([PRIMARY_XY, SECONDARY_XY])
+    for at, symbol, colour, size in (
+        (both, "square", NEUTRAL, 14),
+        (middle[None], "circle", METHOD_COLOURS["3d"], 10),
+    ):
+        figure.add_trace(
+            go.Scatter(
+                x=at[:, 0], y=at[:, 1], mode="markers", showlegend=False, hoverinfo="skip",
+                marker={"symbol": symbol, "color": colour, "size": size},
+            )
+        )  # fmt: skip
+    gaps = {name: 1000 * story.sets[name].gap_m for name in ("2d", "3d")}
+    for x, y, text in (
+        (5.0, 7.2, f"gap {gaps['2d']:.2g} mm with the 2D set,<br>{gaps['3d']:.2g} mm with the 3D "
+                   "set;<br>its middle is the 3D point"),
+        (5.0, 2.6, "reprojection<br>error"),
+    ):  # fmt: skip
+        figure.add_annotation(x=x, y=y, text=text, showarrow=False, font={"size": 13})
+    figure.update_xaxes(visible=False, range=[-0.2, 10.2], fixedrange=True)
+    figure.update_yaxes(visible=False, range=[-0.2, 8.0], fixedrange=True)
+    return figure
+
+
+def describe_two_rays(story: Story) -> str:
+    """The figure in words."""
+    gaps = {name: 1000 * story.sets[name].gap_m for name in ("2d", "3d")}
+    return (
+        "The rays of the two image points miss each other, because images are noisy and lenses a "
+        "little wrong. The reconstructed point is the middle of the gap, and its images are the "
+        "reprojection error away from the measured points. The 2D set makes that error small, so "
+        "that it finds which points belong together; the 3D set makes the distances between the "
+        f"middles right, and widens the gap for it: {gaps['2d']:.2g} mm with the 2D set and "
+        f"{gaps['3d']:.2g} mm with the 3D set, for target {story.target} of frame {story.frame}."
+    )
+
+
+def _line(
+    figure: go.Figure,
+    ends: FloatArray,
+    colour: str,
+    width: float,
+    dash: str = "solid",
+    name: str | None = None,
+) -> None:
+    figure.add_trace(
+        go.Scatter(
+            x=ends[:, 0], y=ends[:, 1], mode="lines", showlegend=False, name=name,
+            hoverinfo="name" if name else "skip",
+            line={"color": colour, "width": width, "dash": dash},
+        )
+    )  # fmt: skip

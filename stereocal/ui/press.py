@@ -1,0 +1,139 @@
+"""The one press of the Calibrate page: screening, all methods, forecast, and validation.
+
+Short work is done while the page is drawn; longer work is a job. The job validates the calibration
+that is stored when it starts; if another one is stored meanwhile, it begins again with that one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import streamlit as st
+
+from stereocal.calibration.methods import CalibrationSettings
+from stereocal.errors import StereocalError
+from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
+from stereocal.formats.evaluation_files import Evaluation, pack_runs, unpack_runs
+from stereocal.projects.inputs import Inputs
+from stereocal.projects.project import Project
+from stereocal.refined.results import Calibration
+from stereocal.rig.dataset import Dataset
+from stereocal.ui import jobs
+from stereocal.ui.intake import escape_markdown
+from stereocal.ui.refined import answer_for
+from stereocal.ui.validation import INSTANT, kept_protocol
+from stereocal.workflow import calibrate
+
+KIND: jobs.Kind = "calibration"
+STAGES = ("steps", "runs")
+STEPS = ("screening", "essential", "2d", "3d")
+MOST_AT_ONCE = 1500
+"""Frames that calibrate in about a second, and so while the page is drawn."""
+FEWEST_TO_VALIDATE = 5
+
+
+def work_of(
+    project: Project, inputs: Inputs, dataset: Dataset, settings: CalibrationSettings
+) -> jobs.Work:
+    """The work of a press with these inputs and settings.
+
+    Raises:
+        StereocalError: settings that contradict each other.
+    """
+    protocol = kept_protocol(project, [dataset])
+    large = _frames(dataset) > MOST_AT_ONCE
+    about = {
+        "dataset": [dataset.sha256, dataset.baseline_sigma_m, dataset.target_distance_sigma_m],
+        "settings": [settings.to_json(), protocol.to_json()],
+    }
+
+    def run(job: jobs.Job) -> bool:
+        if large:
+            job.begin("steps")
+            _calibrate(project, inputs, dataset, settings, job.progress)
+        job.begin("runs")
+        return _validate(project, protocol, job)
+
+    return jobs.Work(project, KIND, STAGES if large else STAGES[1:], about, run)
+
+
+def press(
+    project: Project, inputs: Inputs, dataset: Dataset, settings: CalibrationSettings
+) -> None:
+    """Calibrate and validate, at once or in a job.
+
+    Raises:
+        StereocalError: the data do not determine the pose; the last result stays.
+    """
+    work = work_of(project, inputs, dataset, settings)
+    if _frames(dataset) > MOST_AT_ONCE:
+        jobs.start(work)
+        return
+    with st.spinner("Calibrating."):
+        _calibrate(project, inputs, dataset, settings)
+    if _frames(dataset) < FEWEST_TO_VALIDATE:
+        return
+    protocol = kept_protocol(project, [dataset])
+    if protocol.runs * _frames(dataset) / 25 > INSTANT:
+        jobs.start(work)
+        return
+    try:
+        with st.spinner("Validating."):
+            _validate(project, protocol, jobs.on_page(STAGES))
+    except StereocalError as error:
+        st.info(escape_markdown(f"Not validated: {error}"))
+
+
+def _frames(dataset: Dataset) -> int:
+    return len(dataset.correspondences.frames)
+
+
+def _calibrate(
+    project: Project, inputs: Inputs, dataset: Dataset, settings: CalibrationSettings,
+    progress: Callable[[int, int], None] | None = None,
+) -> None:  # fmt: skip
+    def step(name: str) -> None:
+        if progress is not None:
+            progress(STEPS.index(name), len(STEPS))
+
+    found = jobs.compute(calibrate, dataset, settings, trace=True, progress=step)
+    project.keep_calibration(found, inputs)
+
+
+def _validate(project: Project, protocol: EvaluationSettings, job: jobs.Job) -> bool:
+    """Evaluate the stored calibration and store the result; False if cancelled."""
+    while (calibration := project.calibration) is not None:
+        if project.calibration_evaluation is None:
+            found = _evaluation(project, calibration, protocol, job)
+            if found is None and job.cancelled:
+                return False
+            if found is not None:
+                project.keep_evaluation(found, of_calibration=True)
+        elif project.calibration is calibration:
+            assert protocol.refined is not None
+            # Now, so that the page has it at once.
+            answer_for(calibration, protocol.refined, project.calibration_evaluation)
+            return True
+    return False
+
+
+def _evaluation(
+    project: Project, calibration: Calibration, protocol: EvaluationSettings, job: jobs.Job
+) -> Evaluation | None:
+    """None if cancelled, or if another calibration was stored meanwhile."""
+    kept = calibration.screening.dataset
+    fitted = min(protocol.calibration_frames, max(_frames(kept) - 2, 1))
+    settings = replace(
+        protocol,
+        calibration=replace(calibration.settings, calibration_frames=None),
+        calibration_frames=fitted,
+    )
+    runs = evaluate(
+        [kept], settings, job.executor, job.progress,
+        lambda: job.cancelled or project.calibration is not calibration,
+        pieces=job.checkpoints("runs", pack_runs, unpack_runs),
+    )  # fmt: skip
+    if runs is None:
+        return None
+    return Evaluation(runs, settings, [kept.name], [calibration.dataset.sha256])

@@ -1,0 +1,127 @@
+"""The cards of the projects on the Start page: what each holds, and what can be done with it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from datetime import datetime
+
+import streamlit as st
+
+from stereocal.errors import StereocalError
+from stereocal.projects.card import Card, card_of
+from stereocal.projects.data_folder import default_home
+from stereocal.projects.home import Listed, duplicate, remove
+from stereocal.projects.project import Project
+from stereocal.projects.salvage import salvage
+from stereocal.projects.server_settings import ServerSettings
+from stereocal.ui.messages import tell
+from stereocal.ui.project import is_open, open_project
+from stereocal.ui.texts import escape_markdown
+
+REMOVED = "removed_project"
+FAILED = "failed_project"
+OPENED = "opened_project"
+"""Set when a project was opened from its card: the next run goes to its data."""
+WIDTH = 250
+
+
+def show_cards(projects: Sequence[Listed]) -> None:
+    """The cards side by side, as many in a row as fit."""
+    with st.container(horizontal=True):
+        for one in projects:
+            with st.container(border=True, width=WIDTH):
+                (_show_damaged if one.damaged else _show)(one)
+
+
+def date_of(seconds: float) -> str:
+    """A time in seconds since 1970, as shown."""
+    return datetime.fromtimestamp(seconds).astimezone().strftime("%Y-%m-%d %H:%M")
+
+
+def try_action(action: Callable[[], object]) -> None:
+    """Do something with a project; an error is shown by the next run."""
+    try:
+        action()
+    except StereocalError as error:
+        st.session_state[FAILED] = str(error)
+
+
+def _show(one: Listed) -> None:
+    try:
+        card = _card(one.id, one.changed)
+    except StereocalError as error:
+        card = Card("cannot be read", str(error))
+    state = ", validated" * ("evaluation" in one.finished) + ", interrupted" * one.interrupted
+    st.markdown(f"**{escape_markdown(one.name or 'Without a name')}**")
+    st.caption(
+        f"{date_of(one.changed)}, {escape_markdown(card.data)}  \n"
+        f"{escape_markdown(card.result)}{state}"
+    )
+    key = f"name_{one.id}"
+    with st.container(horizontal=True):
+        st.button("Open", key=f"open_{one.id}", on_click=_open, args=(one.id,))
+        with st.popover("More"):
+            st.text_input(
+                "Name", one.name, key=key, placeholder="Give it a name",
+                on_change=_rename, args=(one.id, key),
+            )  # fmt: skip
+            for label, act in (("Duplicate", _duplicate), ("Remove", _remove)):
+                st.button(label, key=f"{label.lower()}_{one.id}", on_click=act, args=(one.id,))
+
+
+def _show_damaged(one: Listed) -> None:
+    st.warning(
+        f"{date_of(one.changed)}: the file of this project is damaged. It is kept as it is; what "
+        "can still be read of it can be taken into a new project."
+    )
+    with st.container(horizontal=True):
+        for label, act in (("Salvage", _salvage), ("Remove", _remove)):
+            st.button(label, key=f"{label.lower()}_{one.id}", on_click=act, args=(one.id,))
+
+
+@st.cache_data(show_spinner=False, max_entries=500)
+def _card(project_id: str, changed: float) -> Card:
+    assert changed >= 0
+    return card_of(Project.open(default_home(), project_id))
+
+
+def _rename(project_id: str, key: str) -> None:
+    name = st.session_state[key].strip()
+    try_action(lambda: Project.open(default_home(), project_id).rename(name))
+
+
+def _open(project_id: str) -> None:
+    open_project(project_id)
+    st.session_state[OPENED] = True
+
+
+def _duplicate(project_id: str) -> None:
+    def act() -> None:
+        copy = duplicate(default_home(), project_id)
+        if ServerSettings.from_environment().shared:  # there is no list to find it in
+            open_project(copy.id)
+
+    try_action(act)
+
+
+def _salvage(project_id: str) -> None:
+    def act() -> None:
+        project, lost = salvage(default_home(), project_id)
+        open_project(project.id)
+        missing = f" {lost} files could not be read any more." if lost else ""
+        tell(f"What could be read of the damaged project is in this one.{missing}", "info")
+
+    try_action(act)
+
+
+def _remove(project_id: str) -> None:
+    def act() -> None:
+        name = ""
+        with suppress(StereocalError):  # a damaged one can be removed too
+            name = Project.open(default_home(), project_id).inputs.name
+        remove(default_home(), project_id)
+        if not is_open(project_id):  # for the open one, `offer_removed` does
+            st.session_state[REMOVED] = (project_id, name)
+
+    try_action(act)

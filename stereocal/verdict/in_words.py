@@ -1,0 +1,101 @@
+"""Numbers and frames in sentences, and why a result is not to be relied on."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+from stereocal.calibration.methods import Method
+from stereocal.calibration.results import POOR_LENGTH, errors_of
+from stereocal.evaluation.summary import Estimate, MethodSummary
+from stereocal.refined.results import Calibration
+from stereocal.refined.screening import MAXIMUM_LEFT_OUT, Screening
+from stereocal.rig.compiled import IntArray
+
+
+def left_out_line(screening: Screening) -> str:
+    """Sentences on the frames left out, and on those whose targets look exchanged; or empty."""
+    by_user = f"Left out by you: {_named(screening.by_user)}." if screening.by_user else ""
+    frames = screening.contradicting
+    if not frames:
+        return by_user
+    verb = "contradicts" if len(frames) == 1 else "contradict"
+    line = f"Left out: {_named(frames)}, which {verb} the others."
+    if screening.exchanged:
+        which = screening.exchanged
+        where = "there" if which == frames else f"in frame{'s' * (len(which) > 1)} {listed(which)}"
+        line += f" A and B look exchanged in one camera {where}."
+    return f"{line} {by_user}".rstrip()
+
+
+def _named(frames: Sequence[int]) -> str:
+    return f"frame{'s' * (len(frames) > 1)} {listed(frames)}"
+
+
+def why_not_trusted(calibration: Calibration) -> str:
+    """Why a calibration is not reliable; empty if there is no reason."""
+    dataset = calibration.dataset.of_frames(tested_frames(calibration))
+    error = errors_of(dataset, calibration.methods["3d"].pose).p95_length
+    return _not_trusted([calibration.screening], error)
+
+
+def why_validation_not_trusted(
+    summaries: Mapping[Method, MethodSummary], screenings: Sequence[Screening]
+) -> str:
+    """Why a validation is not reliable, judged by the set that measures best; or empty."""
+    errors = [found.reconstruction.p95 for found in summaries.values()]
+    return why_held_out_not_trusted(screenings, errors)
+
+
+def why_held_out_not_trusted(
+    screenings: Sequence[Screening], p95_lengths: Sequence[float | None]
+) -> str:
+    """As `why_validation_not_trusted`, from 95 % of the length errors of each set."""
+    known = [error for error in p95_lengths if error is not None and math.isfinite(error)]
+    return _not_trusted(screenings, min(known, default=math.nan))
+
+
+def _not_trusted(screenings: Sequence[Screening], p95_length: float) -> str:
+    found = [
+        f"{percent(each.share)} % of the frames of {each.full_dataset.name} contradict the others "
+        "and were left out."
+        for each in screenings
+        if each.share > MAXIMUM_LEFT_OUT
+    ]
+    if p95_length > POOR_LENGTH:
+        found.append(f"5 % of the bars have length errors above {percent(p95_length)} %.")
+    return " ".join(found)
+
+
+def listed(frames: Sequence[object], most: int = 12) -> str:
+    """Frame numbers in a sentence, `3, 8 and 12`, with the number of further ones."""
+    shown = [str(frame) for frame in frames[:most]]
+    if len(frames) > most:
+        return f"{', '.join(shown)} and {len(frames) - most} more"
+    return " and ".join([", ".join(shown[:-1]), shown[-1]] if len(shown) > 1 else shown)
+
+
+def tested_frames(calibration: Calibration) -> IntArray:
+    """The frames on which a result is tested: held-out ones if there are any, else fitted ones."""
+    held_out = calibration.held_out_frames
+    return held_out if len(held_out) else calibration.frames
+
+
+def percent(fraction: float, significant: int = 2) -> str:
+    """A fraction in percent, without the percent sign: 0.0037 gives `0.37`."""
+    return digits(round(100 * fraction, 9) + 0.0, significant)
+
+
+def interval(estimate: Estimate) -> str:
+    """The interval of a fraction, in percent: `0.18 to 0.51`."""
+    return f"{percent(estimate.low)} to {percent(estimate.high)}"
+
+
+def digits(value: float, significant: int = 3) -> str:
+    """A number with `significant` digits, with an exponent only from 1e5 or below 1e-4."""
+    if not math.isfinite(value):
+        return "none"
+    if value == 0 or 1e-4 <= abs(value) < 1e5:
+        decimals = 0 if value == 0 else significant - 1 - math.floor(math.log10(abs(value)))
+        return f"{value:.{max(0, decimals)}f}"
+    return f"{value:.{significant - 1}e}"

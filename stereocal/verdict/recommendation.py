@@ -1,0 +1,220 @@
+"""The recommendation: which file to match with and which to measure with, and how good they are.
+
+It is made here and nowhere else; pages, report, parameter files and command line show it. It joins
+the forecast (`predictive`), the same figures on the held-out frames of a validation, and the
+verdict on one or two sets.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from stereocal.calibration.methods import Method
+from stereocal.evaluation.summary import Estimate
+from stereocal.refined.results import Calibration
+from stereocal.verdict.forecast import Outlook
+from stereocal.verdict.in_words import (
+    digits,
+    interval,
+    left_out_line,
+    percent,
+    why_held_out_not_trusted,
+    why_not_trusted,
+)
+from stereocal.verdict.one_or_two_sets import Verdict, sure
+
+NAMES: Mapping[Method, str] = {
+    "essential": "the essential matrix",
+    "2d": "the 2D set",
+    "3d": "the 3D set",
+    "refined": "the refined set",
+}
+NO_FORECAST = "There is no forecast: at least 3 bars with both targets are needed."
+NO_REFINED = "There is no forecast, because there is no refined set."
+Validated = Mapping[str, Any]
+"""The entry of a parameter file on its validation."""
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One figure of a file: forecast for bars like these, and on held-out frames."""
+
+    forecast: Estimate | None
+    held_out: float | None
+    """None without a validation, or if no value could be computed."""
+
+    def percents(self, forecast_holds: bool) -> str:
+        """A share or a relative error in percent, the forecast if it holds; empty if unknown."""
+        if self.forecast is not None and (forecast_holds or self.held_out is None):
+            return f"{percent(self.forecast.value)} % ({interval(self.forecast)})"
+        return "" if self.held_out is None else f"{percent(self.held_out)} %"
+
+
+@dataclass(frozen=True)
+class FileFigures:
+    """What one parameter file does."""
+
+    method: Method
+    threshold_px: float | None
+    """Matching threshold in the file: of the validation, else of the forecast."""
+    threshold: Figure
+    wrong_let_in: Figure
+    """Share of the wrong pairs below `threshold_px`."""
+    wrong_pairs: int
+    """Number of wrong pairs of the validation."""
+    length_median: Figure
+    """Relative length error of the bars."""
+    length_p95: Figure
+
+    @property
+    def below(self) -> str:
+        """The threshold in a sentence."""
+        return "" if self.threshold_px is None else f" below {digits(self.threshold_px, 2)} px"
+
+
+@dataclass(frozen=True)
+class Recommendation:
+    """Which files to use for what, how good they are, and how sure that is."""
+
+    match: FileFigures
+    measure: FileFigures
+    verdict: Verdict | None
+    """None without a forecast."""
+    sentences: tuple[str, ...]
+    """For the user: what to use, how sure that is, and what was left out."""
+    caution: str
+    """Why the result is not to be relied on; else empty."""
+
+    @property
+    def forecast_holds(self) -> bool:
+        """Whether there is a forecast that held-out frames do not contradict."""
+        return _holds(self.verdict)
+
+    @property
+    def text(self) -> str:
+        """All sentences."""
+        warning = [f"Do not rely on this result: {self.caution}"] if self.caution else []
+        return " ".join([*warning, *self.sentences])
+
+    def to_json(self) -> dict[str, Any]:
+        """The entry of a parameter file."""
+        return {
+            "match_with": self.match.method,
+            "matching_threshold_px": self.match.threshold_px,
+            "measure_with": self.measure.method,
+            "one_or_two_sets": None if self.verdict is None else self.verdict.kind,
+            "text": self.text,
+        }
+
+
+def recommend(
+    calibration: Calibration,
+    outlook: Outlook | None,
+    validation: Mapping[Any, Validated] | None = None,
+) -> Recommendation:
+    """The recommendation for a calibration.
+
+    Args:
+        outlook: the forecast of its files; None if there is none: then the paper's two files are
+            recommended, on held-out frames alone.
+        validation: by method, as in the files.
+    """
+    validation = validation or {}
+    found = None if outlook is None else outlook.verdict
+    match = figures_of(found.match_with if found else "2d", outlook, validation)
+    measure = figures_of(found.measure_with if found else "3d", outlook, validation)
+    sentences = (
+        _use(match, measure, _holds(found)),
+        _how_sure(found, outlook, validation) if found else _no_forecast(calibration),
+        left_out_line(calibration.screening),
+    )
+    errors = [own["p95_error_3d"] for own in validation.values()]
+    caution = (
+        why_held_out_not_trusted([calibration.screening], errors)
+        if errors
+        else why_not_trusted(calibration)
+    )
+    return Recommendation(match, measure, found, tuple(filter(None, sentences)), caution)
+
+
+def figures_of(
+    method: Method, outlook: Outlook | None, validation: Mapping[Any, Validated]
+) -> FileFigures:
+    """What the file of a method does, by forecast and validation."""
+    own: Validated = validation.get(method, {})
+    limit = own.get("threshold_px")
+    usual = at_limit = None
+    if outlook is not None and method in outlook.files:
+        usual = at_limit = outlook.predictive.forecasts[method]
+        if limit is not None:
+            at_limit = outlook.predictive.forecast(method, limit)
+        else:
+            limit = float(usual.threshold_px.value)
+
+    def figure(name: str, forecast: Any, key: str) -> Figure:
+        return Figure(getattr(forecast, name, None), own.get(key))
+
+    return FileFigures(
+        method,
+        limit,
+        threshold=figure("threshold_px", usual, "threshold_px"),
+        wrong_let_in=figure("wrong_let_in_at_threshold", at_limit, "wrong_let_in_at_threshold"),
+        wrong_pairs=int(own.get("wrong_pairs", 0)),
+        length_median=figure("median_error_3d", usual, "median_error_3d"),
+        length_p95=figure("p95_error_3d", usual, "p95_error_3d"),
+    )
+
+
+def _holds(found: Verdict | None) -> bool:
+    return found is not None and (found.check is None or found.check.holds)
+
+
+def _use(match: FileFigures, measure: FileFigures, holds: bool) -> str:
+    """What to use, with its figures: forecast, or those of held-out frames if that is doubted."""
+    wrong, within = match.wrong_let_in.percents(holds), measure.length_p95.percents(holds)
+    let_in = f", where {wrong} of wrong pairs pass" if wrong else ""
+    lengths = f": 95 % of lengths are within {within}" if within else ""
+    held_out = " (on held-out frames)" if (wrong or within) and not holds else ""
+    if match.method == measure.method:
+        first = f"Use {NAMES[match.method]} for both: match{match.below}{let_in}, and measure"
+    else:
+        first = (
+            f"Match with {NAMES[match.method]}{match.below}{let_in}, and measure with "
+            f"{NAMES[measure.method]}"
+        )
+    return f"{first}{lengths}{held_out}."
+
+
+def _how_sure(found: Verdict, outlook: Outlook | None, validation: Mapping[Any, Validated]) -> str:
+    """How sure the verdict is, and what the alternative does."""
+    two = f"Two sets are worth it here ({sure(1 - found.chance_of_one)} sure). "
+    if found.check is not None and not found.check.holds:
+        return (two if found.kind == "two" else "") + found.check.text
+    if found.kind == "two":
+        return (
+            f"{two}The refined set alone has {found.matching.value:.2f} times the reprojection "
+            f"error of the 2D set and {found.measuring.value:.2f} times the length error of the "
+            "3D set."
+        )
+    if found.kind == "one":
+        lengths = figures_of("3d", outlook, validation).length_p95.percents(forecast_holds=True)
+        return (
+            f"One set does both jobs here ({sure(found.chance_of_one)} sure). Or the paper's two: "
+            f"match with the 2D set{figures_of('2d', outlook, validation).below}, measure with the "
+            f"3D set, 95 % of lengths within {lengths}."
+        )
+    more = (
+        f"About {found.frames_to_add} more frames would decide it."
+        if found.frames_to_add
+        else "More frames would hardly decide it, and little depends on it."
+    )
+    return (
+        "One set or two is not decided: one does both jobs with a probability of "
+        f"{100 * found.chance_of_one:.0f} %. {more}"
+    )
+
+
+def _no_forecast(calibration: Calibration) -> str:
+    return NO_REFINED if calibration.refined is None else NO_FORECAST

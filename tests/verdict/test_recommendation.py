@@ -1,0 +1,151 @@
+"""The recommendation: its files, figures and sentences, on forecasts whose answer is known."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from stereocal.calibration.methods import CalibrationSettings, Method
+from stereocal.refined.refine import refine
+from stereocal.refined.results import Calibration
+from stereocal.rig.parameters import RigParameters
+from stereocal.verdict.forecast import Outlook, forecast_files
+from stereocal.verdict.predictive import Predictive
+from stereocal.verdict.recommendation import NO_FORECAST, NO_REFINED, Recommendation, recommend
+from stereocal.workflow import answer, calibrate
+from tests import known_rig as rig
+from tests.verdict.test_verdict import forecast_with, held_out
+
+
+@pytest.fixture(scope="module")
+def calibration() -> Calibration:
+    data = rig.dataset(20, 0.2)
+    return replace(calibrate(data), refined=refine(data))
+
+
+@pytest.fixture(scope="module")
+def outlook(calibration: Calibration) -> Outlook:
+    return forecast_files(calibration)
+
+
+def told(
+    calibration: Calibration, outlook: Outlook, predictive: Predictive, *more: Any
+) -> Recommendation:
+    return recommend(calibration, replace(outlook, predictive=predictive), *more)
+
+
+def entry(threshold: float, **more: Any) -> dict[str, Any]:
+    """The figures of a validation, as in a file."""
+    return {
+        "threshold_px": threshold, "wrong_let_in_at_threshold": 0.004, "wrong_pairs": 9000,
+        "median_error_3d": 0.002, "p95_error_3d": 0.006, **more,
+    }  # fmt: skip
+
+
+VALIDATION: dict[Method, dict[str, Any]] = {
+    "2d": entry(0.4), "3d": entry(9.0), "refined": entry(0.3)
+}  # fmt: skip
+
+
+def test_one_set(calibration: Calibration, outlook: Outlook) -> None:
+    found = told(calibration, outlook, forecast_with(0.8, 0.9, 0.02))
+    assert (found.match.method, found.measure.method) == ("refined", "refined")
+    first, second = found.sentences
+    assert first.startswith("Use the refined set for both: match below ")
+    assert "of wrong pairs pass, and measure: 95 % of lengths are within" in first
+    assert "One set does both jobs here (more than 99 % sure)." in second
+    assert "Or the paper's two: match with the 2D set below" in second
+    assert found.forecast_holds and not found.caution
+
+
+@pytest.mark.parametrize(
+    ("matching", "measuring", "files"),
+    [(2.0, 1.5, ("2d", "3d")), (0.9, 1.5, ("refined", "3d")), (2.0, 0.9, ("2d", "refined"))],
+)
+def test_two_sets(
+    calibration: Calibration, outlook: Outlook, matching: float, measuring: float,
+    files: tuple[Method, Method],
+) -> None:  # fmt: skip
+    found = told(calibration, outlook, forecast_with(matching, measuring, 0.02))
+    assert (found.match.method, found.measure.method) == files
+    assert found.verdict is not None and found.verdict.kind == "two"
+    assert "Two sets are worth it here (more than 99 % sure)." in found.text
+    assert f"{found.verdict.measuring.value:.2f} times the length error of the 3D set" in found.text
+
+
+def test_not_decided(calibration: Calibration, outlook: Outlook) -> None:
+    found = told(calibration, outlook, forecast_with(0.9, 0.9, 0.15))
+    assert found.verdict is not None and found.verdict.kind == "level"
+    assert "One set or two is not decided" in found.text
+    assert f"About {found.verdict.frames_to_add} more frames would decide it." in found.text
+
+
+def test_figures_and_threshold_are_those_of_the_file(
+    calibration: Calibration, outlook: Outlook
+) -> None:
+    found = recommend(calibration, outlook, VALIDATION)
+    sets = answer(calibration, outlook, validation=VALIDATION).sets
+    file = sets[found.match.method]
+    assert found.match.threshold_px == file.matching_threshold_px
+    assert file.predicted is not None
+    ahead = found.match.wrong_let_in.forecast
+    assert ahead is not None
+    assert ahead.value == file.predicted["wrong_let_in_at_threshold"]["value"]
+    assert found.match.wrong_let_in.held_out == 0.004
+    assert found.measure.length_median.held_out == 0.002
+    without = recommend(calibration, outlook)
+    assert without.match.threshold_px == without.match.threshold.forecast.value  # type: ignore[union-attr]
+    assert without.match.wrong_let_in.held_out is None
+
+
+def test_a_doubted_model_lets_held_out_frames_speak(
+    calibration: Calibration, outlook: Outlook
+) -> None:
+    doubted = replace(outlook, check=held_out(2.0, 1.0))
+    found = told(calibration, doubted, forecast_with(0.8, 0.9, 0.02), VALIDATION)
+    assert not found.forecast_holds
+    assert "95 % of lengths are within 0.60 % (on held-out frames)." in found.sentences[0]
+    assert "The model does not explain these images" in found.text
+
+
+def test_without_a_forecast_the_papers_two(calibration: Calibration) -> None:
+    found = recommend(calibration, None, VALIDATION)
+    assert (found.match.method, found.measure.method) == ("2d", "3d")
+    assert found.sentences[0] == (
+        "Match with the 2D set below 0.40 px, where 0.40 % of wrong pairs pass, and measure with "
+        "the 3D set: 95 % of lengths are within 0.60 % (on held-out frames)."
+    )
+    assert found.sentences[1] == NO_FORECAST
+    nothing = recommend(replace(calibration, refined=None), None)
+    assert nothing.sentences == (
+        "Match with the 2D set, and measure with the 3D set.", NO_REFINED
+    )  # fmt: skip
+
+
+def test_frames_left_out_are_named(outlook: Outlook) -> None:
+    data = rig.dataset(20, 0.2).with_targets_exchanged([5])
+    settings = CalibrationSettings(frames_left_out=(3, 9))
+    left_out = calibrate(data, settings)
+    assert left_out.screening.left_out == (3, 5, 9)
+    assert left_out.screening.by_user == (3, 9)
+    assert left_out.screening.share == 1 / 20
+    text = recommend(left_out, outlook).sentences[-1]
+    assert "Left out: frame 5, which contradicts the others." in text
+    assert "Left out by you: frames 3 and 9." in text
+
+
+def test_results_that_are_no_good_are_cautioned(calibration: Calibration) -> None:
+    poor = {method: {**own, "p95_error_3d": 0.4} for method, own in VALIDATION.items()}
+    found = recommend(calibration, None, poor)
+    assert "length errors above 40 %" in found.caution
+    assert found.text.startswith("Do not rely on this result: ")
+
+
+def test_files_carry_it(calibration: Calibration, outlook: Outlook) -> None:
+    found = answer(calibration, outlook)
+    for rig_file in found.sets.values():
+        read = RigParameters.loads(rig_file.dumps())
+        assert read.recommendation == json.loads(json.dumps(found.recommendation.to_json()))
