@@ -31,7 +31,7 @@ from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import TARGETS, Dataset
 from stereocal.rig.geometry import Pose, triangulate_rays
 
-HEIGHT = 560
+HEIGHT = 520
 VIEWS = ("Behind", "Above", "Side", "Camera 1", "Camera 2")
 """From where the scene is seen; camera 1 is the primary."""
 FRUSTUM_OF_DEPTH = 0.15

@@ -39,9 +39,9 @@ from stereocal.rig.geometry import Pose
 from stereocal.ui import jobs
 from stereocal.ui.downloads import on_demand
 from stereocal.ui.fields import number, one_of, setting, yes_or_no
+from stereocal.ui.figure import show_figure
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.refined import calibrated, curves_of, inputs_of, maps_of
-from stereocal.ui.results import show_figure
 from stereocal.ui.validation import kept_protocol
 from stereocal.verdict.forecast import Outlook
 from stereocal.verdict.in_words import digits, left_out_line, percent, why_validation_not_trusted

@@ -25,8 +25,8 @@ from stereocal.refined.screening import Screening
 from stereocal.rig.dataset import Dataset
 from stereocal.ui.downloads import on_demand
 from stereocal.ui.fields import Field, one_of, setting, yes_or_no
+from stereocal.ui.figure import show_figure
 from stereocal.ui.intake import escape_markdown
-from stereocal.ui.results import show_figure
 from stereocal.ui.screening import screenings_of
 from stereocal.ui.validation import is_current
 from stereocal.verdict.in_words import left_out_line, why_validation_not_trusted

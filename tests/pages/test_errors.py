@@ -113,7 +113,6 @@ CACHES = {
             "_inputs",
             "_answer",
             "_outlook",
-            "_seeds",
             "_maps",
             "_curves",
         )
