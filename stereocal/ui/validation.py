@@ -24,13 +24,7 @@ from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
 from stereocal.ui import jobs
 from stereocal.ui.fields import Field, number, one_of, setting
-from stereocal.ui.forms import (
-    SLIDERS,
-    search_form,
-    search_sliders,
-    search_values,
-    settings_of,
-)
+from stereocal.ui.forms import search_form, search_values, settings_of
 from stereocal.ui.intake import check_uploads, escape_markdown, is_new, taking
 from stereocal.ui.messages import callback
 from stereocal.ui.refined import refine_settings
@@ -79,8 +73,7 @@ def choose_protocol(project: Project, datasets: Sequence[Dataset]) -> Evaluation
         "Frames to calibrate with; the others test", 1, most, help="Paper: 20 of 25.",
         **frames.widget(),
     )  # fmt: skip
-    search_sliders(project)
-    search_form(project, without=SLIDERS)
+    search_form(project)
     return kept_protocol(project, datasets)
 
 

@@ -107,7 +107,16 @@ CACHES = {
     "apply_results._read": "by the digest of the table's content",
     **{
         f"refined.{name}": "by all numbers, the name, the notes and the settings"
-        for name in ("_refined", "_calibrated", "_inputs", "_outlook", "_seeds", "_map", "_curves")
+        for name in (
+            "_refined",
+            "_calibrated",
+            "_inputs",
+            "_answer",
+            "_outlook",
+            "_seeds",
+            "_maps",
+            "_curves",
+        )
     },
 }
 
