@@ -10,7 +10,7 @@ import plotly.graph_objects as go
 from stereocal.figures.style import GRID_3D, TRANSPARENT
 from stereocal.rig.compiled import FloatArray
 
-EYE_OF_DIAGONAL = 0.95
+EYE_OF_DIAGONAL = 1.05
 """Distance of the eye over the scene's diagonal; also suitable for narrow screens."""
 BEHIND = (0.74, -0.36, -0.57)
 """Behind, right of and above the primary camera."""

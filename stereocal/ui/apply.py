@@ -122,7 +122,8 @@ def choose_sets(
     st.segmented_control("Parameters", kinds, required=True, **chosen.widget())
     found: list[RigParameters | None] = []
     own = calibration is not None and chosen.value() == RESULTS
-    sets = answer_of(project, calibration).sets if own and calibration else {}
+    answer = answer_of(project, calibration) if own and calibration else None
+    sets = answer.sets if answer else {}
     instead = replaced_by_refined(project)
     for use, column in zip(USES, st.columns(2), strict=True):
         with column:

@@ -38,14 +38,10 @@ def frame_field(project: Project, calibration: Calibration) -> Field:
 def choose_frame(project: Project, calibration: Calibration) -> int:
     """A menu of the frames, with buttons for the next and the previous one, and for corrections."""
     numbers: list[int] = calibration.dataset.correspondences.frames.tolist()
-    left_out = calibration.screening.left_out
     field = frame_field(project, calibration)
     at = numbers.index(field.value())
     with st.container(horizontal=True, vertical_alignment="bottom"):
-        st.selectbox(
-            "Frame", numbers, width=180, **field.widget(),
-            format_func=lambda number: f"{number}, left out" if number in left_out else f"{number}",
-        )  # fmt: skip
+        st.selectbox("Frame", numbers, width=140, **field.widget())
         for label, icon, to in (
             ("Previous frame", ":material/chevron_left:", at - 1),
             ("Next frame", ":material/chevron_right:", at + 1),
@@ -61,8 +57,10 @@ def choose_frame(project: Project, calibration: Calibration) -> int:
 
 def _actions(project: Project, calibration: Calibration, frame: int) -> None:
     """Buttons to leave the frame out, put it back, exchange its targets, or correct it."""
-    screening = calibration.screening
-    if frame in screening.left_out:
+    screening, inputs = calibration.screening, project.inputs
+    # As asked for last: without the frame there may have been no result.
+    back = frame in screening.left_out and frame not in inputs.put_back
+    if back or frame in inputs.left_out:
         st.button(
             "Put it back", key="frame_put_back", icon=":material/undo:",
             on_click=put_back, args=(project, frame),

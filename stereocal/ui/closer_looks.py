@@ -51,16 +51,19 @@ def look_at_frame(project: Project, calibration: Calibration, frame: int) -> Non
 
 
 @st.fragment  # its controls redraw this part only
-def show_closer_looks(project: Project, answer: Answer) -> None:
-    """A choice of views; only the chosen one is computed."""
+def show_closer_looks(project: Project, found: Calibration, answer: Answer | None) -> None:
+    """A choice of views; only the chosen one is computed.
+
+    Args:
+        answer: None while it is being computed.
+    """
     rerun_if_changed()
     shown = _view(project)
     view = st.segmented_control("Look at", list(VIEWS), required=True, **shown.widget())
-    VIEWS[view](project, answer)
+    VIEWS[view](project, found, answer)
 
 
-def _show_frames(project: Project, answer: Answer) -> None:
-    found = answer.calibration
+def _show_frames(project: Project, found: Calibration, _answer: Answer | None) -> None:
     chosen = frame_field(project, found)
     st.caption("Click on a point to open its frame below.")
     show_figure(
@@ -98,8 +101,7 @@ def _show_image(
     )  # fmt: skip
 
 
-def _show_two_sets(project: Project, answer: Answer) -> None:
-    found = answer.calibration
+def _show_two_sets(project: Project, found: Calibration, _answer: Answer | None) -> None:
     frame = choose_frame(project, found)
     views = views_of(found, frame)
     methods = list(views)
@@ -118,21 +120,20 @@ def _show_two_sets(project: Project, answer: Answer) -> None:
         show_figure(plot_gap(views, method), describe_gap(views, method), "gap")
 
 
-def _show_searches(_project: Project, answer: Answer) -> None:
-    found = answer.calibration
+def _show_searches(_project: Project, found: Calibration, _answer: Answer | None) -> None:
     show_figure(plot_traces(found), describe_traces(found), "traces", fold=True)
 
 
-def _show_parameters(project: Project, answer: Answer) -> None:
-    found = answer.calibration
-    if answer.outlook is not None:
+def _show_parameters(project: Project, found: Calibration, answer: Answer | None) -> None:
+    if answer is not None and answer.outlook is not None:
         st.table(forecast_table(answer.outlook.predictive))
     else:
         st.table(errors_table(found))
     st.table(angles_table(found))
     st.caption(describe_settings(found))
-    st.markdown("**In the format of another program**")
-    other_formats(project, answer.sets)
+    if answer is not None:
+        st.markdown("**In the format of another program**")
+        other_formats(project, answer.sets)
 
 
 VIEWS = {

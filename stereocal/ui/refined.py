@@ -33,6 +33,7 @@ from stereocal.workflow import Answer, answer, calibrate
 
 MAP_SIZE = 45
 """Points of an accuracy map along each side; both maps take 0.1 s."""
+MOST_ANSWERS = 16
 
 
 def refine_form(project: Project, dataset: Dataset) -> RefineSettings:
@@ -122,11 +123,19 @@ def outlook_for(calibration: Calibration) -> Outlook | None:
     return _outlook(json.dumps(key), calibration)
 
 
-def answer_of(project: Project, calibration: Calibration) -> Answer:
-    """What the last result of a project tells."""
+def answer_of(project: Project, calibration: Calibration, made_only: bool = False) -> Answer | None:
+    """What the last result of a project tells.
+
+    Args:
+        made_only: None instead of computing it; without its validation if that is all there is.
+    """
     settings = refine_settings(project, calibration.dataset)
     evaluation = readable(lambda: project.calibration_evaluation)
-    return answer_for(calibration, settings, evaluation)
+    if made_only:
+        made = (_made(_answer_key(calibration, settings, one)) for one in (evaluation, None))
+        return next(filter(None, made), None)
+    with st.spinner("Forecasting."):
+        return answer_for(calibration, settings, evaluation)
 
 
 def answer_for(
@@ -138,11 +147,35 @@ def answer_for(
         settings: of the refined set.
         evaluation: made with the calibration; None if there is none yet.
     """
+    key = _answer_key(calibration, settings, evaluation)
+    found = _made(key)
+    if found is None:
+        whole = replace(calibration, refined=_refined_for(calibration, settings))
+        found = jobs.compute(answer, whole, outlook_for(whole), evaluation)
+        made = _answers()
+        made[key] = found
+        for old in list(made)[:-MOST_ANSWERS]:
+            made.pop(old, None)
+    return found
+
+
+def _answer_key(
+    calibration: Calibration, settings: RefineSettings, evaluation: Evaluation | None
+) -> str:
     made_with = None if evaluation is None else evaluation.settings.to_json()
     poses = [[*found.pose.angles, found.pose.baseline] for found in calibration.methods.values()]
     about = [calibration.settings.to_json(), calibration.frames.tolist(), made_with, poses]
-    key = json.dumps([_key(calibration.dataset, settings), *about])
-    return _answer(key, calibration, settings, evaluation)
+    return json.dumps([_key(calibration.dataset, settings), *about])
+
+
+def _made(key: str) -> Answer | None:
+    return _answers().get(key)
+
+
+@st.cache_resource(show_spinner=False)
+def _answers() -> dict[str, Answer]:
+    """The last answers, by all that they depend on; jobs make them too."""
+    return {}
 
 
 def maps_of(dataset: Dataset, settings: RefineSettings) -> list[AccuracyMap]:
@@ -185,15 +218,6 @@ def _inputs(key: str, _dataset: Dataset, _settings: RefineSettings) -> list[Inpu
 def _outlook(key: str, _calibration: Calibration) -> Outlook | None:
     assert key
     return jobs.compute(outlook_of, _calibration)
-
-
-@st.cache_resource(show_spinner="Forecasting.", max_entries=16)
-def _answer(
-    key: str, _calibration: Calibration, _settings: RefineSettings, _evaluation: Evaluation | None
-) -> Answer:
-    assert key
-    whole = replace(_calibration, refined=_refined_for(_calibration, _settings))
-    return jobs.compute(answer, whole, outlook_for(whole), _evaluation)
 
 
 @st.cache_resource(show_spinner="Predicting errors by position.", max_entries=16)

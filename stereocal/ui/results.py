@@ -6,7 +6,7 @@ from functools import partial
 
 import streamlit as st
 
-from stereocal.calibration.methods import ALL_METHODS, METHOD_NAMES
+from stereocal.calibration.methods import METHOD_NAMES
 from stereocal.figures import (
     describe_rig,
     plot_rig,
@@ -14,6 +14,7 @@ from stereocal.figures import (
 from stereocal.figures.rig import VIEWS
 from stereocal.formats.dataset_files import pack_dataset
 from stereocal.projects.project import Project
+from stereocal.refined.results import Calibration
 from stereocal.rig.dataset import Dataset
 from stereocal.system.zip_files import pack_zip
 from stereocal.ui.closer_looks import look_at_frame, show_closer_looks
@@ -28,16 +29,25 @@ from stereocal.verdict.recommendation import Figure, Recommendation
 from stereocal.workflow import Answer
 
 
-def show_result(project: Project, answer: Answer) -> None:
-    """Recommendation, tiles, downloads, the rig, and one closer look at a time."""
-    for warning in answer.calibration.warnings:
+def show_result(project: Project, result: Calibration, answer: Answer | None) -> None:
+    """Recommendation, tiles, downloads, the rig, and one closer look at a time.
+
+    Args:
+        answer: None while it is being computed.
+    """
+    found = answer.calibration if answer else result
+    for warning in found.warnings:
         st.warning(escape_markdown(warning))
-    show_recommendation(answer.recommendation)
-    show_left_out(project, answer.calibration, partial(look_at_frame, project, answer.calibration))
-    show_tiles(answer)
-    parameter_downloads(answer.sets, replaced_by_refined(project))
-    _show_rig(project, answer)
-    show_closer_looks(project, answer)
+    if answer:
+        show_recommendation(answer.recommendation)
+    else:
+        st.info("The forecast is being computed; the errors below are of the new result.")
+    show_left_out(project, found, partial(look_at_frame, project, found))
+    if answer:
+        show_tiles(answer)
+        parameter_downloads(answer.sets, replaced_by_refined(project))
+    _show_rig(project, found)
+    show_closer_looks(project, found, answer)
 
 
 def show_recommendation(recommendation: Recommendation) -> None:
@@ -109,8 +119,9 @@ def dataset_download(dataset: Dataset) -> None:
 
 
 @st.fragment  # its controls redraw this part only
-def _show_rig(project: Project, answer: Answer) -> None:
-    methods = [name for name in ALL_METHODS if name != "essential" and name in answer.sets]
+def _show_rig(project: Project, found: Calibration) -> None:
+    methods = [name for name in found.methods if name != "essential"]
+    methods += ["refined"] if found.refined else []
     st.subheader("The rig in 3D")
     left, right = st.columns(2)
     seen = setting(project, "rig_method", "3d", one_of(methods), tabs_own=True)
@@ -120,5 +131,4 @@ def _show_rig(project: Project, answer: Answer) -> None:
     views = list(VIEWS)
     from_where = setting(project, "rig_view", views[0], one_of(views), tabs_own=True)
     view = right.segmented_control("Seen from", views, required=True, **from_where.widget())
-    found = answer.calibration
     show_figure(plot_rig(found, method, view), describe_rig(found, method), "rig", fold=True)
