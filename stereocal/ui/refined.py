@@ -29,7 +29,7 @@ from stereocal.ui.texts import escape_markdown
 from stereocal.ui.uncertainties import describe_uncertainties
 from stereocal.verdict.forecast import Outlook, outlook_of
 from stereocal.verdict.tradeoff import TradeOff, trade_off
-from stereocal.workflow import Answer, answer, calibrate, conclusions_of_seeds
+from stereocal.workflow import Answer, answer, calibrate
 
 MAP_SIZE = 45
 """Points of an accuracy map along each side; both maps take 0.1 s."""
@@ -178,19 +178,6 @@ def _answers() -> dict[str, Answer]:
     return {}
 
 
-def seeds_matter(calibration: Calibration) -> str:
-    """A sentence if the files to use depend on the seed of the searches; else empty."""
-    outlook = outlook_for(calibration)
-    if outlook is None or calibration.refined is None:
-        return ""
-    key = [
-        _key(calibration.dataset, calibration.refined.settings),
-        calibration.refined.q.tolist(),
-        calibration.settings.to_json(),
-    ]
-    return _seeds(json.dumps(key), calibration, outlook)
-
-
 def maps_of(dataset: Dataset, settings: RefineSettings) -> list[AccuracyMap]:
     """Predicted errors by position, from above and from the side. Raises as `refine`."""
     return _maps(_key(dataset, settings), dataset, settings)
@@ -231,12 +218,6 @@ def _inputs(key: str, _dataset: Dataset, _settings: RefineSettings) -> list[Inpu
 def _outlook(key: str, _calibration: Calibration) -> Outlook | None:
     assert key
     return jobs.compute(outlook_of, _calibration)
-
-
-@st.cache_resource(show_spinner="Trying other seeds.", max_entries=16)
-def _seeds(key: str, _calibration: Calibration, _outlook: Outlook) -> str:
-    assert key
-    return jobs.compute(conclusions_of_seeds, _calibration, _outlook)
 
 
 @st.cache_resource(show_spinner="Predicting errors by position.", max_entries=16)

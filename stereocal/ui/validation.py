@@ -112,17 +112,21 @@ def without_refined(
     None if the last validation is current, if the work is long, or if it fails: then
     `bring_up_to_date` shows what there is.
     """
-    if is_current(_last(project), datasets, settings) or not _is_short(datasets, settings):
+    last, own = _last(project), replace(settings, refined=None)
+    if is_current(last, datasets, settings) or not _is_short(datasets, settings):
         return None
+    if is_current(last, datasets, own):
+        return last
     try:
         kept = [each.dataset for each in screenings_of(datasets, settings.calibration)]
-        own = replace(settings, refined=None)
         runs = evaluate(kept, own, jobs.pool())
+        assert runs is not None  # nobody cancels
+        digests = [dataset.sha256 for dataset in datasets]
+        # Kept at once: the next move of a slider may end this run before the refined sets are there.
+        project.keep_evaluation(Evaluation(runs, own, unique_names(datasets), digests))
     except StereocalError:
         return None
-    assert runs is not None  # nobody cancels
-    digests = [dataset.sha256 for dataset in datasets]
-    return Evaluation(runs, own, unique_names(datasets), digests)
+    return _last(project)
 
 
 def bring_up_to_date(
@@ -163,6 +167,11 @@ def _work(project: Project, datasets: Sequence[Dataset], settings: EvaluationSet
     )  # fmt: skip
 
 
+def _yield_to_clicks(_done: int, _total: int) -> None:
+    """Let a moved slider end this run: Streamlit looks for clicks where the session is read."""
+    st.session_state.get("")
+
+
 def _validate(
     project: Project, datasets: Sequence[Dataset], settings: EvaluationSettings, job: jobs.Job
 ) -> bool:
@@ -170,7 +179,7 @@ def _validate(
     kept = [screening.dataset for screening in screenings_of(datasets, settings.calibration)]
     runs: list[list[Run]] | None
     if job.kept is None:  # while the page is drawn
-        runs = evaluate_with_kept_fits(kept, settings, job.executor, _FITS)
+        runs = evaluate_with_kept_fits(kept, settings, job.executor, _FITS, _yield_to_clicks)
     else:
         runs = evaluate(
             kept, settings, job.executor, job.progress, lambda: job.cancelled,
