@@ -23,8 +23,8 @@ values = settings_form(project, dataset)
 show_exchanged(project)
 work = None
 try:
-    if pressed or calibrate_again():
-        press(project, inputs, dataset, settings_of(values))
+    if calibrate_again() or pressed:
+        press(project, inputs, dataset, settings_of(values), errors_first=not pressed)
     work = work_of(project, inputs, dataset, settings_of(values))
 except StereocalError as error:
     st.error(escape_markdown(str(error)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
@@ -92,15 +93,17 @@ def describe_trade_off(curves: TradeOff, costs: Mapping[Method, tuple[float, flo
 
 def _axes(
     curves: TradeOff, costs: Mapping[Method, tuple[float, float]]
-) -> tuple[dict[str, str], dict[str, str]]:
+) -> tuple[dict[str, Any], dict[str, Any]]:
     """Properties of both axes: logarithmic if the values span more than a decade.
 
     The 2D cost of the 3D set can be a hundred times that of the curves.
     """
     points = [(point.cost_2d_px, point.cost_3d_m) for point in (*curves.fixed, *curves.freed)]
     values = np.array([*points, *costs.values()])
+    ticks = [digit * 10.0**power for power in range(-6, 9) for digit in (1, 2, 5)]
+    wide_axis = {"type": "log", "exponentformat": "none", "tickmode": "array", "tickvals": ticks}
     x, y = (
-        {"type": "log", "exponentformat": "none", "dtick": "D2"} if wide else {"type": "linear"}
+        wide_axis if wide else {"type": "linear"}
         for wide in (values.max(axis=0) > 10 * values.min(axis=0)).tolist()
     )
     return x, y

@@ -59,9 +59,13 @@ def work_of(
 
 
 def press(
-    project: Project, inputs: Inputs, dataset: Dataset, settings: CalibrationSettings
-) -> None:
+    project: Project, inputs: Inputs, dataset: Dataset, settings: CalibrationSettings,
+    errors_first: bool = False,
+) -> None:  # fmt: skip
     """Calibrate and validate, at once or in a job.
+
+    Args:
+        errors_first: show the errors of the methods before forecast and validation are there.
 
     Raises:
         StereocalError: the data do not determine the pose; the last result stays.
@@ -75,7 +79,7 @@ def press(
     if _frames(dataset) < FEWEST_TO_VALIDATE:
         return
     protocol = kept_protocol(project, [dataset])
-    if protocol.runs * _frames(dataset) / 25 > INSTANT:
+    if errors_first or protocol.runs * _frames(dataset) / 25 > INSTANT:
         jobs.start(work)
         return
     try:

@@ -20,13 +20,15 @@ from stereocal.system.zip_files import pack_zip
 from stereocal.ui.closer_looks import look_at_frame, show_closer_looks
 from stereocal.ui.fields import one_of, setting
 from stereocal.ui.figure import show_figure
-from stereocal.ui.parameter_files import parameter_downloads
+from stereocal.ui.parameter_files import hold_downloads, parameter_downloads
 from stereocal.ui.refined import replaced_by_refined
 from stereocal.ui.screening import show_left_out
 from stereocal.ui.texts import escape_markdown
 from stereocal.verdict.in_words import digits, interval, percent
 from stereocal.verdict.recommendation import Figure, Recommendation
 from stereocal.workflow import Answer
+
+TILES = ("Wrong pairs let in", "Length error, median", "Threshold")
 
 
 def show_result(project: Project, result: Calibration, answer: Answer | None) -> None:
@@ -41,11 +43,13 @@ def show_result(project: Project, result: Calibration, answer: Answer | None) ->
     if answer:
         show_recommendation(answer.recommendation)
     else:
-        st.info("The forecast is being computed; the errors below are of the new result.")
+        st.info("The errors below are of the new result.\n\nForecast and validation follow.")
     show_left_out(project, found, partial(look_at_frame, project, found))
     if answer:
         show_tiles(answer)
         parameter_downloads(answer.sets, replaced_by_refined(project))
+    else:
+        _hold_places()
     _show_rig(project, found)
     show_closer_looks(project, found, answer)
 
@@ -67,12 +71,12 @@ def show_tiles(answer: Answer) -> None:
     counted = f" of {match.wrong_pairs:,} wrong pairs"
     none = "none" + counted
     with wrong:
-        _tile("Wrong pairs let in", match.wrong_let_in, found.forecast_holds, counted, none)
+        _tile(TILES[0], match.wrong_let_in, found.forecast_holds, counted, none)
     with lengths:
-        _tile("Length error, median", found.measure.length_median, found.forecast_holds)
+        _tile(TILES[1], found.measure.length_median, found.forecast_holds)
     with threshold, st.container(border=True):
         value = match.threshold_px
-        st.metric("Threshold", "unknown" if value is None else f"{digits(value, 2)} px")
+        st.metric(TILES[2], "unknown" if value is None else f"{digits(value, 2)} px")
         ahead = match.threshold.forecast
         left_out = len(answer.calibration.screening.left_out)
         frames = len(answer.calibration.dataset.correspondences.frames)
@@ -81,6 +85,15 @@ def show_tiles(answer: Answer) -> None:
              f"{digits(ahead.high, 2)})  \n" if ahead else "")
             + f"{left_out} of {frames} frames left out"
         )  # fmt: skip
+
+
+def _hold_places() -> None:
+    """Empty tiles, so that nothing below moves when they are filled."""
+    for title, column in zip(TILES, st.columns(3), strict=True):
+        with column, st.container(border=True):
+            st.metric(title, "…")
+            st.caption("being computed  \n…")
+    hold_downloads()
 
 
 def _tile(
@@ -131,4 +144,4 @@ def _show_rig(project: Project, found: Calibration) -> None:
     views = list(VIEWS)
     from_where = setting(project, "rig_view", views[0], one_of(views), tabs_own=True)
     view = right.segmented_control("Seen from", views, required=True, **from_where.widget())
-    show_figure(plot_rig(found, method, view), describe_rig(found, method), "rig", fold=True)
+    show_figure(plot_rig(found, method, view), describe_rig(found, method), "rig")

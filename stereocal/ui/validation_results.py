@@ -94,7 +94,7 @@ def show_evaluation(
     with st.container(key="scrolls" if len(columns) > 1 else "fits"):
         show_figure(
             plot_validation(pooled, columns), describe_validation(pooled, columns), "validation",
-            fold=True, config=_saved_as(picture, "validation"),
+            config=_saved_as(picture, "validation"),
         )  # fmt: skip
     if screenings:
         _downloads(screenings, evaluation, pooled, by_dataset)
@@ -108,7 +108,7 @@ def show_evaluation(
         st.subheader("Data set by data set")
         show_figure(
             plot_comparison(by_dataset), describe_comparison(by_dataset), "comparison",
-            fold=True, config=_saved_as(picture, "comparison"),
+            config=_saved_as(picture, "comparison"),
         )  # fmt: skip
     st.caption(f"Made with: {describe_protocol(evaluation)}")
 

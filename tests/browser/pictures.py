@@ -27,8 +27,8 @@ THEMES: tuple[Literal["light", "dark"], ...] = ("light", "dark")
 SECOND = 1000
 SETTLE_MS = 2 * SECOND
 """Until figures have been drawn, after the server has ended."""
-COLOURS = 128
-"""Of a picture: a third of the size of all colours, and no difference to be seen."""
+COLOURS = 256
+"""Of a picture: a third of the size of all colours."""
 
 
 def settle(page: Page) -> None:
@@ -49,7 +49,7 @@ def take(page: Page, path: Path) -> None:
     page.wait_for_timeout(SETTLE_MS)
     picture = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
     path.parent.mkdir(parents=True, exist_ok=True)
-    picture.quantize(COLOURS, dither=Image.Dither.NONE).save(path, optimize=True)
+    picture.quantize(COLOURS, kmeans=2, dither=Image.Dither.NONE).save(path, optimize=True)
     page.set_viewport_size(size)
     print(path)
 
@@ -78,6 +78,8 @@ def project_of_recording(page: Page, url: str) -> str:
     page.goto(f"{url}/calibrate?{query}")
     settle(page)
     page.get_by_role("button", name="Calibrate", exact=True).click()
+    expect(page.get_by_text("held out: ").first).to_be_visible(timeout=10 * LONGEST_MS)
+    expect(page.get_by_text("held out: not yet")).to_have_count(0, timeout=10 * LONGEST_MS)
     settle(page)
     return query
 

@@ -66,7 +66,7 @@ def test_verdict_slider_and_files(
     settled(page)
     page.get_by_test_id("stSidebar").get_by_role("link", name="Calibrate").click()
     page.locator(".st-key-run button").click()
-    expect(page.get_by_text("Holds the refined set")).to_be_visible(timeout=LONGEST_MS)
+    expect(page.get_by_text("holds the refined set")).to_be_visible(timeout=LONGEST_MS)
     settled(page)
     instead = RigParameters.load(download(page, "download_2d", tmp_path / "2d.json"))
     assert instead.method == "refined"

@@ -82,6 +82,9 @@ def test_a_frame_is_left_out_and_put_back(pressed: AppTest, home: Path) -> None:
     pressed.selectbox(key="chosen_frame").set_value(9).run()
     pressed.button(key="frame_leave_out").click().run()
     assert project.inputs.left_out == [9]
+    assert "Frame 9 was left out by you." in text(pressed)  # before forecast and validation
+    assert ended(project, "calibration").state == "done"
+    pressed.run()
     calibration = project.calibration
     assert calibration is not None and before is not None
     assert calibration.screening.by_user == (9,)
@@ -91,6 +94,7 @@ def test_a_frame_is_left_out_and_put_back(pressed: AppTest, home: Path) -> None:
     assert "Frame 9 was left out by you." in text(pressed)
     assert "1 of 25 frames left out" in captions(pressed)
     pressed.button(key="frame_put_back").click().run()
+    assert ended(project, "calibration").state == "done"
     calibration = project.calibration
     assert calibration is not None and calibration.screening.left_out == ()
     assert "Frame 9 is used." in text(pressed)
@@ -145,10 +149,13 @@ def test_long_work_shows_progress_and_ends(
 def test_a_calibration_made_meanwhile_is_validated_too(home: Path, app: AppTest) -> None:
     """The job of a press validates what is stored when it ends."""
     project = project_of(open_sample(app), home)
-    project.keep_settings({"validate_runs": 10})
     app.switch_page("pages/calibrate.py").run()
     app.button(key="run").click().run()
+    app.selectbox(key="chosen_frame").set_value(9).run()
     app.button(key="frame_leave_out").click().run()
+    app.button(key="next_frame").click().run()
+    app.button(key="frame_leave_out").click().run()  # the job goes on with it
+    assert ended(project, "calibration").state == "done"
     calibration = Project.open(home, project.id).calibration
     evaluation = project.calibration_evaluation
     assert calibration is not None and evaluation is not None
