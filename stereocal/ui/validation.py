@@ -122,7 +122,7 @@ def without_refined(
         runs = evaluate(kept, own, jobs.pool())
         assert runs is not None  # nobody cancels
         digests = [dataset.sha256 for dataset in datasets]
-        # Kept at once: the next move of a slider may end this run before the refined sets are there.
+        # Kept at once: the next move of a slider may end this run before the refined sets come.
         project.keep_evaluation(Evaluation(runs, own, unique_names(datasets), digests))
     except StereocalError:
         return None
