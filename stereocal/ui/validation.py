@@ -169,7 +169,7 @@ def _work(project: Project, datasets: Sequence[Dataset], settings: EvaluationSet
 
 def _yield_to_clicks(_done: int, _total: int) -> None:
     """Let a moved slider end this run: Streamlit looks for clicks where the session is read."""
-    st.session_state.get("any_key")
+    st.session_state.get("clicked")
 
 
 def _validate(

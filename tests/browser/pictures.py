@@ -119,6 +119,9 @@ def make_pictures(folder: Path) -> None:
                     page.goto(f"{url}/data?{photographs}")
                     settle(page)
                     take(page, folder / f"photographs_{width}_{theme}.png")
+                    page.get_by_text("One frame", exact=True).click()
+                    settle(page)
+                    take(page, folder / f"review_{width}_{theme}.png")
         browser.close()
 
 
