@@ -21,15 +21,19 @@ from stereocal.figures.report import report_html
 from stereocal.figures.tables import validation_answer, validation_table
 from stereocal.formats.evaluation_files import Evaluation, summary_json
 from stereocal.projects.project import Project
+from stereocal.refined.results import Calibration
 from stereocal.refined.screening import Screening
 from stereocal.rig.dataset import Dataset
 from stereocal.ui.downloads import on_demand
 from stereocal.ui.fields import Field, one_of, setting, yes_or_no
 from stereocal.ui.figure import show_figure
 from stereocal.ui.intake import escape_markdown
+from stereocal.ui.messages import readable
+from stereocal.ui.refined import answer_of
 from stereocal.ui.screening import screenings_of
 from stereocal.ui.validation import is_current
 from stereocal.verdict.in_words import left_out_line, why_validation_not_trusted
+from stereocal.verdict.recommendation import Recommendation
 
 BIN_WIDTHS, USUAL_WIDTH = (0.02, 0.04, 0.1, 0.2, 0.5), 0.1
 SCROLLS = """<style>
@@ -97,7 +101,7 @@ def show_evaluation(
             config=_saved_as(picture, "validation"),
         )  # fmt: skip
     if screenings:
-        _downloads(screenings, evaluation, pooled, by_dataset)
+        _downloads(project, screenings, evaluation, pooled, by_dataset)
     with st.expander("Figures as a table, and the width of the bins"):
         st.table(validation_table(pooled))
         st.select_slider(
@@ -178,12 +182,25 @@ def describe_protocol(evaluation: Evaluation) -> str:
     )
 
 
+def _recommended(
+    project: Project, evaluation: Evaluation
+) -> tuple[Calibration, Recommendation] | None:
+    """The result of Calibrate of the same data, with its recommendation, if it is there."""
+    calibration = readable(lambda: project.calibration)
+    if calibration is None or list(evaluation.sha256) != [calibration.dataset.sha256]:
+        return None
+    found = answer_of(project, calibration, made_only=True)
+    return None if found is None else (found.calibration, found.recommendation)
+
+
 def _downloads(
-    screenings: Sequence[Screening], evaluation: Evaluation, pooled: Any, by_dataset: Any
-) -> None:
+    project: Project, screenings: Sequence[Screening], evaluation: Evaluation, pooled: Any,
+    by_dataset: Any,
+) -> None:  # fmt: skip
     left, right = st.columns(2)
     about = ([each.full_dataset for each in screenings], evaluation.settings, screenings)
-    report = partial(report_html, pooled, by_dataset, *about)
+    recommended = _recommended(project, evaluation)
+    report = partial(report_html, pooled, by_dataset, *about, recommended)
     left.download_button(
         "Download report.html", on_demand(report, "report.html", "text/html"), "report.html",
         "text/html", on_click="ignore", icon=":material/download:", key="download_report",
