@@ -67,7 +67,7 @@ def _show_frames(project: Project, found: Calibration, _answer: Answer | None) -
     chosen = frame_field(project, found)
     st.caption("Click on a point to open its frame below.")
     show_figure(
-        plot_frame_errors(found, chosen.value()), describe_frame_errors(found), CHART, fold=True,
+        plot_frame_errors(found, chosen.value()), describe_frame_errors(found), CHART,
         on_select=partial(_clicked, project, found), selection_mode="points",
     )  # fmt: skip
     frame = choose_frame(project, found)
@@ -97,7 +97,7 @@ def _show_image(
     st.markdown(f"**{CAMERAS[camera].capitalize()}**")
     show_figure(
         plot_image(views, method, camera, photograph), describe_image(views, method, camera),
-        f"image_{CAMERAS[camera]}",
+        f"image_{CAMERAS[camera]}", fold=False,
     )  # fmt: skip
 
 
@@ -117,11 +117,11 @@ def _show_two_sets(project: Project, found: Calibration, _answer: Answer | None)
             _show_image(views, method, camera, photographs[camera])
     with space:
         st.markdown("**In space, where the rays pass each other**")
-        show_figure(plot_gap(views, method), describe_gap(views, method), "gap")
+        show_figure(plot_gap(views, method), describe_gap(views, method), "gap", fold=False)
 
 
 def _show_searches(_project: Project, found: Calibration, _answer: Answer | None) -> None:
-    show_figure(plot_traces(found), describe_traces(found), "traces", fold=True)
+    show_figure(plot_traces(found), describe_traces(found), "traces")
 
 
 def _show_parameters(project: Project, found: Calibration, answer: Answer | None) -> None:

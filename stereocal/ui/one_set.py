@@ -1,9 +1,11 @@
-"""The page One set or two: verdict, what disagrees, trade-off, accuracy, parameters."""
+"""The page One set or two: verdict, what disagrees, trade-off, accuracy, the refined set."""
 
 from __future__ import annotations
 
+from concurrent.futures import Future
 from dataclasses import replace
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import streamlit as st
 
@@ -20,6 +22,7 @@ from stereocal.figures import (
     plot_trade_off,
 )
 from stereocal.figures.accuracy import Quantity
+from stereocal.figures.disagreement import disagreement_table
 from stereocal.figures.style import count
 from stereocal.figures.tables import parameters_table, refined_table
 from stereocal.formats.evaluation_files import Evaluation, validation_figures
@@ -33,15 +36,20 @@ from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
+from stereocal.ui import jobs
+from stereocal.ui.downloads import on_demand
 from stereocal.ui.fields import number, one_of, setting, yes_or_no
 from stereocal.ui.figure import show_figure
 from stereocal.ui.intake import escape_markdown
-from stereocal.ui.refined import calibrated, curves_of, inputs_of, map_of
+from stereocal.ui.refined import calibrated, curves_of, inputs_of, maps_of
 from stereocal.ui.validation import kept_protocol
 from stereocal.verdict.forecast import Outlook
 from stereocal.verdict.in_words import digits, left_out_line, percent, why_validation_not_trusted
 from stereocal.verdict.tradeoff import TradeOff, costs_of
+from stereocal.workflow import conclusions_of_seeds
 
+_SEEDS: WeakKeyDictionary[Outlook, Future[str]] = WeakKeyDictionary()
+"""Of outlooks, which the server keeps for one content: other seeds are tried once."""
 FIXED, FREED = "As given", "Freed"
 MOST_NAMED = 12
 """Maximum number of left-out frames listed on the page."""
@@ -87,7 +95,31 @@ def show_disagreement(inputs: list[Input]) -> None:
         st.page_link("pages/data.py", label="State it on the Data page")
     elif inputs and not accused:
         st.success("Nothing that was typed or measured disagrees with the images.")
-    show_figure(plot_disagreement(inputs), describe_disagreement(inputs), "disagreement")
+    if accused:
+        show_figure(plot_disagreement(inputs), describe_disagreement(inputs), "disagreement")
+    if inputs:
+        with st.expander("Stated and estimated", expanded=not accused):
+            st.table(disagreement_table(inputs))
+
+
+def show_seeds(found: Calibration, outlook: Outlook | None) -> None:
+    """Whether another seed would change which files to use, tried beside the page."""
+    if outlook is None:
+        return
+    tried = _SEEDS.get(outlook)
+    if tried is None:
+        tried = _SEEDS[outlook] = jobs.pool().submit(conclusions_of_seeds, found, outlook)
+    if not tried.done():
+        _wait_for_seeds(tried)
+    elif sentence := tried.result():
+        st.info(escape_markdown(sentence))
+
+
+@st.fragment(run_every=0.5)
+def _wait_for_seeds(tried: Future[str]) -> None:
+    if tried.done():
+        st.rerun()
+    st.caption("Trying other seeds of the search.")
 
 
 def show_frames_left_out(screening: Screening, result: RefinedResult) -> None:
@@ -177,18 +209,18 @@ def own_view(dataset: Dataset, primary: Camera, secondary: Camera) -> Dataset:
 def show_accuracy(
     project: Project, result: RefinedResult, dataset: Dataset, settings: RefineSettings
 ) -> None:
-    """A map of the rig's accuracy."""
+    """Maps of the rig's accuracy."""
     kinds = ("a distance", "a point")
     of = setting(project, "accuracy_of", kinds[0], one_of(kinds), tabs_own=True)
     shown = st.segmented_control("Predicted error of", kinds, required=True, **of.widget())
     quantity: Quantity = "point" if shown == "a point" else "distance"
-    found = map_of(dataset, settings)
+    maps = maps_of(dataset, settings)
     show_figure(
-        plot_accuracy(found, result, quantity), describe_accuracy(found, quantity), "accuracy"
+        plot_accuracy(maps, result, quantity), describe_accuracy(maps, quantity), "accuracy"
     )
 
 
-def show_parameters(
+def show_download(
     project: Project,
     screening: Screening,
     result: RefinedResult,
@@ -196,30 +228,39 @@ def show_parameters(
     evaluation: Evaluation | None,
     outlook: Outlook | None,
 ) -> None:
-    """The refined set: table, download, and what to use it for."""
+    """The refined set's file, and what to use it for."""
+
+    def content() -> str:
+        figures: dict[str, dict[str, Any]] = {}
+        if evaluation is not None and list(evaluation.sha256) == [screening.full_dataset.sha256]:
+            figures = validation_figures(evaluation.summaries, evaluation.settings)
+        forecasts = outlook.of_files(figures) if outlook else {}
+        return refined_parameters(
+            result, inputs, figures.get("refined"), screening.left_out, forecasts.get("refined")
+        ).dumps()
+
+    name, mime = "parameters_refined.json", "application/json"
+    with st.container(horizontal=True, vertical_alignment="center"):
+        st.download_button(
+            f"Download {name}", on_demand(content, name, mime), name, mime, on_click="ignore",
+            type="primary", icon=":material/download:", key="download_refined",
+        )  # fmt: skip
+        for key, job in (("refined_2d", "match"), ("refined_3d", "measure")):
+            st.toggle(
+                f"Also {job} with the refined set",
+                **setting(project, key, False, yes_or_no).widget(),
+                help="The download on the Calibrate page is then the refined set.",
+            )  # fmt: skip
+
+
+def show_parameters(result: RefinedResult) -> None:
+    """The refined set as a table."""
     st.table(refined_table(result))
     st.caption(
         f"Noise of an image point {digits(result.sigma_px.value)} px "
         f"({result.sigma_px.source}); scatter of the bar's length "
         f"{digits(1000 * result.scatter_m.value)} mm ({result.scatter_m.source})."
     )
-    figures: dict[str, dict[str, Any]] = {}
-    if evaluation is not None and list(evaluation.sha256) == [screening.full_dataset.sha256]:
-        figures = validation_figures(evaluation.summaries, evaluation.settings)
-    forecasts = outlook.of_files(figures) if outlook else {}
-    content = refined_parameters(
-        result, inputs, figures.get("refined"), screening.left_out, forecasts.get("refined")
-    ).dumps()
-    st.download_button(
-        "Download parameters_refined.json", content, "parameters_refined.json",
-        "application/json", on_click="ignore", type="primary", icon=":material/download:",
-        key="download_refined",
-    )  # fmt: skip
-    for key, job in (("refined_2d", "match"), ("refined_3d", "measure")):
-        st.toggle(
-            f"Also {job} with the refined set", **setting(project, key, False, yes_or_no).widget(),
-            help="The download on the Calibrate page is then the refined set.",
-        )  # fmt: skip
 
 
 def refined_inputs(dataset: Dataset, settings: RefineSettings) -> list[Input]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from typing import get_args
 
 import streamlit as st
 
@@ -15,7 +16,7 @@ from stereocal.refined.disagreement import what_disagrees
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.results import Calibration
 from stereocal.refined.stated_inputs import Input
-from stereocal.refined.uncertainty import AccuracyMap, accuracy_map
+from stereocal.refined.uncertainty import AccuracyMap, Plane, accuracy_map
 from stereocal.refined.unknowns import (
     RefineSettings,
 )
@@ -28,8 +29,10 @@ from stereocal.ui.texts import escape_markdown
 from stereocal.ui.uncertainties import describe_uncertainties
 from stereocal.verdict.forecast import Outlook, outlook_of
 from stereocal.verdict.tradeoff import TradeOff, trade_off
-from stereocal.workflow import Answer, answer, calibrate, conclusions_of_seeds
+from stereocal.workflow import Answer, answer, calibrate
 
+MAP_SIZE = 45
+"""Points of an accuracy map along each side; both maps take 0.1 s."""
 MOST_ANSWERS = 16
 
 
@@ -175,22 +178,9 @@ def _answers() -> dict[str, Answer]:
     return {}
 
 
-def seeds_matter(calibration: Calibration) -> str:
-    """A sentence if the files to use depend on the seed of the searches; else empty."""
-    outlook = outlook_for(calibration)
-    if outlook is None or calibration.refined is None:
-        return ""
-    key = [
-        _key(calibration.dataset, calibration.refined.settings),
-        calibration.refined.q.tolist(),
-        calibration.settings.to_json(),
-    ]
-    return _seeds(json.dumps(key), calibration, outlook)
-
-
-def map_of(dataset: Dataset, settings: RefineSettings) -> AccuracyMap:
-    """Predicted errors by position. Raises as `refine`."""
-    return _map(_key(dataset, settings), dataset, settings)
+def maps_of(dataset: Dataset, settings: RefineSettings) -> list[AccuracyMap]:
+    """Predicted errors by position, from above and from the side. Raises as `refine`."""
+    return _maps(_key(dataset, settings), dataset, settings)
 
 
 def curves_of(dataset: Dataset, settings: RefineSettings) -> TradeOff:
@@ -230,15 +220,10 @@ def _outlook(key: str, _calibration: Calibration) -> Outlook | None:
     return jobs.compute(outlook_of, _calibration)
 
 
-@st.cache_resource(show_spinner="Trying other seeds.", max_entries=16)
-def _seeds(key: str, _calibration: Calibration, _outlook: Outlook) -> str:
-    assert key
-    return jobs.compute(conclusions_of_seeds, _calibration, _outlook)
-
-
 @st.cache_resource(show_spinner="Predicting errors by position.", max_entries=16)
-def _map(key: str, _dataset: Dataset, _settings: RefineSettings) -> AccuracyMap:
-    return jobs.compute(accuracy_map, _refined(key, _dataset, _settings))
+def _maps(key: str, _dataset: Dataset, _settings: RefineSettings) -> list[AccuracyMap]:
+    result = _refined(key, _dataset, _settings)
+    return [jobs.compute(accuracy_map, result, MAP_SIZE, plane) for plane in get_args(Plane)]
 
 
 @st.cache_resource(show_spinner="Tracing the trade-off.", max_entries=16)

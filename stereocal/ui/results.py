@@ -144,4 +144,4 @@ def _show_rig(project: Project, found: Calibration) -> None:
     views = list(VIEWS)
     from_where = setting(project, "rig_view", views[0], one_of(views), tabs_own=True)
     view = right.segmented_control("Seen from", views, required=True, **from_where.widget())
-    show_figure(plot_rig(found, method, view), describe_rig(found, method), "rig", fold=True)
+    show_figure(plot_rig(found, method, view), describe_rig(found, method), "rig")

@@ -33,8 +33,14 @@ def test_verdict_slider_and_files(
     expect(page.get_by_text("One refined set does both jobs")).to_be_visible(timeout=LONGEST_MS)
     settled(page)
     assert "/one-set?project=" in page.url
-    for key in ("disagreement", "trade_off", "accuracy"):
-        expect(page.locator(f".st-key-{key} .js-plotly-plot")).to_be_visible()
+    look_at = page.locator(".st-key-one_set_view")
+    look_at.get_by_text("How accurate, where").click()
+    expect(page.locator(".st-key-accuracy .js-plotly-plot")).to_be_visible()
+    look_at.get_by_text("Matching against measuring").click()
+    expect(page.locator(".st-key-trade_off .js-plotly-plot")).to_be_visible()
+    # Nothing that was stated disagrees, so that a table says it all.
+    expect(page.locator(".st-key-disagreement")).to_have_count(0)
+    expect(page.get_by_role("rowheader", name="Baseline", exact=True)).to_be_visible()
 
     def at_the_point() -> str:
         settled(page)
