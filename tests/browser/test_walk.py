@@ -52,7 +52,7 @@ def show_parameters(page: Page) -> None:
 def row_of(page: Page, name: str) -> list[str]:
     """The cells of one row of the tables of parameters."""
     row = page.locator("tr", has_text=name)
-    expect(row).to_be_visible()
+    expect(row).to_be_visible(timeout=LONGEST_MS)
     return [cell.strip() for cell in row.locator("td").all_inner_texts()]
 
 
@@ -130,7 +130,7 @@ def test_sample_to_downloads_with_a_refresh_and_a_restart(
     with serve(home) as url:  # a bookmark is the first address that the new server gets
         page.goto(re.sub(r"http://[^/]+", url, address))
         expect(page.get_by_test_id("stSidebarNavLink").locator("p")).to_have_text(
-            list(TITLES.values())
+            list(TITLES.values()), timeout=LONGEST_MS
         )
         settled(page)
         expect(page.get_by_text("Page not found")).to_have_count(0)
