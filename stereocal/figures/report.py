@@ -85,9 +85,11 @@ td { font-variant-numeric: tabular-nums; }
 .digest { font-family: monospace; overflow-wrap: anywhere; min-width: 20ch; }
 .main-svg > g:not(.hoverlayer) text { fill: var(--ink) !important; }
 .narrow { display: none; }
-.sets { display: grid; grid-template-columns: repeat(auto-fit, minmax(320px, 1fr)); gap: 16px; }
-.sets > div { min-width: 0; overflow: hidden; }
-@media screen and (max-width: 759px) { .wide { display: none; } .narrow { display: block; } }
+.sets { display: grid; grid-template-columns: 1fr 1fr; gap: 16px; }
+.sets > div { min-width: 0; }
+@media screen and (max-width: 759px) {
+  .wide { display: none; } .narrow { display: block; } .sets { grid-template-columns: 1fr; }
+}
 @page { size: A4 landscape; margin: 12mm; }
 @media print {
   :root { --ink: #000000; --page: #ffffff; --rule: #999999; --shade: #ffffff; }

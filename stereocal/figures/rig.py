@@ -161,8 +161,9 @@ def _eye(scene: _Scene, view: str) -> Eye:
     if view.startswith("Camera"):
         return Eye(target, at=first if view == "Camera 1" else second)
     middle = 0.5 * (0.5 * (first + second) + target)
-    directions = {"Above": (0.0, -1.0, -1e-3), "Side": (1.0, 0.0, 0.0)}
-    return Eye(middle, directions.get(view, BEHIND))
+    if view == "Above":  # depth to the right, since the figure is wide
+        return Eye(middle, (0.0, -1.0, 0.0), up=(-1.0, 0.0, 0.0))
+    return Eye(middle, (1.0, 0.0, 0.0) if view == "Side" else BEHIND)
 
 
 def _add_bars(figure: go.Figure, scene: _Scene, method: Method) -> None:

@@ -10,9 +10,9 @@ import plotly.graph_objects as go
 from stereocal.figures.style import GRID_3D, TRANSPARENT
 from stereocal.rig.compiled import FloatArray
 
-EYE_OF_DIAGONAL = 1.05
+EYE_OF_DIAGONAL = 1.25
 """Distance of the eye over the scene's diagonal; also suitable for narrow screens."""
-BEHIND = (0.74, -0.36, -0.57)
+BEHIND = (0.5, -0.42, -0.76)
 """Behind, right of and above the primary camera."""
 AXIS_TITLES = {"xaxis": "x (m)", "yaxis": "z (m), depth", "zaxis": "−y (m), up"}
 
@@ -34,6 +34,8 @@ class Eye:
     """From `towards` to the eye, which is as far away as needed to see everything."""
     at: FloatArray | None = None
     """(3,): the eye itself, instead of a direction."""
+    up: tuple[float, float, float] = (0.0, -1.0, 0.0)
+    """What is up in the view."""
 
 
 def set_scene(figure: go.Figure, eye: Eye | None = None) -> None:
@@ -81,7 +83,7 @@ def _view(low: FloatArray, high: FloatArray, eye: Eye | None) -> dict[str, dict[
     names = ("x", "y", "z")
     return {
         "eye": dict(zip(names, ((at - middle) / unit).tolist(), strict=True)),
-        "up": {"x": 0.0, "y": 0.0, "z": 1.0},
+        "up": dict(zip(names, _upright(np.array(eye.up)).tolist(), strict=True)),
         "center": dict(zip(names, ((towards - middle) / unit).tolist(), strict=True)),
     }
 

@@ -47,7 +47,7 @@ def plot_image(
         rows=2, cols=2, specs=[[{"colspan": 2}, None], [{}, {}]], row_heights=[0.58, 0.42],
         vertical_spacing=0.1, horizontal_spacing=0.06,
     )  # fmt: skip
-    finish(figure, IMAGE_HEIGHT).update_layout(showlegend=False)
+    finish(figure, IMAGE_HEIGHT).update_layout(showlegend=False, margin_r=16)
     width, height = view.cameras[camera].image_size
     boxes = [(-0.5, -0.5, width - 0.5, height - 0.5)]
     boxes += [(u - half, v - half, u + half, v + half) for u, v in view.pixels[camera]]

@@ -66,6 +66,7 @@ def click_highest(page: Page) -> None:
     middle = sum(y for _, y in boxes) / len(boxes)
     x, y = min((box for box in boxes if box[1] > middle), key=lambda box: float(box[1]))
     page.mouse.move(x, y)
+    page.wait_for_timeout(500)  # Plotly knows the point under the mouse only after a while
     page.mouse.click(x, y)
 
 
@@ -83,7 +84,7 @@ def test_an_outlier_is_clicked_left_out_and_put_back(
         settled(page)
         points(page)
     click_highest(page)
-    expect(page.get_by_text(f"Frame {outlier} is used.")).to_be_visible()
+    expect(page.get_by_text(f"Frame {outlier} is used.")).to_be_visible(timeout=LONGEST_MS)
     settled(page)
     page.get_by_role("button", name="Leave it out").click()
     expect(page.get_by_text(f"Frame {outlier} was left out by you.")).to_be_visible(
