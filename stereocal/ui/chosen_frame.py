@@ -78,7 +78,7 @@ def _actions(project: Project, calibration: Calibration, frame: int) -> None:
             on_click=exchange_again, args=(project, frame),
             help="In the secondary image. The result is made again at once.",
         )  # fmt: skip
-    if _photographed(project) and st.button(
+    if photographed(project) and st.button(
         "Correct it", key="frame_correct", icon=":material/edit:",
         on_click=look_closely, args=(ProjectPhotographs(project), frame),
         help="Its photographs on the Data page.",
@@ -101,7 +101,7 @@ def state_of(calibration: Calibration, frame: int) -> str:
 
 def photographs_of(project: Project, frame: int) -> tuple[Photograph | None, Photograph | None]:
     """Both photographs of a frame; None for one that is not there."""
-    if not _photographed(project):
+    if not photographed(project):
         return None, None
     store = ProjectPhotographs(project)
     files = store.photographs
@@ -112,7 +112,8 @@ def photographs_of(project: Project, frame: int) -> tuple[Photograph | None, Pho
     return None, None
 
 
-def _photographed(project: Project) -> bool:
+def photographed(project: Project) -> bool:
+    """Whether the points come from photographs of the project."""
     return project.inputs.labels.get("correspondences") == TABLE_LABEL
 
 

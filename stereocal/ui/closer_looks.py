@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from functools import partial
 
+import numpy as np
 import streamlit as st
 
 from stereocal.calibration.methods import METHOD_NAMES, Method
+from stereocal.errors import StereocalError
 from stereocal.figures import (
     describe_frame_errors,
     describe_gap,
@@ -22,14 +24,23 @@ from stereocal.figures.forecast_table import forecast_table
 from stereocal.figures.frame_view import FrameView, views_of
 from stereocal.figures.photograph import Photograph
 from stereocal.figures.tables import angles_table, errors_table
+from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.refined.results import Calibration
 from stereocal.rig.camera import CAMERAS
-from stereocal.ui.chosen_frame import choose_frame, frame_field, photographs_of, state_of
+from stereocal.ui.chosen_frame import (
+    choose_frame,
+    frame_field,
+    photographed,
+    photographs_of,
+    state_of,
+)
 from stereocal.ui.fields import Field, one_of, setting
 from stereocal.ui.figure import show_figure
 from stereocal.ui.messages import callback
+from stereocal.ui.navigation import go_to
 from stereocal.ui.parameter_files import other_formats
+from stereocal.ui.review import look_closely
 from stereocal.ui.screening import rerun_if_changed
 from stereocal.ui.status import describe_settings
 from stereocal.ui.texts import escape_markdown
@@ -48,6 +59,31 @@ def look_at_frame(project: Project, calibration: Calibration, frame: int) -> Non
     """Open a frame (a callback)."""
     _view(project).set(FRAMES)
     frame_field(project, calibration).set(frame)
+
+
+COVERAGE = "coverage"
+"""Key of the figure of the Data page."""
+
+
+@callback
+def open_clicked_frame(project: Project) -> None:
+    """Open the frame of a point of the figure of the Data page: its photographs, or its errors.
+
+    Raises:
+        StereocalError: there are neither.
+    """
+    points = st.session_state[COVERAGE]["selection"]["points"]
+    if not points:
+        return
+    frame = int(np.ravel(points[0]["customdata"])[0])
+    calibration = project.calibration
+    if photographed(project):
+        look_closely(ProjectPhotographs(project), frame)
+    elif calibration is not None:
+        look_at_frame(project, calibration, frame)
+        go_to("calibrate")
+    else:
+        raise StereocalError(f"Frame {frame}: its errors are shown once you have calibrated.")
 
 
 @st.fragment  # its controls redraw this part only

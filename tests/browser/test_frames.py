@@ -50,6 +50,7 @@ def frame_of_largest_error(project: Project) -> int:
 
 def points(page: Page) -> list[str]:
     """Where the symbols of the lower panel are."""
+    expect(page.locator(".st-key-frames .scatterlayer .point").first).to_be_visible()
     page.wait_for_timeout(1000)  # Plotly draws after the page is settled
     found: list[str] = page.locator(".st-key-frames .scatterlayer .point").evaluate_all(
         "all => all.map(one => one.getAttribute('transform'))"
@@ -119,3 +120,19 @@ def test_a_set_moves_lines_rays_and_length(
         )
         seen.add((lines, space.inner_text()))
     assert len({lines for lines, _ in seen}) == len({words for _, words in seen}) == 3
+
+
+def test_a_point_of_the_data_page_opens_its_frame(
+    page: Page, app_url: str, home: Path, settled: Settled
+) -> None:
+    given(page, app_url, home, settled)
+    page.get_by_test_id("stSidebar").get_by_role("link", name="Data").click()
+    settled(page)
+    page.set_viewport_size({"width": 1400, "height": 2000})
+    page.wait_for_timeout(1000)
+    point = page.locator(".st-key-coverage .scatterlayer .point").nth(7)
+    point.hover(force=True)
+    page.wait_for_timeout(500)
+    point.click(force=True)
+    expect(page.get_by_text(re.compile(r"Frame \d+ is used\."))).to_be_visible(timeout=LONGEST_MS)
+    expect(page).to_have_url(re.compile("/calibrate"))

@@ -32,7 +32,7 @@ def test_verdict_slider_and_files(
     page.get_by_test_id("stSidebar").get_by_role("link", name="One set or two").click()
     expect(page.get_by_text("One refined set does both jobs")).to_be_visible(timeout=LONGEST_MS)
     settled(page)
-    assert "/one-set?project=" in page.url
+    assert "/one_set?project=" in page.url
     look_at = page.locator(".st-key-one_set_view")
     look_at.get_by_text("How accurate, where").click()
     expect(page.locator(".st-key-accuracy .js-plotly-plot")).to_be_visible()
