@@ -6,10 +6,10 @@ import streamlit as st
 
 from stereocal.errors import StereocalError
 from stereocal.ui.fields import one_of, setting
+from stereocal.ui.forms import form_values
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.navigation import ensure_navigation
 from stereocal.ui.one_set import (
-    refined_inputs,
     show_accuracy,
     show_disagreement,
     show_download,
@@ -20,9 +20,10 @@ from stereocal.ui.one_set import (
     show_verdict,
 )
 from stereocal.ui.prerequisites import project_with_data
-from stereocal.ui.project import last_calibration, last_evaluation
-from stereocal.ui.refined import calibrated, outlook_for, refine_form, refined_of
+from stereocal.ui.project import last_calibration
+from stereocal.ui.refined import answer_for, answer_of, calibrated, refine_form, refined_of
 from stereocal.ui.screening import screenings_of
+from stereocal.ui.status import staleness
 from stereocal.ui.texts import ONE_SET
 from stereocal.ui.validation import kept_protocol
 
@@ -39,18 +40,21 @@ try:
     (screening,) = screenings_of([dataset], protocol.calibration)
     kept = screening.dataset
     result = refined_of(kept, settings)
-    evaluation = last_evaluation(project)
     calibration = last_calibration(project)
-    found = replace(calibrated(dataset, protocol.calibration), refined=result)
-    outlook = outlook_for(found)
-    inputs = outlook.comparison.inputs if outlook else refined_inputs(kept, settings)
+    answer = None
+    if calibration and not staleness(calibration, dataset, form_values(project, dataset)):
+        answer = answer_of(project, calibration)
+    if answer is None:
+        found = replace(calibrated(dataset, protocol.calibration), refined=result)
+        answer = answer_for(found, settings, None)
+    inputs = answer.inputs
 except StereocalError as error:
     st.error(escape_markdown(str(error)))
     st.stop()
 try:
-    show_verdict(screening, evaluation, outlook)
+    show_verdict(answer)
     place = st.container()
-    show_download(project, screening, result, inputs, evaluation, outlook)
+    show_download(project, answer)
     st.header("What disagrees", divider="gray")
     show_disagreement(inputs)
     show_frames_left_out(screening, result)
@@ -65,6 +69,6 @@ try:
     view = st.segmented_control("Look at", list(views), required=True, **field.widget())
     views[view]()
     with place:  # last, because the trials take the processor from the rest of the page
-        show_seeds(found, outlook)
+        show_seeds(answer)
 except StereocalError as error:
     st.error(escape_markdown(str(error)))

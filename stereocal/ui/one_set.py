@@ -25,9 +25,7 @@ from stereocal.figures.accuracy import Quantity
 from stereocal.figures.disagreement import disagreement_table
 from stereocal.figures.style import count
 from stereocal.figures.tables import parameters_table, refined_table
-from stereocal.formats.evaluation_files import Evaluation, validation_figures
 from stereocal.projects.project import Project
-from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.results import Calibration
 from stereocal.refined.screening import Screening
@@ -41,12 +39,13 @@ from stereocal.ui.downloads import on_demand
 from stereocal.ui.fields import number, one_of, setting, yes_or_no
 from stereocal.ui.figure import show_figure
 from stereocal.ui.intake import escape_markdown
-from stereocal.ui.refined import calibrated, curves_of, inputs_of, maps_of
+from stereocal.ui.refined import calibrated, curves_of, maps_of
+from stereocal.ui.results import show_recommendation
 from stereocal.ui.validation import kept_protocol
 from stereocal.verdict.forecast import Outlook
-from stereocal.verdict.in_words import digits, left_out_line, percent, why_validation_not_trusted
+from stereocal.verdict.in_words import digits, left_out_line, percent
 from stereocal.verdict.tradeoff import TradeOff, costs_of
-from stereocal.workflow import conclusions_of_seeds
+from stereocal.workflow import Answer, conclusions_of_seeds
 
 _SEEDS: WeakKeyDictionary[Outlook, Future[str]] = WeakKeyDictionary()
 """Of outlooks, which the server keeps for one content: other seeds are tried once."""
@@ -55,33 +54,15 @@ MOST_NAMED = 12
 """Maximum number of left-out frames listed on the page."""
 
 
-def show_verdict(
-    screening: Screening, evaluation: Evaluation | None, outlook: Outlook | None
-) -> None:
-    """The verdict of the forecast; green if it decides and may be relied on.
-
-    Args:
-        screening: of the data set; the forecast and the runs leave out the same frames.
-        evaluation: the last validation, for its warning if it is of these data.
-        outlook: the forecast of all files.
-    """
-    dataset = screening.full_dataset
+def show_verdict(answer: Answer) -> None:
+    """The recommendation, the figures behind it, and what would help."""
+    show_recommendation(answer.recommendation)
+    outlook = answer.outlook
     if outlook is None:
-        st.info("There are too few bars with both targets for a forecast: record at least 3.")
         return
-    of_these = evaluation is not None and list(evaluation.sha256) == [dataset.sha256]
-    answer = outlook.verdict
-    caution = (
-        why_validation_not_trusted(evaluation.summaries, [screening])
-        if evaluation is not None and of_these
-        else ""
-    )
-    if caution:
-        st.error(escape_markdown(f"Do not rely on this result: {caution}"))
-    (st.info if caution or answer.kind == "level" else st.success)(answer.text)
-    if answer.check is not None and answer.check.holds:
-        st.caption(escape_markdown(answer.check.text))
-    st.caption(escape_markdown(outlook.advice))
+    check = outlook.check
+    lines = [outlook.verdict.figures, check.text if check and check.holds else "", outlook.advice]
+    st.caption(escape_markdown("\n\n".join(filter(None, lines))))
 
 
 def show_disagreement(inputs: list[Input]) -> None:
@@ -102,13 +83,16 @@ def show_disagreement(inputs: list[Input]) -> None:
             st.table(disagreement_table(inputs))
 
 
-def show_seeds(found: Calibration, outlook: Outlook | None) -> None:
+def show_seeds(answer: Answer) -> None:
     """Whether another seed would change which files to use, tried beside the page."""
+    outlook = answer.outlook
     if outlook is None:
         return
     tried = _SEEDS.get(outlook)
     if tried is None:
-        tried = _SEEDS[outlook] = jobs.pool().submit(conclusions_of_seeds, found, outlook)
+        tried = _SEEDS[outlook] = jobs.pool().submit(
+            conclusions_of_seeds, answer.calibration, outlook
+        )
     if not tried.done():
         _wait_for_seeds(tried)
     elif sentence := tried.result():
@@ -220,24 +204,11 @@ def show_accuracy(
     )
 
 
-def show_download(
-    project: Project,
-    screening: Screening,
-    result: RefinedResult,
-    inputs: list[Input],
-    evaluation: Evaluation | None,
-    outlook: Outlook | None,
-) -> None:
+def show_download(project: Project, answer: Answer) -> None:
     """The refined set's file, and what to use it for."""
 
     def content() -> str:
-        figures: dict[str, dict[str, Any]] = {}
-        if evaluation is not None and list(evaluation.sha256) == [screening.full_dataset.sha256]:
-            figures = validation_figures(evaluation.summaries, evaluation.settings)
-        forecasts = outlook.of_files(figures) if outlook else {}
-        return refined_parameters(
-            result, inputs, figures.get("refined"), screening.left_out, forecasts.get("refined")
-        ).dumps()
+        return answer.sets["refined"].dumps()
 
     name, mime = "parameters_refined.json", "application/json"
     with st.container(horizontal=True, vertical_alignment="center"):
@@ -261,11 +232,3 @@ def show_parameters(result: RefinedResult) -> None:
         f"({result.sigma_px.source}); scatter of the bar's length "
         f"{digits(1000 * result.scatter_m.value)} mm ({result.scatter_m.source})."
     )
-
-
-def refined_inputs(dataset: Dataset, settings: RefineSettings) -> list[Input]:
-    """Which inputs disagree; empty if the test fails."""
-    try:
-        return inputs_of(dataset, settings)
-    except StereocalError:
-        return []

@@ -12,10 +12,8 @@ from stereocal.calibration.methods import CalibrationSettings, Method
 from stereocal.errors import StereocalError
 from stereocal.formats.evaluation_files import Evaluation
 from stereocal.projects.project import Project
-from stereocal.refined.disagreement import what_disagrees
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.results import Calibration
-from stereocal.refined.stated_inputs import Input
 from stereocal.refined.uncertainty import AccuracyMap, Plane, accuracy_map
 from stereocal.refined.unknowns import (
     RefineSettings,
@@ -103,11 +101,6 @@ def replaced_by_refined(project: Project) -> list[Method]:
 def calibrated(dataset: Dataset, settings: CalibrationSettings) -> Calibration:
     """The paper's sets, for data not calibrated yet. Raises as `calibrate`."""
     return _calibrated(_key(dataset, settings), dataset, settings)
-
-
-def inputs_of(dataset: Dataset, settings: RefineSettings) -> list[Input]:
-    """Which inputs disagree. Raises as `refine`."""
-    return _inputs(_key(dataset, settings), dataset, settings)
 
 
 def outlook_for(calibration: Calibration) -> Outlook | None:
@@ -207,11 +200,6 @@ def _refined(key: str, _dataset: Dataset, _settings: RefineSettings) -> RefinedR
 def _calibrated(key: str, _dataset: Dataset, _settings: CalibrationSettings) -> Calibration:
     assert key
     return jobs.compute(calibrate, _dataset, _settings)
-
-
-@st.cache_resource(show_spinner="Looking for inputs that disagree.", max_entries=16)
-def _inputs(key: str, _dataset: Dataset, _settings: RefineSettings) -> list[Input]:
-    return jobs.compute(what_disagrees, _refined(key, _dataset, _settings))
 
 
 @st.cache_resource(show_spinner="Forecasting.", max_entries=16)

@@ -30,7 +30,7 @@ def test_verdict_slider_and_files(
     page.locator(".st-key-demo button").click()
     expect(page.get_by_text("50 pairs of points in 25 frames")).to_be_visible()
     page.get_by_test_id("stSidebar").get_by_role("link", name="One set or two").click()
-    expect(page.get_by_text("One refined set does both jobs")).to_be_visible(timeout=LONGEST_MS)
+    expect(page.get_by_text("One set does both jobs here")).to_be_visible(timeout=LONGEST_MS)
     settled(page)
     assert "/one_set?project=" in page.url
     look_at = page.locator(".st-key-one_set_view")
@@ -60,7 +60,7 @@ def test_verdict_slider_and_files(
     assert refined.matching_threshold_px is not None
     after = at_the_point()
     page.reload()
-    expect(page.get_by_text("One refined set does both jobs")).to_be_visible()
+    expect(page.get_by_text("One set does both jobs here")).to_be_visible()
     assert at_the_point() == after  # a refresh loses nothing
     page.locator(".st-key-refined_2d label").click()
     settled(page)

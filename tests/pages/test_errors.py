@@ -111,7 +111,6 @@ CACHES = {
         for name in (
             "_refined",
             "_calibrated",
-            "_inputs",
             "_answers",
             "_outlook",
             "_maps",

@@ -47,7 +47,7 @@ def test_says_what_it_lacks(app: AppTest) -> None:
 def test_answers_and_follows_the_form(app: AppTest, home: Path) -> None:
     project = project_of(open_sample(app), home)
     one_set(app)
-    assert "One refined set does both jobs" in messages(app)
+    assert "One set does both jobs here" in messages(app)
     assert "Nothing that was typed or measured disagrees" not in messages(app)
     assert "cannot be detected" in messages(app)
     assert "errors on held-out frames are" in text(app)
