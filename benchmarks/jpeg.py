@@ -1,14 +1,15 @@
 """What JPEG costs in the centres of the targets: `python -m benchmarks.jpeg`.
 
-Renders the sample photographs (sample_data/photographs) anew, without JPEG, fits each target's
-X-corner, and fits it again after JPEG at several qualities. The fit is a product of two error
-functions with free directions, blur, offset and contrast, in a window of 0.22 of the board.
+Renders the sample photographs (sample_data/photographs) anew, without flaws and JPEG, fits each
+target's X-corner, and fits it again after JPEG at several qualities. The fit is a product of two
+error functions with free directions, blur, offset and contrast, in a window of 0.22 of the board.
 """
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -51,7 +52,7 @@ def main() -> None:
 
 def photographs() -> Iterator[tuple[Photograph, FloatArray, FloatArray]]:
     """Each photograph of the sample, the true centres (2, 2), and the windows' radii in px."""
-    field = prepare_photographs(0, FRAMES, 1)
+    field = replace(prepare_photographs(0, FRAMES, 1), flaws={})
     depths = [points[:, 2].reshape(-1, 2) for points in field.scene.points_m]
     board = WINDOW * field.bar.board_m
     for i, pair in enumerate(field.pairs()):

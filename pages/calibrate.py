@@ -39,4 +39,3 @@ if result is None:
 if stale := staleness(result, dataset, values):
     st.warning(stale)
 show_result(project, answer_of(project, result))
-st.page_link("pages/validate.py", label="Next: Validate", icon=":material/arrow_forward:")

@@ -5,12 +5,13 @@ import streamlit as st
 from stereocal.errors import StereocalError
 from stereocal.figures import describe_coverage, plot_coverage
 from stereocal.figures.tables import contents_table
+from stereocal.ui.figure import show_figure
 from stereocal.ui.intake import escape_markdown, show_refusal, take_dataset
 from stereocal.ui.lengths import length_field
 from stereocal.ui.navigation import ensure_navigation
 from stereocal.ui.photographs import choose_kind, has_photographs, photographs_in
 from stereocal.ui.project import current_project, forget_project
-from stereocal.ui.results import dataset_download, show_figure
+from stereocal.ui.results import dataset_download
 from stereocal.ui.single_files import single_files
 from stereocal.ui.uncertainties import length_uncertainty, lens_uncertainties
 

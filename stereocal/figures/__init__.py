@@ -43,6 +43,13 @@ from stereocal.figures.style import (
 )
 from stereocal.figures.traces import describe_traces, plot_traces
 from stereocal.figures.tradeoff import describe_trade_off, plot_trade_off
+from stereocal.figures.two_sets import (
+    describe_gap,
+    describe_image,
+    describe_two_sets,
+    plot_gap,
+    plot_image,
+)
 from stereocal.figures.validation import plot_validation
 from stereocal.figures.validation_panels import describe_validation
 
@@ -58,6 +65,8 @@ __all__ = [
     "describe_disagreement",
     "describe_draws",
     "describe_frame_errors",
+    "describe_gap",
+    "describe_image",
     "describe_lengths",
     "describe_matches",
     "describe_pair_errors",
@@ -69,6 +78,7 @@ __all__ = [
     "describe_traces",
     "describe_trade_off",
     "describe_two_rays",
+    "describe_two_sets",
     "describe_validation",
     "describe_view_errors",
     "plot_accuracy",
@@ -77,6 +87,8 @@ __all__ = [
     "plot_disagreement",
     "plot_draws",
     "plot_frame_errors",
+    "plot_gap",
+    "plot_image",
     "plot_lengths",
     "plot_matches",
     "plot_pair_errors",

@@ -73,10 +73,13 @@ class _Panel:
         return largest > LOG_BEYOND * self.smallest_median
 
 
-def plot_frame_errors(calibration: Calibration) -> go.Figure:
+def plot_frame_errors(calibration: Calibration, chosen: int | None = None) -> go.Figure:
     """Reprojection and length error of every frame and method.
 
     Held-out frames are open symbols, frames left out are open with a dot.
+
+    Args:
+        chosen: a frame to mark.
     """
     figure = make_subplots(rows=2, cols=1, shared_xaxes=True, vertical_spacing=0.05)
     finish(figure, HEIGHT)
@@ -90,6 +93,11 @@ def plot_frame_errors(calibration: Calibration) -> go.Figure:
         )
     _add_key(figure, calibration)
     figure.update_xaxes(row=2, col=1, title_text=_frame_title(calibration, panels))
+    if chosen is not None:
+        figure.add_shape(
+            type="line", x0=chosen, x1=chosen, xref="x2", y0=0, y1=1, yref="paper", layer="below",
+            line={"color": NEUTRAL, "width": 1.5, "dash": "dot"},
+        )  # fmt: skip
     return figure
 
 
@@ -156,6 +164,7 @@ def _add_method(
                     "color": METHOD_COLOURS[method], "symbol": METHOD_SYMBOLS[method] + suffix,
                     "size": SIZES[method] - (2 if len(panel.frames) > 100 else 0), "opacity": 0.85,
                 },
+                unselected={"marker": {"opacity": 0.85}},
                 name=METHOD_NAMES[method], legendgroup=method,
                 showlegend=row == 1 and not suffix,
                 hovertemplate=(

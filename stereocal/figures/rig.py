@@ -31,7 +31,7 @@ from stereocal.rig.dataset import TARGETS, Dataset
 from stereocal.rig.geometry import triangulate_rays
 from stereocal.rig.rig import Rig
 
-HEIGHT = 560
+HEIGHT = 520
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,7 @@ VIEWS = ("Behind", "Above", "Side", "Camera 1", "Camera 2")
 FRUSTUM_OF_DEPTH = 0.15
 """Depth of a drawn camera over the depth of the scene; at its true size it would be a dot."""
 
-EYE_OF_DIAGONAL = 1.05
+EYE_OF_DIAGONAL = 0.95
 """Distance of the eye over the scene's diagonal; also suitable for narrow screens."""
 BEHIND = (0.74, -0.36, -0.57)
 """Behind, right of and above the primary camera."""

@@ -9,28 +9,33 @@ Pairs are rendered one at a time, to save memory.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 
 from stereocal.errors import StereocalError
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
+from stereocal.simulation.flaws import NO_FLAW, Flaw, add_glare, exposed
 from stereocal.simulation.rendering import (
     Board,
     Photograph,
     PhotographSettings,
     Picture,
     Placed,
-    photograph,
+    expose,
     turned,
     x_corner_board,
 )
 from stereocal.simulation.scenery import GROUND_M
 from stereocal.simulation.simulate import FIELD_DEPTHS_M, MAXIMUM_ROUNDS, Scene, place_bars
 
+HERE = Pose(np.eye(3), np.zeros(3))
+"""The primary camera's pose in its own frame."""
 VISIBLE_MARGIN_PX = 110.0
 """Least distance of a target from the edge of an image: a 0.18 m board at 8 m extends to 113 px if
 it is rotated by 45 degrees, so almost all boards are completely visible."""
@@ -87,6 +92,7 @@ def photograph_bars(
     bar: BarSettings,
     settings: PhotographSettings,
     rng: np.random.Generator,
+    flaws: Mapping[int, Flaw] = MappingProxyType({}),
 ) -> Iterator[PhotographPair]:
     """Render the photographs of a scene frame by frame, numbered from 1.
 
@@ -94,19 +100,26 @@ def photograph_bars(
 
     Args:
         backgrounds: backgrounds of the primary and the secondary, the same in all frames.
+        flaws: what spoils some frames, by their numbers.
     """
     rig = scene.rig
     viewpoint = 0.5 * rig.pose.inverse().T
     for frame, ends in enumerate(scene.ends_m, start=1):
         objects = place_boards(ends, viewpoint, bar, rng)
-        moved = [placed.seen_from(rig.pose) for placed in objects]
-        yield PhotographPair(
-            frame,
-            photograph(rig.primary, backgrounds[0], objects, settings, rng),
-            photograph(rig.secondary, backgrounds[1], moved, settings, rng),
-            rig.primary.project(ends),
-            rig.secondary.project(rig.pose.apply(ends)),
-        )
+        flaw = flaws.get(frame, NO_FLAW)
+        exposure = flaw.exposure(objects, ends, bar.board_m, rig.pose)
+        images, centres = [], []
+        for which, camera, pose, background in zip(
+            CAMERAS, (rig.primary, rig.secondary), (HERE, rig.pose), backgrounds, strict=True
+        ):
+            picture = exposed(camera, pose, background, exposure, settings.blur_px)
+            points = pose.apply(ends)
+            centres.append(camera.project(points))
+            if flaw.glare and flaw.camera == which:
+                width_px = camera.K[0, 0] * bar.board_m / points[flaw.target, 2]
+                add_glare(picture, centres[-1][flaw.target], width_px, flaw.glare)
+            images.append(expose(picture, settings, rng))
+        yield PhotographPair(frame, images[0], images[1], centres[0], centres[1])
 
 
 def place_boards(

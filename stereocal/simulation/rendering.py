@@ -168,19 +168,29 @@ def photograph(
     Raises:
         StereocalError: a background of another size, or a board not in front of the camera.
     """
+    picture = background_picture(camera, background, settings.blur_px)
+    for placed in boards:
+        paint(picture, camera, placed, settings.blur_px)
+    return expose(picture, settings, rng)
+
+
+def background_picture(camera: Camera, background: Picture | float, blur_px: float) -> Picture:
+    """The blurred background, to paint boards over.
+
+    Raises:
+        StereocalError: a background of another size.
+    """
     width, height = camera.image_size
     if np.ndim(background) == 0:
         picture = np.full((height, width), background, dtype=np.float32)
     else:
-        picture = blurred(np.asarray(background, dtype=np.float32), settings.blur_px)
+        picture = blurred(np.asarray(background, dtype=np.float32), blur_px)
     if picture.shape != (height, width):
         raise StereocalError(
             f"The background is {picture.shape[1]}x{picture.shape[0]} px, the camera's image "
             f"{width}x{height} px."
         )
-    for placed in boards:
-        paint(picture, camera, placed, settings.blur_px)
-    return expose(picture, settings, rng)
+    return picture
 
 
 def paint(picture: Picture, camera: Camera, placed: Placed, blur_px: float) -> None:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import cv2
@@ -21,6 +21,7 @@ from stereocal.simulation.board_series import (
     draw_board_poses,
     photograph_boards,
 )
+from stereocal.simulation.flaws import SAMPLE_FLAWS, Flaw
 from stereocal.simulation.photographs import (
     BarSettings,
     PhotographPair,
@@ -57,6 +58,8 @@ class PhotographedField:
     bar: BarSettings
     settings: PhotographSettings
     seed: int
+    flaws: Mapping[int, Flaw] = field(default_factory=lambda: SAMPLE_FLAWS)
+    """What spoils some frames of the bar, by frame."""
 
     @property
     def cameras(self) -> dict[str, Camera]:
@@ -67,7 +70,7 @@ class PhotographedField:
         """Render the photographs of the bar, one pair at a time."""
         rng = np.random.default_rng([self.seed, 1])
         backgrounds = outdoors(self.scene.rig, rng)
-        return photograph_bars(self.scene, backgrounds, self.bar, self.settings, rng)
+        return photograph_bars(self.scene, backgrounds, self.bar, self.settings, rng, self.flaws)
 
     def board_photographs(self, which: str) -> Iterator[Photograph]:
         """Render the photographs of the chessboard by one camera, one at a time."""
@@ -133,6 +136,9 @@ def true_of_photographs(field: PhotographedField) -> dict[str, Any]:
         pixels = field.cameras[which].project(points).reshape(frames, 2, 2)
         for entry, centres in zip(truth["frames"], pixels, strict=True):
             entry[f"pixels_{which}"] = {"A": centres[0].tolist(), "B": centres[1].tolist()}
+    for number, flaw in field.flaws.items():
+        if number <= frames:
+            truth["frames"][number - 1]["flaw"] = flaw.what
     truth["bar"] = asdict(field.bar)
     truth["photographs"] = asdict(field.settings)
     truth["chessboard"] = {

@@ -34,11 +34,11 @@ from stereocal.rig.parameters import RigParameters
 from stereocal.ui import jobs
 from stereocal.ui.decoding import server_guard
 from stereocal.ui.fields import Field, number, one_of, setting, yes_or_no
+from stereocal.ui.figure import show_figure
 from stereocal.ui.intake import check_uploads, clear_refusal, escape_markdown, is_new, taking
 from stereocal.ui.messages import callback, readable
 from stereocal.ui.parameter_upload import PURPOSES, uploaded_set
 from stereocal.ui.refined import answer_of, replaced_by_refined
-from stereocal.ui.results import show_figure
 from stereocal.ui.wizard import ask_about_points
 
 OWN, FILES = "The bar's own points", "Two point files"

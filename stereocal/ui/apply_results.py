@@ -30,9 +30,9 @@ from stereocal.rig.camera import CAMERAS
 from stereocal.ui.apply import whole_table
 from stereocal.ui.downloads import on_demand
 from stereocal.ui.fields import number, one_of, setting
+from stereocal.ui.figure import show_figure
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.messages import callback
-from stereocal.ui.results import show_figure
 
 TWO = "the two points of a frame"
 FIRST_ROWS = 10

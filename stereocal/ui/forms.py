@@ -120,10 +120,11 @@ def search_form(project: Project, without: Collection[str] = ()) -> dict[str, An
         without: keys of numbers that stand elsewhere on the page.
     """
     with st.expander("Other settings of the search" if without else "Settings of the search"):
-        return _search_form(project, without)
+        _search_form(project, without)
+    return search_values(project)
 
 
-def _search_form(project: Project, without: Collection[str] = ()) -> dict[str, Any]:
+def _search_form(project: Project, without: Collection[str] = ()) -> None:
     fields = _search_fields(project)
     columns = st.columns(3)
     for at, each in enumerate(each for each in NUMBERS if each.key not in without):
@@ -141,7 +142,6 @@ def _search_form(project: Project, without: Collection[str] = ()) -> dict[str, A
         "Trust every frame, as the paper does", **fields["all_frames"].widget(),
         help="Otherwise frames that contradict the others are left out.",
     )  # fmt: skip
-    return search_values(project)
 
 
 def settings_of(values: dict[str, Any]) -> CalibrationSettings:

@@ -23,9 +23,9 @@ from stereocal.intrinsics.quality import advice, hint, largest_shift_px
 from stereocal.intrinsics.tables import lens_answer, lens_table
 from stereocal.projects.lens import ProjectLens
 from stereocal.ui.fields import one_of, setting
+from stereocal.ui.figure import show_figure
 from stereocal.ui.intake import clear_refusal, escape_markdown, refuse
 from stereocal.ui.project import own_change
-from stereocal.ui.results import show_figure
 
 
 def show_lens(store: ProjectLens) -> None:

@@ -34,9 +34,9 @@ from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
 from stereocal.ui.fields import number, one_of, setting, yes_or_no
+from stereocal.ui.figure import show_figure
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.refined import calibrated, curves_of, inputs_of, map_of
-from stereocal.ui.results import show_figure
 from stereocal.ui.validation import kept_protocol
 from stereocal.verdict.forecast import Outlook
 from stereocal.verdict.in_words import digits, left_out_line, percent, why_validation_not_trusted

@@ -2,32 +2,26 @@
 
 from __future__ import annotations
 
-from typing import Any
+from functools import partial
 
-import plotly.graph_objects as go
 import streamlit as st
 
 from stereocal.calibration.methods import ALL_METHODS, METHOD_NAMES
 from stereocal.figures import (
-    describe_frame_errors,
     describe_rig,
-    describe_traces,
-    plot_frame_errors,
     plot_rig,
-    plot_traces,
 )
-from stereocal.figures.forecast_table import forecast_table
 from stereocal.figures.rig import VIEWS
-from stereocal.figures.tables import angles_table, errors_table
 from stereocal.formats.dataset_files import pack_dataset
 from stereocal.projects.project import Project
 from stereocal.rig.dataset import Dataset
 from stereocal.system.zip_files import pack_zip
+from stereocal.ui.closer_looks import look_at_frame, show_closer_looks
 from stereocal.ui.fields import one_of, setting
-from stereocal.ui.parameter_files import other_formats, parameter_downloads
+from stereocal.ui.figure import show_figure
+from stereocal.ui.parameter_files import parameter_downloads
 from stereocal.ui.refined import replaced_by_refined
 from stereocal.ui.screening import show_left_out
-from stereocal.ui.status import describe_settings
 from stereocal.ui.texts import escape_markdown
 from stereocal.verdict.in_words import digits, interval, percent
 from stereocal.verdict.recommendation import Figure, Recommendation
@@ -39,11 +33,11 @@ def show_result(project: Project, answer: Answer) -> None:
     for warning in answer.calibration.warnings:
         st.warning(escape_markdown(warning))
     show_recommendation(answer.recommendation)
-    show_left_out(project, answer.calibration)
+    show_left_out(project, answer.calibration, partial(look_at_frame, project, answer.calibration))
     show_tiles(answer)
     parameter_downloads(answer.sets, replaced_by_refined(project))
     _show_rig(project, answer)
-    _show_views(project, answer)
+    show_closer_looks(project, answer)
 
 
 def show_recommendation(recommendation: Recommendation) -> None:
@@ -102,20 +96,6 @@ def _tile(
             st.caption("no forecast, no held-out frames")
 
 
-def show_figure(
-    figure: go.Figure, sentence: str, key: str, fold: bool = False, **chart: Any
-) -> None:
-    """A figure with its description in words.
-
-    Args:
-        fold: the words are folded away.
-        chart: passed on to `st.plotly_chart`.
-    """
-    st.plotly_chart(figure, key=key, **chart)
-    with st.expander("In words") if fold else st.container():
-        st.caption(escape_markdown(sentence))
-
-
 def dataset_download(dataset: Dataset) -> None:
     """Download of the data set as a zip, which can be uploaded again."""
     st.download_button(
@@ -142,37 +122,3 @@ def _show_rig(project: Project, answer: Answer) -> None:
     view = right.segmented_control("Seen from", views, required=True, **from_where.widget())
     found = answer.calibration
     show_figure(plot_rig(found, method, view), describe_rig(found, method), "rig", fold=True)
-
-
-@st.fragment
-def _show_views(project: Project, answer: Answer) -> None:
-    views = {
-        "Errors by frame": _show_frames,
-        "Searches": _show_searches,
-        "Parameters": _show_parameters,
-    }
-    shown = setting(project, "view", next(iter(views)), one_of(list(views)), tabs_own=True)
-    view = st.segmented_control("Look at", list(views), required=True, **shown.widget())
-    views[view](project, answer)
-
-
-def _show_frames(_project: Project, answer: Answer) -> None:
-    found = answer.calibration
-    show_figure(plot_frame_errors(found), describe_frame_errors(found), "frames", fold=True)
-
-
-def _show_searches(_project: Project, answer: Answer) -> None:
-    found = answer.calibration
-    show_figure(plot_traces(found), describe_traces(found), "traces", fold=True)
-
-
-def _show_parameters(project: Project, answer: Answer) -> None:
-    found = answer.calibration
-    if answer.outlook is not None:
-        st.table(forecast_table(answer.outlook.predictive))
-    else:
-        st.table(errors_table(found))
-    st.table(angles_table(found))
-    st.caption(describe_settings(found))
-    st.markdown("**In the format of another program**")
-    other_formats(project, answer.sets)

@@ -50,7 +50,8 @@ def _view(store: ProjectPhotographs) -> Field:
 def _frame(store: ProjectPhotographs, numbers: Sequence[int] = ()) -> Field:
     """The frame shown; without `numbers` it is not checked."""
     first = numbers[0] if numbers else 0
-    return setting(store.project, "review_frame", first, one_of(numbers) if numbers else int)
+    fit = one_of(numbers) if numbers else int
+    return setting(store.project, "review_frame", first, fit, name="frame", tabs_own=True)
 
 
 def _target(store: ProjectPhotographs) -> Field:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import streamlit as st
@@ -17,10 +17,7 @@ from stereocal.refined.results import Calibration
 from stereocal.refined.screening import Screening, screened
 from stereocal.rig.dataset import Dataset
 from stereocal.ui import jobs
-from stereocal.ui.fields import Field
-from stereocal.ui.intake import escape_markdown
 from stereocal.ui.messages import callback
-from stereocal.verdict.in_words import left_out_line
 
 MOST_BUTTONS = 6
 """Maximum number of frames with an Exchange button."""
@@ -40,33 +37,27 @@ def screenings_of(datasets: Sequence[Dataset], settings: CalibrationSettings) ->
     ]
 
 
-def put_back_field(project: Project) -> Field:
-    """The frames that the user has put back."""
-    key = "frames_put_back"
-    return Field(key, key, lambda: project.inputs.put_back, project.put_back)
+def show_left_out(project: Project, calibration: Calibration, look: Callable[[int], None]) -> None:
+    """Buttons to exchange targets, and to look at a frame that was left out.
 
-
-def show_left_out(project: Project, calibration: Calibration) -> None:
-    """The frames left out, with buttons to exchange targets or put frames back."""
+    Args:
+        look: opens a frame.
+    """
     screening = calibration.screening
-    field = put_back_field(project)
-    frames = sorted({*screening.left_out, *field.value()})
-    if not frames:
+    if not screening.left_out:
         return
-    if screening.left_out:
-        st.warning(escape_markdown(left_out_line(screening)))
     with st.container(horizontal=True):
         for frame in screening.exchanged[:MOST_BUTTONS]:
             st.button(
                 f"Exchange A and B in frame {frame}", key=f"exchange_{frame}",
-                icon=":material/swap_horiz:", on_click=_exchange, args=(project, frame),
+                icon=":material/swap_horiz:", on_click=exchange_again, args=(project, frame),
                 help="In the secondary image. The result is made again at once.",
             )  # fmt: skip
-    st.pills(
-        "Put frames back", frames, selection_mode="multi",
-        help="A frame that is marked is used, though it contradicts the others.",
-        **(field.widget() | {"on_change": _put_back, "args": (field,)}),
-    )  # fmt: skip
+        first = screening.left_out[0]
+        st.button(
+            f"Look at frame {first}", key="look_left_out", icon=":material/search:",
+            on_click=look, args=(first,), help="There it can be put back.",
+        )  # fmt: skip
 
 
 def show_exchanged(project: Project) -> None:
@@ -78,24 +69,39 @@ def show_exchanged(project: Project) -> None:
         for frame in frames[:MOST_BUTTONS]:
             st.button(
                 f"Frame {frame}: take the exchange back", key=f"unexchange_{frame}",
-                icon=":material/undo:", on_click=_exchange, args=(project, frame),
+                icon=":material/undo:", on_click=exchange_again, args=(project, frame),
                 help="A and B of this frame were exchanged in the secondary image.",
             )  # fmt: skip
 
 
 def calibrate_again() -> bool:
-    """Whether a frame was put back or exchanged since the last run of the page."""
+    """Whether a frame was left out, put back or exchanged since the last run of the page."""
     return bool(st.session_state.pop(_AGAIN, False))
 
 
+def rerun_if_changed() -> None:
+    """In a fragment: run the whole page if it is to calibrate again."""
+    if st.session_state.get(_AGAIN):
+        st.rerun()
+
+
 @callback
-def _put_back(field: Field) -> None:
-    field.set(st.session_state[field.key])
+def leave_out(project: Project, frame: int) -> None:
+    """Leave a frame out, and calibrate again (a callback)."""
+    project.leave_out(frame)
     st.session_state[_AGAIN] = True
 
 
 @callback
-def _exchange(project: Project, frame: int) -> None:
+def put_back(project: Project, frame: int) -> None:
+    """Use a frame that was left out, and calibrate again (a callback)."""
+    project.take_in(frame)
+    st.session_state[_AGAIN] = True
+
+
+@callback
+def exchange_again(project: Project, frame: int) -> None:
+    """Exchange the targets of a frame, and calibrate again (a callback)."""
     exchange(project, frame)
     st.session_state[_AGAIN] = True
 

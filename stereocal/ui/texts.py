@@ -7,13 +7,13 @@ import re
 import pandas as pd
 
 PURPOSE = (
-    "Know the pose of your cameras, and which numbers to use for what: match with one set and "
-    "measure with another, or use one refined set for both."
+    "The pose of your cameras, and which numbers to use for what: one set to match and one to "
+    "measure, or one for both."
 )
 
 NEEDED = """
-1. **A bar with two targets**, seen by both cameras in 20 to 30 frames, near and far, all over the
-   view: a table of points (CSV), or the photographs, in which two-by-two checkerboards are found.
+1. **A bar with two targets** in 20 to 30 frames, near and far, all over both views: a table of
+   points (CSV), or the photographs.
 2. **A lens file for each camera**, as OpenCV or stereocal saved it, or about 50 photographs of a
    chessboard by each camera, for the Lenses page.
 3. **The baseline**: the distance between the two cameras, measured with a laser range finder.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -13,6 +13,7 @@ from stereocal import figures
 from stereocal.calibration.methods import METHODS, CalibrationSettings, Method
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
 from stereocal.evaluation.summary import summarise_all
+from stereocal.figures.frame_view import telling_frame, views_of
 from stereocal.figures.story import read_story
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.intrinsics.calibrate_lens import LensSettings, calibrate_lens
@@ -77,6 +78,7 @@ def every_figure() -> dict[str, Drawn]:
     left, right = (table[["u", "v"]].to_numpy() for table in tables)
     pairs = PAIRS[PAIRS["frame"] == 1]
     story = read_story(STORY)
+    views = views_of(replace(calibration, refined=refined), telling_frame(calibration))
     f = figures
     return {
         name: Drawn(figure, words)
@@ -86,6 +88,8 @@ def every_figure() -> dict[str, Drawn]:
             ("coverage", f.plot_coverage(dataset), f.describe_coverage(dataset)),
             ("disagreement", f.plot_disagreement(inputs), f.describe_disagreement(inputs)),
             ("draws", f.plot_draws(lens), f.describe_draws(lens)),
+            ("gap", f.plot_gap(views, "3d"), f.describe_gap(views, "3d")),
+            ("image", f.plot_image(views, "3d", 1), f.describe_image(views, "3d", 1)),
             ("frame_errors", f.plot_frame_errors(calibration),
              f.describe_frame_errors(calibration)),
             ("lengths", f.plot_lengths(check), f.describe_lengths(check)),

@@ -158,12 +158,23 @@ def view_errors(figure: go.Figure) -> list[float]:
     return [float(len(y)), float(np.median(y)), float(y.max())]
 
 
+def gap(figure: go.Figure) -> list[float]:
+    (drawn,) = named(figure, "gap")
+    ends = np.array([drawn.x, drawn.y, drawn.z], dtype=np.float64)
+    return [float(np.linalg.norm(ends[:, 0] - ends[:, 1]))]
+
+
+def image(figure: go.Figure) -> list[float]:
+    found = [re.findall(r"([\d.]+) px", str(trace.hovertemplate)) for trace in figure.data]
+    return [float(each[0]) for each in found if each]
+
+
 SHOWN: dict[str, Callable[[go.Figure], list[float]]] = {
     each.__name__: each
     for each in (
-        accuracy, comparison, coverage, disagreement, draws, frame_errors, lengths, matches,
-        pair_errors, points, residual_field, rig, story_lengths, story_lines, traces, trade_off,
-        two_rays, validation, view_errors,
+        accuracy, comparison, coverage, disagreement, draws, frame_errors, gap, image, lengths,
+        matches, pair_errors, points, residual_field, rig, story_lengths, story_lines, traces,
+        trade_off, two_rays, validation, view_errors,
     )
 }  # fmt: skip
 """Numbers that can be read off each figure."""

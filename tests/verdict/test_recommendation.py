@@ -13,6 +13,7 @@ from stereocal.refined.refine import refine
 from stereocal.refined.results import Calibration
 from stereocal.rig.parameters import RigParameters
 from stereocal.verdict.forecast import Outlook, forecast_files
+from stereocal.verdict.model_check import ModelCheck
 from stereocal.verdict.predictive import Predictive
 from stereocal.verdict.recommendation import NO_FORECAST, NO_REFINED, Recommendation, recommend
 from stereocal.workflow import answer, calibrate
@@ -32,9 +33,10 @@ def outlook(calibration: Calibration) -> Outlook:
 
 
 def told(
-    calibration: Calibration, outlook: Outlook, predictive: Predictive, *more: Any
-) -> Recommendation:
-    return recommend(calibration, replace(outlook, predictive=predictive), *more)
+    calibration: Calibration, outlook: Outlook, predictive: Predictive,
+    validation: Any = None, check: ModelCheck | None = None,
+) -> Recommendation:  # fmt: skip
+    return recommend(calibration, replace(outlook, predictive=predictive, check=check), validation)
 
 
 def entry(threshold: float, **more: Any) -> dict[str, Any]:
@@ -104,8 +106,8 @@ def test_figures_and_threshold_are_those_of_the_file(
 def test_a_doubted_model_lets_held_out_frames_speak(
     calibration: Calibration, outlook: Outlook
 ) -> None:
-    doubted = replace(outlook, check=held_out(2.0, 1.0))
-    found = told(calibration, doubted, forecast_with(0.8, 0.9, 0.02), VALIDATION)
+    doubted = held_out(2.0, 1.0)
+    found = told(calibration, outlook, forecast_with(0.8, 0.9, 0.02), VALIDATION, doubted)
     assert not found.forecast_holds
     assert "95 % of lengths are within 0.60 % (on held-out frames)." in found.sentences[0]
     assert "The model does not explain these images" in found.text

@@ -1,0 +1,188 @@
+"""Why two sets: one frame seen with each set, in both images and in space.
+
+A set that matches well has epipolar lines that pass through the points, and rays that nearly meet.
+A set that measures well gives the bar its length. No set of the paper does both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import plotly.graph_objects as go
+from plotly.subplots import make_subplots
+
+from stereocal.calibration.methods import METHOD_NAMES, Method
+from stereocal.figures.frame_view import FrameView
+from stereocal.figures.photograph import Photograph, add_photograph
+from stereocal.figures.space import upright
+from stereocal.figures.style import (
+    GRID_3D,
+    METHOD_COLOURS,
+    NEUTRAL,
+    TARGET_COLOURS,
+    TARGET_SYMBOLS,
+    TRANSPARENT,
+    finish,
+)
+from stereocal.rig.camera import CAMERAS
+
+IMAGE_HEIGHT, SPACE_HEIGHT = 480, 480
+SMALLEST_WINDOW_PX, SMALLEST_WINDOW_M = 3.0, 1e-4
+
+
+def plot_image(
+    views: Mapping[Method, FrameView], method: Method, camera: int,
+    photograph: Photograph | None = None,
+) -> go.Figure:  # fmt: skip
+    """One image with the targets and their epipolar lines; below, close-ups of the targets.
+
+    The close-ups have the same size with every set.
+    """
+    view = views[method]
+    half = 1.4 * max(
+        SMALLEST_WINDOW_PX, *(float(each.distances_px.max()) for each in views.values())
+    )
+    figure = make_subplots(
+        rows=2, cols=2, specs=[[{"colspan": 2}, None], [{}, {}]], row_heights=[0.58, 0.42],
+        vertical_spacing=0.14, horizontal_spacing=0.06,
+        subplot_titles=["", *(f"{letter} ± {half:.2g} px" for letter in view.letters)],
+    )  # fmt: skip
+    finish(figure, IMAGE_HEIGHT).update_layout(showlegend=False)
+    width, height = view.cameras[camera].image_size
+    boxes = [(-0.5, -0.5, width - 0.5, height - 0.5)]
+    boxes += [(u - half, v - half, u + half, v + half) for u, v in view.pixels[camera]]
+    for at, box in enumerate(boxes):
+        row, column = (1, 1) if at == 0 else (2, at)
+        if photograph is not None:
+            add_photograph(figure, photograph, box, row, column)
+        _add_lines(figure, view, camera, row, column, 2 if at == 0 else 3)
+        left, top, right, bottom = box
+        name = figure.get_subplot(row, column).xaxis.plotly_name.replace("axis", "")
+        figure.update_xaxes(
+            row=row, col=column, range=[left, right], showgrid=False, nticks=4,
+            constrain="domain", mirror=True, showticklabels=at == 0,
+            ticks="outside" if at == 0 else "",
+        )  # fmt: skip
+        figure.update_yaxes(
+            row=row, col=column, range=[bottom, top], showgrid=False, nticks=4,
+            scaleanchor=name, constrain="domain", mirror=True, showticklabels=at == 0,
+            ticks="outside" if at == 0 else "",
+        )  # fmt: skip
+    figure.update_annotations(font_size=13)
+    figure.update_layout(margin_t=24)
+    return figure
+
+
+def _add_lines(
+    figure: go.Figure, view: FrameView, camera: int, row: int, column: int, width: int
+) -> None:
+    for target, letter in enumerate(view.letters):
+        u, v = view.line(camera, target).T
+        figure.add_trace(
+            go.Scatter(
+                x=u, y=v, mode="lines", line={"color": METHOD_COLOURS[view.method], "width": width},
+                name=f"epipolar line of {letter}", hoverinfo="name",
+            ),
+            row=row, col=column,
+        )  # fmt: skip
+        at = view.pixels[camera][target]
+        figure.add_trace(
+            go.Scatter(
+                x=at[:1], y=at[1:], mode="markers+text", text=[letter], textposition="top right",
+                textfont={"color": TARGET_COLOURS[letter], "size": 16},
+                marker={
+                    "color": TARGET_COLOURS[letter], "size": 9, "symbol": TARGET_SYMBOLS[letter],
+                    "line": {"color": "white", "width": 1},
+                },
+                hovertemplate=f"{letter} (%{{x:.2f}}, %{{y:.2f}})<br>"
+                f"{view.distances_px[target, camera]:.2f} px from its line<extra></extra>",
+            ),
+            row=row, col=column,
+        )  # fmt: skip
+
+
+def plot_gap(views: Mapping[Method, FrameView], method: Method) -> go.Figure:
+    """The two rays of one target where they pass each other, in mm; equal axes.
+
+    The target with the widest gap; the size of the view is the same with every set.
+    """
+    view, target = views[method], _widest(views)
+    ends = view.nearest_m[target]
+    middle = ends.mean(axis=0)
+    reach = 1.5 * max(SMALLEST_WINDOW_M, *(float(each.gaps_m[target]) for each in views.values()))
+    centres = np.zeros(3), view.rig.pose.inverse().T
+    figure = finish(go.Figure(), SPACE_HEIGHT)
+    for name, centre, end, dash in zip(CAMERAS, centres, ends, ("solid", "dash"), strict=True):
+        along = (end - centre) / np.linalg.norm(end - centre)
+        path = 1000 * (end + np.array([[-reach], [reach]]) * along - middle)
+        figure.add_trace(
+            go.Scatter3d(
+                **upright(path), mode="lines", line={"color": NEUTRAL, "width": 5, "dash": dash},
+                name=f"ray of the {name}", hoverinfo="name",
+            )
+        )  # fmt: skip
+    gap = f"gap {1000 * view.gaps_m[target]:.2g} mm"
+    figure.add_trace(
+        go.Scatter3d(
+            **upright(1000 * (ends - middle)), mode="lines+markers", name=gap, hoverinfo="name",
+            line={"color": METHOD_COLOURS[method], "width": 9},
+            marker={"color": METHOD_COLOURS[method], "size": 4},
+        )
+    )  # fmt: skip
+    axis = {
+        "showbackground": False, "gridcolor": GRID_3D, "linecolor": GRID_3D, "zeroline": False,
+        "range": [-1000 * reach, 1000 * reach], "nticks": 4, "showspikes": False,
+    }  # fmt: skip
+    titles = {"xaxis": "x (mm)", "yaxis": "z (mm)", "zaxis": "−y (mm)"}
+    figure.update_layout(
+        scene={
+            "aspectmode": "cube", "bgcolor": TRANSPARENT,
+            "camera": {"eye": {"x": 0.9, "y": -1.5, "z": 0.9}},
+            **{name: {**axis, "title": {"text": title}} for name, title in titles.items()},
+        }
+    )  # fmt: skip
+    return figure
+
+
+def _widest(views: Mapping[Method, FrameView]) -> int:
+    return int(np.argmax(np.max([view.gaps_m for view in views.values()], axis=0)))
+
+
+def describe_gap(views: Mapping[Method, FrameView], method: Method) -> str:
+    """The bar and the gap of one set."""
+    view, target = views[method], _widest(views)
+    gap = f"The rays of {view.letters[target]} pass {1000 * view.gaps_m[target]:.2g} mm apart"
+    if view.length_m is None or view.stated_m is None:
+        return f"{gap}."
+    return f"{gap}; the bar is {view.length_m:.4f} m long (measured: {view.stated_m:.4f} m)."
+
+
+def describe_image(views: Mapping[Method, FrameView], method: Method, camera: int) -> str:
+    """How far the points of an image are from their lines."""
+    view = views[method]
+    found = " and ".join(
+        f"{letter} {px:.2g} px"
+        for letter, px in zip(view.letters, view.distances_px[:, camera], strict=True)
+    )
+    return f"Distance from the epipolar line: {found}."
+
+
+def describe_two_sets(views: Mapping[Method, FrameView]) -> str:
+    """All sets in one sentence with numbers."""
+    parts: list[str] = []
+    for method, view in views.items():
+        name = "the refined set" if method == "refined" else f"the {METHOD_NAMES[method]}"
+        px, error = float(view.distances_px.mean()), view.length_error
+        if not parts:
+            text = f"With {name} the epipolar lines pass {px:.2g} px from the points"
+            text += "" if error is None else f" and the bar is {_too_long(error)}"
+        else:
+            text = f"with {name} {px:.2g} px"
+            text += "" if error is None else f" and {_too_long(error)}"
+        parts.append(text)
+    return f"{'; '.join(parts)}."
+
+
+def _too_long(error: float) -> str:
+    return f"{100 * abs(error):.2g} % too {'long' if error > 0 else 'short'}"

@@ -1,0 +1,130 @@
+"""The chosen frame, the same on all pages: choose it, look at it, leave it out, put it back."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+
+import numpy as np
+import streamlit as st
+
+from stereocal.errors import StereocalError
+from stereocal.figures.frame_view import telling_frame
+from stereocal.figures.photograph import Photograph
+from stereocal.frames.thumbnails import eight_bits
+from stereocal.projects.files import StoredFile
+from stereocal.projects.photographs import TABLE_LABEL, ProjectPhotographs
+from stereocal.projects.project import Project
+from stereocal.refined.results import Calibration
+from stereocal.system.photograph import read_photograph
+from stereocal.ui.fields import Field, one_of, setting
+from stereocal.ui.messages import callback
+from stereocal.ui.review import look_closely
+from stereocal.ui.screening import exchange_again, leave_out, put_back
+
+NAME = "frame"
+"""Of the setting; the review of photographs has the same."""
+
+
+def frame_field(project: Project, calibration: Calibration) -> Field:
+    """The chosen frame; at first the one that shows best why there are two sets."""
+    numbers: list[int] = calibration.dataset.correspondences.frames.tolist()
+    found = setting(project, "chosen_frame", None, one_of(numbers), name=NAME, tabs_own=True)
+    if found.value() in numbers:
+        return found
+    usual = telling_frame(calibration)
+    return setting(project, "chosen_frame", usual, one_of(numbers), name=NAME, tabs_own=True)
+
+
+def choose_frame(project: Project, calibration: Calibration) -> int:
+    """A menu of the frames, with buttons for the next and the previous one, and for corrections."""
+    numbers: list[int] = calibration.dataset.correspondences.frames.tolist()
+    left_out = calibration.screening.left_out
+    field = frame_field(project, calibration)
+    at = numbers.index(field.value())
+    with st.container(horizontal=True, vertical_alignment="bottom"):
+        st.selectbox(
+            "Frame", numbers, width=180, **field.widget(),
+            format_func=lambda number: f"{number}, left out" if number in left_out else f"{number}",
+        )  # fmt: skip
+        for label, icon, to in (
+            ("Previous frame", ":material/chevron_left:", at - 1),
+            ("Next frame", ":material/chevron_right:", at + 1),
+        ):
+            there = 0 <= to < len(numbers)
+            st.button(
+                label, icon=icon, key=label.lower().replace(" ", "_"), disabled=not there,
+                on_click=callback(field.set), args=(numbers[to] if there else None,),
+            )  # fmt: skip
+        _actions(project, calibration, numbers[at])
+    return numbers[at]
+
+
+def _actions(project: Project, calibration: Calibration, frame: int) -> None:
+    """Buttons to leave the frame out, put it back, exchange its targets, or correct it."""
+    screening = calibration.screening
+    if frame in screening.left_out:
+        st.button(
+            "Put it back", key="frame_put_back", icon=":material/undo:",
+            on_click=put_back, args=(project, frame),
+            help="The result is made again at once.",
+        )  # fmt: skip
+    else:
+        st.button(
+            "Leave it out", key="frame_leave_out", icon=":material/close:",
+            on_click=leave_out, args=(project, frame),
+            help="The result is made again at once.",
+        )  # fmt: skip
+    if frame in screening.exchanged:
+        st.button(
+            "Exchange A and B", key="frame_exchange", icon=":material/swap_horiz:",
+            on_click=exchange_again, args=(project, frame),
+            help="In the secondary image. The result is made again at once.",
+        )  # fmt: skip
+    if _photographed(project) and st.button(
+        "Correct it", key="frame_correct", icon=":material/edit:",
+        on_click=look_closely, args=(ProjectPhotographs(project), frame),
+        help="Its photographs on the Data page.",
+    ):  # fmt: skip
+        st.switch_page("pages/data.py")
+
+
+def state_of(calibration: Calibration, frame: int) -> str:
+    """What a frame is used for, as a sentence."""
+    screening = calibration.screening
+    if frame in screening.by_user:
+        return f"Frame {frame} was left out by you."
+    if frame in screening.left_out:
+        also = " A and B look exchanged in one camera." if frame in screening.exchanged else ""
+        return f"Frame {frame} contradicts the others and was left out.{also}"
+    if frame in calibration.held_out_frames:
+        return f"Frame {frame} was held out."
+    return f"Frame {frame} is used."
+
+
+def photographs_of(project: Project, frame: int) -> tuple[Photograph | None, Photograph | None]:
+    """Both photographs of a frame; None for one that is not there."""
+    if not _photographed(project):
+        return None, None
+    store = ProjectPhotographs(project)
+    files = store.photographs
+    for found in store.frames or ():
+        if found.frame == frame:
+            first, second = (_photograph(files.get(name), name) for name in found.files)
+            return first, second
+    return None, None
+
+
+def _photographed(project: Project) -> bool:
+    return project.inputs.labels.get("correspondences") == TABLE_LABEL
+
+
+def _photograph(file: StoredFile | None, name: str) -> Photograph | None:
+    return None if file is None else _decoded(file.name, file, name)
+
+
+@st.cache_resource(show_spinner=False, max_entries=8)
+def _decoded(digest: str, _file: StoredFile, _name: str) -> Photograph | None:
+    assert digest
+    with suppress(StereocalError):
+        return np.asarray(eight_bits(read_photograph(_file, _name)), np.uint8)
+    return None

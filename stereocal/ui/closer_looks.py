@@ -1,0 +1,143 @@
+"""Closer looks at the result on the Calibrate page, one at a time."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import streamlit as st
+
+from stereocal.calibration.methods import METHOD_NAMES, Method
+from stereocal.figures import (
+    describe_frame_errors,
+    describe_gap,
+    describe_image,
+    describe_traces,
+    describe_two_sets,
+    plot_frame_errors,
+    plot_gap,
+    plot_image,
+    plot_traces,
+)
+from stereocal.figures.forecast_table import forecast_table
+from stereocal.figures.frame_view import FrameView, views_of
+from stereocal.figures.photograph import Photograph
+from stereocal.figures.tables import angles_table, errors_table
+from stereocal.projects.project import Project
+from stereocal.refined.results import Calibration
+from stereocal.rig.camera import CAMERAS
+from stereocal.ui.chosen_frame import choose_frame, frame_field, photographs_of, state_of
+from stereocal.ui.fields import Field, one_of, setting
+from stereocal.ui.figure import show_figure
+from stereocal.ui.messages import callback
+from stereocal.ui.parameter_files import other_formats
+from stereocal.ui.screening import rerun_if_changed
+from stereocal.ui.status import describe_settings
+from stereocal.ui.texts import escape_markdown
+from stereocal.workflow import Answer
+
+FRAMES = "Errors by frame"
+CHART = "frames"
+
+
+def _view(project: Project) -> Field:
+    return setting(project, "view", FRAMES, one_of(list(VIEWS)), tabs_own=True)
+
+
+@callback
+def look_at_frame(project: Project, calibration: Calibration, frame: int) -> None:
+    """Open a frame (a callback)."""
+    _view(project).set(FRAMES)
+    frame_field(project, calibration).set(frame)
+
+
+@st.fragment  # its controls redraw this part only
+def show_closer_looks(project: Project, answer: Answer) -> None:
+    """A choice of views; only the chosen one is computed."""
+    rerun_if_changed()
+    shown = _view(project)
+    view = st.segmented_control("Look at", list(VIEWS), required=True, **shown.widget())
+    VIEWS[view](project, answer)
+
+
+def _show_frames(project: Project, answer: Answer) -> None:
+    found = answer.calibration
+    chosen = frame_field(project, found)
+    st.caption("Click on a point to open its frame below.")
+    show_figure(
+        plot_frame_errors(found, chosen.value()), describe_frame_errors(found), CHART, fold=True,
+        on_select=partial(_clicked, project, found), selection_mode="points",
+    )  # fmt: skip
+    frame = choose_frame(project, found)
+    views = views_of(found, frame)
+    st.markdown(escape_markdown(f"{state_of(found, frame)} {describe_two_sets(views)}"))
+    _show_images(project, views, "2d")
+
+
+@callback
+def _clicked(project: Project, calibration: Calibration) -> None:
+    """Open the frame of a clicked point."""
+    points = st.session_state[CHART]["selection"]["points"]
+    if points:
+        frame_field(project, calibration).set(int(points[0]["x"]))
+
+
+def _show_images(project: Project, views: dict[Method, FrameView], method: Method) -> None:
+    photographs = photographs_of(project, next(iter(views.values())).frame)
+    for camera, column in enumerate(st.columns(2)):
+        with column:
+            _show_image(views, method, camera, photographs[camera])
+
+
+def _show_image(
+    views: dict[Method, FrameView], method: Method, camera: int, photograph: Photograph | None
+) -> None:
+    st.markdown(f"**{CAMERAS[camera].capitalize()}**")
+    show_figure(
+        plot_image(views, method, camera, photograph), describe_image(views, method, camera),
+        f"image_{CAMERAS[camera]}",
+    )  # fmt: skip
+
+
+def _show_two_sets(project: Project, answer: Answer) -> None:
+    found = answer.calibration
+    frame = choose_frame(project, found)
+    views = views_of(found, frame)
+    methods = list(views)
+    seen = setting(project, "two_sets_method", methods[0], one_of(methods), tabs_own=True)
+    method = st.segmented_control(
+        "Set", methods, format_func=METHOD_NAMES.__getitem__, required=True, **seen.widget()
+    )
+    st.markdown(f"**{escape_markdown(describe_two_sets(views))}**")
+    photographs = photographs_of(project, frame)
+    *images, space = st.columns(3)
+    for camera, column in enumerate(images):
+        with column:
+            _show_image(views, method, camera, photographs[camera])
+    with space:
+        st.markdown("**In space, where the rays pass each other**")
+        show_figure(plot_gap(views, method), describe_gap(views, method), "gap")
+
+
+def _show_searches(_project: Project, answer: Answer) -> None:
+    found = answer.calibration
+    show_figure(plot_traces(found), describe_traces(found), "traces", fold=True)
+
+
+def _show_parameters(project: Project, answer: Answer) -> None:
+    found = answer.calibration
+    if answer.outlook is not None:
+        st.table(forecast_table(answer.outlook.predictive))
+    else:
+        st.table(errors_table(found))
+    st.table(angles_table(found))
+    st.caption(describe_settings(found))
+    st.markdown("**In the format of another program**")
+    other_formats(project, answer.sets)
+
+
+VIEWS = {
+    FRAMES: _show_frames,
+    "Why two sets": _show_two_sets,
+    "Searches": _show_searches,
+    "Parameters": _show_parameters,
+}

@@ -1,0 +1,24 @@
+"""A figure on a page."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import plotly.graph_objects as go
+import streamlit as st
+
+from stereocal.ui.texts import escape_markdown
+
+
+def show_figure(
+    figure: go.Figure, sentence: str, key: str, fold: bool = False, **chart: Any
+) -> None:
+    """A figure with its description in words.
+
+    Args:
+        fold: the words are folded away.
+        chart: passed on to `st.plotly_chart`.
+    """
+    st.plotly_chart(figure, key=key, **chart)
+    with st.expander("In words") if fold else st.container():
+        st.caption(escape_markdown(sentence))

@@ -1,0 +1,87 @@
+"""What spoils photographs: where it should, and nowhere else."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+from stereocal.detection.detect import detect_targets
+from stereocal.simulation.flaws import SAMPLE_FLAWS, Flaw
+from stereocal.simulation.photographs import BarSettings, PhotographPair, photograph_bars
+from tests.simulation.test_photographs import PLAIN, SHIPPED, is_x_corner, small_scene
+
+BAR = BarSettings(board_m=0.3, tilt_rad=(0.0, 0.3))
+FRAMES = 4
+
+
+def taken(**flaw: object) -> list[PhotographPair]:
+    """Four frames, the second with a flaw if there is one."""
+    flaws = {2: replace(Flaw("some"), **flaw)} if flaw else {}  # type: ignore[arg-type]
+    rng = np.random.default_rng(2)
+    return list(photograph_bars(small_scene(1, FRAMES), (120.0, 90.0), BAR, PLAIN, rng, flaws))
+
+
+@pytest.mark.parametrize(
+    "flaw", [{"glare": 90.0}, {"motion_m": (0.05, 0.02, 0.0)}, {"leaf": 1.7}], ids=str
+)
+def test_only_the_frame_concerned_changes(flaw: dict[str, object]) -> None:
+    for sound, other in zip(taken(), taken(**flaw), strict=True):
+        same = [
+            np.array_equal(sound.primary, other.primary),
+            np.array_equal(sound.secondary, other.secondary),
+        ]
+        assert not same[0] if sound.frame == 2 else all(same)
+        np.testing.assert_array_equal(sound.centres_primary, other.centres_primary)
+
+
+def test_glare_is_in_one_camera_about_its_target() -> None:
+    sound, other = taken()[1], taken(glare=90.0, camera="secondary", target=1)[1]
+    assert np.array_equal(sound.primary, other.primary)
+    brighter = other.secondary.astype(float) - sound.secondary
+    v, u = np.unravel_index(int(brighter.argmax()), brighter.shape)
+    assert np.hypot(*(other.centres_secondary[1] - [u, v])) < 15
+    assert brighter.min() >= 0
+
+
+def test_motion_blurs_along_its_direction_and_leaves_the_centre() -> None:
+    sound, other = taken()[1], taken(motion_m=(0.03, 0.0, 0.0))[1]
+    for images in ((sound.primary, other.primary), (sound.secondary, other.secondary)):
+        along, across = (
+            np.abs(np.diff(images[1].astype(float), axis=axis)).max()
+            / np.abs(np.diff(images[0].astype(float), axis=axis)).max()
+            for axis in (1, 0)
+        )
+        assert along < 0.8
+        assert across > along
+    assert all(is_x_corner(other.primary, centre, 8) for centre in other.centres_primary)
+
+
+def test_a_leaf_hides_a_target_from_one_camera() -> None:
+    pair = taken(leaf=1.7, target=1)[1]
+    assert is_x_corner(pair.primary, pair.centres_primary[0])
+    u, v = pair.centres_primary[1].astype(int)
+    assert np.ptp(pair.primary[v - 4 : v + 5, u - 4 : u + 5]) == 0
+    assert all(is_x_corner(pair.secondary, centre) for centre in pair.centres_secondary)
+
+
+def test_the_sample_has_three_doubtful_frames_and_a_refused_one() -> None:
+    """As detection sees them; it finds both targets of all other frames without doubt."""
+    found = {}
+    for frame in SAMPLE_FLAWS:
+        for which in ("primary", "secondary"):
+            image = cv2.imread(str(SHIPPED / which / f"{frame:04d}.jpg"), cv2.IMREAD_UNCHANGED)
+            found[frame, which] = detect_targets(np.asarray(image)).state
+    assert {key: state for key, state in found.items() if state != "found"} == {
+        (9, "secondary"): "doubtful",
+        (11, "primary"): "doubtful",
+        (11, "secondary"): "doubtful",
+        (19, "primary"): "refused",
+        (22, "primary"): "doubtful",
+    }
+    frames = json.loads((SHIPPED / "truth.json").read_text())["frames"]
+    stated = {each["frame"]: each["flaw"] for each in frames if "flaw" in each}
+    assert stated == {frame: flaw.what for frame, flaw in SAMPLE_FLAWS.items()}
