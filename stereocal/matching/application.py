@@ -209,10 +209,10 @@ def answer(pairs: pd.DataFrame, points: pd.DataFrame) -> str:
     Args:
         pairs: rows of `pairs.csv`; `points`: of `points.csv`.
     """
-    ambiguous = int(pairs["ambiguous"].sum())
+    frames, ambiguous = pairs["frame"].nunique(), int(pairs["ambiguous"].sum())
     text = (
-        f"{len(pairs)} {'pair' if len(pairs) == 1 else 'pairs'} in {pairs['frame'].nunique()} "
-        f"{'frame' if pairs['frame'].nunique() == 1 else 'frames'}, {ambiguous} of them ambiguous"
+        f"{len(pairs)} pair{'s' * (len(pairs) != 1)} in {frames} frame{'s' * (frames != 1)}, "
+        f"{ambiguous or 'none'} of them ambiguous"
     )
     if OUTSIDE_VOLUME in points:
         measured = np.isfinite(points["x"].to_numpy(dtype=np.float64))

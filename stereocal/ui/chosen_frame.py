@@ -114,6 +114,12 @@ def photographs_of(project: Project, frame: int) -> tuple[Photograph | None, Pho
     return None, None
 
 
+def frames_photographed(project: Project) -> set[int]:
+    """The frames of the project's photographs."""
+    found = ProjectPhotographs(project).frames if _photographed(project) else None
+    return {frame.frame for frame in found or ()}
+
+
 def _photographed(project: Project) -> bool:
     return project.inputs.labels.get("correspondences") == TABLE_LABEL
 

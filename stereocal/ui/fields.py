@@ -91,6 +91,10 @@ class Field:
             self.write(value)
         shown[self.name] = value if self.tabs_own else self.read()
 
+    def show(self, value: Any) -> None:
+        """Show a value in this tab without storing it."""
+        st.session_state.setdefault(_SHOWN, {})[self.name] = value
+
     @property
     def changed(self) -> Callable[[], None]:
         """The callback of the widget: stores its value."""
