@@ -39,7 +39,8 @@ def plot_matches(
     """
     pairs = pairs.sort_values("u_primary", ignore_index=True)
     figure = make_subplots(rows=1, cols=1)
-    finish(figure, HEIGHT).update_layout(uirevision=side, showlegend=False)
+    finish(figure, HEIGHT)
+    figure.layout.uirevision, figure.layout.showlegend, figure.layout.margin.pad = side, False, 0
     width, height = size
     if photograph is not None:
         add_photograph(figure, photograph, (-0.5, -0.5, width - 0.5, height - 0.5), 1, 1)

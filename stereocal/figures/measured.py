@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
@@ -15,7 +16,9 @@ from stereocal.matching.lengths import LengthCheck
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.rig import Rig
 
-HEIGHT = 600
+HEIGHT = 560
+FARTHER = 1.25
+"""The figure stands beside the images and is as high as wide."""
 MAXIMUM_DRAWN = 10_000
 """Maximum number of points drawn, evenly thinned, since larger scenes rotate slowly."""
 MAXIMUM_TRACKS = 500
@@ -62,7 +65,8 @@ def plot_points(
         "colorscale": [list(stop) for stop in COLOURS],
         "cmin": float(values[shown].min()), "cmax": _top(values[shown], colour),
     }  # fmt: skip
-    figure = finish(go.Figure(), HEIGHT).update_layout(uirevision=view)
+    figure = finish(go.Figure(), HEIGHT)
+    figure.layout.uirevision, figure.layout.showlegend = view, False
     _add_tracks(figure, xyz, values, [track[seen[track]] for track in tracks], scale)
     marker = {
         **scale, "size": 4 if len(shown) <= 200 else 2,
@@ -100,11 +104,11 @@ def plot_points(
         figure.add_trace(
             go.Scatter3d(
                 **upright(xyz[of_frame]), mode="markers", name=f"Frame {frame}", hoverinfo="name",
-                marker={"symbol": "diamond-open", "size": 9, "color": MARK_COLOUR},
+                marker={"symbol": "diamond", "size": 8, "color": MARK_COLOUR},
             )
         )  # fmt: skip
     add_cameras(figure, rig, depth)
-    set_scene(figure, eye_of(view, rig, target))
+    set_scene(figure, replace(eye_of(view, rig, target), farther=FARTHER))
     return figure
 
 
@@ -122,7 +126,7 @@ def _add_tracks(
     figure.add_trace(
         go.Scatter3d(
             **upright(path), mode="lines", line={**scale, "color": values[rows], "width": 3},
-            hoverinfo="skip", name=f"Tracks (n = {len(tracks)})", showlegend=False,
+            hoverinfo="skip", name=f"Tracks (n = {len(tracks)})",
         )
     )  # fmt: skip
 

@@ -11,7 +11,7 @@ from stereocal.rig.compiled import FloatArray, IntArray
 ONE_A_FRAME = "the point of each frame"
 ROWS_PER_TRACK = 3
 """Fewest rows per name, on average; a column with fewer is a measurement, not a name."""
-SMOOTH = 0.5
+SMOOTH = 0.25
 """Frames follow each other if a step is shorter than this part of the way in half a track. For
 points at random positions the ratio is about 1."""
 FEWEST = 4

@@ -63,7 +63,7 @@ def choose_inputs(project: Project, store: ProjectApplication) -> Chosen | None:
     Raises:
         StereocalError: the points or the project's results cannot be used.
     """
-    row = st.columns([4, 3, 2, 3])
+    row = st.columns([4, 3, 3, 3])
     with row[0]:
         points = _choose_points(project, store)
     sets = _choose_sets(project, store, (row[1], row[3]))

@@ -39,14 +39,17 @@ def show_frames(
     pairs: pd.DataFrame, points: pd.DataFrame,
 ) -> None:  # fmt: skip
     """The matches of one frame in both images, and all points in space."""
-    every = STEP_S if _PLAYING in st.session_state else None
-    st.fragment(_draw, run_every=every)(project, store, outcome, pairs, points)
+    playing = _PLAYING in st.session_state
+    draw = st.fragment(_draw, run_every=STEP_S if playing else None)
+    draw(project, store, outcome, pairs, points, playing)
 
 
 def _draw(
     project: Project, store: ProjectApplication, outcome: Outcome,
-    pairs: pd.DataFrame, points: pd.DataFrame,
+    pairs: pd.DataFrame, points: pd.DataFrame, playing: bool,
 ) -> None:  # fmt: skip
+    if playing != (_PLAYING in st.session_state):
+        st.rerun()  # the whole page: the timer is set where the fragment is called
     tables = [whole_table(store, name, name) for name in outcome.tables]
     frames = _frames(" ".join(outcome.tables), tables)
     frame = _choose_frame(project, store, outcome, frames)
@@ -128,17 +131,17 @@ def _step(field: Field, frames: list[int]) -> None:
 
 def _play_button(field: Field, frames: list[int]) -> None:
     playing = _PLAYING in st.session_state
-    if st.button(
+    st.button(
         "Pause" if playing else "Play", key="apply_play", width=110, shortcut="k",
         icon=":material/pause:" if playing else ":material/play_arrow:",
-    ):  # fmt: skip
-        if playing:
-            _pause()
-        else:
-            st.session_state[_PLAYING] = time.monotonic()
-            if field.value() >= frames[-1]:
-                field.show(frames[0])
-        st.rerun()  # the whole page: the timer is set where the fragment is called
+        on_click=_pause if playing else _play, args=() if playing else (field, frames),
+    )  # fmt: skip
+
+
+def _play(field: Field, frames: list[int]) -> None:
+    st.session_state[_PLAYING] = time.monotonic()
+    if field.value() >= frames[-1]:
+        field.show(frames[0])
 
 
 def _pause() -> None:
