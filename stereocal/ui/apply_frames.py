@@ -67,7 +67,7 @@ def _draw(
             st.plotly_chart(figure, key=f"matches_{side}")
         st.caption(escape_markdown(describe_matches(of_frame, first, second, frame)))
     with space:
-        _show_space(project, outcome, points, frame)
+        _show_space(project, outcome, points, None if playing else frame)
 
 
 @st.cache_resource(show_spinner=False, max_entries=4)
@@ -162,7 +162,9 @@ def _photographs(
     return first, second
 
 
-def _show_space(project: Project, outcome: Outcome, points: pd.DataFrame, frame: int) -> None:
+def _show_space(
+    project: Project, outcome: Outcome, points: pd.DataFrame, frame: int | None
+) -> None:
     columns, usual = _track_columns(outcome.digest, points)
     with st.container(horizontal=True, vertical_alignment="bottom"):
         views = list(VIEWS)

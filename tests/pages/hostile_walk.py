@@ -102,7 +102,8 @@ def give(door: Door, content: bytes, project: Project) -> str:
     app.run().switch_page(f"pages/{door.page}.py").run()
     if door.choose:
         key, value = door.choose
-        app.segmented_control(key=key).set_value(value).run()
+        menu = app.selectbox if key == "apply_points" else app.segmented_control
+        menu(key=key).set_value(value).run()
     app.file_uploader(key=door.uploader).upload(door.name, content)
     app.run()
     shown = tracebacks(app)
