@@ -104,7 +104,8 @@ def plot_points(
         figure.add_trace(
             go.Scatter3d(
                 **upright(xyz[of_frame]), mode="markers", name=f"Frame {frame}", hoverinfo="name",
-                marker={"symbol": "diamond", "size": 8, "color": MARK_COLOUR},
+                marker={"symbol": "diamond", "color": MARK_COLOUR,
+                        "size": 8 if len(of_frame) <= 20 else 4},
             )
         )  # fmt: skip
     add_cameras(figure, rig, depth)

@@ -211,13 +211,13 @@ def answer(pairs: pd.DataFrame, points: pd.DataFrame) -> str:
     """
     frames, ambiguous = pairs["frame"].nunique(), int(pairs["ambiguous"].sum())
     text = (
-        f"{len(pairs)} pair{'s' * (len(pairs) != 1)} in {frames} frame{'s' * (frames != 1)}, "
-        f"{ambiguous or 'none'} of them ambiguous"
+        f"{len(pairs):,} pair{'s' * (len(pairs) != 1)} in {frames:,} frame{'s' * (frames != 1)}, "
+        f"{f'{ambiguous:,}' if ambiguous else 'none'} of them ambiguous"
     )
     if OUTSIDE_VOLUME in points:
         measured = np.isfinite(points["x"].to_numpy(dtype=np.float64))
         outside = int((points[OUTSIDE_VOLUME].to_numpy(dtype=bool) & measured).sum())
-        text += f", {outside or 'none'} outside the volume of the bars"
+        text += f", {f'{outside:,}' if outside else 'none'} outside the volume of the bars"
     return text + "."
 
 

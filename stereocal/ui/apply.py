@@ -111,7 +111,7 @@ def _choose_points(project: Project, store: ProjectApplication) -> tuple[Points,
         return primary, secondary
     files = [file for side in CAMERAS if (file := store.point_file(side))]
     if files:
-        names = [f"{escape_markdown(file.label)}, {file.rows} points" for file in files]
+        names = [f"{escape_markdown(file.label)}, {file.rows:,} points" for file in files]
         st.caption(f"In use: {'; '.join(names)}")
     first, second = (store.points(side) for side in CAMERAS)
     return None if first is None or second is None else (first, second)
@@ -224,7 +224,7 @@ def bring_up_to_date(project: Project, store: ProjectApplication, work: Applicat
             st.error(escape_markdown(str(error)))
     elif not (jobs.is_running(project, "apply") or jobs.can_go_on(job)):
         st.button(
-            f"Match and measure ({work.primary.rows} and {work.secondary.rows} points)",
+            f"Match and measure ({work.primary.rows:,} and {work.secondary.rows:,} points)",
             type="primary", key="apply_run", on_click=jobs.start, args=(job,),
         )  # fmt: skip
     last = "Cancelled. What is shown is the last finished result."

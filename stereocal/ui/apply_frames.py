@@ -101,19 +101,16 @@ def _choose_frame(
     field = _frame_field(project, store, outcome, frames)
     if time.monotonic() - st.session_state.get(_PLAYING, float("inf")) > 0.8 * STEP_S:
         _step(field, frames)
-    with st.container(horizontal=True, vertical_alignment="bottom"):
-        st.slider("Frame", frames[0], frames[-1], **field.widget())
-        frame = int(field.value())
-        after, before = bisect.bisect_right(frames, frame), bisect.bisect_left(frames, frame) - 1
-        for label, icon, key, to in (
-            ("Previous frame", ":material/chevron_left:", "p", before),
-            ("Next frame", ":material/chevron_right:", "n", after),
-        ):
+    slider, buttons = st.columns([3, 2], vertical_alignment="bottom")
+    slider.slider("Frame", frames[0], frames[-1], **field.widget())
+    frame = int(field.value())
+    after, before = bisect.bisect_right(frames, frame), bisect.bisect_left(frames, frame) - 1
+    with buttons, st.container(horizontal=True):
+        for label, key, to in (("Previous", "p", before), ("Next", "n", after)):
             there = 0 <= to < len(frames)
             st.button(
-                "", icon=icon, key=f"apply_{label.split()[0].lower()}", shortcut=key, help=label,
-                disabled=not there, on_click=callback(field.set),
-                args=(frames[to] if there else None,),
+                label, key=f"apply_{label.lower()}", shortcut=key, disabled=not there,
+                on_click=callback(field.set), args=(frames[to] if there else None,),
             )  # fmt: skip
         _play_button(field, frames)
     return frame
