@@ -4,7 +4,7 @@ BIN := $(VENV)/bin
 
 PIP := $(BIN)/python -m pip install --disable-pip-version-check
 
-.PHONY: run test soak lint types browser benchmark audit clean
+.PHONY: run test soak lint types browser pictures benchmark audit clean
 
 run: $(VENV)/.compiled
 	$(BIN)/streamlit run app.py
@@ -30,6 +30,10 @@ types: $(VENV)/.dev
 
 browser: $(VENV)/.dev
 	$(BIN)/python -m pytest -m browser
+
+# Every page at 1400 and 420 px, light and dark, into docs/pictures.
+pictures: $(VENV)/.dev $(VENV)/.compiled
+	$(BIN)/python -m tests.browser.pictures
 
 benchmark: $(VENV)/.dev
 	$(BIN)/python -m pytest benchmarks --benchmark-enable

@@ -66,7 +66,7 @@ def one_half(fitted: Dataset, tested: Dataset, sound: Dataset) -> None:
     for item in outlook.comparison.inputs:
         if item.accused:
             print(f"  {item.advice}")
-    print(f"  {answer.text}")
+    print(f"  {answer.kind}: {answer.figures}")
     print(f"  {answer.check.text if answer.check else ''}")
     for method in outlook.predictive.methods:
         forecast = outlook.predictive.forecast(method)

@@ -196,6 +196,8 @@ def print_coverage(rigs: int) -> None:
     print(f"68 % intervals that hold the truth, of {rigs}; {', '.join(NAMES)}:")
     for name, off, settings in (
         ("stated uncertainties", known, known.settings()),
+        ("the same, 0.05 px", replace(known, noise_px=0.05), known.settings()),
+        ("the same, 1 px", replace(known, noise_px=1.0), known.settings()),
         ("lenses exact and held", exact, fixed_lenses(exact.settings())),
         ("default priors", default, RefineSettings()),
     ):

@@ -186,7 +186,7 @@ def visit(url: str, person: Person, start: threading.Barrier) -> Visit:
         project = session.project
         session.go("calibrate")
         session.press("run", "calibrate")
-        session.wait_for("To find which points belong together")
+        session.wait_for("for both")
         look()
         before = time.monotonic()
         session.go("validate")

@@ -3,14 +3,12 @@
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.ui import jobs
 from stereocal.ui.forms import settings_form, settings_of
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.navigation import ensure_navigation
 from stereocal.ui.prerequisites import project_with_data
-from stereocal.ui.press import KIND, press, work_of
+from stereocal.ui.press import answer_so_far, press, show_progress, work_of
 from stereocal.ui.project import last_calibration
-from stereocal.ui.refined import answer_of
 from stereocal.ui.results import show_result
 from stereocal.ui.screening import calibrate_again, show_exchanged
 from stereocal.ui.status import staleness
@@ -25,12 +23,12 @@ values = settings_form(project, dataset)
 show_exchanged(project)
 work = None
 try:
-    if pressed or calibrate_again():
-        press(project, inputs, dataset, settings_of(values))
+    if calibrate_again() or pressed:
+        press(project, inputs, dataset, settings_of(values), errors_first=not pressed)
     work = work_of(project, inputs, dataset, settings_of(values))
 except StereocalError as error:
     st.error(escape_markdown(str(error)))
-jobs.show_job(project, KIND, "Cancelled: the result has no validation.", work)
+show_progress(project, work)
 
 result = last_calibration(project)
 if result is None:
@@ -38,4 +36,4 @@ if result is None:
     st.stop()
 if stale := staleness(result, dataset, values):
     st.warning(stale)
-show_result(project, answer_of(project, result))
+show_result(project, result, answer_so_far(project, result))

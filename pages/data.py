@@ -1,10 +1,13 @@
 """Data: upload of points, cameras and two lengths."""
 
+from functools import partial
+
 import streamlit as st
 
 from stereocal.errors import StereocalError
 from stereocal.figures import describe_coverage, plot_coverage
 from stereocal.figures.tables import contents_table
+from stereocal.ui.closer_looks import COVERAGE, open_clicked_frame
 from stereocal.ui.figure import show_figure
 from stereocal.ui.intake import escape_markdown, show_refusal, take_dataset
 from stereocal.ui.lengths import length_field
@@ -63,7 +66,11 @@ st.success(
     f"Complete: {len(dataset.correspondences)} pairs of points in "
     f"{len(dataset.correspondences.frames)} frames."
 )
-show_figure(plot_coverage(dataset), describe_coverage(dataset), "coverage")
+show_figure(
+    plot_coverage(dataset), describe_coverage(dataset), COVERAGE,
+    on_select=partial(open_clicked_frame, project), selection_mode="points",
+)  # fmt: skip
+st.caption("A click on a point opens its frame.")
 st.table(contents_table(dataset))
 dataset_download(dataset)
 st.button("Start again with nothing", on_click=forget_project, key="forget")

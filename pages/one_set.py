@@ -5,58 +5,70 @@ from dataclasses import replace
 import streamlit as st
 
 from stereocal.errors import StereocalError
+from stereocal.ui.fields import one_of, setting
+from stereocal.ui.forms import form_values
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.navigation import ensure_navigation
 from stereocal.ui.one_set import (
-    refined_inputs,
     show_accuracy,
     show_disagreement,
+    show_download,
     show_frames_left_out,
     show_parameters,
+    show_seeds,
     show_trade_off,
     show_verdict,
 )
 from stereocal.ui.prerequisites import project_with_data
-from stereocal.ui.project import last_calibration, last_evaluation
-from stereocal.ui.refined import calibrated, outlook_for, refine_form, refined_of, seeds_matter
+from stereocal.ui.project import last_calibration
+from stereocal.ui.refined import answer_for, answer_of, calibrated, refine_form, refined_of
 from stereocal.ui.screening import screenings_of
+from stereocal.ui.status import staleness
 from stereocal.ui.texts import ONE_SET
-from stereocal.ui.validation import bring_up_to_date, kept_protocol
+from stereocal.ui.validation import kept_protocol
 
 ensure_navigation()
 st.title("One set or two")
 st.subheader("Does this rig need two sets, or does one set do both jobs?")
 
 project, _, dataset = project_with_data()
-st.markdown(ONE_SET)
 try:
-    settings = refine_form(project, dataset)
+    with st.expander("What the refined set is, and what it may change"):
+        st.markdown(ONE_SET)
+        settings = refine_form(project, dataset)
     protocol = kept_protocol(project, [dataset])
     (screening,) = screenings_of([dataset], protocol.calibration)
     kept = screening.dataset
     result = refined_of(kept, settings)
-    bring_up_to_date(project, [dataset], protocol)
-    evaluation = last_evaluation(project)
     calibration = last_calibration(project)
-    found = replace(calibrated(dataset, protocol.calibration), refined=result)
-    outlook = outlook_for(found)
-    inputs = outlook.comparison.inputs if outlook else refined_inputs(kept, settings)
+    answer = None
+    if calibration and not staleness(calibration, dataset, form_values(project, dataset)):
+        answer = answer_of(project, calibration)
+    if answer is None:
+        found = replace(calibrated(dataset, protocol.calibration), refined=result)
+        answer = answer_for(found, settings, None)
+    inputs = answer.inputs
 except StereocalError as error:
     st.error(escape_markdown(str(error)))
     st.stop()
 try:
-    st.header("Verdict", divider="gray")
-    show_verdict(screening, evaluation, outlook)
-    if seeds := seeds_matter(found):
-        st.info(escape_markdown(seeds))
+    show_verdict(answer)
+    place = st.container()
+    show_download(project, answer)
     st.header("What disagrees", divider="gray")
     show_disagreement(inputs)
     show_frames_left_out(screening, result)
-    st.header("Matching against measuring", divider="gray")
-    show_trade_off(project, kept, result, settings, calibration)
-    st.header("How accurate, where", divider="gray")
-    show_accuracy(project, result, kept, settings)
-    st.header("The refined set", divider="gray")
-    show_parameters(project, screening, result, inputs, evaluation, outlook)
+    views = {
+        "Matching against measuring": lambda: show_trade_off(
+            project, kept, result, settings, calibration
+        ),
+        "How accurate, where": lambda: show_accuracy(project, result, kept, settings),
+        "The refined set": lambda: show_parameters(result),
+    }
+    field = setting(project, "one_set_view", next(iter(views)), one_of(list(views)), tabs_own=True)
+    view = st.segmented_control("Look at", list(views), required=True, **field.widget())
+    views[view]()
+    with place:  # last, because the trials take the processor from the rest of the page
+        show_seeds(answer)
 except StereocalError as error:
     st.error(escape_markdown(str(error)))

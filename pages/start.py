@@ -36,6 +36,6 @@ with st.container(horizontal=True):
 
 project = show_projects()
 
-st.subheader("What you need")
+st.markdown("#### What you need")
 st.markdown(NEEDED)
 show_storage(project)

@@ -31,7 +31,7 @@ from stereocal.refined.stated_inputs import Input
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.compiled import IntArray
 from stereocal.rig.dataset import Dataset
-from stereocal.rig.parameters import RigParameters
+from stereocal.rig.parameters import FileForecast, RigParameters
 from stereocal.rig.rig import Rig
 from stereocal.verdict.forecast import Outlook
 from stereocal.verdict.one_or_two_sets import verdict
@@ -197,10 +197,14 @@ class Answer:
         return [] if refined is None else what_disagrees(refined)
 
     @cached_property
+    def forecasts(self) -> dict[Method, FileForecast]:
+        """The entries of the files on the forecast, by method; empty without one."""
+        return self.outlook.of_files(self.validation) if self.outlook else {}
+
+    @cached_property
     def sets(self) -> dict[Method, RigParameters]:
         """The parameter files: 2d, 3d and, if available, refined."""
-        calibration, validation = self.calibration, self.validation
-        forecasts = self.outlook.of_files(validation) if self.outlook else {}
+        calibration, validation, forecasts = self.calibration, self.validation, self.forecasts
         found: dict[Method, RigParameters] = {
             "2d": calibration.parameters("2d", validation.get("2d"), forecasts.get("2d")),
             "3d": calibration.parameters("3d", validation.get("3d"), forecasts.get("3d")),

@@ -22,16 +22,15 @@ from stereocal.evaluation.evaluate import EvaluationSettings, evaluate, evaluate
 from stereocal.evaluation.summary import MethodSummary, summarise_all
 from stereocal.figures.report import report_html
 from stereocal.figures.tables import validation_answer
-from stereocal.formats.evaluation_files import summary_json, unique_names
+from stereocal.formats.evaluation_files import summary_json, unique_names, validation_figures
 from stereocal.projects.archive import read_input
 from stereocal.refined.screening import screened
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
-from stereocal.rig.parameters import FileForecast
 from stereocal.system.atomic_files import write_all
-from stereocal.verdict.forecast import forecast_files
+from stereocal.verdict.forecast import outlook_of
 from stereocal.verdict.in_words import left_out_line, why_validation_not_trusted
-from stereocal.workflow import calibrate
+from stereocal.workflow import Answer, answer, calibrate
 
 
 def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -74,18 +73,19 @@ def run(parsed: argparse.Namespace) -> None:
         runs = evaluate(kept, settings, executor, bar.show)
     assert runs is not None  # nobody cancels here
     pooled, by_dataset = summarise_all(unique_names(datasets), runs)
-    forecasts = [
-        forecasts_of(dataset, settings, own)
+    answers = [
+        answer_of(dataset, settings, own)
         for dataset, own in zip(datasets, by_dataset.values(), strict=True)
     ]
+    forecasts = [found.forecasts if found else {} for found in answers]
+    only = answers[0] if len(answers) == 1 else None
+    recommended = (only.calibration, only.recommendation) if only else None
+    about = datasets, settings, screenings
+    report = report_html(pooled, by_dataset, *about, recommended)
     write_all(
         {
-            parsed.out / "summary.json": summary_json(
-                pooled, by_dataset, datasets, settings, screenings, forecasts
-            ),
-            parsed.out / "report.html": report_html(
-                pooled, by_dataset, datasets, settings, screenings
-            ).encode(),
+            parsed.out / "summary.json": summary_json(pooled, by_dataset, *about, forecasts),
+            parsed.out / "report.html": report.encode(),
         }
     )
     for screening in screenings:
@@ -94,22 +94,18 @@ def run(parsed: argparse.Namespace) -> None:
     if caution := why_validation_not_trusted(pooled, screenings):
         print(f"Do not rely on this result: {caution}")
     print(validation_answer(pooled))
+    if only:
+        print(f"Recommendation: {only.recommendation.text}")
     for path in (parsed.out / "summary.json", parsed.out / "report.html"):
         print(f"wrote {path}")
 
 
-def forecasts_of(
+def answer_of(
     dataset: Dataset, settings: EvaluationSettings, summaries: Mapping[Method, MethodSummary]
-) -> dict[Method, FileForecast]:
-    """Of the files that `calibrate` writes from all frames; empty if there can be none."""
-    if settings.refined is None:
-        return {}
+) -> Answer | None:
+    """What the files that `calibrate` writes from all frames do; None if there are none."""
     try:
-        outlook = forecast_files(calibrate(dataset, settings.calibration, refined=settings.refined))
+        found = calibrate(dataset, settings.calibration, refined=settings.refined)
     except StereocalError:
-        return {}
-    thresholds = {
-        method: {"threshold_px": found.reprojection.threshold}
-        for method, found in summaries.items()
-    }
-    return outlook.of_files(thresholds)
+        return None
+    return answer(found, outlook_of(found), validation=validation_figures(summaries, settings))

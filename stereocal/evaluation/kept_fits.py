@@ -17,6 +17,7 @@ import numpy as np
 from stereocal.calibration.montecarlo import SearchSettings
 from stereocal.evaluation.evaluate import EvaluationSettings, Run, evaluate
 from stereocal.rig.dataset import Dataset
+from stereocal.system.tasks import Progress
 
 MOST_CHUNKS = 200
 """Of 10 runs each, which take 0.1 MB."""
@@ -47,8 +48,12 @@ def evaluate_with_kept_fits(
     settings: EvaluationSettings,
     executor: Executor,
     kept: KeptFits,
+    progress: Progress | None = None,
 ) -> list[list[Run]]:
     """The runs of `evaluate`, by data set, with the refined fits from `kept` where they are.
+
+    Args:
+        progress: called after each chunk of fits; what it raises ends the work.
 
     Raises:
         StereocalError: as `evaluate`.
@@ -60,7 +65,7 @@ def evaluate_with_kept_fits(
     usual = replace(
         settings.calibration, search=SearchSettings(seed=settings.calibration.search.seed)
     )
-    fits = evaluate(datasets, replace(settings, calibration=usual), executor, pieces=kept)
+    fits = evaluate(datasets, replace(settings, calibration=usual), executor, progress, pieces=kept)
     assert fits is not None
     return [
         [_joined(run, fit) for run, fit in zip(*of_dataset, strict=True)]

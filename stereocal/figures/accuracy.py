@@ -1,83 +1,174 @@
-"""Map of the predicted accuracy of the rig, seen from above."""
+"""Maps of the predicted accuracy of the rig, seen from above and from the side."""
 
 from __future__ import annotations
 
-from typing import Literal
+from collections.abc import Sequence
+from typing import Any, Literal
 
 import numpy as np
 import plotly.graph_objects as go
 
-from stereocal.figures.style import NEUTRAL, finish, sentence_only
+from stereocal.figures.style import AXIS, LAYOUT, NEUTRAL, sentence_only
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.uncertainty import AccuracyMap
 from stereocal.rig.compiled import FloatArray
 
-HEIGHT = 560
+WIDTH, LEAST_HEIGHT, MOST_HEIGHT = 860, 140, 420
+"""Of a map in px: at this width of the page, equal axes fill their room."""
+TOP, TITLE, GAP, FOOT = 112, 26, 72, 62
 Quantity = Literal["distance", "point"]
 TITLES: dict[Quantity, str] = {
     "distance": "Error of a distance as long as the bar (%)",
     "point": "Error of a point (mm)",
 }
 UNITS: dict[Quantity, str] = {"distance": " %", "point": " mm"}
+NO_VIEW = "The cameras share no view in these planes."
+AXIS_OF = {"above": 0, "side": 1}
+ACROSS = {"above": "To the right (m)", "side": "Down (m)"}
 
 
 def plot_accuracy(
-    found: AccuracyMap, result: RefinedResult, quantity: Quantity = "distance"
+    maps: Sequence[AccuracyMap], result: RefinedResult, quantity: Quantity = "distance"
 ) -> go.Figure:
-    """Predicted standard error of points or distances where both cameras see, from above."""
-    values = _values(found, quantity)
-    if not np.isfinite(values).any():
-        return sentence_only("The cameras share no view at the height of the primary camera.")
-    figure = finish(go.Figure(), HEIGHT)
-    low, high = np.nanpercentile(np.log10(values), [1, 99])
+    """Predicted standard error of points or distances where both cameras see.
+
+    Args:
+        maps: one below the other, with the depth to the right and equal axes.
+    """
+    if not np.isfinite(_values(maps, quantity)).any():
+        return sentence_only(NO_VIEW)
+    low, high = np.nanpercentile(np.log10(_values(maps, quantity)), [1, 99])
     ticks = np.unique([float(f"{10**at:.1g}") for at in np.linspace(low, high, 6)])
-    figure.add_trace(
-        go.Heatmap(
-            x=found.x_m, y=found.z_m, z=np.log10(values), customdata=values, zmin=low, zmax=high,
-            colorscale="Cividis", hoverongaps=False,
-            colorbar={"title": {"text": TITLES[quantity], "side": "right"},
-                      "tickvals": np.log10(ticks), "ticktext": [f"{tick:g}" for tick in ticks]},
-            hovertemplate="%{x:.1f} m to the right, %{y:.1f} m ahead<br>"
-            f"%{{customdata:.2g}}{UNITS[quantity]}<extra></extra>",
-        )
-    )  # fmt: skip
+    bounds = [_bounds(found, result) for found in maps]
+    near, far = (f(b[1, end] for b in bounds) for f, end in ((min, 0), (max, 1)))
+    heights = [
+        float(np.clip(WIDTH * np.ptp(b[0]) / (far - near), LEAST_HEIGHT, MOST_HEIGHT))
+        for b in bounds
+    ]
+    inside = sum(heights) + GAP * (len(maps) - 1)
+    layout: dict[str, Any] = {
+        **LAYOUT, "height": inside + TOP + FOOT, "showlegend": False,
+        "margin": {**LAYOUT["margin"], "t": TOP, "b": FOOT},
+        "coloraxis": {
+            "colorscale": "Cividis", "cmin": low, "cmax": high,
+            "colorbar": {"title": {"text": TITLES[quantity], "side": "top"}, "orientation": "h",
+                         "y": 1 + (TITLE + 6) / inside, "yanchor": "bottom", "thickness": 14,
+                         "tickvals": np.log10(ticks), "ticktext": [f"{t:g}" for t in ticks]},
+        },
+        "annotations": [_title(found, at) for at, found in enumerate(maps)],
+    }  # fmt: skip
+    traces: list[dict[str, Any]] = []
+    top = 1.0
+    for at, (found, height) in enumerate(zip(maps, heights, strict=True)):
+        domain = [max(top - height / inside, 0.0), top]
+        top = domain[0] - GAP / inside
+        layout |= _axes(at, found, bounds[at][0], (near, far), domain, at == len(maps) - 1)
+        traces += _traces(at, found, result, quantity)
+    return go.Figure(data=traces, layout=layout)
+
+
+def _bounds(found: AccuracyMap, result: RefinedResult) -> FloatArray:
+    """(2, 2): least and most of the axis across and of the depth, the cameras included, in m."""
+    values = np.isfinite(found.point_m)
+    across, depth = found.across_m[values.any(axis=0)], found.z_m[values.any(axis=1)]
+    axis, centre = AXIS_OF[found.plane], -result.pose.R.T @ result.pose.T
+    ends = np.array([
+        [min([*across, 0.0, centre[axis]]), max([*across, 0.0, centre[axis]])],
+        [min([*depth, 0.0, centre[2]]), max([*depth, 0.0, centre[2]])],
+    ])  # fmt: skip
+    margin = 0.03 * np.ptp(ends[1])
+    return np.asarray(ends + np.array([[-margin, margin], [-margin, 0.0]]))
+
+
+def _axes(
+    at: int,
+    found: AccuracyMap,
+    across: FloatArray,
+    depth: tuple[float, float],
+    domain: list[float],
+    labelled: bool,
+) -> dict[str, Any]:
+    """Equal axes; what is to the right, or down, is drawn downwards."""
+    number, title = str(at + 1) if at else "", AXIS["title"]
+    return {
+        f"xaxis{number}": {
+            **AXIS, "anchor": f"y{number}", "range": list(depth), "showgrid": False,
+            "constrain": "domain",
+            "title": {**title, "text": "Ahead of the primary camera (m)" if labelled else None},
+        },
+        f"yaxis{number}": {
+            **AXIS, "anchor": f"x{number}", "range": [across[1], across[0]], "domain": domain,
+            "scaleanchor": f"x{number}", "constrain": "domain", "showgrid": False,
+            "title": {**title, "text": ACROSS[found.plane]},
+        },
+    }  # fmt: skip
+
+
+def _title(found: AccuracyMap, at: int) -> dict[str, Any]:
+    number = str(at + 1) if at else ""
+    text = "<b>From above</b>, at the height of the primary camera"
+    if found.plane == "side":
+        side = "right" if found.at_m >= 0 else "left"
+        text = f"<b>From the side</b>, {abs(found.at_m):.1f} m to the {side} of the primary camera"
+    return {
+        "text": text, "xref": f"x{number} domain", "yref": f"y{number} domain", "x": 0, "y": 1,
+        "xanchor": "left", "yanchor": "bottom", "yshift": 4, "showarrow": False,
+        "font": {"size": 13},
+    }  # fmt: skip
+
+
+def _traces(
+    at: int, found: AccuracyMap, result: RefinedResult, quantity: Quantity
+) -> list[dict[str, Any]]:
+    """The map, the cameras and the targets of the bar."""
+    number, axis = str(at + 1) if at else "", AXIS_OF[found.plane]
+    own = {"xaxis": f"x{number}", "yaxis": f"y{number}"}
+    values = _values([found], quantity)[0].T
     centre = -result.pose.R.T @ result.pose.T
-    figure.add_trace(
-        go.Scatter(
-            x=[0.0, centre[0]], y=[0.0, centre[2]], mode="markers+text",
-            text=["primary", "secondary"], textposition="bottom center", cliponaxis=False,
-            marker={"symbol": "square", "size": 11, "color": NEUTRAL}, showlegend=False,
-            hovertemplate="%{text} camera<extra></extra>",
-        )
-    )  # fmt: skip
     ends = result.points_m[~result.outlying].reshape(-1, 3)
-    figure.add_trace(
-        go.Scatter(
-            x=ends[:, 0], y=ends[:, 2], mode="markers", name="Targets of the bar", showlegend=False,
-            marker={"size": 4, "color": "white", "line": {"color": "black", "width": 1}},
-            hovertemplate="a target of the bar<extra></extra>",
-        )
-    )  # fmt: skip
-    figure.update_xaxes(title_text="To the right of the primary camera (m)", showgrid=False)
-    figure.update_yaxes(title_text="Ahead (m)", scaleanchor="x", constrain="domain", showgrid=False)
-    return figure
+    towards = "to the right" if found.plane == "above" else "down"
+    return [
+        {
+            "type": "heatmap", "x": found.z_m, "y": found.across_m, "z": np.log10(values),
+            "customdata": values, "coloraxis": "coloraxis", "hoverongaps": False,
+            "hovertemplate": f"%{{y:.1f}} m {towards}, %{{x:.1f}} m ahead<br>"
+            f"%{{customdata:.2g}}{UNITS[quantity]}<extra></extra>", **own,
+        },
+        {
+            "type": "scatter", "x": [0.0, centre[2]], "y": [0.0, centre[axis]],
+            "mode": "markers+text" if found.plane == "above" else "markers",
+            "text": ["primary", "secondary"], "textposition": "middle right",
+            "cliponaxis": False, "marker": {"symbol": "square", "size": 11, "color": NEUTRAL},
+            "hovertemplate": "%{text} camera<extra></extra>", "name": "Cameras", **own,
+        },
+        {
+            "type": "scatter", "x": ends[:, 2], "y": ends[:, axis], "mode": "markers",
+            "name": "Targets of the bar",
+            "marker": {"size": 4, "color": "white", "line": {"color": "black", "width": 1}},
+            "hovertemplate": "a target of the bar<extra></extra>", **own,
+        },
+    ]  # fmt: skip
 
 
-def describe_accuracy(found: AccuracyMap, quantity: Quantity = "distance") -> str:
+def describe_accuracy(maps: Sequence[AccuracyMap], quantity: Quantity = "distance") -> str:
     """The figure in words."""
-    values = _values(found, quantity)
+    values = _values(maps, quantity)
     if not np.isfinite(values).any():
-        return "The cameras share no view at the height of the primary camera."
+        return NO_VIEW
     low, middle, high = np.nanpercentile(values, [5, 50, 95])
-    j, i = np.unravel_index(int(np.nanargmin(values)), values.shape)
-    unit = UNITS[quantity]
+    best, j, i = np.unravel_index(int(np.nanargmin(values)), values.shape)
+    unit, found = UNITS[quantity], maps[int(best)]
+    towards = "to the right of" if found.plane == "above" else "below"
     return (
-        f"Seen from above: {TITLES[quantity].lower().split(' (')[0]}, one standard error, is "
-        f"{middle:.2g}{unit} (median) where both cameras see, from {low:.2g} to {high:.2g}{unit} "
-        f"(5th to 95th percentile), and least {found.z_m[j]:.1f} m ahead and "
-        f"{found.x_m[i]:.1f} m to the right of the primary camera. Points: the targets of the bar."
+        f"From above and from the side: {TITLES[quantity].lower().split(' (')[0]}, one standard "
+        f"error, is {middle:.2g}{unit} (median) where both cameras see, from {low:.2g} to "
+        f"{high:.2g}{unit} (5th to 95th percentile), and least {found.z_m[j]:.1f} m ahead and "
+        f"{found.across_m[i]:.1f} m {towards} the primary camera. Points: the targets of the bar."
     )
 
 
-def _values(found: AccuracyMap, quantity: Quantity) -> FloatArray:
-    return 100 * found.distance if quantity == "distance" else 1000 * found.point_m
+def _values(maps: Sequence[AccuracyMap], quantity: Quantity) -> FloatArray:
+    """(maps, j, i), in the unit of the quantity."""
+    if quantity == "distance":
+        return np.array([100 * found.distance for found in maps])
+    return np.array([1000 * found.point_m for found in maps])

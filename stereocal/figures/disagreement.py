@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import pandas as pd
 import plotly.graph_objects as go
 
 from stereocal.figures.style import FAINT, NEUTRAL, WRONG_COLOUR, finish
 from stereocal.refined.disagreement import ACCUSED
-from stereocal.refined.stated_inputs import Input
+from stereocal.refined.stated_inputs import Input, in_digits
 from stereocal.rig.compiled import FloatArray
 from stereocal.verdict.in_words import digits
 
@@ -52,6 +53,27 @@ def plot_disagreement(inputs: Sequence[Input]) -> go.Figure:
         range=[0, 1.2 * most],
     )
     return figure
+
+
+def disagreement_table(inputs: Sequence[Input]) -> pd.DataFrame:
+    """What was stated of each input, and what comes out with images and lengths."""
+    rows = {}
+    for item in inputs:
+        sigma, estimated = item.sigma, "held as stated"
+        if sigma.all():
+            stated = in_digits(item.stated, sigma)
+            found = f"{in_digits(item.estimate, sigma)} ± {in_digits(sigma, sigma)}"
+            estimated = f"{found} {item.unit}".rstrip()
+        else:
+            stated = ", ".join(f"{value:g}" for value in item.stated)
+        rows[name_of(item)] = {
+            "Stated": f"{stated} {item.unit}".rstrip(),
+            "Estimated": estimated,
+            "Disagreement (standard errors)": "no information"
+            if np.isnan(item.standard_errors)
+            else digits(item.standard_errors, 2),
+        }
+    return pd.DataFrame(rows).T.rename_axis("Input")
 
 
 def describe_disagreement(inputs: Sequence[Input]) -> str:

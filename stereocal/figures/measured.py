@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
@@ -17,8 +16,6 @@ from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.rig import Rig
 
 HEIGHT = 560
-FARTHER = 1.25
-"""The figure stands beside the images and is as high as wide."""
 MAXIMUM_DRAWN = 10_000
 """Maximum number of points drawn, evenly thinned, since larger scenes rotate slowly."""
 MAXIMUM_TRACKS = 500
@@ -109,7 +106,7 @@ def plot_points(
             )
         )  # fmt: skip
     add_cameras(figure, rig, depth)
-    set_scene(figure, replace(eye_of(view, rig, target), farther=FARTHER))
+    set_scene(figure, eye_of(view, rig, target))
     return figure
 
 

@@ -22,18 +22,29 @@ from stereocal.calibration.methods import ALL_METHODS, METHOD_NAMES, Method
 from stereocal.evaluation.evaluate import EvaluationSettings
 from stereocal.evaluation.summary import BOOTSTRAPS, MethodSummary
 from stereocal.figures.comparison import describe_comparison, plot_comparison
+from stereocal.figures.frame_view import PAPERS, telling_frame, views_of
 from stereocal.figures.tables import (
     ANGLE_TITLES,
     contents_table,
     validation_answer,
     validation_table,
 )
+from stereocal.figures.two_sets import (
+    describe_gap,
+    describe_image,
+    describe_two_sets,
+    plot_gap,
+    plot_image,
+)
 from stereocal.figures.validation import plot_validation
 from stereocal.figures.validation_panels import COLUMNS, describe_validation
+from stereocal.refined.results import Calibration
 from stereocal.refined.screening import Screening
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles
 from stereocal.verdict.in_words import left_out_line, listed
+from stereocal.verdict.recommendation import Recommendation
 
 SETTING_NAMES = {
     "delta": "First size of a step, Δ (rad)",
@@ -74,7 +85,11 @@ td { font-variant-numeric: tabular-nums; }
 .digest { font-family: monospace; overflow-wrap: anywhere; min-width: 20ch; }
 .main-svg > g:not(.hoverlayer) text { fill: var(--ink) !important; }
 .narrow { display: none; }
-@media screen and (max-width: 759px) { .wide { display: none; } .narrow { display: block; } }
+.sets { display: grid; grid-template-columns: 1fr 1fr; gap: 16px; }
+.sets > div { min-width: 0; }
+@media screen and (max-width: 759px) {
+  .wide { display: none; } .narrow { display: block; } .sets { grid-template-columns: 1fr; }
+}
 @page { size: A4 landscape; margin: 12mm; }
 @media print {
   :root { --ink: #000000; --page: #ffffff; --rule: #999999; --shade: #ffffff; }
@@ -90,6 +105,7 @@ def report_html(
     datasets: Sequence[Dataset],
     settings: EvaluationSettings,
     screenings: Sequence[Screening] = (),
+    recommended: tuple[Calibration, Recommendation] | None = None,
 ) -> str:
     """The whole report as the text of one file.
 
@@ -98,11 +114,14 @@ def report_html(
         by_dataset: each data set on its own, by name; drawn when there are several.
         datasets: in the order in which they were evaluated, with all frames.
         screenings: of the data sets, in order, where frames were left out.
+        recommended: the calibration of a single data set, and its recommendation.
     """
+    first = recommended[1].text if recommended else validation_answer(summaries)
     title = f"Validation of {_named(datasets)}"
     sections = [
         f"<h1>{escape(title)}</h1>",
-        f'<p class="answer">{escape(validation_answer(summaries))}</p>',
+        f'<p class="answer">{escape(first)}</p>',
+        *_why_two_sets(recommended[0] if recommended else None),
         _section("What was done", _procedure(datasets, settings)),
         _section("Data sets" if len(datasets) > 1 else "Data set", _datasets(datasets, screenings)),
         _section("How well each method matches and measures", _validation(summaries)),
@@ -200,6 +219,26 @@ def _comparison(by_dataset: Mapping[str, Mapping[Method, MethodSummary]]) -> Ite
     words = describe_comparison(by_dataset)
     figure = _plot(plot_comparison(by_dataset), words, "plot")
     return [_section("The data sets compared", f"{figure}\n{_paragraphs(words)}")]
+
+
+def _why_two_sets(calibration: Calibration | None) -> Iterable[str]:
+    """The frame that shows it best, with the paper's two sets side by side."""
+    if calibration is None:
+        return []
+    frame = telling_frame(calibration)
+    views = views_of(calibration, frame)
+    columns = []
+    for method in PAPERS:
+        images = [
+            _plot(plot_image(views, method, camera), describe_image(views, method, camera), "plot")
+            for camera in range(len(CAMERAS))
+        ]
+        gap = _plot(plot_gap(views, method), describe_gap(views, method), "plot")
+        head = f"<h3>{METHOD_NAMES[method]}: primary and secondary image, and the rays</h3>"
+        words = _paragraphs(describe_gap(views, method))
+        columns.append(f"<div>{head}{''.join(images)}{gap}{words}</div>")
+    said = _paragraphs(f"Frame {frame}. {describe_two_sets(views)}")
+    return [_section("Why two sets", f'{said}<div class="sets">{"".join(columns)}</div>')]
 
 
 def _plot(figure: go.Figure, words: str, kind: str) -> str:

@@ -17,9 +17,9 @@ VIEWS = ("Behind", "Above", "Side", "Camera 1", "Camera 2")
 FRUSTUM_OF_DEPTH = 0.15
 """Depth of a drawn camera over the depth of the scene; at its true size it would be a dot."""
 
-EYE_OF_DIAGONAL = 0.95
+EYE_OF_DIAGONAL = 1.25
 """Distance of the eye over the scene's diagonal; also suitable for narrow screens."""
-BEHIND = (0.74, -0.36, -0.57)
+BEHIND = (0.5, -0.42, -0.76)
 """Behind, right of and above the primary camera."""
 AXIS_TITLES = {"xaxis": "x (m)", "yaxis": "z (m), depth", "zaxis": "−y (m), up"}
 
@@ -41,8 +41,8 @@ class Eye:
     """From `towards` to the eye, which is as far away as needed to see everything."""
     at: FloatArray | None = None
     """(3,): the eye itself, instead of a direction."""
-    farther: float = 1.0
-    """Factor of the distance, for scenes as high as wide."""
+    up: tuple[float, float, float] = (0.0, -1.0, 0.0)
+    """What is up in the view."""
 
 
 def eye_of(view: str, rig: Rig, target: FloatArray) -> Eye:
@@ -51,8 +51,9 @@ def eye_of(view: str, rig: Rig, target: FloatArray) -> Eye:
     if view.startswith("Camera"):
         return Eye(target, at=first if view == "Camera 1" else second)
     middle = 0.5 * (0.5 * (first + second) + target)
-    directions = {"Above": (0.0, -1.0, -1e-3), "Side": (1.0, 0.0, 0.0)}
-    return Eye(middle, directions.get(view, BEHIND))
+    if view == "Above":  # depth to the right, since figures are wide
+        return Eye(middle, (0.0, -1.0, 0.0), up=(-1.0, 0.0, 0.0))
+    return Eye(middle, (1.0, 0.0, 0.0) if view == "Side" else BEHIND)
 
 
 def add_cameras(figure: go.Figure, rig: Rig, depth: float) -> None:
@@ -145,7 +146,7 @@ def _view(low: FloatArray, high: FloatArray, eye: Eye | None) -> dict[str, dict[
     middle, unit = 0.5 * (low + high), float(np.cbrt(np.prod(high - low)))
     if eye is None:
         eye = Eye(np.array([middle[0], -middle[2], middle[1]]))
-    distance = eye.farther * EYE_OF_DIAGONAL * float(np.linalg.norm(high - low))
+    distance = EYE_OF_DIAGONAL * float(np.linalg.norm(high - low))
     towards = _upright(eye.towards)
     at = towards + distance * _upright(np.array(eye.direction))
     if eye.at is not None:
@@ -153,7 +154,7 @@ def _view(low: FloatArray, high: FloatArray, eye: Eye | None) -> dict[str, dict[
     names = ("x", "y", "z")
     return {
         "eye": dict(zip(names, ((at - middle) / unit).tolist(), strict=True)),
-        "up": {"x": 0.0, "y": 0.0, "z": 1.0},
+        "up": dict(zip(names, _upright(np.array(eye.up)).tolist(), strict=True)),
         "center": dict(zip(names, ((towards - middle) / unit).tolist(), strict=True)),
     }
 

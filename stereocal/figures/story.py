@@ -24,7 +24,7 @@ from stereocal.figures.style import (
 )
 from stereocal.rig.compiled import FloatArray
 
-HEIGHT = 280
+HEIGHT = 264
 BEST = 0.98
 """Part of the bars and pairs that the means take: some detections of the recording are wrong."""
 ROWS: Mapping[Method, str] = {

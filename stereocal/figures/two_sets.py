@@ -45,10 +45,9 @@ def plot_image(
     )
     figure = make_subplots(
         rows=2, cols=2, specs=[[{"colspan": 2}, None], [{}, {}]], row_heights=[0.58, 0.42],
-        vertical_spacing=0.14, horizontal_spacing=0.06,
-        subplot_titles=["", *(f"{letter} ± {half:.2g} px" for letter in view.letters)],
+        vertical_spacing=0.1, horizontal_spacing=0.06,
     )  # fmt: skip
-    finish(figure, IMAGE_HEIGHT).update_layout(showlegend=False)
+    finish(figure, IMAGE_HEIGHT).update_layout(showlegend=False, margin_r=16)
     width, height = view.cameras[camera].image_size
     boxes = [(-0.5, -0.5, width - 0.5, height - 0.5)]
     boxes += [(u - half, v - half, u + half, v + half) for u, v in view.pixels[camera]]
@@ -63,14 +62,13 @@ def plot_image(
             row=row, col=column, range=[left, right], showgrid=False, nticks=4,
             constrain="domain", mirror=True, showticklabels=at == 0,
             ticks="outside" if at == 0 else "",
+            title_text="" if at == 0 else f"{view.letters[at - 1]} ± {half:.2g} px",
         )  # fmt: skip
         figure.update_yaxes(
             row=row, col=column, range=[bottom, top], showgrid=False, nticks=4,
             scaleanchor=name, constrain="domain", mirror=True, showticklabels=at == 0,
             ticks="outside" if at == 0 else "",
         )  # fmt: skip
-    figure.update_annotations(font_size=13)
-    figure.update_layout(margin_t=24)
     return figure
 
 

@@ -18,6 +18,7 @@ from stereocal.refined.adjustment import (
     ROUGH_TOLERANCE,
     TOLERANCE,
     adjust,
+    excess_variance,
     length_innovations,
     sum_normal_equations,
 )
@@ -294,20 +295,8 @@ def scatter_of(
         left, SCATTER_SIGNIFICANCE
     ):
         return 0.0
-    high = float(squares.max()) * len(squares) * 10
-    candidates = np.geomspace(1e-9 * high, high, 64)
-    for _ in range(3):  # within 1e-4 of the root; 64 candidates at once take as long as one
-        terms = squares / (candidates[:, None] + variances)
-        if robust:
-            excess = _lower_third(terms, axis=1) / CHI2_THIRDS[1] - 1.0
-        else:
-            excess = terms.sum(axis=1) / left - 1.0
-        above = int(np.count_nonzero(excess > 0))  # the excess falls with the scatter
-        if above == 0:
-            return float(np.sqrt(candidates[0]))
-        last = min(above, len(candidates) - 1)
-        candidates = np.geomspace(candidates[above - 1], candidates[last], 64)
-    return float(np.sqrt(candidates[32]))
+    third = CHI2_THIRDS[1] if robust else 0.0
+    return float(np.sqrt(excess_variance(squares, variances, left, third)))
 
 
 def _lower_third(values: FloatArray, axis: int | None = None) -> Any:

@@ -10,6 +10,7 @@ parts: one from the noise of its pixels, one from the cameras, which all points 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -22,6 +23,7 @@ from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import BoolArray, FloatArray
 
 LENS = ("fx", "fy", "cx", "cy")
+Plane = Literal["above", "side"]
 
 
 @dataclass(frozen=True)
@@ -94,10 +96,13 @@ def _length_errors(
 
 @dataclass(frozen=True, eq=False)
 class AccuracyMap:
-    """Predicted errors on the plane y = 0 of the primary's frame; NaN outside a camera's view."""
+    """Predicted errors on a plane of the primary's frame; NaN outside a camera's view."""
 
-    x_m: FloatArray
-    """(i,)."""
+    plane: Plane
+    """`above`: the plane y = `at_m`; `side`: the plane x = `at_m`."""
+    at_m: float
+    across_m: FloatArray
+    """(i,): x seen from above, y seen from the side."""
     z_m: FloatArray
     """(j,)."""
     point_m: FloatArray
@@ -107,8 +112,10 @@ class AccuracyMap:
     x, y and z."""
 
 
-def accuracy_map(result: RefinedResult, size: int = 60) -> AccuracyMap:
+def accuracy_map(result: RefinedResult, size: int = 60, plane: Plane = "above") -> AccuracyMap:
     """Predicted errors from the cameras to beyond the farthest bar, on a grid of `size` x `size`.
+
+    The plane is at the height of the primary camera, or upright through the middle of the bars.
 
     Raises:
         StereocalError: `size` is below 2.
@@ -117,11 +124,13 @@ def accuracy_map(result: RefinedResult, size: int = 60) -> AccuracyMap:
         raise StereocalError(f"The accuracy map needs at least 2 points per side, not {size}.")
     ends = result.points_m[~result.outlying].reshape(-1, 3)
     ends = ends[np.isfinite(ends).all(axis=1)]
+    axis = 0 if plane == "above" else 1
+    at = 0.0 if plane == "above" else float(np.median(ends[:, 0]))
     far = 1.2 * float(ends[:, 2].max())
-    half = 1.2 * float(np.abs(ends[:, 0]).max())
-    x, z = np.linspace(-half, half, size), np.linspace(far / size, far, size)
-    grid = np.stack([*np.meshgrid(x, z)], axis=-1).reshape(-1, 2)
-    points = np.column_stack([grid[:, 0], np.zeros(len(grid)), grid[:, 1]])
+    half = 1.2 * float(np.abs(ends[:, axis]).max())
+    across, z = np.linspace(-half, half, size), np.linspace(far / size, far, size)
+    points = np.full((size * size, 3), at)
+    points[:, [axis, 2]] = np.stack([*np.meshgrid(across, z)], axis=-1).reshape(-1, 2)
     seen = in_view(result.primary, points) & in_view(result.secondary, result.pose.apply(points))
     point, distance = np.full(len(points), np.nan), np.full(len(points), np.nan)
     if seen.any():
@@ -133,8 +142,8 @@ def accuracy_map(result: RefinedResult, size: int = 60) -> AccuracyMap:
             for half_bar in 0.5 * length * np.eye(3)
         ]
         distance[seen] = np.mean(sigmas, axis=0) / length
-    shape = (len(z), len(x))
-    return AccuracyMap(x, z, point.reshape(shape), distance.reshape(shape))
+    shape = (size, size)
+    return AccuracyMap(plane, at, across, z, point.reshape(shape), distance.reshape(shape))
 
 
 def in_view(camera: Camera, points_m: FloatArray) -> BoolArray:

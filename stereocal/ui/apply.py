@@ -129,7 +129,8 @@ def _choose_sets(
     found: list[RigParameters | None] = []
     own: Mapping[Method, RigParameters] = {}
     if calibration is not None and _sets_kind(project).value() == RESULTS:
-        own = answer_of(project, calibration).sets
+        answer = answer_of(project, calibration)
+        own = answer.sets if answer else {}
     for use, place in zip(USES, places, strict=True):
         with place:
             found.append(_own_set(project, use, own) if own else _given_set(store, use))

@@ -38,14 +38,10 @@ def frame_field(project: Project, calibration: Calibration) -> Field:
 def choose_frame(project: Project, calibration: Calibration) -> int:
     """A menu of the frames, with buttons for the next and the previous one, and for corrections."""
     numbers: list[int] = calibration.dataset.correspondences.frames.tolist()
-    left_out = calibration.screening.left_out
     field = frame_field(project, calibration)
     at = numbers.index(field.value())
     with st.container(horizontal=True, vertical_alignment="bottom"):
-        st.selectbox(
-            "Frame", numbers, width=180, **field.widget(),
-            format_func=lambda number: f"{number}, left out" if number in left_out else f"{number}",
-        )  # fmt: skip
+        st.selectbox("Frame", numbers, width=140, **field.widget())
         for label, icon, to in (
             ("Previous frame", ":material/chevron_left:", at - 1),
             ("Next frame", ":material/chevron_right:", at + 1),
@@ -61,8 +57,10 @@ def choose_frame(project: Project, calibration: Calibration) -> int:
 
 def _actions(project: Project, calibration: Calibration, frame: int) -> None:
     """Buttons to leave the frame out, put it back, exchange its targets, or correct it."""
-    screening = calibration.screening
-    if frame in screening.left_out:
+    screening, inputs = calibration.screening, project.inputs
+    # As asked for last: without the frame there may have been no result.
+    back = frame in screening.left_out and frame not in inputs.put_back
+    if back or frame in inputs.left_out:
         st.button(
             "Put it back", key="frame_put_back", icon=":material/undo:",
             on_click=put_back, args=(project, frame),
@@ -80,7 +78,7 @@ def _actions(project: Project, calibration: Calibration, frame: int) -> None:
             on_click=exchange_again, args=(project, frame),
             help="In the secondary image. The result is made again at once.",
         )  # fmt: skip
-    if _photographed(project) and st.button(
+    if photographed(project) and st.button(
         "Correct it", key="frame_correct", icon=":material/edit:",
         on_click=look_closely, args=(ProjectPhotographs(project), frame),
         help="Its photographs on the Data page.",
@@ -103,7 +101,7 @@ def state_of(calibration: Calibration, frame: int) -> str:
 
 def photographs_of(project: Project, frame: int) -> tuple[Photograph | None, Photograph | None]:
     """Both photographs of a frame; None for one that is not there."""
-    if not _photographed(project):
+    if not photographed(project):
         return None, None
     store = ProjectPhotographs(project)
     files = store.photographs
@@ -116,11 +114,12 @@ def photographs_of(project: Project, frame: int) -> tuple[Photograph | None, Pho
 
 def frames_photographed(project: Project) -> set[int]:
     """The frames of the project's photographs."""
-    found = ProjectPhotographs(project).frames if _photographed(project) else None
+    found = ProjectPhotographs(project).frames if photographed(project) else None
     return {frame.frame for frame in found or ()}
 
 
-def _photographed(project: Project) -> bool:
+def photographed(project: Project) -> bool:
+    """Whether the points come from photographs of the project."""
     return project.inputs.labels.get("correspondences") == TABLE_LABEL
 
 

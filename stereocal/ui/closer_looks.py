@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from functools import partial
 
+import numpy as np
 import streamlit as st
 
 from stereocal.calibration.methods import METHOD_NAMES, Method
+from stereocal.errors import StereocalError
 from stereocal.figures import (
     describe_frame_errors,
     describe_gap,
@@ -22,14 +24,23 @@ from stereocal.figures.forecast_table import forecast_table
 from stereocal.figures.frame_view import FrameView, views_of
 from stereocal.figures.photograph import Photograph
 from stereocal.figures.tables import angles_table, errors_table
+from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.refined.results import Calibration
 from stereocal.rig.camera import CAMERAS
-from stereocal.ui.chosen_frame import choose_frame, frame_field, photographs_of, state_of
+from stereocal.ui.chosen_frame import (
+    choose_frame,
+    frame_field,
+    photographed,
+    photographs_of,
+    state_of,
+)
 from stereocal.ui.fields import Field, one_of, setting
 from stereocal.ui.figure import show_figure
 from stereocal.ui.messages import callback
+from stereocal.ui.navigation import go_to
 from stereocal.ui.parameter_files import other_formats
+from stereocal.ui.review import look_closely
 from stereocal.ui.screening import rerun_if_changed
 from stereocal.ui.status import describe_settings
 from stereocal.ui.texts import escape_markdown
@@ -50,21 +61,49 @@ def look_at_frame(project: Project, calibration: Calibration, frame: int) -> Non
     frame_field(project, calibration).set(frame)
 
 
+COVERAGE = "coverage"
+"""Key of the figure of the Data page."""
+
+
+@callback
+def open_clicked_frame(project: Project) -> None:
+    """Open the frame of a point of the figure of the Data page: its photographs, or its errors.
+
+    Raises:
+        StereocalError: there are neither.
+    """
+    points = st.session_state[COVERAGE]["selection"]["points"]
+    if not points:
+        return
+    frame = int(np.ravel(points[0]["customdata"])[0])
+    calibration = project.calibration
+    if photographed(project):
+        look_closely(ProjectPhotographs(project), frame)
+    elif calibration is not None:
+        look_at_frame(project, calibration, frame)
+        go_to("calibrate")
+    else:
+        raise StereocalError(f"Frame {frame}: its errors are shown once you have calibrated.")
+
+
 @st.fragment  # its controls redraw this part only
-def show_closer_looks(project: Project, answer: Answer) -> None:
-    """A choice of views; only the chosen one is computed."""
+def show_closer_looks(project: Project, found: Calibration, answer: Answer | None) -> None:
+    """A choice of views; only the chosen one is computed.
+
+    Args:
+        answer: None while it is being computed.
+    """
     rerun_if_changed()
     shown = _view(project)
     view = st.segmented_control("Look at", list(VIEWS), required=True, **shown.widget())
-    VIEWS[view](project, answer)
+    VIEWS[view](project, found, answer)
 
 
-def _show_frames(project: Project, answer: Answer) -> None:
-    found = answer.calibration
+def _show_frames(project: Project, found: Calibration, _answer: Answer | None) -> None:
     chosen = frame_field(project, found)
     st.caption("Click on a point to open its frame below.")
     show_figure(
-        plot_frame_errors(found, chosen.value()), describe_frame_errors(found), CHART, fold=True,
+        plot_frame_errors(found, chosen.value()), describe_frame_errors(found), CHART,
         on_select=partial(_clicked, project, found), selection_mode="points",
     )  # fmt: skip
     frame = choose_frame(project, found)
@@ -94,12 +133,11 @@ def _show_image(
     st.markdown(f"**{CAMERAS[camera].capitalize()}**")
     show_figure(
         plot_image(views, method, camera, photograph), describe_image(views, method, camera),
-        f"image_{CAMERAS[camera]}",
+        f"image_{CAMERAS[camera]}", fold=False,
     )  # fmt: skip
 
 
-def _show_two_sets(project: Project, answer: Answer) -> None:
-    found = answer.calibration
+def _show_two_sets(project: Project, found: Calibration, _answer: Answer | None) -> None:
     frame = choose_frame(project, found)
     views = views_of(found, frame)
     methods = list(views)
@@ -115,24 +153,23 @@ def _show_two_sets(project: Project, answer: Answer) -> None:
             _show_image(views, method, camera, photographs[camera])
     with space:
         st.markdown("**In space, where the rays pass each other**")
-        show_figure(plot_gap(views, method), describe_gap(views, method), "gap")
+        show_figure(plot_gap(views, method), describe_gap(views, method), "gap", fold=False)
 
 
-def _show_searches(_project: Project, answer: Answer) -> None:
-    found = answer.calibration
-    show_figure(plot_traces(found), describe_traces(found), "traces", fold=True)
+def _show_searches(_project: Project, found: Calibration, _answer: Answer | None) -> None:
+    show_figure(plot_traces(found), describe_traces(found), "traces")
 
 
-def _show_parameters(project: Project, answer: Answer) -> None:
-    found = answer.calibration
-    if answer.outlook is not None:
+def _show_parameters(project: Project, found: Calibration, answer: Answer | None) -> None:
+    if answer is not None and answer.outlook is not None:
         st.table(forecast_table(answer.outlook.predictive))
     else:
         st.table(errors_table(found))
     st.table(angles_table(found))
     st.caption(describe_settings(found))
-    st.markdown("**In the format of another program**")
-    other_formats(project, answer.sets)
+    if answer is not None:
+        st.markdown("**In the format of another program**")
+        other_formats(project, answer.sets)
 
 
 VIEWS = {

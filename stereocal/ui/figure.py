@@ -11,12 +11,12 @@ from stereocal.ui.texts import escape_markdown
 
 
 def show_figure(
-    figure: go.Figure, sentence: str, key: str, fold: bool = False, **chart: Any
+    figure: go.Figure, sentence: str, key: str, fold: bool = True, **chart: Any
 ) -> None:
     """A figure with its description in words.
 
     Args:
-        fold: the words are folded away.
+        fold: the words are folded away; not where they say what is not in the figure.
         chart: passed on to `st.plotly_chart`.
     """
     st.plotly_chart(figure, key=key, **chart)

@@ -66,7 +66,7 @@ def settings_form(project: Project, dataset: Dataset) -> dict[str, Any]:
                 1, frames, **_frames_field(project, frames).widget(),
                 help=f"All {frames}, or fewer, drawn at random. Paper: 20 of 25.",
             )  # fmt: skip
-        _search_form(project)
+        _numbers(project)
     return form_values(project, dataset)
 
 
@@ -98,8 +98,8 @@ def search_values(project: Project) -> dict[str, Any]:
     return values | {"frames_put_back": inputs.put_back, "frames_left_out": inputs.left_out}
 
 
-def search_sliders(project: Project) -> None:
-    """The two settings of the search that the paper varies, as sliders."""
+def search_form(project: Project) -> None:
+    """The two settings of the search that the paper varies as sliders, the others folded."""
     fields = _search_fields(project)
     left, right = st.columns(2)
     delta, acceptance = (each for each in NUMBERS if each.key in SLIDERS)
@@ -111,20 +111,11 @@ def search_sliders(project: Project) -> None:
         acceptance.title, *acceptance.bounds, step=0.01, help=acceptance.help,
         **fields["acceptance"].widget(),
     )  # fmt: skip
+    with st.expander("Other settings of the search"):
+        _numbers(project, without=SLIDERS)
 
 
-def search_form(project: Project, without: Collection[str] = ()) -> dict[str, Any]:
-    """The settings of the search and of the essential method, in an expander.
-
-    Args:
-        without: keys of numbers that stand elsewhere on the page.
-    """
-    with st.expander("Other settings of the search" if without else "Settings of the search"):
-        _search_form(project, without)
-    return search_values(project)
-
-
-def _search_form(project: Project, without: Collection[str] = ()) -> None:
+def _numbers(project: Project, without: Collection[str] = ()) -> None:
     fields = _search_fields(project)
     columns = st.columns(3)
     for at, each in enumerate(each for each in NUMBERS if each.key not in without):

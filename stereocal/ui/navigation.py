@@ -43,8 +43,11 @@ SECTIONS: Mapping[str, Mapping[str, str]] = {
     },
     "Use": {"apply": "Apply"},
 }
-"""Titles of the pages by group and by the name of their file in `pages/`, in the order of the work;
-with hyphens the name is the last part of the address."""
+"""Titles of the pages by group and by the name of their file in `pages/`, in the order of the work.
+The name is the last part of the address too: a new server whose first request is for a page knows
+it by its file alone."""
+FORMER_ADDRESSES = {"one-set": "one_set"}
+"""In bookmarks."""
 TITLES = {name: title for group in SECTIONS.values() for name, title in group.items()}
 _ORDER = list(TITLES)
 
@@ -67,6 +70,10 @@ def show_menu() -> StreamlitPage:
         group: [_page(name, title, states.get(name)) for name, title in titles.items()]
         for group, titles in SECTIONS.items()
     }
+    sections["Use"] += [
+        st.Page(f"pages/{name}.py", title=TITLES[name], url_path=address, visibility="hidden")
+        for address, name in FORMER_ADDRESSES.items()
+    ]
     return st.navigation(sections, expanded=True)
 
 
@@ -76,7 +83,7 @@ def _page(name: str, title: str, state: PageState | None) -> StreamlitPage:
         title=title,
         icon=state.icon if state else None,
         help=state.words if state else None,
-        url_path=name.replace("_", "-"),
+        url_path=name,
         default=name == "start",
     )
 
@@ -152,16 +159,17 @@ def _show_states(project: Project | None, saved: DeltaGenerator) -> None:
 
 def _show_next(page: StreamlitPage) -> None:
     """The button to the next page; none on Start, which has its own, and on the last page."""
-    name = page.url_path.replace("-", "_")
+    name = FORMER_ADDRESSES.get(page.url_path, page.url_path)
     following = dict(pairwise(_ORDER)).get(name)
     if following is not None:
         st.button(
             f"Next: {TITLES[following].partition(' (')[0]}", key="next", type="primary",
-            icon=":material/arrow_forward:", on_click=_go, args=(following,),
+            icon=":material/arrow_forward:", on_click=go_to, args=(following,),
         )  # fmt: skip
 
 
-def _go(name: str) -> None:
+def go_to(name: str) -> None:
+    """Open a page (for callbacks)."""
     st.session_state[_NEXT] = f"pages/{name}.py"
 
 

@@ -1,9 +1,11 @@
-"""The page One set or two: verdict, what disagrees, trade-off, accuracy, parameters."""
+"""The page One set or two: verdict, what disagrees, trade-off, accuracy, the refined set."""
 
 from __future__ import annotations
 
+from concurrent.futures import Future
 from dataclasses import replace
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import streamlit as st
 
@@ -20,11 +22,10 @@ from stereocal.figures import (
     plot_trade_off,
 )
 from stereocal.figures.accuracy import Quantity
+from stereocal.figures.disagreement import disagreement_table
 from stereocal.figures.style import count
 from stereocal.figures.tables import parameters_table, refined_table
-from stereocal.formats.evaluation_files import Evaluation, validation_figures
 from stereocal.projects.project import Project
-from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.results import Calibration
 from stereocal.refined.screening import Screening
@@ -33,47 +34,35 @@ from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
+from stereocal.ui import jobs
+from stereocal.ui.downloads import on_demand
 from stereocal.ui.fields import number, one_of, setting, yes_or_no
 from stereocal.ui.figure import show_figure
 from stereocal.ui.intake import escape_markdown
-from stereocal.ui.refined import calibrated, curves_of, inputs_of, map_of
+from stereocal.ui.refined import calibrated, curves_of, maps_of
+from stereocal.ui.results import show_recommendation
 from stereocal.ui.validation import kept_protocol
 from stereocal.verdict.forecast import Outlook
-from stereocal.verdict.in_words import digits, left_out_line, percent, why_validation_not_trusted
+from stereocal.verdict.in_words import digits, left_out_line, percent
 from stereocal.verdict.tradeoff import TradeOff, costs_of
+from stereocal.workflow import Answer, conclusions_of_seeds
 
+_SEEDS: WeakKeyDictionary[Outlook, Future[str]] = WeakKeyDictionary()
+"""Of outlooks, which the server keeps for one content: other seeds are tried once."""
 FIXED, FREED = "As given", "Freed"
 MOST_NAMED = 12
 """Maximum number of left-out frames listed on the page."""
 
 
-def show_verdict(
-    screening: Screening, evaluation: Evaluation | None, outlook: Outlook | None
-) -> None:
-    """The verdict of the forecast; green if it decides and may be relied on.
-
-    Args:
-        screening: of the data set; the forecast and the runs leave out the same frames.
-        evaluation: the last validation, for its warning if it is of these data.
-        outlook: the forecast of all files.
-    """
-    dataset = screening.full_dataset
+def show_verdict(answer: Answer) -> None:
+    """The recommendation, the figures behind it, and what would help."""
+    show_recommendation(answer.recommendation)
+    outlook = answer.outlook
     if outlook is None:
-        st.info("There are too few bars with both targets for a forecast: record at least 3.")
         return
-    of_these = evaluation is not None and list(evaluation.sha256) == [dataset.sha256]
-    answer = outlook.verdict
-    caution = (
-        why_validation_not_trusted(evaluation.summaries, [screening])
-        if evaluation is not None and of_these
-        else ""
-    )
-    if caution:
-        st.error(escape_markdown(f"Do not rely on this result: {caution}"))
-    (st.info if caution or answer.kind == "level" else st.success)(answer.text)
-    if answer.check is not None and answer.check.holds:
-        st.caption(escape_markdown(answer.check.text))
-    st.caption(escape_markdown(outlook.advice))
+    check = outlook.check
+    lines = [outlook.verdict.figures, check.text if check and check.holds else "", outlook.advice]
+    st.caption(escape_markdown("\n\n".join(filter(None, lines))))
 
 
 def show_disagreement(inputs: list[Input]) -> None:
@@ -87,7 +76,34 @@ def show_disagreement(inputs: list[Input]) -> None:
         st.page_link("pages/data.py", label="State it on the Data page")
     elif inputs and not accused:
         st.success("Nothing that was typed or measured disagrees with the images.")
-    show_figure(plot_disagreement(inputs), describe_disagreement(inputs), "disagreement")
+    if accused:
+        show_figure(plot_disagreement(inputs), describe_disagreement(inputs), "disagreement")
+    if inputs:
+        with st.expander("Stated and estimated", expanded=not accused):
+            st.table(disagreement_table(inputs))
+
+
+def show_seeds(answer: Answer) -> None:
+    """Whether another seed would change which files to use, tried beside the page."""
+    outlook = answer.outlook
+    if outlook is None:
+        return
+    tried = _SEEDS.get(outlook)
+    if tried is None:
+        tried = _SEEDS[outlook] = jobs.pool().submit(
+            conclusions_of_seeds, answer.calibration, outlook
+        )
+    if not tried.done():
+        _wait_for_seeds(tried)
+    elif sentence := tried.result():
+        st.info(escape_markdown(sentence))
+
+
+@st.fragment(run_every=0.5)
+def _wait_for_seeds(tried: Future[str]) -> None:
+    if tried.done():
+        st.rerun()
+    st.caption("Trying other seeds of the search.")
 
 
 def show_frames_left_out(screening: Screening, result: RefinedResult) -> None:
@@ -177,54 +193,42 @@ def own_view(dataset: Dataset, primary: Camera, secondary: Camera) -> Dataset:
 def show_accuracy(
     project: Project, result: RefinedResult, dataset: Dataset, settings: RefineSettings
 ) -> None:
-    """A map of the rig's accuracy."""
+    """Maps of the rig's accuracy."""
     kinds = ("a distance", "a point")
     of = setting(project, "accuracy_of", kinds[0], one_of(kinds), tabs_own=True)
     shown = st.segmented_control("Predicted error of", kinds, required=True, **of.widget())
     quantity: Quantity = "point" if shown == "a point" else "distance"
-    found = map_of(dataset, settings)
+    maps = maps_of(dataset, settings)
     show_figure(
-        plot_accuracy(found, result, quantity), describe_accuracy(found, quantity), "accuracy"
+        plot_accuracy(maps, result, quantity), describe_accuracy(maps, quantity), "accuracy"
     )
 
 
-def show_parameters(
-    project: Project,
-    screening: Screening,
-    result: RefinedResult,
-    inputs: list[Input],
-    evaluation: Evaluation | None,
-    outlook: Outlook | None,
-) -> None:
-    """The refined set: table, download, and what to use it for."""
+def show_download(project: Project, answer: Answer) -> None:
+    """The refined set's file, and what to use it for."""
+
+    def content() -> str:
+        return answer.sets["refined"].dumps()
+
+    name, mime = "parameters_refined.json", "application/json"
+    with st.container(horizontal=True, vertical_alignment="center"):
+        st.download_button(
+            f"Download {name}", on_demand(content, name, mime), name, mime, on_click="ignore",
+            type="primary", icon=":material/download:", key="download_refined",
+        )  # fmt: skip
+        for key, job in (("refined_2d", "match"), ("refined_3d", "measure")):
+            st.toggle(
+                f"Also {job} with the refined set",
+                **setting(project, key, False, yes_or_no).widget(),
+                help="The download on the Calibrate page is then the refined set.",
+            )  # fmt: skip
+
+
+def show_parameters(result: RefinedResult) -> None:
+    """The refined set as a table."""
     st.table(refined_table(result))
     st.caption(
         f"Noise of an image point {digits(result.sigma_px.value)} px "
         f"({result.sigma_px.source}); scatter of the bar's length "
         f"{digits(1000 * result.scatter_m.value)} mm ({result.scatter_m.source})."
     )
-    figures: dict[str, dict[str, Any]] = {}
-    if evaluation is not None and list(evaluation.sha256) == [screening.full_dataset.sha256]:
-        figures = validation_figures(evaluation.summaries, evaluation.settings)
-    forecasts = outlook.of_files(figures) if outlook else {}
-    content = refined_parameters(
-        result, inputs, figures.get("refined"), screening.left_out, forecasts.get("refined")
-    ).dumps()
-    st.download_button(
-        "Download parameters_refined.json", content, "parameters_refined.json",
-        "application/json", on_click="ignore", type="primary", icon=":material/download:",
-        key="download_refined",
-    )  # fmt: skip
-    for key, job in (("refined_2d", "match"), ("refined_3d", "measure")):
-        st.toggle(
-            f"Also {job} with the refined set", **setting(project, key, False, yes_or_no).widget(),
-            help="The download on the Calibrate page is then the refined set.",
-        )  # fmt: skip
-
-
-def refined_inputs(dataset: Dataset, settings: RefineSettings) -> list[Input]:
-    """Which inputs disagree; empty if the test fails."""
-    try:
-        return inputs_of(dataset, settings)
-    except StereocalError:
-        return []

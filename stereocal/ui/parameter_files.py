@@ -53,6 +53,16 @@ def parameter_downloads(sets: Mapping[Method, RigParameters], replaced: Collecti
         st.caption(f"{' and '.join(both)} {verb} the refined set, as chosen on One set or two.")
 
 
+def hold_downloads() -> None:
+    """The buttons before there are files."""
+    with st.container(horizontal=True):
+        for method, (name, purpose) in FILES.items():
+            st.button(
+                f"{name} · {purpose}", disabled=True, icon=":material/download:",
+                key=f"no_download_{method}",
+            )  # fmt: skip
+
+
 def other_formats(project: Project, sets: Mapping[Method, RigParameters]) -> None:
     """A file in the format of another program."""
     left, right = st.columns(2)

@@ -21,9 +21,9 @@ from stereocal.refined.results import Calibration
 from stereocal.rig.dataset import Dataset
 from stereocal.ui import jobs
 from stereocal.ui.intake import escape_markdown
-from stereocal.ui.refined import answer_for
+from stereocal.ui.refined import answer_for, answer_of
 from stereocal.ui.validation import INSTANT, kept_protocol
-from stereocal.workflow import calibrate
+from stereocal.workflow import Answer, calibrate
 
 KIND: jobs.Kind = "calibration"
 STAGES = ("steps", "runs")
@@ -59,9 +59,13 @@ def work_of(
 
 
 def press(
-    project: Project, inputs: Inputs, dataset: Dataset, settings: CalibrationSettings
-) -> None:
+    project: Project, inputs: Inputs, dataset: Dataset, settings: CalibrationSettings,
+    errors_first: bool = False,
+) -> None:  # fmt: skip
     """Calibrate and validate, at once or in a job.
+
+    Args:
+        errors_first: show the errors of the methods before forecast and validation are there.
 
     Raises:
         StereocalError: the data do not determine the pose; the last result stays.
@@ -75,7 +79,7 @@ def press(
     if _frames(dataset) < FEWEST_TO_VALIDATE:
         return
     protocol = kept_protocol(project, [dataset])
-    if protocol.runs * _frames(dataset) / 25 > INSTANT:
+    if errors_first or protocol.runs * _frames(dataset) / 25 > INSTANT:
         jobs.start(work)
         return
     try:
@@ -105,6 +109,8 @@ def _validate(project: Project, protocol: EvaluationSettings, job: jobs.Job) -> 
     """Evaluate the stored calibration and store the result; False if cancelled."""
     while (calibration := project.calibration) is not None:
         if project.calibration_evaluation is None:
+            if job.kept is not None and protocol.refined is not None:
+                answer_for(calibration, protocol.refined, None)  # the page shows it meanwhile
             found = _evaluation(project, calibration, protocol, job)
             if found is None and job.cancelled:
                 return False
@@ -137,3 +143,24 @@ def _evaluation(
     if runs is None:
         return None
     return Evaluation(runs, settings, [kept.name], [calibration.dataset.sha256])
+
+
+def show_progress(project: Project, work: jobs.Work | None) -> None:
+    """Show the job of a press, if there is one."""
+    jobs.show_job(project, KIND, "Cancelled: the result has no validation.", work)
+
+
+def answer_so_far(project: Project, calibration: Calibration) -> Answer | None:
+    """What the result tells; while a job computes it, what there is, and the page follows."""
+    if not jobs.is_running(project, KIND):
+        return answer_of(project, calibration)
+    found = answer_of(project, calibration, made_only=True)
+    if found is None:
+        _wait_for_answer(project, calibration)
+    return found
+
+
+@st.fragment(run_every=0.5)
+def _wait_for_answer(project: Project, calibration: Calibration) -> None:
+    if answer_of(project, calibration, made_only=True) is not None:
+        st.rerun()

@@ -62,12 +62,12 @@ def show_projects() -> Project | None:
         st.error(escape_markdown(failure))
     if settings.shared:
         if project is not None:
-            st.subheader("The open project")
+            st.markdown("#### The open project")
             show_cards([listed(project)])
     else:
         recent = recent_projects(default_home())
         if recent:
-            st.subheader("Recent projects")
+            st.markdown("#### Recent projects")
             show_cards(recent[:IN_A_ROW])
         if recent[IN_A_ROW:]:
             with st.expander("Older projects"):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from typing import get_args
 
 import streamlit as st
 
@@ -11,11 +12,9 @@ from stereocal.calibration.methods import CalibrationSettings, Method
 from stereocal.errors import StereocalError
 from stereocal.formats.evaluation_files import Evaluation
 from stereocal.projects.project import Project
-from stereocal.refined.disagreement import what_disagrees
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.results import Calibration
-from stereocal.refined.stated_inputs import Input
-from stereocal.refined.uncertainty import AccuracyMap, accuracy_map
+from stereocal.refined.uncertainty import AccuracyMap, Plane, accuracy_map
 from stereocal.refined.unknowns import (
     RefineSettings,
 )
@@ -28,7 +27,11 @@ from stereocal.ui.texts import escape_markdown
 from stereocal.ui.uncertainties import describe_uncertainties
 from stereocal.verdict.forecast import Outlook, outlook_of
 from stereocal.verdict.tradeoff import TradeOff, trade_off
-from stereocal.workflow import Answer, answer, calibrate, conclusions_of_seeds
+from stereocal.workflow import Answer, answer, calibrate
+
+MAP_SIZE = 45
+"""Points of an accuracy map along each side; both maps take 0.1 s."""
+MOST_ANSWERS = 16
 
 
 def refine_form(project: Project, dataset: Dataset) -> RefineSettings:
@@ -100,11 +103,6 @@ def calibrated(dataset: Dataset, settings: CalibrationSettings) -> Calibration:
     return _calibrated(_key(dataset, settings), dataset, settings)
 
 
-def inputs_of(dataset: Dataset, settings: RefineSettings) -> list[Input]:
-    """Which inputs disagree. Raises as `refine`."""
-    return _inputs(_key(dataset, settings), dataset, settings)
-
-
 def outlook_for(calibration: Calibration) -> Outlook | None:
     """What the files of a calibration will do on frames to come; None if that cannot be said."""
     if calibration.refined is None:
@@ -118,11 +116,19 @@ def outlook_for(calibration: Calibration) -> Outlook | None:
     return _outlook(json.dumps(key), calibration)
 
 
-def answer_of(project: Project, calibration: Calibration) -> Answer:
-    """What the last result of a project tells."""
+def answer_of(project: Project, calibration: Calibration, made_only: bool = False) -> Answer | None:
+    """What the last result of a project tells.
+
+    Args:
+        made_only: None instead of computing it; without its validation if that is all there is.
+    """
     settings = refine_settings(project, calibration.dataset)
     evaluation = readable(lambda: project.calibration_evaluation)
-    return answer_for(calibration, settings, evaluation)
+    if made_only:
+        made = (_made(_answer_key(calibration, settings, one)) for one in (evaluation, None))
+        return next(filter(None, made), None)
+    with st.spinner("Forecasting."):
+        return answer_for(calibration, settings, evaluation)
 
 
 def answer_for(
@@ -134,29 +140,40 @@ def answer_for(
         settings: of the refined set.
         evaluation: made with the calibration; None if there is none yet.
     """
+    key = _answer_key(calibration, settings, evaluation)
+    found = _made(key)
+    if found is None:
+        whole = replace(calibration, refined=_refined_for(calibration, settings))
+        found = jobs.compute(answer, whole, outlook_for(whole), evaluation)
+        made = _answers()
+        made[key] = found
+        for old in list(made)[:-MOST_ANSWERS]:
+            made.pop(old, None)
+    return found
+
+
+def _answer_key(
+    calibration: Calibration, settings: RefineSettings, evaluation: Evaluation | None
+) -> str:
     made_with = None if evaluation is None else evaluation.settings.to_json()
     poses = [[*found.pose.angles, found.pose.baseline] for found in calibration.methods.values()]
     about = [calibration.settings.to_json(), calibration.frames.tolist(), made_with, poses]
-    key = json.dumps([_key(calibration.dataset, settings), *about])
-    return _answer(key, calibration, settings, evaluation)
+    return json.dumps([_key(calibration.dataset, settings), *about])
 
 
-def seeds_matter(calibration: Calibration) -> str:
-    """A sentence if the files to use depend on the seed of the searches; else empty."""
-    outlook = outlook_for(calibration)
-    if outlook is None or calibration.refined is None:
-        return ""
-    key = [
-        _key(calibration.dataset, calibration.refined.settings),
-        calibration.refined.q.tolist(),
-        calibration.settings.to_json(),
-    ]
-    return _seeds(json.dumps(key), calibration, outlook)
+def _made(key: str) -> Answer | None:
+    return _answers().get(key)
 
 
-def map_of(dataset: Dataset, settings: RefineSettings) -> AccuracyMap:
-    """Predicted errors by position. Raises as `refine`."""
-    return _map(_key(dataset, settings), dataset, settings)
+@st.cache_resource(show_spinner=False)
+def _answers() -> dict[str, Answer]:
+    """The last answers, by all that they depend on; jobs make them too."""
+    return {}
+
+
+def maps_of(dataset: Dataset, settings: RefineSettings) -> list[AccuracyMap]:
+    """Predicted errors by position, from above and from the side. Raises as `refine`."""
+    return _maps(_key(dataset, settings), dataset, settings)
 
 
 def curves_of(dataset: Dataset, settings: RefineSettings) -> TradeOff:
@@ -185,35 +202,16 @@ def _calibrated(key: str, _dataset: Dataset, _settings: CalibrationSettings) -> 
     return jobs.compute(calibrate, _dataset, _settings)
 
 
-@st.cache_resource(show_spinner="Looking for inputs that disagree.", max_entries=16)
-def _inputs(key: str, _dataset: Dataset, _settings: RefineSettings) -> list[Input]:
-    return jobs.compute(what_disagrees, _refined(key, _dataset, _settings))
-
-
 @st.cache_resource(show_spinner="Forecasting.", max_entries=16)
 def _outlook(key: str, _calibration: Calibration) -> Outlook | None:
     assert key
     return jobs.compute(outlook_of, _calibration)
 
 
-@st.cache_resource(show_spinner="Forecasting.", max_entries=16)
-def _answer(
-    key: str, _calibration: Calibration, _settings: RefineSettings, _evaluation: Evaluation | None
-) -> Answer:
-    assert key
-    whole = replace(_calibration, refined=_refined_for(_calibration, _settings))
-    return jobs.compute(answer, whole, outlook_for(whole), _evaluation)
-
-
-@st.cache_resource(show_spinner="Trying other seeds.", max_entries=16)
-def _seeds(key: str, _calibration: Calibration, _outlook: Outlook) -> str:
-    assert key
-    return jobs.compute(conclusions_of_seeds, _calibration, _outlook)
-
-
 @st.cache_resource(show_spinner="Predicting errors by position.", max_entries=16)
-def _map(key: str, _dataset: Dataset, _settings: RefineSettings) -> AccuracyMap:
-    return jobs.compute(accuracy_map, _refined(key, _dataset, _settings))
+def _maps(key: str, _dataset: Dataset, _settings: RefineSettings) -> list[AccuracyMap]:
+    result = _refined(key, _dataset, _settings)
+    return [jobs.compute(accuracy_map, result, MAP_SIZE, plane) for plane in get_args(Plane)]
 
 
 @st.cache_resource(show_spinner="Tracing the trade-off.", max_entries=16)

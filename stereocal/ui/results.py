@@ -6,7 +6,7 @@ from functools import partial
 
 import streamlit as st
 
-from stereocal.calibration.methods import ALL_METHODS, METHOD_NAMES
+from stereocal.calibration.methods import METHOD_NAMES
 from stereocal.figures import (
     describe_rig,
     plot_rig,
@@ -14,12 +14,13 @@ from stereocal.figures import (
 from stereocal.figures.rig import VIEWS
 from stereocal.formats.dataset_files import pack_dataset
 from stereocal.projects.project import Project
+from stereocal.refined.results import Calibration
 from stereocal.rig.dataset import Dataset
 from stereocal.system.zip_files import pack_zip
 from stereocal.ui.closer_looks import look_at_frame, show_closer_looks
 from stereocal.ui.fields import one_of, setting
 from stereocal.ui.figure import show_figure
-from stereocal.ui.parameter_files import parameter_downloads
+from stereocal.ui.parameter_files import hold_downloads, parameter_downloads
 from stereocal.ui.refined import replaced_by_refined
 from stereocal.ui.screening import show_left_out
 from stereocal.ui.texts import escape_markdown
@@ -27,17 +28,30 @@ from stereocal.verdict.in_words import digits, interval, percent
 from stereocal.verdict.recommendation import Figure, Recommendation
 from stereocal.workflow import Answer
 
+TILES = ("Wrong pairs let in", "Length error, median", "Threshold")
 
-def show_result(project: Project, answer: Answer) -> None:
-    """Recommendation, tiles, downloads, the rig, and one closer look at a time."""
-    for warning in answer.calibration.warnings:
+
+def show_result(project: Project, result: Calibration, answer: Answer | None) -> None:
+    """Recommendation, tiles, downloads, the rig, and one closer look at a time.
+
+    Args:
+        answer: None while it is being computed.
+    """
+    found = answer.calibration if answer else result
+    for warning in found.warnings:
         st.warning(escape_markdown(warning))
-    show_recommendation(answer.recommendation)
-    show_left_out(project, answer.calibration, partial(look_at_frame, project, answer.calibration))
-    show_tiles(answer)
-    parameter_downloads(answer.sets, replaced_by_refined(project))
-    _show_rig(project, answer)
-    show_closer_looks(project, answer)
+    if answer:
+        show_recommendation(answer.recommendation)
+    else:
+        st.info("The errors below are of the new result.\n\nForecast and validation follow.")
+    show_left_out(project, found, partial(look_at_frame, project, found))
+    if answer:
+        show_tiles(answer)
+        parameter_downloads(answer.sets, replaced_by_refined(project))
+    else:
+        _hold_places()
+    _show_rig(project, found)
+    show_closer_looks(project, found, answer)
 
 
 def show_recommendation(recommendation: Recommendation) -> None:
@@ -57,12 +71,12 @@ def show_tiles(answer: Answer) -> None:
     counted = f" of {match.wrong_pairs:,} wrong pairs"
     none = "none" + counted
     with wrong:
-        _tile("Wrong pairs let in", match.wrong_let_in, found.forecast_holds, counted, none)
+        _tile(TILES[0], match.wrong_let_in, found.forecast_holds, counted, none)
     with lengths:
-        _tile("Length error, median", found.measure.length_median, found.forecast_holds)
+        _tile(TILES[1], found.measure.length_median, found.forecast_holds)
     with threshold, st.container(border=True):
         value = match.threshold_px
-        st.metric("Threshold", "unknown" if value is None else f"{digits(value, 2)} px")
+        st.metric(TILES[2], "unknown" if value is None else f"{digits(value, 2)} px")
         ahead = match.threshold.forecast
         left_out = len(answer.calibration.screening.left_out)
         frames = len(answer.calibration.dataset.correspondences.frames)
@@ -71,6 +85,15 @@ def show_tiles(answer: Answer) -> None:
              f"{digits(ahead.high, 2)})  \n" if ahead else "")
             + f"{left_out} of {frames} frames left out"
         )  # fmt: skip
+
+
+def _hold_places() -> None:
+    """Empty tiles, so that nothing below moves when they are filled."""
+    for title, column in zip(TILES, st.columns(3), strict=True):
+        with column, st.container(border=True):
+            st.metric(title, "…")
+            st.caption("being computed  \n…")
+    hold_downloads()
 
 
 def _tile(
@@ -109,8 +132,9 @@ def dataset_download(dataset: Dataset) -> None:
 
 
 @st.fragment  # its controls redraw this part only
-def _show_rig(project: Project, answer: Answer) -> None:
-    methods = [name for name in ALL_METHODS if name != "essential" and name in answer.sets]
+def _show_rig(project: Project, found: Calibration) -> None:
+    methods = [name for name in found.methods if name != "essential"]
+    methods += ["refined"] if found.refined else []
     st.subheader("The rig in 3D")
     left, right = st.columns(2)
     seen = setting(project, "rig_method", "3d", one_of(methods), tabs_own=True)
@@ -120,5 +144,4 @@ def _show_rig(project: Project, answer: Answer) -> None:
     views = list(VIEWS)
     from_where = setting(project, "rig_view", views[0], one_of(views), tabs_own=True)
     view = right.segmented_control("Seen from", views, required=True, **from_where.widget())
-    found = answer.calibration
-    show_figure(plot_rig(found, method, view), describe_rig(found, method), "rig", fold=True)
+    show_figure(plot_rig(found, method, view), describe_rig(found, method), "rig")

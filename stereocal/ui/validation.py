@@ -24,13 +24,7 @@ from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
 from stereocal.ui import jobs
 from stereocal.ui.fields import Field, number, one_of, setting
-from stereocal.ui.forms import (
-    SLIDERS,
-    search_form,
-    search_sliders,
-    search_values,
-    settings_of,
-)
+from stereocal.ui.forms import search_form, search_values, settings_of
 from stereocal.ui.intake import check_uploads, escape_markdown, is_new, taking
 from stereocal.ui.messages import callback
 from stereocal.ui.refined import refine_settings
@@ -79,8 +73,7 @@ def choose_protocol(project: Project, datasets: Sequence[Dataset]) -> Evaluation
         "Frames to calibrate with; the others test", 1, most, help="Paper: 20 of 25.",
         **frames.widget(),
     )  # fmt: skip
-    search_sliders(project)
-    search_form(project, without=SLIDERS)
+    search_form(project)
     return kept_protocol(project, datasets)
 
 
@@ -119,17 +112,21 @@ def without_refined(
     None if the last validation is current, if the work is long, or if it fails: then
     `bring_up_to_date` shows what there is.
     """
-    if is_current(_last(project), datasets, settings) or not _is_short(datasets, settings):
+    last, own = _last(project), replace(settings, refined=None)
+    if is_current(last, datasets, settings) or not _is_short(datasets, settings):
         return None
+    if is_current(last, datasets, own):
+        return last
     try:
         kept = [each.dataset for each in screenings_of(datasets, settings.calibration)]
-        own = replace(settings, refined=None)
         runs = evaluate(kept, own, jobs.pool())
+        assert runs is not None  # nobody cancels
+        digests = [dataset.sha256 for dataset in datasets]
+        # Kept at once: the next move of a slider may end this run before the refined sets come.
+        project.keep_evaluation(Evaluation(runs, own, unique_names(datasets), digests))
     except StereocalError:
         return None
-    assert runs is not None  # nobody cancels
-    digests = [dataset.sha256 for dataset in datasets]
-    return Evaluation(runs, own, unique_names(datasets), digests)
+    return _last(project)
 
 
 def bring_up_to_date(
@@ -170,6 +167,11 @@ def _work(project: Project, datasets: Sequence[Dataset], settings: EvaluationSet
     )  # fmt: skip
 
 
+def _yield_to_clicks(_done: int, _total: int) -> None:
+    """Let a moved slider end this run: Streamlit looks for clicks where the session is read."""
+    st.session_state.get("clicked")
+
+
 def _validate(
     project: Project, datasets: Sequence[Dataset], settings: EvaluationSettings, job: jobs.Job
 ) -> bool:
@@ -177,7 +179,7 @@ def _validate(
     kept = [screening.dataset for screening in screenings_of(datasets, settings.calibration)]
     runs: list[list[Run]] | None
     if job.kept is None:  # while the page is drawn
-        runs = evaluate_with_kept_fits(kept, settings, job.executor, _FITS)
+        runs = evaluate_with_kept_fits(kept, settings, job.executor, _FITS, _yield_to_clicks)
     else:
         runs = evaluate(
             kept, settings, job.executor, job.progress, lambda: job.cancelled,

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from functools import lru_cache, partial
 from typing import Any
 
-import plotly.graph_objects as go
 import streamlit as st
 
 from stereocal.calibration.methods import Method
@@ -22,16 +21,21 @@ from stereocal.figures.report import report_html
 from stereocal.figures.tables import validation_answer, validation_table
 from stereocal.formats.evaluation_files import Evaluation, summary_json
 from stereocal.projects.project import Project
+from stereocal.refined.results import Calibration
 from stereocal.refined.screening import Screening
 from stereocal.rig.dataset import Dataset
 from stereocal.ui.downloads import on_demand
 from stereocal.ui.fields import Field, one_of, setting, yes_or_no
+from stereocal.ui.figure import show_figure
 from stereocal.ui.intake import escape_markdown
+from stereocal.ui.messages import readable
+from stereocal.ui.refined import answer_of
 from stereocal.ui.screening import screenings_of
 from stereocal.ui.validation import is_current
 from stereocal.verdict.in_words import left_out_line, why_validation_not_trusted
+from stereocal.verdict.recommendation import Recommendation
 
-BIN_WIDTHS = (0.02, 0.04, 0.1, 0.2, 0.5)
+BIN_WIDTHS, USUAL_WIDTH = (0.02, 0.04, 0.1, 0.2, 0.5), 0.1
 SCROLLS = """<style>
 .st-key-scrolls { overflow-x: auto; }
 .st-key-scrolls > div { min-width: 54rem; }
@@ -56,7 +60,11 @@ def _summaries(
     evaluation: Evaluation, bin_width: float, refined: bool
 ) -> tuple[Summaries, dict[str, Summaries]]:
     """Pooled and by data set; of one object, which a project gives for one content."""
-    pooled, by_dataset = summarise_all(evaluation.names, evaluation.runs, bin_width)
+    if bin_width == USUAL_WIDTH and len(evaluation.names) == 1:
+        pooled = dict(evaluation.summaries)  # made once for all pages
+        by_dataset = {evaluation.names[0]: pooled}
+    else:
+        pooled, by_dataset = summarise_all(evaluation.names, evaluation.runs, bin_width)
     if not refined:
         for own in (pooled, *by_dataset.values()):
             own.pop("refined", None)
@@ -79,7 +87,7 @@ def show_evaluation(
             "The form or the data have changed since this validation. It was computed "
             f"with: {describe_protocol(evaluation)}"
         )
-    bins = setting(project, "bin_width", 0.1, one_of(BIN_WIDTHS))
+    bins = setting(project, "bin_width", USUAL_WIDTH, one_of(BIN_WIDTHS))
     refined = with_refined(project)
     pooled, by_dataset = _summaries(evaluation, bins.value(), refined.value())
     screenings = _screenings(evaluation, datasets)
@@ -88,22 +96,24 @@ def show_evaluation(
     if len(columns) > 1:
         st.html(SCROLLS)
     with st.container(key="scrolls" if len(columns) > 1 else "fits"):
-        words = describe_validation(pooled, columns)
-        _show_figure(plot_validation(pooled, columns), words, "validation", picture)
+        show_figure(
+            plot_validation(pooled, columns), describe_validation(pooled, columns), "validation",
+            config=_saved_as(picture, "validation"),
+        )  # fmt: skip
     if screenings:
-        _downloads(screenings, evaluation, pooled, by_dataset)
+        _downloads(project, screenings, evaluation, pooled, by_dataset)
     with st.expander("Figures as a table, and the width of the bins"):
         st.table(validation_table(pooled))
         st.select_slider(
             "Width of the bins (decades)", BIN_WIDTHS, help="The overlap depends on it a little.",
             **bins.widget(),
         )  # fmt: skip
-        st.caption(escape_markdown(words))
     if len(evaluation.names) > 1:
         st.subheader("Data set by data set")
-        words = describe_comparison(by_dataset)
-        _show_figure(plot_comparison(by_dataset), words, "comparison", picture)
-        st.caption(escape_markdown(words))
+        show_figure(
+            plot_comparison(by_dataset), describe_comparison(by_dataset), "comparison",
+            config=_saved_as(picture, "comparison"),
+        )  # fmt: skip
     st.caption(f"Made with: {describe_protocol(evaluation)}")
 
 
@@ -127,15 +137,12 @@ def _choose_view(project: Project, refined: Field) -> tuple[list[str], str]:
     return [key for key, title in COLUMNS.items() if wide in ("All three", title)], picture
 
 
-def _show_figure(figure: go.Figure, words: str, key: str, picture: str) -> None:
-    """A figure with a button that saves it in the browser, as it is seen."""
-    st.plotly_chart(
-        figure, key=key, alt=words,
-        config={
-            "displayModeBar": True, "modeBarButtons": [["toImage"]],
-            "toImageButtonOptions": {"format": picture.lower(), "filename": key, "scale": 2},
-        },
-    )  # fmt: skip
+def _saved_as(picture: str, name: str) -> dict[str, Any]:
+    """Plotly's options for a button that saves a figure in the browser, as it is seen."""
+    return {
+        "displayModeBar": True, "modeBarButtons": [["toImage"]],
+        "toImageButtonOptions": {"format": picture.lower(), "filename": name, "scale": 2},
+    }  # fmt: skip
 
 
 def _screenings(evaluation: Evaluation, datasets: Sequence[Dataset]) -> list[Screening]:
@@ -175,12 +182,25 @@ def describe_protocol(evaluation: Evaluation) -> str:
     )
 
 
+def _recommended(
+    project: Project, evaluation: Evaluation
+) -> tuple[Calibration, Recommendation] | None:
+    """The result of Calibrate of the same data, with its recommendation, if it is there."""
+    calibration = readable(lambda: project.calibration)
+    if calibration is None or list(evaluation.sha256) != [calibration.dataset.sha256]:
+        return None
+    found = answer_of(project, calibration, made_only=True)
+    return None if found is None else (found.calibration, found.recommendation)
+
+
 def _downloads(
-    screenings: Sequence[Screening], evaluation: Evaluation, pooled: Any, by_dataset: Any
-) -> None:
+    project: Project, screenings: Sequence[Screening], evaluation: Evaluation, pooled: Any,
+    by_dataset: Any,
+) -> None:  # fmt: skip
     left, right = st.columns(2)
     about = ([each.full_dataset for each in screenings], evaluation.settings, screenings)
-    report = partial(report_html, pooled, by_dataset, *about)
+    recommended = _recommended(project, evaluation)
+    report = partial(report_html, pooled, by_dataset, *about, recommended)
     left.download_button(
         "Download report.html", on_demand(report, "report.html", "text/html"), "report.html",
         "text/html", on_click="ignore", icon=":material/download:", key="download_report",

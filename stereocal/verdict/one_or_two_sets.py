@@ -37,10 +37,11 @@ Kind = Literal["one", "two", "level"]
 
 @dataclass(frozen=True)
 class Verdict:
-    """The verdict: its kind, a sentence for the user, and the numbers behind it."""
+    """The verdict and the numbers behind it; its sentences are those of the `recommendation`."""
 
     kind: Kind
-    text: str
+    figures: str
+    """The errors of the sets on bars like these, for the user."""
     matching: Estimate
     """Refined over 2D set, mean reprojection error."""
     measuring: Estimate
@@ -82,46 +83,13 @@ def verdict(predictive: Predictive, frames: int, check: ModelCheck | None = None
     match_with: Method = "2d" if matching.value > limit else "refined"
     measure_with: Method = "3d" if measuring.value > limit else "refined"
     add = _frames_to_add((matching, measuring), frames) if kind == "level" else None
-    parts = [
-        _opening(kind, chance, match_with, measure_with, check is None or check.holds),
-        _figures(predictive, matching, measuring),
-    ]
-    if kind == "level" and (check is None or check.holds):
-        parts.append(
-            f"About {add} more frames would decide it."
-            if add
-            else "More frames would hardly decide it, and little depends on it."
-        )
-    if check is not None and not check.holds:
-        parts.append(check.text)
-    return Verdict(
-        kind, " ".join(parts), matching, measuring, chance, match_with, measure_with, add, check
-    )
+    figures = _figures(predictive, matching, measuring)
+    return Verdict(kind, figures, matching, measuring, chance, match_with, measure_with, add, check)
 
 
 def _ratio(draws: FloatArray) -> Estimate:
     low, value, high = np.nanpercentile(draws, (TAILS[0], 50, TAILS[1]))
     return Estimate(float(value), float(low), float(high))
-
-
-def _opening(
-    kind: Kind, chance: float, match_with: Method, measure_with: Method, model_holds: bool
-) -> str:
-    names = {"2d": "the 2D set", "3d": "the 3D set", "refined": "the refined set"}
-    match, measure = names[match_with], names[measure_with]
-    use = f"Match with {match}, measure with {measure}."
-    if match_with == measure_with:
-        use = f"Match and measure with {match}."
-    if kind == "one":
-        return f"One refined set does both jobs ({sure(chance)} sure). {use}"
-    if kind == "two":
-        return f"Two sets are worth it on this rig ({sure(1 - chance)} sure). {use}"
-    if not model_holds:
-        return f"One set or two cannot be decided, since the forecast does not hold here. {use}"
-    return (
-        "One set or two is not decided on this rig: one does both jobs with a probability of "
-        f"{100 * chance:.0f} %. {use}"
-    )
 
 
 def sure(chance: float) -> str:

@@ -67,15 +67,20 @@ def served(home: Path, **environment: str) -> Iterator[tuple[subprocess.Popen[by
         server.wait(20)
 
 
+def chromium() -> str | None:
+    """The browser's program; None without one."""
+    return os.environ.get("CHROMIUM") or shutil.which("chromium")
+
+
 @pytest.fixture(scope="session")
 def browser() -> Iterator[Browser]:
-    chromium = os.environ.get("CHROMIUM") or shutil.which("chromium")
-    if chromium is None:
+    program = chromium()
+    if program is None:
         if os.environ.get("STEREOCAL_BROWSER_REQUIRED"):
             pytest.fail("Chromium is required here and was not found")
         pytest.skip("no Chromium on this machine")
     with sync_playwright() as playwright:
-        started = playwright.chromium.launch(executable_path=chromium, args=FLAGS)
+        started = playwright.chromium.launch(executable_path=program, args=FLAGS)
         yield started
         started.close()
 

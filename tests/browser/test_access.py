@@ -167,9 +167,7 @@ def test_the_whole_job_by_keyboard_alone(
     settled(page)
     tab_to(page, lambda now: now["key"] == "run")
     page.keyboard.press("Space")
-    expect(page.get_by_text("To find which points belong together")).to_be_visible(
-        timeout=LONGEST_MS
-    )
+    expect(page.locator(".st-key-download_2d button")).to_be_visible(timeout=LONGEST_MS)
     settled(page)
     for method, press in (("2d", "Enter"), ("3d", "Space")):
         tab_to(page, partial(has_key, f"download_{method}"))

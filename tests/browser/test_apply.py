@@ -52,16 +52,15 @@ def test_demo_to_files_of_the_command_line(
     sidebar.get_by_role("link", name="Calibrate").click()
     settled(page)
     page.get_by_role("button", name="Calibrate", exact=True).click()
-    expect(page.get_by_text("To find which points belong together")).to_be_visible(
-        timeout=LONGEST_MS
-    )
+    expect(page.locator(".st-key-download_2d button")).to_be_visible(timeout=LONGEST_MS)
     settled(page)
     sets = [fetch(page, method, tmp_path) for method in ("2d", "3d")]
-    page.locator(".st-key-format_3d").click()
-    page.get_by_role("option", name="OpenCV").click()
+    page.locator(".st-key-view").get_by_text("Parameters", exact=True).click()
+    page.locator(".st-key-format_file").click()
+    page.get_by_role("option", name="3D set").click()
     expect(page.get_by_text("parameters_3d_opencv.zip")).to_be_visible()
     settled(page)
-    assert fetch(page, "3d", tmp_path).read_bytes()[:2] == b"PK"
+    assert fetch(page, "format", tmp_path).read_bytes()[:2] == b"PK"
 
     sidebar.get_by_role("link", name="Apply").click()
     expect(page.get_by_text("50 pairs in 25 frames, none of them ambiguous")).to_be_visible(
@@ -110,9 +109,7 @@ def test_frames_play_and_stop_by_keyboard(page: Page, app_url: str, settled: Set
     page.get_by_test_id("stSidebar").get_by_role("link", name="Calibrate").click()
     settled(page)
     page.get_by_role("button", name="Calibrate", exact=True).click()
-    expect(page.get_by_text("To find which points belong together")).to_be_visible(
-        timeout=LONGEST_MS
-    )
+    expect(page.locator(".st-key-download_2d button")).to_be_visible(timeout=LONGEST_MS)
     settled(page)
     page.get_by_test_id("stSidebar").get_by_role("link", name="Apply").click()
     expect(page.get_by_text("395 pairs in 395 frames")).to_be_visible(timeout=LONGEST_MS)

@@ -30,11 +30,17 @@ def test_verdict_slider_and_files(
     page.locator(".st-key-demo button").click()
     expect(page.get_by_text("50 pairs of points in 25 frames")).to_be_visible()
     page.get_by_test_id("stSidebar").get_by_role("link", name="One set or two").click()
-    expect(page.get_by_text("One refined set does both jobs")).to_be_visible(timeout=LONGEST_MS)
+    expect(page.get_by_text("One set does both jobs here")).to_be_visible(timeout=LONGEST_MS)
     settled(page)
-    assert "/one-set?project=" in page.url
-    for key in ("disagreement", "trade_off", "accuracy"):
-        expect(page.locator(f".st-key-{key} .js-plotly-plot")).to_be_visible()
+    assert "/one_set?project=" in page.url
+    look_at = page.locator(".st-key-one_set_view")
+    look_at.get_by_text("How accurate, where").click()
+    expect(page.locator(".st-key-accuracy .js-plotly-plot")).to_be_visible()
+    look_at.get_by_text("Matching against measuring").click()
+    expect(page.locator(".st-key-trade_off .js-plotly-plot")).to_be_visible()
+    # Nothing that was stated disagrees, so that a table says it all.
+    expect(page.locator(".st-key-disagreement")).to_have_count(0)
+    expect(page.get_by_role("rowheader", name="Baseline", exact=True)).to_be_visible()
 
     def at_the_point() -> str:
         settled(page)
@@ -54,13 +60,13 @@ def test_verdict_slider_and_files(
     assert refined.matching_threshold_px is not None
     after = at_the_point()
     page.reload()
-    expect(page.get_by_text("One refined set does both jobs")).to_be_visible()
+    expect(page.get_by_text("One set does both jobs here")).to_be_visible()
     assert at_the_point() == after  # a refresh loses nothing
     page.locator(".st-key-refined_2d label").click()
     settled(page)
     page.get_by_test_id("stSidebar").get_by_role("link", name="Calibrate").click()
     page.locator(".st-key-run button").click()
-    expect(page.get_by_text("Holds the refined set")).to_be_visible(timeout=LONGEST_MS)
+    expect(page.get_by_text("holds the refined set")).to_be_visible(timeout=LONGEST_MS)
     settled(page)
     instead = RigParameters.load(download(page, "download_2d", tmp_path / "2d.json"))
     assert instead.method == "refined"

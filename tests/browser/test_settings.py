@@ -42,7 +42,7 @@ SET: dict[str, dict[str, Any]] = {
         "seed": 5, "essential": "linear", "validate_runs": 40, "validate_frames": 9,
         "bin_width": 0.2, "with_refined": False, "columns": "Residual",
     },
-    "one_set": {"curve": "As given", "along": 30, "refined_3d": True, "accuracy_of": "a point"},
+    "one_set": {"curve": "As given", "along": 30, "refined_3d": True},
     "apply": {
         "apply_matching": "3d", "apply_measuring": "2d", "apply_only_depths": True,
         "apply_near": 1.5, "apply_far": 60.0, "apply_threshold": 2.5,

@@ -58,7 +58,7 @@ def every_figure() -> dict[str, Drawn]:
     calibration = calibrate(dataset, trace=True)
     refined = refine(dataset)
     inputs = what_disagrees(refined)
-    places = accuracy_map(refined)
+    places = [accuracy_map(refined), accuracy_map(refined, plane="side")]
     curves = trade_off(dataset, points=5)
     settings = EvaluationSettings(CalibrationSettings(), 6, 20, RefineSettings())
     with ThreadPoolExecutor(2) as executor:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -17,12 +18,13 @@ from stereocal.figures import (
     plot_disagreement,
     plot_trade_off,
 )
-from stereocal.figures.accuracy import Quantity
+from stereocal.figures.accuracy import LEAST_HEIGHT, MOST_HEIGHT, WIDTH, Quantity
+from stereocal.figures.disagreement import disagreement_table
 from stereocal.figures.tables import parameters_table, refined_table
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.refined.disagreement import ACCUSED, what_disagrees
 from stereocal.refined.refine import RefinedResult, refine
-from stereocal.refined.uncertainty import AccuracyMap, accuracy_map
+from stereocal.refined.uncertainty import AccuracyMap, Plane, accuracy_map
 from stereocal.refined.unknowns import FIXED_LENS, RefineSettings
 from stereocal.verdict.tradeoff import TradeOff, trade_off
 
@@ -53,49 +55,57 @@ def test_trade_off_has_both_curves_all_sets_and_the_point(curves: TradeOff) -> N
     )
     assert by_name["The slider's point"].x[0] == curves.freed[2].cost_2d_px
     assert by_name["3D set"].marker.symbol == "triangle-up"
-    assert figure.layout.xaxis.type == "linear"  # the 3D set stands at the edge
+    assert by_name["3D set"].x[0] == 1200.0 and by_name["2D set"].x[0] == 9.0
+    assert figure.layout.xaxis.type == "log"  # so that all sets are in it
     assert figure.layout.yaxis.type == "log"  # 23 to 490 mm
     words = describe_trade_off(curves, costs)
     assert "3D set 1200 px and 26.0 mm" in words
 
 
-def test_a_set_far_beyond_the_curves_stands_at_the_edge_with_its_value(curves: TradeOff) -> None:
-    costs: dict[Method, tuple[float, float]] = {"2d": (9.0, 0.03), "3d": (1200.0, 0.026)}
-    by_name = {trace.name: trace for trace in plot_trade_off(curves, costs).data}
-    far, near = by_name["3D set"], by_name["2D set"]
-    most = max(point.cost_2d_px for point in (*curves.fixed, *curves.freed))
-    assert most < far.x[0] < 1.5 * most and far.y[0] == pytest.approx(26.0)
-    assert far.text[0] == "1200 px →" and list(far.customdata[0]) == pytest.approx([1200, 26])
-    assert near.x[0] == 9.0 and near.mode == "markers"
-    within: dict[Method, tuple[float, float]] = {"3d": (2.5 * most, 0.026)}
-    by_name = {trace.name: trace for trace in plot_trade_off(curves, within).data}
-    assert by_name["3D set"].x[0] == 2.5 * most and by_name["3D set"].mode == "markers"
-    wide: dict[Method, tuple[float, float]] = {"2d": (0.5, 0.03)}  # more than a decade to be seen
-    assert plot_trade_off(curves, wide).layout.xaxis.type == "log"
+def test_costs_within_a_decade_have_a_linear_axis(curves: TradeOff) -> None:
+    costs: dict[Method, tuple[float, float]] = {"2d": (9.0, 0.03)}
+    assert plot_trade_off(curves, costs).layout.xaxis.type == "linear"
 
 
 @pytest.mark.parametrize(("quantity", "unit"), [("distance", " %"), ("point", " mm")])
-def test_accuracy_shows_the_map_cameras_and_targets(
+def test_accuracy_shows_both_maps_cameras_and_targets(
     result: RefinedResult, quantity: Quantity, unit: str
 ) -> None:
-    found = accuracy_map(result, 20)
-    figure = plot_accuracy(found, result, quantity)
-    heat, cameras, targets = figure.data
-    values = 100 * found.distance if quantity == "distance" else 1000 * found.point_m
-    np.testing.assert_allclose(10**heat.z, values)
+    maps = [accuracy_map(result, 20, plane) for plane in get_args(Plane)]
+    figure = plot_accuracy(maps, result, quantity)
     centre = -result.pose.R.T @ result.pose.T
-    np.testing.assert_allclose([cameras.x[1], cameras.y[1]], [centre[0], centre[2]])
-    assert len(targets.x) == 50
-    assert figure.layout.yaxis.scaleanchor == "x"
-    words = describe_accuracy(found, quantity)
-    assert f"{np.nanmedian(values):.2g}{unit} (median)" in words
+    for at, (found, axis) in enumerate(zip(maps, (0, 1), strict=True)):
+        heat, cameras, targets = figure.data[3 * at : 3 * at + 3]
+        values = 100 * found.distance if quantity == "distance" else 1000 * found.point_m
+        np.testing.assert_allclose(10**heat.z, values.T)
+        np.testing.assert_allclose([cameras.x[1], cameras.y[1]], [centre[2], centre[axis]])
+        assert len(targets.x) == 50
+        assert heat.yaxis == targets.yaxis == ("y2" if at else "y")
+    words = describe_accuracy(maps, quantity)
+    median = np.nanmedian([100 * m.distance if unit == " %" else 1000 * m.point_m for m in maps])
+    assert f"{median:.2g}{unit} (median)" in words
+
+
+def test_maps_have_equal_axes_that_fill_their_room(result: RefinedResult) -> None:
+    maps = [accuracy_map(result, 20, plane) for plane in get_args(Plane)]
+    layout = plot_accuracy(maps, result).layout
+    inside = layout.height - layout.margin.t - layout.margin.b
+    for x, y in ((layout.xaxis, layout.yaxis), (layout.xaxis2, layout.yaxis2)):
+        assert y.scaleanchor == ("x" if y is layout.yaxis else "x2")
+        height = inside * np.diff(y.domain)[0]
+        px_per_m = height / abs(np.diff(y.range)[0])
+        # At the width of the page the map is as wide as its axis, unless it would be too high.
+        assert px_per_m * np.diff(x.range)[0] == pytest.approx(WIDTH, rel=0.01) or height in (
+            pytest.approx(LEAST_HEIGHT), pytest.approx(MOST_HEIGHT)
+        )  # fmt: skip
+    assert list(layout.xaxis.range) == list(layout.xaxis2.range)
 
 
 def test_no_common_view_is_said(result: RefinedResult) -> None:
     nothing = np.full((3, 4), np.nan)
-    empty = AccuracyMap(np.arange(4.0), np.arange(3.0), nothing, nothing)
-    assert "share no view" in plot_accuracy(empty, result).layout.annotations[0].text
-    assert "share no view" in describe_accuracy(empty)
+    empty = AccuracyMap("above", 0.0, np.arange(4.0), np.arange(3.0), nothing, nothing)
+    assert "share no view" in plot_accuracy([empty], result).layout.annotations[0].text
+    assert "share no view" in describe_accuracy([empty])
 
 
 def test_an_accused_input_stands_out() -> None:
@@ -109,6 +119,20 @@ def test_an_accused_input_stands_out() -> None:
     assert bars.marker.pattern.shape[-1] == "/" and bars.marker.pattern.shape[0] == ""
     assert figure.layout.shapes[0].x0 == ACCUSED
     assert "Baseline: stated 4.7 m" in describe_disagreement(inputs)
+
+
+def test_the_table_of_inputs_says_stated_and_estimated(result: RefinedResult) -> None:
+    inputs = what_disagrees(result)
+    table = disagreement_table(inputs)
+    assert len(table) == len(inputs) <= 8
+    baseline = next(item for item in inputs if item.key == "baseline")
+    row = table.loc["Baseline"]
+    assert float(str(row["Stated"]).split()[0]) == pytest.approx(float(baseline.stated[0]))
+    value, _, sigma, unit = str(row["Estimated"]).split()
+    assert float(value) == pytest.approx(float(baseline.estimate[0]), abs=float(sigma))
+    assert float(sigma) == pytest.approx(float(baseline.sigma[0]), rel=0.1) and unit == "m"
+    held = what_disagrees(refine(FIELD, RefineSettings(primary=FIXED_LENS, secondary=FIXED_LENS)))
+    assert "held as stated" in set(disagreement_table(held)["Estimated"])
 
 
 def test_a_points_table_is_that_of_its_file(curves: TradeOff) -> None:

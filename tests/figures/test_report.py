@@ -12,11 +12,14 @@ from plotly.offline import get_plotlyjs
 from stereocal import __version__
 from stereocal.evaluation.evaluate import Run, evaluate
 from stereocal.evaluation.summary import summarise
-from stereocal.figures import describe_comparison, describe_validation
+from stereocal.figures import describe_comparison, describe_two_sets, describe_validation
+from stereocal.figures.frame_view import telling_frame, views_of
 from stereocal.figures.report import SETTING_NAMES, report_html
 from stereocal.figures.tables import validation_answer, validation_table
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.rig.dataset import Dataset
+from stereocal.verdict.recommendation import recommend
+from stereocal.workflow import calibrate
 from tests.figures.test_validation_figure import SAMPLE, SETTINGS, Summaries, without_bars
 
 EVIL = "<script>alert(1)</script>"
@@ -115,3 +118,15 @@ def test_it_can_be_written_when_no_bar_was_measured(
 ) -> None:
     lost = {method: without_bars(found) for method, found in summarise(runs[:1]).items()}
     assert "No bar could be measured." in report_html(lost, {}, [dataset], SETTINGS)
+
+
+def test_the_recommendation_comes_first_with_the_frame_that_shows_why(
+    runs: list[list[Run]], dataset: Dataset
+) -> None:
+    calibration = calibrate(dataset)
+    recommendation = recommend(calibration, None)
+    found = calibration, recommendation
+    text = unescape(report_html(summarise(runs[:1]), {}, [dataset], SETTINGS, recommended=found))
+    assert recommendation.text in text.split("<h2>")[0]
+    frame = telling_frame(calibration)
+    assert f"Frame {frame}. {describe_two_sets(views_of(calibration, frame))}" in text

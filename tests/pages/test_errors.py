@@ -105,9 +105,17 @@ CACHES = {
     "apply._sampled": "by the digests of the tables' contents",
     "apply._chosen": "by the digests of the tables' contents, and the whole set",
     "apply_results._read": "by the digest of the table's content",
+    "chosen_frame._decoded": "by the digest of the photograph",
     **{
         f"refined.{name}": "by all numbers, the name, the notes and the settings"
-        for name in ("_refined", "_calibrated", "_inputs", "_outlook", "_seeds", "_map", "_curves")
+        for name in (
+            "_refined",
+            "_calibrated",
+            "_answers",
+            "_outlook",
+            "_maps",
+            "_curves",
+        )
     },
 }
 

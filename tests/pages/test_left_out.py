@@ -16,6 +16,7 @@ from tests.pages.test_pages import FIELD, messages, project_of, zipped
 from tests.pages.test_pages import app as app
 from tests.pages.test_pages import home as home
 from tests.pages.test_review import found_frames, new_store
+from tests.pages.waiting import ended
 
 BAD = 7
 
@@ -51,6 +52,7 @@ def test_exchanging_it_brings_it_back_at_once(app: AppTest, project: Project) ->
     app.button(key=f"exchange_{BAD}").click().run()
     assert project.inputs.exchanged == [BAD]
     assert left_out(project) == ()
+    assert ended(project, "calibration").state == "done"
     calibration = project.calibration
     assert calibration is not None and BAD in calibration.frames
     sound = read_dataset(FIELD)
@@ -62,6 +64,7 @@ def test_exchanging_it_brings_it_back_at_once(app: AppTest, project: Project) ->
     assert f"frame {BAD}" not in messages(app)
     app.switch_page("pages/calibrate.py").run()
     app.button(key=f"unexchange_{BAD}").click().run()
+    assert ended(project, "calibration").state == "done"
     assert project.inputs.exchanged == []
     assert left_out(project) == (BAD,)
 
@@ -75,13 +78,16 @@ def test_a_new_table_has_nothing_exchanged(app: AppTest, project: Project) -> No
 
 
 def test_a_frame_put_back_is_used_and_what_it_does_is_said(app: AppTest, project: Project) -> None:
-    app.pills(key="frames_put_back").set_value([BAD]).run()
+    app.button(key="look_left_out").click().run()
+    assert app.selectbox(key="chosen_frame").value == BAD
+    app.button(key="frame_put_back").click().run()
     assert project.inputs.put_back == [BAD]
     # It contradicts the others so much that nothing fits; the last good result stays.
     assert f"({BAD})" in messages(app)
     assert left_out(project) == (BAD,)
-    app.pills(key="frames_put_back").set_value([]).run()
+    app.button(key="frame_leave_out").click().run()
     assert left_out(project) == (BAD,)
+    assert (project.inputs.put_back, project.inputs.left_out) == ([], [BAD])
     assert not app.error
 
 

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
+import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereocal.formats.dataset_files import pack_dataset, read_dataset
 from stereocal.projects.project import Project
+from stereocal.ui import one_set as page
 from stereocal.workflow import calibrate
 from tests.pages.test_pages import FIELD, messages, open_sample, project_of, zipped
 from tests.pages.test_pages import app as app
 from tests.pages.test_pages import home as home
+from tests.pages.waiting import wait_until
 
 
 def one_set(app: AppTest) -> AppTest:
@@ -26,6 +30,12 @@ def few_runs(app: AppTest, home: Path) -> Project:
     return project
 
 
+def parameters(app: AppTest) -> Any:
+    """The table of the refined set."""
+    app.segmented_control(key="one_set_view").set_value("The refined set").run()
+    return app.table[-1].value
+
+
 def text(app: AppTest) -> str:
     return " ".join(str(item.value) for kind in (app.markdown, app.caption) for item in kind)
 
@@ -37,14 +47,11 @@ def test_says_what_it_lacks(app: AppTest) -> None:
 def test_answers_and_follows_the_form(app: AppTest, home: Path) -> None:
     project = project_of(open_sample(app), home)
     one_set(app)
-    assert "One refined set does both jobs" in messages(app)
+    assert "One set does both jobs here" in messages(app)
     assert "Nothing that was typed or measured disagrees" not in messages(app)
     assert "cannot be detected" in messages(app)
     assert "errors on held-out frames are" in text(app)
-    evaluation = project.evaluation
-    assert evaluation is not None and evaluation.settings.refined is not None
-    table = app.table[-1].value
-    assert table.loc["Baseline (m)", "Standard error"] == "± 0.0052"
+    assert parameters(app).loc["Baseline (m)", "Standard error"] == "± 0.0052"
     app.switch_page("pages/data.py").run()
     for which in ("primary", "secondary"):
         app.selectbox(key=f"lens_{which}_known").set_value("Typed").run()
@@ -52,11 +59,9 @@ def test_answers_and_follows_the_form(app: AppTest, home: Path) -> None:
         app.number_input(key=f"lens_{which}_centre_px").set_value(0.0).run()
     few_runs(app, home)
     one_set(app)
-    assert app.table[-1].value.loc["Focal length fx, primary camera (px)", "Standard error"] == (
-        "held"
-    )
-    held = project.evaluation
-    assert held is not None and held.sha256 != evaluation.sha256
+    row = "Focal length fx, primary camera (px)"
+    assert parameters(app).loc[row, "Standard error"] == "held"
+    assert project.evaluation is None  # the page needs no validation
 
 
 def test_the_slider_moves_along_the_curve_and_is_kept(app: AppTest, home: Path) -> None:
@@ -71,6 +76,24 @@ def test_the_slider_moves_along_the_curve_and_is_kept(app: AppTest, home: Path) 
     assert project.settings["along"] == 100
 
 
+def test_only_what_is_looked_at_is_computed(
+    app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    few_runs(open_sample(app), home)
+    monkeypatch.setattr("stereocal.ui.refined.accuracy_map", None)  # cannot be called
+    one_set(app)
+    assert not app.exception
+
+
+def test_other_seeds_are_tried_beside_the_page(app: AppTest, home: Path) -> None:
+    few_runs(open_sample(app), home)
+    one_set(app)
+    (tried,) = list(page._SEEDS.values())[-1:]
+    wait_until(tried.done)
+    assert "Trying other seeds" not in text(app.run())
+    assert ("Another seed" in messages(app)) == bool(tried.result())
+
+
 def test_a_baseline_typed_wrong_is_named(app: AppTest, home: Path) -> None:
     dataset = replace(read_dataset(FIELD), baseline_m=4.7)
     packed = zipped({name: bytes(content) for name, content in pack_dataset(dataset).items()})
@@ -82,6 +105,7 @@ def test_a_baseline_typed_wrong_is_named(app: AppTest, home: Path) -> None:
     one_set(app)
     said = messages(app)
     assert "the measured baseline is 4.50" in said and "not 4.700" in said
+    assert "4.7" in str(app.table[0].value.loc["Baseline", "Stated"])
 
 
 def test_the_refined_set_can_serve_a_purpose(app: AppTest, home: Path) -> None:
@@ -128,7 +152,7 @@ def test_the_distortion_can_be_estimated(app: AppTest, home: Path) -> None:
     project = project_of(open_sample(app), home)
     few_runs(app, home)
     one_set(app)
-    before = app.table[-1].value
+    before = parameters(app)
     app.multiselect(key="free_distortion").set_value(["secondary"]).run()
     assert not app.exception
     assert project.settings["free_distortion"] == ["secondary"]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import get_args
+
 import numpy as np
 import pytest
 
@@ -11,6 +13,7 @@ from stereocal.errors import StereocalError
 from stereocal.refined.bar_fit import SHARED
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.uncertainty import (
+    Plane,
     accuracy_map,
     distance_sigmas,
     in_view,
@@ -128,11 +131,14 @@ def test_farther_is_worse_and_more_noise_is_worse(result: RefinedResult) -> None
     assert np.isnan(behind).all()
 
 
-def test_the_map_covers_the_common_view(result: RefinedResult) -> None:
-    found = accuracy_map(result, 24)
+@pytest.mark.parametrize("plane", get_args(Plane))
+def test_the_map_covers_the_common_view(result: RefinedResult, plane: Plane) -> None:
+    found = accuracy_map(result, 24, plane)
     assert found.point_m.shape == found.distance.shape == (24, 24)
-    X, Z = np.meshgrid(found.x_m, found.z_m)
-    points = np.column_stack([X.ravel(), 0 * X.ravel(), Z.ravel()])
+    across, Z = np.meshgrid(found.across_m, found.z_m)
+    rest = np.full(across.size, found.at_m)
+    columns = [across.ravel(), rest] if plane == "above" else [rest, across.ravel()]
+    points = np.column_stack([*columns, Z.ravel()])
     seen = in_view(result.primary, points)
     seen &= in_view(result.secondary, result.pose.apply(points))
     np.testing.assert_array_equal(np.isfinite(found.point_m).ravel(), seen)

@@ -111,4 +111,4 @@ def test_the_states_take_milliseconds(given: Project) -> None:
     begun = time.perf_counter()
     for _ in range(10):
         page_states(given)
-    assert time.perf_counter() - begun < 0.2  # ten times; measured: 0.02 s
+    assert time.perf_counter() - begun < 2.0  # ten times; 0.02 s on a quiet machine

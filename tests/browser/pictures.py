@@ -1,0 +1,131 @@
+"""The pictures of all pages, for README and docs: `make pictures`.
+
+A real server and a real browser open the recording that comes with the program, calibrate it, and
+take every page as a whole at 1400 and 420 px, light and dark. The photographs are those of the
+second sample.
+"""
+
+from __future__ import annotations
+
+import argparse
+import io
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Literal
+
+from PIL import Image
+from playwright.sync_api import Browser, Page, expect, sync_playwright
+
+from tests.browser.conftest import FLAGS, LONGEST_MS, ROOT, chromium, serve
+
+PICTURES = ROOT / "docs" / "pictures"
+PAGES = ("start", "data", "calibrate", "validate", "one_set", "apply", "cameras")
+WIDTHS = (1400, 420)
+THEMES: tuple[Literal["light", "dark"], ...] = ("light", "dark")
+SECOND = 1000
+SETTLE_MS = 2 * SECOND
+"""Until figures have been drawn, after the server has ended."""
+COLOURS = 256
+"""Of a picture: a third of the size of all colours."""
+
+
+def settle(page: Page) -> None:
+    """Wait until the page is whole and no job runs."""
+    ready = page.locator("[data-testid=stApp][data-test-script-state=notRunning]")
+    expect(ready).to_be_attached(timeout=LONGEST_MS)
+    expect(page.get_by_role("button", name="Cancel")).to_have_count(0, timeout=10 * LONGEST_MS)
+    expect(ready).to_be_attached(timeout=LONGEST_MS)
+    page.wait_for_timeout(SETTLE_MS)
+
+
+def take(page: Page, path: Path) -> None:
+    """The whole page, however long it is."""
+    size = page.viewport_size
+    assert size is not None
+    height = page.evaluate("document.querySelector('[data-testid=stMain]').scrollHeight")
+    page.set_viewport_size({"width": size["width"], "height": int(height)})
+    page.wait_for_timeout(SETTLE_MS)
+    picture = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    picture.quantize(COLOURS, kmeans=2, dither=Image.Dither.NONE).save(path, optimize=True)
+    page.set_viewport_size(size)
+    print(path)
+
+
+@contextmanager
+def visitor(
+    browser: Browser, width: int, theme: Literal["light", "dark"] = "light"
+) -> Iterator[Page]:
+    """A page of this width."""
+    context = browser.new_context(
+        viewport={"width": width, "height": 1000}, color_scheme=theme, reduced_motion="reduce"
+    )
+    context.set_default_timeout(LONGEST_MS)
+    yield context.new_page()
+    context.close()
+
+
+def project_of_recording(page: Page, url: str) -> str:
+    """Open the recording and calibrate it; the query of its addresses."""
+    page.goto(url)
+    settle(page)
+    page.get_by_role("button", name="Open the real recording").click()
+    page.wait_for_url("**project=**")
+    settle(page)
+    query = page.url.split("?")[1]
+    page.goto(f"{url}/calibrate?{query}")
+    settle(page)
+    page.get_by_role("button", name="Calibrate", exact=True).click()
+    expect(page.get_by_text("held out: ").first).to_be_visible(timeout=10 * LONGEST_MS)
+    expect(page.get_by_text("held out: not yet")).to_have_count(0, timeout=10 * LONGEST_MS)
+    settle(page)
+    return query
+
+
+def project_of_photographs(page: Page, url: str) -> str:
+    """Open the sample photographs and find the targets; the query of its addresses."""
+    page.goto(url)
+    settle(page)
+    page.get_by_role("button", name="Sample photographs").click()
+    page.wait_for_url("**project=**")
+    settle(page)
+    find = page.get_by_role("button", name="Find the targets")
+    if find.count():
+        find.click()
+        settle(page)
+    return page.url.split("?")[1]
+
+
+def make_pictures(folder: Path) -> None:
+    """All pictures, `PAGE_WIDTH_THEME.png`."""
+    with (
+        tempfile.TemporaryDirectory() as home,
+        serve(Path(home)) as url,
+        sync_playwright() as playwright,
+    ):
+        browser = playwright.chromium.launch(executable_path=chromium(), args=FLAGS)
+        with visitor(browser, WIDTHS[0]) as page:
+            photographs = project_of_photographs(page, url)
+            recording = project_of_recording(page, url)
+        for theme in THEMES:
+            for width in WIDTHS:
+                with visitor(browser, width, theme) as page:
+                    for name in PAGES:
+                        page.goto(f"{url}/{'' if name == 'start' else name}?{recording}")
+                        settle(page)
+                        take(page, folder / f"{name}_{width}_{theme}.png")
+                    page.goto(f"{url}/data?{photographs}")
+                    settle(page)
+                    take(page, folder / f"photographs_{width}_{theme}.png")
+                    page.get_by_text("One frame", exact=True).click()
+                    settle(page)
+                    take(page, folder / f"review_{width}_{theme}.png")
+        browser.close()
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--out", type=Path, default=PICTURES)
+    make_pictures(parser.parse_args().out)

@@ -1,0 +1,138 @@
+"""From the errors of a frame to the frame, out of the calibration and back, in a real browser."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from playwright.sync_api import Page, expect
+
+from stereocal.formats.dataset_files import pack_dataset, read_dataset
+from stereocal.projects.project import Project
+from stereocal.refined.outliers import bar_frames
+from stereocal.system.zip_files import pack_zip
+from tests.browser.conftest import LONGEST_MS, ROOT
+
+pytestmark = pytest.mark.browser
+Settled = Callable[[Page], None]
+FIELD = ROOT / "sample_data" / "field"
+
+
+def given(page: Page, app_url: str, home: Path, settled: Settled) -> Project:
+    """A project with the sample, opened on Calibrate and calibrated."""
+    project = Project.create(home)
+    files = {name: bytes(content) for name, content in pack_dataset(read_dataset(FIELD)).items()}
+    page.goto(f"{app_url}/data?project={project.id}")
+    settled(page)
+    page.get_by_text("A zip", exact=True).click()
+    page.locator(".st-key-upload_zip input[type=file]").set_input_files(
+        {"name": "field.zip", "mimeType": "application/zip", "buffer": pack_zip(files)}
+    )
+    expect(page.get_by_text("50 pairs of points in 25 frames")).to_be_visible()
+    page.get_by_test_id("stSidebar").get_by_role("link", name="Calibrate").click()
+    settled(page)
+    page.locator(".st-key-run button").click()
+    expect(page.locator(".st-key-download_2d button")).to_be_visible(timeout=LONGEST_MS)
+    settled(page)
+    return project
+
+
+def frame_of_largest_error(project: Project) -> int:
+    """The frame with the largest length error of any set."""
+    calibration = project.calibration
+    assert calibration is not None
+    errors = np.max([found.length for found in calibration.errors.values()], axis=0)
+    return int(bar_frames(calibration)[np.argmax(errors)])
+
+
+def points(page: Page) -> list[str]:
+    """Where the symbols of the lower panel are."""
+    expect(page.locator(".st-key-frames .scatterlayer .point").first).to_be_visible()
+    page.wait_for_timeout(1000)  # Plotly draws after the page is settled
+    found: list[str] = page.locator(".st-key-frames .scatterlayer .point").evaluate_all(
+        "all => all.map(one => one.getAttribute('transform'))"
+    )
+    return found
+
+
+def click_highest(page: Page) -> None:
+    """Click on the symbol of the largest length error."""
+    boxes = page.locator(".st-key-frames .scatterlayer .point").evaluate_all(
+        "all => all.map(one => { const b = one.getBoundingClientRect();"
+        " return [b.x + b.width / 2, b.y + b.height / 2]; })"
+    )
+    middle = sum(y for _, y in boxes) / len(boxes)
+    x, y = min((box for box in boxes if box[1] > middle), key=lambda box: float(box[1]))
+    page.mouse.move(x, y)
+    page.wait_for_timeout(500)  # Plotly knows the point under the mouse only after a while
+    page.mouse.click(x, y)
+
+
+def test_an_outlier_is_clicked_left_out_and_put_back(
+    page: Page, app_url: str, home: Path, settled: Settled
+) -> None:
+    project = given(page, app_url, home, settled)
+    page.set_viewport_size({"width": 1400, "height": 3000})
+    settled(page)
+    before, outlier = points(page), frame_of_largest_error(project)
+    shown = page.get_by_text(re.compile(r"Frame \d+ is used\."))
+    if f"Frame {outlier} " in shown.inner_text():  # so that the click has something to change
+        page.get_by_role("button", name="Previous frame").click()
+        expect(shown).not_to_contain_text(f"Frame {outlier} ")
+        settled(page)
+        points(page)
+    click_highest(page)
+    expect(page.get_by_text(f"Frame {outlier} is used.")).to_be_visible(timeout=LONGEST_MS)
+    settled(page)
+    page.get_by_role("button", name="Leave it out").click()
+    expect(page.get_by_text(f"Frame {outlier} was left out by you.")).to_be_visible(
+        timeout=LONGEST_MS
+    )
+    expect(page.get_by_text(f"Left out by you: frame {outlier}.")).to_be_visible(timeout=LONGEST_MS)
+    settled(page)
+    assert project.inputs.left_out == [outlier]
+    assert points(page) != before
+    page.get_by_role("button", name="Put it back").click()
+    expect(page.get_by_text(f"Frame {outlier} is used.")).to_be_visible(timeout=LONGEST_MS)
+    settled(page)
+    assert points(page) == before
+    assert project.inputs.left_out == []
+
+
+def test_a_set_moves_lines_rays_and_length(
+    page: Page, app_url: str, home: Path, settled: Settled
+) -> None:
+    given(page, app_url, home, settled)
+    page.locator(".st-key-view").get_by_text("Why two sets").click()
+    seen: set[tuple[str, str]] = set()
+    space = page.get_by_text("the bar is").last
+    for name in ("2D set", "3D set", "Refined set"):
+        before = space.inner_text() if seen else ""
+        page.locator(".st-key-two_sets_method").get_by_text(name).click()
+        expect(space).not_to_have_text(before, timeout=LONGEST_MS)
+        settled(page)
+        page.wait_for_timeout(1000)
+        lines = page.locator(".st-key-image_primary .scatterlayer path.js-line").evaluate_all(
+            "all => all.map(one => one.getAttribute('d')).join()"
+        )
+        seen.add((lines, space.inner_text()))
+    assert len({lines for lines, _ in seen}) == len({words for _, words in seen}) == 3
+
+
+def test_a_point_of_the_data_page_opens_its_frame(
+    page: Page, app_url: str, home: Path, settled: Settled
+) -> None:
+    given(page, app_url, home, settled)
+    page.get_by_test_id("stSidebar").get_by_role("link", name="Data").click()
+    settled(page)
+    page.set_viewport_size({"width": 1400, "height": 2000})
+    page.wait_for_timeout(1000)
+    point = page.locator(".st-key-coverage .scatterlayer .point").nth(7)
+    point.hover(force=True)
+    page.wait_for_timeout(500)
+    point.click(force=True)
+    expect(page.get_by_text(re.compile(r"Frame \d+ is used\."))).to_be_visible(timeout=LONGEST_MS)
+    expect(page).to_have_url(re.compile("/calibrate"))

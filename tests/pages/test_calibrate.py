@@ -1,0 +1,162 @@
+"""The Calibrate page: one press to the recommendation, and closer looks one at a time."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from streamlit.testing.v1 import AppTest
+
+from stereocal.formats.dataset_files import pack_dataset, read_dataset
+from stereocal.projects.project import Project
+from stereocal.rig.dataset import Dataset
+from stereocal.ui import press
+from stereocal.ui.closer_looks import VIEWS
+from tests.pages.test_pages import FIELD, messages, open_sample, project_of, zipped
+from tests.pages.test_pages import app as app
+from tests.pages.test_pages import home as home
+from tests.pages.waiting import ended
+
+
+def captions(app: AppTest) -> str:
+    return " ".join(str(item.value) for item in app.caption)
+
+
+def text(app: AppTest) -> str:
+    return " ".join(str(item.value) for item in app.markdown)
+
+
+@pytest.fixture
+def pressed(app: AppTest) -> AppTest:
+    open_sample(app).switch_page("pages/calibrate.py").run()
+    return app.button(key="run").click().run()
+
+
+def test_one_press_gives_everything(pressed: AppTest, home: Path) -> None:
+    project = project_of(pressed, home)
+    assert project.calibration is not None
+    evaluation = project.calibration_evaluation
+    assert evaluation is not None and evaluation.settings.runs == 100
+    assert project.evaluation is not None  # Validate has it too
+    assert "Use the refined set for both" in messages(pressed)
+    labels = [metric.label for metric in pressed.metric]
+    assert labels == ["Wrong pairs let in", "Length error, median", "Threshold"]
+    assert all(metric.value.endswith(("%", "px")) for metric in pressed.metric)
+    assert "for bars like these" in captions(pressed)
+    assert "held out: " in captions(pressed) and "not yet" not in captions(pressed)
+    pressed.switch_page("pages/validate.py").run()
+    assert project.evaluation is not None
+    assert not pressed.exception and not pressed.error
+
+
+def test_closer_looks_come_one_at_a_time(pressed: AppTest) -> None:
+    assert not pressed.table
+    seen = set()
+    for view in VIEWS:
+        pressed.segmented_control(key="view").set_value(view).run()
+        assert not pressed.exception and not pressed.error
+        seen.add(text(pressed) + captions(pressed))
+        if view == "Parameters":
+            first, second = (table.value for table in pressed.table)
+            assert len(first) <= 8 and "Baseline (m)" in second.index
+    assert len(seen) == len(VIEWS)
+
+
+def test_the_frame_is_the_same_in_all_looks(pressed: AppTest) -> None:
+    pressed.selectbox(key="chosen_frame").set_value(9).run()
+    assert "Frame 9 is used." in text(pressed)
+    pressed.button(key="next_frame").click().run()
+    assert pressed.selectbox(key="chosen_frame").value == 10
+    pressed.segmented_control(key="view").set_value("Why two sets").run()
+    assert pressed.selectbox(key="chosen_frame").value == 10
+    assert "With the 2D set the epipolar lines pass" in text(pressed)
+    before = captions(pressed)
+    pressed.segmented_control(key="two_sets_method").set_value("3d").run()
+    assert captions(pressed) != before
+
+
+def test_a_frame_is_left_out_and_put_back(pressed: AppTest, home: Path) -> None:
+    project = project_of(pressed, home)
+    before = project.calibration
+    pressed.selectbox(key="chosen_frame").set_value(9).run()
+    pressed.button(key="frame_leave_out").click().run()
+    assert project.inputs.left_out == [9]
+    assert "Frame 9 was left out by you." in text(pressed)  # before forecast and validation
+    assert ended(project, "calibration").state == "done"
+    pressed.run()
+    calibration = project.calibration
+    assert calibration is not None and before is not None
+    assert calibration.screening.by_user == (9,)
+    assert calibration.methods["2d"].cost != before.methods["2d"].cost
+    assert project.calibration_evaluation is not None  # of the frames that are left
+    assert "Left out by you: frame 9." in messages(pressed).replace("\\", "")
+    assert "Frame 9 was left out by you." in text(pressed)
+    assert "1 of 25 frames left out" in captions(pressed)
+    pressed.button(key="frame_put_back").click().run()
+    assert ended(project, "calibration").state == "done"
+    calibration = project.calibration
+    assert calibration is not None and calibration.screening.left_out == ()
+    assert "Frame 9 is used." in text(pressed)
+
+
+def test_a_new_validation_elsewhere_leaves_the_files_alone(pressed: AppTest, home: Path) -> None:
+    project = project_of(pressed, home)
+    found = project.calibration_evaluation
+    evaluation = project.evaluation
+    assert evaluation is not None
+    project.keep_evaluation(replace(evaluation, sha256=["0" * 64], names=["another"]))
+    again = project.calibration_evaluation
+    assert again is not None and found is not None and again.settings == found.settings
+
+
+def give(app: AppTest, dataset: Dataset) -> None:
+    packed = zipped({name: bytes(content) for name, content in pack_dataset(dataset).items()})
+    app.switch_page("pages/data.py").run()
+    app.segmented_control(key="data_how").set_value("A zip").run()
+    app.file_uploader(key="upload_zip").upload("given.zip", packed, "application/zip").run()
+
+
+def test_two_bars_give_files_without_forecast(app: AppTest, home: Path) -> None:
+    dataset = read_dataset(FIELD)
+    rows = dataset.correspondences
+    single = rows.where((rows.target == 0) | (rows.frame < 3))
+    give(app, replace(dataset, correspondences=single))
+    app.switch_page("pages/calibrate.py").run()
+    app.button(key="run").click().run()
+    assert project_of(app, home).calibration is not None
+    assert "There is no forecast" in messages(app)
+    assert "parameters_2d.json" not in messages(app)
+    assert not app.exception
+
+
+def test_long_work_shows_progress_and_ends(
+    app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(press, "INSTANT", 0)
+    open_sample(app).switch_page("pages/calibrate.py").run()
+    project = project_of(app, home)
+    project.keep_settings({"validate_runs": 10})
+    app.button(key="run").click().run()
+    assert project.calibration is not None
+    assert ended(project, "calibration").state == "done"
+    app.run()
+    assert project.calibration_evaluation is not None
+    assert "held out: not yet" not in captions(app)
+    assert "Use the refined set for both" in messages(app)
+
+
+def test_a_calibration_made_meanwhile_is_validated_too(home: Path, app: AppTest) -> None:
+    """The job of a press validates what is stored when it ends."""
+    project = project_of(open_sample(app), home)
+    app.switch_page("pages/calibrate.py").run()
+    app.button(key="run").click().run()
+    app.selectbox(key="chosen_frame").set_value(9).run()
+    app.button(key="frame_leave_out").click().run()
+    app.button(key="next_frame").click().run()
+    app.button(key="frame_leave_out").click().run()  # the job goes on with it
+    assert ended(project, "calibration").state == "done"
+    calibration = Project.open(home, project.id).calibration
+    evaluation = project.calibration_evaluation
+    assert calibration is not None and evaluation is not None
+    assert evaluation.settings.calibration.frames_left_out == calibration.screening.by_user
