@@ -23,6 +23,7 @@ from stereocal.rig.compiled import IntArray
 from stereocal.ui.apply_threshold import whole_table
 from stereocal.ui.chosen_frame import NAME, frames_photographed, photographs_of
 from stereocal.ui.fields import Field, number, one_of, setting
+from stereocal.ui.figure import show_figure
 from stereocal.ui.messages import callback
 from stereocal.ui.texts import escape_markdown
 
@@ -178,8 +179,7 @@ def _show_space(
     column = lines.value()
     tracks = [] if column == NOTHING else _tracks(outcome.digest, column, points)
     figure = plot_points(points, colour, outcome.rig, view, tracks, frame)
-    st.plotly_chart(figure, key="points")
-    st.caption(escape_markdown(describe_points(points, tracks)))
+    show_figure(figure, describe_points(points, tracks), "points", fold=False)
 
 
 @st.cache_resource(show_spinner=False, max_entries=4)

@@ -21,6 +21,7 @@ from stereocal.projects.project import Project
 from stereocal.rig.parameters import RigParameters
 from stereocal.ui import jobs
 from stereocal.ui.fields import Field, number, setting, yes_or_no
+from stereocal.ui.figure import show_figure
 from stereocal.ui.messages import callback
 from stereocal.ui.texts import escape_markdown
 
@@ -79,9 +80,9 @@ class ThresholdForm:
             _show_depths(self.project)
         with figure:
             nearest = jobs.compute(nearest_errors, self.rig, self.sample(), self.depths)
-            st.plotly_chart(plot_pair_errors(nearest, threshold or 0.0), key="pair_errors")
             words = describe_pair_errors(nearest, threshold or 0.0, self._choice()[0])
-            st.caption(escape_markdown(words))
+            figure = plot_pair_errors(nearest, threshold or 0.0)
+            show_figure(figure, words, "pair_errors", fold=False)
 
     def _field(self, usual: float | None) -> Field:
         return setting(self.project, _THRESHOLD, usual, number(0.0, or_none=True))
