@@ -3,22 +3,16 @@
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.matching.application import Application
 from stereocal.projects.application import ProjectApplication
-from stereocal.ui.apply import (
-    bring_up_to_date,
-    choose_points,
-    choose_sets,
-    choose_threshold_and_depths,
-)
+from stereocal.ui.apply import bring_up_to_date, choose_inputs
 from stereocal.ui.apply_results import show_application
-from stereocal.ui.intake import escape_markdown, show_refusal
 from stereocal.ui.navigation import ensure_navigation
 from stereocal.ui.project import begin_project, current_project
+from stereocal.ui.texts import escape_markdown
 
 ensure_navigation()
 st.title("Apply")
-st.subheader("Which points of the two cameras belong together, and where are they in space?")
+st.subheader("Which points belong together, and where are they?")
 
 project = current_project()
 if project is None:
@@ -28,23 +22,14 @@ if project is None:
     st.stop()
 
 store = ProjectApplication(project)
-work = None
+chosen = None
 try:
-    points = choose_points(project, store)
-    sets = choose_sets(project, store)
-    show_refusal()
-    if points is None:
-        st.info("Still missing: the points of both cameras.")
-    if sets is None:
-        st.info("Still missing: a parameter file to match with, and one to measure with.")
-        st.page_link("pages/calibrate.py", label="Or calibrate on the Calibrate page")
-    limits = choose_threshold_and_depths(store, points, sets[0]) if points and sets else None
-    if points and sets and limits:
-        work = Application(*points, *sets, *limits)
-        bring_up_to_date(project, store, work)
+    chosen = choose_inputs(project, store)
+    if chosen is not None and chosen.work is not None:
+        bring_up_to_date(project, store, chosen.work)
 except StereocalError as error:
     st.error(escape_markdown(str(error)))
 try:
-    show_application(project, store, work)
+    show_application(project, store, chosen)
 except StereocalError as error:
     st.error(escape_markdown(str(error)))

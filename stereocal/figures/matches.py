@@ -1,4 +1,4 @@
-"""The pairs of one frame in both images, and the points without a partner."""
+"""The pairs of one frame in an image, and the points without a partner."""
 
 from __future__ import annotations
 
@@ -7,40 +7,53 @@ import pandas as pd
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from stereocal.figures.style import NEUTRAL, count, finish
+from stereocal.figures.photograph import Photograph, add_photograph
+from stereocal.figures.style import NEUTRAL, WRONG_COLOUR, count, finish
+from stereocal.rig.camera import CameraName
 from stereocal.rig.compiled import BoolArray, FloatArray
 
-HEIGHT = 480
+HEIGHT = 350
+MAXIMUM_DRAWN = 3000
+"""Maximum number of points of one kind that are drawn in an image, evenly thinned."""
 MAXIMUM_NUMBERS = 40
 """Maximum number of pairs that are numbered; more numbers would overlap."""
 PAIR_COLOURS = ((0.0, "#1F83C4"), (0.33, "#009E73"), (0.67, "#D55E00"), (1.0, "#CC79A7"))
-ImageSize = tuple[int, int]
+ON_PHOTOGRAPH = {"color": "white", "shadow": "0 0 3px #000, 0 0 3px #000"}
+"""Text that can be read on bright and dark photographs."""
 
 
 def plot_matches(
     pairs: pd.DataFrame,
-    primary: FloatArray,
-    secondary: FloatArray,
-    sizes: tuple[ImageSize, ImageSize],
+    points: FloatArray,
+    side: CameraName,
+    size: tuple[int, int],
+    photograph: Photograph | None = None,
 ) -> go.Figure:
-    """Both images of one frame side by side; partners have the same number and colour.
+    """One image of one frame; partners have the same number and colour in both.
 
     Args:
         pairs: the rows of `pairs.csv` of this frame.
-        primary: (n, 2) all points of the frame, raw pixels; `secondary`: (m, 2).
-        sizes: width and height of both images.
+        points: (n, 2) all points of the frame in this image, raw pixels.
+        size: width and height of the image.
+        photograph: what is drawn behind the points.
     """
     pairs = pairs.sort_values("u_primary", ignore_index=True)
-    figure = make_subplots(rows=1, cols=2, horizontal_spacing=0.04)
+    figure = make_subplots(rows=1, cols=1)
     finish(figure, HEIGHT)
-    for column, (side, points, size) in enumerate(
-        (("primary", primary, sizes[0]), ("secondary", secondary, sizes[1])), start=1
-    ):
-        _add_border(figure, column, size)
-        _add_unmatched(figure, column, side, points[unmatched(pairs, points, side)])
-        _add_pairs(figure, column, side, pairs)
-        _set_axes(figure, column, side, size)
-    figure.update_layout(margin_t=125, legend={"yref": "container", "y": 1.0, "yanchor": "top"})
+    figure.layout.uirevision, figure.layout.showlegend, figure.layout.margin.pad = side, False, 0
+    width, height = size
+    if photograph is not None:
+        add_photograph(figure, photograph, (-0.5, -0.5, width - 0.5, height - 0.5), 1, 1)
+    _add_unmatched(figure, points[unmatched(pairs, points, side)], photograph is not None)
+    _add_pairs(figure, side, pairs, photograph is not None)
+    figure.update_xaxes(
+        range=[-0.5, width - 0.5], constrain="domain", nticks=4, tickangle=0, showgrid=False,
+        mirror=True, ticksuffix=" px",
+    )  # fmt: skip
+    figure.update_yaxes(
+        range=[height - 0.5, -0.5], scaleanchor="x", constrain="domain", constraintoward="top",
+        nticks=5, showgrid=False, mirror=True,
+    )  # fmt: skip
     return figure
 
 
@@ -52,11 +65,15 @@ def describe_matches(
         int(unmatched(pairs, points, side).sum())
         for side, points in (("primary", primary), ("secondary", secondary))
     ]
-    return (
+    most = max(len(pairs), *left)
+    text = (
         f"Frame {frame}: {count(len(pairs), 'pair')}, {int(pairs['ambiguous'].sum())} of them "
-        f"ambiguous; without a partner (hollow): {left[0]} of {len(primary)} points of the primary "
-        f"camera and {left[1]} of {len(secondary)} of the secondary."
+        f"ambiguous (diamonds); without a partner (hollow): {left[0]} of {len(primary)} points of "
+        f"the primary camera and {left[1]} of {len(secondary)} of the secondary."
     )
+    if most > MAXIMUM_DRAWN:
+        text += f" At most {MAXIMUM_DRAWN} of each kind are drawn, evenly spread."
+    return text
 
 
 def unmatched(pairs: pd.DataFrame, points: FloatArray, side: str) -> BoolArray:
@@ -65,76 +82,58 @@ def unmatched(pairs: pd.DataFrame, points: FloatArray, side: str) -> BoolArray:
     return np.array([tuple(point) not in taken for point in points], dtype=np.bool_)
 
 
-def _add_border(figure: go.Figure, column: int, size: ImageSize) -> None:
-    """Draw the border of the image, 0.5 px beyond the outermost pixel centres."""
-    right, bottom = (side - 0.5 for side in size)
+def _add_unmatched(figure: go.Figure, points: FloatArray, on_photograph: bool) -> None:
+    drawn = points[:: thinned(len(points))]
     figure.add_trace(
         go.Scatter(
-            x=[-0.5, right, right, -0.5, -0.5], y=[-0.5, -0.5, bottom, bottom, -0.5],
-            mode="lines", line={"color": NEUTRAL, "width": 1.5}, name="Border of the image",
-            hoverinfo="skip", showlegend=False,
-        ),
-        row=1, col=column,
-    )  # fmt: skip
-
-
-def _add_unmatched(figure: go.Figure, column: int, side: str, points: FloatArray) -> None:
-    figure.add_trace(
-        go.Scatter(
-            x=points[:, 0], y=points[:, 1], mode="markers",
-            marker={"symbol": "circle-open", "color": NEUTRAL, "size": 9, "line": {"width": 2}},
-            name=f"No partner, {side} (n = {len(points)})",
+            x=drawn[:, 0], y=drawn[:, 1], mode="markers",
+            marker={
+                "symbol": "circle-open", "size": 9, "line": {"width": 2},
+                "color": WRONG_COLOUR if on_photograph else NEUTRAL,
+            },
+            name=f"No partner (n = {len(points)})",
             hovertemplate="no partner<br>u %{x:.2f} px, v %{y:.2f} px<extra></extra>",
-        ),
-        row=1, col=column,
+        )
     )  # fmt: skip
 
 
-def _add_pairs(figure: go.Figure, column: int, side: str, pairs: pd.DataFrame) -> None:
+def _add_pairs(
+    figure: go.Figure, side: CameraName, pairs: pd.DataFrame, on_photograph: bool
+) -> None:
     """Pairs as discs, ambiguous ones as diamonds, coloured by their order in the primary image."""
     numbered = len(pairs) <= MAXIMUM_NUMBERS
     rank = np.arange(len(pairs)) / max(len(pairs) - 1, 1)
     ambiguous = pairs["ambiguous"].to_numpy(dtype=np.bool_)
+    step = thinned(len(pairs))
     for chosen, name, symbol in (
         (~ambiguous, "Pair", "circle"),
         (ambiguous, "Ambiguous pair", "diamond"),
     ):
         if not chosen.any():
             continue
-        rows = pairs[chosen]
+        drawn = np.flatnonzero(chosen)[::step]
+        rows = pairs.iloc[drawn]
         figure.add_trace(
             go.Scatter(
                 x=rows[f"u_{side}"], y=rows[f"v_{side}"],
                 mode="markers+text" if numbered else "markers",
-                text=[str(k + 1) for k in np.flatnonzero(chosen)], textposition="top center",
-                textfont={"size": 13}, legendgroup=name, showlegend=column == 1,
-                name=f"{name} (n = {int(chosen.sum())})",
+                text=[str(k + 1) for k in drawn], textposition="top center",
+                textfont={"size": 13, **(ON_PHOTOGRAPH if on_photograph else {})},
+                name=f"{name} (n = {np.count_nonzero(chosen)})",
                 marker={
-                    "symbol": symbol, "size": 9 if len(pairs) <= 200 else 6, "color": rank[chosen],
+                    "symbol": symbol, "size": 9 if len(pairs) <= 200 else 6, "color": rank[drawn],
                     "colorscale": [list(stop) for stop in PAIR_COLOURS], "cmin": 0.0, "cmax": 1.0,
+                    "line": {"width": 1 if on_photograph else 0, "color": "white"},
                 },
                 customdata=np.column_stack([rows["error_px"], rows["runner_up_px"]]),
                 hovertemplate=(
                     f"{name.lower()} %{{text}}<br>u %{{x:.2f}} px, v %{{y:.2f}} px<br>error "
                     "%{customdata[0]:.3f} px, runner-up %{customdata[1]:.3f} px<extra></extra>"
                 ),
-            ),
-            row=1, col=column,
+            )
         )  # fmt: skip
 
 
-def _set_axes(figure: go.Figure, column: int, side: str, size: ImageSize) -> None:
-    """Set image axes: u to the right along the top, v downwards, equal scales."""
-    width, height = size
-    margin = 0.01 * max(width, height)
-    figure.update_xaxes(
-        row=1, col=column, side="top", range=[-0.5 - margin, width - 0.5 + margin],
-        title_text=f"<b>{side.capitalize()}</b><br>{width} × {height} px<br>u (px)",
-        constrain="domain", nticks=4, constraintoward="right" if column == 1 else "left",
-        tickangle=0, showgrid=False,
-    )  # fmt: skip
-    figure.update_yaxes(
-        row=1, col=column, range=[height - 0.5 + margin, -0.5 - margin], title_text="v (px)",
-        side="left" if column == 1 else "right", scaleanchor="x" if column == 1 else "x2",
-        constrain="domain", constraintoward="top", nticks=6, showgrid=False,
-    )  # fmt: skip
+def thinned(points: int) -> int:
+    """Every so many points are drawn."""
+    return -(-points // MAXIMUM_DRAWN) or 1

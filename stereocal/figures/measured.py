@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
 import plotly.graph_objects as go
 
-from stereocal.figures.space import set_scene, upright
+from stereocal.figures.space import VIEWS, add_cameras, eye_of, set_scene, upright
 from stereocal.figures.style import METHOD_COLOURS, NEUTRAL, count, finish, sentence_only
 from stereocal.matching.lengths import LengthCheck
-from stereocal.rig.compiled import BoolArray, FloatArray
+from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
+from stereocal.rig.rig import Rig
 
-HEIGHT = 580
-MAXIMUM_DRAWN = 20_000
+HEIGHT = 560
+MAXIMUM_DRAWN = 10_000
 """Maximum number of points drawn, evenly thinned, since larger scenes rotate slowly."""
+MAXIMUM_TRACKS = 500
+MAXIMUM_MARKED = 1000
+"""Maximum number of points of the chosen frame that are marked."""
+MARK_COLOUR = "#CC79A7"
 Colour = Literal["frame", "error"]
 TITLES: dict[Colour, str] = {"frame": "Frame", "error": "Error (px)"}
 COLOURS = ((0.0, "#1F83C4"), (0.5, "#009E73"), (1.0, "#D55E00"))
@@ -24,28 +30,43 @@ FAR_OUT = 1.5
 wrong pair at a distance of kilometres would shrink the others to a dot."""
 
 
-def plot_points(points: pd.DataFrame, colour: Colour, secondary_m: FloatArray) -> go.Figure:
+def plot_points(
+    points: pd.DataFrame,
+    colour: Colour,
+    rig: Rig,
+    view: str = VIEWS[0],
+    tracks: Sequence[IntArray] = (),
+    frame: int | None = None,
+) -> go.Figure:
     """The points in the primary camera's frame, with both cameras; equal axes, metres.
 
     Args:
         points: rows of `points.csv`.
         colour: the quantity shown as colour.
-        secondary_m: (3,) position of the secondary camera.
+        rig: the cameras.
+        view: one of `VIEWS`.
+        tracks: rows that are connected by lines.
+        frame: a frame to mark.
     """
     xyz = points[["x", "y", "z"]].to_numpy(dtype=np.float64)
-    shown = np.flatnonzero(in_view(xyz))
+    seen = in_view(xyz)
+    shown = np.flatnonzero(seen)
     if not len(shown):
         return sentence_only("No pair meets in front of both cameras: there is nothing to draw.")
-    shown = shown[:: int(np.ceil(len(shown) / MAXIMUM_DRAWN))]
-    values = points["frame" if colour == "frame" else "error_px"].to_numpy(dtype=np.float64)[shown]
-    figure = finish(go.Figure(), HEIGHT)
-    about = np.column_stack(
-        [points[["frame", "error_px"]].to_numpy(dtype=np.float64)[shown], xyz[shown, 1]]
-    )
-    marker = {
-        "size": 4 if len(shown) <= 500 else 2,
+    target, depth = np.median(xyz[shown], axis=0), float(np.percentile(xyz[shown, 2], 98))
+    frames = points["frame"].to_numpy(dtype=np.int64)
+    of_frame = shown[frames[shown] == frame][:MAXIMUM_MARKED]
+    shown = shown[:: -(-len(shown) // MAXIMUM_DRAWN)]
+    values = points["frame" if colour == "frame" else "error_px"].to_numpy(dtype=np.float64)
+    scale = {
         "colorscale": [list(stop) for stop in COLOURS],
-        "cmin": float(values.min()), "cmax": _top(values, colour),
+        "cmin": float(values[shown].min()), "cmax": _top(values[shown], colour),
+    }  # fmt: skip
+    figure = finish(go.Figure(), HEIGHT)
+    figure.layout.uirevision, figure.layout.showlegend = view, False
+    _add_tracks(figure, xyz, values, [track[seen[track]] for track in tracks], scale)
+    marker = {
+        **scale, "size": 4 if len(shown) <= 200 else 2,
         "colorbar": {
             "title": {"text": TITLES[colour], "side": "top"}, "thickness": 14,
             "len": 0.8, "tickfont": {"size": 13}, "nticks": 6, "orientation": "h",
@@ -53,43 +74,70 @@ def plot_points(points: pd.DataFrame, colour: Colour, secondary_m: FloatArray) -
             **({"tickformat": "d"} if colour == "frame" else {}),
         },
     }  # fmt: skip
-    outside = outside_volume(points)[shown]
+    about = np.column_stack([frames, points["error_px"], xyz[:, 1]])
+    outside = outside_volume(points)
     for some, symbol, name in (
-        (~outside, "circle", "Points"),
-        (outside, "circle-open", "Outside the volume of the bars"),
+        (shown[~outside[shown]], "circle", "Points"),
+        (shown[outside[shown]], "circle-open", "Outside the volume of the bars"),
     ):
-        if not some.any():
+        if not len(some):
             continue
         figure.add_trace(
             go.Scatter3d(
-                **upright(xyz[shown[some]]), mode="markers",
+                **upright(xyz[some]), mode="markers",
                 marker={
                     **marker, "color": values[some], "symbol": symbol,
-                    "showscale": len(figure.data) == 0,
+                    "showscale": not any(trace.mode == "markers" for trace in figure.data),
                 },
                 customdata=about[some],
                 hovertemplate=(
                     "frame %{customdata[0]:d}, error %{customdata[1]:.3f} px<br>x %{x:.3f} m "
                     "(right), y %{customdata[2]:.3f} m (down), z %{y:.3f} m (depth)<extra></extra>"
                 ),
-                name=f"{name} (n = {np.count_nonzero(some)})",
+                name=f"{name} (n = {len(some)})",
             )
         )  # fmt: skip
-    cameras = np.vstack([np.zeros(3), secondary_m])
-    figure.add_trace(
-        go.Scatter3d(
-            **upright(cameras), mode="lines+markers+text", text=["primary", "secondary"],
-            textposition="bottom center", textfont={"size": 14},
-            marker={"color": NEUTRAL, "size": 5},
-            line={"color": NEUTRAL, "width": 3, "dash": "dash"}, hoverinfo="skip",
-            name=f"Cameras, {np.linalg.norm(secondary_m):.3f} m apart",
-        )
-    )  # fmt: skip
-    set_scene(figure)
+    if len(of_frame):
+        figure.add_trace(
+            go.Scatter3d(
+                **upright(xyz[of_frame]), mode="markers", name=f"Frame {frame}", hoverinfo="name",
+                marker={"symbol": "diamond", "color": MARK_COLOUR,
+                        "size": 8 if len(of_frame) <= 20 else 4},
+            )
+        )  # fmt: skip
+    add_cameras(figure, rig, depth)
+    set_scene(figure, eye_of(view, rig, target))
     return figure
 
 
-def describe_points(points: pd.DataFrame) -> str:
+def _add_tracks(
+    figure: go.Figure, xyz: FloatArray, values: FloatArray, tracks: Sequence[IntArray],
+    scale: Mapping[str, Any],
+) -> None:  # fmt: skip
+    """All tracks in one trace, with gaps between them; evenly thinned."""
+    drawn = drawn_tracks(tracks)
+    if not drawn:
+        return
+    rows = np.concatenate([part for track in drawn for part in (track, track[-1:])])
+    path = xyz[rows]
+    path[np.cumsum([len(track) + 1 for track in drawn]) - 1] = np.nan
+    figure.add_trace(
+        go.Scatter3d(
+            **upright(path), mode="lines", line={**scale, "color": values[rows], "width": 3},
+            hoverinfo="skip", name=f"Tracks (n = {len(tracks)})",
+        )
+    )  # fmt: skip
+
+
+def drawn_tracks(tracks: Sequence[IntArray]) -> list[IntArray]:
+    """At most `MAXIMUM_TRACKS` tracks of about `MAXIMUM_DRAWN` points together."""
+    some = [track for track in tracks if len(track) > 1]
+    some = some[:: -(-len(some) // MAXIMUM_TRACKS) or 1]
+    step = -(-sum(len(track) for track in some) // MAXIMUM_DRAWN) or 1
+    return [np.append(track[:-1:step], track[-1]) for track in some]
+
+
+def describe_points(points: pd.DataFrame, tracks: Sequence[IntArray] = ()) -> str:
     """The figure in words."""
     xyz = points[["x", "y", "z"]].to_numpy(dtype=np.float64)
     finite = np.isfinite(xyz).all(axis=1)
@@ -104,8 +152,12 @@ def describe_points(points: pd.DataFrame) -> str:
     )
     if outside := int((outside_volume(points) & shown).sum()):
         text += f"; {outside} of them outside the volume of the bars, with open symbols"
+    if tracks:
+        text += f"; lines connect them to {count(len(tracks), 'track')}"
+        if len(tracks) > MAXIMUM_TRACKS:
+            text += f", of which {len(drawn_tracks(tracks))}, evenly spread, are drawn"
     if shown.sum() > MAXIMUM_DRAWN:
-        text += f"; about {MAXIMUM_DRAWN} points, evenly spread, are drawn"
+        text += f"; at most {MAXIMUM_DRAWN} points, evenly spread, are drawn"
     if far := int((finite & ~shown).sum()):
         text += f"; {count(far, 'point')} far away from all others not drawn"
     if behind := int((~finite).sum()):

@@ -15,6 +15,7 @@ from stereocal.figures.style import (
     sentence_only,
 )
 from stereocal.matching.nearest import NearestErrors
+from stereocal.matching.threshold import ThresholdChoice
 from stereocal.rig.compiled import FloatArray
 
 HEIGHT = 340
@@ -54,13 +55,34 @@ def plot_pair_errors(nearest: NearestErrors, threshold_px: float) -> go.Figure:
     return figure
 
 
-def describe_pair_errors(nearest: NearestErrors, threshold_px: float) -> str:
-    """The figure in words."""
+def describe_pair_errors(
+    nearest: NearestErrors, threshold_px: float, choice: ThresholdChoice | None
+) -> str:
+    """The figure in words.
+
+    Args:
+        choice: the threshold chosen from the points; None if there is none.
+    """
     best, second = nearest.within(threshold_px)
     return (
         f"Of {count(len(nearest), 'point')} of the primary camera in "
         f"{count(nearest.frames, 'frame')}, {best} have a partner within {threshold_px:.3g} px, "
-        f"and {second} have a second one: a good threshold lies between the two distributions."
+        f"and {second} have a second one. {_advice(nearest, choice)}"
+    )
+
+
+def _advice(nearest: NearestErrors, choice: ThresholdChoice | None) -> str:
+    """Where a good threshold is, if there is one."""
+    if not np.isfinite(nearest.runner_up_px).any():
+        return "No point has a second candidate, so the threshold only leaves out poor pairs."
+    if choice is None:
+        return "The two distributions cannot be told apart: no threshold separates them."
+    if choice.apart:
+        return "A good threshold lies between the two distributions."
+    return (
+        f"The two distributions overlap: at the best threshold, {choice.threshold_px:.3g} px, "
+        f"about {100 * choice.lost:.0f} % of the correct pairs are lost, and "
+        f"{100 * choice.wrong:.0f} % of the pairs are wrong."
     )
 
 

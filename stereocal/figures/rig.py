@@ -15,27 +15,23 @@ import plotly.graph_objects as go
 from stereocal.calibration.methods import ALL_METHODS, Method
 from stereocal.calibration.results import Errors
 from stereocal.errors import StereocalError
-from stereocal.figures.space import BEHIND, Eye, set_scene, upright
+from stereocal.figures.space import VIEWS as VIEWS
+from stereocal.figures.space import add_cameras, eye_of, set_scene, upright
 from stereocal.figures.style import (
     METHOD_COLOURS,
     METHOD_NAMES,
-    NEUTRAL,
     TARGET_COLOURS,
     TARGET_SYMBOLS,
     count,
     finish,
 )
 from stereocal.refined.results import Calibration
-from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import TARGETS, Dataset
-from stereocal.rig.geometry import Pose, triangulate_rays
+from stereocal.rig.geometry import triangulate_rays
+from stereocal.rig.rig import Rig
 
 HEIGHT = 520
-VIEWS = ("Behind", "Above", "Side", "Camera 1", "Camera 2")
-"""From where the scene is seen; camera 1 is the primary."""
-FRUSTUM_OF_DEPTH = 0.15
-"""Depth of a drawn camera over the depth of the scene; at its true size it would be a dot."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,14 +39,13 @@ class _Scene:
     """The data set reconstructed by one method, in the primary camera's frame."""
 
     dataset: Dataset
-    cameras: tuple[Camera, Camera]
-    pose: Pose
+    rig: Rig
     errors: Errors
 
     @cached_property
     def points(self) -> FloatArray:
         """(n, 3), metres."""
-        return triangulate_rays(self.pose.R, self.pose.T, self.dataset.rays)
+        return triangulate_rays(self.rig.pose.R, self.rig.pose.T, self.dataset.rays)
 
     @cached_property
     def bars(self) -> FloatArray:
@@ -72,12 +67,12 @@ class _Scene:
     def depth(self) -> float:
         """Largest depth of a point, in metres; the baseline if there are no points."""
         depths = self.points[np.isfinite(self.points[:, 2]), 2]
-        return float(depths.max()) if len(depths) else self.pose.baseline
+        return float(depths.max()) if len(depths) else self.rig.pose.baseline
 
     @cached_property
     def secondary_centre(self) -> FloatArray:
         """(3,), metres."""
-        return self.pose.inverse().T
+        return self.rig.pose.inverse().T
 
     @cached_property
     def hover(self) -> list[str]:
@@ -103,9 +98,10 @@ def plot_rig(calibration: Calibration, method: str, view: str = VIEWS[0]) -> go.
     figure = finish(go.Figure(), HEIGHT)
     _add_bars(figure, scene, chosen)
     _add_targets(figure, scene)
-    _add_cameras(figure, scene)
-    _add_baseline(figure, scene)
-    set_scene(figure, _eye(scene, view))
+    add_cameras(figure, scene.rig, scene.depth)
+    bars = scene.bars[scene.drawn].reshape(-1, 3)
+    target = bars.mean(axis=0) if len(bars) else np.array([0.0, 0.0, scene.depth])
+    set_scene(figure, eye_of(view, scene.rig, target))
     return figure
 
 
@@ -116,7 +112,7 @@ def describe_rig(calibration: Calibration, method: str) -> str:
     x, y, z = scene.secondary_centre
     text = (
         f"The rig with the {METHOD_NAMES[chosen]}: the secondary camera is "
-        f"{scene.pose.baseline:.3f} m from the primary, {abs(x):.2f} m to the "
+        f"{scene.rig.pose.baseline:.3f} m from the primary, {abs(x):.2f} m to the "
         f"{'right' if x >= 0 else 'left'}, {abs(y):.2f} m {'down' if y >= 0 else 'up'} and "
         f"{abs(z):.2f} m {'forward' if z >= 0 else 'back'} in the primary's view"
     )
@@ -143,27 +139,13 @@ def _method(name: str) -> Method:
 def _scene(calibration: Calibration, method: Method) -> _Scene:
     dataset = calibration.dataset
     if method != "refined":
-        pose = calibration.methods[method].pose
-        cameras = dataset.primary, dataset.secondary
-        return _Scene(dataset, cameras, pose, calibration.errors[method])
+        rig = Rig(dataset.primary, dataset.secondary, calibration.methods[method].pose)
+        return _Scene(dataset, rig, calibration.errors[method])
     refined, errors = calibration.refined, calibration.refined_errors
     if refined is None or errors is None:
         raise StereocalError("There is no refined set.")
-    cameras = refined.primary, refined.secondary
-    return _Scene(refined.apply(dataset), cameras, refined.pose, errors)
-
-
-def _eye(scene: _Scene, view: str) -> Eye:
-    """From where, and towards where, the scene is seen."""
-    first, second = np.zeros(3), scene.secondary_centre
-    bars = scene.bars[scene.drawn].reshape(-1, 3)
-    target = bars.mean(axis=0) if len(bars) else np.array([0.0, 0.0, scene.depth])
-    if view.startswith("Camera"):
-        return Eye(target, at=first if view == "Camera 1" else second)
-    middle = 0.5 * (0.5 * (first + second) + target)
-    if view == "Above":  # depth to the right, since the figure is wide
-        return Eye(middle, (0.0, -1.0, 0.0), up=(-1.0, 0.0, 0.0))
-    return Eye(middle, (1.0, 0.0, 0.0) if view == "Side" else BEHIND)
+    rig = Rig(refined.primary, refined.secondary, refined.pose)
+    return _Scene(refined.apply(dataset), rig, errors)
 
 
 def _add_bars(figure: go.Figure, scene: _Scene, method: Method) -> None:
@@ -207,57 +189,3 @@ def _add_targets(figure: go.Figure, scene: _Scene) -> None:
                 name=f"Target {target}",
             )
         )  # fmt: skip
-
-
-def _add_cameras(figure: go.Figure, scene: _Scene) -> None:
-    """Draw both frusta, and label their optical centres."""
-    size = FRUSTUM_OF_DEPTH * scene.depth
-    primary_from_secondary = scene.pose.inverse()
-    for name, camera, corners in (
-        ("primary", scene.cameras[0], _corners(scene.cameras[0], size)),
-        (
-            "secondary", scene.cameras[1],
-            primary_from_secondary.apply(_corners(scene.cameras[1], size)),
-        ),
-    ):  # fmt: skip
-        centre = np.zeros(3) if name == "primary" else scene.secondary_centre
-        a, b, c, d = corners
-        gap = np.full(3, np.nan)
-        # From the centre round each side of the image.
-        path = np.array([centre, a, b, centre, gap, centre, c, d, centre, gap, b, c, gap, d, a])
-        figure.add_trace(
-            go.Scatter3d(
-                **upright(path), mode="lines", line={"color": NEUTRAL, "width": 4},
-                hoverinfo="skip", showlegend=False, name=f"{name} camera",
-            )
-        )  # fmt: skip
-        width, height = camera.image_size
-        figure.add_trace(
-            go.Scatter3d(
-                **upright(centre), mode="markers+text", text=[name], textposition="bottom center",
-                marker={"color": NEUTRAL, "size": 5}, textfont={"size": 14}, showlegend=False,
-                hovertemplate=f"{name} camera, {width} × {height} px<br>x {centre[0]:.3f} m (right)"
-                f", y {centre[1]:.3f} m (down), z {centre[2]:.3f} m (depth)<extra></extra>",
-                name=f"optical centre, {name}",
-            )
-        )  # fmt: skip
-
-
-def _corners(camera: Camera, depth: float) -> FloatArray:
-    """The four image corners (4, 3) at a depth, in the camera's frame, without distortion."""
-    width, height = camera.image_size
-    right, bottom = width - 0.5, height - 0.5
-    pixels = np.array([[-0.5, -0.5, 1], [right, -0.5, 1], [right, bottom, 1], [-0.5, bottom, 1]])
-    corners: FloatArray = depth * pixels @ np.linalg.inv(camera.K).T
-    return corners
-
-
-def _add_baseline(figure: go.Figure, scene: _Scene) -> None:
-    ends = np.array([np.zeros(3), scene.secondary_centre])
-    length = f"{scene.pose.baseline:.3f} m"
-    figure.add_trace(
-        go.Scatter3d(
-            **upright(ends), mode="lines", line={"color": NEUTRAL, "width": 3, "dash": "dash"},
-            hovertemplate=f"baseline {length}<extra></extra>", name=f"Baseline {length}",
-        )
-    )  # fmt: skip

@@ -22,10 +22,13 @@ from stereocal.matching.matching import ANY_DEPTH, refuse_different_rigs
 from stereocal.matching.matching_files import match_tables
 from stereocal.matching.pairs import POINT, pixels_of
 from stereocal.matching.point_table import PointTable
-from stereocal.matching.reconstruction_files import PIXELS, reconstruct_table
+from stereocal.matching.reconstruction_files import OUTSIDE_VOLUME, PIXELS, reconstruct_table
 from stereocal.matching.threshold import FramePixels, sample_of
+from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.dataset import TARGETS, Correspondences
+from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
+from stereocal.rig.rig import Rig
 from stereocal.system.tasks import Pieces
 
 PAIRS, POINTS = "pairs.csv", "points.csv"
@@ -93,10 +96,15 @@ class Outcome:
     made_with: str
     tables: list[str]
     """Names of the primary's and the secondary's table in the project."""
-    image_sizes: list[list[int]]
-    """Width and height of both images."""
-    secondary_m: list[float]
-    """(3,) position of the secondary camera in the primary's frame."""
+    measured_with: dict[str, Any]
+    """Cameras and pose of the measuring set, as JSON."""
+
+    @property
+    def rig(self) -> Rig:
+        """The measuring set's cameras and pose."""
+        first, second = (Camera.from_json(self.measured_with[name], name) for name in CAMERAS)
+        R, T = (np.array(self.measured_with[key], dtype=np.float64) for key in "RT")
+        return Rig(first, second, Pose(R, T))
 
     def to_json(self) -> dict[str, Any]:
         return asdict(self)
@@ -160,10 +168,12 @@ def apply_sets(
         notes=[*matched.notes, *measured.notes],
         made_with=_made_with(work),
         tables=[work.primary.name, work.secondary.name],
-        image_sizes=[
-            list(each.image_size) for each in (work.matching.primary, work.matching.secondary)
-        ],
-        secondary_m=work.measuring.pose.inverse().T.tolist(),
+        measured_with={
+            "primary": work.measuring.primary.to_json(),
+            "secondary": work.measuring.secondary.to_json(),
+            "R": work.measuring.pose.R.tolist(),
+            "T": work.measuring.pose.T.tolist(),
+        },
     )
 
 
@@ -191,6 +201,24 @@ def unlabelled(rows: Correspondences) -> tuple[pd.DataFrame, pd.DataFrame]:
         for side in (rows.primary, rows.secondary)
     )
     return first, second
+
+
+def answer(pairs: pd.DataFrame, points: pd.DataFrame) -> str:
+    """The result in one sentence.
+
+    Args:
+        pairs: rows of `pairs.csv`; `points`: of `points.csv`.
+    """
+    frames, ambiguous = pairs["frame"].nunique(), int(pairs["ambiguous"].sum())
+    text = (
+        f"{len(pairs):,} pair{'s' * (len(pairs) != 1)} in {frames:,} frame{'s' * (frames != 1)}, "
+        f"{f'{ambiguous:,}' if ambiguous else 'none'} of them ambiguous"
+    )
+    if OUTSIDE_VOLUME in points:
+        measured = np.isfinite(points["x"].to_numpy(dtype=np.float64))
+        outside = int((points[OUTSIDE_VOLUME].to_numpy(dtype=bool) & measured).sum())
+        text += f", {f'{outside:,}' if outside else 'none'} outside the volume of the bars"
+    return text + "."
 
 
 def agreement(pairs: pd.DataFrame) -> str | None:

@@ -58,10 +58,15 @@ class LengthCheck:
         )
 
 
+def further_columns(points: pd.DataFrame) -> list[str]:
+    """The columns that were passed through."""
+    own = {*POINT_COLUMNS, *SIGMA_COLUMNS, OUTSIDE_VOLUME, "ambiguous"}
+    return [str(name) for name in points.columns if name not in own]
+
+
 def label_columns(points: pd.DataFrame) -> list[str]:
     """Further columns that can name points: at least two and not too many distinct values."""
-    own = {*POINT_COLUMNS, *SIGMA_COLUMNS, OUTSIDE_VOLUME, "ambiguous"}
-    names = [str(name) for name in points.columns if name not in own]
+    names = further_columns(points)
     return [name for name in names if 2 <= points[name].nunique() <= MAXIMUM_LABELS]
 
 

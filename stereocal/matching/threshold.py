@@ -47,6 +47,8 @@ EVIDENCE = 30.0
 """Required value of twice the gain in log likelihood by the peak; chance gives 10 at most."""
 MAXIMUM_LOST = 0.5
 """A threshold that loses a larger fraction of the correct pairs is rejected."""
+CLEAR = 0.05
+"""The distributions are apart if at most this fraction of the pairs is lost, and of them wrong."""
 MINIMUM_UNPARTNERED = 0.01
 """Lower limit of the fraction of points without a partner."""
 
@@ -69,6 +71,11 @@ class ThresholdChoice:
     """Expected fraction of correct pairs beyond the threshold."""
     wrong: float
     """Expected fraction of wrong pairs among those taken."""
+
+    @property
+    def apart(self) -> bool:
+        """Whether a threshold lies between the distributions of correct and of wrong pairs."""
+        return max(self.lost, self.wrong) <= CLEAR
 
     def sentence(self) -> str:
         return (

@@ -1,122 +1,118 @@
-"""Results of the Apply page: answer, downloads, matches, points, a known length."""
+"""Results of the Apply page: answer, figures, downloads, and closer looks."""
 
 from __future__ import annotations
 
 import io
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Literal
 
-import numpy as np
 import pandas as pd
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.figures import (
-    describe_lengths,
-    describe_matches,
-    describe_points,
-    plot_lengths,
-    plot_matches,
-    plot_points,
+from stereocal.figures import describe_lengths, plot_lengths
+from stereocal.figures.headings import HEADINGS
+from stereocal.matching.application import (
+    PAIRS,
+    POINTS,
+    Application,
+    Outcome,
+    agreement,
+    answer,
 )
-from stereocal.figures.measured import Colour
-from stereocal.matching.application import PAIRS, POINTS, Application, Outcome, agreement
 from stereocal.matching.lengths import check_lengths, has_two_a_frame, label_columns
-from stereocal.matching.pairs import pixels_of
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.files import StoredFile
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
-from stereocal.ui.apply import whole_table
+from stereocal.ui.apply import Chosen
+from stereocal.ui.apply_frames import show_frames
 from stereocal.ui.downloads import on_demand
 from stereocal.ui.fields import number, one_of, setting
 from stereocal.ui.figure import show_figure
-from stereocal.ui.intake import escape_markdown
 from stereocal.ui.messages import callback
+from stereocal.ui.texts import escape_markdown
 
 TWO = "the two points of a frame"
-FIRST_ROWS = 10
-SCROLLS = """<style>
-.st-key-matches_scroll { overflow-x: auto; }
-.st-key-matches_scroll > div { min-width: 46rem; }
-</style>"""
-"""On a narrow screen the two images scroll sideways."""
+FIRST_ROWS = 8
 
 
-def show_application(project: Project, store: ProjectApplication, work: Application | None) -> None:
-    """The last finished result, even if the form has changed since."""
+@dataclass(frozen=True, eq=False)
+class Tables:
+    """The tables of a result, and what they say."""
+
+    pairs: pd.DataFrame
+    points: pd.DataFrame
+    answer: str
+    agreement: str | None
+    """How many pairs have the same label in both cameras."""
+
+
+def show_application(project: Project, store: ProjectApplication, chosen: Chosen | None) -> None:
+    """The last finished result, even if the form has changed since, and closer looks."""
+    work = None if chosen is None else chosen.work
     result = store.result
-    if result is None:
-        if work is not None:
-            st.info("No result yet.")
-        return
-    outcome, files = result
-    st.header("Result", divider="gray")
+    tables = None
+    if result is not None:
+        tables = _show_result(project, store, *result, work)
+    elif work is not None:
+        st.info("No result yet.")
+    _show_looks(project, chosen, tables)
+    if result is not None:
+        _show_words(store, result[0], tables)
+
+
+def _show_result(
+    project: Project, store: ProjectApplication, outcome: Outcome, files: dict[str, StoredFile],
+    work: Application | None,
+) -> Tables | None:  # fmt: skip
+    """Answer, figures and downloads."""
     if work is None or outcome.digest != work.digest:
         st.warning(
             "The points, the parameters or the threshold have changed since this result. It was "
             f"computed with: {escape_markdown(outcome.made_with)}"
         )
     try:
-        pairs, points = (_read(files[name].name, name, files[name]) for name in (PAIRS, POINTS))
+        tables = _read(files[PAIRS].name, files[POINTS].name, files[PAIRS], files[POINTS])
     except StereocalError as error:
         st.error(escape_markdown(str(error)))
         st.button("Begin again", on_click=callback(store.forget_result), key="forget_result")
-        return
-    sentences = [*outcome.sentences, *([same] if (same := agreement(pairs)) else [])]
-    st.success(escape_markdown(" ".join(sentences)))
+        return None
+    st.success(escape_markdown(tables.answer))
     for note in outcome.notes:
         st.warning(escape_markdown(note))
-    for name, column in zip((PAIRS, POINTS), st.columns(2), strict=True):
-        _download(column, files[name], name)
-    views = {
-        "Matches in the images": lambda: _show_matches(store, outcome, pairs),
-        "Points in 3D": lambda: _show_points(project, outcome, points),
-        "A known length": lambda: _show_lengths(project, points),
-        "Tables": lambda: _show_tables(pairs, points),
-    }
-    shown = setting(project, "apply_view", next(iter(views)), one_of(list(views)), tabs_own=True)
-    view = st.segmented_control("Look at", list(views), required=True, **shown.widget())
-    views[view]()
-    st.caption(f"Made with: {escape_markdown(outcome.made_with)}")
-    _show_commands(store, outcome)
+    show_frames(project, store, outcome, tables.pairs, tables.points)
+    with st.container(horizontal=True):
+        for name in (PAIRS, POINTS):
+            _download(files[name], name, "primary")
+    return tables
 
 
-def _download(place: Any, file: StoredFile, name: str) -> None:
-    place.download_button(
+def _show_looks(project: Project, chosen: Chosen | None, tables: Tables | None) -> None:
+    """One closer look at a time, or none; only what is shown is computed."""
+    looks: dict[str, Callable[[], None]] = {}
+    if tables is not None:
+        looks["A known length"] = partial(_show_lengths, project, tables.points)
+    if chosen is not None:
+        looks["Threshold and depths"] = partial(chosen.form.show, chosen.threshold_px)
+    if tables is not None:
+        looks["Tables"] = partial(_show_tables, tables)
+    if not looks:
+        return
+    shown = setting(project, "apply_view", None, one_of([None, *looks]), tabs_own=True)
+    look = st.segmented_control("Look closer", list(looks), **shown.widget())
+    if look is not None:
+        looks[look]()
+
+
+def _download(file: StoredFile, name: str, kind: Literal["primary", "secondary"]) -> None:
+    st.download_button(
         f"Download {name}", on_demand(file.read_bytes, name, "text/csv"), name, "text/csv",
-        on_click="ignore", icon=":material/download:", key=f"download_{name}",
-        type="primary" if name in (PAIRS, POINTS) else "secondary",
+        on_click="ignore", icon=":material/download:", key=f"download_{name}", type=kind,
     )  # fmt: skip
-
-
-def _show_matches(store: ProjectApplication, outcome: Outcome, pairs: pd.DataFrame) -> None:
-    tables = [whole_table(store, name, name) for name in outcome.tables]
-    frames = sorted(set(tables[0]["frame"]) | set(tables[1]["frame"]))
-    frames = [int(each) for each in frames]
-    frame = frames[0]
-    if len(frames) > 1:
-        looked_at = setting(store.project, "apply_frame", frames[0], one_of(frames), tabs_own=True)
-        frame = st.select_slider("Frame", frames, **looked_at.widget())
-    of_frame = pairs[pairs["frame"] == frame]
-    first, second = (pixels_of(table[table["frame"] == frame]) for table in tables)
-    (width, height), (width_2, height_2) = outcome.image_sizes
-    figure = plot_matches(of_frame, first, second, ((width, height), (width_2, height_2)))
-    st.html(SCROLLS)
-    with st.container(key="matches_scroll"):
-        st.plotly_chart(figure, key="matches")
-    st.caption(escape_markdown(describe_matches(of_frame, first, second, frame)))
-
-
-def _show_points(project: Project, outcome: Outcome, points: pd.DataFrame) -> None:
-    colours: list[Colour] = ["frame", "error"]
-    by = setting(project, "apply_colour", "frame", one_of(colours), tabs_own=True)
-    colour = st.segmented_control(
-        "Colour", colours, required=True,
-        format_func={"frame": "By frame", "error": "By error"}.__getitem__, **by.widget(),
-    )  # fmt: skip
-    figure = plot_points(points, colour, np.array(outcome.secondary_m))
-    show_figure(figure, describe_points(points), "points")
 
 
 def _show_lengths(project: Project, points: pd.DataFrame) -> None:
@@ -164,15 +160,19 @@ def _show_lengths(project: Project, points: pd.DataFrame) -> None:
     show_figure(plot_lengths(check), describe_lengths(check), "lengths")
 
 
-def _show_tables(pairs: pd.DataFrame, points: pd.DataFrame) -> None:
-    for name, table in ((PAIRS, pairs), (POINTS, points)):
+def _show_tables(tables: Tables) -> None:
+    for name, table in ((PAIRS, tables.pairs), (POINTS, tables.points)):
         st.caption(f"{name}: the first {min(FIRST_ROWS, len(table))} of {len(table)} rows")
-        st.dataframe(table.head(FIRST_ROWS), hide_index=True)
+        st.dataframe(table.head(FIRST_ROWS), hide_index=True, column_config={**HEADINGS})
 
 
-def _show_commands(store: ProjectApplication, outcome: Outcome) -> None:
-    """The commands that write the same files, and their input tables."""
-    with st.expander("The same on the command line"):
+def _show_words(store: ProjectApplication, outcome: Outcome, tables: Tables | None) -> None:
+    """The result in words, and the commands that write the same files, with their input."""
+    with st.expander("In words, and on the command line"):
+        agreed = tables.agreement if tables else None
+        for sentence in (*outcome.sentences, agreed, f"Made with: {outcome.made_with}"):
+            if sentence:
+                st.caption(escape_markdown(sentence))
         near, far = outcome.depths_m
         depths = "" if far is None and not near else f" --depth {near:g} {far or 'inf'}"
         suffixes = [Path(name).suffix for name in outcome.tables]
@@ -184,16 +184,22 @@ def _show_commands(store: ProjectApplication, outcome: Outcome) -> None:
             f"--out {POINTS}",
             language="shell", wrap_lines=True,
         )  # fmt: skip
-        for table, name, column in zip(outcome.tables, names, st.columns(2), strict=True):
-            _download(column, store.table(table), name)
+        with st.container(horizontal=True):
+            for table, name in zip(outcome.tables, names, strict=True):
+                _download(store.table(table), name, "secondary")
 
 
 @st.cache_resource(show_spinner=False, max_entries=4)
-def _read(digest: str, name: str, _file: StoredFile) -> pd.DataFrame:
-    """A table of a result."""
-    assert digest
+def _read(pairs_digest: str, points_digest: str, _pairs: StoredFile, _points: StoredFile) -> Tables:
+    """The tables of a result."""
+    assert pairs_digest and points_digest
+    pairs, points = _table(PAIRS, _pairs), _table(POINTS, _points)
+    return Tables(pairs, points, answer(pairs, points), agreement(pairs))
+
+
+def _table(name: str, file: StoredFile) -> pd.DataFrame:
     try:
-        table = pd.read_csv(io.BytesIO(_file.read_bytes()))
+        table = pd.read_csv(io.BytesIO(file.read_bytes()))
     except ValueError as error:
         raise StereocalError(f"{name} of the last result is damaged.") from error
     if "frame" not in table:

@@ -112,6 +112,12 @@ def photographs_of(project: Project, frame: int) -> tuple[Photograph | None, Pho
     return None, None
 
 
+def frames_photographed(project: Project) -> set[int]:
+    """The frames of the project's photographs."""
+    found = ProjectPhotographs(project).frames if photographed(project) else None
+    return {frame.frame for frame in found or ()}
+
+
 def photographed(project: Project) -> bool:
     """Whether the points come from photographs of the project."""
     return project.inputs.labels.get("correspondences") == TABLE_LABEL

@@ -52,11 +52,16 @@ class Field:
     """Whether each tab has its own value, for choices that change no result."""
     tells: bool = True
     """Whether to report a change by another tab."""
+    fit: Fit = lambda value: value
+    """As for `setting`: other data may have come since this tab showed the value."""
 
     def value(self) -> Any:
         """The current value."""
         shown: dict[str, Any] = st.session_state.setdefault(_SHOWN, {})
-        return shown[self.name] if self.tabs_own and self.name in shown else self.read()
+        if self.tabs_own and self.name in shown:
+            with suppress(TypeError, ValueError):
+                return self.fit(shown[self.name])
+        return self.read()
 
     def widget(self) -> dict[str, Any]:
         """`key` and `on_change` for the widget, which will show the value."""
@@ -85,6 +90,10 @@ class Field:
         with suppress(*([StereocalError] if self.tabs_own else [])):
             self.write(value)
         shown[self.name] = value if self.tabs_own else self.read()
+
+    def show(self, value: Any) -> None:
+        """Show a value in this tab without storing it."""
+        st.session_state.setdefault(_SHOWN, {})[self.name] = value
 
     @property
     def changed(self) -> Callable[[], None]:
@@ -126,7 +135,7 @@ def setting(
         if values is not None:
             values.keep_settings({name: value})
 
-    return Field(key, name, read, write, tabs_own or values is None)
+    return Field(key, name, read, write, tabs_own or values is None, fit=fit)
 
 
 def number(lowest: float, highest: float = math.inf, or_none: bool = False) -> Fit:

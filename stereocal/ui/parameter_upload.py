@@ -44,12 +44,9 @@ LENS_TITLES: Mapping[LensModel | None, str] = {
 }
 
 
-def uploaded_set(project: Project, store: ProjectApplication, use: Use) -> RigParameters | None:
-    """The parameter set of a file; None while there is none."""
+def upload_set(project: Project, store: ProjectApplication, use: Use) -> None:
+    """Uploader of a parameter file, and questions about it."""
     title, default = PURPOSES[use]
-    kept = store.set_of(use)
-    if kept is not None:
-        st.caption(f"In use: {escape_markdown(kept[0])}")
     uploads = st.file_uploader(
         f"{title}: parameters_{default}.json", type=KINDS, key=f"upload_set_{use}",
         accept_multiple_files=True,
@@ -65,7 +62,6 @@ def uploaded_set(project: Project, store: ProjectApplication, use: Use) -> RigPa
             clear_refusal()
         st.rerun()
     _ask_about_set(project, store, use)
-    return None if kept is None else kept[1]
 
 
 def _ask_about_set(project: Project, store: ProjectApplication, use: Use) -> None:

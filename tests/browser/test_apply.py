@@ -63,23 +63,25 @@ def test_demo_to_files_of_the_command_line(
     assert fetch(page, "format", tmp_path).read_bytes()[:2] == b"PK"
 
     sidebar.get_by_role("link", name="Apply").click()
-    expect(page.get_by_text("50 of 50 pairs have the same target")).to_be_visible(
+    expect(page.get_by_text("50 pairs in 25 frames, none of them ambiguous")).to_be_visible(
         timeout=LONGEST_MS
     )
+    settled(page)
+    page.get_by_text("Threshold and depths", exact=True).click()
+    expect(page.get_by_text("have a partner within")).to_be_visible()
     settled(page)
     before = histogram(page)
     box = page.locator(".st-key-apply_threshold input")
     box.fill("25")
     box.press("Enter")
-    expect(
-        page.get_by_text(re.compile("pairs in 25 frames at a threshold of 25 px"))
-    ).to_be_visible()
+    expect(page.get_by_text("have a partner within 25 px")).to_be_visible()
     settled(page)
     assert histogram(page) != before
-    page.get_by_text("The same on the command line").click()
+    page.get_by_text("In words, and on the command line").click()
+    expect(page.get_by_text(re.compile("in 25 frames at a threshold of 25 px"))).to_be_visible()
     tables = [fetch(page, which, tmp_path) for which in ("primary", "secondary")]
     page.reload()
-    expect(page.get_by_text(re.compile("at a threshold of 25 px"))).to_be_visible()
+    expect(page.locator(".st-key-apply_threshold input")).to_have_value("25", timeout=LONGEST_MS)
     settled(page)
     mine = [fetch(page, name, tmp_path / "page") for name in ("pairs", "points")]
 
@@ -94,12 +96,41 @@ def test_demo_to_files_of_the_command_line(
     for path in mine:
         assert path.read_bytes() == (tmp_path / path.name).read_bytes()
 
-    for view, shown in (
-        ("Points in 3D", "depth z from"),
-        ("A known length", "known length is 0.9 m"),
-    ):
-        page.get_by_text(view, exact=True).click()
-        expect(page.get_by_text(shown)).to_be_visible()
+    page.get_by_text("A known length", exact=True).click()
+    expect(page.get_by_text("known length is 0.9 m")).to_be_visible()
+
+
+def test_frames_play_and_stop_by_keyboard(page: Page, app_url: str, settled: Settled) -> None:
+    page.goto(app_url)
+    settled(page)
+    page.locator(".st-key-recording button").click()
+    page.wait_for_url("**/data*")
+    settled(page)
+    page.get_by_test_id("stSidebar").get_by_role("link", name="Calibrate").click()
+    settled(page)
+    page.get_by_role("button", name="Calibrate", exact=True).click()
+    expect(page.locator(".st-key-download_2d button")).to_be_visible(timeout=LONGEST_MS)
+    settled(page)
+    page.get_by_test_id("stSidebar").get_by_role("link", name="Apply").click()
+    expect(page.get_by_text(re.compile(r"^\d+ pairs in \d+ frames, none"))).to_be_visible(
+        timeout=LONGEST_MS
+    )
+    settled(page)
+    slider = page.locator(".st-key-apply_frame input")
+    slider.focus()
+    page.keyboard.press("ArrowRight")
+    expect(page.get_by_text("Frame 1: 1 pair")).to_be_visible()
+    play = page.locator(".st-key-apply_play button")
+    play.focus()
+    page.keyboard.press("Enter")
+    expect(page.get_by_text("Frame 3: 1 pair")).to_be_visible(timeout=LONGEST_MS)
+    play.focus()
+    page.keyboard.press("Enter")
+    expect(play).to_contain_text("Play", timeout=LONGEST_MS)
+    settled(page)
+    stopped = slider.get_attribute("aria-valuetext")
+    page.wait_for_timeout(2000)
+    assert slider.get_attribute("aria-valuetext") == stopped
 
 
 def test_a_long_matching_shows_progress_and_can_be_stopped(
@@ -122,9 +153,7 @@ def test_a_long_matching_shows_progress_and_can_be_stopped(
     for which, path in files.items():
         uploader = page.locator(f".st-key-upload_points_{which} input[type=file]")
         uploader.set_input_files(path)
-        expect(
-            page.get_by_text(f"In use: {which}.csv, 200000 points in 200 frames")
-        ).to_be_visible()
+        expect(page.get_by_text(f"{which}.csv, 200,000 points")).to_be_visible()
     for use, name in (("matching", "2d"), ("measuring", "3d")):
         uploader = page.locator(f".st-key-upload_set_{use} input[type=file]")
         uploader.set_input_files(tmp_path / f"{name}.json")

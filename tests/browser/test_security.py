@@ -28,7 +28,7 @@ VIEWS = {
     "calibrate": ["The rig in 3D", "The searches"],
 }
 """Figures that stand on the page only when somebody asks for them."""
-FIGURES = {"cameras": 1, "data": 1, "calibrate": 1, "validate": 1, "one_set": 3, "apply": 2}
+FIGURES = {"cameras": 1, "data": 1, "calibrate": 1, "validate": 1, "one_set": 3, "apply": 3}
 
 
 def visit(page: Page, url: str, path: str, project: str, settled: Settled) -> None:

@@ -27,13 +27,13 @@ from stereocal.rig.geometry import Pose
 from stereocal.verdict.tradeoff import costs_of, trade_off
 from stereocal.workflow import calibrate
 from tests.figures.test_apply_figures import (
+    CHOICE,
     NEAREST,
     PAIRS,
     POINTS,
     PRIMARY_TABLE,
-    SECONDARY_M,
     SECONDARY_TABLE,
-    SIZES,
+    SET,
 )
 from tests.known_rig import BAR_M
 from tests.lens import search
@@ -93,10 +93,11 @@ def every_figure() -> dict[str, Drawn]:
             ("frame_errors", f.plot_frame_errors(calibration),
              f.describe_frame_errors(calibration)),
             ("lengths", f.plot_lengths(check), f.describe_lengths(check)),
-            ("matches", f.plot_matches(pairs, left, right, SIZES),
+            ("matches", f.plot_matches(pairs, left, "primary", SET.primary.image_size),
              f.describe_matches(pairs, left, right, 1)),
-            ("pair_errors", f.plot_pair_errors(NEAREST, 0.8), f.describe_pair_errors(NEAREST, 0.8)),
-            ("points", f.plot_points(POINTS, "frame", SECONDARY_M), f.describe_points(POINTS)),
+            ("pair_errors", f.plot_pair_errors(NEAREST, 0.8),
+             f.describe_pair_errors(NEAREST, 0.8, CHOICE)),
+            ("points", f.plot_points(POINTS, "frame", SET), f.describe_points(POINTS)),
             ("residual_field", f.plot_residual_field(lens), f.describe_residual_field(lens)),
             ("rig", f.plot_rig(calibration, "3d"), f.describe_rig(calibration, "3d")),
             ("story_lengths", f.plot_story_lengths(story), f.describe_story_lengths(story)),

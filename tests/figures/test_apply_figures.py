@@ -14,22 +14,26 @@ from stereocal.figures import (
     describe_matches,
     describe_pair_errors,
     describe_points,
+    matches,
     plot_lengths,
     plot_matches,
     plot_pair_errors,
     plot_points,
 )
 from stereocal.figures.matches import MAXIMUM_NUMBERS
-from stereocal.figures.measured import MAXIMUM_DRAWN, in_view
+from stereocal.figures.measured import MAXIMUM_DRAWN, MAXIMUM_TRACKS, drawn_tracks, in_view
+from stereocal.figures.space import VIEWS
 from stereocal.matching.lengths import check_lengths
 from stereocal.matching.nearest import NearestErrors, nearest_errors
 from stereocal.matching.pairs import match, pixels_of
 from stereocal.matching.reconstruction_files import reconstruct
+from stereocal.matching.threshold import ThresholdChoice
+from stereocal.matching.tracks import tracks_by
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.parameters import RigParameters
 from tests.known_rig import BAR_M, PRIMARY, RIG, SECONDARY, bar_ends, images
 
 SET = RigParameters(PRIMARY, SECONDARY, RIG, "2d", 1.0, {}, {}, matching_threshold_px=0.8)
-SIZES = (PRIMARY.image_size, SECONDARY.image_size)
 FRAMES = 8
 
 
@@ -57,7 +61,7 @@ NEAREST = nearest_errors(
         for frame in range(1, FRAMES + 1)
     ],
 )
-SECONDARY_M = RIG.inverse().T
+CHOICE = ThresholdChoice(0.5, 0.1, 0.2, 0.9, 0.01, 0.02)
 
 
 def traces(figure: go.Figure, name: str) -> list[go.Scatter]:
@@ -86,7 +90,7 @@ def test_histogram_holds_every_point_and_the_threshold() -> None:
         assert figure.layout.shapes[0].x0 == threshold
         within = NEAREST.within(threshold)[0]
         assert f"{within} have a partner within {threshold:.3g} px" in describe_pair_errors(
-            NEAREST, threshold
+            NEAREST, threshold, CHOICE
         )
 
 
@@ -95,7 +99,9 @@ def test_histogram_of_nothing(errors: list[float]) -> None:
     nothing = NearestErrors(np.array(errors), np.array(errors), 1)
     assert plot_pair_errors(nothing, 1.0).layout.annotations
     assert (
-        "0 have a second one" in describe_pair_errors(nothing, 1.0) or not errors or not errors[0]
+        "0 have a second one" in describe_pair_errors(nothing, 1.0, None)
+        or not errors
+        or not errors[0]
     )
 
 
@@ -107,39 +113,63 @@ def test_matches_of_a_frame() -> None:
     of_frame = PAIRS[PAIRS["frame"] == 1]
     first = pixels_of(PRIMARY_TABLE[PRIMARY_TABLE["frame"] == 1])
     second = pixels_of(SECONDARY_TABLE[SECONDARY_TABLE["frame"] == 1])
-    figure = plot_matches(of_frame, first, second, SIZES)
-    hollow = traces(figure, "No partner")
+    figures = [
+        plot_matches(of_frame, seen, side, SET.primary.image_size)
+        for side, seen in zip(CAMERAS, (first, second), strict=True)
+    ]
+    hollow = [traces(figure, "No partner")[0] for figure in figures]
     assert [len(trace.x) for trace in hollow] == [1, 0]
     assert (hollow[0].x[0], hollow[0].y[0]) == (12.0, 34.0)
     assert all("open" in trace.marker.symbol for trace in hollow)
-    left, right = traces(figure, "Pair")
+    left, right = (traces(figure, "Pair")[0] for figure in figures)
     ordered = of_frame.sort_values("u_primary")
     np.testing.assert_array_equal(left.x, ordered["u_primary"])
     np.testing.assert_array_equal(right.x, ordered["u_secondary"])
     assert list(left.text) == list(right.text) == ["1", "2"]
     np.testing.assert_array_equal(left.marker.color, right.marker.color)
     assert "1 of 3 points of the primary" in describe_matches(of_frame, first, second, 1)
-    assert figure.layout.yaxis.range[0] > figure.layout.yaxis.range[1]  # v downwards
+    for figure in figures:
+        assert figure.layout.yaxis.range[0] > figure.layout.yaxis.range[1]  # v downwards
+        assert not figure.layout.images
+
+
+def test_photograph_is_behind_the_matches() -> None:
+    width, height = SET.secondary.image_size
+    grey = np.full((height, width), 90, np.uint8)
+    figure = plot_matches(PAIRS, np.empty((0, 2)), "secondary", (width, height), grey)
+    (image,) = figure.layout.images
+    assert (image.x, image.y, image.sizex, image.sizey) == (-0.5, -0.5, width, height)
+    assert image.layer == "below"
+    assert traces(figure, "Pair")[0].marker.line.width == 1
 
 
 def test_ambiguous_pairs_have_another_symbol_and_many_no_number() -> None:
     many = pd.concat([PAIRS] * 5, ignore_index=True)
     assert len(many) > MAXIMUM_NUMBERS
     many["ambiguous"] = np.arange(len(many)) % 2 == 0
-    figure = plot_matches(many, np.empty((0, 2)), np.empty((0, 2)), SIZES)
+    figure = plot_matches(many, np.empty((0, 2)), "primary", SET.primary.image_size)
     sure, doubtful = traces(figure, "Pair")[0], traces(figure, "Ambiguous")[0]
     assert sure.marker.symbol != doubtful.marker.symbol
     assert "text" not in sure.mode
     assert len(sure.x) + len(doubtful.x) == len(many)
 
 
+def test_many_matches_are_thinned() -> None:
+    many = pd.concat([PAIRS] * (1 + 2 * matches.MAXIMUM_DRAWN // len(PAIRS)), ignore_index=True)
+    rest = np.random.default_rng(1).uniform(0, 900, (3 * matches.MAXIMUM_DRAWN, 2))
+    figure = plot_matches(many, rest, "primary", SET.primary.image_size)
+    assert all(len(trace.x) <= matches.MAXIMUM_DRAWN for trace in figure.data)
+    assert f"At most {matches.MAXIMUM_DRAWN}" in describe_matches(many, rest, rest, 1)
+
+
 @pytest.mark.parametrize("colour", ["frame", "error"])
 def test_points_in_space(colour: str) -> None:
-    figure = plot_points(POINTS, "frame" if colour == "frame" else "error", SECONDARY_M)
-    cloud, cameras = figure.data
+    figure = plot_points(POINTS, "frame" if colour == "frame" else "error", SET)
+    (cloud,) = traces(figure, "Points")
+    (centre,) = traces(figure, "optical centre, secondary")
     np.testing.assert_array_equal(cloud.y, POINTS["z"])
     np.testing.assert_array_equal(cloud.z, -POINTS["y"])
-    np.testing.assert_allclose(cameras.y, [0, SECONDARY_M[2]])
+    np.testing.assert_allclose(centre.y, RIG.inverse().T[2])
     assert figure.layout.scene.aspectmode == "data"
     values = POINTS["frame" if colour == "frame" else "error_px"]
     np.testing.assert_array_equal(cloud.marker.color, values)
@@ -150,7 +180,7 @@ def test_points_outside_the_volume_have_open_symbols() -> None:
     marked = POINTS.assign(outside_volume=POINTS["z"] > 8.0)
     outside = int(marked["outside_volume"].sum())
     assert 0 < outside < len(POINTS)
-    inner, outer, _ = plot_points(marked, "frame", SECONDARY_M).data
+    inner, outer = plot_points(marked, "frame", SET).data[:2]
     assert (inner.marker.symbol, outer.marker.symbol) == ("circle", "circle-open")
     assert (inner.marker.showscale, outer.marker.showscale) == (True, False)
     assert inner.y.max() <= 8.0 < outer.y.min()
@@ -159,10 +189,9 @@ def test_points_outside_the_volume_have_open_symbols() -> None:
     sentence = f"; {outside} of them outside the volume of the bars, with open symbols"
     assert sentence in describe_points(marked)
     none, every = (
-        plot_points(POINTS.assign(outside_volume=each), "frame", SECONDARY_M)
-        for each in (False, True)
+        plot_points(POINTS.assign(outside_volume=each), "frame", SET) for each in (False, True)
     )
-    assert [len(figure.data) for figure in (none, every)] == [2, 2]
+    assert len(none.data) == len(every.data)
     assert every.data[0].marker.symbol == "circle-open"
     assert "outside" not in describe_points(POINTS)
 
@@ -171,14 +200,12 @@ def test_far_points_and_missing_ones_are_said_and_not_drawn() -> None:
     odd = pd.concat([POINTS] * 20, ignore_index=True)
     odd.loc[0, ["x", "y", "z"]] = np.nan
     odd.loc[1, "z"] = 1e6
-    figure = plot_points(odd, "frame", SECONDARY_M)
+    figure = plot_points(odd, "frame", SET)
     assert len(figure.data[0].x) == len(odd) - 2
     sentence = describe_points(odd)
     assert "1 point far away" in sentence and "1 pair without a point" in sentence
     nothing = odd.assign(x=np.nan)
-    assert (
-        "nothing to draw" in plot_points(nothing, "error", SECONDARY_M).layout.annotations[0].text
-    )
+    assert "nothing to draw" in plot_points(nothing, "error", SET).layout.annotations[0].text
     assert "No pair meets" in describe_points(nothing)
     assert not in_view(np.full((3, 3), np.nan)).any()
 
@@ -187,8 +214,42 @@ def test_many_points_are_thinned() -> None:
     rng = np.random.default_rng(0)
     many = pd.DataFrame(rng.uniform(1, 2, (MAXIMUM_DRAWN + 5, 3)), columns=list("xyz"))
     many["frame"], many["error_px"] = 1, 0.1
-    assert len(plot_points(many, "error", SECONDARY_M).data[0].x) <= MAXIMUM_DRAWN
+    assert len(plot_points(many, "error", SET).data[0].x) <= MAXIMUM_DRAWN
     assert "evenly spread" in describe_points(many)
+
+
+def test_tracks_are_one_trace_with_gaps_and_the_frame_is_marked() -> None:
+    tracks = tracks_by(POINTS, "end_primary")
+    figure = plot_points(POINTS, "error", SET, "Side", tracks, 3)
+    (lines,) = traces(figure, "Tracks")
+    assert np.isnan(lines.x).sum() == len(tracks)
+    np.testing.assert_array_equal(lines.y[: len(tracks[0])], POINTS["z"].iloc[tracks[0]])
+    (marked,) = traces(figure, "Frame 3")
+    np.testing.assert_array_equal(marked.y, POINTS.loc[POINTS["frame"] == 3, "z"])
+    assert f"lines connect them to {len(tracks)} tracks" in describe_points(POINTS, tracks)
+    eyes = {str(plot_points(POINTS, "error", SET, v).layout.scene.camera) for v in VIEWS}
+    assert len(eyes) == len(VIEWS)
+
+
+def test_many_tracks_are_thinned_and_keep_their_ends() -> None:
+    few = [np.arange(100_000)]
+    assert len(drawn_tracks(few)[0]) <= MAXIMUM_DRAWN + 1
+    assert drawn_tracks(few)[0][[0, -1]].tolist() == [0, 99_999]
+    many = list(np.arange(100_000).reshape(-1, 4))
+    assert len(drawn_tracks(many)) <= MAXIMUM_TRACKS
+    assert drawn_tracks([np.array([1])]) == []
+
+
+def test_advice_on_the_threshold_says_what_holds() -> None:
+    apart = describe_pair_errors(NEAREST, 0.8, CHOICE)
+    assert "A good threshold lies between the two distributions." in apart
+    overlapping = replace(CHOICE, wrong=0.3)
+    assert "overlap: at the best threshold, 0.5 px, about 1 %" in describe_pair_errors(
+        NEAREST, 0.8, overlapping
+    )
+    assert "no threshold separates them" in describe_pair_errors(NEAREST, 0.8, None)
+    single = NearestErrors(np.array([0.2, 0.3]), np.array([np.inf, np.inf]), 2)
+    assert "only leaves out poor pairs" in describe_pair_errors(single, 0.8, CHOICE)
 
 
 def test_lengths_are_drawn_with_their_sign() -> None:

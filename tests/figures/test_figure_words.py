@@ -202,8 +202,9 @@ def test_a_number_that_is_not_said_is_noticed() -> None:
 def test_text_is_made_of_the_same_inputs(name: str) -> None:
     plot = inspect.signature(getattr(figures, f"plot_{name}")).parameters
     describe = inspect.signature(getattr(figures, f"describe_{name}")).parameters
-    # The figure of matches shows one frame; its number is in the sentence alone.
-    assert set(describe) - {"frame"} <= set(plot)
+    # The sentence of matches names their frame, and is of both images; that of the errors of
+    # pairs says which threshold would be good.
+    assert set(describe) - {"frame", "primary", "secondary", "choice"} <= set(plot)
     assert next(iter(describe)) == next(iter(plot))
 
 

@@ -65,7 +65,7 @@ DOORS = (
         "c.csv",
         ("apply_points", "Two point files"),
     ),
-    Door("apply", "upload_set_matching", "parameters", "p.json", ("apply_sets", "Parameter files")),
+    Door("apply", "upload_set_matching", "parameters", "p.json"),
     Door("start", "upload_project", "project, zip", "p.zip"),
 )
 
@@ -101,8 +101,7 @@ def give(door: Door, content: bytes, project: Project) -> str:
     app.query_params["project"] = project.id
     app.run().switch_page(f"pages/{door.page}.py").run()
     if door.choose:
-        key, value = door.choose
-        app.segmented_control(key=key).set_value(value).run()
+        choose(app, *door.choose)
     app.file_uploader(key=door.uploader).upload(door.name, content)
     app.run()
     shown = tracebacks(app)
@@ -111,6 +110,12 @@ def give(door: Door, content: bytes, project: Project) -> str:
             app.switch_page(page).run()
             shown += tracebacks(app)
     return shown
+
+
+def choose(app: AppTest, key: str, value: str) -> None:
+    """Choose what a page takes, by a menu or by buttons."""
+    menu = app.selectbox if key == "apply_points" else app.segmented_control
+    menu(key=key).set_value(value).run()
 
 
 def tracebacks(app: AppTest) -> str:

@@ -13,6 +13,7 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereocal.cli import main
+from stereocal.figures.space import VIEWS
 from stereocal.formats.exchange.exchange import FORMATS
 from stereocal.matching.application import PAIRS, POINTS
 from stereocal.projects.application import ProjectApplication
@@ -22,6 +23,7 @@ from stereocal.rig.camera import CameraName
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.volume import Volume
 from stereocal.ui import apply as apply_page
+from stereocal.ui import apply_frames
 from tests.known_rig import PRIMARY, RIG, SECONDARY, bar_ends, images
 from tests.pages.waiting import ended
 
@@ -122,9 +124,10 @@ def test_nothing_yet_is_said(app: AppTest) -> None:
 
 def test_own_points_are_matched_and_measured(app: AppTest, home: Path) -> None:
     calibrated(app)
-    assert "50 of 50 pairs have the same target in both cameras" in said(app, "success")
-    assert "50 points, median reprojection error" in said(app, "success")
-    assert "No point lies outside the volume that the bars filled" in said(app, "success")
+    answer = "50 pairs in 25 frames, none of them ambiguous, none outside the volume of the bars."
+    assert answer in said(app, "success")
+    assert "50 of 50 pairs have the same target in both cameras" in said(app, "caption")
+    assert "50 points, median reprojection error" in said(app, "caption")
     pairs, points = written(app, home)
     assert len(pairs) == len(points) == 50
     assert not points["outside_volume"].any()  # the volume holds the bars that it was found from
@@ -136,12 +139,55 @@ def test_own_points_are_matched_and_measured(app: AppTest, home: Path) -> None:
     assert "known length is 0.9 m" in sentence
     error = float(sentence.split("The mean error is ")[1].split(" %")[0])
     assert error < 0.5
-    for view in ("Matches in the images", "Points in 3D", "Tables"):
+    for view in ("Threshold and depths", "Tables"):
         app.segmented_control(key="apply_view").set_value(view).run()
         assert not app.exception and not app.error
-    app.segmented_control(key="apply_view").set_value("Points in 3D").run()
+    assert [len(table.value) for table in app.dataframe] == [8, 8]
     app.segmented_control(key="apply_colour").set_value("error").run()
-    assert not app.exception and not app.error
+    for view in VIEWS:
+        app.segmented_control(key="apply_seen_from").set_value(view).run()
+        assert not app.exception and not app.error
+
+
+def test_frames_can_be_chosen_and_played(app: AppTest, monkeypatch: pytest.MonkeyPatch) -> None:
+    with_files(app)
+    slider = app.slider(key="apply_frame")
+    assert (slider.min, slider.max, slider.value) == (1, 6, 1)
+    assert "Frame 1: 15 pairs" in said(app, "caption")
+    app.button(key="apply_next").click().run()
+    assert "Frame 2: 15 pairs" in said(app, "caption")
+    app.slider(key="apply_frame").set_value(4).run()
+    assert "Frame 4: 15 pairs" in said(app, "caption")
+    monkeypatch.setattr(apply_frames, "STEP_S", 0.0)
+    app.button(key="apply_play").click().run()
+    assert (
+        app.slider(key="apply_frame").value == 5 and app.button(key="apply_play").label == "Pause"
+    )
+    app.run()
+    assert "Frame 6: 15 pairs" in said(app, "caption")
+    app.run()
+    assert app.button(key="apply_play").label == "Play"  # at the end
+    app.button(key="apply_play").click().run()
+    assert app.slider(key="apply_frame").value == 2  # from the beginning
+    app.button(key="apply_play").click().run()
+    assert app.button(key="apply_play").label == "Play"
+
+
+def test_points_with_a_name_are_connected(app: AppTest) -> None:
+    begun(app)
+    way = np.stack([np.linspace(-1, 1, 30), np.full(30, 0.3), np.linspace(7, 9, 30)], axis=1)
+    sides = [
+        pd.DataFrame({"frame": range(30), "u": seen[:, 0], "v": seen[:, 1], "bird": 7})
+        for seen in images(way)
+    ]
+    give_points(app, *map(csv, sides))
+    give_sets(app, SET_2D, SET_3D)
+    lines = app.selectbox(key="apply_tracks")
+    assert lines.options == ["nothing", "the point of each frame"]
+    assert lines.value == "the point of each frame"
+    assert "lines connect them to 1 track" in said(app, "caption")
+    lines.set_value("nothing").run()
+    assert "lines connect" not in said(app, "caption")
 
 
 def test_the_files_are_those_of_the_command_line(app: AppTest, home: Path, tmp_path: Path) -> None:
@@ -175,11 +221,11 @@ def test_points_outside_the_volume_of_the_bars_are_said_and_drawn(app: AppTest, 
     points = written(app, home)[1]
     outside = (points["z"] > 8.0).to_numpy()
     np.testing.assert_array_equal(points["outside_volume"], outside)
+    assert f"{outside.sum()} outside the volume of the bars." in said(app, "success")
     assert (
         f"{outside.sum()} of 90 points lie outside the volume that the bars filled (5 to 8 m)"
-        in (said(app, "success"))
+        in (said(app, "caption"))
     )
-    app.segmented_control(key="apply_view").set_value("Points in 3D").run()
     assert f"{outside.sum()} of them outside the volume of the bars" in said(app, "caption")
     app.segmented_control(key="apply_view").set_value("A known length").run()
     assert "outside_volume" not in app.selectbox(key="apply_way").options
@@ -193,6 +239,7 @@ def test_threshold_moves_the_result_and_is_kept(app: AppTest, home: Path) -> Non
     app.number_input(key="apply_threshold").set_value(40.0).run()
     after, _ = written(app, home)
     assert after["ambiguous"].sum() > before["ambiguous"].sum()
+    app.segmented_control(key="apply_view").set_value("Threshold and depths").run()
     assert "90 have a partner within 40 px" in said(app, "caption")
     app.button(key="apply_auto").click().run()
     chosen = app.number_input(key="apply_threshold").value
@@ -203,12 +250,13 @@ def test_threshold_moves_the_result_and_is_kept(app: AppTest, home: Path) -> Non
     again.query_params["project"] = app.session_state["project_id"]
     again.run().switch_page("pages/apply.py").run()
     assert again.number_input(key="apply_threshold").value == chosen
-    assert "In use: p.csv, 90 points in 6 frames" in said(again, "caption")
+    assert "In use: p.csv, 90 points; s.csv, 90 points" in said(again, "caption")
     assert "90 pairs in 6 frames" in said(again, "success")
 
 
 def test_depth_range_is_a_second_gate(app: AppTest, home: Path) -> None:
     with_files(app)
+    app.segmented_control(key="apply_view").set_value("Threshold and depths").run()
     app.toggle(key="apply_only_depths").set_value(True).run()
     app.number_input(key="apply_near").set_value(7.0).run()
     app.number_input(key="apply_far").set_value(9.0).run()
@@ -443,7 +491,7 @@ def test_refined_set_serves_both(app: AppTest) -> None:
     calibrated(app)
     for use in ("matching", "measuring"):
         app.selectbox(key=f"apply_{use}").set_value("refined").run()
-    assert "50 of 50 pairs have the same target" in said(app, "success")
+    assert "50 of 50 pairs have the same target" in said(app, "caption")
     assert not app.error and not app.warning
     app.selectbox(key="apply_matching").set_value("3d").run()
     assert "it accepts more wrong pairs" in said(app, "warning")

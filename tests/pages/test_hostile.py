@@ -10,7 +10,17 @@ from streamlit.testing.v1 import AppTest
 
 from stereocal.system.guarded import Guard
 from tests.deadly import ALL_ABORT
-from tests.pages.hostile_walk import APP, DOORS, SLOW_S, Door, begun, give, hostile, tracebacks
+from tests.pages.hostile_walk import (
+    APP,
+    DOORS,
+    SLOW_S,
+    Door,
+    begun,
+    choose,
+    give,
+    hostile,
+    tracebacks,
+)
 from tests.pages.test_pages import messages
 
 
@@ -69,7 +79,7 @@ def test_a_file_that_crashes_its_decoder(number: int, home: Path, deadly: None) 
     app.query_params["project"] = project.id
     app.run().switch_page(f"pages/{door.page}.py").run()
     if door.choose:
-        app.segmented_control(key=door.choose[0]).set_value(door.choose[1]).run()
+        choose(app, *door.choose)
     app.file_uploader(key=door.uploader).upload(door.name, readers()[door.reader].seeds()[0])
     app.run()
     assert not tracebacks(app)

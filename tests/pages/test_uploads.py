@@ -84,7 +84,7 @@ def test_camera_file(app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch) 
 def test_points(app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     project = project_of(open_sample(app), home)
     app.switch_page("pages/apply.py").run()
-    app.segmented_control(key="apply_points").set_value("Two point files").run()
+    app.selectbox(key="apply_points").set_value("Two point files").run()
     calls = click_meanwhile(
         monkeypatch, "stereocal.projects.application.ProjectApplication.offer_points"
     )
