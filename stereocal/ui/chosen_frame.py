@@ -114,8 +114,10 @@ def photographs_of(project: Project, frame: int) -> tuple[Photograph | None, Pho
 
 def frames_photographed(project: Project) -> set[int]:
     """The frames of the project's photographs."""
-    found = ProjectPhotographs(project).frames if photographed(project) else None
-    return {frame.frame for frame in found or ()}
+    if not photographed(project):
+        return set()
+    store = ProjectPhotographs(project)
+    return {frame.frame for frame in readable(lambda: store.frames) or ()}
 
 
 def photographed(project: Project) -> bool:

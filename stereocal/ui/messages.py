@@ -65,13 +65,15 @@ def callback(function: Callable[P, object]) -> Callable[P, None]:
     return run
 
 
-def fragment(function: Callable[P, object]) -> Callable[P, None]:
+def fragment(function: Callable[P, object], run_every: float | None = None) -> Callable[P, None]:
     """A part of a page that its controls redraw alone; its errors become messages.
 
     Errors of a fragment do not reach the page that calls it.
+
+    Args:
+        run_every: seconds after which it is redrawn.
     """
 
-    @st.fragment
     @wraps(function)
     def draw(*arguments: P.args, **named: P.kwargs) -> None:
         try:
@@ -79,7 +81,7 @@ def fragment(function: Callable[P, object]) -> Callable[P, None]:
         except StereocalError as error:
             st.error(escape_markdown(str(error)))
 
-    return draw
+    return st.fragment(draw, run_every=run_every)
 
 
 def readable(read: Callable[[], T]) -> T | None:
