@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
@@ -137,7 +138,7 @@ class Unknowns:
     precision: FloatArray
     """(k, k): inverse of the covariance of the priors of p; 0 without a prior."""
 
-    @property
+    @cached_property
     def free(self) -> IntArray:
         """The indices of the shared unknowns that are not held fixed."""
         return np.flatnonzero(self.M.any(axis=1)).astype(np.int64)

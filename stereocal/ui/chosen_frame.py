@@ -17,7 +17,7 @@ from stereocal.projects.project import Project
 from stereocal.refined.results import Calibration
 from stereocal.system.photograph import read_photograph
 from stereocal.ui.fields import Field, one_of, setting
-from stereocal.ui.messages import callback
+from stereocal.ui.messages import callback, readable
 from stereocal.ui.review import look_closely
 from stereocal.ui.screening import exchange_again, leave_out, put_back
 
@@ -105,7 +105,7 @@ def photographs_of(project: Project, frame: int) -> tuple[Photograph | None, Pho
         return None, None
     store = ProjectPhotographs(project)
     files = store.photographs
-    for found in store.frames or ():
+    for found in readable(lambda: store.frames) or ():
         if found.frame == frame:
             first, second = (_photograph(files.get(name), name) for name in found.files)
             return first, second

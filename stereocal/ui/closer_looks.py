@@ -37,7 +37,7 @@ from stereocal.ui.chosen_frame import (
 )
 from stereocal.ui.fields import Field, one_of, setting
 from stereocal.ui.figure import show_figure
-from stereocal.ui.messages import callback
+from stereocal.ui.messages import callback, fragment
 from stereocal.ui.navigation import go_to
 from stereocal.ui.parameter_files import other_formats
 from stereocal.ui.review import look_closely
@@ -86,7 +86,7 @@ def open_clicked_frame(project: Project) -> None:
         raise StereocalError(f"Frame {frame}: its errors are shown once you have calibrated.")
 
 
-@st.fragment  # its controls redraw this part only
+@fragment
 def show_closer_looks(project: Project, found: Calibration, answer: Answer | None) -> None:
     """A choice of views; only the chosen one is computed.
 

@@ -65,6 +65,23 @@ def callback(function: Callable[P, object]) -> Callable[P, None]:
     return run
 
 
+def fragment(function: Callable[P, object]) -> Callable[P, None]:
+    """A part of a page that its controls redraw alone; its errors become messages.
+
+    Errors of a fragment do not reach the page that calls it.
+    """
+
+    @st.fragment
+    @wraps(function)
+    def draw(*arguments: P.args, **named: P.kwargs) -> None:
+        try:
+            function(*arguments, **named)
+        except StereocalError as error:
+            st.error(escape_markdown(str(error)))
+
+    return draw
+
+
 def readable(read: Callable[[], T]) -> T | None:
     """The result of a read; after an error None, and a warning on the page."""
     try:

@@ -39,6 +39,7 @@ from stereocal.ui.downloads import on_demand
 from stereocal.ui.fields import number, one_of, setting, yes_or_no
 from stereocal.ui.figure import show_figure
 from stereocal.ui.intake import escape_markdown
+from stereocal.ui.messages import fragment
 from stereocal.ui.refined import calibrated, curves_of, maps_of
 from stereocal.ui.results import show_recommendation
 from stereocal.ui.validation import kept_protocol
@@ -126,7 +127,7 @@ def show_frames_left_out(screening: Screening, result: RefinedResult) -> None:
     )
 
 
-@st.fragment  # the slider redraws this part only
+@fragment
 def show_trade_off(
     project: Project,
     dataset: Dataset,

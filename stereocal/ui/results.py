@@ -20,6 +20,7 @@ from stereocal.system.zip_files import pack_zip
 from stereocal.ui.closer_looks import look_at_frame, show_closer_looks
 from stereocal.ui.fields import one_of, setting
 from stereocal.ui.figure import show_figure
+from stereocal.ui.messages import fragment
 from stereocal.ui.parameter_files import hold_downloads, parameter_downloads
 from stereocal.ui.refined import replaced_by_refined
 from stereocal.ui.screening import show_left_out
@@ -131,7 +132,7 @@ def dataset_download(dataset: Dataset) -> None:
     )
 
 
-@st.fragment  # its controls redraw this part only
+@fragment
 def _show_rig(project: Project, found: Calibration) -> None:
     methods = [name for name in found.methods if name != "essential"]
     methods += ["refined"] if found.refined else []
