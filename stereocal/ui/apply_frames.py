@@ -24,7 +24,7 @@ from stereocal.ui.apply_threshold import whole_table
 from stereocal.ui.chosen_frame import NAME, frames_photographed, photographs_of
 from stereocal.ui.fields import Field, number, one_of, setting
 from stereocal.ui.figure import show_figure
-from stereocal.ui.messages import callback
+from stereocal.ui.messages import callback, fragment
 from stereocal.ui.texts import escape_markdown
 
 STEP_S = 0.5
@@ -40,7 +40,7 @@ def show_frames(
 ) -> None:  # fmt: skip
     """The matches of one frame in both images, and all points in space."""
     playing = _PLAYING in st.session_state
-    draw = st.fragment(_draw, run_every=STEP_S if playing else None)
+    draw = fragment(_draw, run_every=STEP_S if playing else None)
     draw(project, store, outcome, pairs, points, playing)
 
 

@@ -114,8 +114,9 @@ def photographs_of(project: Project, frame: int) -> tuple[Photograph | None, Pho
 
 def frames_photographed(project: Project) -> set[int]:
     """The frames of the project's photographs."""
-    found = ProjectPhotographs(project).frames if photographed(project) else None
-    return {frame.frame for frame in found or ()}
+    if not photographed(project):
+        return set()
+    return {frame.frame for frame in readable(lambda: ProjectPhotographs(project).frames) or ()}
 
 
 def photographed(project: Project) -> bool:

@@ -65,13 +65,16 @@ def callback(function: Callable[P, object]) -> Callable[P, None]:
     return run
 
 
-def fragment(function: Callable[P, object]) -> Callable[P, None]:
+def fragment(function: Callable[P, object], run_every: float | None = None) -> Callable[P, None]:
     """A part of a page that its controls redraw alone; its errors become messages.
 
     Errors of a fragment do not reach the page that calls it.
+
+    Args:
+        run_every: seconds after which it is drawn again by itself.
     """
 
-    @st.fragment
+    @st.fragment(run_every=run_every)
     @wraps(function)
     def draw(*arguments: P.args, **named: P.kwargs) -> None:
         try:
