@@ -15,8 +15,7 @@ import plotly.graph_objects as go
 from stereocal.calibration.methods import ALL_METHODS, Method
 from stereocal.calibration.results import Errors
 from stereocal.errors import StereocalError
-from stereocal.figures.space import VIEWS as VIEWS
-from stereocal.figures.space import add_cameras, eye_of, set_scene, upright
+from stereocal.figures.space import VIEWS, add_cameras, eye_of, set_scene, upright
 from stereocal.figures.style import (
     METHOD_COLOURS,
     METHOD_NAMES,

@@ -11,7 +11,7 @@ from stereocal.figures import (
     describe_rig,
     plot_rig,
 )
-from stereocal.figures.rig import VIEWS
+from stereocal.figures.space import VIEWS
 from stereocal.formats.dataset_files import pack_dataset
 from stereocal.projects.project import Project
 from stereocal.refined.results import Calibration
