@@ -33,6 +33,8 @@ from stereocal.system.zip_files import pack_zip, unzip
 Use = Literal["matching", "measuring"]
 USES: tuple[Use, Use] = ("matching", "measuring")
 SETS, APPLIED = "sets", "applied"
+EARLIER = "image_sizes"
+"""Of the results of earlier versions, which had no cameras."""
 """Parts of a project: parameter files, and the tables of the last result."""
 
 
@@ -78,16 +80,20 @@ class ProjectApplication(ProjectPoints):
 
     @property
     def result(self) -> tuple[Outcome, dict[str, StoredFile]] | None:
-        """The last finished result and its tables, `pairs.csv` and `points.csv`."""
+        """The last finished result and its tables, `pairs.csv` and `points.csv`.
+
+        None also for a result that an earlier version stored in another form.
+        """
         with self.database.reading():
             packed = result_of(self.database, APPLIED)
             files = files_of(self.database, APPLIED)
         if packed is None:
             return None
         try:
-            return Outcome(**loaded(packed.decode())), {
-                name: files[name] for name in (PAIRS, POINTS)
-            }
+            stored = loaded(packed.decode())
+            if EARLIER in stored:
+                return None
+            return Outcome(**stored), {name: files[name] for name in (PAIRS, POINTS)}
         except DAMAGED as error:
             raise DamagedError(
                 "The last result of this page is damaged; match and measure again."

@@ -244,7 +244,7 @@ def test_a_correction_made_during_a_search_outlives_it(project: Project) -> None
         ("data", lambda app: app.selectbox(key="baseline_m_known").set_value("Tape")),
         ("one_set", lambda app: app.number_input(key="refine_sigma_px").set_value(0.5)),
         ("apply", lambda app: app.number_input(key="apply_threshold").set_value(2.0)),
-        ("apply", lambda app: app.button(key="apply_auto").click()),
+        ("apply", lambda app: app.button(key="apply_next").click()),
     ],
 )
 def test_a_project_removed_in_another_tab_is_said_and_does_not_come_back(
