@@ -95,6 +95,11 @@ FOCUSED = """async () => {
     if (!element || element === document.body) return null
     while (element.shadowRoot && element.shadowRoot.activeElement)
         element = element.shadowRoot.activeElement
+    const words = (at) => {  // without the names of icons
+        const copy = at.cloneNode(true)
+        copy.querySelectorAll('[data-testid=stIconMaterial]').forEach((icon) => icon.remove())
+        return copy.textContent || ''
+    }
     const above = (at) => at.parentElement ?? at.getRootNode().host ?? null
     const look = () => {
         const seen = [element.tagName === 'CANVAS' ? element.toDataURL() : '']
@@ -113,7 +118,7 @@ FOCUSED = """async () => {
     const box = element.getBoundingClientRect()
     const found = {
         tag: element.tagName,
-        text: (element.getAttribute('aria-label') || element.textContent || '').trim().slice(0, 60),
+        text: (element.getAttribute('aria-label') || words(element)).trim().slice(0, 60),
         key: [...(outer.closest('[class*=st-key-]')?.classList ?? [])]
             .find((name) => name.startsWith('st-key-'))?.slice(7) ?? '',
         inside: box.bottom > 0 && box.top < innerHeight && box.right > 0 && box.left < innerWidth,

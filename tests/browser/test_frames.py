@@ -51,11 +51,17 @@ def frame_of_largest_error(project: Project) -> int:
 def points(page: Page) -> list[str]:
     """Where the symbols of the lower panel are."""
     expect(page.locator(".st-key-frames .scatterlayer .point").first).to_be_visible()
-    page.wait_for_timeout(1000)  # Plotly draws after the page is settled
-    found: list[str] = page.locator(".st-key-frames .scatterlayer .point").evaluate_all(
-        "all => all.map(one => one.getAttribute('transform'))"
-    )
-    return found
+    found: list[str] = []
+    while True:  # Plotly draws after the page is settled
+        page.wait_for_timeout(1000)
+        last, found = (
+            found,
+            page.locator(".st-key-frames .scatterlayer .point").evaluate_all(
+                "all => all.map(one => one.getAttribute('transform'))"
+            ),
+        )
+        if found == last:
+            return found
 
 
 def click_highest(page: Page) -> None:

@@ -50,6 +50,8 @@ def test_a_killed_server_goes_on_with_a_validation(
             timeout=LONGEST_MS
         )
         expect(notice).to_have_count(0)
+        page.get_by_text("Figures as a table").click()
+        expect(page.locator("tr").first).to_be_visible()
         shown = " ".join(page.locator("tr").all_inner_texts())
         assert "2D set" in shown
     project = Project.open(tmp_path, project_id)
