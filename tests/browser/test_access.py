@@ -18,7 +18,7 @@ from tests.browser.conftest import LONGEST_MS
 
 pytestmark = pytest.mark.browser
 Settled = Callable[[Page], None]
-PATHS = ["" if name == "start" else name.replace("_", "-") for name in TITLES]
+PATHS = ["" if name == "start" else name for name in TITLES]
 
 CUT = """() => {
     const wide = []

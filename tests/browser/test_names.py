@@ -62,7 +62,7 @@ def test_names_are_not_links(
     project = a_project_of_links(home)
     said = 0
     for name in TITLES:
-        path = "" if name == "start" else name.replace("_", "-")
+        path = "" if name == "start" else name
         page.goto(f"{app_url}/{path}?project={project.id}")
         title = "stereocal" if name == "start" else TITLES[name]
         expect(page.get_by_test_id("stMain").locator("h1")).to_have_text(title, timeout=LONGEST_MS)
