@@ -120,7 +120,7 @@ def evaluate_run(dataset: Dataset, settings: EvaluationSettings, number: int, ru
     found = _test(dataset, ~fit, angles, partners)
     if settings.refined is None:
         return found
-    return _stacked(found, _refined(dataset, fit, angles[0], settings.refined, partners))
+    return stacked(found, _refined(dataset, fit, angles[0], settings.refined, partners))
 
 
 def _fit(
@@ -221,7 +221,7 @@ def count_set(dataset: Dataset, pose: Pose, seed: int = 0) -> Run:
     return _test(own, rows, np.array([pose.angles]), partners)
 
 
-def _stacked(first: Run, second: Run) -> Run:
+def stacked(first: Run, second: Run) -> Run:
     """One run with the methods of both, concatenated along the first axis."""
     pairs = ((getattr(first, one.name), getattr(second, one.name)) for one in fields(Run))
     return Run(*(np.concatenate(pair) for pair in pairs))

@@ -12,10 +12,8 @@ from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import fields, replace
 
-import numpy as np
-
 from stereocal.calibration.montecarlo import SearchSettings
-from stereocal.evaluation.evaluate import EvaluationSettings, Run, evaluate
+from stereocal.evaluation.evaluate import EvaluationSettings, Run, evaluate, stacked
 from stereocal.rig.dataset import Dataset
 from stereocal.system.tasks import Progress
 
@@ -38,7 +36,7 @@ class KeptFits:
     def keep(self, key: str, runs: list[Run]) -> None:
         """Keep the refined sets of a chunk; the oldest chunk makes room."""
         with self._lock:
-            self._chunks[key] = [_part(run, slice(-1, None)) for run in runs]
+            self._chunks[key] = [_refined_part(run) for run in runs]
             while len(self._chunks) > MOST_CHUNKS:
                 del self._chunks[next(iter(self._chunks))]
 
@@ -68,16 +66,10 @@ def evaluate_with_kept_fits(
     fits = evaluate(datasets, replace(settings, calibration=usual), executor, progress, pieces=kept)
     assert fits is not None
     return [
-        [_joined(run, fit) for run, fit in zip(*of_dataset, strict=True)]
+        [stacked(run, _refined_part(fit)) for run, fit in zip(*of_dataset, strict=True)]
         for of_dataset in zip(found, fits, strict=True)
     ]
 
 
-def _part(run: Run, methods: slice) -> Run:
-    return Run(*(getattr(run, one.name)[methods] for one in fields(Run)))
-
-
-def _joined(run: Run, fit: Run) -> Run:
-    """The paper's methods of one run, and the refined one of another."""
-    pairs = ((getattr(run, one.name), getattr(fit, one.name)[-1:]) for one in fields(Run))
-    return Run(*(np.concatenate(pair) for pair in pairs))
+def _refined_part(run: Run) -> Run:
+    return Run(*(getattr(run, one.name)[-1:] for one in fields(Run)))

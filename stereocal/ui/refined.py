@@ -107,12 +107,8 @@ def outlook_for(calibration: Calibration) -> Outlook | None:
     """What the files of a calibration will do on frames to come; None if that cannot be said."""
     if calibration.refined is None:
         return None
-    poses = [[*found.pose.angles, found.pose.baseline] for found in calibration.methods.values()]
-    key = [
-        _key(calibration.dataset, calibration.refined.settings),
-        calibration.refined.q.tolist(),
-        poses,
-    ]
+    refined = calibration.refined
+    key = [_key(calibration.dataset, refined.settings), refined.q.tolist(), _poses(calibration)]
     return _outlook(json.dumps(key), calibration)
 
 
@@ -156,9 +152,13 @@ def _answer_key(
     calibration: Calibration, settings: RefineSettings, evaluation: Evaluation | None
 ) -> str:
     made_with = None if evaluation is None else evaluation.settings.to_json()
-    poses = [[*found.pose.angles, found.pose.baseline] for found in calibration.methods.values()]
-    about = [calibration.settings.to_json(), calibration.frames.tolist(), made_with, poses]
+    frames, poses = calibration.frames.tolist(), _poses(calibration)
+    about = [calibration.settings.to_json(), frames, made_with, poses]
     return json.dumps([_key(calibration.dataset, settings), *about])
+
+
+def _poses(calibration: Calibration) -> list[list[float]]:
+    return [[*found.pose.angles, found.pose.baseline] for found in calibration.methods.values()]
 
 
 def _made(key: str) -> Answer | None:

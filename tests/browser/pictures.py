@@ -67,14 +67,19 @@ def visitor(
     context.close()
 
 
-def project_of_recording(page: Page, url: str) -> str:
-    """Open the recording and calibrate it; the query of its addresses."""
+def open_sample(page: Page, url: str, button: str) -> str:
+    """Press a button of Start that opens a sample; the query of the project's addresses."""
     page.goto(url)
     settle(page)
-    page.get_by_role("button", name="Open the real recording").click()
+    page.get_by_role("button", name=button).click()
     page.wait_for_url("**project=**")
     settle(page)
-    query = page.url.split("?")[1]
+    return page.url.split("?")[1]
+
+
+def project_of_recording(page: Page, url: str) -> str:
+    """Open the recording and calibrate it; the query of its addresses."""
+    query = open_sample(page, url, "Open the real recording")
     page.goto(f"{url}/calibrate?{query}")
     settle(page)
     page.get_by_role("button", name="Calibrate", exact=True).click()
@@ -86,16 +91,12 @@ def project_of_recording(page: Page, url: str) -> str:
 
 def project_of_photographs(page: Page, url: str) -> str:
     """Open the sample photographs and find the targets; the query of its addresses."""
-    page.goto(url)
-    settle(page)
-    page.get_by_role("button", name="Sample photographs").click()
-    page.wait_for_url("**project=**")
-    settle(page)
+    query = open_sample(page, url, "Sample photographs")
     find = page.get_by_role("button", name="Find the targets")
     if find.count():
         find.click()
         settle(page)
-    return page.url.split("?")[1]
+    return query
 
 
 def make_pictures(folder: Path) -> None:
