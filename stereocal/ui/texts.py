@@ -28,10 +28,6 @@ overlap, a wrong pair looks right: the overlap is the *false correspondence prob
 **Measuring**: how far off are the lengths of bars that took no part?
 """
 
-TWO_FILES = {
-    "2d": "For **matching**: finding which point of one image belongs to which of the other.",
-    "3d": "For **measuring**: turning matched points into positions and distances in metres.",
-}
 
 BOARDS = """
 - Print a chessboard, glue it to something flat and stiff, and count its **inner corners**: where
