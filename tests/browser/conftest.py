@@ -119,3 +119,9 @@ def settled() -> Callable[[Page], None]:
         expect(ready).to_be_attached(timeout=LONGEST_MS)
 
     return wait
+
+
+def results_shown(page: Page) -> None:
+    """Wait for all that *Calibrate* computes; the page is drawn anew at the end, menus closed."""
+    expect(page.locator(".st-key-download_2d button")).to_be_visible(timeout=LONGEST_MS)
+    expect(page.get_by_text("held out: not yet")).to_have_count(0, timeout=LONGEST_MS)

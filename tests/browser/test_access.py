@@ -14,7 +14,7 @@ from playwright.sync_api import Browser, Page, expect
 
 from stereocal.rig.parameters import RigParameters
 from stereocal.ui.navigation import TITLES
-from tests.browser.conftest import LONGEST_MS
+from tests.browser.conftest import LONGEST_MS, results_shown
 
 pytestmark = pytest.mark.browser
 Settled = Callable[[Page], None]
@@ -172,7 +172,7 @@ def test_the_whole_job_by_keyboard_alone(
     settled(page)
     tab_to(page, lambda now: now["key"] == "run")
     page.keyboard.press("Space")
-    expect(page.locator(".st-key-download_2d button")).to_be_visible(timeout=LONGEST_MS)
+    results_shown(page)
     settled(page)
     for method, press in (("2d", "Enter"), ("3d", "Space")):
         tab_to(page, partial(has_key, f"download_{method}"))

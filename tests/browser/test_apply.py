@@ -14,7 +14,7 @@ from playwright.sync_api import Page, expect
 
 from stereocal.cli import main
 from stereocal.rig.parameters import RigParameters
-from tests.browser.conftest import LONGEST_MS
+from tests.browser.conftest import LONGEST_MS, results_shown
 from tests.known_rig import PRIMARY, RIG, SECONDARY, images
 
 pytestmark = pytest.mark.browser
@@ -52,7 +52,7 @@ def test_demo_to_files_of_the_command_line(
     sidebar.get_by_role("link", name="Calibrate").click()
     settled(page)
     page.get_by_role("button", name="Calibrate", exact=True).click()
-    expect(page.locator(".st-key-download_2d button")).to_be_visible(timeout=LONGEST_MS)
+    results_shown(page)
     settled(page)
     sets = [fetch(page, method, tmp_path) for method in ("2d", "3d")]
     page.locator(".st-key-view").get_by_text("Parameters", exact=True).click()
@@ -111,7 +111,7 @@ def test_frames_play_and_stop_by_keyboard(page: Page, app_url: str, settled: Set
     page.get_by_test_id("stSidebar").get_by_role("link", name="Calibrate").click()
     settled(page)
     page.get_by_role("button", name="Calibrate", exact=True).click()
-    expect(page.locator(".st-key-download_2d button")).to_be_visible(timeout=LONGEST_MS)
+    results_shown(page)
     settled(page)
     page.get_by_test_id("stSidebar").get_by_role("link", name="Apply").click()
     expect(page.get_by_text(re.compile(r"^\d+ pairs in \d+ frames, none"))).to_be_visible(

@@ -14,7 +14,7 @@ from stereocal.formats.dataset_files import pack_dataset, read_dataset
 from stereocal.projects.project import Project
 from stereocal.refined.outliers import bar_frames
 from stereocal.system.zip_files import pack_zip
-from tests.browser.conftest import LONGEST_MS, ROOT
+from tests.browser.conftest import LONGEST_MS, ROOT, results_shown
 
 pytestmark = pytest.mark.browser
 Settled = Callable[[Page], None]
@@ -35,7 +35,7 @@ def given(page: Page, app_url: str, home: Path, settled: Settled) -> Project:
     page.get_by_test_id("stSidebar").get_by_role("link", name="Calibrate").click()
     settled(page)
     page.locator(".st-key-run button").click()
-    expect(page.locator(".st-key-download_2d button")).to_be_visible(timeout=LONGEST_MS)
+    results_shown(page)
     settled(page)
     return project
 

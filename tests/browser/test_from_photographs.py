@@ -15,7 +15,7 @@ from stereocal.refined.refine import refine
 from stereocal.refined.uncertainty import standard_errors
 from stereocal.rig.parameters import RigParameters
 from tests.bar_photographs import write
-from tests.browser.conftest import LONGEST_MS
+from tests.browser.conftest import LONGEST_MS, results_shown
 from tests.photographed_rig import BAR_M, BASELINE_M, RIG, photographed_rig, true_values
 
 pytestmark = pytest.mark.browser
@@ -108,7 +108,7 @@ def test_photographs_to_lenses_and_rig(
     page.get_by_role("button", name="Next: Calibrate").click()
     settled(page)
     page.get_by_role("button", name="Calibrate", exact=True).click()
-    expect(page.locator(".st-key-download_2d button")).to_be_visible(timeout=LONGEST_MS)
+    results_shown(page)
     settled(page)
     for method, limit in (("2d", 0.004), ("3d", 0.015)):
         # Measured: 0.001 and 0.004: the 3D cost leaves the pitch almost free.

@@ -106,7 +106,7 @@ def forms(page: Page, wanted: dict[str, str]) -> dict[str, str]:
 
 def arrive(page: Page, name: str, settled: Settled) -> None:
     """Wait until a page's own title stands there, not the last one's."""
-    title = "stereocal" if name == "start" else TITLES[name]
+    title = "Two cameras, a bar, two lengths" if name == "start" else TITLES[name]
     expect(page.get_by_test_id("stMain").locator("h1")).to_have_text(title, timeout=LONGEST_MS)
     settled(page)
 

@@ -14,7 +14,7 @@ from playwright.sync_api import Browser, Page, expect
 from stereocal.cli import main
 from stereocal.rig.parameters import RigParameters
 from stereocal.ui.navigation import TITLES
-from tests.browser.conftest import LONGEST_MS, ROOT, serve
+from tests.browser.conftest import LONGEST_MS, ROOT, results_shown, serve
 
 pytestmark = pytest.mark.browser
 Settled = Callable[[Page], None]
@@ -33,8 +33,7 @@ def download(page: Page, method: str, folder: Path) -> Path:
 
 def calibrate(page: Page) -> None:
     page.get_by_role("button", name="Calibrate", exact=True).click()
-    expect(page.locator(".st-key-download_2d button")).to_be_visible(timeout=LONGEST_MS)
-    expect(page.get_by_text("held out: not yet")).to_have_count(0, timeout=LONGEST_MS)
+    results_shown(page)
 
 
 def same_but_for_the_date(one: Path, other: Path) -> bool:
