@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.population import population
+from stereocal.verdict.population import population
 from benchmarks.refined_rigs import BAR_M, DEPTHS_M, Misjudged, random_scene, stated
 from stereocal.calibration.methods import CalibrationSettings, Method
 from stereocal.errors import StereocalError

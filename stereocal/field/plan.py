@@ -56,7 +56,7 @@ class SensorLens:
                 f"{width}x{height} px do not belong together: the pixels would not be square. "
                 "State both as width and height."
             )
-        assert self.camera  # raises where K or the image size is impossible
+        _ = self.camera  # raises where K or the image size is impossible
 
     @cached_property
     def camera(self) -> Camera:
@@ -194,7 +194,7 @@ class Plan:
 
     def _check_numbers(self) -> None:
         check_length("baseline", self.baseline_m)
-        assert self.pose.angles  # raises where they are undefined
+        _ = self.pose.angles  # raises where they are undefined
         check_length("bar", self.bar_m)
         near, far = self.near_m, self.far_m
         if not (np.isfinite([near, far]).all() and near > 0):

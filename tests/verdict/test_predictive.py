@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from benchmarks.population import population
+from stereocal.verdict.population import population
 from benchmarks.refined_rigs import BAR_M, DEPTHS_M, Misjudged, random_scene, stated
 from benchmarks.trust import CASES, one_rig
 from stereocal.calibration.methods import Method
