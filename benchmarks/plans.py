@@ -4,9 +4,9 @@
     python -m benchmarks.plans --recording sample_data/recording
 
 For every plan: rigs whose truth is drawn from it, each with an independently simulated recording
-that is calibrated as `calibrate` does (screening, estimated noise), and judged on 1000 fresh bars
-of true length. Printed: the forecast over the mean of what was observed, and the share of the
-single rigs within the interval of the forecast.
+that is calibrated as `calibrate` does (screening, estimated noise), and judged on 1000 fresh bars.
+Printed: the forecast over the mean of what was observed, and the share of the single rigs within
+the interval of the forecast.
 
 For a recording: a plan with its cameras, pose, depths, bar, noise and number of frames, against the
 length error of the frames that were held out; even frames fitted and odd held out, and the reverse.
@@ -37,11 +37,13 @@ from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import Nominal, field_rig, lens_off_by, observe, place_bars
 from stereocal.verdict.forecast import forecast_files
+from stereocal.verdict.noise_model import draw_noise
 from stereocal.verdict.population import population
 from stereocal.workflow import calibrate
 from tests import known_rig
 
 TEST_BARS = 1000
+DRAWS = 400
 FIGURES = ("mean_length_error", "median_error_3d", "p95_error_3d", "fcp_reprojection",
            "mean_reprojection_px")  # fmt: skip
 NAMES = {"mean_length_error": "mean_error_3d"}
@@ -67,15 +69,16 @@ def observed(plan: Plan, seed: int) -> dict[tuple[Method, str], float]:
     """The figures of the files of one field day on its population."""
     rng = np.random.default_rng([seed, 0xF1E1D])
     own = plan.uncertainty
-    cameras = [
+    primary, secondary = (
         lens_off_by(camera, own.focal * rng.normal(), tuple(own.centre_px * rng.normal(size=2)))
         for camera in (plan.primary, plan.secondary)
-    ]
+    )
     baseline = plan.baseline_m + own.baseline_m * rng.normal()
     bar = plan.bar_m + own.bar_m * rng.normal()
-    truth = Rig(*cameras, Pose(plan.pose.R, plan.pose.T * baseline / plan.baseline_m))
-    depths, nominal = (plan.near_m, plan.far_m), Nominal(
-        plan.primary, plan.secondary, plan.baseline_m, plan.bar_m
+    truth = Rig(primary, secondary, Pose(plan.pose.R, plan.pose.T * baseline / plan.baseline_m))
+    depths, nominal = (
+        (plan.near_m, plan.far_m),
+        Nominal(plan.primary, plan.secondary, plan.baseline_m, plan.bar_m),
     )
     scene = place_bars(truth, rng, plan.frames, bar, depths)
     dataset = observe(scene, rng, plan.noise_px, plan.name, nominal)
@@ -88,8 +91,8 @@ def observed(plan: Plan, seed: int) -> dict[tuple[Method, str], float]:
         raise StereocalError("There is no refined set.")
     files["refined"] = Rig(refined.primary, refined.secondary, refined.pose)
     test = place_bars(truth, rng, TEST_BARS, bar, depths)
-    limits: dict[Method, float] = {method: 1.0 for method in files}
-    figures = population(truth, files, test.ends_m, plan.noise_px, limits, rng)
+    limits: dict[Method, float] = dict.fromkeys(files, 1.0)
+    figures = population(truth, files, test.ends_m, plan.noise_px, limits, rng, bar / plan.bar_m)
     return {
         (method, name): figures[method][NAMES.get(name, name)]
         for method in FILES
@@ -130,13 +133,21 @@ def all_plans(rigs: int, first: int, which: list[int]) -> None:
 
 
 def plan_of(fitted: Dataset, uncertainty: Uncertainty) -> Plan:
-    """The plan that this recording carried out: all but its points."""
+    """The plan that this recording carried out: all but its points.
+
+    The noise is that of the model of the noise, without the tails that `sigma_px` contains: the
+    root mean square of the one combination of the four coordinates of a pair that its distance from
+    the epipolar line shows, and the three that the lengths show.
+    """
     found = refine(fitted, RefineSettings())
+    draws = draw_noise(found, DRAWS, np.random.default_rng(0))
+    along = draws.along * draws.across
+    noise = found.sigma_px.value * np.sqrt(np.median((draws.across**2 + 3 * along**2) / 4))
     depths = found.points_m[~found.outlying][..., 2]
     return Plan(
         fitted.name, fitted.primary, fitted.secondary, found.pose, float(np.nanmin(depths)),
         float(np.nanmax(depths)), fitted.target_distance_m, int((~found.outlying).sum()),
-        found.sigma_px.value, uncertainty,
+        float(noise), uncertainty,
     )  # fmt: skip
 
 
@@ -174,13 +185,14 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--plans", type=int, nargs="+", default=list(range(len(PLANS))))
     parser.add_argument("--recording", type=Path)
-    parser.add_argument("--focal", type=float, default=0.003)
-    parser.add_argument("--centre", type=float, default=5.0)
+    parser.add_argument("--focal", type=float, default=DEFAULT_FOCAL)
+    parser.add_argument("--centre", type=float, default=DEFAULT_CENTRE_PX)
+    parser.add_argument("--baseline", type=float, default=0.005)
+    parser.add_argument("--bar", type=float, default=0.0005)
     parsed = parser.parse_args()
     if parsed.recording:
-        real_recording(
-            parsed.recording, Uncertainty(parsed.focal, parsed.centre, 0.005, 0.0005)
-        )
+        known = Uncertainty(parsed.focal, parsed.centre, parsed.baseline, parsed.bar)
+        real_recording(parsed.recording, known)
     else:
         all_plans(parsed.rigs, parsed.first, parsed.plans)
 

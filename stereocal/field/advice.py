@@ -1,4 +1,4 @@
-"""What limits a plan, and what would help most: variants of the plan, by the expected refined set."""
+"""What limits a plan, and what would help most, by the expected refined set of its variants."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.field.common_view import common_points
 from stereocal.field.expected import ExpectedFit, expect
 from stereocal.field.plan import LARGEST_TOE_IN_DEG, AimedPose, Plan
 from stereocal.rig.compiled import FloatArray
@@ -92,9 +91,7 @@ def advise(fit: ExpectedFit) -> Advice:
     return Advice(fit.length_error, limit, tuple(worth), baselines, errors)
 
 
-def twice_as_good(
-    fit: ExpectedFit, baselines: FloatArray, errors: FloatArray
-) -> dict[str, float]:
+def twice_as_good(fit: ExpectedFit, baselines: FloatArray, errors: FloatArray) -> dict[str, float]:
     """The length error if one of `LIMITS` is twice as good."""
     H, P = fit.result.information, fit.result.unknowns.precision
     twice = errors[np.argmin(np.abs(baselines - 2 * fit.plan.baseline_m))]
@@ -110,7 +107,7 @@ def twice_as_good(
 def baseline_scan(fit: ExpectedFit) -> tuple[FloatArray, FloatArray]:
     """Baselines in m, and the length error with each; NaN where the common view is lost."""
     plan = fit.plan
-    seen = _view(plan)
+    seen = len(plan.common_points)
     baselines = plan.baseline_m * BASELINES
     errors = np.full(len(baselines), np.nan)
     for at, (factor, baseline) in enumerate(zip(BASELINES, baselines, strict=True)):
@@ -119,7 +116,7 @@ def baseline_scan(fit: ExpectedFit) -> tuple[FloatArray, FloatArray]:
             continue
         try:
             other = with_baseline(plan, float(baseline))
-            if _view(other) >= KEPT_VIEW * seen:
+            if len(other.common_points) >= KEPT_VIEW * seen:
                 errors[at] = expect(other).length_error
         except StereocalError:
             continue
@@ -140,7 +137,7 @@ def with_baseline(plan: Plan, baseline_m: float) -> Plan:
         height = float(np.copysign(height, stated.height_difference_m))
         return replace(plan, stated_pose=AimedPose(baseline_m, round(toe, 2), height))
     pose = plan.pose
-    aim = common_points(plan.rig, (plan.near_m, plan.far_m)).mean(axis=0)
+    aim = plan.common_points.mean(axis=0)
     before, centre = pose.apply(aim), -factor * pose.R.T @ pose.T
     after = pose.R @ (aim - centre)
     turned = _rotation_between(after, before) @ pose.R
@@ -154,10 +151,6 @@ def _rotation_between(start: FloatArray, end: FloatArray) -> FloatArray:
     x, y, z = axis
     crossed = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     return np.asarray(np.eye(3) + crossed + crossed @ crossed / (1.0 + float(a @ b)))
-
-
-def _view(plan: Plan) -> int:
-    return len(common_points(plan.rig, (plan.near_m, plan.far_m)))
 
 
 def _another_baseline(plan: Plan, baselines: FloatArray, errors: FloatArray) -> list[Variant]:

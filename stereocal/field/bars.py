@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.field.common_view import COLUMNS, DEPTHS, ROWS, common_points, sees
+from stereocal.field.common_view import COLUMNS, DEPTHS, ROWS, sees
 from stereocal.field.plan import Plan
 from stereocal.rig.compiled import FloatArray
 
@@ -28,7 +28,7 @@ def place_planned_bars(plan: Plan, count: int, rng: np.random.Generator) -> Floa
         StereocalError: the common view hardly holds the bar.
     """
     depths = plan.near_m, plan.far_m
-    grid = common_points(plan.rig, depths)
+    grid = plan.common_points
     cell = np.array(
         [
             np.ptp(grid[:, 0] / grid[:, 2]) / (COLUMNS - 1),

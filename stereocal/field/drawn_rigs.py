@@ -2,8 +2,9 @@
 
 The true focal lengths, principal points, baseline and bar differ from the stated ones by normal
 errors of the plan's uncertainties (a scrambled Sobol sequence, which needs fewer rigs than random
-numbers). The recording is calibrated as stated, and all files are judged on fresh bars of known
-length, seen by the true cameras.
+numbers). The recording is calibrated as stated, and all files are judged on fresh bars, seen by the
+true cameras. As in all forecasts, length errors are relative to lengths measured as the bar was: an
+error of the bar itself scales all lengths alike and is not in them.
 """
 
 from __future__ import annotations
@@ -127,10 +128,10 @@ def _one_rig(
     kept = np.flatnonzero(inside)
     if len(kept) < plan.frames + TEST_BARS:
         raise StereocalError("Too many bars are out of view.")
-    pixels = pixels.reshape(-1, 2, 4)
+    of_bars = pixels.reshape(-1, 2, 4)
     recorded, tested = kept[: plan.frames], kept[plan.frames :][:TEST_BARS]
-    sets = _calibrated(plan, pixels[recorded].reshape(-1, 4), rng)
-    return _judged(sets, truth, lenses, ends[tested], pixels[tested].reshape(-1, 4), partners)
+    sets = _calibrated(plan, of_bars[recorded].reshape(-1, 4), rng)
+    return _judged(sets, truth, lenses, ends[tested], of_bars[tested].reshape(-1, 4), partners)
 
 
 def _calibrated(plan: Plan, pixels: FloatArray, rng: np.random.Generator) -> FloatArray:
@@ -162,7 +163,7 @@ def _judged(
     counts = np.zeros((len(sets), 2, 2, BINS + 2), dtype=np.int32)
     nans, lengths = np.zeros((len(sets), 2), dtype=np.int64), np.empty((len(sets), len(ends)))
     correct_px = np.empty(len(sets))
-    distances = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
+    distances = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1) / truth[BAR]
     judge(sets, lenses, pixels, rays, distances, partners, counts, nans, lengths, correct_px)
     of_px = counts[:, REPROJECTION].astype(np.int64)
     limits = crossing(of_px)

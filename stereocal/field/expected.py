@@ -15,15 +15,12 @@ import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.field.bars import place_planned_bars
-from stereocal.field.common_view import common_points
+from stereocal.field.common_view import common_points, sees
 from stereocal.field.plan import Plan
+from stereocal.refined.bar_fit import BAR
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.solve import lenses_of_cameras
-from stereocal.refined.uncertainty import (
-    distance_sigmas,
-    length_jacobian,
-    point_covariances,
-)
+from stereocal.refined.uncertainty import AccuracyMap, Plane, length_errors, point_covariances
 from stereocal.refined.unknowns import LensPrior, RefineSettings, shared_unknowns
 from stereocal.rig.compiled import BoolArray, FloatArray
 from stereocal.rig.dataset import Correspondences, Dataset
@@ -31,7 +28,9 @@ from stereocal.verdict.judging import photograph
 
 BARS = 120
 """Bars of the noise-free fit; 60 and 240 change the errors by a few per cent."""
-DEPTHS = 9
+DEPTHS, POINTS = 9, 200
+"""Depths at which errors are stated, and points of the common view at each."""
+MAP_SIZE = 32
 MEAN_OF_NORMAL = float(np.sqrt(2 / np.pi))
 """Mean absolute value over standard deviation of a normal error."""
 
@@ -61,13 +60,37 @@ class ExpectedFit:
             precision: (k, k), of the priors.
             noise: factor of the noise of the points that are measured.
         """
-        M = self.result.unknowns.M
+        own, jacobian = self._of_bars
+        sigmas = self._relative_sigmas(noise**2 * own, jacobian, information, precision)
+        return MEAN_OF_NORMAL * float(np.mean(sigmas))
+
+    def length_sigmas(self, first_m: FloatArray, second_m: FloatArray) -> FloatArray:
+        """(n,): standard deviations of lengths, a fraction, relative to lengths measured as the
+        bar was; NaN behind a camera.
+
+        Args:
+            first_m, second_m: (n, 3) each, in the primary's frame.
+        """
+        result = self.result
+        own, jacobian = _relative_errors(result, first_m, second_m)
+        return self._relative_sigmas(own, jacobian, result.information, result.unknowns.precision)
+
+    def _relative_sigmas(
+        self, own: FloatArray, jacobian: FloatArray, information: FloatArray, precision: FloatArray
+    ) -> FloatArray:
+        """With e the relative length error and f the true length of the bar over the stated one:
+        D^R f / D - 1 = e + (f - 1). The refined estimate of f and its error are independent.
+        """
+        names, M = self.result.unknowns.names, self.result.unknowns.M
         A = M.T @ information @ M + precision
         scale = 1.0 / np.sqrt(np.diag(A))
         C = np.linalg.inv(A * np.outer(scale, scale)) * np.outer(scale, scale)
-        J = self._jacobian @ M
-        variance = noise**2 * self._own_variance + np.einsum("ni,ij,nj->n", J, C, J)
-        return MEAN_OF_NORMAL * float(np.mean(np.sqrt(variance))) / self.plan.bar_m
+        J = jacobian @ M
+        variance = own + np.einsum("ni,ij,nj->n", J, C, J)
+        if "bar" in names:
+            at = names.index("bar")
+            variance = variance + max(1.0 / precision[at, at] - C[at, at], 0.0)
+        return np.asarray(np.sqrt(variance))
 
     def information_of(self, among: BoolArray) -> FloatArray:
         """(23, 23): the information of one frame, on average over some of the bars (n,)."""
@@ -97,27 +120,63 @@ class ExpectedFit:
         length, position = np.full(DEPTHS, np.nan), np.full(DEPTHS, np.nan)
         for at, depth in enumerate(depths):
             try:
-                points = common_points(plan.rig, (float(depth), float(depth)))
+                points = common_points(plan.rig, depths[at : at + 1])
             except StereocalError:
                 continue
-            points = np.unique(points, axis=0)[:: max(len(points) // 400, 1)]
-            halves = 0.5 * plan.bar_m * np.eye(3)
-            sigmas = [distance_sigmas(self.result, points - h, points + h) for h in halves]
-            length[at] = MEAN_OF_NORMAL * np.nanmean(sigmas) / plan.bar_m
-            covariances = point_covariances(self.result, points)
-            position[at] = np.nanmean(np.sqrt(np.trace(covariances, axis1=1, axis2=2)))
-        return depths, length, position
+            points = points * (depth / points[:, 2:])
+            away, error = self.errors_at(points[:: max(len(points) // POINTS, 1)])
+            length[at], position[at] = np.nanmean(error), np.nanmean(away)
+        return depths, MEAN_OF_NORMAL * length, position
+
+    def errors_at(self, points_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Standard errors of points in m, (n,): the root of the sum of three variances; and of
+        lengths like the bar's in the middle of which they are, a fraction, (n,): the mean over
+        three directions.
+        """
+        halves = 0.5 * self.plan.bar_m * np.eye(3)
+        lengths = [self.length_sigmas(points_m - h, points_m + h) for h in halves]
+        covariances = point_covariances(self.result, points_m)
+        away = np.sqrt(np.trace(covariances, axis1=1, axis2=2))
+        return np.asarray(away), np.asarray(np.mean(lengths, axis=0))
+
+    def map(self, plane: Plane, size: int = MAP_SIZE) -> AccuracyMap:
+        """Errors in the part of a plane of the volume that both cameras see.
+
+        The plane is at the height of the primary camera (`above`) or straight ahead of it (`side`),
+        if both cameras see a part of it; else through the middle of the common view.
+        """
+        plan, points = self.plan, self.plan.common_points
+        axis, across = (1, 0) if plane == "above" else (0, 1)
+        inside = points[:, axis].min() <= 0.0 <= points[:, axis].max()
+        at = 0.0 if inside else float(np.median(points[:, axis]))
+        u = np.linspace(points[:, across].min(), points[:, across].max(), size)
+        z = np.linspace(plan.near_m, plan.far_m, size)
+        grid = np.full((size * size, 3), at)
+        grid[:, [across, 2]] = np.stack([*np.meshgrid(u, z)], axis=-1).reshape(-1, 2)
+        seen = sees(plan.primary, grid) & sees(plan.secondary, plan.pose.apply(grid))
+        away, length = np.full(len(grid), np.nan), np.full(len(grid), np.nan)
+        if seen.any():
+            away[seen], length[seen] = self.errors_at(grid[seen])
+        shape = (size, size)
+        return AccuracyMap(plane, at, u, z, away.reshape(shape), length.reshape(shape))
 
     @cached_property
-    def _jacobian(self) -> FloatArray:
-        return length_jacobian(self.result, self.ends_m[:, 0], self.ends_m[:, 1])
+    def _of_bars(self) -> tuple[FloatArray, FloatArray]:
+        return _relative_errors(self.result, self.ends_m[:, 0], self.ends_m[:, 1])
 
-    @cached_property
-    def _own_variance(self) -> FloatArray:
-        """(bars,): variance of the lengths by the noise of their own points."""
-        whole = distance_sigmas(self.result, self.ends_m[:, 0], self.ends_m[:, 1]) ** 2
-        J = self._jacobian
-        return np.asarray(whole - np.einsum("ni,ij,nj->n", J, self.result.covariance, J))
+
+def _relative_errors(
+    result: RefinedResult, first_m: FloatArray, second_m: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Variances of lengths by the noise of their own points (n,), and the derivatives (n, 23) of
+    length errors by the errors of the shared unknowns, all relative.
+    """
+    along, covariances, jacobian = length_errors(result, first_m, second_m)
+    lengths = np.linalg.norm(first_m - second_m, axis=1)
+    own = np.einsum("ni,nij,nj->n", along, covariances, along) / lengths**2
+    jacobian = jacobian / lengths[:, None]
+    jacobian[:, BAR] -= 1.0
+    return np.asarray(own), jacobian
 
 
 def expect(plan: Plan, seed: int = 0, bars: int = BARS) -> ExpectedFit:
