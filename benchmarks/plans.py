@@ -31,7 +31,12 @@ from stereocal.field.plan import AimedPose, Plan, SensorLens, Uncertainty
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.refined.refine import refine
 from stereocal.refined.screening import screen
-from stereocal.refined.unknowns import LensPrior, RefineSettings
+from stereocal.refined.unknowns import (
+    DEFAULT_CENTRE_PX,
+    DEFAULT_FOCAL,
+    LensPrior,
+    RefineSettings,
+)
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.rig import Rig
