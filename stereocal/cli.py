@@ -14,6 +14,7 @@ from stereocal.commands import (
     evaluate,
     intrinsics,
     match,
+    plan,
     reconstruct,
     simulate,
 )
@@ -22,7 +23,8 @@ from stereocal.errors import StereocalError
 from stereocal.rig.compilations import compilations
 
 COMMANDS = (
-    calibrate, evaluate, detect, intrinsics, match, reconstruct, convert, simulate, compiling
+    calibrate, evaluate, detect, intrinsics, match, reconstruct, convert, simulate, plan,
+    compiling,
 )  # fmt: skip
 
 
