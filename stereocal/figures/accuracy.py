@@ -109,7 +109,8 @@ def _title(found: AccuracyMap, at: int) -> dict[str, Any]:
     away, primary = f"{abs(found.at_m):.1f} m", "the primary camera"
     if found.plane == "side":
         side = "right" if found.at_m >= 0 else "left"
-        text = f"<b>From the side</b>, {away} to the {side} of {primary}"
+        where = f"{away} to the {side} of" if found.at_m else "straight ahead of"
+        text = f"<b>From the side</b>, {where} {primary}"
     else:
         where = (
             f"{away} {'below' if found.at_m > 0 else 'above'}" if found.at_m else "at the height of"
