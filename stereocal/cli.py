@@ -14,6 +14,7 @@ from stereocal.commands import (
     evaluate,
     intrinsics,
     match,
+    print_files,
     reconstruct,
     simulate,
 )
@@ -22,7 +23,8 @@ from stereocal.errors import StereocalError
 from stereocal.rig.compilations import compilations
 
 COMMANDS = (
-    calibrate, evaluate, detect, intrinsics, match, reconstruct, convert, simulate, compiling
+    calibrate, evaluate, detect, intrinsics, match, reconstruct, convert, simulate, print_files,
+    compiling,
 )  # fmt: skip
 
 
