@@ -98,6 +98,17 @@ def target_size(
     return TargetSize(1e-3 * STEP_MM * math.ceil(needed_mm / STEP_MM), focal_px, near_m, far_m)
 
 
+def describe_target(side_m: float, focal_px: float) -> str:
+    """At which distances a target of a size is found, and found well."""
+    least, most = DETECTED_PX
+    near, good, far = (focal_px * side_m / px for px in (most, GOOD_PX, least))
+    return (
+        f"With these lenses a target of {1e3 * side_m:.4g} mm is found from {near:.3g} m (there "
+        f"{most:.0f} px across) to {far:.3g} m ({least:.0f} px), and found well up to {good:.3g} m "
+        f"({GOOD_PX:.0f} px)."
+    )
+
+
 def print_targets(side_m: float, paper: Paper) -> Sheet:
     """A sheet with both targets if they fit, else with one, which is printed twice.
 
