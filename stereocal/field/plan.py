@@ -12,8 +12,9 @@ from functools import cached_property
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.field.common_view import check_common_view
+from stereocal.field.common_view import DEPTHS, common_points
 from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import check_length
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
@@ -56,7 +57,7 @@ class SensorLens:
                 f"{width}x{height} px do not belong together: the pixels would not be square. "
                 "State both as width and height."
             )
-        assert self.camera  # raises where K or the image size is impossible
+        _ = self.camera  # raises where K or the image size is impossible
 
     @cached_property
     def camera(self) -> Camera:
@@ -168,7 +169,7 @@ class Plan:
 
     def __post_init__(self) -> None:
         self._check_numbers()
-        check_common_view(self.rig, (self.near_m, self.far_m), self.bar_m)
+        self._check_common_view()
 
     @cached_property
     def primary(self) -> Camera:
@@ -188,13 +189,18 @@ class Plan:
     def rig(self) -> Rig:
         return Rig(self.primary, self.secondary, self.pose)
 
+    @cached_property
+    def common_points(self) -> FloatArray:
+        """(n, 3): grid points of the volume that both cameras see, in the primary's frame."""
+        return common_points(self.rig, np.linspace(self.near_m, self.far_m, DEPTHS))
+
     @property
     def baseline_m(self) -> float:
         return self.pose.baseline
 
     def _check_numbers(self) -> None:
         check_length("baseline", self.baseline_m)
-        assert self.pose.angles  # raises where they are undefined
+        _ = self.pose.angles  # raises where they are undefined
         check_length("bar", self.bar_m)
         near, far = self.near_m, self.far_m
         if not (np.isfinite([near, far]).all() and near > 0):
@@ -234,14 +240,21 @@ class Plan:
                 f"much for an image of {smallest} px; 5 px is usual."
             )
 
+    def _check_common_view(self) -> None:
+        largest = float(np.linalg.norm(np.ptp(self.common_points, axis=0)))
+        if self.bar_m >= largest:
+            raise StereocalError(
+                f"The bar of {self.bar_m:g} m is larger than what both cameras see from "
+                f"{self.near_m:g} to {self.far_m:g} m (about {largest:.2g} m): take a shorter bar, "
+                "or go farther away."
+            )
+
 
 def _camera(stated: Camera | SensorLens) -> Camera:
     return stated.camera if isinstance(stated, SensorLens) else stated
 
 
-def _level(
-    axis: np.ndarray[tuple[int], np.dtype[np.float64]],
-) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
+def _level(axis: FloatArray) -> FloatArray:
     """The rotation `world_from_camera` of a level camera; the world's y axis points down."""
     z = axis / np.linalg.norm(axis)
     x = np.cross([0.0, 1.0, 0.0], z)
