@@ -5,11 +5,14 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from stereocal.commands.options import add_lens_model
 from stereocal.errors import StereocalError
 from stereocal.field.paper import PAPERS, Sheet, paper_named
 from stereocal.field.print_board import print_board
 from stereocal.field.print_target import GOOD_PX, print_targets, target_size
+from stereocal.field.sheet import field_sheet
 from stereocal.formats.camera_file import read_camera
+from stereocal.formats.plan_file import read_plan
 from stereocal.intrinsics.board_pattern import BoardPattern
 from stereocal.system.atomic_files import write_atomically
 
@@ -40,11 +43,15 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     )
     board.add_argument("--charuco", metavar="DICT", help="a ChArUco board, such as DICT_4X4_250")
     board.add_argument("--marker", type=float, metavar="M", help="side of its markers, in metres")
-    for one in (target, board):
+    sheet = kinds.add_parser("sheet", help="a plan on one page, to take along")
+    sheet.set_defaults(run=_sheet)
+    sheet.add_argument("plan", type=Path, metavar="PLAN.json")
+    add_lens_model(sheet)
+    for one, suffixes in ((target, ".pdf or .svg"), (board, ".pdf or .svg"), (sheet, ".pdf")):
         one.add_argument(
             "--paper", default="A4", metavar="NAME", help=f"{', '.join(PAPERS)} (default: A4)"
         )
-        one.add_argument("--out", type=Path, required=True, metavar="FILE", help=".pdf or .svg")
+        one.add_argument("--out", type=Path, required=True, metavar="FILE", help=suffixes)
 
 
 def _target(parsed: argparse.Namespace) -> None:
@@ -75,9 +82,20 @@ def _board(parsed: argparse.Namespace) -> None:
     _write(print_board(pattern, paper_named(parsed.paper)), parsed.out)
 
 
+def _sheet(parsed: argparse.Namespace) -> None:
+    paper = paper_named(parsed.paper)
+    _check_suffix(parsed.out, ".pdf")
+    write_atomically(parsed.out, field_sheet(read_plan(parsed.plan, parsed.lens_model), paper))
+    print(f"wrote {parsed.out}")
+
+
 def _write(sheet: Sheet, out: Path) -> None:
-    if out.suffix.lower() not in (".pdf", ".svg"):
-        raise StereocalError(f'"{out}" must end in .pdf or .svg.')
+    _check_suffix(out, ".pdf", ".svg")
     content = sheet.pdf() if out.suffix.lower() == ".pdf" else sheet.svg().encode()
     write_atomically(out, content)
     print(f"wrote {out}: print it at 100 % on {sheet.paper.name}")
+
+
+def _check_suffix(out: Path, *suffixes: str) -> None:
+    if out.suffix.lower() not in suffixes:
+        raise StereocalError(f'"{out}" must end in {" or ".join(suffixes)}.')

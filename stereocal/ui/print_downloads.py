@@ -1,4 +1,4 @@
-"""Downloads to print: the board for the lenses, and the targets of the bar."""
+"""Downloads to print: the board for the lenses, the targets of the bar, and the field sheet."""
 
 from __future__ import annotations
 
@@ -8,8 +8,10 @@ import streamlit as st
 
 from stereocal.errors import StereocalError
 from stereocal.field.paper import PAPERS, Sheet, paper_named
+from stereocal.field.plan import Plan
 from stereocal.field.print_board import fitted, print_board
 from stereocal.field.print_target import describe_target, print_targets
+from stereocal.field.sheet import field_sheet
 from stereocal.intrinsics.board_pattern import BoardPattern
 from stereocal.projects.project import Project
 from stereocal.ui.downloads import on_demand
@@ -70,6 +72,19 @@ def targets_to_print(
         seen = f"{describe_target(1e-3 * side_mm, focal_px)} " if focal_px else ""
         st.markdown(f"{seen}{AT_TRUE_SCALE}")
         _downloads(lambda: sheet, "target")
+
+
+def field_sheet_to_print(plan: Plan) -> None:
+    """The button for the plan on one page."""
+
+    def content() -> bytes:
+        return field_sheet(plan)
+
+    name, mime = "field_sheet.pdf", "application/pdf"
+    st.download_button(
+        "Field sheet (PDF)", on_demand(content, name, mime), name, mime, on_click="ignore",
+        icon=":material/download:", key="download_field_sheet",
+    )  # fmt: skip
 
 
 def _paper(project: Project | None, place: st.delta_generator.DeltaGenerator, what: str) -> str:

@@ -7,6 +7,10 @@ from pathlib import Path
 import pytest
 
 from stereocal.cli import main
+from stereocal.field.paper import PAPERS
+from stereocal.field.sheet import field_sheet
+from stereocal.formats.plan_file import write_plan
+from tests.field.plans import plan
 
 ROOT = Path(__file__).parents[2]
 PRIMARY = str(ROOT / "sample_data" / "field" / "primary.json")
@@ -44,6 +48,14 @@ def test_prints_are_written(
     assert ("px across at 25 m" in said) == ("--far" in asked)
 
 
+def test_the_field_sheet_of_a_plan_is_written(tmp_path: Path) -> None:
+    (tmp_path / "plan.json").write_bytes(write_plan(plan()))
+    out = tmp_path / "sheet.pdf"
+    asked = ["print", "sheet", str(tmp_path / "plan.json"), "--paper", "Letter", "--out", str(out)]
+    assert main(asked) == 0
+    assert out.read_bytes() == field_sheet(plan(), PAPERS["Letter"])
+
+
 @pytest.mark.parametrize(
     ("asked", "sentence"),
     [
@@ -51,6 +63,8 @@ def test_prints_are_written(
         ("target --side 0.4 --out print.pdf", "does not fit on A4, which holds 185 mm"),
         ("target --focal 7120 --out print.pdf", "State --far, the largest distance"),
         ("target --camera no.json --far 9 --out print.pdf", "no.json cannot be read"),
+        ("sheet no.json --out sheet.pdf", "no.json: the file cannot be read"),
+        ("sheet no.json --out sheet.svg", '"sheet.svg" must end in .pdf'),
         ("board --board 18 --square 0.02 --out print.pdf", 'The size of the board is "18"'),
         ("board --board 18x12 --square 0.03 --out print.pdf", "at most 13 mm, or print it on A2"),
         ("board --board 8x6 --square 0.02 --paper B5 --out print.pdf", 'The paper "B5"'),
