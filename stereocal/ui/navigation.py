@@ -54,7 +54,7 @@ _ORDER = list(TITLES)
 FITS = """<style>
 [data-testid=stFileUploaderDropzoneInstructions] span { white-space: normal; }
 button:focus-visible, a:focus-visible, summary:focus-visible {
-  outline: 2px solid currentColor; outline-offset: 2px;
+  outline: 2px solid currentColor !important; outline-offset: 2px;
 }
 </style>"""
 """Streamlit cuts off long lists of file types, and shows no focus on a chosen button."""

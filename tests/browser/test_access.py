@@ -145,7 +145,7 @@ def tab_to(page: Page, wanted: Callable[[dict[str, Any]], bool]) -> dict[str, An
     for _ in range(LONGEST_WALK):
         page.keyboard.press("Tab")
         now = page.evaluate(FOCUSED)
-        if now is None:
+        if now is None or now["text"] == "file upload":  # where Playwright's file chooser leaves it
             continue
         assert now["visible"] and now["inside"], now
         if wanted(now):
