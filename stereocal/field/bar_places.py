@@ -85,15 +85,15 @@ def bar_places(plan: Plan) -> list[BarPlace]:
     count, frames = len(spots), plan.frames
     chosen = np.linspace(0, count - 1, min(frames, count)).round().astype(int).tolist()
     chosen += [k % count for k in range(frames - len(chosen))]
-    ground, places = ground_from_primary(plan), []
+    middles = np.array([spot[3] for spot in spots])
+    ends, positions = _ends(plan, middles), ground_from_primary(plan).apply(middles)
+    places = []
     for k, at in enumerate(chosen):
-        distance, across, height, middle, fitting = spots[at]
+        distance, across, height, _, fitting = spots[at]
         in_turn = (at + k // count + np.arange(len(DIRECTIONS))) % len(DIRECTIONS)
         way = int(in_turn[np.argmax(fitting[in_turn])])
-        ends = _ends(plan, middle[None])[0, way]
-        position = ground.apply(middle[None])[0]
         direction = tuple(DIRECTIONS)[way]
-        places.append(BarPlace(distance, across, height, direction, position, ends))
+        places.append(BarPlace(distance, across, height, direction, positions[at], ends[at, way]))
     order = [DISTANCES, ACROSS, HEIGHTS]
     return sorted(
         places,

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import streamlit as st
 
 from stereocal.errors import StereocalError
+from stereocal.field.bar_places import bar_places
 from stereocal.field.paper import PAPERS, Sheet, paper_named
 from stereocal.field.plan import Plan
 from stereocal.field.print_board import fitted, print_board
@@ -76,6 +77,11 @@ def targets_to_print(
 
 def field_sheet_to_print(plan: Plan) -> None:
     """The button for the plan on one page."""
+    try:
+        bar_places(plan)
+    except StereocalError as error:
+        st.caption(f"No field sheet: {error}")
+        return
 
     def content() -> bytes:
         return field_sheet(plan)

@@ -30,7 +30,7 @@ overlap, a wrong pair looks right: the overlap is the *false correspondence prob
 
 
 BOARDS = """
-- Print a chessboard, glue it to something flat and stiff, and count its **inner corners**: where
+- Print a chessboard (below), glue it to something flat and stiff, and count its **inner corners**: where
   four squares meet. Leave a white border.
 - Take **about 50 photographs**, at the distance and focus of your recordings. The whole board must
   be in view.

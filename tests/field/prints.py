@@ -49,8 +49,7 @@ def rasterised(pdf: bytes, dpi: float) -> FloatArray:
 
 def photographed(sheet: Sheet, pose: Pose) -> Photograph:
     """The whole sheet on a dark wall."""
-    size = (1e-3 * sheet.paper.width_mm, 1e-3 * sheet.paper.height_mm)
-    return placed_before_camera([(_inked(rasterised(sheet.pdf(), DPI), size), pose)])
+    return placed_before_camera([(_inked(rasterised(sheet.pdf(), DPI)), pose)])
 
 
 def placed_before_camera(boards: list[tuple[Board, Pose]]) -> Photograph:
@@ -72,8 +71,7 @@ def cut_target(sheet: Sheet, side_mm: float) -> Board:
     left, middle = wide(picture[rows[5]])[0]
     top, centre = wide(picture[:, (left + middle) // 2])[0]
     cut = picture[top : 2 * centre - top, left : 2 * middle - left]
-    metres = 1e-3 * INCH_MM / DPI
-    return _inked(cut, (cut.shape[1] * metres, cut.shape[0] * metres))
+    return _inked(cut)
 
 
 def black_runs(line: FloatArray) -> list[tuple[int, int]]:
@@ -82,9 +80,10 @@ def black_runs(line: FloatArray) -> list[tuple[int, int]]:
     return [(int(start), int(stop)) for start, stop in np.flatnonzero(steps).reshape(-1, 2)]
 
 
-def _inked(picture: FloatArray, size_m: tuple[float, float]) -> Board:
-    ink, white = 25.0, 215.0
-    return Board(ink + (white - ink) / 255.0 * picture, size_m)
+def _inked(picture: FloatArray) -> Board:
+    ink, white, metres = 25.0, 215.0, 1e-3 * INCH_MM / DPI
+    height, width = picture.shape
+    return Board(ink + (white - ink) / 255.0 * picture, (width * metres, height * metres))
 
 
 def on_paper(pixels: FloatArray, pose: Pose) -> FloatArray:
