@@ -14,6 +14,7 @@ from stereocal.commands import (
     evaluate,
     intrinsics,
     match,
+    plan,
     print_files,
     reconstruct,
     simulate,
@@ -23,8 +24,8 @@ from stereocal.errors import StereocalError
 from stereocal.rig.compilations import compilations
 
 COMMANDS = (
-    calibrate, evaluate, detect, intrinsics, match, reconstruct, convert, simulate, print_files,
-    compiling,
+    calibrate, evaluate, detect, intrinsics, match, reconstruct, convert, simulate, plan,
+    print_files, compiling,
 )  # fmt: skip
 
 

@@ -11,6 +11,7 @@ from stereocal.field.expected import ExpectedFit, expect
 from stereocal.field.plan import LARGEST_TOE_IN_DEG, AimedPose, Plan
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
+from stereocal.verdict.in_words import digits, percent
 
 BASELINES = 2.0 ** np.arange(-1.5, 2.01, 0.5)
 """Factors of the planned baseline that are tried: 0.35 to 4."""
@@ -55,22 +56,16 @@ class Advice:
     @property
     def sentences(self) -> tuple[str, ...]:
         """The variants for people."""
-        now = percent_of(self.length_error)
+        now = percent(self.length_error)
         if not self.variants:
             return (
                 "No single change would help much: neither another baseline, more bars, better "
                 "known lenses nor a longer bar.",
             )
         return tuple(
-            f"{own.text}: a mean length error of {percent_of(own.length_error)} instead of {now}."
+            f"{own.text}: a mean length error of {percent(own.length_error)} % instead of {now} %."
             for own in self.variants
         )
-
-
-def percent_of(error: float) -> str:
-    """A fraction as a percentage with two digits."""
-    text = np.format_float_positional(100 * error, 2, fractional=False, trim="-")
-    return f"{text} %"
 
 
 def advise(fit: ExpectedFit) -> Advice:
@@ -194,19 +189,18 @@ def _known_better(fit: ExpectedFit) -> list[Variant]:
     def known(better: dict[str, float]) -> float:
         return fit.error_with(H, fit.precision_knowing(better))
 
+    focal, centre = percent(0.5 * own.focal), digits(0.5 * own.centre_px, 2)
+    baseline, bar = digits(500 * own.baseline_m, 2), digits(500 * own.bar_m, 2)
+    noise = digits(0.5 * fit.plan.noise_px, 2)
     return [
         Variant(
-            f"Lenses calibrated twice as well (focal length to {percent_of(0.5 * own.focal)}, "
-            f"centre to {0.5 * own.centre_px:.2g} px)",
+            f"Lenses calibrated twice as well (focal length to {focal} %, centre to {centre} px)",
             known({"primary": 0.5, "secondary": 0.5}),
         ),
+        Variant(f"The baseline measured to {baseline} mm", known({"baseline": 0.5})),
+        Variant(f"The bar measured to {bar} mm", known({"bar": 0.5})),
         Variant(
-            f"The baseline measured to {500 * own.baseline_m:.2g} mm", known({"baseline": 0.5})
-        ),
-        Variant(f"The bar measured to {500 * own.bar_m:.2g} mm", known({"bar": 0.5})),
-        Variant(
-            f"Half the noise in the images, {0.5 * fit.plan.noise_px:.2g} px (larger targets, "
-            "sharper images)",
+            f"Half the noise in the images, {noise} px (larger targets, sharper images)",
             fit.error_with(4.0 * H, P, 0.5),
         ),
     ]

@@ -3,8 +3,8 @@
 The true focal lengths, principal points, baseline and bar differ from the stated ones by normal
 errors of the plan's uncertainties (a scrambled Sobol sequence, which needs fewer rigs than random
 numbers). The recording is calibrated as stated, and all files are judged on fresh bars, seen by the
-true cameras. As in all forecasts, length errors are relative to lengths measured as the bar was: an
-error of the bar itself scales all lengths alike and is not in them.
+true cameras. Length errors are relative to true lengths. (Those of a recording are relative to a
+bar measured as its own was, because nothing else is known there.)
 """
 
 from __future__ import annotations
@@ -163,7 +163,7 @@ def _judged(
     counts = np.zeros((len(sets), 2, 2, BINS + 2), dtype=np.int32)
     nans, lengths = np.zeros((len(sets), 2), dtype=np.int64), np.empty((len(sets), len(ends)))
     correct_px = np.empty(len(sets))
-    distances = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1) / truth[BAR]
+    distances = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
     judge(sets, lenses, pixels, rays, distances, partners, counts, nans, lengths, correct_px)
     of_px = counts[:, REPROJECTION].astype(np.int64)
     limits = crossing(of_px)

@@ -17,7 +17,6 @@ from stereocal.errors import StereocalError
 from stereocal.field.bars import place_planned_bars
 from stereocal.field.common_view import common_points, sees
 from stereocal.field.plan import Plan
-from stereocal.refined.bar_fit import BAR
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.solve import lenses_of_cameras
 from stereocal.refined.uncertainty import AccuracyMap, Plane, length_errors, point_covariances
@@ -65,8 +64,7 @@ class ExpectedFit:
         return MEAN_OF_NORMAL * float(np.mean(sigmas))
 
     def length_sigmas(self, first_m: FloatArray, second_m: FloatArray) -> FloatArray:
-        """(n,): standard deviations of lengths, a fraction, relative to lengths measured as the
-        bar was; NaN behind a camera.
+        """(n,): standard deviations of lengths, a fraction; NaN behind a camera.
 
         Args:
             first_m, second_m: (n, 3) each, in the primary's frame.
@@ -78,19 +76,12 @@ class ExpectedFit:
     def _relative_sigmas(
         self, own: FloatArray, jacobian: FloatArray, information: FloatArray, precision: FloatArray
     ) -> FloatArray:
-        """With e the relative length error and f the true length of the bar over the stated one:
-        D^R f / D - 1 = e + (f - 1). The refined estimate of f and its error are independent.
-        """
-        names, M = self.result.unknowns.names, self.result.unknowns.M
+        M = self.result.unknowns.M
         A = M.T @ information @ M + precision
         scale = 1.0 / np.sqrt(np.diag(A))
         C = np.linalg.inv(A * np.outer(scale, scale)) * np.outer(scale, scale)
         J = jacobian @ M
-        variance = own + np.einsum("ni,ij,nj->n", J, C, J)
-        if "bar" in names:
-            at = names.index("bar")
-            variance = variance + max(1.0 / precision[at, at] - C[at, at], 0.0)
-        return np.asarray(np.sqrt(variance))
+        return np.asarray(np.sqrt(own + np.einsum("ni,ij,nj->n", J, C, J)))
 
     def information_of(self, among: BoolArray) -> FloatArray:
         """(23, 23): the information of one frame, on average over some of the bars (n,)."""
@@ -174,9 +165,7 @@ def _relative_errors(
     along, covariances, jacobian = length_errors(result, first_m, second_m)
     lengths = np.linalg.norm(first_m - second_m, axis=1)
     own = np.einsum("ni,nij,nj->n", along, covariances, along) / lengths**2
-    jacobian = jacobian / lengths[:, None]
-    jacobian[:, BAR] -= 1.0
-    return np.asarray(own), jacobian
+    return np.asarray(own), np.asarray(jacobian / lengths[:, None])
 
 
 def expect(plan: Plan, seed: int = 0, bars: int = BARS) -> ExpectedFit:

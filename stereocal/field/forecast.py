@@ -27,7 +27,7 @@ from stereocal.rig.compiled import FloatArray
 from stereocal.system.tasks import Progress, Task, run_tasks
 
 FORECAST_FORMAT = "stereocal-forecast/1"
-RIGS, FEWEST_RIGS = 128, 64
+RIGS, FEWEST_RIGS, MOST_RIGS = 128, 64, 10_000
 FRAMES_OF_RIGS = 50
 """With more frames than this, fewer rigs are drawn; each then tells more."""
 CHUNK = 16
