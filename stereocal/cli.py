@@ -15,6 +15,7 @@ from stereocal.commands import (
     intrinsics,
     match,
     plan,
+    print_files,
     reconstruct,
     simulate,
 )
@@ -24,7 +25,7 @@ from stereocal.rig.compilations import compilations
 
 COMMANDS = (
     calibrate, evaluate, detect, intrinsics, match, reconstruct, convert, simulate, plan,
-    compiling,
+    print_files, compiling,
 )  # fmt: skip
 
 

@@ -102,12 +102,25 @@ class AimedPose:
     @cached_property
     def pose(self) -> Pose:
         """`secondary_from_primary`."""
+        primary, secondary = self._world_from_cameras
+        return Pose(secondary.T @ primary, -self.baseline_m * secondary.T @ self._along)
+
+    @property
+    def world_from_primary(self) -> FloatArray:
+        """(3, 3): to the axes of the field, x along the baseline but level, y down, z ahead."""
+        return self._world_from_cameras[0]
+
+    @property
+    def _along(self) -> FloatArray:
         rise = np.arcsin(self.height_difference_m / self.baseline_m)
-        along = np.array([np.cos(rise), -np.sin(rise), 0.0])
+        return np.array([np.cos(rise), -np.sin(rise), 0.0])
+
+    @cached_property
+    def _world_from_cameras(self) -> tuple[FloatArray, FloatArray]:
         toe = np.radians(self.toe_in_deg)
         ahead = np.array([0.0, 0.0, np.cos(toe)])
-        primary, secondary = (_level(ahead + sign * np.sin(toe) * along) for sign in (1.0, -1.0))
-        return Pose(secondary.T @ primary, -self.baseline_m * secondary.T @ along)
+        inward = np.sin(toe) * self._along
+        return _level(ahead + inward), _level(ahead - inward)
 
 
 @dataclass(frozen=True)
