@@ -14,6 +14,8 @@ from stereocal.commands import (
     evaluate,
     intrinsics,
     match,
+    plan,
+    print_files,
     reconstruct,
     simulate,
 )
@@ -22,7 +24,8 @@ from stereocal.errors import StereocalError
 from stereocal.rig.compilations import compilations
 
 COMMANDS = (
-    calibrate, evaluate, detect, intrinsics, match, reconstruct, convert, simulate, compiling
+    calibrate, evaluate, detect, intrinsics, match, reconstruct, convert, simulate, plan,
+    print_files, compiling,
 )  # fmt: skip
 
 

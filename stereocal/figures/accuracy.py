@@ -106,10 +106,16 @@ def _axes(
 
 def _title(found: AccuracyMap, at: int) -> dict[str, Any]:
     number = str(at + 1) if at else ""
-    text = "<b>From above</b>, at the height of the primary camera"
+    away, primary = f"{abs(found.at_m):.1f} m", "the primary camera"
     if found.plane == "side":
         side = "right" if found.at_m >= 0 else "left"
-        text = f"<b>From the side</b>, {abs(found.at_m):.1f} m to the {side} of the primary camera"
+        where = f"{away} to the {side} of" if found.at_m else "straight ahead of"
+        text = f"<b>From the side</b>, {where} {primary}"
+    else:
+        where = (
+            f"{away} {'below' if found.at_m > 0 else 'above'}" if found.at_m else "at the height of"
+        )
+        text = f"<b>From above</b>, {where} {primary}"
     return {
         "text": text, "xref": f"x{number} domain", "yref": f"y{number} domain", "x": 0, "y": 1,
         "xanchor": "left", "yanchor": "bottom", "yshift": 4, "showarrow": False,
