@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from streamlit.testing.v1 import AppTest
@@ -92,6 +93,53 @@ def test_a_plan_is_opened_with_its_camera_files(app: AppTest) -> None:
     assert app.select_slider(key="plan_frames").value == 33
     assert app.selectbox(key="plan_primary_camera").value == "A camera file"
     assert str(app.selectbox(key="plan_secondary_camera").value).startswith("IDT M5")
+
+
+def test_four_coefficients_are_asked_about(app: AppTest) -> None:
+    four = {
+        "camera_matrix": known_rig.SECONDARY.K.tolist(),
+        "distortion_coefficients": known_rig.SECONDARY.distortion.tolist(),
+        "image_size": list(known_rig.SECONDARY.image_size),
+    }
+    app.selectbox(key="plan_primary_camera").set_value("A camera file").run()
+    assert "Give the file of the primary camera" in messages(app)
+    app.file_uploader(key="upload_plan_primary").upload("lens.json", json.dumps(four).encode())
+    app.run()
+    assert "Which are they?" in messages(app)
+    app.button(key="use_rest").click().run()
+    assert any("1280 x 1024 px" in item.value for item in app.caption)
+    named = {"primary": "lens.json", "secondary": contents()["cameras"]["secondary"]}
+    content = json.dumps(contents(cameras=named, frames=40)).encode()
+    open_plan(app, {"plan.json": content, "lens.json": json.dumps(four).encode()})
+    assert "Which are they?" in messages(app)
+    app.button(key="use_rest").click().run()
+    assert app.select_slider(key="plan_frames").value == 40
+
+
+def test_an_opened_plan_shows_its_own_numbers_on_sliders_too(app: AppTest) -> None:
+    near = {"near_m": 2.123, "far_m": 2.4}
+    changes: dict[str, Any] = {
+        "pose": {"baseline_m": 4.01, "toe_in_deg": 62.25, "height_difference_m": 0.0},
+        "volume": near, "bar_m": 0.0123, "noise_px": 19.5, "frames": 77,
+    }  # fmt: skip
+    open_plan(app, {"plan.json": json.dumps(contents(**changes)).encode()})
+    assert app.select_slider(key="plan_baseline_m").value == 4.01
+    assert app.slider(key="plan_toe_in_deg").value == 62.25
+    assert app.select_slider(key="plan_near_m").value == 2.123
+    assert app.select_slider(key="plan_frames").value == 77
+    assert app.number_input(key="plan_noise_px").value == 19.5
+
+
+def test_damaged_settings_do_no_harm(app: AppTest, home: Path) -> None:
+    app.button(key="plan_start").click().run()
+    project = Project.open(home, app.session_state["project_id"])
+    project.keep_settings({
+        "plan_bar_m": "x", "plan_stated_pose": {"R": 1, "T": 2}, "plan_compared": ["{", 7],
+        "plan_primary_camera": "none", "plan_frames": 2.5, "plan_toe_in_deg": 1e9,
+        "plan_near_m": [1], "plan_forecast": {"methods": 3},
+    })  # fmt: skip
+    app.switch_page("pages/plan.py").run()
+    assert not app.error and "Limited by" in messages(app)
 
 
 def test_a_stated_pose_is_kept_until_it_is_replaced(app: AppTest) -> None:
