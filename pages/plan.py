@@ -10,6 +10,7 @@ from stereocal.ui.plan import (
     forecast_of,
     open_plan,
     plan_downloads,
+    plan_targets,
     show_answer,
     show_comparison,
     show_curves,
@@ -18,6 +19,7 @@ from stereocal.ui.plan import (
 )
 from stereocal.ui.plan_fields import plan_controls
 from stereocal.ui.plan_project import start_button
+from stereocal.ui.print_downloads import field_sheet_to_print
 from stereocal.ui.project import current_project
 
 ensure_navigation()
@@ -39,6 +41,8 @@ try:
     with st.container(horizontal=True):
         start_button(found)
         plan_downloads(found)
+        field_sheet_to_print(plan)
+    plan_targets(project, plan)
     show_details(found)
 except StereocalError as error:
     st.error(escape_markdown(str(error)))

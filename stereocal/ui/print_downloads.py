@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import streamlit as st
 
@@ -61,10 +62,11 @@ def targets_to_print(
     with st.expander("Print the targets"):
         left, right = st.columns(2)
         named = _paper(project, left, "targets")
+        # What is usual follows the plan, and is no change by another tab.
+        side = replace(setting(project, "print_side_mm", usual_mm, number(*SIDE_MM)), tells=False)
         side_mm = right.number_input(
-            "Side of a target (mm)", *SIDE_MM, step=5.0, format="%.10g",
-            **setting(project, "print_side_mm", usual_mm, number(*SIDE_MM)).widget(),
-        )  # fmt: skip
+            "Side of a target (mm)", *SIDE_MM, step=5.0, format="%.10g", **side.widget()
+        )
         try:
             sheet = print_targets(1e-3 * side_mm, paper_named(named))
         except StereocalError as error:
