@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from stereocal import __version__
 from stereocal.commands import (
     calibrate,
+    check,
     compiling,
     convert,
     detect,
@@ -22,7 +23,7 @@ from stereocal.errors import StereocalError
 from stereocal.rig.compilations import compilations
 
 COMMANDS = (
-    calibrate, evaluate, detect, intrinsics, match, reconstruct, convert, simulate, compiling
+    calibrate, evaluate, detect, intrinsics, match, reconstruct, convert, check, simulate, compiling
 )  # fmt: skip
 
 

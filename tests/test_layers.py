@@ -24,6 +24,7 @@ ORDER = (
     "frames",
     "intrinsics",
     "matching",
+    "field",
     "formats",
     "figures",
     "workflow",
