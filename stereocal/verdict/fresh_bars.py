@@ -49,7 +49,7 @@ def fresh_bars(model: RefinedResult, draws: int, bars: int, rng: np.random.Gener
     volume = Volume.of_bars(ends)
     drawn = _drawn(len(ends), draws, bars, rng)
     rule = (4 / ((DIMENSIONS + 2) * len(ends))) ** (1 / (DIMENSIONS + 4))
-    spread, axes = np.cov(places.T), directions.T @ directions / len(ends)
+    spread, axes = _root(np.cov(places.T)), _root(directions.T @ directions / len(ends))
     even = np.broadcast_to(np.arange(draws)[:, None] % 2 == 0, drawn.shape)
     fresh = ends[drawn]
     missing = np.ones(drawn.shape, dtype=np.bool_)
@@ -62,8 +62,8 @@ def fresh_bars(model: RefinedResult, draws: int, bars: int, rng: np.random.Gener
             moved[:, 2] = np.log(moved[:, 2])
         else:
             h = factor * rule
-            moved = places[own] + h * _normal(spread, len(own), rng)
-        turn = _normal(axes, len(own), rng)
+            moved = places[own] + h * (rng.standard_normal((len(own), 3)) @ spread)
+        turn = rng.standard_normal((len(own), 3)) @ axes
         turn -= np.sum(turn * directions[own], axis=1, keepdims=True) * directions[own]
         turned = directions[own] + h * turn
         turned *= 0.5 * (lengths[own] / np.linalg.norm(turned, axis=1))[:, None]
@@ -77,9 +77,10 @@ def fresh_bars(model: RefinedResult, draws: int, bars: int, rng: np.random.Gener
     return fresh
 
 
-def _normal(covariance: FloatArray, n: int, rng: np.random.Generator) -> FloatArray:
-    """(n, 3)."""
-    return rng.multivariate_normal(np.zeros(3), covariance, n, method="eigh")
+def _root(covariance: FloatArray) -> FloatArray:
+    """(3, 3): standard normal rows times it have the covariance, which may be singular."""
+    values, axes = np.linalg.eigh(covariance)
+    return np.asarray(np.sqrt(np.maximum(values, 0.0))[:, None] * axes.T)
 
 
 def _drawn(recorded: int, draws: int, bars: int, rng: np.random.Generator) -> IntArray:

@@ -36,6 +36,43 @@ def photograph(
 
 
 @compiled
+def add_noise(
+    q: FloatArray,
+    points: FloatArray,
+    along: float,
+    noise: FloatArray,
+    pixels: FloatArray,
+    start: FloatArray,
+) -> None:
+    """Add noise (n, 4) to the pixels (n, 4) of points (n, 3), and write their rays (4, n).
+
+    The noise across the epipolar lines of the rig `q` is added as it is; the rest, which moves the
+    reconstructed point, `along` times.
+    """
+    R, T, E = np.empty((3, 3)), np.empty(3), np.empty((3, 3))
+    fill_pose(q, q[BASELINE], R, T)
+    fill_essential(R, T, E)
+    across = np.empty(4)
+    for k in range(len(points)):
+        a, b, c = points[k, 0], points[k, 1], points[k, 2]
+        depth = R[2, 0] * a + R[2, 1] * b + R[2, 2] * c + T[2]
+        x, y = start[0, k], start[1, k] = a / c, b / c
+        u = start[2, k] = (R[0, 0] * a + R[0, 1] * b + R[0, 2] * c + T[0]) / depth
+        v = start[3, k] = (R[1, 0] * a + R[1, 1] * b + R[1, 2] * c + T[1]) / depth
+        across[0] = (u * E[0, 0] + v * E[1, 0] + E[2, 0]) / q[PRIMARY]
+        across[1] = (u * E[0, 1] + v * E[1, 1] + E[2, 1]) / q[PRIMARY + 1]
+        across[2] = (x * E[0, 0] + y * E[0, 1] + E[0, 2]) / q[SECONDARY]
+        across[3] = (x * E[1, 0] + y * E[1, 1] + E[1, 2]) / q[SECONDARY + 1]
+        length = dot = 0.0
+        for i in range(4):
+            length += across[i] * across[i]
+            dot += across[i] * noise[k, i]
+        for i in range(4):
+            part = across[i] * dot / length
+            pixels[k, i] += part + along * (noise[k, i] - part)
+
+
+@compiled
 def judge(
     sets: FloatArray,
     stated_lenses: FloatArray,

@@ -45,8 +45,8 @@ from stereocal.verdict.intervals import (
     quantile_interval,
     share_interval,
 )
-from stereocal.verdict.judging import judge, photograph
-from stereocal.verdict.noise_model import draw_noise, epipolar_gradient, noise_of_points
+from stereocal.verdict.judging import add_noise, judge, photograph
+from stereocal.verdict.noise_model import draw_noise, noise_of_points
 
 DRAWS, BARS = 128, 200
 """Draws of the truth, and fresh bars of each half of a draw."""
@@ -234,28 +234,19 @@ def predict(
     nans = np.zeros((*size, 2), dtype=np.int64)
     correct_px, lengths = np.empty(size), np.empty((*size, bars))
 
-    points = ends.reshape(-1, 3)
-    seen = model.pose.apply(points)
-    one, two = points / points[:, 2:], seen / seen[:, 2:]
-    across = epipolar_gradient(model, one, two).reshape(noise.shape)
-    length = np.einsum("dpk,dpk->dp", across, across)
-    across *= (np.einsum("dpk,dpk->dp", across, noise) / length)[..., None]
-    noise -= across
-    noise *= of_noise.along[:, None, None]
-    noise += across
-    start = np.column_stack([one[:, :2], two[:, :2]]).reshape(noise.shape)
     bar = ends[:, :, 0] - ends[:, :, 1]
     distances = np.sqrt(np.einsum("dbk,dbk->db", bar, bar))
     distances /= truths[:, [BAR]]  # as measured, with the error of the bar at hand
     pixels = np.empty(noise.shape)
 
     def judge_draw(draw: int) -> None:
-        photograph(truths[draw], lenses, ends[draw].reshape(-1, 3), pixels[draw])
+        points, seen, start = ends[draw].reshape(-1, 3), pixels[draw], np.empty((4, 4 * bars))
+        photograph(truths[draw], lenses, points, seen)
+        add_noise(model.q, points, of_noise.along[draw], noise[draw], seen, start)
         for half in range(2):
             own = slice(2 * bars * half, 2 * bars * (half + 1))
             judge(
-                sets, lenses, pixels[draw, own] + noise[draw, own],
-                np.ascontiguousarray(start[draw, own].T),
+                sets, lenses, seen[own], np.ascontiguousarray(start[:, own]),
                 distances[draw, bars * half : bars * (half + 1)], partners,
                 counts[draw, half], nans[draw, half], lengths[draw, half], correct_px[draw, half],
             )  # fmt: skip

@@ -125,3 +125,12 @@ def results_shown(page: Page) -> None:
     """Wait for all that *Calibrate* computes; the page is drawn anew at the end, menus closed."""
     expect(page.locator(".st-key-download_2d button")).to_be_visible(timeout=LONGEST_MS)
     expect(page.get_by_text("held out: not yet")).to_have_count(0, timeout=LONGEST_MS)
+
+
+def choose(page: Page, key: str, option: str) -> None:
+    """Choose from the menu of a widget."""
+    field = page.locator(f".st-key-{key} input")
+    field.scroll_into_view_if_needed()
+    page.wait_for_timeout(300)  # the end of the scroll would close the menu
+    field.click()
+    page.get_by_role("option", name=option, exact=True).click()

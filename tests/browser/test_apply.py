@@ -14,7 +14,7 @@ from playwright.sync_api import Page, expect
 
 from stereocal.cli import main
 from stereocal.rig.parameters import RigParameters
-from tests.browser.conftest import LONGEST_MS, results_shown
+from tests.browser.conftest import LONGEST_MS, choose, results_shown
 from tests.known_rig import PRIMARY, RIG, SECONDARY, images
 
 pytestmark = pytest.mark.browser
@@ -58,8 +58,7 @@ def test_demo_to_files_of_the_command_line(
     page.locator(".st-key-view").get_by_text("Parameters", exact=True).click()
     expect(page.locator(".st-key-format_file")).to_be_visible()
     settled(page)
-    page.locator(".st-key-format_file").click()
-    page.get_by_role("option", name="3D set").click()
+    choose(page, "format_file", "3D set")
     expect(page.get_by_text("parameters_3d_opencv.zip")).to_be_visible()
     settled(page)
     assert fetch(page, "format", tmp_path).read_bytes()[:2] == b"PK"
@@ -81,6 +80,7 @@ def test_demo_to_files_of_the_command_line(
     assert histogram(page) != before
     page.get_by_text("In words, and on the command line").click()
     expect(page.get_by_text(re.compile("in 25 frames at a threshold of 25 px"))).to_be_visible()
+    page.wait_for_timeout(500)  # until the fold has opened: its buttons move
     tables = [fetch(page, which, tmp_path) for which in ("primary", "secondary")]
     page.reload()
     expect(page.locator(".st-key-apply_threshold input")).to_have_value("25", timeout=LONGEST_MS)

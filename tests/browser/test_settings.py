@@ -23,7 +23,7 @@ Settled = Callable[[Page], None]
 SET: dict[str, dict[str, Any]] = {
     "data": {
         "baseline_m_unit": "cm", "target_distance_m_unit": "mm", "frames_view": "One frame",
-        "review_frame": 5, "review_target": "B", "review_raw": True,
+        "review_target": "B", "review_raw": True,
         "baseline_m_known": "Tape", "target_distance_m_known": "Typed",
     },
     "cameras": {
@@ -34,8 +34,8 @@ SET: dict[str, dict[str, Any]] = {
     "calibrate": {
         "calibration_frames": 11, "delta": 0.002, "delta_min": 3e-6, "acceptance": 0.25,
         "shrink": 0.8, "minimum_moves": 25, "seed": 5, "essential": "linear",
-        "view": "The rig in 3D", "rig_method": "2d", "format_2d": "dlt",
-        "dlt_corner_2d": "lower-left", "dlt_first_2d": 0.5,
+        "view": "Parameters", "rig_method": "2d", "rig_view": "Side", "format_file": "3d",
+        "format": "dlt", "dlt_corner_3d": "lower-left", "dlt_first_3d": 0.5,
     },
     "validate": {
         "delta": 0.002, "delta_min": 3e-6, "acceptance": 0.25, "shrink": 0.8, "minimum_moves": 25,
@@ -46,7 +46,7 @@ SET: dict[str, dict[str, Any]] = {
     "apply": {
         "apply_matching": "3d", "apply_measuring": "2d", "apply_only_depths": True,
         "apply_near": 1.5, "apply_far": 60.0, "apply_threshold": 2.5,
-        "apply_view": "A known length", "apply_known": 0.75,
+        "apply_view": "Threshold and depths",
     },
 }  # fmt: skip
 """Of each page, by the key of the widget; none is the usual value, none its least."""
@@ -56,9 +56,10 @@ SHOWN = {
         ("review_raw", True), ("lens_fix_k3", True), ("lens_zero_tangential", True),
         ("with_refined", False), ("refined_3d", True), ("apply_only_depths", True),
     )},
-    "delta_min": "0.000003", "board_square_mm": "25", "apply_far": "60", "dlt_first_2d": "0.50",
-    "rig_method": "2D set", "dlt_corner_2d": "lower left", "apply_matching": "3D set",
-    "apply_measuring": "2D set", "format_2d": "DLT coefficients (DLTdv, easyWand, Argus)",
+    "delta_min": "0.000003", "board_square_mm": "25", "apply_far": "60", "dlt_first_3d": "0.50",
+    "rig_method": "2D set", "dlt_corner_3d": "lower left", "apply_matching": "3D set",
+    "apply_measuring": "2D set", "format_file": "3D set",
+    "format": "DLT coefficients (DLTdv, easyWand, Argus)",
 }  # fmt: skip
 """As the browser shows it."""
 
@@ -69,6 +70,7 @@ STATED: dict[str, Any] = {
 }
 """What the Data page's fields of how well things are known write."""
 STATED_SHOWN = {
+    "review_frame": "5",
     "baseline_m_known": "Tape: ± 5 mm", "target_distance_m_known": "Typed, in mm",
     "target_distance_m_sigma_mm": "0.7", "lens_primary_known": "Typed",
     "lens_primary_focal_percent": "0.4", "lens_primary_centre_px": "6",
@@ -135,6 +137,7 @@ def test_settings_survive_every_way_from_page_to_page(
     project = Project.open(home, finished_project(home))
     for values in SET.values():
         project.keep_settings(values)
+    project.keep_settings({"frame": 5})  # one value for the frame fields of all pages
     project.give({}, **STATED)
     stored = content(project)
     walk = all_pairs(list(TITLES))

@@ -14,7 +14,7 @@ from playwright.sync_api import Browser, Page, expect
 from stereocal.cli import main
 from stereocal.rig.parameters import RigParameters
 from stereocal.ui.navigation import TITLES
-from tests.browser.conftest import LONGEST_MS, ROOT, results_shown, serve
+from tests.browser.conftest import LONGEST_MS, ROOT, choose, results_shown, serve
 
 pytestmark = pytest.mark.browser
 Settled = Callable[[Page], None]
@@ -75,8 +75,7 @@ def test_upload_real_recordings_and_compare_with_the_command_line(
     box.press("Enter")
     expect(missing).to_contain_text("Still missing: the distance between the targets")
     settled(page)
-    page.locator(".st-key-target_distance_m_unit").click()
-    page.get_by_role("option", name="mm", exact=True).click()
+    choose(page, "target_distance_m_unit", "mm")
     settled(page)
     box = page.locator(".st-key-target_distance_m_value input")
     box.fill("390")

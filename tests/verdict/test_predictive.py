@@ -7,6 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scipy.stats import binom
 
 from benchmarks.population import population
@@ -30,6 +31,7 @@ from stereocal.rig.volume import Volume
 from stereocal.simulation.simulate import Nominal, Scene, observe, place_bars
 from stereocal.verdict.forecast import Outlook, forecast_files
 from stereocal.verdict.fresh_bars import fresh_bars
+from stereocal.verdict.judging import add_noise
 from stereocal.verdict.noise_model import noise_given, standardised_residuals
 from stereocal.verdict.predictive import predict
 from stereocal.workflow import calibrate
@@ -140,6 +142,31 @@ def test_noise_along_the_epipolar_lines_shows_in_the_lengths(
     rng = np.random.default_rng(5)
     found = noise_given(rng.normal(size=200), 8.0, truth * rng.normal(size=100), 2.0, 400, rng)
     assert limits[0] < np.median(found.along) < limits[1]  # measured: 0.67 and 1.0
+
+
+def test_only_noise_across_the_lines_moves_a_pair_off_them() -> None:
+    """The derivative of the residual is found by its definition, by central differences."""
+    fitted, points = outlook().refined, rig.bar_ends(3)
+    pixels, start, rays = np.zeros((6, 4)), np.empty((4, 6)), np.ones((6, 2, 3))
+    noise = np.random.default_rng(4).standard_normal((6, 4))
+    add_noise(fitted.q, points, 2.5, noise, pixels, start)
+    rays[:, 0, :2], rays[:, 1, :2] = start[:2].T, start[2:].T
+    two = fitted.pose.apply(points)
+    assert_allclose(rays, np.stack([points / points[:, 2:], two / two[:, 2:]], axis=1), rtol=1e-12)
+    focal = np.array([[c.K[0, 0], c.K[1, 1]] for c in (fitted.primary, fitted.secondary)])
+
+    def off_the_line(moves_px: FloatArray) -> FloatArray:
+        moved = rays.copy()
+        moved[:, :, :2] += moves_px.reshape(6, 2, 2) / focal
+        E = fitted.pose.essential
+        return np.asarray(np.einsum("ni,ij,nj->n", moved[:, 1], E, moved[:, 0]))
+
+    step = 1e-3 * np.eye(4)
+    gradient = np.stack([off_the_line(np.tile(s, (6, 1))) - off_the_line(np.tile(-s, (6, 1)))
+                         for s in step], axis=1)  # fmt: skip
+    unit = gradient / np.linalg.norm(gradient, axis=1)[:, None]
+    along = noise - np.sum(noise * unit, axis=1)[:, None] * unit
+    assert_allclose(pixels, noise + 1.5 * along, atol=1e-8)  # measured: 3e-11
 
 
 def test_standardised_residuals_have_a_mean_square_below_one() -> None:
