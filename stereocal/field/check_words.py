@@ -52,7 +52,7 @@ def to_json(check: Recheck, repaired: str | None = None) -> dict[str, Any]:
         "pose_moved": check.pose_moved,
         "turned_in_place": list(check.possible_causes) if check.pose_moved else [],
         "refocused": {name: vars(change) for name, change in check.focal_changes.items()},
-        "ambiguous": check.ambiguous,
+        "ambiguous": check.ambiguous or check.either_lens,
         "since_frame": None
         if since is None or not check.changed
         else {"value": since.frame, "low": since.low, "high": since.high},
@@ -160,7 +160,9 @@ def _refocused(check: Recheck) -> str:
         parts.append(
             f"the focal length of the {which} is {_range(abs_of(change), 100, ' %')} {word}"
         )
-    return " and ".join(parts)
+    other = "primary" if check.refocused == ("secondary",) else "secondary"
+    doubt = f", or that of the {other} (images cannot tell which)" if check.either_lens else ""
+    return " and ".join(parts) + doubt
 
 
 def _since(check: Recheck) -> list[str]:
@@ -192,16 +194,17 @@ def _same(check: Recheck) -> str:
 
 
 def _cannot_tell(check: Recheck) -> str:
-    power, found = check.power, _degrees(check.power.detectable_turn_rad)
-    chances = [f"{100 * power.turn:.0f} %"]
-    sizes = f"turns from {found}°"
-    if power.baseline is not None and power.detectable_baseline is not None:
-        chances.append(f"{100 * power.baseline:.0f} %")
-        sizes += f" and changes of the baseline from {digits(100 * power.detectable_baseline, 2)} %"
+    power, images = check.power, check.images
+    sizes = f"a turn of {_degrees(power.detectable_turn_rad)}° or more"
+    asked = f"{_degrees(check.smallest.turn_rad)}°"
+    if power.detectable_baseline is not None:
+        percent = digits(100 * power.detectable_baseline, 2)
+        sizes += f", or a change of the baseline of {percent} % or more"
+        asked += f" and {100 * check.smallest.baseline:.2g} %"
     return (
-        f"Cannot tell with these: no movement is seen, but {_smallest(check)} would be found "
-        f"with a probability of only {' and '.join(chances)}. These {check.images.described} show "
-        f"{sizes}; more of them, nearer to the cameras and all over the images, show smaller ones."
+        f"Cannot tell with {images.described}: no movement is seen, but only {sizes} would be "
+        f"found (with a probability of 80 %), and asked for are {asked}. More of them, near and "
+        "far and all over the images, show smaller movements."
     )
 
 

@@ -154,15 +154,30 @@ class Recheck:
         )
 
     @cached_property
+    def either_lens(self) -> bool:
+        """Whether one lens was refocused, and the images cannot tell which."""
+        if not self.changed or len(self.refocused) != 1:
+            return False
+        first, *others = self.explanations
+        return any(
+            each.moved == first.moved
+            and len(each.refocused) == 1
+            and each.score - first.score < AS_LIKELY
+            for each in others
+        )
+
+    @cached_property
     def best(self) -> Fit:
         """The fit whose `q` are the repaired parameters.
 
-        Where a movement cannot be told from a refocused lens, both are free.
+        Where images cannot tell what has changed, all that may have is free.
         """
         if not self.changed:
             return self.same
         if self.ambiguous:
             return self.both
+        if self.either_lens:
+            return self.both if self.pose_moved else self.fit(focal_changes(self.prior))
         return self.explanations[0].fit if self.refocused else self.pose
 
     @property
@@ -217,12 +232,13 @@ class Recheck:
     @cached_property
     def focal_changes(self) -> Mapping[CameraName, Estimate]:
         """Of each refocused camera the fraction by which its focal length has changed."""
-        fit = self.both
-        sigmas = np.sqrt(np.diag(fit.change_covariance)[-2:])
+        if not self.refocused:
+            return {}
+        fit = self.explanations[0].fit
+        sigmas = np.sqrt(np.diag(fit.change_covariance))
         found = {}
-        for which in self.refocused:
-            at = CAMERAS.index(which)
-            value, reach = float(fit.d[at - 2]), self._quantile * float(sigmas[at])
+        for at, which in enumerate(self.refocused, start=len(sigmas) - len(self.refocused)):
+            value, reach = float(fit.d[at]), self._quantile * float(sigmas[at])
             found[which] = Estimate(value, value - reach, value + reach)
         return found
 
