@@ -24,6 +24,7 @@ import numpy as np
 from scipy.stats import beta
 
 from benchmarks.refined_rigs import BAR_M, DEPTHS_M, FRAMES, Misjudged, random_scene, stated
+from stereocal.field.findings import FOCAL_LEVEL
 from stereocal.field.fits import (
     Fit,
     pose_change,
@@ -124,7 +125,7 @@ def print_unmoved(trials: int) -> None:
     for case in cases(trials, 1):
         found = recheck(case.prior, new_bars(case, case.truth))
         bars += found.changed
-        focus += found.p_focal < 0.002
+        focus += found.p_focal < FOCAL_LEVEL
         same += found.verdict == "same"
         points += recheck(case.prior, matched(case, case.truth, 50)).changed
     print(f"unmoved, {NEW_BARS} bars: moved {exact_interval(bars, trials)}, {focus} by focus; ")

@@ -14,14 +14,13 @@ from stereocal.commands.calibrate import FILES
 from stereocal.commands.options import add_lens_model, with_sigmas
 from stereocal.errors import StereocalError
 from stereocal.field.check_words import notes, sentence, to_json
-from stereocal.field.new_images import NewImages, images_of_bars, images_of_pairs
+from stereocal.field.new_images import NewImages, images_of_bars
 from stereocal.field.power import Smallest
 from stereocal.field.prior import Prior, prior_of
 from stereocal.field.recheck import recheck
 from stereocal.field.repair import REPAIRED, repaired_parameters
-from stereocal.matching.point_table import PointTable
-from stereocal.matching.reconstruction_files import PIXELS
 from stereocal.projects.archive import read_input
+from stereocal.projects.check import images_in_table
 from stereocal.projects.data_folder import SUFFIX
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.atomic_files import write_all
@@ -37,7 +36,9 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     command.add_argument(
         "dataset",
         type=Path,
-        help="a few new bars: folder or zip with dataset.json; or matched points alone: pairs.csv",
+        help="a few new bars: folder or zip with dataset.json, or a table of bars "
+        "(correspondences.csv); "
+        "or matched points alone: pairs.csv",
     )
     command.add_argument("--out", type=Path, required=True, help="folder for the files")
     smallest = Smallest()
@@ -104,5 +105,5 @@ def _images(parsed: argparse.Namespace, rig: RigParameters) -> NewImages:
     path = parsed.dataset
     is_table = path.is_file() and path.suffix != SUFFIX and not zipfile.is_zipfile(path)
     if is_table:
-        return images_of_pairs(PointTable(path, PIXELS), rig)
+        return images_in_table(path, str(path), rig)
     return images_of_bars(with_sigmas(read_input(path, parsed.lens_model), parsed), rig)

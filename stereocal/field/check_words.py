@@ -126,7 +126,11 @@ def _what_changed(check: Recheck) -> str:
 def _turn(check: Recheck) -> str:
     turn, vector = check.turn
     if turn.low <= 0:
-        return f"the distance of the cameras changed, without a turn above {_degrees(turn.high)}°"
+        change = check.baseline_change
+        if change is not None and change.low * change.high > 0:
+            limit = f"without a turn above {_degrees(turn.high)}°"
+            return f"the distance of the cameras changed, {limit}"
+        return f"the pose of the cameras changed a little, {_limits(check)}"
     angle = _range(turn, 180 / np.pi, "°")
     causes = check.possible_causes
     if causes == ("primary",):
@@ -184,7 +188,19 @@ def _repair(check: Recheck) -> list[str]:
     ]
 
 
+def _limits(check: Recheck) -> str:
+    """How large the changes of turn and baseline are at most."""
+    change = check.baseline_change
+    found = f"by a turn below {_degrees(check.turn[0].high)}°"
+    if change is None:
+        return found
+    reach = digits(100 * max(abs(change.low), abs(change.high)), 2)
+    return f"{found} and a change of the baseline below {reach} %"
+
+
 def _same(check: Recheck) -> str:
+    if check.negligible:
+        return f"Same: a movement is seen, but smaller than matters: {_limits(check)}."
     power = check.power
     whole = power.turn if power.baseline is None else min(power.turn, power.baseline)
     return (
@@ -203,8 +219,8 @@ def _cannot_tell(check: Recheck) -> str:
         asked += f" and {100 * check.smallest.baseline:.2g} %"
     return (
         f"Cannot tell with {images.described}: no movement is seen, but only {sizes} would be "
-        f"found (with a probability of 80 %), and asked for are {asked}. More of them, near and "
-        "far and all over the images, show smaller movements."
+        f"found (with a probability of 80 %). What matters is {asked}: more of them, near and far "
+        "and all over the images, show smaller movements."
     )
 
 

@@ -34,7 +34,7 @@ from stereocal.rig.compiled import BoolArray, FloatArray
 from stereocal.rig.rig import Rig
 
 Verdict = Literal["moved", "same", "cannot tell"]
-POSE_LEVEL, FOCAL_LEVEL = 0.008, 0.002
+POSE_LEVEL, FOCAL_LEVEL = 0.009, 0.001
 """Probabilities of a false alarm of the two tests: 1 % together."""
 CONSISTENT = 0.05
 """An explanation is possible above this probability."""
@@ -95,16 +95,34 @@ class Recheck:
         return self.noise.sigma_px <= LARGEST_NOISE_RATIO * self.prior.sigma_px
 
     @property
+    def seen(self) -> bool:
+        """Whether something has changed, be it ever so small."""
+        return self.usable and (self.p_pose < POSE_LEVEL or self.p_focal < FOCAL_LEVEL)
+
+    @cached_property
+    def negligible(self) -> bool:
+        """Whether a movement is seen, and is surely smaller than matters."""
+        if not self.seen or self.refocused or self.ambiguous:
+            return False
+        change = self.baseline_change
+        reach = 0.0 if change is None else max(abs(change.low), abs(change.high))
+        return self.turn[0].high < self.smallest.turn_rad and reach < self.smallest.baseline
+
+    @property
     def changed(self) -> bool:
         """Whether the parameters no longer hold."""
-        return self.usable and (self.p_pose < POSE_LEVEL or self.p_focal < FOCAL_LEVEL)
+        return self.seen and not self.negligible
 
     @property
     def verdict(self) -> Verdict:
         """`moved` if the parameters no longer hold."""
         if self.changed:
             return "moved"
-        return "same" if self.usable and self.power.is_enough else "cannot tell"
+        return "same" if self.negligible or self._would_be_seen else "cannot tell"
+
+    @property
+    def _would_be_seen(self) -> bool:
+        return self.usable and self.power.is_enough
 
     @cached_property
     def same(self) -> Fit:
@@ -132,17 +150,17 @@ class Recheck:
     @property
     def refocused(self) -> tuple[CameraName, ...]:
         """The cameras whose focal length has changed; empty if none has."""
-        return self.explanations[0].refocused if self.changed else ()
+        return self.explanations[0].refocused if self.seen else ()
 
     @property
     def pose_moved(self) -> bool:
         """Whether the pose has changed; false if refocused lenses alone explain the images."""
-        return self.changed and self.explanations[0].moved
+        return self.seen and self.explanations[0].moved
 
     @cached_property
     def ambiguous(self) -> bool:
         """Whether a movement and a refocused lens explain the images about equally well."""
-        if not self.changed:
+        if not self.seen:
             return False
         first, *others = self.explanations
         moved, refocused = first.moved, bool(first.refocused)
@@ -156,7 +174,7 @@ class Recheck:
     @cached_property
     def either_lens(self) -> bool:
         """Whether one lens was refocused, and the images cannot tell which."""
-        if not self.changed or len(self.refocused) != 1:
+        if not self.seen or len(self.refocused) != 1:
             return False
         first, *others = self.explanations
         return any(
@@ -172,7 +190,7 @@ class Recheck:
 
         Where images cannot tell what has changed, all that may have is free.
         """
-        if not self.changed:
+        if not self.seen:
             return self.same
         if self.ambiguous:
             return self.both

@@ -14,7 +14,7 @@ from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.dataset import Correspondences, Dataset
 from stereocal.rig.parameters import RigParameters
 
-LARGEST = 2000
+LARGEST = 1000
 """Pairs that are used; of more, as many are taken evenly."""
 FEWEST_PAIRS = 8
 AMBIGUOUS, THRESHOLDED = "ambiguous", "error_px"

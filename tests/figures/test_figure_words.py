@@ -50,6 +50,10 @@ def accuracy(figure: go.Figure) -> list[float]:
     ]  # the scale is of decades
 
 
+def check(figure: go.Figure) -> list[float]:
+    return [of(flat(t.y)) for t in figure.data for of in (np.median, np.max)]
+
+
 def comparison(figure: go.Figure) -> list[float]:
     found = []
     for trace in figure.data:
@@ -173,9 +177,9 @@ def image(figure: go.Figure) -> list[float]:
 SHOWN: dict[str, Callable[[go.Figure], list[float]]] = {
     each.__name__: each
     for each in (
-        accuracy, comparison, coverage, disagreement, draws, frame_errors, gap, image, lengths,
-        matches, pair_errors, points, residual_field, rig, story_lengths, story_lines, traces,
-        trade_off, two_rays, validation, view_errors,
+        accuracy, check, comparison, coverage, disagreement, draws, frame_errors, gap, image,
+        lengths, matches, pair_errors, points, residual_field, rig, story_lengths, story_lines,
+        traces, trade_off, two_rays, validation, view_errors,
     )
 }  # fmt: skip
 """Numbers that can be read off each figure."""
