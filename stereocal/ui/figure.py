@@ -9,6 +9,9 @@ import streamlit as st
 
 from stereocal.ui.texts import escape_markdown
 
+INK = {"light": "#1B2631", "dark": "#E6EBF0"}
+"""The colours of text in .streamlit/config.toml."""
+
 
 def show_figure(
     figure: go.Figure, sentence: str, key: str, fold: bool = True, **chart: Any
@@ -19,6 +22,8 @@ def show_figure(
         fold: the words are folded away; not where they say what is not in the figure.
         chart: passed on to `st.plotly_chart`.
     """
+    if figure.layout.scene.xaxis.title.text:  # a scene, whose texts follow no style sheet
+        figure.layout.font.color = INK[st.context.theme.type or "light"]
     st.plotly_chart(figure, key=key, **chart)
     with st.expander("In words") if fold else st.container():
         st.caption(escape_markdown(sentence))

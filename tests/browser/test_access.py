@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Browser, ConsoleMessage, Page, expect
 
 from stereocal.rig.parameters import RigParameters
 from stereocal.ui.navigation import TITLES
@@ -63,6 +63,60 @@ NAMELESS = """() => {
 }"""
 """Controls that have no name for those who hear the page."""
 
+FAINT = """(least) => {
+    const numbers = (colour) => {  // 0 to 255, the opacity 0 to 1
+        const found = (colour.match(/[\\d.]+/g) || [0, 0, 0, 0]).map(Number)
+        return found.length < 4 ? [...found, 1] : found
+    }
+    const over = (top, under) => under.map((value, k) =>
+        k === 3 ? 1 : top[3] * top[k] + (1 - top[3]) * value)
+    const light = (colour) => [0.2126, 0.7152, 0.0722].reduce((sum, weight, k) => {
+        const c = colour[k] / 255
+        return sum + weight * (c <= 0.04045 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4)
+    }, 0)
+    const behind = (element) => {
+        const layers = []
+        for (let at = element; at; at = at.parentElement ?? at.getRootNode().host)
+            layers.push(numbers(getComputedStyle(at).backgroundColor))
+        return layers.reverse().reduce((under, top) => over(top, under), [255, 255, 255, 1])
+    }
+    const found = new Set()
+    for (const element of document.querySelectorAll('.stApp *')) {
+        const own = [...element.childNodes].some(
+            (node) => node.nodeType === 3 && node.textContent.trim())
+        const box = element.getBoundingClientRect()
+        const style = getComputedStyle(element)
+        if (!own || box.width <= 1 || style.visibility === 'hidden') continue
+        if (/^[^\\p{L}\\p{N}]+$/u.test(element.textContent.trim())) continue // symbols
+        if (element.closest('[data-testid=stIconMaterial], [aria-hidden=true], :disabled')) continue
+        if (element.closest('style, script, .modebar, [aria-disabled=true]')) continue
+        let opacity = 1
+        for (let at = element; at; at = at.parentElement)
+            opacity *= Number(getComputedStyle(at).opacity)
+        const svg = element.closest('svg')
+        const above = element.closest('[data-testid=stSliderThumbValue]') // not on its thumb
+        const background = behind(svg ? svg.closest('div') : above?.parentElement.parentElement
+            ?? element)
+        const ink = numbers(svg ? style.fill : style.color)
+        ink[3] *= opacity * (svg ? Number(style.fillOpacity) : 1)
+        if (!ink[3]) continue
+        const [high, low] = [light(over(ink, background)), light(background)].sort((a, b) => b - a)
+        const ratio = (high + 0.05) / (low + 0.05)
+        if (ratio < least)
+            found.add(`${ratio.toFixed(2)} ${element.tagName} ${element.textContent.trim()
+                .slice(0, 50)}`)
+    }
+    return [...found]
+}"""
+"""Texts whose contrast with what is behind them is too low; those of figures lie on the page."""
+LEAST_CONTRAST = 4.5
+
+
+def keep_error(errors: list[str], line: ConsoleMessage) -> None:
+    """Streamlit looks for its server below the address of the page first: that is not ours."""
+    if line.type == "error" and "_stcore" not in line.location["url"]:
+        errors.append(line.text)
+
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_pages_fit_a_narrow_screen_and_controls_have_names(
@@ -70,7 +124,9 @@ def test_pages_fit_a_narrow_screen_and_controls_have_names(
 ) -> None:
     context = browser.new_context(viewport={"width": 420, "height": 900}, color_scheme=scheme)
     page = context.new_page()
-    problems = {}
+    problems: dict[str, list[str]] = {}
+    errors: list[str] = []
+    page.on("console", partial(keep_error, errors))
     for path in PATHS:
         page.goto(f"{app_url}/{path}?project={finished}")
         settled(page)
@@ -82,11 +138,13 @@ def test_pages_fit_a_narrow_screen_and_controls_have_names(
         main = page.evaluate("document.querySelector('[data-testid=stMain]').scrollWidth")
         found = [f"{width} px wide"] * (max(width, main) > 420)
         problems[path] = found + page.evaluate(CUT) + page.evaluate(NAMELESS)
+        problems[path] += page.evaluate(FAINT, LEAST_CONTRAST)
         background = page.evaluate(
             "getComputedStyle(document.querySelector('.stApp')).backgroundColor"
         )
         assert background == ("rgb(18, 24, 30)" if scheme == "dark" else "rgb(255, 255, 255)")
     context.close()
+    problems["console"] = errors
     assert not any(problems.values()), json.dumps(problems, indent=1)
 
 
@@ -145,7 +203,7 @@ def tab_to(page: Page, wanted: Callable[[dict[str, Any]], bool]) -> dict[str, An
     for _ in range(LONGEST_WALK):
         page.keyboard.press("Tab")
         now = page.evaluate(FOCUSED)
-        if now is None:
+        if now is None or now["text"] == "file upload":  # where Playwright's file chooser leaves it
             continue
         assert now["visible"] and now["inside"], now
         if wanted(now):
