@@ -79,7 +79,9 @@ def run(parsed: argparse.Namespace) -> None:
     write_all(files)
     print(sentence(found))
     if path != parsed.parameters:
-        print(f"Note: {parsed.parameters} states no covariance; {path} was checked instead.")
+        print(
+            f"Note: {path}, of the same calibration, was checked instead: it fits the images best."
+        )
     for note in notes(found):
         print(f"Note: {note}")
     for written in files:
@@ -89,12 +91,16 @@ def run(parsed: argparse.Namespace) -> None:
 def _prior(path: Path) -> tuple[Path, Prior]:
     """The prior of the file, or of the refined file of the same calibration beside it.
 
+    That one is taken where the file states no covariance, and for a 3D set, whose images fit its
+    lengths rather than each other.
+
     Raises:
         StereocalError: neither states a covariance.
     """
     rig = RigParameters.load(path)
     beside = path.with_name(FILES["refined"])
-    if "covariance" not in (rig.uncertainties or {}) and beside != path and beside.is_file():
+    fits_images = "covariance" in (rig.uncertainties or {}) and rig.method != "3d"
+    if not fits_images and beside != path and beside.is_file():
         refined = RigParameters.load(beside)
         if refined.inputs.get("sha256") == rig.inputs.get("sha256"):
             return beside, prior_of(refined, str(beside))

@@ -14,6 +14,7 @@ from stereocal.verdict.in_words import digits, listed
 
 CHECK_FORMAT = "stereocal-check/1"
 AXES = ("horizontal", "vertical", "optical")
+CERTAIN = 0.99
 NEAR_AXIS, MOSTLY = 0.94, 0.8
 """Cosines of 20 and 37 degrees."""
 
@@ -203,9 +204,12 @@ def _same(check: Recheck) -> str:
         return f"Same: a movement is seen, but smaller than matters: {_limits(check)}."
     power = check.power
     whole = power.turn if power.baseline is None else min(power.turn, power.baseline)
+    chance = (
+        f"{100 * whole:.0f} % or more" if whole < CERTAIN else f"more than {100 * CERTAIN:.0f} %"
+    )
     return (
         f"Same: no movement is seen; {_smallest(check)} would have been found with a probability "
-        f"of {100 * whole:.0f} % or more."
+        f"of {chance}."
     )
 
 

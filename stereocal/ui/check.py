@@ -10,6 +10,7 @@ import numpy as np
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
+from stereocal.calibration.methods import Method
 from stereocal.field.check_words import notes, sentence
 from stereocal.field.findings import Recheck
 from stereocal.field.power import Smallest
@@ -17,7 +18,8 @@ from stereocal.field.prior import prior_of
 from stereocal.field.recheck import recheck
 from stereocal.field.repair import REPAIRED, Residuals, repaired_parameters, residuals_of
 from stereocal.figures import describe_check, plot_check
-from stereocal.projects.application import parameters_in
+from stereocal.matching.application import PAIRS
+from stereocal.projects.application import ProjectApplication, parameters_in
 from stereocal.projects.check import IMAGES, PARAMETERS, ProjectCheck, images_in
 from stereocal.projects.project import Project
 from stereocal.rig.parameters import RigParameters
@@ -32,6 +34,7 @@ from stereocal.ui.messages import readable
 from stereocal.ui.refined import answer_of
 from stereocal.ui.texts import escape_markdown
 
+MATCHED, FILE = "The pairs of Apply", "A file"
 TABLES = ["zip", "csv", "txt", "tsv", "parquet"]
 JSON = "application/json"
 VERDICTS = {"moved": st.warning, "same": st.success, "cannot tell": st.info}
@@ -59,10 +62,8 @@ def choose_inputs(project: Project, store: ProjectCheck) -> Chosen | None:
     left, middle, *sizes = st.columns([3, 3, 2, 2])
     with left:
         found = _choose_parameters(project, store)
-    given = store.file(IMAGES)
     with middle:
-        label = escape_markdown(given[0]) if given else "none yet"
-        st.caption(f"New bars or matched points  \nIn use: {label}")
+        given = _choose_images(project, store)
     smallest = _smallest(project, *sizes)
     _take_files(project, store, None if found is None else found[0], found is None or not given)
     show_refusal()
@@ -76,7 +77,27 @@ def choose_inputs(project: Project, store: ProjectCheck) -> Chosen | None:
         )
     if found is None or given is None:
         return None
-    return Chosen(*found, given[0], given[1].read_bytes(), smallest)
+    return Chosen(*found, *given, smallest)
+
+
+def _images_kind(project: Project, store: ProjectCheck) -> Field:
+    matched = readable(lambda: ProjectApplication(project).result) is not None
+    kinds = [*([MATCHED] if matched else []), FILE]
+    usual = FILE if store.file(IMAGES) else kinds[0]
+    return setting(project, "check_images", usual, one_of(kinds))
+
+
+def _choose_images(project: Project, store: ProjectCheck) -> tuple[str, bytes] | None:
+    """Name and content of the new images; None if there are none."""
+    kind, result = _images_kind(project, store), ProjectApplication(project).result
+    if result is not None:
+        st.selectbox("New bars or matched points", [MATCHED, FILE], **kind.widget())
+    if result is not None and kind.value() == MATCHED:
+        return f"{PAIRS} of Apply", result[1][PAIRS].read_bytes()
+    given = store.file(IMAGES)
+    title = "" if result else "New bars or matched points  \n"
+    st.caption(f"{title}In use: {escape_markdown(given[0]) if given else 'none yet'}")
+    return None if given is None else (given[0], given[1].read_bytes())
 
 
 def _kind(project: Project) -> Field:
@@ -91,11 +112,10 @@ def _choose_parameters(project: Project, store: ProjectCheck) -> tuple[RigParame
         answer = answer_of(project, calibration)
         sets = answer.sets if answer else {}
         if sets:
-            first = "refined" if "refined" in sets else "2d"
-            field = setting(project, "check_set", first, one_of(list(sets)))
-            titles = SET_TITLES.__getitem__
-            st.selectbox("Parameters", list(sets), format_func=titles, **field.widget())
-            rig = sets[field.value()]
+            # Of one calibration, the refined set knows the rig best; if it moved, none holds.
+            method: Method = "refined" if "refined" in sets else "2d"
+            st.caption(f"Parameters  \nIn use: this project's {SET_TITLES[method].lower()}")
+            rig = sets[method]
             return rig, rig.dumps()
     given = store.file(PARAMETERS)
     label = escape_markdown(given[0]) if given else "none yet"
@@ -144,21 +164,26 @@ def _take_files(
                     store.keep_parameters(upload.name, upload.getvalue())
                     clear_refusal()
                 st.rerun()
-        upload = st.file_uploader(
-            "New bars or matched points", type=TABLES, key="upload_check_images",
-            help="A data set as a zip with dataset.json; or a table of bars like "
-            "correspondences.csv; or matched points alone, like pairs.csv of Apply. Five bars or "
-            "50 points are a good start.",
-        )  # fmt: skip
-        if upload is not None and is_new(upload):
-            with taking(upload), st.spinner("Reading."):
-                check_uploads([upload])
-                content = upload.getvalue()
-                if upload.name.lower().endswith(".parquet"):
-                    server_guard().check_content("table", content, upload.name, ".parquet")
-                store.keep_images(upload.name, content, rig)
-                clear_refusal()
-            st.rerun()
+        if _images_kind(project, store).value() == FILE:
+            _take_images(store, rig)
+
+
+def _take_images(store: ProjectCheck, rig: RigParameters | None) -> None:
+    upload = st.file_uploader(
+        "New bars or matched points", type=TABLES, key="upload_check_images",
+        help="A data set as a zip with dataset.json; or a table of bars like "
+        "correspondences.csv; or matched points alone, like pairs.csv of Apply. Five bars or 50 "
+        "points are a good start.",
+    )  # fmt: skip
+    if upload is not None and is_new(upload):
+        with taking(upload), st.spinner("Reading."):
+            check_uploads([upload])
+            content = upload.getvalue()
+            if upload.name.lower().endswith(".parquet"):
+                server_guard().check_content("table", content, upload.name, ".parquet")
+            store.keep_images(upload.name, content, rig)
+            clear_refusal()
+        st.rerun()
 
 
 def show_check(chosen: Chosen) -> None:

@@ -48,7 +48,7 @@ SET: dict[str, dict[str, Any]] = {
         "apply_near": 1.5, "apply_far": 60.0, "apply_threshold": 2.5,
         "apply_view": "Threshold and depths",
     },
-    "check": {"check_set": "3d", "check_turn_deg": 0.2, "check_baseline_percent": 0.5},
+    "check": {"check_turn_deg": 0.2, "check_baseline_percent": 0.5},
 }  # fmt: skip
 """Of each page, by the key of the widget; none is the usual value, none its least."""
 SHOWN = {
@@ -59,7 +59,7 @@ SHOWN = {
     )},
     "delta_min": "0.000003", "board_square_mm": "25", "apply_far": "60", "dlt_first_3d": "0.50",
     "rig_method": "2D set", "dlt_corner_3d": "lower left", "apply_matching": "3D set",
-    "apply_measuring": "2D set", "check_set": "3D set", "format_file": "3D set",
+    "apply_measuring": "2D set", "format_file": "3D set",
     "format": "DLT coefficients (DLTdv, easyWand, Argus)",
 }  # fmt: skip
 """As the browser shows it."""

@@ -123,11 +123,12 @@ def test_parameters_without_covariance_are_one_message(begun: AppTest, files: Fi
 def test_the_results_of_the_project_are_checked(app: AppTest, home: Path) -> None:
     calibrated(app)
     app.switch_page("pages/check.py").run()
-    assert app.selectbox(key="check_set").value == "refined"
+    assert "this project's refined set" in said(app, "caption")
+    app.selectbox(key="check_images").set_value("A file").run()
     dataset = project_of(app, home).dataset
     assert dataset is not None
     few = dataset.of_frames(dataset.correspondences.frames[:5])
     give(app, "images", "few.csv", write_table(few.correspondences))
     assert "Cannot tell with 5 bars" in said(app, "info")
-    app.selectbox(key="check_set").set_value("3d").run()
-    assert "Cannot tell with 5 bars" in said(app, "info")
+    app.selectbox(key="check_images").set_value("The pairs of Apply").run()
+    assert "matched points alone do not show" in said(app, "caption").lower()
