@@ -23,6 +23,7 @@ from stereocal.formats.dataset_files import pack_dataset, parse_dataset, read_da
 from stereocal.formats.lens_model import LensModel
 from stereocal.matching.parquet import PARQUET
 from stereocal.projects.application import APPLIED, SETS
+from stereocal.projects.check import CHECK
 from stereocal.projects.data_folder import SUFFIX, new_database
 from stereocal.projects.database import Database
 from stereocal.projects.files import StoredFile, keep_file, keep_result, keep_values, name_files
@@ -41,7 +42,7 @@ MANIFEST, MANIFEST_FORMAT = "project.json", "stereocal-project/1"
 BOARDS = tuple(f"boards_{which}" for which in CAMERAS)
 FOLDERS = {
     INPUT: "inputs", CALIBRATED: "calibrated", FURTHER: "datasets", BAR: "photographs",
-    **{part: part for part in (*BOARDS, POINT_FILES, TABLES, ASKING, SETS, APPLIED)},
+    **{part: part for part in (*BOARDS, POINT_FILES, TABLES, ASKING, SETS, APPLIED, CHECK)},
 }  # fmt: skip
 """Where the files of each part are in the zip."""
 RESULTS = {
