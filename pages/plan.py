@@ -18,6 +18,7 @@ from stereocal.ui.plan import (
 )
 from stereocal.ui.plan_fields import plan_controls
 from stereocal.ui.plan_project import start_button
+from stereocal.ui.print_downloads import field_sheet_to_print, planned_targets_to_print
 from stereocal.ui.project import current_project
 
 ensure_navigation()
@@ -39,6 +40,8 @@ try:
     with st.container(horizontal=True):
         start_button(found)
         plan_downloads(found)
+        field_sheet_to_print(plan)
+    planned_targets_to_print(project, plan)
     show_details(found)
 except StereocalError as error:
     st.error(escape_markdown(str(error)))

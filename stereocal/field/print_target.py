@@ -20,6 +20,7 @@ from stereocal.field.paper import (
     footer_height,
     stroke,
 )
+from stereocal.field.plan import Plan
 
 GOOD_PX = 50.0
 """A target of this width or more is located well also when it is tilted by 60 degrees."""
@@ -96,6 +97,12 @@ def target_size(
         raise StereocalError(f"The near distance {near_m:g} m is beyond the far one, {far_m:g} m.")
     needed_mm = 1e3 * least_px * far_m / focal_px
     return TargetSize(1e-3 * STEP_MM * math.ceil(needed_mm / STEP_MM), focal_px, near_m, far_m)
+
+
+def planned_target(plan: Plan) -> TargetSize:
+    """The target for a plan: large enough at the far end, in the camera that sees it smaller."""
+    focal = min(float(camera.K[0, 0]) for camera in (plan.primary, plan.secondary))
+    return target_size(focal, plan.near_m, plan.far_m)
 
 
 def describe_target(side_m: float, focal_px: float) -> str:

@@ -6,7 +6,7 @@ import numpy as np
 
 from stereocal.field.bar_places import ground_from_primary
 from stereocal.field.plan import Plan
-from stereocal.field.print_target import target_size
+from stereocal.field.print_target import planned_target
 from stereocal.rig.compiled import FloatArray
 
 HAND_SPEED_M_S = 0.5
@@ -143,8 +143,7 @@ def _timed(plan: Plan) -> str:
 
 
 def _targets(plan: Plan) -> str:
-    focal = min(float(camera.K[0, 0]) for camera in (plan.primary, plan.secondary))
-    size = target_size(focal, plan.near_m, plan.far_m)
+    size = planned_target(plan)
     near, far = size.widths_px
     return (
         f"Targets of <b>{1e3 * size.side_m:.4g} mm</b>: {far:.0f} px across at {plan.far_m:g} m, "

@@ -191,3 +191,10 @@ def test_the_same_sheet_gives_the_same_bytes() -> None:
     sheets = [print_board(BOARD, A3) for _ in range(2)]
     assert sheets[0].pdf() == sheets[1].pdf()
     assert sheets[0].svg() == sheets[1].svg()
+
+
+def test_texts_of_an_svg_have_the_width_of_the_pdf_in_any_font() -> None:
+    svg = ElementTree.fromstring(print_board(BOARD, A3).svg().encode())
+    texts = list(svg.iter("{http://www.w3.org/2000/svg}text"))
+    assert sum("font-weight: bold" in text.attrib["style"] for text in texts) == 1
+    assert all(0.5 < float(text.attrib["textLength"]) < 300.0 for text in texts)
