@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from typing import Any
 
@@ -75,7 +74,8 @@ def show_plan(project: Project | None, plan: Plan) -> None:
         "name": plan.name, "bar_m": plan.bar_m, "frames": plan.frames, "noise_px": plan.noise_px,
         "focal_percent": 100 * own.focal, "centre_px": own.centre_px,
         "baseline_mm": 1000 * own.baseline_m, "bar_mm": 1000 * own.bar_m,
-        "range_m": (plan.near_m, plan.far_m), "stated_pose": None, "alike": False,
+        "near_m": plan.near_m, "far_m": plan.far_m, "stated_pose": None,
+        "alike": plan.stated_primary == plan.stated_secondary,
     }  # fmt: skip
     if isinstance(pose, AimedPose):
         values |= {
@@ -168,7 +168,10 @@ def _pose(project: Project | None) -> Pose | AimedPose:
         left, right = st.columns([3, 2], vertical_alignment="center")
         left.markdown(f"Pose of the cameras: R and T of the plan, baseline {pose.baseline:.4g} m.")
         right.button(
-            "State baseline and toe-in instead", on_click=callback(stated.set), args=(None,)
+            "State baseline and toe-in instead",
+            key="plan_aim",
+            on_click=callback(stated.set),
+            args=(None,),
         )
         return pose
     left, right = st.columns(2)
@@ -185,12 +188,15 @@ def _pose(project: Project | None) -> Pose | AimedPose:
 
 
 def _range(project: Project | None) -> tuple[float, float]:
-    own = field(project, "range_m")
-    near, far = own.value()
-    near, far = st.select_slider(
-        "Range: nearest and farthest, ahead of the primary camera (m)",
-        _with(_with(LENGTHS, near), far), **own.widget(),
-    )  # fmt: skip
+    titles = {"near_m": "Nearest, ahead of the primary camera (m)", "far_m": "Farthest (m)"}
+    near, far = (
+        column.select_slider(title, _with(LENGTHS, own.value()), **own.widget())
+        for column, (title, own) in zip(
+            st.columns(2),
+            ((title, field(project, name)) for name, title in titles.items()),
+            strict=True,
+        )
+    )
     return float(near), float(far)
 
 
@@ -243,16 +249,11 @@ def _camera_text(value: Any) -> str | None:
     return None if value is None else str(value)
 
 
-def _pair(value: Any) -> tuple[float, float]:
-    low, high = value
-    return number(0.0)(float(low)), number(0.0)(float(high))
-
-
 def _pose_or_none(value: Any) -> dict[str, Any] | None:
     if value is None:
         return None
     try:
-        return json.loads(json.dumps({key: value[key] for key in ("R", "T")}))  # type: ignore[no-any-return]
+        return {key: np.array(value[key], dtype=np.float64).tolist() for key in ("R", "T")}
     except DAMAGED as error:
         raise ValueError(value) from error
 
@@ -269,7 +270,8 @@ _PLAIN: dict[str, tuple[Any, Fit]] = {
     "toe_in_deg": (10.0, number(-80.0, 80.0)),
     "height_m": (0.0, number(-1000.0, 1000.0)),
     "stated_pose": (None, _pose_or_none),
-    "range_m": ((8.0, 25.0), _pair),
+    "near_m": (8.0, number(0.0)),
+    "far_m": (25.0, number(0.0)),
     "bar_m": (0.9, number(0.0)),
     "frames": (25, number(1)),
     "noise_px": (0.2, number(0.0)),
