@@ -142,7 +142,7 @@ def test_a_project_from_a_plan(app: AppTest, home: Path) -> None:
     assert "2D" in planned_line(project.settings["plan_forecast"])
     app.switch_page("pages/plan.py").run()
     assert app.select_slider(key="plan_near_m").value == 9.0
-    assert not app.error
+    assert not app.error, messages(app)
 
 
 def test_what_is_no_forecast_shows_no_line() -> None:
