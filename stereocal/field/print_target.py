@@ -99,10 +99,10 @@ def target_size(
     return TargetSize(1e-3 * STEP_MM * math.ceil(needed_mm / STEP_MM), focal_px, near_m, far_m)
 
 
-def planned_target(plan: Plan) -> TargetSize:
+def planned_target(plan: Plan, least_px: float = GOOD_PX) -> TargetSize:
     """The target for a plan: large enough at the far end, in the camera that sees it smaller."""
     focal = min(float(camera.K[0, 0]) for camera in (plan.primary, plan.secondary))
-    return target_size(focal, plan.near_m, plan.far_m)
+    return target_size(focal, plan.near_m, plan.far_m, least_px)
 
 
 def describe_target(side_m: float, focal_px: float) -> str:

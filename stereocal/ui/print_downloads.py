@@ -11,7 +11,13 @@ from stereocal.field.bar_places import bar_places
 from stereocal.field.paper import PAPERS, Sheet, paper_named
 from stereocal.field.plan import Plan
 from stereocal.field.print_board import fitted, print_board
-from stereocal.field.print_target import describe_target, planned_target, print_targets
+from stereocal.field.print_target import (
+    DETECTED_PX,
+    GOOD_PX,
+    describe_target,
+    planned_target,
+    print_targets,
+)
 from stereocal.field.sheet import field_sheet
 from stereocal.intrinsics.board_pattern import BoardPattern
 from stereocal.projects.project import Project
@@ -39,7 +45,7 @@ def board_to_print(project: Project | None) -> None:
         try:
             board = fitted(BoardPattern(columns, rows, 0.01), paper_named(named))
         except StereocalError as error:
-            st.error(str(error))
+            st.info(str(error))
             return
         st.markdown(
             f"Squares of **{1e3 * board.square_m:.0f} mm**, the largest on {named}. The board "
@@ -69,8 +75,14 @@ def targets_to_print(project: Project | None, focal_px: float | None) -> None:
 def planned_targets_to_print(project: Project | None, plan: Plan) -> None:
     """A fold with the two targets, of the size that the plan needs."""
     with st.expander("Print the targets"):
-        size = planned_target(plan)
-        named = _paper(project, st.columns(2)[0], "targets")
+        left, right = st.columns(2)
+        named = _paper(project, left, "targets")
+        least_px = right.number_input(
+            "Width in the image at the far end (px)", *DETECTED_PX, step=5.0, format="%.10g",
+            help="50 px are located well, also tilted; 20 px are the least.",
+            **setting(project, "print_px", GOOD_PX, number(*DETECTED_PX)).widget(),
+        )  # fmt: skip
+        size = planned_target(plan, least_px)
         _targets(size.side_m, named, size.sentence)
 
 
@@ -78,7 +90,7 @@ def _targets(side_m: float, paper: str, seen: str) -> None:
     try:
         sheet = print_targets(side_m, paper_named(paper))
     except StereocalError as error:
-        st.error(str(error))
+        st.info(f"{seen} {error}")
         return
     st.markdown(f"{seen} {AT_TRUE_SCALE}")
     _downloads(lambda: sheet, "target")

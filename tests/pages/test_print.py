@@ -20,7 +20,7 @@ def app(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[AppTest]:
 
 
 def shown(app: AppTest) -> str:
-    return " ".join(str(item.value) for kind in (app.markdown, app.error) for item in kind)
+    return " ".join(str(item.value) for kind in (app.markdown, app.info) for item in kind)
 
 
 def test_the_board_is_as_large_as_the_paper_allows(app: AppTest) -> None:
@@ -50,3 +50,5 @@ def test_a_plan_offers_targets_of_the_size_it_needs(app: AppTest) -> None:
     assert "A target of 350 mm does not fit on A4" in shown(app)
     app.selectbox(key="print_paper_targets").set_value("A2").run()
     assert "A target of 350 mm is 50 px across at 50 m" in shown(app)
+    app.number_input(key="print_px").set_value(20.0).run()
+    assert "A target of 140 mm is 20 px across at 50 m" in shown(app)
