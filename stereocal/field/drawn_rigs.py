@@ -168,7 +168,8 @@ def _judged(
     of_px = counts[:, REPROJECTION].astype(np.int64)
     limits = crossing(of_px)
     errors = np.abs(lengths - 1.0)
-    median, p95 = np.nanpercentile(errors, (50, 95), axis=1)
+    quantiles = np.percentile if np.isfinite(errors).all() else np.nanpercentile  # 20 times faster
+    median, p95 = quantiles(errors, (50, 95), axis=1)
     figures = np.column_stack([
         np.nanmean(errors, axis=1), median, p95, overlap(merge_bins(of_px, MERGE)),
         10.0 ** (LOWEST + BIN_WIDTH * limits), correct_px, _wrong_below(of_px, limits),
