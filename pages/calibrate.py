@@ -6,6 +6,7 @@ from stereocal.errors import StereocalError
 from stereocal.ui.forms import settings_form, settings_of
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.navigation import ensure_navigation
+from stereocal.ui.plan_project import show_planned
 from stereocal.ui.prerequisites import project_with_data
 from stereocal.ui.press import answer_so_far, press, show_progress, work_of
 from stereocal.ui.project import last_calibration
@@ -18,7 +19,8 @@ st.title("Calibrate")
 st.subheader("What is the pose of the cameras, and which set serves what?")
 
 project, inputs, dataset = project_with_data()
-pressed = st.button("Calibrate", type="primary", key="run")
+label = "Calibrate again" if last_calibration(project) else "Calibrate"
+pressed = st.button(label, type="primary", key="run")
 values = settings_form(project, dataset)
 show_exchanged(project)
 work = None
@@ -36,4 +38,5 @@ if result is None:
     st.stop()
 if stale := staleness(result, dataset, values):
     st.warning(stale)
+show_planned(project)
 show_result(project, result, answer_so_far(project, result))

@@ -11,6 +11,7 @@ from stereocal.ui.lens import (
 )
 from stereocal.ui.lens_results import show_lens
 from stereocal.ui.navigation import ensure_navigation
+from stereocal.ui.print_downloads import board_to_print
 from stereocal.ui.project import current_project
 from stereocal.ui.texts import BOARDS
 
@@ -27,6 +28,7 @@ if how == "A camera file":
 else:
     with st.expander("How to take the photographs"):
         st.markdown(BOARDS)
+    board_to_print(project)
     store = from_photographs(project, which)
     show_refusal()
     if store is None:

@@ -33,6 +33,9 @@ with st.container(horizontal=True):
     if st.button("Start with my own data", key="begin"):
         forget_project()
         st.switch_page("pages/data.py")
+    if st.button("Plan a field day", key="begin_plan"):
+        forget_project()
+        st.switch_page("pages/plan.py")
 
 project = show_projects()
 

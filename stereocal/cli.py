@@ -15,6 +15,8 @@ from stereocal.commands import (
     evaluate,
     intrinsics,
     match,
+    plan,
+    print_files,
     reconstruct,
     simulate,
 )
@@ -23,7 +25,8 @@ from stereocal.errors import StereocalError
 from stereocal.rig.compilations import compilations
 
 COMMANDS = (
-    calibrate, evaluate, detect, intrinsics, match, reconstruct, convert, check, simulate, compiling
+    calibrate, evaluate, detect, intrinsics, match, reconstruct, convert, check, simulate, plan,
+    print_files, compiling,
 )  # fmt: skip
 
 

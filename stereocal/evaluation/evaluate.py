@@ -114,7 +114,7 @@ def evaluate_run(dataset: Dataset, settings: EvaluationSettings, number: int, ru
     seeds = np.random.SeedSequence([own.search.seed, number, run]).spawn(4)
     fit = split(dataset, settings.calibration_frames, seeds[0])
     check_points(dataset, fit)
-    angles = _fit(dataset, fit, own, seeds[1], seeds[2])
+    angles = paper_angles(dataset, fit, own, seeds[1], seeds[2])
     rng = np.random.Generator(np.random.PCG64(seeds[3]))
     partners = _partners(int(np.count_nonzero(~fit)), rng)
     found = _test(dataset, ~fit, angles, partners)
@@ -123,7 +123,7 @@ def evaluate_run(dataset: Dataset, settings: EvaluationSettings, number: int, ru
     return stacked(found, _refined(dataset, fit, angles[0], settings.refined, partners))
 
 
-def _fit(
+def paper_angles(
     dataset: Dataset,
     rows: BoolArray,
     settings: CalibrationSettings,

@@ -26,6 +26,14 @@ from stereocal.figures.measured import (
     plot_points,
 )
 from stereocal.figures.pair_errors import describe_pair_errors, plot_pair_errors
+from stereocal.figures.plan_errors import (
+    describe_plan_baselines,
+    describe_plan_depths,
+    describe_plan_map,
+    plot_plan_baselines,
+    plot_plan_depths,
+    plot_plan_map,
+)
 from stereocal.figures.rig import describe_rig, plot_rig
 from stereocal.figures.story import (
     describe_story_lengths,
@@ -72,6 +80,9 @@ __all__ = [
     "describe_lengths",
     "describe_matches",
     "describe_pair_errors",
+    "describe_plan_baselines",
+    "describe_plan_depths",
+    "describe_plan_map",
     "describe_points",
     "describe_residual_field",
     "describe_rig",
@@ -95,6 +106,9 @@ __all__ = [
     "plot_lengths",
     "plot_matches",
     "plot_pair_errors",
+    "plot_plan_baselines",
+    "plot_plan_depths",
+    "plot_plan_map",
     "plot_points",
     "plot_residual_field",
     "plot_rig",

@@ -15,6 +15,9 @@ from stereocal.rig.compiled import FloatArray
 
 WIDTH, LEAST_HEIGHT, MOST_HEIGHT = 860, 140, 420
 """Of a map in px: at this width of the page, equal axes fill their room."""
+LEAST_STEP = 0.12
+"""Least distance of two ticks of the scale over its length: numbers nearer than that touch on a
+narrow page."""
 TOP, TITLE, GAP, FOOT = 112, 26, 72, 62
 Quantity = Literal["distance", "point"]
 TITLES: dict[Quantity, str] = {
@@ -39,6 +42,8 @@ def plot_accuracy(
         return sentence_only(NO_VIEW)
     low, high = np.nanpercentile(np.log10(_values(maps, quantity)), [1, 99])
     ticks = np.unique([float(f"{10**at:.1g}") for at in np.linspace(low, high, 6)])
+    apart = np.diff(np.log10(ticks), prepend=-np.inf) > LEAST_STEP * (high - low)
+    ticks = ticks[apart]
     bounds = [_bounds(found, result) for found in maps]
     near, far = (f(b[1, end] for b in bounds) for f, end in ((min, 0), (max, 1)))
     heights = [
@@ -106,10 +111,16 @@ def _axes(
 
 def _title(found: AccuracyMap, at: int) -> dict[str, Any]:
     number = str(at + 1) if at else ""
-    text = "<b>From above</b>, at the height of the primary camera"
+    away, primary = f"{abs(found.at_m):.1f} m", "the primary camera"
     if found.plane == "side":
         side = "right" if found.at_m >= 0 else "left"
-        text = f"<b>From the side</b>, {abs(found.at_m):.1f} m to the {side} of the primary camera"
+        where = f"{away} to the {side} of" if found.at_m else "straight ahead of"
+        text = f"<b>From the side</b>, {where} {primary}"
+    else:
+        where = (
+            f"{away} {'below' if found.at_m > 0 else 'above'}" if found.at_m else "at the height of"
+        )
+        text = f"<b>From above</b>, {where} {primary}"
     return {
         "text": text, "xref": f"x{number} domain", "yref": f"y{number} domain", "x": 0, "y": 1,
         "xanchor": "left", "yanchor": "bottom", "yshift": 4, "showarrow": False,

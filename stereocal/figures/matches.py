@@ -7,7 +7,7 @@ import pandas as pd
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from stereocal.figures.photograph import Photograph, add_photograph
+from stereocal.figures.photograph import Photograph, photograph_behind
 from stereocal.figures.style import NEUTRAL, WRONG_COLOUR, count, finish
 from stereocal.rig.camera import CameraName
 from stereocal.rig.compiled import BoolArray, FloatArray
@@ -43,7 +43,8 @@ def plot_matches(
     figure.layout.uirevision, figure.layout.showlegend, figure.layout.margin.pad = side, False, 0
     width, height = size
     if photograph is not None:
-        add_photograph(figure, photograph, (-0.5, -0.5, width - 0.5, height - 0.5), 1, 1)
+        box = (-0.5, -0.5, width - 0.5, height - 0.5)
+        figure.layout.images = photograph_behind(photograph, box)
     _add_unmatched(figure, points[unmatched(pairs, points, side)], photograph is not None)
     _add_pairs(figure, side, pairs, photograph is not None)
     figure.update_xaxes(

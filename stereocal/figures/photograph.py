@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import base64
+from typing import Any
 
 import cv2
 import numpy as np
 import numpy.typing as npt
-import plotly.graph_objects as go
 
 Photograph = npt.NDArray[np.uint8]
 """(height, width), grey."""
@@ -16,24 +16,21 @@ LARGEST = 1000
 QUALITY = 85
 
 
-def add_photograph(
-    figure: go.Figure,
-    image: Photograph,
-    box: tuple[float, float, float, float],
-    row: int,
-    column: int,
-) -> None:
-    """Draw the part of a photograph that is in a box behind a panel.
+def photograph_behind(
+    image: Photograph, box: tuple[float, float, float, float], xref: str = "x", yref: str = "y"
+) -> list[dict[str, Any]]:
+    """The part of a photograph that is in a box behind a panel, for `layout.images`; none outside.
 
     Args:
         box: left, top, right, bottom in pixels, the centre of the first pixel at (0, 0).
+        xref, yref: axes of the panel.
     """
     height, width = image.shape
     left, top = max(int(np.floor(box[0] + 0.5)), 0), max(int(np.floor(box[1] + 0.5)), 0)
     right, bottom = min(int(np.ceil(box[2] + 0.5)), width), min(int(np.ceil(box[3] + 0.5)), height)
     part = image[top:bottom, left:right]
     if not part.size:
-        return
+        return []
     shrink = LARGEST / max(part.shape)
     if shrink < 1:
         part = np.asarray(
@@ -41,7 +38,10 @@ def add_photograph(
         )
     _, packed = cv2.imencode(".jpg", part, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
     source = "data:image/jpeg;base64," + base64.b64encode(packed.tobytes()).decode()
-    figure.add_layout_image(
-        source=source, x=left - 0.5, y=top - 0.5, sizex=right - left, sizey=bottom - top,
-        sizing="stretch", layer="below", row=row, col=column,
-    )  # fmt: skip
+    return [
+        {
+            "source": source, "x": left - 0.5, "y": top - 0.5, "sizex": right - left,
+            "sizey": bottom - top, "sizing": "stretch", "layer": "below",
+            "xref": xref, "yref": yref,
+        }
+    ]  # fmt: skip

@@ -13,9 +13,7 @@ import numba
 import numpy as np
 import pandas as pd
 import plotly
-import plotly.graph_objects as go
 import scipy
-from plotly.offline import get_plotlyjs
 
 import stereocal
 from stereocal.calibration.methods import ALL_METHODS, METHOD_NAMES, Method
@@ -23,6 +21,7 @@ from stereocal.evaluation.evaluate import EvaluationSettings
 from stereocal.evaluation.summary import BOOTSTRAPS, MethodSummary
 from stereocal.figures.comparison import describe_comparison, plot_comparison
 from stereocal.figures.frame_view import PAPERS, telling_frame, views_of
+from stereocal.figures.html import html_page, html_plot, html_section, html_table, paragraphs
 from stereocal.figures.tables import (
     ANGLE_TITLES,
     contents_table,
@@ -63,40 +62,6 @@ SETTING_NAMES = {
     "runs": "Runs for each data set",
     "refined": "Settings of the refined method",
 }
-STYLE = """
-:root { color-scheme: light dark; --ink: #1b2631; --page: #ffffff; --rule: #c9d0d6;
-  --shade: #f3f5f7; }
-@media (prefers-color-scheme: dark) {
-  :root { --ink: #e6ebf0; --page: #12181e; --rule: #3b4752; --shade: #1c252e; }
-}
-* { box-sizing: border-box; }
-body { margin: 0; background: var(--page); color: var(--ink);
-  font: 16px/1.5 system-ui, sans-serif; }
-main { max-width: 1140px; margin: 0 auto; padding: 16px; }
-h1 { font-size: 1.7rem; line-height: 1.25; } h2 { font-size: 1.25rem; margin-top: 2rem; }
-.answer { font-size: 1.1rem; padding: 12px 16px; background: var(--shade);
-  border-left: 4px solid #1f83c4; }
-.scroll { overflow-x: auto; }
-table { border-collapse: collapse; font-size: 0.92rem; }
-th, td { padding: 4px 10px; border-bottom: 1px solid var(--rule); text-align: left;
-  vertical-align: top; overflow-wrap: break-word; }
-td { font-variant-numeric: tabular-nums; }
-.data td + td:not(.digest) { white-space: nowrap; }
-.digest { font-family: monospace; overflow-wrap: anywhere; min-width: 20ch; }
-.main-svg > g:not(.hoverlayer) text { fill: var(--ink) !important; }
-.narrow { display: none; }
-.sets { display: grid; grid-template-columns: 1fr 1fr; gap: 16px; }
-.sets > div { min-width: 0; }
-@media screen and (max-width: 759px) {
-  .wide { display: none; } .narrow { display: block; } .sets { grid-template-columns: 1fr; }
-}
-@page { size: A4 landscape; margin: 12mm; }
-@media print {
-  :root { --ink: #000000; --page: #ffffff; --rule: #999999; --shade: #ffffff; }
-  main { max-width: none; padding: 0; }
-  .plot { zoom: 0.72; } .plot, tr { break-inside: avoid; } h2 { break-after: avoid; }
-}
-"""
 
 
 def report_html(
@@ -122,23 +87,20 @@ def report_html(
         f"<h1>{escape(title)}</h1>",
         f'<p class="answer">{escape(first)}</p>',
         *_why_two_sets(recommended[0] if recommended else None),
-        _section("What was done", _procedure(datasets, settings)),
-        _section("Data sets" if len(datasets) > 1 else "Data set", _datasets(datasets, screenings)),
-        _section("How well each method matches and measures", _validation(summaries)),
-        _section("The figures in numbers", _table(validation_table(summaries))),
+        html_section("What was done", _procedure(datasets, settings)),
+        html_section(
+            "Data sets" if len(datasets) > 1 else "Data set", _datasets(datasets, screenings)
+        ),
+        html_section("How well each method matches and measures", _validation(summaries)),
+        html_section("The figures in numbers", html_table(validation_table(summaries))),
         *_comparison(by_dataset),
-        _section("Angles: mean ± spread over the runs, in degrees", _angles(summaries, datasets)),
-        _section("Settings", _table(_settings(settings, summaries))),
-        _section("Software", _software()),
+        html_section(
+            "Angles: mean ± spread over the runs, in degrees", _angles(summaries, datasets)
+        ),
+        html_section("Settings", html_table(_settings(settings, summaries))),
+        html_section("Software", _software()),
     ]
-    return (
-        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{escape(title)}</title>\n<style>{STYLE}</style>\n"
-        f"<script>{get_plotlyjs()}</script>\n</head>\n<body>\n<main>\n"
-        + "\n".join(sections)
-        + "\n</main>\n</body>\n</html>\n"
-    )
+    return html_page(title, sections)
 
 
 def _named(datasets: Sequence[Dataset]) -> str:
@@ -147,14 +109,10 @@ def _named(datasets: Sequence[Dataset]) -> str:
     return f"{len(datasets)} data sets"
 
 
-def _section(title: str, content: str) -> str:
-    return f"<section>\n<h2>{escape(title)}</h2>\n{content}\n</section>"
-
-
 def _procedure(datasets: Sequence[Dataset], settings: EvaluationSettings) -> str:
     """What was done, in words."""
     units = "data sets" if len(datasets) > 1 else "runs"
-    return _paragraphs(
+    return paragraphs(
         f"In each of {settings.runs} runs for each data set, {settings.calibration_frames} frames "
         "drawn at random calibrated the rig in three ways: by the essential matrix, by a search "
         "for the smallest reprojection error (2D set), and by a search for the smallest error of "
@@ -170,10 +128,6 @@ def _procedure(datasets: Sequence[Dataset], settings: EvaluationSettings) -> str
         f"Intervals are 95 % bootstrap intervals over the {units} ({BOOTSTRAPS} resamplings). "
         "Values of zero and pairs behind a camera are counted, not dropped.",
     )
-
-
-def _paragraphs(*texts: str) -> str:
-    return "\n".join(f"<p>{escape(text)}</p>" for text in texts)
 
 
 def _datasets(datasets: Sequence[Dataset], screenings: Sequence[Screening]) -> str:
@@ -196,29 +150,29 @@ def _datasets(datasets: Sequence[Dataset], screenings: Sequence[Screening]) -> s
     body = "\n".join(f"<tr>{row}</tr>" for row in rows)
     return (
         f'<div class="scroll" tabindex="0"><table class="data"><thead><tr>{head}</tr></thead>\n'
-        f"<tbody>{body}</tbody></table></div>\n{_paragraphs(*notes)}"
+        f"<tbody>{body}</tbody></table></div>\n{paragraphs(*notes)}"
     )
 
 
 def _validation(summaries: Mapping[Method, MethodSummary]) -> str:
     """The grid on a wide screen, its columns one below the other on a narrow one."""
     words = describe_validation(summaries)
-    wide = _plot(plot_validation(summaries), words, "plot wide")
+    wide = html_plot(plot_validation(summaries), words, "plot wide")
     # A finger that moves over a figure scrolls the page.
     narrow = [
-        _plot(plot_validation(summaries, [column]), words,
+        html_plot(plot_validation(summaries, [column]), words,
               "plot narrow")
         for column in COLUMNS
     ]  # fmt: skip
-    return "\n".join([wide, *narrow, _paragraphs(words)])
+    return "\n".join([wide, *narrow, paragraphs(words)])
 
 
 def _comparison(by_dataset: Mapping[str, Mapping[Method, MethodSummary]]) -> Iterable[str]:
     if len(by_dataset) < 2:
         return []
     words = describe_comparison(by_dataset)
-    figure = _plot(plot_comparison(by_dataset), words, "plot")
-    return [_section("The data sets compared", f"{figure}\n{_paragraphs(words)}")]
+    figure = html_plot(plot_comparison(by_dataset), words, "plot")
+    return [html_section("The data sets compared", f"{figure}\n{paragraphs(words)}")]
 
 
 def _why_two_sets(calibration: Calibration | None) -> Iterable[str]:
@@ -230,39 +184,17 @@ def _why_two_sets(calibration: Calibration | None) -> Iterable[str]:
     columns = []
     for method in PAPERS:
         images = [
-            _plot(plot_image(views, method, camera), describe_image(views, method, camera), "plot")
+            html_plot(
+                plot_image(views, method, camera), describe_image(views, method, camera), "plot"
+            )
             for camera in range(len(CAMERAS))
         ]
-        gap = _plot(plot_gap(views, method), describe_gap(views, method), "plot")
+        gap = html_plot(plot_gap(views, method), describe_gap(views, method), "plot")
         head = f"<h3>{METHOD_NAMES[method]}: primary and secondary image, and the rays</h3>"
-        words = _paragraphs(describe_gap(views, method))
+        words = paragraphs(describe_gap(views, method))
         columns.append(f"<div>{head}{''.join(images)}{gap}{words}</div>")
-    said = _paragraphs(f"Frame {frame}. {describe_two_sets(views)}")
-    return [_section("Why two sets", f'{said}<div class="sets">{"".join(columns)}</div>')]
-
-
-def _plot(figure: go.Figure, words: str, kind: str) -> str:
-    drawn = figure.to_html(
-        full_html=False, include_plotlyjs=False, include_mathjax=False,
-        config={"responsive": True, "displayModeBar": False},
-    )  # fmt: skip
-    return f'<div class="{kind}" role="img" aria-label="{escape(words)}">{drawn}</div>'
-
-
-def _table(table: pd.DataFrame) -> str:
-    """A table with its cells, rows and columns escaped."""
-    first = escape(str(table.index.name or ""))
-    heads = "".join(f'<th scope="col">{escape(str(column))}</th>' for column in table.columns)
-    rows = [
-        f'<tr><th scope="row">{escape(str(name))}</th>'
-        + "".join(f"<td>{escape(str(cell))}</td>" for cell in cells)
-        + "</tr>"
-        for name, cells in zip(table.index, table.to_numpy(), strict=True)
-    ]
-    return (
-        f'<div class="scroll" tabindex="0"><table><thead><tr><th scope="col">{first}</th>{heads}'
-        "</tr></thead>\n<tbody>" + "\n".join(rows) + "</tbody></table></div>"
-    )
+    said = paragraphs(f"Frame {frame}. {describe_two_sets(views)}")
+    return [html_section("Why two sets", f'{said}<div class="sets">{"".join(columns)}</div>')]
 
 
 def _angles(summaries: Mapping[Method, MethodSummary], datasets: Sequence[Dataset]) -> str:
@@ -279,7 +211,7 @@ def _angles(summaries: Mapping[Method, MethodSummary], datasets: Sequence[Datase
         for dataset in datasets
         for title in titles
     ]
-    return _table(pd.DataFrame(columns, index=pd.Index(rows, name="Angle")))
+    return html_table(pd.DataFrame(columns, index=pd.Index(rows, name="Angle")))
 
 
 def _settings(
@@ -310,5 +242,5 @@ def _software() -> str:
         "opencv": cv2.__version__, "plotly": plotly.__version__,
     }  # fmt: skip
     written = datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d %H:%M UTC")
-    table = _table(pd.DataFrame({"Version": versions}).rename_axis("Program"))
-    return f"{table}\n{_paragraphs(f'Written on {written}.')}"
+    table = html_table(pd.DataFrame({"Version": versions}).rename_axis("Program"))
+    return f"{table}\n{paragraphs(f'Written on {written}.')}"

@@ -205,6 +205,8 @@ class Solve:
 
         Returns False if no frame can be fitted.
         """
+        if ESTIMATED not in (self.source_px, self.source_scatter):
+            return True
         points, chi_squares = self.points.copy(), np.empty(len(self.frames))
         H = np.empty((SHARED, SHARED))
         used = np.where(self.outlying, 0.0, np.inf)

@@ -68,7 +68,7 @@ def distance_sigmas(
     Args:
         first_m, second_m: (n, 3) each, in the primary's frame.
     """
-    along, own, jacobian = _length_errors(result, first_m, second_m)
+    along, own, jacobian = length_errors(result, first_m, second_m)
     variance = np.einsum("ni,nij,nj->n", along, own, along)
     variance += np.einsum("ni,ij,nj->n", jacobian, result.covariance, jacobian)
     return np.asarray(np.sqrt(variance))
@@ -78,10 +78,10 @@ def length_jacobian(
     result: RefinedResult, first_m: npt.ArrayLike, second_m: npt.ArrayLike
 ) -> FloatArray:
     """(n, 23): derivatives of reconstructed distances by the shared unknowns of `bar_fit`."""
-    return _length_errors(result, first_m, second_m)[2]
+    return length_errors(result, first_m, second_m)[2]
 
 
-def _length_errors(
+def length_errors(
     result: RefinedResult, first_m: npt.ArrayLike, second_m: npt.ArrayLike
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Unit directions (n, 3), covariances from the pixels (n, 3, 3) of the ends' differences, and

@@ -34,7 +34,7 @@ from stereocal.ui.warm_up import compiling_shown
 
 SECTIONS: Mapping[str, Mapping[str, str]] = {
     "": {"start": "Start"},
-    "Before": {"cameras": "Lenses (optional)"},
+    "Before": {"plan": "Plan", "cameras": "Lenses (optional)"},
     "Calibrate": {
         "data": "Data",
         "calibrate": "Calibrate",

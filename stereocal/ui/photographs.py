@@ -32,6 +32,7 @@ from stereocal.ui.intake import (
 )
 from stereocal.ui.messages import readable
 from stereocal.ui.pairs import ROUND, clear, forget_base, show_pairs
+from stereocal.ui.print_downloads import targets_to_print
 from stereocal.ui.project import project_to_write
 from stereocal.ui.review import show_frames
 from stereocal.ui.uploads import free_memory
@@ -83,6 +84,7 @@ def photographs_in(project: Project | None) -> None:
             "right07.png, or cam0/07.png and cam1/07.png in a zip.",
         )  # fmt: skip
         _take(uploads)
+    targets_to_print(project, _focal_px(project) if project else None)
     if project is None:
         return
     _camera_files(project)
@@ -99,6 +101,13 @@ def photographs_in(project: Project | None) -> None:
             _find_targets(store)
     except StereocalError as error:
         st.error(escape_markdown(str(error)))
+
+
+def _focal_px(project: Project) -> float | None:
+    """The smaller focal length of the two cameras; None if one is not there or not readable."""
+    cameras = readable(lambda: project.cameras) or (None, None)
+    focal = [float(min(camera.K[0, 0], camera.K[1, 1])) for camera in cameras if camera]
+    return min(focal) if len(focal) == 2 else None
 
 
 def _camera_files(project: Project) -> None:

@@ -30,8 +30,8 @@ overlap, a wrong pair looks right: the overlap is the *false correspondence prob
 
 
 BOARDS = """
-- Print a chessboard, glue it to something flat and stiff, and count its **inner corners**: where
-  four squares meet. Leave a white border.
+- Print a chessboard (below), glue it to something flat and stiff, and count its **inner
+  corners**: where four squares meet. Leave a white border.
 - Take **about 50 photographs**, at the distance and focus of your recordings. The whole board must
   be in view.
 - Cover the **whole image**, edges and corners too, and tilt the board by 20 to 50 degrees in

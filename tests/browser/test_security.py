@@ -23,13 +23,22 @@ pytestmark = pytest.mark.browser
 Settled = Callable[[Page], None]
 PATHS = ["" if name == "start" else name for name in TITLES]
 VIEWS = {
+    "plan": ["Position error"],
     "cameras": ["Photograph by photograph", "What the lens leaves", "Without distortion"],
     "data": ["One frame"],
     "calibrate": ["Why two sets", "Searches"],
     "one_set": ["How accurate, where"],
 }
 """Figures that stand on the page only when somebody asks for them."""
-FIGURES = {"cameras": 1, "data": 1, "calibrate": 1, "validate": 1, "one_set": 1, "apply": 3}
+FIGURES = {
+    "plan": 3,
+    "cameras": 1,
+    "data": 1,
+    "calibrate": 1,
+    "validate": 1,
+    "one_set": 1,
+    "apply": 3,
+}
 
 
 def visit(page: Page, url: str, path: str, project: str, settled: Settled) -> None:

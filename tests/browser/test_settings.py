@@ -26,6 +26,11 @@ SET: dict[str, dict[str, Any]] = {
         "review_target": "B", "review_raw": True,
         "baseline_m_known": "Tape", "target_distance_m_known": "Typed",
     },
+    "plan": {
+        "plan_name": "pond", "plan_alike": False, "plan_baseline_m": 5.0, "plan_toe_in_deg": 11.5,
+        "plan_near_m": 9.0, "plan_far_m": 22.0, "plan_bar_m": 1.1, "plan_frames": 30,
+        "plan_noise_px": 0.35,
+    },
     "cameras": {
         "board_kind": "ChArUco", "board_columns": 9, "board_rows": 7, "board_square_mm": 25.0,
         "board_marker_mm": 18.5, "board_dictionary": "DICT_5X5_100", "lens_subset": 9,
@@ -56,7 +61,9 @@ SHOWN = {
     **{key: "true" if value else "false" for key, value in (
         ("review_raw", True), ("lens_fix_k3", True), ("lens_zero_tangential", True),
         ("with_refined", False), ("refined_3d", True), ("apply_only_depths", True),
+        ("plan_alike", False),
     )},
+    "plan_toe_in_deg": "11.50",
     "delta_min": "0.000003", "board_square_mm": "25", "apply_far": "60", "dlt_first_3d": "0.50",
     "rig_method": "2D set", "dlt_corner_3d": "lower left", "apply_matching": "3D set",
     "apply_measuring": "2D set", "format_file": "3D set",

@@ -14,6 +14,7 @@ from stereocal import figures
 from stereocal.calibration.methods import METHODS, CalibrationSettings, Method
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
 from stereocal.evaluation.summary import summarise_all
+from stereocal.field.forecast import forecast
 from stereocal.field.repair import Residuals
 from stereocal.figures.frame_view import telling_frame, views_of
 from stereocal.figures.story import read_story
@@ -28,6 +29,7 @@ from stereocal.rig.camera import Camera
 from stereocal.rig.geometry import Pose
 from stereocal.verdict.tradeoff import costs_of, trade_off
 from stereocal.workflow import calibrate
+from tests.field.plans import plan
 from tests.figures.test_apply_figures import (
     CHOICE,
     NEAREST,
@@ -83,6 +85,11 @@ def every_figure() -> dict[str, Drawn]:
     pairs = PAIRS[PAIRS["frame"] == 1]
     story = read_story(STORY)
     views = views_of(replace(calibration, refined=refined), telling_frame(calibration))
+    plans = [
+        forecast(plan(name=name, bar_m=bar), rigs=16)
+        for name, bar in (("one", 0.9), ("another", 0.6), ("third", 0.4))
+    ]
+    planned = plans[0]
     f = figures
     return {
         name: Drawn(figure, words)
@@ -102,6 +109,9 @@ def every_figure() -> dict[str, Drawn]:
              f.describe_matches(pairs, left, right, 1)),
             ("pair_errors", f.plot_pair_errors(NEAREST, 0.8),
              f.describe_pair_errors(NEAREST, 0.8, CHOICE)),
+            ("plan_baselines", f.plot_plan_baselines(planned), f.describe_plan_baselines(planned)),
+            ("plan_depths", f.plot_plan_depths(plans), f.describe_plan_depths(plans)),
+            ("plan_map", f.plot_plan_map(planned), f.describe_plan_map(planned)),
             ("points", f.plot_points(POINTS, "frame", SET), f.describe_points(POINTS)),
             ("residual_field", f.plot_residual_field(lens), f.describe_residual_field(lens)),
             ("rig", f.plot_rig(calibration, "3d"), f.describe_rig(calibration, "3d")),

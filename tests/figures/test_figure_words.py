@@ -50,6 +50,19 @@ def accuracy(figure: go.Figure) -> list[float]:
     ]  # the scale is of decades
 
 
+def plan_map(figure: go.Figure) -> list[float]:
+    return accuracy(figure)
+
+
+def plan_depths(figure: go.Figure) -> list[float]:
+    return [value for trace in figure.data for value in flat(trace.y)[[0, -1]]]
+
+
+def plan_baselines(figure: go.Figure) -> list[float]:
+    others, planned = (flat(trace.y) for trace in figure.data)
+    return [float(planned[0]), float(others.min())]
+
+
 def check(figure: go.Figure) -> list[float]:
     return [of(flat(t.y)) for t in figure.data for of in (np.median, np.max)]
 
@@ -178,8 +191,9 @@ SHOWN: dict[str, Callable[[go.Figure], list[float]]] = {
     each.__name__: each
     for each in (
         accuracy, check, comparison, coverage, disagreement, draws, frame_errors, gap, image,
-        lengths, matches, pair_errors, points, residual_field, rig, story_lengths, story_lines,
-        traces, trade_off, two_rays, validation, view_errors,
+        lengths, matches, pair_errors, plan_baselines, plan_depths, plan_map, points,
+        residual_field, rig, story_lengths, story_lines, traces, trade_off, two_rays, validation,
+        view_errors,
     )
 }  # fmt: skip
 """Numbers that can be read off each figure."""

@@ -1,0 +1,207 @@
+"""Whether the forecast of a plan comes true: rigs drawn from plans, and a real recording.
+
+    python -m benchmarks.plans --rigs 20
+    python -m benchmarks.plans --recording sample_data/recording
+
+For every plan: rigs whose truth is drawn from it, each with an independently simulated recording
+that is calibrated as `calibrate` does (screening, estimated noise), and judged on 1000 fresh bars
+of true length. Printed: the forecast over the mean of what was observed, and the share of the
+single rigs within the interval of the forecast.
+
+For a recording: a plan with its cameras, pose, depths, bar, noise and number of frames, against the
+length error of the frames that were held out; even frames fitted and odd held out, and the reverse.
+The held-out bars are the same bar, whose own error does not show, so it counts as exact.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections import defaultdict
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from stereocal.calibration.methods import CalibrationSettings, Method
+from stereocal.errors import StereocalError
+from stereocal.evaluation.evaluate import count_set
+from stereocal.field.drawn_rigs import FILES
+from stereocal.field.forecast import PlanForecast, forecast
+from stereocal.field.plan import AimedPose, Plan, SensorLens, Uncertainty
+from stereocal.formats.dataset_files import read_dataset
+from stereocal.refined.refine import refine
+from stereocal.refined.screening import screen
+from stereocal.refined.unknowns import (
+    DEFAULT_CENTRE_PX,
+    DEFAULT_FOCAL,
+    LensPrior,
+    RefineSettings,
+)
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.geometry import Angles, Pose
+from stereocal.rig.rig import Rig
+from stereocal.simulation.simulate import Nominal, field_rig, lens_off_by, observe, place_bars
+from stereocal.verdict.forecast import forecast_files
+from stereocal.verdict.noise_model import draw_noise
+from stereocal.verdict.population import population
+from stereocal.workflow import calibrate
+from tests import known_rig
+
+TEST_BARS = 1000
+DRAWS = 400
+FIGURES = ("mean_length_error", "median_error_3d", "p95_error_3d", "fcp_reprojection",
+           "mean_reprojection_px")  # fmt: skip
+NAMES = {"mean_length_error": "mean_error_3d"}
+"""The names of `population` where they differ."""
+EXACT = Uncertainty(0.0005, 0.5, 0.002, 0.0002)
+FIELD = field_rig()
+WEBCAM = SensorLens(4.0, (5.376, 3.024), (1920, 1080))
+OUTDOORS = SensorLens(35.0, (23.5, 15.6), (6000, 4000))
+PLANS = (
+    Plan("field day of the paper", FIELD.primary, FIELD.secondary, FIELD.pose, 8, 25, 0.9),
+    Plan("the same, lenses well known", FIELD.primary, FIELD.secondary, FIELD.pose, 8, 25, 0.9,
+         uncertainty=EXACT),
+    Plan("unlike cameras with distortion", known_rig.PRIMARY, known_rig.SECONDARY,
+         Pose.from_angles(Angles(0.24, -0.07, 0.11, 0.13, 3.02), 2.37), 4, 10, 0.87, 50, 0.3),
+    Plan("two webcams over a tank", WEBCAM, WEBCAM, AimedPose(0.5, 14.0), 0.6, 1.5, 0.2, 25, 0.15,
+         Uncertainty(0.004, 6.0, 0.002, 0.0002)),
+    Plan("birds far away", OUTDOORS, OUTDOORS, AimedPose(8.0, 5.0, 0.5), 30, 70, 2.0, 40, 0.25,
+         Uncertainty(0.002, 8.0, 0.02, 0.002)),
+)  # fmt: skip
+
+
+def observed(plan: Plan, seed: int) -> dict[tuple[Method, str], float]:
+    """The figures of the files of one field day on its population."""
+    rng = np.random.default_rng([seed, 0xF1E1D])
+    own = plan.uncertainty
+    primary, secondary = (
+        lens_off_by(camera, own.focal * rng.normal(), tuple(own.centre_px * rng.normal(size=2)))
+        for camera in (plan.primary, plan.secondary)
+    )
+    baseline = plan.baseline_m + own.baseline_m * rng.normal()
+    bar = plan.bar_m + own.bar_m * rng.normal()
+    truth = Rig(primary, secondary, Pose(plan.pose.R, plan.pose.T * baseline / plan.baseline_m))
+    depths, nominal = (
+        (plan.near_m, plan.far_m),
+        Nominal(plan.primary, plan.secondary, plan.baseline_m, plan.bar_m),
+    )
+    scene = place_bars(truth, rng, plan.frames, bar, depths)
+    dataset = observe(scene, rng, plan.noise_px, plan.name, nominal)
+    lens = LensPrior(own.focal, own.centre_px)
+    settings = RefineSettings(lens, lens, own.baseline_m, own.bar_m)
+    found = calibrate(dataset, CalibrationSettings(), refined=settings)
+    files = {m: Rig(plan.primary, plan.secondary, r.pose) for m, r in found.methods.items()}
+    refined = found.refined
+    if refined is None:
+        raise StereocalError("There is no refined set.")
+    files["refined"] = Rig(refined.primary, refined.secondary, refined.pose)
+    test = place_bars(truth, rng, TEST_BARS, bar, depths)
+    limits: dict[Method, float] = dict.fromkeys(files, 1.0)
+    figures = population(truth, files, test.ends_m, plan.noise_px, limits, rng)
+    return {
+        (method, name): figures[method][NAMES.get(name, name)]
+        for method in FILES
+        for name in FIGURES
+    }
+
+
+def compare(found: PlanForecast, rigs: dict[tuple[Method, str], list[float]]) -> None:
+    """A line for each file and figure."""
+    for (method, name), values in rigs.items():
+        said, true = found.estimate(method, name), np.array(values)
+        held = np.mean((said.low <= true) & (true <= said.high))
+        spread = true.std() / np.sqrt(len(true)) / true.mean()
+        print(
+            f"  {method:8s} {name:22s} forecast {said.value:.5f}, observed {true.mean():.5f}: "
+            f"ratio {said.value / true.mean():.2f} (± {2 * spread:.2f}), {100 * held:.0f} % within"
+        )
+
+
+def all_plans(rigs: int, first: int, which: list[int]) -> None:
+    for plan in [PLANS[at] for at in which]:
+        forecast(plan, rigs=16)
+        started = time.process_time()
+        found = forecast(plan)
+        limit = found.advice.limited_by
+        print(f"{plan.name}: {time.process_time() - started:.2f} CPU s; limited by {limit}")
+        each: dict[tuple[Method, str], list[float]] = defaultdict(list)
+        failed = 0
+        for seed in range(first, first + rigs):
+            try:
+                for key, value in observed(plan, seed).items():
+                    each[key].append(value)
+            except StereocalError as error:
+                failed += 1
+                print(f"  rig {seed}: {error}")
+        print(f"  {rigs} rigs, {failed} failed; {found.failed} of the drawn ones")
+        compare(found, each)
+
+
+def plan_of(fitted: Dataset, uncertainty: Uncertainty) -> Plan:
+    """The plan that this recording carried out: all but its points.
+
+    The noise is that of the model of the noise, without the tails that `sigma_px` contains: the
+    root mean square of the one combination of the four coordinates of a pair that its distance from
+    the epipolar line shows, and the three that the lengths show.
+    """
+    found = refine(fitted, RefineSettings())
+    draws = draw_noise(found, DRAWS, np.random.default_rng(0))
+    along = draws.along * draws.across
+    noise = found.sigma_px.value * np.sqrt(np.median((draws.across**2 + 3 * along**2) / 4))
+    depths = found.points_m[~found.outlying][..., 2]
+    return Plan(
+        fitted.name, fitted.primary, fitted.secondary, found.pose, float(np.nanmin(depths)),
+        float(np.nanmax(depths)), fitted.target_distance_m, int((~found.outlying).sum()),
+        float(noise), uncertainty,
+    )  # fmt: skip
+
+
+def real_recording(path: Path, uncertainty: Uncertainty) -> None:
+    data = read_dataset(path)
+    left_out = screen(data).left_out
+    numbers = data.correspondences.frames
+    for parity in (0, 1):
+        fitted = data.of_frames(numbers[numbers % 2 == parity])
+        rest = numbers[numbers % 2 != parity]
+        sound = data.of_frames(rest[~np.isin(rest, left_out)])
+        plan = plan_of(fitted, uncertainty)
+        found = forecast(plan)
+        print(
+            f"{'even' if parity == 0 else 'odd'} frames fitted: {plan.frames} bars at "
+            f"{plan.near_m:.2f} to {plan.far_m:.2f} m, noise {plan.noise_px:.3f} px"
+        )
+        files = forecast_files(
+            calibrate(fitted, CalibrationSettings(), refined=RefineSettings())
+        ).files
+        for method in FILES:
+            rig = files[method]
+            seen = replace(sound, primary=rig.primary, secondary=rig.secondary)
+            errors = np.abs(count_set(seen, rig.pose).lengths[0] - 1.0)
+            said, true = found.estimate(method, "mean_length_error"), float(np.nanmean(errors))
+            print(
+                f"  {method:8s} forecast {said.value:.5f} ({said.low:.5f} to {said.high:.5f}), "
+                f"held out {true:.5f}: ratio {said.value / true:.2f}"
+            )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--rigs", type=int, default=20)
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--plans", type=int, nargs="+", default=list(range(len(PLANS))))
+    parser.add_argument("--recording", type=Path)
+    parser.add_argument("--focal", type=float, default=DEFAULT_FOCAL)
+    parser.add_argument("--centre", type=float, default=DEFAULT_CENTRE_PX)
+    parser.add_argument("--baseline", type=float, default=0.005)
+    parser.add_argument("--bar", type=float, default=0.0)
+    parsed = parser.parse_args()
+    if parsed.recording:
+        known = Uncertainty(parsed.focal, parsed.centre, parsed.baseline, parsed.bar)
+        real_recording(parsed.recording, known)
+    else:
+        all_plans(parsed.rigs, parsed.first, parsed.plans)
+
+
+if __name__ == "__main__":
+    main()

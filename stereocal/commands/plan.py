@@ -1,0 +1,63 @@
+"""`stereocal plan`: what a planned field day will measure, and how well."""
+
+from __future__ import annotations
+
+import argparse
+from functools import partial
+from pathlib import Path
+
+from stereocal.commands.options import add_workers, workers_from
+from stereocal.commands.progress import ProgressBar
+from stereocal.errors import StereocalError
+from stereocal.field.drawn_rigs import draw_rigs
+from stereocal.field.forecast import FEWEST_RIGS, MOST_RIGS, forecast
+from stereocal.field.in_words import answer
+from stereocal.figures.plan_report import plan_report
+from stereocal.formats.lens_model import LENS_MODELS
+from stereocal.formats.plan_file import read_plan
+from stereocal.system.atomic_files import write_all
+
+
+def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """The options of the command."""
+    command = commands.add_parser("plan", help="what a planned field day will measure")
+    command.set_defaults(run=run)
+    command.add_argument("plan", type=Path, help="plan.json")
+    command.add_argument("--out", type=Path, required=True, help="folder for the two files")
+    command.add_argument("--seed", type=int, default=0, metavar="N", help="default: 0")
+    command.add_argument(
+        "--rigs",
+        type=int,
+        metavar="N",
+        help="rigs drawn from the plan (default: 128, fewer for many frames)",
+    )
+    command.add_argument(
+        "--lens-model",
+        choices=LENS_MODELS,
+        help="the model of four distortion coefficients, if a camera file does not state it",
+    )
+    add_workers(command)
+
+
+def run(parsed: argparse.Namespace) -> None:
+    """Compute the forecast, write forecast.json and report.html, print the answer."""
+    if parsed.rigs is not None and not FEWEST_RIGS // 4 <= parsed.rigs <= MOST_RIGS:
+        raise StereocalError(
+            f"{parsed.rigs} rigs were requested: from {FEWEST_RIGS // 4} to {MOST_RIGS} make sense."
+        )
+    if parsed.seed < 0:
+        raise StereocalError(f"The seed is {parsed.seed}: it must be 0 or more.")
+    plan = read_plan(parsed.plan, parsed.lens_model)
+    compile_first = partial(draw_rigs, plan, 0, 0, 2)
+    with workers_from(parsed, compile_first) as executor, ProgressBar("rigs") as bar:
+        found = forecast(plan, executor, parsed.seed, parsed.rigs, bar.show)
+    files = {
+        parsed.out / "forecast.json": found.dumps(),
+        parsed.out / "report.html": plan_report(found).encode(),
+    }
+    write_all(files)
+    print(answer(found))
+    for sentence in found.advice.sentences:
+        print(f"  {sentence}")
+    for path in files:
+        print(f"wrote {path}")

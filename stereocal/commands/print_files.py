@@ -1,0 +1,101 @@
+"""`stereocal print`: targets and boards to print at true scale, and the field sheet of a plan."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from stereocal.commands.options import add_lens_model
+from stereocal.errors import StereocalError
+from stereocal.field.paper import PAPERS, Sheet, paper_named
+from stereocal.field.print_board import print_board
+from stereocal.field.print_target import GOOD_PX, print_targets, target_size
+from stereocal.field.sheet import field_sheet
+from stereocal.formats.camera_file import read_camera
+from stereocal.formats.plan_file import read_plan
+from stereocal.intrinsics.board_pattern import BoardPattern
+from stereocal.system.atomic_files import write_atomically
+
+
+def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """The options of the command and of what it prints."""
+    command = commands.add_parser("print", help="targets, boards and a field sheet to print")
+    kinds = command.add_subparsers(dest="kind", required=True, metavar="target|board|sheet")
+    target = kinds.add_parser("target", help="the two targets of the bar")
+    target.set_defaults(run=_target)
+    size = target.add_mutually_exclusive_group(required=True)
+    size.add_argument("--side", type=float, metavar="M", help="side of a target, in metres")
+    size.add_argument("--camera", type=Path, metavar="FILE", help="a camera file, with --far")
+    size.add_argument("--focal", type=float, metavar="PX", help="focal length in px, with --far")
+    target.add_argument("--far", type=float, metavar="M", help="largest distance of the bar")
+    target.add_argument("--near", type=float, metavar="M", help="least distance (default: --far)")
+    target.add_argument(
+        "--px", type=float, default=GOOD_PX, metavar="N",
+        help=f"width in the photographs at the largest distance (default: {GOOD_PX:g})",
+    )  # fmt: skip
+    board = kinds.add_parser("board", help="the board for the lens calibration")
+    board.set_defaults(run=_board)
+    board.add_argument(
+        "--board", required=True, metavar="18x12", help="inner corners, where four squares meet"
+    )
+    board.add_argument(
+        "--square", type=float, required=True, metavar="M", help="side of a square, in metres"
+    )
+    board.add_argument("--charuco", metavar="DICT", help="a ChArUco board, such as DICT_4X4_250")
+    board.add_argument("--marker", type=float, metavar="M", help="side of its markers, in metres")
+    sheet = kinds.add_parser("sheet", help="a plan on one page, to take along")
+    sheet.set_defaults(run=_sheet)
+    sheet.add_argument("plan", type=Path, metavar="PLAN.json")
+    add_lens_model(sheet)
+    for one, suffixes in ((target, ".pdf or .svg"), (board, ".pdf or .svg"), (sheet, ".pdf")):
+        one.add_argument(
+            "--paper", default="A4", metavar="NAME", help=f"{', '.join(PAPERS)} (default: A4)"
+        )
+        one.add_argument("--out", type=Path, required=True, metavar="FILE", help=suffixes)
+
+
+def _target(parsed: argparse.Namespace) -> None:
+    side = parsed.side
+    if side is None:
+        if parsed.far is None:
+            raise StereocalError("State --far, the largest distance of the bar in metres.")
+        near = parsed.far if parsed.near is None else parsed.near
+        size = target_size(_focal_px(parsed), near, parsed.far, parsed.px)
+        print(size.sentence)
+        side = size.side_m
+    _write(print_targets(side, paper_named(parsed.paper)), parsed.out)
+
+
+def _focal_px(parsed: argparse.Namespace) -> float:
+    if parsed.camera is None:
+        return float(parsed.focal)
+    try:
+        content = parsed.camera.read_bytes()
+    except OSError as error:
+        raise StereocalError(f"{parsed.camera} cannot be read: {error.strerror}.") from None
+    camera = read_camera(content, str(parsed.camera))
+    return float(min(camera.K[0, 0], camera.K[1, 1]))
+
+
+def _board(parsed: argparse.Namespace) -> None:
+    pattern = BoardPattern.parse(parsed.board, parsed.square, parsed.charuco, parsed.marker)
+    _write(print_board(pattern, paper_named(parsed.paper)), parsed.out)
+
+
+def _sheet(parsed: argparse.Namespace) -> None:
+    paper = paper_named(parsed.paper)
+    _check_suffix(parsed.out, ".pdf")
+    write_atomically(parsed.out, field_sheet(read_plan(parsed.plan, parsed.lens_model), paper))
+    print(f"wrote {parsed.out}")
+
+
+def _write(sheet: Sheet, out: Path) -> None:
+    _check_suffix(out, ".pdf", ".svg")
+    content = sheet.pdf() if out.suffix.lower() == ".pdf" else sheet.svg().encode()
+    write_atomically(out, content)
+    print(f"wrote {out}: print it at 100 % on {sheet.paper.name}")
+
+
+def _check_suffix(out: Path, *suffixes: str) -> None:
+    if out.suffix.lower() not in suffixes:
+        raise StereocalError(f'"{out}" must end in {" or ".join(suffixes)}.')

@@ -1,0 +1,217 @@
+"""What limits a plan, and what would help most, by the expected refined set of its variants."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from stereocal.errors import StereocalError
+from stereocal.field.expected import ExpectedFit, expect
+from stereocal.field.plan import LARGEST_TOE_IN_DEG, AimedPose, Plan
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import Pose
+from stereocal.verdict.in_words import digits, percent
+
+BASELINES = 2.0 ** np.arange(-1.5, 2.01, 0.5)
+"""Factors of the planned baseline that are tried: 0.35 to 4."""
+KEPT_VIEW = 0.6
+"""Share of the common view that another baseline must keep."""
+NEARLY_LEAST = 1.1
+"""The shortest baseline with an error up to this factor of the least is proposed."""
+MORE_FRAMES = 4.0
+"""Number of frames at which the error of a calibration by noise is halved."""
+WORTH_IT = 0.93
+"""Errors above this fraction of the planned one are no improvement."""
+LIMITS = ("image noise", "calibration", "lenses", "baseline")
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A change of the plan, and the mean length error with it, a fraction."""
+
+    text: str
+    length_error: float
+
+
+@dataclass(frozen=True, eq=False)
+class Advice:
+    """What limits a plan and what would help.
+
+    `limited_by` names the part that lowers the length error most if it is twice as good: half the
+    noise in the images, 4 times as many frames, lenses known twice as well, or a baseline twice as
+    long or measured twice as well. Where half the noise and twice the baseline gain about the same,
+    it names the baseline, which can be changed.
+    """
+
+    length_error: float
+    """Mean relative length error of the refined set in the volume, as planned."""
+    limited_by: str
+    variants: tuple[Variant, ...]
+    """The changes worth making, best first."""
+    baselines_m: FloatArray
+    baseline_errors: FloatArray
+    """The length error with each of `baselines_m`; NaN where the plan cannot work."""
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """The variants for people."""
+        now = percent(self.length_error)
+        if not self.variants:
+            return (
+                "No single change would help much: neither another baseline, more bars, better "
+                "known lenses nor a longer bar.",
+            )
+        return tuple(
+            f"{own.text}: a mean length error of {percent(own.length_error)} % instead of {now} %."
+            for own in self.variants
+        )
+
+
+def advise(fit: ExpectedFit) -> Advice:
+    """What limits a plan and what would help, by its expected refined set."""
+    baselines, errors = baseline_scan(fit)
+    halves = twice_as_good(fit, baselines, errors)
+    limit = min(halves, key=lambda name: halves[name])
+    if limit == "image noise" and halves["baseline"] <= NEARLY_LEAST * halves[limit]:
+        limit = "baseline"
+    found = [
+        *_another_baseline(fit.plan, baselines, errors),
+        _more_bars(fit),
+        *_known_better(fit),
+        *_longer_bar(fit),
+    ]
+    worth = [own for own in found if own.length_error < WORTH_IT * fit.length_error]
+    worth.sort(key=lambda own: own.length_error)
+    return Advice(fit.length_error, limit, tuple(worth), baselines, errors)
+
+
+def twice_as_good(fit: ExpectedFit, baselines: FloatArray, errors: FloatArray) -> dict[str, float]:
+    """The length error if one of `LIMITS` is twice as good."""
+    H, P = fit.result.information, fit.result.unknowns.precision
+    twice = errors[np.argmin(np.abs(baselines - 2 * fit.plan.baseline_m))]
+    measured = fit.error_with(H, fit.precision_knowing({"baseline": 0.5, "bar": 0.5}))
+    return {
+        "image noise": fit.error_with(4.0 * H, P, 0.5),
+        "calibration": fit.error_with(MORE_FRAMES * H, P),
+        "lenses": fit.error_with(H, fit.precision_knowing({"primary": 0.5, "secondary": 0.5})),
+        "baseline": float(np.nanmin([twice, measured])),
+    }
+
+
+def baseline_scan(fit: ExpectedFit) -> tuple[FloatArray, FloatArray]:
+    """Baselines in m, and the length error with each; NaN where the common view is lost."""
+    plan = fit.plan
+    seen = len(plan.common_points)
+    baselines = plan.baseline_m * BASELINES
+    errors = np.full(len(baselines), np.nan)
+    for at, (factor, baseline) in enumerate(zip(BASELINES, baselines, strict=True)):
+        if factor == 1.0:
+            errors[at] = fit.length_error
+            continue
+        try:
+            other = with_baseline(plan, float(baseline))
+            if len(other.common_points) >= KEPT_VIEW * seen:
+                errors[at] = expect(other).length_error
+        except StereocalError:
+            continue
+    return baselines, errors
+
+
+def with_baseline(plan: Plan, baseline_m: float) -> Plan:
+    """The plan with another baseline, the cameras aimed at the same place as before.
+
+    Raises:
+        StereocalError: the plan cannot work.
+    """
+    stated, factor = plan.stated_pose, baseline_m / plan.baseline_m
+    if isinstance(stated, AimedPose):
+        toe = float(np.degrees(np.arctan(factor * np.tan(np.radians(stated.toe_in_deg)))))
+        toe = float(np.clip(toe, -LARGEST_TOE_IN_DEG, LARGEST_TOE_IN_DEG))
+        height = min(abs(stated.height_difference_m), 0.9 * baseline_m)
+        height = float(np.copysign(height, stated.height_difference_m))
+        return replace(plan, stated_pose=AimedPose(baseline_m, round(toe, 2), height))
+    pose = plan.pose
+    aim = plan.common_points.mean(axis=0)
+    before, centre = pose.apply(aim), -factor * pose.R.T @ pose.T
+    after = pose.R @ (aim - centre)
+    turned = _rotation_between(after, before) @ pose.R
+    return replace(plan, stated_pose=Pose(turned, -turned @ centre))
+
+
+def _rotation_between(start: FloatArray, end: FloatArray) -> FloatArray:
+    """The smallest rotation that turns one direction into another."""
+    a, b = start / np.linalg.norm(start), end / np.linalg.norm(end)
+    axis = np.cross(a, b)
+    x, y, z = axis
+    crossed = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.asarray(np.eye(3) + crossed + crossed @ crossed / (1.0 + float(a @ b)))
+
+
+def _another_baseline(plan: Plan, baselines: FloatArray, errors: FloatArray) -> list[Variant]:
+    if not np.isfinite(errors).any():
+        return []
+    at = int(np.flatnonzero(errors <= NEARLY_LEAST * np.nanmin(errors))[0])
+    text = f"A baseline of {baselines[at]:.2g} m instead of {plan.baseline_m:.3g} m"
+    stated = with_baseline(plan, float(baselines[at])).stated_pose
+    if isinstance(stated, AimedPose):
+        text += f", each camera turned in by {stated.toe_in_deg:.2g}°"
+    return [Variant(text, float(errors[at]))]
+
+
+def _more_bars(fit: ExpectedFit) -> Variant:
+    """Twice as many bars, where they help most."""
+    result, depths = fit.result, fit.ends_m[..., 2].mean(axis=1)
+    directions = fit.ends_m.mean(axis=1)[:, :2] / depths[:, None]
+    away = np.linalg.norm(directions - np.median(directions, axis=0), axis=1)
+    third, two_thirds = np.quantile(depths, [1 / 3, 2 / 3])
+    places = {
+        "all over the volume": np.ones(len(depths), dtype=np.bool_),
+        f"nearer than {third:.2g} m": np.asarray(depths <= third),
+        f"farther than {two_thirds:.2g} m": np.asarray(depths >= two_thirds),
+        "towards the edges of the images": np.asarray(away >= np.median(away)),
+    }
+    errors = {
+        where: fit.error_with(
+            result.information + fit.plan.frames * fit.information_of(among),
+            result.unknowns.precision,
+        )
+        for where, among in places.items()
+    }
+    where = min(errors, key=lambda name: errors[name])
+    return Variant(f"{fit.plan.frames} more bars, {where}", errors[where])
+
+
+def _known_better(fit: ExpectedFit) -> list[Variant]:
+    """Lenses and lengths known twice as well, and half the noise."""
+    H, P, own = fit.result.information, fit.result.unknowns.precision, fit.plan.uncertainty
+
+    def known(better: dict[str, float]) -> float:
+        return fit.error_with(H, fit.precision_knowing(better))
+
+    focal, centre = percent(0.5 * own.focal), digits(0.5 * own.centre_px, 2)
+    baseline, bar = digits(500 * own.baseline_m, 2), digits(500 * own.bar_m, 2)
+    noise = digits(0.5 * fit.plan.noise_px, 2)
+    return [
+        Variant(
+            f"Lenses calibrated twice as well (focal length to {focal} %, centre to {centre} px)",
+            known({"primary": 0.5, "secondary": 0.5}),
+        ),
+        Variant(f"The baseline measured to {baseline} mm", known({"baseline": 0.5})),
+        Variant(f"The bar measured to {bar} mm", known({"bar": 0.5})),
+        Variant(
+            f"Half the noise in the images, {noise} px (larger targets, sharper images)",
+            fit.error_with(4.0 * H, P, 0.5),
+        ),
+    ]
+
+
+def _longer_bar(fit: ExpectedFit) -> list[Variant]:
+    """A bar twice as long, for lengths like the planned one's."""
+    longer = 2.0 * fit.plan.bar_m
+    try:
+        other = expect(replace(fit.plan, bar_m=longer))
+    except StereocalError:
+        return []
+    error = fit.error_with(other.result.information, other.result.unknowns.precision)
+    return [Variant(f"A bar of {longer:.2g} m instead of {fit.plan.bar_m:.2g} m", error)]

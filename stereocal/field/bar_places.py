@@ -1,0 +1,152 @@
+"""Where to hold the bar: places and directions that cover what both cameras see of a volume."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+
+from stereocal.errors import StereocalError
+from stereocal.field.bars import margin_px
+from stereocal.field.common_view import common_points, sees
+from stereocal.field.plan import AimedPose, Plan
+from stereocal.rig.compiled import BoolArray, FloatArray
+from stereocal.rig.geometry import Pose
+
+DISTANCES, ACROSS, HEIGHTS = (
+    ("near", "middle", "far"), ("left", "centre", "right"), ("low", "middle", "high"),
+)  # fmt: skip
+DIRECTIONS = {
+    "level": (1.0, 0.0, 0.0),
+    "upright": (0.0, 1.0, 0.0),
+    "left end near": (np.sqrt(0.5), 0.0, np.sqrt(0.5)),
+    "right end near": (-np.sqrt(0.5), 0.0, np.sqrt(0.5)),
+    "rising right": (np.sqrt(0.5), -np.sqrt(0.5), 0.0),
+    "rising left": (-np.sqrt(0.5), -np.sqrt(0.5), 0.0),
+}
+"""Of the bar, on the ground's axes: right, down, ahead. None points at the cameras, because one
+target would hide the other."""
+OPPOSITE = 0.1
+"""Cameras that look in nearly opposite directions have no mean: the primary's axes are taken."""
+ENOUGH_DIRECTIONS = 3
+STEPS = 20
+
+
+@dataclass(frozen=True, eq=False)
+class BarPlace:
+    """One frame of the checklist: the middle of the bar, and its direction."""
+
+    distance: str
+    across: str
+    height: str
+    direction: str
+    position_m: FloatArray
+    """(3,): of the middle of the bar in the frame of `ground_from_primary`."""
+    ends_m: FloatArray
+    """(2, 3): the ends of the bar in the primary's frame."""
+
+
+def ground_from_primary(plan: Plan) -> Pose:
+    """The frame of the field: origin midway between the cameras, x right, y down, z ahead.
+
+    Where the plan states R and T, the two cameras together are taken as level: down and ahead are
+    the means of their y and z axes.
+    """
+    if isinstance(plan.stated_pose, AimedPose):
+        R = plan.stated_pose.world_from_primary
+        return Pose(R, -0.5 * R @ plan.pose.inverse().T)
+    down, ahead = (axis + row for axis, row in zip(np.eye(3)[1:], plan.pose.R[1:], strict=True))
+    if np.linalg.norm(down) < OPPOSITE or np.linalg.norm(np.cross(down, ahead)) < OPPOSITE:
+        down, ahead = np.eye(3)[1:]
+    down = down / np.linalg.norm(down)
+    right = np.cross(down, ahead) / np.linalg.norm(np.cross(down, ahead))
+    R = np.vstack([right, down, np.cross(right, down)])
+    return Pose(R, -0.5 * R @ plan.pose.inverse().T)
+
+
+def bar_places(plan: Plan) -> list[BarPlace]:
+    """A place for each frame of the plan, from near to far, left to right and low to high.
+
+    Each bar is in view of both cameras as a whole, also with lenses that are off as far as the plan
+    says. Where frames are fewer than places, they are evenly chosen; where they are more, places
+    come again with other directions.
+
+    Raises:
+        StereocalError: the common view does not hold the bar.
+    """
+    spots = [spot for distance in range(3) for spot in _spots(plan, distance)]
+    if not spots:
+        raise StereocalError(
+            f"A bar of {plan.bar_m:g} m does not fit into what both cameras see from "
+            f"{plan.near_m:g} to {plan.far_m:g} m: take a shorter bar, or turn the cameras towards "
+            "each other."
+        )
+    count, frames = len(spots), plan.frames
+    chosen = np.linspace(0, count - 1, min(frames, count)).round().astype(int).tolist()
+    chosen += [k % count for k in range(frames - len(chosen))]
+    middles = np.array([spot[3] for spot in spots])
+    ends, positions = _ends(plan, middles), ground_from_primary(plan).apply(middles)
+    places = []
+    for k, at in enumerate(chosen):
+        distance, across, height, _, fitting = spots[at]
+        in_turn = (at + k // count + np.arange(len(DIRECTIONS))) % len(DIRECTIONS)
+        way = int(in_turn[np.argmax(fitting[in_turn])])
+        direction = tuple(DIRECTIONS)[way]
+        places.append(BarPlace(distance, across, height, direction, positions[at], ends[at, way]))
+    order = [DISTANCES, ACROSS, HEIGHTS]
+    return sorted(
+        places,
+        key=lambda one: [
+            names.index(word)
+            for names, word in zip(order, (one.distance, one.across, one.height), strict=True)
+        ],
+    )
+
+
+_Spot = tuple[str, str, str, FloatArray, BoolArray]
+"""Distance, place across, height, middle of the bar (3,) and which directions fit (6,)."""
+
+
+def _spots(plan: Plan, distance: int) -> list[_Spot]:
+    """The nine places at one distance, as far apart as the bar allows; fewer where it is tight."""
+    depths = np.unique(plan.common_points[:, 2])
+    half = min(0.5 * plan.bar_m, 0.45 * float(np.ptp(depths)))
+    depth = (depths[0] + half, 0.5 * (depths[0] + depths[-1]), depths[-1] - half)[distance]
+    seen = common_points(plan.rig, np.array([depth]))
+    lowest, highest = seen.min(axis=0), seen.max(axis=0)
+    middle, reach = 0.5 * (lowest + highest), 0.5 * (highest - lowest)
+    steps = np.array(list(itertools.product((-1.0, 0.0, 1.0), (1.0, 0.0, -1.0))))
+    words = list(itertools.product(ACROSS, HEIGHTS))
+    for enough, share in itertools.product(
+        (ENOUGH_DIRECTIONS, 1), np.linspace(1.0, 0.0, STEPS + 1)
+    ):
+        tried = np.tile(middle, (9, 1))
+        tried[:, :2] += share * steps * reach[:2]
+        fitting = _fitting(plan, _ends(plan, tried))
+        if (fitting.sum(axis=1) >= enough).all():
+            if share < 1.5 / STEPS:  # one place is left
+                return [(DISTANCES[distance], "centre", "middle", tried[4], fitting[4])]
+            return [
+                (DISTANCES[distance], *words[k], tried[k], fitting[k]) for k in range(len(words))
+            ]
+    return []
+
+
+def _ends(plan: Plan, middles: FloatArray) -> FloatArray:
+    """(n, 6, 2, 3): both ends of a bar in each direction, in the primary's frame."""
+    along = 0.5 * plan.bar_m * np.array(list(DIRECTIONS.values())) @ ground_from_primary(plan).R
+    return np.asarray(
+        middles[:, None, None] + np.stack([-along, along], axis=1)[None], dtype=np.float64
+    )
+
+
+def _fitting(plan: Plan, ends: FloatArray) -> BoolArray:
+    """(n, 6): whether both ends are in the volume and in view of both cameras."""
+    points = ends.reshape(-1, 3)
+    seen = (points[:, 2] >= plan.near_m) & (points[:, 2] <= plan.far_m)
+    seen &= sees(plan.primary, points, margin_px(plan, plan.primary.image_size))
+    seen &= sees(
+        plan.secondary, plan.pose.apply(points), margin_px(plan, plan.secondary.image_size)
+    )
+    return np.asarray(seen.reshape(ends.shape[:3]).all(axis=2))

@@ -1,0 +1,187 @@
+"""Rigs drawn from a plan: a recording simulated and calibrated on each, its files judged.
+
+The true focal lengths, principal points, baseline and bar differ from the stated ones by normal
+errors of the plan's uncertainties (a scrambled Sobol sequence, which needs fewer rigs than random
+numbers). The recording is calibrated as stated, and all files are judged on fresh bars, seen by the
+true cameras. Length errors are relative to true lengths. (Those of a recording are relative to a
+bar measured as its own was, because nothing else is known there.)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import ndtri
+from scipy.stats.qmc import Sobol
+
+from stereocal.calibration.methods import CalibrationSettings, Method
+from stereocal.errors import StereocalError
+from stereocal.evaluation.compiled_run import (
+    BIN_WIDTH,
+    BINS,
+    CORRECT,
+    LOWEST,
+    REPROJECTION,
+    UNDERFLOW,
+)
+from stereocal.evaluation.evaluate import paper_angles
+from stereocal.evaluation.summary import crossing, merge_bins, overlap
+from stereocal.field.bars import place_planned_bars
+from stereocal.field.expected import planned_dataset, refine_settings
+from stereocal.field.plan import Plan
+from stereocal.refined.bar_fit import BAR, BASELINE, PRIMARY, SECONDARY
+from stereocal.refined.refine import refine
+from stereocal.refined.solve import lenses_of_cameras
+from stereocal.refined.unknowns import shared_unknowns
+from stereocal.rig.compiled import FloatArray, IntArray
+from stereocal.rig.geometry import Angles, Pose, triangulate_rays
+from stereocal.verdict.intervals import MERGE
+from stereocal.verdict.judging import judge, photograph
+from stereocal.verdict.paper_costs import undistort_rays
+from stereocal.verdict.predictive import partners_in_groups
+
+FILES: tuple[Method, ...] = ("2d", "3d", "refined")
+FIGURES = (
+    "mean_length_error", "median_error_3d", "p95_error_3d", "fcp_reprojection", "threshold_px",
+    "mean_reprojection_px", "wrong_let_in_at_threshold",
+)  # fmt: skip
+TEST_BARS = 200
+WRONG_PARTNERS = 9
+SPARE = 1.3
+"""Bars in reserve, because a wrong lens moves some out of an image."""
+
+
+@dataclass(frozen=True, eq=False)
+class DrawnRigs:
+    """The figures of drawn rigs; NaN where a calibration failed."""
+
+    figures: FloatArray
+    """(rigs, files, figures): `FILES`, `FIGURES`."""
+    position_m: FloatArray
+    """(rigs,): mean distance of reconstructed from true points, of the refined set."""
+
+
+def draw_rigs(plan: Plan, seed: int, first: int, end: int) -> DrawnRigs:
+    """The figures of the rigs from `first` to before `end` of the sequence of a seed.
+
+    Raises:
+        StereocalError: the common view hardly holds the bar.
+    """
+    errors = standard_errors(seed, end)[first:]
+    rng = np.random.default_rng([seed, first])
+    bars = place_planned_bars(
+        plan, int(SPARE * (plan.frames + TEST_BARS)) + (len(errors) - 1) * plan.frames, rng
+    )
+    figures = np.full((len(errors), len(FILES), len(FIGURES)), np.nan)
+    position = np.full(len(errors), np.nan)
+    partners = partners_in_groups(TEST_BARS, rng, WRONG_PARTNERS)
+    for at, error in enumerate(errors):
+        truth = true_unknowns(plan, error)
+        shuffled = bars[rng.permutation(len(bars))]
+        try:
+            figures[at], position[at] = _one_rig(plan, truth, shuffled, partners, rng)
+        except StereocalError:
+            continue
+    return DrawnRigs(figures, position)
+
+
+def standard_errors(seed: int, rigs: int) -> FloatArray:
+    """(rigs, 8): standard normal errors of the two focal lengths, centres, baseline and bar."""
+    sequence = Sobol(8, scramble=True, rng=np.random.default_rng([seed, 8]))
+    power = int(np.ceil(np.log2(max(rigs, 2))))
+    uniform = sequence.random_base2(power)[:rigs]
+    return np.asarray(ndtri(np.clip(uniform, 1e-6, 1 - 1e-6)))
+
+
+def true_unknowns(plan: Plan, errors: FloatArray) -> FloatArray:
+    """(23,): the shared unknowns of a true rig, with the true length of the bar over the stated.
+
+    Args:
+        errors: (8,), in standard deviations.
+    """
+    own, truth = plan.uncertainty, shared_unknowns(plan.rig)
+    for camera, at in enumerate((PRIMARY, SECONDARY)):
+        truth[at : at + 2] *= 1.0 + own.focal * errors[camera]
+        truth[at + 2 : at + 4] += own.centre_px * errors[2 + 2 * camera : 4 + 2 * camera]
+    truth[BASELINE] += own.baseline_m * errors[6]
+    truth[BAR] += own.bar_m / plan.bar_m * errors[7]
+    return truth
+
+
+def _one_rig(
+    plan: Plan, truth: FloatArray, bars: FloatArray, partners: IntArray, rng: np.random.Generator
+) -> tuple[FloatArray, float]:
+    """(files, figures), and the position error of the refined set, in metres.
+
+    Raises:
+        StereocalError: the recording cannot be calibrated.
+    """
+    lenses = lenses_of_cameras(plan.primary, plan.secondary)
+    middle = bars.mean(axis=1, keepdims=True)
+    ends = middle + truth[BAR] * (bars - middle)
+    pixels = np.empty((2 * len(ends), 4))
+    photograph(truth, lenses, np.ascontiguousarray(ends.reshape(-1, 3)), pixels)
+    pixels += plan.noise_px * rng.standard_normal(pixels.shape)
+    sizes = np.array([*plan.primary.image_size, *plan.secondary.image_size])
+    inside = ((pixels > -0.5) & (pixels < sizes - 0.5)).all(axis=1).reshape(-1, 2).all(axis=1)
+    kept = np.flatnonzero(inside)
+    if len(kept) < plan.frames + TEST_BARS:
+        raise StereocalError("Too many bars are out of view.")
+    of_bars = pixels.reshape(-1, 2, 4)
+    recorded, tested = kept[: plan.frames], kept[plan.frames :][:TEST_BARS]
+    sets = _calibrated(plan, of_bars[recorded].reshape(-1, 4), rng)
+    return _judged(sets, truth, lenses, ends[tested], of_bars[tested].reshape(-1, 4), partners)
+
+
+def _calibrated(plan: Plan, pixels: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """(files, 23): the shared unknowns of the files of a recording, pixels (2 frames, 4)."""
+    dataset = planned_dataset(plan, pixels)
+    seeds = np.random.SeedSequence(int(rng.integers(2**63))).spawn(2)
+    everything = np.ones(len(pixels), dtype=np.bool_)
+    angles = paper_angles(dataset, everything, CalibrationSettings(), *seeds)
+    start = Pose.from_angles(Angles(*angles[0].tolist()), plan.baseline_m)
+    stated = shared_unknowns(plan.rig)
+    sets = np.array([stated, stated, refine(dataset, refine_settings(plan), start).q])
+    sets[:2, : angles.shape[1]] = angles[1:]
+    sets[:, BAR] = 1.0
+    return sets
+
+
+def _judged(
+    sets: FloatArray,
+    truth: FloatArray,
+    lenses: FloatArray,
+    ends: FloatArray,
+    pixels: FloatArray,
+    partners: IntArray,
+) -> tuple[FloatArray, float]:
+    points = np.ascontiguousarray(ends.reshape(-1, 3))
+    seen = Pose.from_angles(Angles(*truth[:5].tolist()), float(truth[BASELINE])).apply(points)
+    start = np.column_stack([points[:, :2] / points[:, 2:], seen[:, :2] / seen[:, 2:]])
+    rays = np.ascontiguousarray(start.T)
+    counts = np.zeros((len(sets), 2, 2, BINS + 2), dtype=np.int32)
+    nans, lengths = np.zeros((len(sets), 2), dtype=np.int64), np.empty((len(sets), len(ends)))
+    correct_px = np.empty(len(sets))
+    distances = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
+    judge(sets, lenses, pixels, rays, distances, partners, counts, nans, lengths, correct_px)
+    of_px = counts[:, REPROJECTION].astype(np.int64)
+    limits = crossing(of_px)
+    errors = np.abs(lengths - 1.0)
+    median, p95 = np.nanpercentile(errors, (50, 95), axis=1)
+    figures = np.column_stack([
+        np.nanmean(errors, axis=1), median, p95, overlap(merge_bins(of_px, MERGE)),
+        10.0 ** (LOWEST + BIN_WIDTH * limits), correct_px, _wrong_below(of_px, limits),
+    ])  # fmt: skip
+    refined = sets[FILES.index("refined")]
+    undistort_rays(refined, lenses, pixels, rays, np.empty((len(pixels), 2, 4)))
+    pose = Pose.from_angles(Angles(*refined[:5].tolist()), float(refined[BASELINE]))
+    away = np.linalg.norm(triangulate_rays(pose.R, pose.T, rays) - points, axis=1)
+    return figures, float(np.nanmean(away))
+
+
+def _wrong_below(of_px: IntArray, limits: IntArray) -> FloatArray:
+    """(files,): the share of the wrong pairs below the threshold, a bin of counts."""
+    wrong = of_px[:, 1 - CORRECT]
+    below = [own[UNDERFLOW] + own[:limit].sum() for own, limit in zip(wrong, limits, strict=True)]
+    return np.asarray(np.array(below) / wrong.sum(axis=1))

@@ -1,0 +1,186 @@
+"""What a planned field day will give: the figures of its files, errors by place, what would help.
+
+Values are means over rigs drawn from the plan (`drawn_rigs`). Intervals hold 95 % of these rigs:
+what one field day may give. They are not intervals of the mean.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from concurrent.futures import Executor
+from contextlib import closing
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from stereocal.calibration.methods import Method
+from stereocal.errors import StereocalError
+from stereocal.evaluation.summary import Estimate
+from stereocal.field.advice import Advice, advise
+from stereocal.field.drawn_rigs import FIGURES, FILES, DrawnRigs, draw_rigs
+from stereocal.field.expected import ExpectedFit, expect
+from stereocal.field.plan import Plan
+from stereocal.rig.compiled import FloatArray
+from stereocal.system.tasks import Progress, Task, run_tasks
+
+FORECAST_FORMAT = "stereocal-forecast/1"
+RIGS, FEWEST_RIGS, MOST_RIGS = 128, 64, 10_000
+FRAMES_OF_RIGS = 50
+"""With more frames than this, fewer rigs are drawn; each then tells more."""
+CHUNK = 16
+LEVEL = (2.5, 97.5)
+TOLD_APART = 0.05
+"""Share of the points that may have a wrong partner within the threshold."""
+MOST_FAILED = 0.5
+"""Share of drawn rigs that may fail before the plan is rejected."""
+STATED = (
+    "mean_length_error", "median_error_3d", "p95_error_3d", "fcp_reprojection", "threshold_px",
+    "mean_reprojection_px",
+)  # fmt: skip
+"""The figures of `forecast.json`."""
+
+
+@dataclass(frozen=True, eq=False)
+class PlanForecast:
+    """The forecast of a plan."""
+
+    plan: Plan
+    rigs: DrawnRigs
+    fit: ExpectedFit
+    seed: int
+
+    def estimate(self, method: Method, figure: str) -> Estimate:
+        """A figure of a file: mean over the drawn rigs, and the interval of 95 % of them."""
+        return _over_rigs(self.rigs.figures[:, FILES.index(method), FIGURES.index(figure)])
+
+    @cached_property
+    def position_error_m(self) -> Estimate:
+        """Mean distance of reconstructed from true points in the primary's frame, refined set."""
+        return _over_rigs(self.rigs.position_m)
+
+    @cached_property
+    def advice(self) -> Advice:
+        """What limits the plan and what would help."""
+        return advise(self.fit)
+
+    @cached_property
+    def match_with(self) -> Method:
+        """The file with the smaller FCP."""
+        return min(("refined", "2d"), key=lambda method: self._mean(method, "fcp_reprojection"))
+
+    @cached_property
+    def measure_with(self) -> Method:
+        """The file with the smallest length error."""
+        return min(("refined", "3d"), key=lambda method: self._mean(method, "mean_length_error"))
+
+    @cached_property
+    def points_per_frame(self) -> Estimate:
+        """How many points of a frame can be told apart, spread over the common view.
+
+        Of so many, on average 5 % have a wrong partner within the matching threshold.
+        """
+        wrong = self.estimate(self.match_with, "wrong_let_in_at_threshold")
+        with np.errstate(divide="ignore"):
+            value, low, high = 1.0 + TOLD_APART / np.array([wrong.value, wrong.high, wrong.low])
+        return Estimate(float(value), float(low), float(high))
+
+    @property
+    def failed(self) -> int:
+        """Drawn rigs whose recording could not be calibrated."""
+        return int(np.isnan(self.rigs.position_m).sum())
+
+    def to_json(self) -> dict[str, Any]:
+        """The content of `forecast.json`; errors are fractions."""
+        depths, length, position = self.fit.by_depth
+        return {
+            "format": FORECAST_FORMAT,
+            "plan": self.plan.name,
+            "methods": {
+                method: {figure: vars(self.estimate(method, figure)) for figure in STATED}
+                for method in FILES
+            },
+            "position_error_m": vars(self.position_error_m),
+            "points_per_frame": vars(self.points_per_frame),
+            "limited_by": self.advice.limited_by,
+            "advice": list(self.advice.sentences),
+            "by_depth": [
+                {"depth_m": z, "mean_length_error": error, "position_error_m": away}
+                for z, error, away in zip(*map(_plain, (depths, length, position)), strict=True)
+            ],
+            "rigs": len(self.rigs.position_m),
+            "rigs_failed": self.failed,
+            "seed": self.seed,
+        }
+
+    def dumps(self) -> bytes:
+        """The file; equal plans and seeds give equal bytes."""
+        return (json.dumps(_without_nan(self.to_json()), indent=2, allow_nan=False) + "\n").encode()
+
+    def _mean(self, method: Method, figure: str) -> float:
+        return self.estimate(method, figure).value
+
+
+def forecast(
+    plan: Plan,
+    executor: Executor | None = None,
+    seed: int = 0,
+    rigs: int | None = None,
+    progress: Progress | None = None,
+) -> PlanForecast:
+    """The forecast of a plan.
+
+    Args:
+        executor: for the drawn rigs; None: in turn in this thread. Every executor gives the same
+            figures (those of the refined set to about 1e-9).
+        rigs: number of drawn rigs; None: 128, fewer for many frames.
+        progress: called with the drawn rigs done, and those in all.
+
+    Raises:
+        StereocalError: the bar hardly fits, or the bars do not determine the cameras.
+    """
+    if rigs is None:
+        rigs = int(np.clip(RIGS * FRAMES_OF_RIGS / plan.frames, FEWEST_RIGS, RIGS))
+    fit = expect(plan, seed)
+    ranges = [(first, min(first + CHUNK, rigs)) for first in range(0, rigs, CHUNK)]
+    tasks = [
+        Task(f"{first}-{end}", draw_rigs, (plan, seed, first, end), end - first)
+        for first, end in ranges
+    ]
+    found: list[DrawnRigs] = []
+    with closing(run_tasks(tasks, executor, rigs, progress)) as finished:
+        found = [own for _, own in finished]
+    whole = DrawnRigs(
+        np.concatenate([own.figures for own in found]),
+        np.concatenate([own.position_m for own in found]),
+    )
+    if np.isnan(whole.position_m).mean() > MOST_FAILED:
+        raise StereocalError(
+            "Most recordings simulated from this plan cannot be calibrated: plan more frames, a "
+            "larger common view, or less noise."
+        )
+    return PlanForecast(plan, whole, fit, seed)
+
+
+def _over_rigs(values: FloatArray) -> Estimate:
+    known = values[np.isfinite(values)]
+    if not len(known):
+        return Estimate(float("nan"), float("nan"), float("nan"))
+    low, high = (float(v) for v in np.percentile(known, LEVEL))
+    value = float(known.mean())
+    return Estimate(value, min(low, value), max(high, value))
+
+
+def _plain(values: FloatArray) -> list[float]:
+    return [float(value) for value in values]
+
+
+def _without_nan(value: Any) -> Any:
+    """The value with NaN and infinity replaced by None, since JSON has neither."""
+    if isinstance(value, Mapping):
+        return {key: _without_nan(inner) for key, inner in value.items()}
+    if isinstance(value, list):
+        return [_without_nan(inner) for inner in value]
+    return None if isinstance(value, float) and not np.isfinite(value) else value

@@ -1,0 +1,49 @@
+"""The forecast of a plan in sentences."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stereocal.field.forecast import PlanForecast
+from stereocal.verdict.in_words import digits, percent
+
+LIMITS = {
+    "image noise": "the noise of the image points",
+    "calibration": "the number of bars to calibrate with",
+    "lenses": "how well the lenses are known",
+    "baseline": "the baseline",
+}
+
+
+def answer(found: PlanForecast) -> str:
+    """What the plan will measure, how well, and what limits it."""
+    depths, length, position = found.fit.by_depth
+    known = np.flatnonzero(np.isfinite(length))
+    middle, far = known[len(known) // 2], known[-1]
+    return (
+        f"Lengths to {percent(length[middle])} % at {depths[middle]:.3g} m and "
+        f"{percent(length[far])} % at {depths[far]:.3g} m, positions to "
+        f"{distance(float(position[middle]))} and {distance(float(position[far]))} (mean errors of "
+        f"the refined set). About {points_per_frame(found)} points of a frame can be told apart. "
+        f"Limited by {LIMITS[found.advice.limited_by]}."
+    )
+
+
+def first_advice(found: PlanForecast) -> str:
+    """The change that would help most."""
+    return found.advice.sentences[0]
+
+
+def points_per_frame(found: PlanForecast) -> str:
+    """How many points of a frame can be told apart, with two digits at most."""
+    value = found.points_per_frame.value
+    if not value < 10_000:
+        return "more than 10,000"
+    return str(int(float(f"{value:.2g}"))) if value >= 10 else str(int(value))
+
+
+def distance(metres: float) -> str:
+    """A length in the unit that suits it."""
+    if metres < 0.01:
+        return f"{digits(1000 * metres, 2)} mm"
+    return f"{digits(100 * metres, 2)} cm" if metres < 1 else f"{digits(metres, 2)} m"

@@ -1,0 +1,275 @@
+"""A plan of a field day: two cameras, their pose, the volume, the bar, and how well all is known.
+
+A plan that exists can work: the numbers are possible, both cameras see a part of the volume in
+common, and the bar fits into it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from stereocal.errors import StereocalError
+from stereocal.field.common_view import DEPTHS, common_points
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.dataset import check_length
+from stereocal.rig.geometry import Pose
+from stereocal.rig.rig import Rig
+
+FEWEST_FRAMES, MOST_FRAMES = 5, 2000
+LARGEST_NOISE_PX = 20.0
+LARGEST_TOE_IN_DEG = 80.0
+LARGEST_MM = 10_000.0
+
+
+@dataclass(frozen=True)
+class SensorLens:
+    """A camera without a lens calibration yet: no distortion, principal point in the middle.
+
+    Args:
+        sensor_mm: (width, height) of the part of the sensor that the image shows.
+        image_size: (width, height) in pixels.
+
+    Raises:
+        StereocalError: a number is not possible.
+    """
+
+    focal_mm: float
+    sensor_mm: tuple[float, float]
+    image_size: tuple[int, int]
+
+    def __post_init__(self) -> None:
+        for what, value in (
+            ("focal length", self.focal_mm),
+            ("sensor's width", self.sensor_mm[0]),
+            ("sensor's height", self.sensor_mm[1]),
+        ):
+            if not 0 < value < LARGEST_MM:
+                raise StereocalError(f"The {what} is {value:g} mm: state it in mm, above 0.")
+        across, down = (px / mm for px, mm in zip(self.image_size, self.sensor_mm, strict=True))
+        if not 0.5 < across / down < 2.0:
+            width, height = self.image_size
+            raise StereocalError(
+                f"A sensor of {self.sensor_mm[0]:g} x {self.sensor_mm[1]:g} mm and an image of "
+                f"{width}x{height} px do not belong together: the pixels would not be square. "
+                "State both as width and height."
+            )
+        _ = self.camera  # raises where K or the image size is impossible
+
+    @cached_property
+    def camera(self) -> Camera:
+        """The camera, with fx and fy from focal length, sensor and pixels."""
+        size = np.array(self.image_size, dtype=np.float64)
+        fx, fy = self.focal_mm * size / np.array(self.sensor_mm)
+        cx, cy = 0.5 * (size - 1.0)
+        return Camera(np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]]), np.zeros(5), self.image_size)
+
+
+@dataclass(frozen=True)
+class AimedPose:
+    """The pose of two level cameras that are aimed at one point, the primary on the left.
+
+    Args:
+        baseline_m: distance of the two cameras.
+        toe_in_deg: angle by which each camera is turned in from parallel; both axes meet at
+            baseline / (2 tan(toe-in)) in front of the middle of the baseline.
+        height_difference_m: by which the secondary is higher than the primary.
+
+    Raises:
+        StereocalError: a number is not possible.
+    """
+
+    baseline_m: float
+    toe_in_deg: float = 0.0
+    height_difference_m: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_length("baseline", self.baseline_m)
+        if not abs(self.toe_in_deg) <= LARGEST_TOE_IN_DEG:
+            raise StereocalError(
+                f"The toe-in is {self.toe_in_deg:g} degrees: it must be from "
+                f"-{LARGEST_TOE_IN_DEG:g} to {LARGEST_TOE_IN_DEG:g} for each camera."
+            )
+        if not abs(self.height_difference_m) <= 0.9 * self.baseline_m:
+            raise StereocalError(
+                f"The height difference is {self.height_difference_m:g} m, but the baseline, the "
+                f"distance of the cameras, only {self.baseline_m:g} m."
+            )
+
+    @cached_property
+    def pose(self) -> Pose:
+        """`secondary_from_primary`."""
+        primary, secondary = self._world_from_cameras
+        return Pose(secondary.T @ primary, -self.baseline_m * secondary.T @ self._along)
+
+    @property
+    def world_from_primary(self) -> FloatArray:
+        """(3, 3): to the axes of the field, x along the baseline but level, y down, z ahead."""
+        return self._world_from_cameras[0]
+
+    @property
+    def _along(self) -> FloatArray:
+        rise = np.arcsin(self.height_difference_m / self.baseline_m)
+        return np.array([np.cos(rise), -np.sin(rise), 0.0])
+
+    @cached_property
+    def _world_from_cameras(self) -> tuple[FloatArray, FloatArray]:
+        toe = np.radians(self.toe_in_deg)
+        ahead = np.array([0.0, 0.0, np.cos(toe)])
+        inward = np.sin(toe) * self._along
+        return _level(ahead + inward), _level(ahead - inward)
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """Standard deviations of what is stated, as it will be when the recording is calibrated.
+
+    Args:
+        focal: of each focal length, as a fraction of it.
+        centre_px: of each coordinate of a principal point.
+        baseline_m, bar_m: of the two measured lengths.
+
+    Raises:
+        StereocalError: a number is negative, not finite, or too large.
+    """
+
+    focal: float = 0.003
+    centre_px: float = 5.0
+    baseline_m: float = 0.005
+    bar_m: float = 0.0005
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if not (np.isfinite(value) and value >= 0):
+                raise StereocalError(f"The uncertainty {name} is {value}: it must be 0 or more.")
+        if self.focal > 0.2:
+            raise StereocalError(
+                f"The uncertainty of the focal length is {self.focal:g}, a fraction of it: "
+                "0.003 stands for 0.3 %, and at most 0.2 makes sense."
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """A plan of a field day.
+
+    Args:
+        stated_primary, stated_secondary: calibrated cameras, or what the data sheets say.
+        stated_pose: `secondary_from_primary`, or baseline, toe-in and height.
+        near_m, far_m: depths along the primary's axis, between which will be measured.
+        bar_m: distance of the two targets on the bar.
+        frames: number of positions of the bar.
+        noise_px: standard deviation of an image coordinate of a target.
+
+    Raises:
+        StereocalError: a number is not possible, the cameras have no common view in the volume, or
+            the bar does not fit into it.
+    """
+
+    name: str
+    stated_primary: Camera | SensorLens
+    stated_secondary: Camera | SensorLens
+    stated_pose: Pose | AimedPose
+    near_m: float
+    far_m: float
+    bar_m: float
+    frames: int = 25
+    noise_px: float = 0.2
+    uncertainty: Uncertainty = field(default_factory=Uncertainty)
+
+    def __post_init__(self) -> None:
+        self._check_numbers()
+        self._check_common_view()
+
+    @cached_property
+    def primary(self) -> Camera:
+        return _camera(self.stated_primary)
+
+    @cached_property
+    def secondary(self) -> Camera:
+        return _camera(self.stated_secondary)
+
+    @cached_property
+    def pose(self) -> Pose:
+        """`secondary_from_primary`."""
+        stated = self.stated_pose
+        return stated.pose if isinstance(stated, AimedPose) else stated
+
+    @cached_property
+    def rig(self) -> Rig:
+        return Rig(self.primary, self.secondary, self.pose)
+
+    @cached_property
+    def common_points(self) -> FloatArray:
+        """(n, 3): grid points of the volume that both cameras see, in the primary's frame."""
+        return common_points(self.rig, np.linspace(self.near_m, self.far_m, DEPTHS))
+
+    @property
+    def baseline_m(self) -> float:
+        return self.pose.baseline
+
+    def _check_numbers(self) -> None:
+        check_length("baseline", self.baseline_m)
+        _ = self.pose.angles  # raises where they are undefined
+        check_length("bar", self.bar_m)
+        near, far = self.near_m, self.far_m
+        if not (np.isfinite([near, far]).all() and near > 0):
+            raise StereocalError(
+                f"The volume reaches from {near:g} to {far:g} m along the primary's axis: a part "
+                "of it is at or behind the camera; state near_m and far_m above 0."
+            )
+        if not near < far:
+            raise StereocalError(
+                f"The volume's near_m is {near:g} and its far_m {far:g}: near_m must be the "
+                "smaller one."
+            )
+        check_length("volume's far end", far)
+        if not FEWEST_FRAMES <= self.frames <= MOST_FRAMES:
+            raise StereocalError(
+                f"{self.frames} frames are planned: it must be from {FEWEST_FRAMES} to "
+                f"{MOST_FRAMES}."
+            )
+        if not 0 < self.noise_px <= LARGEST_NOISE_PX:
+            raise StereocalError(
+                f"The noise is {self.noise_px:g} px: it must be above 0 and at most "
+                f"{LARGEST_NOISE_PX:g}; 0.2 px is usual for a detected target."
+            )
+        for what, sigma, length in (
+            ("baseline", self.uncertainty.baseline_m, self.baseline_m),
+            ("bar", self.uncertainty.bar_m, self.bar_m),
+        ):
+            if sigma > 0.3 * length:
+                raise StereocalError(
+                    f"The uncertainty of the {what} is {sigma:g} m, of {length:g} m: state it in "
+                    "metres; 0.005 stands for 5 mm."
+                )
+        smallest = min(*self.primary.image_size, *self.secondary.image_size)
+        if self.uncertainty.centre_px > 0.2 * smallest:
+            raise StereocalError(
+                f"The uncertainty of the principal point is {self.uncertainty.centre_px:g} px, too "
+                f"much for an image of {smallest} px; 5 px is usual."
+            )
+
+    def _check_common_view(self) -> None:
+        largest = float(np.linalg.norm(np.ptp(self.common_points, axis=0)))
+        if self.bar_m >= largest:
+            raise StereocalError(
+                f"The bar of {self.bar_m:g} m is larger than what both cameras see from "
+                f"{self.near_m:g} to {self.far_m:g} m (about {largest:.2g} m): take a shorter bar, "
+                "or go farther away."
+            )
+
+
+def _camera(stated: Camera | SensorLens) -> Camera:
+    return stated.camera if isinstance(stated, SensorLens) else stated
+
+
+def _level(axis: FloatArray) -> FloatArray:
+    """The rotation `world_from_camera` of a level camera; the world's y axis points down."""
+    z = axis / np.linalg.norm(axis)
+    x = np.cross([0.0, 1.0, 0.0], z)
+    x /= np.linalg.norm(x)
+    return np.column_stack([x, np.cross(z, x), z])

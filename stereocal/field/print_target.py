@@ -1,0 +1,193 @@
+"""The targets of the bar to print: 2x2 checkerboards of a size that detection finds."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass
+
+from reportlab.graphics.shapes import Group
+
+from stereocal.errors import StereocalError
+from stereocal.field.paper import (
+    ACTUAL_SIZE,
+    MARGIN_MM,
+    PAPERS,
+    Paper,
+    Sheet,
+    block,
+    footer,
+    footer_height,
+    stroke,
+)
+
+GOOD_PX = 50.0
+"""A target of this width or more is located well also when it is tilted by 60 degrees."""
+DETECTED_PX = (20.0, 400.0)
+"""Width of the targets that detection is made for."""
+STEP_MM = 5.0
+"""Sides are rounded up to a multiple of this."""
+MARK_MM, MARK_GAP_MM = 3.5, 1.5
+"""Length of a mark outside the target, and its distance from it."""
+AROUND_MM = MARK_MM + MARK_GAP_MM
+SMALLEST_M, LARGEST_M = 0.005, 10.0
+
+
+@dataclass(frozen=True)
+class TargetSize:
+    """A target, and how large it appears.
+
+    Args:
+        side_m: side of the whole target, of 2x2 squares.
+        focal_px: the larger focal length of the two cameras.
+        near_m, far_m: least and largest distance of the bar from the cameras.
+    """
+
+    side_m: float
+    focal_px: float
+    near_m: float
+    far_m: float
+
+    @property
+    def widths_px(self) -> tuple[float, float]:
+        """Width at the near and at the far end, seen frontally."""
+        return self.focal_px * self.side_m / self.near_m, self.focal_px * self.side_m / self.far_m
+
+    @property
+    def sentence(self) -> str:
+        """How large the target appears, and what to do if that is too large or too small."""
+        near, far = self.widths_px
+        seen = (
+            f"A target of {1e3 * self.side_m:.4g} mm is {far:.0f} px across at {self.far_m:g} m "
+            f"and {near:.0f} px at {self.near_m:g} m."
+        )
+        least, most = DETECTED_PX
+        if far < least:
+            return f"{seen} Detection needs at least {least:.0f} px: print larger targets."
+        if near > most:
+            nearest = self.focal_px * self.side_m / most
+            return (
+                f"{seen} Detection finds targets of up to {most:.0f} px: keep the bar beyond "
+                f"{nearest:.3g} m, or print smaller targets."
+            )
+        return seen
+
+
+def target_size(
+    focal_px: float, near_m: float, far_m: float, least_px: float = GOOD_PX
+) -> TargetSize:
+    """The smallest target, in steps of 5 mm, that is `least_px` wide at the far end.
+
+    Args:
+        focal_px: the smaller focal length of the two cameras.
+
+    Raises:
+        StereocalError: a number that is impossible.
+    """
+    for name, value in (
+        ("focal length in px", focal_px),
+        ("near distance", near_m),
+        ("far distance", far_m),
+        ("width of the target in px", least_px),
+    ):
+        if not (math.isfinite(value) and value > 0):
+            raise StereocalError(f"The {name} must be above 0, not {value:g}.")
+    if near_m > far_m:
+        raise StereocalError(f"The near distance {near_m:g} m is beyond the far one, {far_m:g} m.")
+    needed_mm = 1e3 * least_px * far_m / focal_px
+    return TargetSize(1e-3 * STEP_MM * math.ceil(needed_mm / STEP_MM), focal_px, near_m, far_m)
+
+
+def describe_target(side_m: float, focal_px: float) -> str:
+    """At which distances a target of a size is found, and found well."""
+    least, most = DETECTED_PX
+    near, good, far = (focal_px * side_m / px for px in (most, GOOD_PX, least))
+    return (
+        f"With these lenses a target of {1e3 * side_m:.4g} mm is found from {near:.3g} m (there "
+        f"{most:.0f} px across) to {far:.3g} m ({least:.0f} px), and found well up to {good:.3g} m "
+        f"({GOOD_PX:.0f} px)."
+    )
+
+
+def print_targets(side_m: float, paper: Paper) -> Sheet:
+    """A sheet with both targets if they fit, else with one, which is printed twice.
+
+    Both targets are alike: detection calls one A and the other B by where they are.
+
+    Args:
+        side_m: side of the whole target, of 2x2 squares.
+
+    Raises:
+        StereocalError: the target is larger than the paper, or its side is impossible.
+    """
+    if not SMALLEST_M <= side_m <= LARGEST_M:
+        raise StereocalError(
+            f"A target of {side_m:g} m cannot be printed: its side must be {SMALLEST_M:g} to "
+            f"{LARGEST_M:g} m."
+        )
+    side = 1e3 * side_m
+    for columns, rows in ((2, 1), (1, 2), (1, 1)):
+        texts = _texts(side, columns * rows)
+        for turned in paper.both_ways:
+            bottom = footer_height(texts, turned.width_mm)
+            across = _centres(turned.width_mm - 2.0 * MARGIN_MM, side, columns)
+            up = _centres(turned.height_mm - MARGIN_MM - bottom, side, rows)
+            if across and up:
+                shapes = Group(footer(texts, turned.width_mm))
+                for x, y in itertools.product(across, up):
+                    shapes.add(_target(MARGIN_MM + x, bottom + y, side))
+                return Sheet(f"Target of {side:.4g} mm", turned, shapes)
+    raise StereocalError(_too_large(side, paper))
+
+
+def largest_side(paper: Paper) -> float:
+    """Side in metres of the largest target that fits on a paper, in whole steps of 5 mm."""
+    bottom = footer_height(_texts(100.0, 1), paper.width_mm)
+    room = min(paper.width_mm - 2.0 * MARGIN_MM, paper.height_mm - MARGIN_MM - bottom)
+    return 1e-3 * STEP_MM * math.floor((room - 2.0 * AROUND_MM) / STEP_MM)
+
+
+def _too_large(side: float, paper: Paper) -> str:
+    fitting = [name for name, other in PAPERS.items() if 1e3 * largest_side(other) >= side]
+    what = (
+        f"print it on {fitting[0]}, in a copy shop if need be"
+        if fitting
+        else "paint it on a board, with edges that meet in one point"
+    )
+    return (
+        f"A target of {side:.4g} mm does not fit on {paper.name}, which holds "
+        f"{1e3 * largest_side(paper):.0f} mm: {what}."
+    )
+
+
+def _texts(side: float, count: int) -> list[str]:
+    often = (
+        "Two targets, one for each end of the bar"
+        if count == 2
+        else "Print this sheet twice: one target for each end of the bar"
+    )
+    return [
+        f"stereocal target, {side:.4g} mm. {often}.",
+        "Cut at the corner marks, and glue it to something flat and matt. The distance A-B of the "
+        "bar is measured between the middles of the targets, where the four squares meet.",
+        f"{ACTUAL_SIZE}, and the target {side:.4g} mm wide and high.",
+    ]
+
+
+def _centres(room: float, side: float, count: int) -> list[float]:
+    """Where the targets have their centres along a length, evenly spread; empty if too short."""
+    free = (room - count * side - (count + 1) * AROUND_MM) / (count + 1)
+    step = side + AROUND_MM + free
+    return [step * (place + 1) - 0.5 * side for place in range(count)] if free >= -1e-9 else []
+
+
+def _target(x: float, y: float, side: float) -> Group:
+    """Two black squares that meet in (x, y), with marks around to cut and to align by."""
+    half = 0.5 * side
+    shapes = Group(block(x - half, y, half, half), block(x, y - half, half, half))
+    start, end = half + MARK_GAP_MM, half + MARK_GAP_MM + MARK_MM
+    for sign in (-1.0, 1.0):
+        for across in (-half, 0.0, half):
+            shapes.add(stroke(x + across, y + sign * start, x + across, y + sign * end))
+            shapes.add(stroke(x + sign * start, y + across, x + sign * end, y + across))
+    return shapes

@@ -1,0 +1,169 @@
+"""What the field sheet says: how the cameras stand, what to measure, what to write down."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stereocal.field.bar_places import ground_from_primary
+from stereocal.field.plan import Plan
+from stereocal.field.print_target import target_size
+from stereocal.rig.compiled import FloatArray
+
+HAND_SPEED_M_S = 0.5
+"""Of a target on a bar that is carried."""
+BLUR_PX = 0.5
+"""Motion during the exposure that does little harm."""
+BLANK = "_" * 11
+BESIDE = 0.2
+"""Fraction of the baseline from which one camera is beside the other."""
+PARALLEL_DEG, TILT_DEG, SMALL_M = 0.05, 0.7, 0.005
+"""Angles and distances below these are not worth a word."""
+
+
+def camera_notes(plan: Plan) -> list[str]:
+    """How the cameras stand, and what holds for both; Paragraph markup."""
+    return [
+        _placed(plan),
+        _aimed(plan),
+        _seen(plan),
+        "Lock focus, zoom and aperture with tape before the photographs of the board for the "
+        "lenses, and leave them until the last recording. No autofocus, no stabilisation.",
+        "Expose so that the white squares are not saturated.",
+        _timed(plan),
+        _targets(plan),
+    ]
+
+
+def measurements(plan: Plan) -> list[tuple[str, str, str]]:
+    """What to measure, between which points and how, and room for the numbers."""
+    wanted = plan.uncertainty
+    return [
+        (
+            f"<b>Baseline</b>, planned<br/>{plan.baseline_m:.3f} m, to {_mm(wanted.baseline_m)}",
+            "Between the entrance pupils: there the aperture appears to be when you look into a "
+            "lens from the front. With two cameras of one kind, measure between like points, such "
+            "as the middles of the front rings: the laser range finder with its rear edge at "
+            f"one, a card at the other.{_turned_correction(plan)}",
+            f"1 {BLANK} m<br/>2 {BLANK} m<br/>3 {BLANK} m",
+        ),
+        (
+            f"<b>Distance A-B</b>, planned<br/>{plan.bar_m:g} m, to {_mm(wanted.bar_m)}",
+            "Between the middles of the targets, where the four squares meet: with a steel tape or "
+            "the laser, before and after, with the bar held as in the recording.",
+            f"before {BLANK} m<br/>after {BLANK} m",
+        ),
+        (
+            "<b>Heights</b> of the lenses",
+            "Above the ground, with the tape; and whether each camera is level.",
+            f"P {BLANK} m<br/>S {BLANK} m",
+        ),
+    ]
+
+
+def records() -> list[tuple[str, str, str, str]]:
+    """What to write down, and room for it."""
+    return [
+        ("Date, place, people", "", "Trigger, time offset of S", ""),
+        ("Camera and lens P, serial", "", "Camera and lens S, serial", ""),
+        ("Aperture, focus distance", "", "Exposure time, gain", ""),
+        ("Image size, frames per s", "", "Baseline measured from - to", ""),
+        ("Frames of the bar, first - last", "", "Board: squares, photographs", ""),
+        ("Recordings, first - last", "", "Touched, moved: when", ""),
+    ]
+
+
+def _axes(plan: Plan) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """In the primary's frame, (3,) each: the way from primary to secondary, both optical axes."""
+    way = plan.pose.inverse().T
+    return way / np.linalg.norm(way), np.array([0.0, 0.0, 1.0]), plan.pose.R[2]
+
+
+def _placed(plan: Plan) -> str:
+    right, down, ahead = ground_from_primary(plan).R @ plan.pose.inverse().T
+    parts = []
+    if abs(right) > BESIDE * plan.baseline_m:
+        parts.append(f"to the {'right' if right > 0 else 'left'}, seen from behind the cameras")
+    if abs(down) > SMALL_M:
+        parts.append(f"<b>{abs(down):.2f} m {'higher' if down < 0 else 'lower'}</b>")
+    if abs(ahead) > SMALL_M:
+        parts.append(f"<b>{abs(ahead):.2f} m farther {'forward' if ahead > 0 else 'back'}</b>")
+    level = [] if abs(down) > SMALL_M else ["at the same height"]
+    return (
+        f"Secondary (S) <b>{plan.baseline_m:.3f} m</b> from the primary (P), "
+        f"{', '.join([*parts, *level])}."
+    )
+
+
+def _aimed(plan: Plan) -> str:
+    way, primary, secondary = _axes(plan)
+    turned = np.degrees(np.arcsin([primary @ way, -(secondary @ way)]))
+    if np.abs(turned).max() < PARALLEL_DEG:
+        return (
+            "Both look straight ahead, at right angles to the line P-S: aim them at two marks "
+            f"{plan.baseline_m:.3f} m apart."
+        )
+    how = [f"{name} {abs(angle):.1f}° {'in' if angle >= 0 else 'out'}"
+           for name, angle in zip("PS", turned, strict=True)]  # fmt: skip
+    aim = ""
+    if turned.sum() > PARALLEL_DEG:
+        meeting = plan.baseline_m / float(np.sum(np.tan(np.radians(turned))))
+        aim = f" The axes meet about <b>{meeting:.3g} m</b> ahead: aim both at a mark there."
+    return f"Turned from straight ahead: <b>{', '.join(how)}</b>.{aim}{_tilted(plan)}"
+
+
+def _tilted(plan: Plan) -> str:
+    """Which camera looks up or down, where that can be seen."""
+    down = ground_from_primary(plan).R[1]
+    tilts = np.degrees(np.arcsin([-(axis @ down) for axis in _axes(plan)[1:]]))
+    return "".join(
+        f" {name} looks {abs(tilt):.1f}° {'up' if tilt > 0 else 'down'}."
+        for name, tilt in zip("PS", tilts, strict=True)
+        if abs(tilt) > TILT_DEG
+    )
+
+
+def _seen(plan: Plan) -> str:
+    points = plan.common_points
+    sizes = []
+    for depth in (points[:, 2].min(), points[:, 2].max()):
+        across, up = np.ptp(points[points[:, 2] == depth], axis=0)[:2]
+        sizes.append(f"{across:.1f} x {up:.1f} m at {depth:.3g} m")
+    return f"Both see in common (grey): {sizes[0]}, {sizes[1]}."
+
+
+def _timed(plan: Plan) -> str:
+    largest = max(float(camera.K[0, 0]) for camera in (plan.primary, plan.secondary))
+    px_per_ms = 1e-3 * HAND_SPEED_M_S * largest / plan.near_m
+    return (
+        "One trigger for both cameras; without it hold the bar at rest. Carried at "
+        f"{HAND_SPEED_M_S:g} m/s at {plan.near_m:g} m it moves {px_per_ms:.2g} px per ms: expose "
+        f"for at most <b>{BLUR_PX / px_per_ms:.2g} ms</b>, with both cameras in step to "
+        f"<b>{plan.noise_px / px_per_ms:.2g} ms</b>."
+    )
+
+
+def _targets(plan: Plan) -> str:
+    focal = min(float(camera.K[0, 0]) for camera in (plan.primary, plan.secondary))
+    size = target_size(focal, plan.near_m, plan.far_m)
+    near, far = size.widths_px
+    return (
+        f"Targets of <b>{1e3 * size.side_m:.4g} mm</b>: {far:.0f} px across at {plan.far_m:g} m, "
+        f"{near:.0f} px at {plan.near_m:g} m."
+    )
+
+
+def _turned_correction(plan: Plan) -> str:
+    """How the distance of two like points in front of the pupils differs from the baseline."""
+    way, primary, secondary = _axes(plan)
+    per_cm = 10.0 * float((primary - secondary) @ way)
+    if abs(per_cm) < 0.05:
+        return ""
+    what, how = ("add", "in") if per_cm > 0 else ("subtract", "out")
+    return (
+        f" The cameras are turned {how}: {what} {abs(per_cm):.1f} mm for each cm that these points "
+        "lie in front of the pupils."
+    )
+
+
+def _mm(sigma_m: float) -> str:
+    return f"{1e3 * sigma_m:.2g} mm"

@@ -1,0 +1,251 @@
+"""The Plan page: the forecast of the plan, plans side by side, files, and a project from it."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Sequence
+from functools import partial
+from pathlib import PurePath
+from threading import Lock
+from typing import Any
+
+import numpy as np
+import streamlit as st
+
+from stereocal.errors import StereocalError
+from stereocal.field.forecast import PlanForecast, forecast
+from stereocal.field.in_words import answer, distance, points_per_frame
+from stereocal.field.paper import paper_named
+from stereocal.field.plan import Plan
+from stereocal.field.print_target import largest_side, target_size
+from stereocal.figures import (
+    describe_plan_baselines,
+    describe_plan_depths,
+    describe_plan_map,
+    plot_plan_baselines,
+    plot_plan_depths,
+    plot_plan_map,
+)
+from stereocal.figures.forecast_table import plan_table
+from stereocal.figures.plan_report import how_computed, plan_report
+from stereocal.formats.plan_file import parse_plan, write_plan
+from stereocal.projects.project import Project
+from stereocal.ui.downloads import on_demand
+from stereocal.ui.fields import Field, one_of, setting
+from stereocal.ui.figure import show_figure
+from stereocal.ui.intake import CAMERA_KINDS, check_uploads, clear_refusal, is_new, taking
+from stereocal.ui.jobs import pool
+from stereocal.ui.messages import callback
+from stereocal.ui.plan_fields import show_plan
+from stereocal.ui.print_downloads import SIDE_MM, targets_to_print
+from stereocal.ui.texts import escape_markdown
+from stereocal.verdict.in_words import percent
+
+KEPT_FORECASTS = 24
+MOST_PLANS = 3
+INSTANT_FRAMES = 60
+"""Up to so many, the forecast takes about a second and shows no progress."""
+QUANTITIES = {"Length error": "distance", "Position error": "point"}
+_LOCK = Lock()
+
+
+@st.cache_resource(show_spinner=False)
+def _forecasts() -> OrderedDict[bytes, PlanForecast]:
+    """Forecasts of this server by their plan; the latest last."""
+    return OrderedDict()
+
+
+def forecast_of(plan: Plan) -> PlanForecast:
+    """The forecast of a plan, with progress where it takes long.
+
+    Raises:
+        StereocalError: as `forecast`.
+    """
+    key, kept = write_plan(plan), _forecasts()
+    with _LOCK:
+        if key in kept:
+            kept.move_to_end(key)
+            return kept[key]
+    if plan.frames <= INSTANT_FRAMES:
+        found = forecast(plan, pool())
+    else:
+        place = st.empty()
+
+        def show(done: int, total: int) -> None:
+            place.progress(done / total, f"{done} of {total} rigs drawn and calibrated.")
+
+        show(0, 1)
+        found = forecast(plan, pool(), progress=show)
+        place.empty()
+    with _LOCK:
+        kept[key] = found
+        while len(kept) > KEPT_FORECASTS:
+            kept.popitem(last=False)
+    return found
+
+
+def open_plan(project: Project | None) -> None:
+    """The uploader of a plan; its camera files come with it."""
+    uploads = st.file_uploader(
+        "Open a plan (plan.json, and the camera files that it names)", type=CAMERA_KINDS,
+        key="upload_plan", accept_multiple_files=True,
+    )  # fmt: skip
+    fresh = [upload for upload in uploads if is_new(upload)]
+    if not fresh:
+        return
+    with taking(*fresh):
+        check_uploads(fresh)
+        files = {PurePath(upload.name).name: upload.getvalue() for upload in uploads}
+        show_plan(project, _plan_in(files))
+        clear_refusal()
+    st.rerun()
+
+
+def _plan_in(files: dict[str, bytes]) -> Plan:
+    """The plan among uploaded files."""
+    plans = [name for name, content in files.items() if b"stereocal-plan" in content]
+    if len(plans) != 1:
+        raise StereocalError(
+            "One file of a plan (plan.json) is needed, with the camera files that it names; "
+            f"{len(plans)} of these {len(files)} files are plans."
+        )
+
+    def beside(name: str) -> bytes:
+        if PurePath(name).name not in files:
+            raise StereocalError(f"{plans[0]} names the camera file {name}: upload it too.")
+        return files[PurePath(name).name]
+
+    return parse_plan(files[plans[0]], plans[0], beside)
+
+
+def show_answer(found: PlanForecast) -> None:
+    """What the plan will measure, and what would help."""
+    st.success(f"**{escape_markdown(answer(found))}**")
+    if found.failed:
+        st.warning(
+            f"{found.failed} of {len(found.rigs.position_m)} simulated recordings could not be "
+            "calibrated: plan more frames, or a larger common view."
+        )
+    st.markdown("**What would help most**")
+    st.markdown("\n".join(f"- {escape_markdown(text)}" for text in found.advice.sentences[:4]))
+
+
+def show_places(project: Project | None, found: PlanForecast) -> None:
+    """Errors by place, from above and from the side."""
+    chosen = setting(
+        project, "plan_quantity", "Length error", one_of(list(QUANTITIES)), tabs_own=True
+    )
+    name = st.segmented_control("Show", list(QUANTITIES), required=True, **chosen.widget())
+    quantity: Any = QUANTITIES[name]
+    show_figure(plot_plan_map(found, quantity), describe_plan_map(found, quantity), "plan_map")
+
+
+def show_curves(found: PlanForecast, others: Sequence[PlanForecast]) -> None:
+    """Errors by depth, of all compared plans, and by baseline."""
+    left, right = st.columns(2, gap="medium")
+    with left:
+        plans = [found, *others]
+        st.markdown("**Length error by depth**")
+        show_figure(plot_plan_depths(plans), describe_plan_depths(plans), "plan_depths")
+    with right:
+        st.markdown("**Length error by baseline**")
+        show_figure(plot_plan_baselines(found), describe_plan_baselines(found), "plan_baselines")
+
+
+def show_details(found: PlanForecast) -> None:
+    """The figures of the files, folded."""
+    with st.expander("What each file will do, and how this was computed"):
+        st.table(plan_table(found))
+        st.caption(escape_markdown(how_computed(found)))
+
+
+def compared_plans(project: Project | None) -> list[PlanForecast]:
+    """The forecasts of the plans kept for comparison."""
+    found = []
+    for text in _compared(project).value():
+        try:
+            found.append(forecast_of(parse_plan(text.encode(), "plan", str.encode)))
+        except StereocalError:  # of an older version
+            continue
+    return found
+
+
+def show_comparison(
+    project: Project | None, found: PlanForecast, others: Sequence[PlanForecast]
+) -> None:
+    """Up to three plans side by side."""
+    kept = _compared(project)
+    texts = [write_plan(other.plan).decode() for other in others]
+    own = write_plan(found.plan).decode()
+    if others:
+        columns = st.columns(len(others) + 1)
+        with columns[0], st.container(border=True):
+            _summary(found, f"{found.plan.name} (above)")
+        for at, (column, other) in enumerate(zip(columns[1:], others, strict=True)):
+            rest = [text for number, text in enumerate(texts) if number != at]
+            with column, st.container(border=True):
+                _summary(other, other.plan.name)
+                with st.container(horizontal=True):
+                    st.button(
+                        "Change this one", key=f"plan_show_{at}", on_click=callback(_swap),
+                        args=(project, other.plan, [*rest, own]),
+                    )  # fmt: skip
+                    st.button(
+                        "Remove", key=f"plan_drop_{at}", on_click=callback(kept.set), args=(rest,)
+                    )
+    with st.container(horizontal=True, vertical_alignment="bottom"):
+        st.text_input("Name of this plan", max_chars=60, **_name(project).widget())
+        st.button(
+            "Keep it to compare", key="plan_keep", on_click=callback(kept.set),
+            args=([*texts, own],), disabled=len(texts) >= MOST_PLANS - 1 or own in texts,
+            help="Then change the plan: up to three stand side by side.",
+        )  # fmt: skip
+
+
+def _swap(project: Project | None, plan: Plan, kept: list[str]) -> None:
+    show_plan(project, plan)
+    _compared(project).set(kept)
+
+
+def _summary(found: PlanForecast, title: str) -> None:
+    depths, length, position = found.fit.by_depth
+    st.markdown(f"**{escape_markdown(title)}**")
+    st.markdown(
+        f"Length {percent(length[-1])} % at {depths[-1]:.3g} m  \n"
+        f"Position {distance(float(position[-1]))} there  \n"
+        f"{points_per_frame(found)} points a frame  \n"
+        f"Limited by: {found.advice.limited_by}"
+    )
+
+
+def plan_downloads(found: PlanForecast) -> None:
+    """The plan, its forecast, and the report."""
+    for label, make, name, mime in (
+        ("Save plan", partial(write_plan, found.plan), "plan.json", "application/json"),
+        ("Forecast", found.dumps, "forecast.json", "application/json"),
+        ("Report", partial(plan_report, found), "report.html", "text/html"),
+    ):
+        st.download_button(
+            label, on_demand(make, name, mime), name, mime, on_click="ignore",
+            key=f"download_{name}", icon=":material/download:",
+        )  # fmt: skip
+
+
+def plan_targets(project: Project | None, plan: Plan) -> None:
+    """The targets of the bar to print, as large as the plan needs them, or as fit on A4."""
+    focal_px = float(min(plan.primary.K[0, 0], plan.secondary.K[0, 0]))
+    needed = target_size(focal_px, plan.near_m, plan.far_m).side_m
+    side_m = min(needed, largest_side(paper_named("A4")))
+    targets_to_print(project, focal_px, max(float(np.floor(1000 * side_m)), SIDE_MM[0]))
+
+
+def _compared(project: Project | None) -> Field:
+    return setting(project, "plan_compared", [], _texts)
+
+
+def _name(project: Project | None) -> Field:
+    return setting(project, "plan_name", "Plan", str)
+
+
+def _texts(value: Any) -> list[str]:
+    return [str(text) for text in value][: MOST_PLANS - 1]

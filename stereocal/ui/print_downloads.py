@@ -1,0 +1,116 @@
+"""Downloads to print: the board for the lenses, the targets of the bar, and the field sheet."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import streamlit as st
+
+from stereocal.errors import StereocalError
+from stereocal.field.bar_places import bar_places
+from stereocal.field.paper import PAPERS, Sheet, paper_named
+from stereocal.field.plan import Plan
+from stereocal.field.print_board import fitted, print_board
+from stereocal.field.print_target import describe_target, print_targets
+from stereocal.field.sheet import field_sheet
+from stereocal.intrinsics.board_pattern import BoardPattern
+from stereocal.projects.project import Project
+from stereocal.ui.downloads import on_demand
+from stereocal.ui.fields import number, one_of, setting
+
+AT_TRUE_SCALE = 'Print at 100 % ("actual size"): the sheet has a scale of 100 mm to check it by.'
+CORNERS, SIDE_MM, USUAL_SIDE_MM = (3, 100), (5.0, 1000.0), 180.0
+
+
+def board_to_print(project: Project | None) -> None:
+    """A fold with a chessboard as large as the paper allows."""
+    with st.expander("Print a chessboard"):
+        paper, *places = st.columns(3)
+        named = _paper(project, paper, "board")
+        columns, rows = (
+            place.number_input(
+                f"Inner corners, {way} way", *CORNERS, step=1,
+                **setting(project, f"print_{name}", usual, number(*CORNERS)).widget(),
+            )
+            for place, way, name, usual in zip(
+                places, ("one", "other"), ("columns", "rows"), (18, 12), strict=True
+            )
+        )  # fmt: skip
+        try:
+            board = fitted(BoardPattern(columns, rows, 0.01), paper_named(named))
+        except StereocalError as error:
+            st.error(str(error))
+            return
+        st.markdown(
+            f"Squares of **{1e3 * board.square_m:.0f} mm**, the largest on {named}. The board "
+            "should fill half of the image or more at the distance of your recordings: take "
+            f"larger paper where it does not. {AT_TRUE_SCALE}"
+        )
+        _downloads(lambda: print_board(board, paper_named(named)), "board")
+
+
+def targets_to_print(
+    project: Project | None, focal_px: float | None, usual_mm: float = USUAL_SIDE_MM
+) -> None:
+    """A fold with the two targets of the bar.
+
+    Args:
+        focal_px: the smaller focal length of the two cameras; None if it is not known.
+        usual_mm: side of a target, until another is entered.
+    """
+    with st.expander("Print the targets"):
+        left, right = st.columns(2)
+        named = _paper(project, left, "targets")
+        # What is usual follows the plan, and is no change by another tab.
+        side = replace(setting(project, "print_side_mm", usual_mm, number(*SIDE_MM)), tells=False)
+        side_mm = right.number_input(
+            "Side of a target (mm)", *SIDE_MM, step=5.0, format="%.10g", **side.widget()
+        )
+        try:
+            sheet = print_targets(1e-3 * side_mm, paper_named(named))
+        except StereocalError as error:
+            st.error(str(error))
+            return
+        seen = f"{describe_target(1e-3 * side_mm, focal_px)} " if focal_px else ""
+        st.markdown(f"{seen}{AT_TRUE_SCALE}")
+        _downloads(lambda: sheet, "target")
+
+
+def field_sheet_to_print(plan: Plan) -> None:
+    """The button for the plan on one page."""
+    try:
+        bar_places(plan)
+    except StereocalError as error:
+        st.caption(f"No field sheet: {error}")
+        return
+
+    def content() -> bytes:
+        return field_sheet(plan)
+
+    name, mime = "field_sheet.pdf", "application/pdf"
+    st.download_button(
+        "Field sheet (PDF)", on_demand(content, name, mime), name, mime, on_click="ignore",
+        icon=":material/download:", key="download_field_sheet",
+    )  # fmt: skip
+
+
+def _paper(project: Project | None, place: st.delta_generator.DeltaGenerator, what: str) -> str:
+    names = tuple(PAPERS)
+    chosen = setting(project, f"print_paper_{what}", names[0], one_of(names))
+    named: str = place.selectbox("Paper", names, **chosen.widget())
+    return named
+
+
+def _downloads(make: Callable[[], Sheet], what: str) -> None:
+    """One button for each format; the file is made when it is pressed."""
+    with st.container(horizontal=True):
+        for suffix, mime, content in (
+            ("pdf", "application/pdf", lambda: make().pdf()),
+            ("svg", "image/svg+xml", lambda: make().svg()),
+        ):
+            name = f"{what}.{suffix}"
+            st.download_button(
+                name, on_demand(content, name, mime), name, mime, on_click="ignore",
+                icon=":material/download:", key=f"download_{what}_{suffix}",
+            )  # fmt: skip

@@ -1,0 +1,64 @@
+"""`stereocal plan` from the command line: its two files, its answer, bad plans."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from stereocal.cli import main
+from stereocal.field.forecast import forecast
+from stereocal.formats.plan_file import read_plan
+from tests.field.plans import contents
+
+RIGS = 32
+
+
+def plan_file(folder: Path, **changes: Any) -> Path:
+    path = folder / "plan.json"
+    path.write_text(json.dumps(contents(**changes)))
+    return path
+
+
+def test_forecast_and_report(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path, out = plan_file(tmp_path), tmp_path / "out"
+    assert main(["plan", str(path), "--out", str(out), "--rigs", str(RIGS)]) == 0
+    printed = capsys.readouterr().out
+    assert "Limited by" in printed and "wrote" in printed
+    written = (out / "forecast.json").read_bytes()
+    assert written == forecast(read_plan(path), rigs=RIGS).dumps()
+    report = (out / "report.html").read_text(encoding="utf-8")
+    assert "Forecast of the plan field" in report and "What would help most" in report
+    assert "cdn.plot.ly" not in report.replace("https://cdn.plot.ly/un", "")
+
+
+@pytest.mark.parametrize(
+    ("changes", "options", "message"),
+    [
+        ({"bar_m": None}, [], "bar_m is missing"),
+        ({"pose": {"baseline_m": 4.5, "toe_in_deg": -40.0}}, [], "nothing in common"),
+        ({"bar_m": 6.0, "volume": {"near_m": 8.0, "far_m": 8.5}}, [], "bar"),
+        ({}, ["--rigs", "3"], "3 rigs"),
+        ({}, ["--seed", "-1"], "The seed is -1"),
+        ({}, ["--workers", "0"], "number of workers"),
+    ],
+)
+def test_a_bad_plan_is_one_sentence(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    changes: dict[str, Any],
+    options: list[str],
+    message: str,
+) -> None:
+    path, out = plan_file(tmp_path, **changes), tmp_path / "out"
+    assert main(["plan", str(path), "--out", str(out), *options]) == 2
+    said = capsys.readouterr()
+    assert message in said.err and "Traceback" not in said.err
+    assert not out.exists() and not said.out
+
+
+def test_there_is_no_plan(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["plan", str(tmp_path / "none.json"), "--out", str(tmp_path / "out")]) == 2
+    assert "none.json" in capsys.readouterr().err

@@ -1,0 +1,180 @@
+"""The forecast of a plan: against simulated field days, on every executor, its properties."""
+
+from __future__ import annotations
+
+import json
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from benchmarks.plans import observed
+from stereocal.errors import StereocalError
+from stereocal.field.advice import LIMITS, advise, with_baseline
+from stereocal.field.bars import place_planned_bars
+from stereocal.field.common_view import sees
+from stereocal.field.drawn_rigs import FILES, draw_rigs, standard_errors
+from stereocal.field.expected import expect
+from stereocal.field.forecast import PlanForecast, forecast
+from stereocal.field.in_words import answer
+from stereocal.field.plan import AimedPose, Plan, Uncertainty
+from stereocal.rig.geometry import triangulate
+from tests import known_rig
+from tests.field.plans import FIELD, plan
+
+FEW = 48
+
+
+@lru_cache(maxsize=4)
+def whole(seed: int = 0) -> PlanForecast:
+    return forecast(FIELD, seed=seed)
+
+
+def test_the_forecast_comes_true_on_simulated_field_days() -> None:
+    """25 field days have a standard error of 15 % in the 2D set, whose errors scatter most."""
+    days = [observed(FIELD, seed) for seed in range(25)]
+    found = whole()
+    for method, tolerance in zip(FILES, (0.45, 0.12, 0.07), strict=True):
+        true = np.mean([day[method, "mean_length_error"] for day in days])
+        said = found.estimate(method, "mean_length_error")
+        assert said.value == pytest.approx(true, rel=tolerance), method
+        assert said.low <= true <= said.high
+        true = np.mean([day[method, "fcp_reprojection"] for day in days])
+        assert 0.5 < found.estimate(method, "fcp_reprojection").value / true < 2.0
+
+
+def test_expected_and_simulated_errors_of_the_refined_set_agree() -> None:
+    for one in (whole(), forecast(plan(uncertainty=Uncertainty(0.01, 10, 0.03, 0.002)))):
+        simulated = one.estimate("refined", "mean_length_error").value
+        assert one.fit.length_error == pytest.approx(simulated, rel=0.1)
+
+
+def test_two_sets_do_what_the_paper_says() -> None:
+    found = whole()
+    errors = {m: found.estimate(m, "mean_length_error").value for m in FILES}
+    fcp = {m: found.estimate(m, "fcp_reprojection").value for m in FILES}
+    assert errors["refined"] <= errors["3d"] < 0.3 * errors["2d"]
+    assert fcp["refined"] <= fcp["2d"] < 0.3 * fcp["3d"]
+    assert (found.match_with, found.measure_with) == ("refined", "refined")
+
+
+def test_the_file_has_every_figure_with_its_interval() -> None:
+    content = json.loads(whole().dumps())
+    assert set(content["methods"]) == {"2d", "3d", "refined"}
+    for figures in content["methods"].values():
+        assert set(figures) == {
+            "mean_length_error", "median_error_3d", "p95_error_3d", "fcp_reprojection",
+            "threshold_px", "mean_reprojection_px",
+        }  # fmt: skip
+        for figure in (*figures.values(), content["position_error_m"]):
+            assert set(figure) == {"value", "low", "high"}
+            assert figure["low"] <= figure["value"] <= figure["high"]
+    assert content["limited_by"] in LIMITS
+    assert content["advice"] and all(isinstance(text, str) for text in content["advice"])
+
+
+def test_every_executor_and_the_same_seed_give_the_same() -> None:
+    alone = forecast(FIELD, rigs=FEW)
+    with ThreadPoolExecutor(2) as executor:
+        done: list[tuple[int, int]] = []
+        both = forecast(FIELD, executor, rigs=FEW, progress=lambda *counts: done.append(counts))
+    assert both.dumps() == alone.dumps()
+    assert done[-1] == (FEW, FEW)
+    assert forecast(FIELD, seed=1, rigs=FEW).dumps() != alone.dumps()
+
+
+def test_errors_grow_with_the_range_and_fall_with_the_baseline() -> None:
+    _, length, position = whole().fit.by_depth
+    assert (np.diff(length) > 0).all() and (np.diff(position) > 0).all()
+    errors = [expect(with_baseline(FIELD, b)).length_error for b in (1.5, 3.0, 6.0, 9.0)]
+    assert errors == sorted(errors, reverse=True)
+    advice = whole().advice
+    assert advice.baselines_m[np.nanargmin(advice.baseline_errors)] > FIELD.baseline_m
+
+
+NEAR = plan(stated_pose=AimedPose(4.0, 38.0), near_m=2.5, far_m=4.0, bar_m=0.4)
+EXACT = Uncertainty(0.0, 0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("one", "limit"),
+    [
+        (FIELD, "baseline"),
+        (replace(NEAR, uncertainty=EXACT), "image noise"),
+        (replace(NEAR, uncertainty=Uncertainty(0.0, 0.0, 0.2, 0.05)), "baseline"),
+    ],
+)
+def test_what_limits(one: Plan, limit: str) -> None:
+    assert advise(expect(one)).limited_by == limit
+
+
+def test_a_wide_baseline_for_a_near_volume_does_not_want_to_grow() -> None:
+    advice = advise(expect(replace(NEAR, uncertainty=EXACT)))
+    assert not any(own.text.startswith("A baseline of") for own in advice.variants)
+
+
+def test_an_error_of_the_bar_is_in_the_lengths() -> None:
+    """Where nothing but the bar tells the scale."""
+    sure = forecast(plan(uncertainty=Uncertainty(0.003, 5.0, 0.3, 0.0)), rigs=FEW)
+    wrong = forecast(plan(uncertainty=Uncertainty(0.003, 5.0, 0.3, 0.004)), rigs=FEW)
+    for found, scale in ((sure, 0.0), (wrong, 0.004 / 0.9)):
+        noise = sure.fit.length_error
+        expected = np.hypot(noise, np.sqrt(2 / np.pi) * scale)
+        assert found.fit.length_error == pytest.approx(expected, rel=0.1)
+        value = found.estimate("refined", "mean_length_error").value
+        assert value == pytest.approx(expected, rel=0.2)
+
+
+def test_more_bars_a_longer_bar_and_less_noise_never_hurt() -> None:
+    usual = expect(FIELD).length_error
+    for better in (plan(frames=100), plan(bar_m=1.8), plan(noise_px=0.1)):
+        assert expect(better).length_error < 1.1 * usual
+    assert expect(plan(noise_px=0.1)).length_error < 0.7 * usual
+
+
+def test_another_baseline_keeps_the_aim() -> None:
+    other = with_baseline(FIELD, 9.0)
+    centre = np.zeros((1, 2))
+    before, after = (triangulate(p.pose, centre, centre)[0] for p in (FIELD, other))
+    # The distance from the middle of the baseline stays, that from the primary grows a little.
+    assert before[2] < after[2] < 1.1 * before[2]
+    stated = plan(stated_pose=FIELD.pose)
+    moved = with_baseline(stated, 6.0)
+    assert moved.baseline_m == pytest.approx(6.0)
+    aim = stated.common_points.mean(axis=0)
+    angles = [p.pose.apply(aim)[:2] / p.pose.apply(aim)[2] for p in (stated, moved)]
+    assert np.allclose(angles[0], angles[1], atol=1e-9)
+
+
+def test_bars_are_where_the_plan_says() -> None:
+    one = Plan("unlike", known_rig.PRIMARY, known_rig.SECONDARY, known_rig.RIG, 4.0, 10.0, 0.87)
+    bars = place_planned_bars(one, 300, np.random.default_rng(0))
+    points = bars.reshape(-1, 3)
+    assert np.allclose(np.linalg.norm(bars[:, 0] - bars[:, 1], axis=1), 0.87)
+    assert points[:, 2].min() >= 4.0 and points[:, 2].max() <= 10.0
+    assert sees(one.primary, points).all() and sees(one.secondary, one.pose.apply(points)).all()
+    assert np.ptp(bars.mean(axis=1)[:, 2]) > 4.0
+
+
+def test_a_bar_that_hardly_fits_is_told() -> None:
+    with pytest.raises(StereocalError, match="hardly fits"):
+        forecast(plan(near_m=8.0, far_m=8.2, bar_m=2.0), rigs=FEW)
+
+
+def test_errors_of_drawn_rigs_are_standard_normal() -> None:
+    errors = standard_errors(3, 256)
+    assert np.allclose(errors.mean(axis=0), 0.0, atol=0.05)
+    assert np.allclose(errors.std(axis=0), 1.0, atol=0.05)
+    assert np.array_equal(standard_errors(3, 40), standard_errors(3, 64)[:40])
+
+
+def test_a_part_of_the_rigs_is_the_same_part() -> None:
+    first, second = draw_rigs(FIELD, 0, 16, 32), draw_rigs(FIELD, 0, 16, 32)
+    assert np.array_equal(first.figures, second.figures)
+
+
+def test_the_answer_in_words() -> None:
+    text = answer(whole())
+    assert "at 25 m" in text and "points of a frame" in text and "Limited by" in text

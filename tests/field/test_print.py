@@ -1,0 +1,193 @@
+"""Prints: true to scale, and found by the detection that they are made for."""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ElementTree
+from io import BytesIO
+
+import numpy as np
+import pypdfium2
+import pytest
+
+from stereocal.detection.detect import detect_targets
+from stereocal.errors import StereocalError
+from stereocal.field.paper import PAPERS, Paper, Sheet, paper_named
+from stereocal.field.print_board import fitted, largest_square, print_board
+from stereocal.field.print_target import largest_side, print_targets, target_size
+from stereocal.intrinsics.board_pattern import BoardPattern
+from stereocal.intrinsics.boards import BoardView, find_board
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import Pose
+from tests.field.prints import (
+    INCH_MM,
+    black_runs,
+    cut_target,
+    on_paper,
+    photographed,
+    placed_before_camera,
+    posed,
+    rasterised,
+)
+
+A4, A3 = PAPERS["A4"], PAPERS["A3"]
+SCALE = 1e-3
+"""Lengths are right to 0.1 %."""
+TILT = (0.5, -0.3, 0.2)
+BOARD = BoardPattern(18, 12, 0.02)
+
+
+def text_of(pdf: bytes) -> str:
+    document = pypdfium2.PdfDocument(pdf)
+    try:
+        assert len(document) == 1
+        words: str = document[0].get_textpage().get_text_range()
+    finally:
+        document.close()
+    return " ".join(words.split())
+
+
+def rectangles(sheet: Sheet) -> FloatArray:
+    """(n, 4): left, lower edge, width and height of all rectangles of the SVG, in mm."""
+    root = ElementTree.parse(BytesIO(sheet.svg().encode())).getroot()
+    assert root.get("width") == f"{sheet.paper.width_mm:g}mm"
+    view = [float(number) for number in str(root.get("viewBox")).split()]
+    assert view[2] == pytest.approx(sheet.paper.width_mm / INCH_MM * 72, abs=1e-4)
+    assert view[3] == pytest.approx(sheet.paper.height_mm / INCH_MM * 72, abs=1e-4)
+    found = [
+        [float(node.attrib[name]) for name in ("x", "y", "width", "height")]
+        for node in root.findall(".//{*}g/{*}rect")
+    ]
+    return np.array(found)
+
+
+@pytest.mark.parametrize("side_m", [0.05, 0.1])
+@pytest.mark.parametrize("tilt", [(0.0, 0.0, 0.0), TILT], ids=["frontal", "tilted"])
+def test_printed_targets_are_found_and_their_scale_is_right(
+    side_m: float, tilt: tuple[float, float, float]
+) -> None:
+    sheet = print_targets(side_m, A4)
+    squares = rectangles(sheet)
+    corners = squares[::2, 0] + squares[::2, 2] - 0.5 * sheet.paper.width_mm
+    pose = posed(25 * side_m, tilt)
+    found = detect_targets(photographed(sheet, pose))
+    assert found.targets is not None, found.sentence
+    centres = on_paper(np.array([corner.centre for corner in found.targets]), pose)
+    # Measured: 0.016 % and 0.06 mm at most.
+    assert math.dist(*centres) == pytest.approx(np.ptp(corners), rel=SCALE)
+    np.testing.assert_allclose(np.sort(centres[:, 0]), np.sort(corners), atol=0.1)
+
+
+@pytest.mark.parametrize(("side_m", "paper"), [(0.05, A4), (0.18, A4), (0.18, A3), (0.27, A3)])
+def test_cut_targets_on_a_bar_are_found_without_a_doubt(side_m: float, paper: Paper) -> None:
+    target = cut_target(print_targets(side_m, paper), 1e3 * side_m)
+    assert target.size_m == pytest.approx((side_m, side_m), rel=SCALE)
+    poses = [
+        Pose(posed(1.0, TILT).R, np.array([sign * 2.5 * side_m, 0.2 * side_m, 30 * side_m]))
+        for sign in (-1.0, 1.0)
+    ]
+    image = placed_before_camera([(target, pose) for pose in poses])
+    found = detect_targets(image)
+    assert found.state == "found", found.sentence
+    assert found.targets is not None
+    for corner, pose in zip(found.targets, poses, strict=True):
+        away_mm = np.linalg.norm(on_paper(corner.centre[None], pose)[0])
+        assert away_mm < SCALE * 1e3 * side_m
+
+
+def test_squares_and_ruler_are_printed_at_true_scale() -> None:
+    sheet = print_targets(0.18, A4)
+    squares = rectangles(sheet)
+    np.testing.assert_allclose(squares[:, 2:], 90.0, rtol=1e-6)
+    dpi = 300.0
+    picture = rasterised(sheet.pdf(), dpi)
+    assert picture.shape == pytest.approx((297 / INCH_MM * dpi, 210 / INCH_MM * dpi), abs=1)
+    mm = INCH_MM / dpi
+    ticks = picture[round((297.0 - 10.5) / mm)]
+    ends = [0.5 * (start + stop) * mm for start, stop in black_runs(ticks)]
+    assert len(ends) == 3  # 0, 50 and 100 mm reach so far down
+    assert ends[-1] - ends[0] == pytest.approx(100.0, rel=SCALE)
+
+
+def test_the_size_of_a_target_follows_from_the_distance() -> None:
+    size = target_size(7120.0, 8.0, 25.0)
+    assert size.side_m == pytest.approx(0.18)
+    assert size.sentence == "A target of 180 mm is 51 px across at 25 m and 160 px at 8 m."
+    near = target_size(7120.0, 2.0, 25.0)
+    assert "keep the bar beyond 3.2 m, or print smaller targets" in near.sentence
+    far = target_size(7120.0, 8.0, 25.0, 15.0)
+    assert "at least 20 px: print larger targets" in far.sentence
+
+
+@pytest.mark.parametrize(
+    ("values", "sentence"),
+    [
+        ((0.0, 8.0, 25.0), "The focal length in px must be above 0, not 0."),
+        ((7120.0, 8.0, float("nan")), "The far distance must be above 0, not nan."),
+        ((7120.0, 30.0, 25.0), "The near distance 30 m is beyond the far one, 25 m."),
+    ],
+)
+def test_impossible_distances(values: tuple[float, float, float], sentence: str) -> None:
+    with pytest.raises(StereocalError) as error:
+        target_size(*values)
+    assert str(error.value) == sentence
+
+
+def test_what_does_not_fit_names_a_paper_that_does() -> None:
+    with pytest.raises(StereocalError, match=r"300 mm does not fit on A4.*print it on A2"):
+        print_targets(0.3, A4)
+    with pytest.raises(StereocalError, match=r"900 mm does not fit on A0.*paint it"):
+        print_targets(0.9, PAPERS["A0"])
+    with pytest.raises(StereocalError, match=r"its side must be 0\.005 to 10 m"):
+        print_targets(0.0, A4)
+    with pytest.raises(StereocalError, match=r'The paper "B5" is not known: use one of A4, A3'):
+        paper_named("B5")
+    with pytest.raises(StereocalError, match=r"at most 13 mm, or print it on A2"):
+        print_board(BoardPattern(18, 12, 0.03), A4)
+    with pytest.raises(StereocalError, match=r"at least 1 mm"):
+        print_board(BoardPattern(18, 12, 0.0003), A4)
+
+
+@pytest.mark.parametrize("paper", PAPERS.values(), ids=PAPERS)
+def test_the_largest_that_fits_does_fit(paper: Paper) -> None:
+    print_targets(largest_side(paper), paper)
+    with pytest.raises(StereocalError):
+        print_targets(largest_side(paper) + 0.01, paper)
+    board = fitted(BoardPattern(18, 12, 0.03), paper)
+    assert board.square_m == largest_square(board, paper)
+    print_board(board, paper)
+
+
+@pytest.mark.parametrize(
+    "pattern",
+    [BOARD, BoardPattern(9, 12, 0.02), BoardPattern(13, 9, 0.02, "DICT_5X5_250", 0.015)],
+    ids=["paper", "upright", "charuco"],
+)
+@pytest.mark.parametrize("tilt", [(0.0, 0.0, 0.0), TILT], ids=["frontal", "tilted"])
+def test_a_printed_board_is_found_with_all_corners_and_its_scale_is_right(
+    pattern: BoardPattern, tilt: tuple[float, float, float]
+) -> None:
+    pose = posed(0.9, tilt)
+    view = find_board(photographed(print_board(pattern, A3), pose), pattern, "print")
+    assert isinstance(view, BoardView)
+    assert len(view.ids) == pattern.columns * pattern.rows
+    corners = on_paper(view.corners, pose).reshape(pattern.rows, pattern.columns, 2)
+    for steps in (np.diff(corners, axis=1), np.diff(corners, axis=0)):
+        lengths = np.linalg.norm(steps, axis=2)
+        assert lengths.mean() == pytest.approx(20.0, rel=SCALE)
+        np.testing.assert_allclose(lengths, 20.0, atol=0.15)
+
+
+def test_prints_say_what_to_enter_and_what_to_measure() -> None:
+    target = text_of(print_targets(0.18, A4).pdf())
+    assert "stereocal target, 180 mm. Print this sheet twice" in target
+    assert "is 100.0 mm long, and the target 180 mm wide and high" in target
+    board = text_of(print_board(BOARD, A3).pdf())
+    assert "18 and 12 inner corners, side of a square 20 mm" in board
+    assert "the board 380.0 x 260.0 mm" in board
+
+
+def test_the_same_sheet_gives_the_same_bytes() -> None:
+    sheets = [print_board(BOARD, A3) for _ in range(2)]
+    assert sheets[0].pdf() == sheets[1].pdf()
+    assert sheets[0].svg() == sheets[1].svg()

@@ -1,0 +1,119 @@
+"""The field sheet: places of the bar that both cameras see, and one page that says all."""
+
+from __future__ import annotations
+
+from collections import Counter
+from io import BytesIO
+
+import numpy as np
+import pypdfium2
+import pytest
+
+from stereocal.errors import StereocalError
+from stereocal.field.bar_places import DIRECTIONS, bar_places, ground_from_primary
+from stereocal.field.bars import margin_px
+from stereocal.field.common_view import sees
+from stereocal.field.paper import PAPERS
+from stereocal.field.plan import AimedPose, Plan, SensorLens
+from stereocal.field.sheet import field_sheet
+from stereocal.rig.geometry import Pose
+from stereocal.simulation.rendering import turned
+from tests.field.plans import plan
+
+WIDE = SensorLens(12.0, (11.3, 7.1), (1920, 1200))
+TANK = plan(stated_primary=WIDE, stated_secondary=WIDE, near_m=0.6, far_m=1.2, bar_m=0.12,
+            stated_pose=AimedPose(0.4, 12.0))  # fmt: skip
+ABOVE = plan(stated_pose=Pose(turned((0.1, 0.0, 0.02)), np.array([0.0, 2.0, 0.1])), near_m=15.0)
+"""The secondary stands above the primary, and looks down."""
+PLANS = [plan(), plan(frames=7), plan(frames=200), plan(stated_pose=AimedPose(4.5)), TANK, ABOVE]
+
+
+def words_of(pdf: bytes) -> str:
+    document = pypdfium2.PdfDocument(BytesIO(pdf))
+    try:
+        assert len(document) == 1
+        words: str = document[0].get_textpage().get_text_range()
+    finally:
+        document.close()
+    return " ".join(words.split())
+
+
+@pytest.mark.parametrize("planned", PLANS)
+def test_both_cameras_see_every_bar_of_the_checklist(planned: Plan) -> None:
+    places = bar_places(planned)
+    assert len(places) == planned.frames
+    ends = np.array([place.ends_m for place in places])
+    np.testing.assert_allclose(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1), planned.bar_m)
+    points = ends.reshape(-1, 3)
+    assert sees(planned.primary, points, margin_px(planned, planned.primary.image_size)).all()
+    there = planned.pose.apply(points)
+    assert sees(planned.secondary, there, margin_px(planned, planned.secondary.image_size)).all()
+    assert (points[:, 2] >= planned.near_m).all()
+    assert (points[:, 2] <= planned.far_m).all()
+
+
+def test_the_bars_cover_the_volume_in_all_directions() -> None:
+    places = bar_places(plan(frames=200))
+    assert len({(one.distance, one.across, one.height) for one in places}) == 27
+    directions = Counter(one.direction for one in places)
+    assert set(directions) == set(DIRECTIONS)
+    assert min(directions.values()) > 20
+    ahead = [one.position_m[2] for one in places]
+    assert min(ahead) < 8.5
+    assert max(ahead) > 24.0
+    everywhere = bar_places(plan(frames=27))
+    assert len({(one.distance, one.across, one.height) for one in everywhere}) == 27
+
+
+def test_the_ground_is_level_and_midway_between_the_cameras() -> None:
+    ground = ground_from_primary(plan())
+    primary, secondary = ground.apply(np.vstack([np.zeros(3), plan().pose.inverse().T]))
+    np.testing.assert_allclose(primary, -secondary, atol=1e-12)
+    assert primary[1] - secondary[1] == pytest.approx(0.2)
+    assert secondary[2] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_the_sheet_says_where_what_and_how() -> None:
+    words = words_of(field_sheet(plan()))
+    for said in (
+        "Field sheet: field",
+        "Secondary (S) 4.500 m from the primary (P), to the right, seen from behind",
+        "0.20 m higher",
+        "P 10.0° in, S 10.0° in. The axes meet about 12.8 m ahead",
+        "Targets of 175 mm: 50 px across at 25 m, 156 px at 8 m",
+        "expose for at most 1.1 ms, with both cameras in step to 0.45 ms",
+        "Bar: 25 frames of a bar of 0.9 m",
+        "8.18 m ahead",
+        "add 3.5 mm for each cm",
+        "Between the entrance pupils",
+        "Trigger, time offset of S",
+    ):
+        assert said in words
+    assert words.count("❏") == 25
+
+
+@pytest.mark.parametrize("planned", PLANS)
+@pytest.mark.parametrize("paper", ["A4", "Letter"])
+def test_every_plan_is_one_page(planned: Plan, paper: str) -> None:
+    assert field_sheet(planned, PAPERS[paper]) == field_sheet(planned, PAPERS[paper])
+    words = words_of(field_sheet(planned, PAPERS[paper]))
+    assert "Write down" in words
+    assert "nan" not in words
+
+
+def test_other_rigs_are_described_as_they_stand() -> None:
+    parallel = words_of(field_sheet(plan(stated_pose=AimedPose(4.5))))
+    assert "Both look straight ahead" in parallel
+    assert "in front of the pupils" not in parallel
+    assert "at the same height" in parallel
+    assert "from the primary (P), 2.00 m higher" in words_of(field_sheet(ABOVE))
+
+
+def test_names_are_neither_markup_nor_too_long() -> None:
+    assert "<b>cave</b> ?? & co" in words_of(field_sheet(plan(name="<b>cave</b> 蝙蝠 & co")))
+    assert "bat" * 20 + "..." in words_of(field_sheet(plan(name="bat" * 60)))
+
+
+def test_a_bar_that_fits_nowhere_is_an_error() -> None:
+    with pytest.raises(StereocalError, match=r"does not fit into what both cameras see"):
+        bar_places(plan(bar_m=7.0))
