@@ -79,9 +79,7 @@ def run(parsed: argparse.Namespace) -> None:
     write_all(files)
     print(sentence(found))
     if path != parsed.parameters:
-        print(
-            f"Note: {path}, of the same calibration, was checked instead: it fits the images best."
-        )
+        print(f"Note: {path} was checked instead: of this calibration, it fits the images best.")
     for note in notes(found):
         print(f"Note: {note}")
     for written in files:

@@ -204,9 +204,7 @@ def _same(check: Recheck) -> str:
         return f"Same: a movement is seen, but smaller than matters: {_limits(check)}."
     power = check.power
     whole = power.turn if power.baseline is None else min(power.turn, power.baseline)
-    chance = (
-        f"{100 * whole:.0f} % or more" if whole < CERTAIN else f"more than {100 * CERTAIN:.0f} %"
-    )
+    chance = f"{100 * whole:.0f} %" if whole < CERTAIN else f"more than {100 * CERTAIN:.0f} %"
     return (
         f"Same: no movement is seen; {_smallest(check)} would have been found with a probability "
         f"of {chance}."

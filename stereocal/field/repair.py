@@ -20,11 +20,12 @@ REPAIRED = "parameters_repaired.json"
 """Name of the file that is written."""
 
 
-def repaired_parameters(check: Recheck, sha256: str) -> RigParameters:
+def repaired_parameters(check: Recheck, sha256: str | None) -> RigParameters:
     """The repaired parameter file: method `refined`, purpose `both`.
 
     Args:
-        sha256: digest of the parameter file that is repaired; the new file names it.
+        sha256: digest of the parameter file that is repaired, which the new file names; None for
+            parameters that are not in a file. Their own inputs are named in any case.
     """
     old, rig, fit = check.prior.rig, check.repaired, check.best
     images = check.after

@@ -13,6 +13,7 @@ from stereocal.rig.compiled import FloatArray
 HEIGHT = 340
 LOG_BEYOND = 30.0
 """Ratio of the largest error to the median above which the axis is logarithmic."""
+MANY_FRAMES = 100
 FEW_FRAMES = 8
 """With fewer, plotly would put ticks between them."""
 BEFORE, AFTER = "Old parameters", "Repaired parameters"
@@ -32,7 +33,7 @@ def plot_check(residuals: Residuals, since: Since | None = None) -> go.Figure:
             layer="below",
             annotation={"text": "moved", "font": {"size": 13}, "yanchor": "top"},
         )  # fmt: skip
-    after = _after(residuals, since)
+    after, size = _after(residuals, since), 9 if len(residuals.frames) <= MANY_FRAMES else 6
     for name, errors, colour, symbol in (
         (BEFORE, residuals.before_px, WRONG_COLOUR, "circle-open"),
         (AFTER, after, CORRECT_COLOUR, "diamond"),
@@ -42,7 +43,7 @@ def plot_check(residuals: Residuals, since: Since | None = None) -> go.Figure:
         figure.add_trace(
             go.Scatter(
                 x=residuals.frames, y=errors, mode="markers", name=name, cliponaxis=False,
-                marker={"color": colour, "symbol": symbol, "size": 9, "line": {"width": 2}},
+                marker={"color": colour, "symbol": symbol, "size": size, "line": {"width": 1.5}},
                 hovertemplate=f"frame %{{x}}: %{{y:.3g}} px<extra>{name}</extra>",
             )
         )  # fmt: skip

@@ -45,8 +45,8 @@ class Chosen:
     """The inputs of a check, complete."""
 
     rig: RigParameters
-    parameters: str
-    """The parameter file as text, as it is downloaded or was given."""
+    parameters: bytes | None
+    """The parameter file as given; None for a set of the project."""
     label: str
     """Name of the file with the new images."""
     images: bytes
@@ -105,8 +105,10 @@ def _kind(project: Project) -> Field:
     return setting(project, "check_parameters", kinds[0], one_of(kinds))
 
 
-def _choose_parameters(project: Project, store: ProjectCheck) -> tuple[RigParameters, str] | None:
-    """The parameters to check, and their file."""
+def _choose_parameters(
+    project: Project, store: ProjectCheck
+) -> tuple[RigParameters, bytes | None] | None:
+    """The parameters to check, and their file unless they are the project's."""
     calibration = readable(lambda: project.calibration)
     if calibration is not None and _kind(project).value() == RESULTS:
         answer = answer_of(project, calibration)
@@ -115,15 +117,14 @@ def _choose_parameters(project: Project, store: ProjectCheck) -> tuple[RigParame
             # Of one calibration, the refined set knows the rig best; if it moved, none holds.
             method: Method = "refined" if "refined" in sets else "2d"
             st.caption(f"Parameters  \nIn use: this project's {SET_TITLES[method].lower()}")
-            rig = sets[method]
-            return rig, rig.dumps()
+            return sets[method], None
     given = store.file(PARAMETERS)
     label = escape_markdown(given[0]) if given else "none yet"
     st.caption(f"Parameters  \nIn use: {label}")
     if given is None:
         return None
     content = given[1].read_bytes()
-    return parameters_in(content, given[0]), content.decode("utf-8-sig")
+    return parameters_in(content, given[0]), content
 
 
 def _smallest(project: Project, left: DeltaGenerator, right: DeltaGenerator) -> Smallest:
@@ -194,12 +195,11 @@ def show_check(chosen: Chosen) -> None:
     """
     found, residuals = checked(chosen)
     VERDICTS[found.verdict](escape_markdown(sentence(found)))
-    for note in notes(found):
-        st.caption(escape_markdown(note))
     since = found.since if found.changed else None
     show_figure(plot_check(residuals, since), describe_check(residuals, since), "check_residuals")
     if found.changed:
-        sha256 = hashlib.sha256(chosen.parameters.encode()).hexdigest()
+        given = chosen.parameters
+        sha256 = None if given is None else hashlib.sha256(given).hexdigest()
         st.download_button(
             f"{REPAIRED} · for both",
             on_demand(lambda: repaired_parameters(found, sha256).dumps(), REPAIRED, JSON),
@@ -210,6 +210,8 @@ def show_check(chosen: Chosen) -> None:
             "To match and to measure, until the rig is calibrated again. On the Apply page, give "
             "it as a parameter file."
         )
+    for note in notes(found):
+        st.caption(escape_markdown(note))
 
 
 def checked(chosen: Chosen) -> tuple[Recheck, Residuals]:

@@ -120,6 +120,7 @@ def _applied(project: Project, calibrate: PageState | None = None) -> dict[str, 
 
 
 def _checked(project: Project) -> dict[str, PageState]:
-    if ProjectCheck(project).file(IMAGES) is None:
+    matched = ProjectApplication(project).result is not None
+    if ProjectCheck(project).file(IMAGES) is None and not matched:
         return {"check": PageState("missing", "No new bars or points yet")}
     return {"check": PageState("done", "New images are given")}

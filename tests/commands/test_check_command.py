@@ -123,10 +123,7 @@ def test_a_file_without_covariance_uses_the_refined_file_beside_it(
     bare = work.parameters.with_name("parameters_2d.json")
     replace(rig, method="2d", uncertainties=None).save(bare)
     assert work.check(bare, work.moved) == 0
-    assert (
-        "parameters_refined.json, of the same calibration, was checked instead"
-        in capsys.readouterr().out
-    )
+    assert "parameters_refined.json was checked instead" in capsys.readouterr().out
     work.parameters.unlink()
     shutil.rmtree(work.out)
     assert work.check(bare, work.moved) == 2
