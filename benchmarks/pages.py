@@ -24,7 +24,7 @@ from streamlit.testing.v1 import AppTest
 from tests.pages.conftest import run_by_the_app
 
 ROOT = Path(__file__).parents[1]
-PAGES = ("start", "data", "calibrate", "validate", "one_set", "apply", "cameras")
+PAGES = ("start", "data", "calibrate", "validate", "one_set", "apply", "check", "cameras")
 LONGEST_S = 600
 
 

@@ -19,7 +19,8 @@ st.title("Calibrate")
 st.subheader("What is the pose of the cameras, and which set serves what?")
 
 project, inputs, dataset = project_with_data()
-pressed = st.button("Calibrate", type="primary", key="run")
+label = "Calibrate again" if last_calibration(project) else "Calibrate"
+pressed = st.button(label, type="primary", key="run")
 values = settings_form(project, dataset)
 show_exchanged(project)
 work = None

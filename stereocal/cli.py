@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from stereocal import __version__
 from stereocal.commands import (
     calibrate,
+    check,
     compiling,
     convert,
     detect,
@@ -24,7 +25,7 @@ from stereocal.errors import StereocalError
 from stereocal.rig.compilations import compilations
 
 COMMANDS = (
-    calibrate, evaluate, detect, intrinsics, match, reconstruct, convert, simulate, plan,
+    calibrate, evaluate, detect, intrinsics, match, reconstruct, convert, check, simulate, plan,
     print_files, compiling,
 )  # fmt: skip
 

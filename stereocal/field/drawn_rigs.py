@@ -33,12 +33,12 @@ from stereocal.field.plan import Plan
 from stereocal.refined.bar_fit import BAR, BASELINE, PRIMARY, SECONDARY
 from stereocal.refined.refine import refine
 from stereocal.refined.solve import lenses_of_cameras
+from stereocal.refined.undistortion import undistort_rays
 from stereocal.refined.unknowns import shared_unknowns
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.geometry import Angles, Pose, triangulate_rays
 from stereocal.verdict.intervals import MERGE
 from stereocal.verdict.judging import judge, photograph
-from stereocal.verdict.paper_costs import undistort_rays
 from stereocal.verdict.predictive import partners_in_groups
 
 FILES: tuple[Method, ...] = ("2d", "3d", "refined")

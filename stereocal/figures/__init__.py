@@ -5,6 +5,7 @@ applies.
 """
 
 from stereocal.figures.accuracy import describe_accuracy, plot_accuracy
+from stereocal.figures.check_residuals import describe_check, plot_check
 from stereocal.figures.comparison import describe_comparison, plot_comparison
 from stereocal.figures.coverage import describe_coverage, plot_coverage
 from stereocal.figures.disagreement import describe_disagreement, plot_disagreement
@@ -68,6 +69,7 @@ __all__ = [
     "TARGET_COLOURS",
     "TARGET_SYMBOLS",
     "describe_accuracy",
+    "describe_check",
     "describe_comparison",
     "describe_coverage",
     "describe_disagreement",
@@ -93,6 +95,7 @@ __all__ = [
     "describe_validation",
     "describe_view_errors",
     "plot_accuracy",
+    "plot_check",
     "plot_comparison",
     "plot_coverage",
     "plot_disagreement",

@@ -131,7 +131,7 @@ def reconstruct_table(
     Raises:
         StereocalError: bad input; no file is written then.
     """
-    contents = pairs.check(lambda block: _outside(rig, block))
+    contents = pairs.check(lambda block: points_outside_images(rig, block))
     has_errors = sigma_px is not None or noise_of_file(rig)[0] is not None
     columns = [*POINT_COLUMNS, *(SIGMA_COLUMNS if has_errors else ())]
     columns += [] if rig.volume is None else [OUTSIDE_VOLUME]
@@ -200,7 +200,8 @@ def _passed_on(names: tuple[str, ...]) -> dict[str, str]:
     }
 
 
-def _outside(rig: RigParameters, block: pd.DataFrame) -> list[RowProblem]:
+def points_outside_images(rig: RigParameters, block: pd.DataFrame) -> list[RowProblem]:
+    """The rows of a block of pairs with a point outside its image."""
     problems = []
     for which, camera, names in (
         ("primary", rig.primary, PIXELS[:2]),

@@ -49,7 +49,7 @@ class ProjectApplication(ProjectPoints):
         Raises:
             StereocalError: it is not a parameter file; nothing has changed.
         """
-        _set_of(content, label)
+        parameters_in(content, label)
         with self.database.transaction():
             self._name(SETS, use, content, label, label)
             forget_files(self.database, ASKING, [use])
@@ -74,7 +74,7 @@ class ProjectApplication(ProjectPoints):
         with self.database.reading():
             file = files_of(self.database, SETS).get(use)
             label = str(about_files(self.database, SETS).get(use))
-        return None if file is None else (label, _set_of(file.read_bytes(), label))
+        return None if file is None else (label, parameters_in(file.read_bytes(), label))
 
     # Results
 
@@ -146,7 +146,12 @@ class ProjectApplication(ProjectPoints):
         return True
 
 
-def _set_of(content: bytes, label: str) -> RigParameters:
+def parameters_in(content: bytes, label: str) -> RigParameters:
+    """The parameter set of an uploaded file.
+
+    Raises:
+        StereocalError: it is not a parameter file.
+    """
     try:
         return RigParameters.loads(content.decode("utf-8-sig"), label)
     except UnicodeDecodeError as error:

@@ -2,7 +2,7 @@
 
 project.json                          what the files are, lengths, settings, corrections
 dataset.json, correspondences.csv ... the data set as used; the command line opens it
-parameters_2d.json ...                the last result's parameter files
+parameters_2d.json ...                the last result's parameter files, as the page offers them
 inputs/, photographs/, results/ ...   all uploaded files, and all results
 """
 
@@ -17,11 +17,13 @@ from contextlib import suppress
 from pathlib import Path, PurePosixPath
 from typing import Any
 
+from stereocal.calibration.methods import Method
 from stereocal.errors import DAMAGED, StereocalError
 from stereocal.formats.dataset_files import pack_dataset, parse_dataset, read_dataset
 from stereocal.formats.lens_model import LensModel
 from stereocal.matching.parquet import PARQUET
 from stereocal.projects.application import APPLIED, SETS
+from stereocal.projects.check import CHECK
 from stereocal.projects.data_folder import SUFFIX, new_database
 from stereocal.projects.database import Database
 from stereocal.projects.files import StoredFile, keep_file, keep_result, keep_values, name_files
@@ -31,6 +33,7 @@ from stereocal.projects.point_files import ASKING, POINT_FILES, TABLES
 from stereocal.projects.project import CALIBRATED, FURTHER, INPUT, SETTING, VALUES, Project
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.dataset import Dataset
+from stereocal.rig.parameters import RigParameters
 from stereocal.system.atomic_files import write_in_parts
 from stereocal.system.json_text import read_json
 from stereocal.system.zip_files import OpenZip, open_zip, unzip
@@ -39,7 +42,7 @@ MANIFEST, MANIFEST_FORMAT = "project.json", "stereocal-project/1"
 BOARDS = tuple(f"boards_{which}" for which in CAMERAS)
 FOLDERS = {
     INPUT: "inputs", CALIBRATED: "calibrated", FURTHER: "datasets", BAR: "photographs",
-    **{part: part for part in (*BOARDS, POINT_FILES, TABLES, ASKING, SETS, APPLIED)},
+    **{part: part for part in (*BOARDS, POINT_FILES, TABLES, ASKING, SETS, APPLIED, CHECK)},
 }  # fmt: skip
 """Where the files of each part are in the zip."""
 RESULTS = {
@@ -55,8 +58,13 @@ LookThrough = Callable[[str, Path, str], None]
 """Called with the kind of a file that native code will decode, its path and its name."""
 
 
-def pack_project(project: Project, target: Path) -> None:
+def pack_project(
+    project: Project, target: Path, sets: Mapping[Method, RigParameters] | None = None
+) -> None:
     """Write a project with all its inputs and results as a zip, atomically.
+
+    Args:
+        sets: the parameter files of the last result, by their names' methods; None: none.
 
     Raises:
         StereocalError: the zip cannot be written, or the project cannot be read.
@@ -83,21 +91,15 @@ def pack_project(project: Project, target: Path) -> None:
             _write(archive, f"results/{RESULTS[kind]}", [content])
         archive.writestr(MANIFEST, json.dumps(manifest, indent=1))
         with suppress(StereocalError):  # damaged data are left out
-            for name, content in _readable_files(project).items():
+            for name, content in _readable_files(project, sets or {}).items():
                 archive.writestr(name, content)
 
 
-def _readable_files(project: Project) -> dict[str, bytes]:
+def _readable_files(project: Project, sets: Mapping[Method, RigParameters]) -> dict[str, bytes]:
     """The data set and the parameter files, in the formats of the command line."""
     dataset = project.dataset
-    files = {} if dataset is None else pack_dataset(dataset)
-    calibration = project.calibration
-    if calibration is not None:
-        files |= {
-            "parameters_2d.json": calibration.parameters("2d").dumps().encode(),
-            "parameters_3d.json": calibration.parameters("3d").dumps().encode(),
-        }
-    return files
+    files = {f"parameters_{method}.json": rig.dumps().encode() for method, rig in sets.items()}
+    return files if dataset is None else files | pack_dataset(dataset)
 
 
 def _paths(rows: Iterable[tuple[str, str, str, str]]) -> Iterator[str]:

@@ -4,8 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from stereocal.calibration.methods import Method
+from stereocal.formats.evaluation_files import validation_figures
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
+from stereocal.verdict.in_words import percent
+from stereocal.verdict.recommendation import figures_of
+
+PAPER: tuple[Method, Method] = ("2d", "3d")
 
 
 @dataclass(frozen=True)
@@ -34,9 +40,17 @@ def _data_of(project: Project) -> str:
 
 
 def _result_of(project: Project) -> str:
-    """The mean errors of each of the paper's two sets at its own job, on all frames kept."""
-    found = project.calibration
-    if found is None:
+    """The errors of each of the paper's two sets at its own job, on held-out frames."""
+    if project.calibration is None:
         return "not calibrated"
-    length = 100 * found.errors["3d"].mean_length
-    return f"lengths {length:.2g} %, pairs {found.errors['2d'].mean_reprojection_px:.2g} px"
+    evaluation = project.calibration_evaluation
+    if evaluation is None:
+        return "calibrated, not validated"
+    held_out = validation_figures(evaluation.summaries, evaluation.settings)
+    match, measure = (figures_of(method, None, held_out) for method in PAPER)
+    lengths, wrong = measure.length_median.held_out, match.wrong_let_in.held_out
+    return f"held out: lengths {_percent(lengths)}, wrong pairs {_percent(wrong)}"
+
+
+def _percent(value: float | None) -> str:
+    return "unknown" if value is None else f"{percent(value)} %"

@@ -41,7 +41,7 @@ SECTIONS: Mapping[str, Mapping[str, str]] = {
         "validate": "Validate",
         "one_set": "One set or two",
     },
-    "Use": {"apply": "Apply"},
+    "Use": {"apply": "Apply", "check": "Check"},
 }
 """Titles of the pages by group and by the name of their file in `pages/`, in the order of the work.
 The name is the last part of the address too: a new server whose first request is for a page knows

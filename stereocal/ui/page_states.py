@@ -9,6 +9,7 @@ from typing import Literal
 
 from stereocal.figures.style import count
 from stereocal.projects.application import ProjectApplication
+from stereocal.projects.check import IMAGES, ProjectCheck
 from stereocal.projects.project import Project
 from stereocal.ui.forms import form_values, search_values, settings_of
 from stereocal.ui.refined import refine_settings
@@ -62,7 +63,8 @@ def _states(project: Project) -> dict[str, PageState]:
     if dataset is None:
         lacking = f"Missing: {', '.join(inputs.missing)}"
         data = ("data", "calibrate", "validate", "one_set")
-        return found | {name: PageState("missing", lacking) for name in data} | _applied(project)
+        without = {name: PageState("missing", lacking) for name in data}
+        return found | without | _applied(project) | _checked(project)
     frames = count(len(dataset.correspondences.frames), "frame")
     calibrate, validate = _calibrate(project), _validate(project)
     return {
@@ -73,6 +75,7 @@ def _states(project: Project) -> dict[str, PageState]:
         # It shows the results of both.
         "one_set": next((each for each in (calibrate, validate) if each.mark != "done"), validate),
         **_applied(project, calibrate),
+        **_checked(project),
     }
 
 
@@ -114,3 +117,10 @@ def _applied(project: Project, calibrate: PageState | None = None) -> dict[str, 
     if calibrate is not None and calibrate.mark == "stale" and not given:
         return {"apply": PageState("stale", "The calibration is out of date")}
     return {"apply": PageState("done", "Points matched and measured")}
+
+
+def _checked(project: Project) -> dict[str, PageState]:
+    matched = ProjectApplication(project).result is not None
+    if ProjectCheck(project).file(IMAGES) is None and not matched:
+        return {"check": PageState("missing", "No new bars or points yet")}
+    return {"check": PageState("done", "New images are given")}

@@ -30,18 +30,28 @@ FILES: dict[Method, tuple[str, str]] = {
 """Name and purpose of each file, the paper's two first."""
 
 
-def parameter_downloads(sets: Mapping[Method, RigParameters], replaced: Collection[Method]) -> None:
-    """A download button for each file.
+def chosen_sets(
+    sets: Mapping[Method, RigParameters], replaced: Collection[Method]
+) -> dict[Method, RigParameters]:
+    """What each file holds, by its name.
 
     Args:
         replaced: which of "2d" and "3d" hold the refined set instead.
     """
+    found: dict[Method, RigParameters] = {}
+    for method in FILES:
+        chosen = "refined" if method in replaced and "refined" in sets else method
+        if chosen in sets:
+            found[method] = sets[chosen]
+    return found
+
+
+def parameter_downloads(sets: Mapping[Method, RigParameters], replaced: Collection[Method]) -> None:
+    """A download button for each file; `replaced` as in `chosen_sets`."""
     with st.container(horizontal=True):
-        for method, (name, purpose) in FILES.items():
-            chosen = "refined" if method in replaced and "refined" in sets else method
-            if chosen not in sets:
-                continue
-            made = partial(RigParameters.dumps, sets[chosen])
+        for method, rig in chosen_sets(sets, replaced).items():
+            name, purpose = FILES[method]
+            made = partial(RigParameters.dumps, rig)
             st.download_button(
                 f"{name} · {purpose}", on_demand(made, name, _mime(name)), name, _mime(name),
                 on_click="ignore", type="secondary" if method == "refined" else "primary",

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import streamlit as st
 
+from stereocal.calibration.methods import Method
 from stereocal.errors import StereocalError
 from stereocal.projects.archive import pack_project, unpack_project
 from stereocal.projects.data_folder import default_home
@@ -22,16 +23,20 @@ from stereocal.projects.home import (
 from stereocal.projects.journal_mode import journal_of
 from stereocal.projects.project import Project
 from stereocal.projects.server_settings import ServerSettings
+from stereocal.rig.parameters import RigParameters
 from stereocal.system.limits import MB
 from stereocal.ui.decoding import server_guard
 from stereocal.ui.intake import check_uploads, escape_markdown, is_new, taking
+from stereocal.ui.parameter_files import chosen_sets
 from stereocal.ui.project import (
     bring_project_back,
     current_project,
+    last_calibration,
     offer_removed,
     open_project,
 )
 from stereocal.ui.project_cards import FAILED, OPENED, REMOVED, date_of, show_cards, try_action
+from stereocal.ui.refined import answer_of, replaced_by_refined
 
 IN_A_ROW = 4
 _UNPACKED = "unpacked_projects"
@@ -176,7 +181,7 @@ def _offer_packed(project: Project, name: str) -> None:
         with tempfile.TemporaryDirectory() as folder:
             target = Path(folder) / "project.zip"
             with st.spinner("Packing."):
-                pack_project(project, target)
+                pack_project(project, target, _sets(project))
             content = target.read_bytes()
     except StereocalError as error:
         st.error(escape_markdown(str(error)))
@@ -193,6 +198,13 @@ def _offer_packed(project: Project, name: str) -> None:
             f"This page takes zips of {largest} MB at most: elsewhere, open it with a larger "
             "`STREAMLIT_SERVER_MAX_UPLOAD_SIZE`, or on the command line."
         )
+
+
+def _sets(project: Project) -> dict[Method, RigParameters]:
+    """The parameter files, as *Calibrate* offers them."""
+    calibration = last_calibration(project)
+    answer = None if calibration is None else answer_of(project, calibration)
+    return {} if answer is None else chosen_sets(answer.sets, replaced_by_refined(project))
 
 
 def _size(count: int) -> str:

@@ -60,6 +60,10 @@ class Outlook:
             forecast.to_json(),
             {
                 "sigma_px": {"value": float(model.sigma_px.value), "source": model.sigma_px.source},
+                "bar_scatter_m": {
+                    "value": float(model.scatter_m.value),
+                    "source": model.scatter_m.source,
+                },
                 "covariance": covariance_entry(self.covariance(method)),
             },
         )

@@ -21,7 +21,7 @@ from playwright.sync_api import Browser, Page, expect, sync_playwright
 from tests.browser.conftest import FLAGS, LONGEST_MS, ROOT, chromium, serve
 
 PICTURES = ROOT / "docs" / "pictures"
-PAGES = ("start", "data", "calibrate", "validate", "one_set", "apply", "plan", "cameras")
+PAGES = ("start", "data", "calibrate", "validate", "one_set", "apply", "check", "plan", "cameras")
 WIDTHS = (1400, 420)
 THEMES: tuple[Literal["light", "dark"], ...] = ("light", "dark")
 SECOND = 1000

@@ -53,6 +53,7 @@ SET: dict[str, dict[str, Any]] = {
         "apply_near": 1.5, "apply_far": 60.0, "apply_threshold": 2.5,
         "apply_view": "Threshold and depths",
     },
+    "check": {"check_turn_deg": 0.2, "check_baseline_percent": 0.5},
 }  # fmt: skip
 """Of each page, by the key of the widget; none is the usual value, none its least."""
 SHOWN = {

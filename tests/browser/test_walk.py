@@ -32,7 +32,7 @@ def download(page: Page, method: str, folder: Path) -> Path:
 
 
 def calibrate(page: Page) -> None:
-    page.get_by_role("button", name="Calibrate", exact=True).click()
+    page.locator(".st-key-run button").click()
     results_shown(page)
 
 
@@ -168,7 +168,7 @@ def test_form_that_moved_on_is_said_and_values_survive_a_change_of_page(
     page.get_by_text("Settings", exact=True).click()
     expect(page.locator(".st-key-seed input")).to_have_value("7")
     expect(page.get_by_text("The form has changed since this result (seed)")).to_be_visible()
-    page.get_by_role("button", name="Calibrate", exact=True).click()
+    page.locator(".st-key-run button").click()
     expect(page.get_by_text("The form has changed")).to_have_count(0, timeout=LONGEST_MS)
     expect(page.get_by_text("seed 7")).to_be_visible()
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
+import numpy as np
 import plotly.graph_objects as go
 
 from stereocal import figures
@@ -14,6 +15,7 @@ from stereocal.calibration.methods import METHODS, CalibrationSettings, Method
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
 from stereocal.evaluation.summary import summarise_all
 from stereocal.field.forecast import forecast
+from stereocal.field.repair import Residuals
 from stereocal.figures.frame_view import telling_frame, views_of
 from stereocal.figures.story import read_story
 from stereocal.formats.dataset_files import read_dataset
@@ -43,6 +45,8 @@ from tests.lens import search
 PLOTS = [name.removeprefix("plot_") for name in figures.__all__ if name.startswith("plot_")]
 ROOT = Path(__file__).parents[2]
 FIELD, STORY = ROOT / "sample_data" / "field", ROOT / "assets" / "story.json"
+
+RESIDUALS = Residuals(np.arange(1, 6), np.linspace(0.8, 1.4, 5), np.linspace(0.1, 0.2, 5))
 
 
 @dataclass(frozen=True)
@@ -91,6 +95,7 @@ def every_figure() -> dict[str, Drawn]:
         name: Drawn(figure, words)
         for name, figure, words in (
             ("accuracy", f.plot_accuracy(places, refined), f.describe_accuracy(places)),
+            ("check", f.plot_check(RESIDUALS), f.describe_check(RESIDUALS)),
             ("comparison", f.plot_comparison(by_dataset), f.describe_comparison(by_dataset)),
             ("coverage", f.plot_coverage(dataset), f.describe_coverage(dataset)),
             ("disagreement", f.plot_disagreement(inputs), f.describe_disagreement(inputs)),

@@ -63,6 +63,10 @@ def plan_baselines(figure: go.Figure) -> list[float]:
     return [float(planned[0]), float(others.min())]
 
 
+def check(figure: go.Figure) -> list[float]:
+    return [of(flat(t.y)) for t in figure.data for of in (np.median, np.max)]
+
+
 def comparison(figure: go.Figure) -> list[float]:
     found = []
     for trace in figure.data:
@@ -186,9 +190,10 @@ def image(figure: go.Figure) -> list[float]:
 SHOWN: dict[str, Callable[[go.Figure], list[float]]] = {
     each.__name__: each
     for each in (
-        accuracy, comparison, coverage, disagreement, draws, frame_errors, gap, image, lengths,
-        matches, pair_errors, plan_baselines, plan_depths, plan_map, points, residual_field,
-        rig, story_lengths, story_lines, traces, trade_off, two_rays, validation, view_errors,
+        accuracy, check, comparison, coverage, disagreement, draws, frame_errors, gap, image,
+        lengths, matches, pair_errors, plan_baselines, plan_depths, plan_map, points,
+        residual_field, rig, story_lengths, story_lines, traces, trade_off, two_rays, validation,
+        view_errors,
     )
 }  # fmt: skip
 """Numbers that can be read off each figure."""

@@ -66,6 +66,9 @@ DOORS = (
         ("apply_points", "Two point files"),
     ),
     Door("apply", "upload_set_matching", "parameters", "p.json"),
+    Door("check", "upload_check_parameters", "parameters", "p.json"),
+    Door("check", "upload_check_images", "data set, zip", "new.zip"),
+    Door("check", "upload_check_images", "correspondences.csv", "new.csv"),
     Door("start", "upload_project", "project, zip", "p.zip"),
 )
 

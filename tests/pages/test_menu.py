@@ -51,7 +51,7 @@ def test_the_states_follow_what_the_page_has_changed(project: Project) -> None:
 
 def test_next_leads_through_all_pages(project: Project) -> None:
     app = go(session(project), "cameras")
-    for title in ("Data", "Calibrate", "Validate", "One set or two", "Apply"):
+    for title in ("Data", "Calibrate", "Validate", "One set or two", "Apply", "Check"):
         assert app.button(key="next").label == f"Next: {title}"
         app.button(key="next").click().run()
         assert app.title[0].value == title

@@ -9,9 +9,11 @@ from pathlib import Path
 import pytest
 from streamlit.testing.v1 import AppTest
 
+from stereocal.calibration.methods import Method
 from stereocal.projects.archive import pack_project
 from stereocal.projects.home import delete, recent_projects, remove
 from stereocal.projects.project import Project
+from stereocal.rig.parameters import RigParameters
 from tests.pages.test_pages import ROOT, SLOW, messages, open_sample, project_of
 from tests.pages.test_pages import app as app
 from tests.pages.test_pages import home as home
@@ -41,10 +43,10 @@ def test_a_card_says_what_a_project_holds_and_its_key_result(app: AppTest, home:
     assert "25 frames" in card() and "not calibrated" in card()
     app.switch_page("pages/calibrate.py").run()
     app.button(key="run").click().run()
-    found = project.calibration
+    found = project.calibration_evaluation
     assert found is not None
-    length = 100 * found.errors["3d"].mean_length
-    assert f"lengths {length:.2g} %, pairs " in card()
+    length = 100 * found.summaries["3d"].to_json()["median_error_3d"]
+    assert f"lengths {length:.2g} %, wrong pairs " in card()
     project.give({}, drop=["correspondences"])
     assert "no points yet" in card()
 
@@ -209,6 +211,29 @@ def test_a_project_goes_out_as_a_zip_and_comes_in_again(
     opened = project_of(app, home)
     assert opened.id != project.id
     assert opened.inputs.baseline_m == 6.5
+
+
+def test_the_zip_has_the_parameter_files_that_are_offered(
+    app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    packed: list[dict[Method, RigParameters]] = []
+
+    def pack(_: Project, target: Path, sets: dict[Method, RigParameters]) -> None:
+        packed.append(sets)
+        target.write_bytes(b"zip")
+
+    monkeypatch.setattr("stereocal.ui.projects.pack_project", pack)
+    project = project_of(open_sample(app), home)
+    app.switch_page("pages/calibrate.py").run()
+    app.button(key="run").click().run()
+    start(app).button(key="pack").click().run()
+    project.keep_settings({"refined_3d": True})
+    start(app).button(key="pack").click().run()
+    first, second = packed
+    assert list(first) == list(second) == ["2d", "3d", "refined"]
+    for rig in (*first.values(), *second.values()):
+        assert rig.matching_threshold_px and rig.validation and rig.recommendation
+    assert [rig.method for rig in second.values()] == ["2d", "refined", "refined"]
 
 
 def test_a_zip_without_a_project_is_said(app: AppTest, home: Path) -> None:

@@ -1,0 +1,320 @@
+"""Does a check of new images tell the truth? Simulated studies of `stereocal.field.recheck`.
+
+    nice python -m benchmarks.bumps [STUDY ...] [--trials N]
+
+Each rig is calibrated with 25 frames (`refined_rigs`: 0.2 px, lenses and lengths misjudged as
+stated); then come 5 new bars, or matched points alone.
+
+- unmoved: false alarms;
+- turns, baseline: 0.05 degrees, and 1 per mille of the baseline, found; the information bound;
+- repaired: error of the repaired pose over the Cramer-Rao bound, and coverage of the intervals;
+- points: 0.1 degrees found from 50 matched points;
+- focus: a focal length that grew by 0.5 %: found, and named;
+- since: a movement among 40 frames: found, and whether the interval holds the frame.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.stats import beta
+
+from benchmarks.refined_rigs import BAR_M, DEPTHS_M, FRAMES, Misjudged, random_scene, stated
+from stereocal.field.findings import FOCAL_LEVEL
+from stereocal.field.fits import (
+    Fit,
+    pose_change,
+    pose_difference,
+    pose_of,
+    rotation_vector,
+    turned,
+)
+from stereocal.field.new_images import NewImages, images_of_bars, images_of_matches
+from stereocal.field.power import ENOUGH, information_of, power_of
+from stereocal.field.prior import Prior, prior_of
+from stereocal.field.recheck import recheck
+from stereocal.refined.parameter_file import refined_parameters
+from stereocal.refined.refine import refine
+from stereocal.rig.camera import CAMERAS
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.geometry import Pose
+from stereocal.rig.rig import Rig
+from stereocal.simulation.simulate import Nominal, Scene, lens_off_by, observe, place_bars
+
+OFF = Misjudged()
+NEW_BARS = 5
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A calibrated rig."""
+
+    truth: Rig
+    dataset: Dataset
+    prior: Prior
+    rng: np.random.Generator
+
+
+def cases(trials: int, seed: int) -> Iterator[Case]:
+    """Calibrated rigs, each with its own random stream."""
+    for k in range(trials):
+        rng = np.random.default_rng([seed, k])
+        scene = random_scene(rng, FRAMES)
+        dataset = stated(scene, rng, OFF)
+        fit = refine(dataset, OFF.settings())
+        yield Case(scene.rig, dataset, prior_of(refined_parameters(fit)), rng)
+
+
+def new_bars(case: Case, rig: Rig) -> NewImages:
+    """New bars as a rig sees them, with the lenses and lengths stated for the calibration."""
+    scene = place_bars(rig, case.rng, NEW_BARS, BAR_M, DEPTHS_M)
+    return images_of_bars(seen_by(case, scene), case.prior.rig)
+
+
+def seen_by(case: Case, scene: Scene) -> Dataset:
+    """A scene as data set with the stated lenses and lengths."""
+    data = case.dataset
+    nominal = Nominal(data.primary, data.secondary, data.baseline_m, data.target_distance_m)
+    return observe(scene, case.rng, OFF.noise_px, "new", nominal)
+
+
+def bumped(case: Case, angle_rad: float) -> Rig:
+    """The rig after one of its cameras turned in place about a random axis."""
+    axis = case.rng.standard_normal(3)
+    vector = angle_rad * axis / np.linalg.norm(axis)
+    return replace(case.truth, pose=turned(case.truth.pose, int(case.rng.integers(2)), vector))
+
+
+def longer(case: Case, factor: float) -> Rig:
+    """The rig with another baseline."""
+    pose = case.truth.pose
+    return replace(case.truth, pose=Pose(pose.R, pose.T * factor))
+
+
+def bound(case: Case, images: NewImages, rig: Rig) -> float:
+    """Probability that an ideal test at 1 % finds the movement, with the true noise.
+
+    The old parameters have the covariance of the file, with its estimated noise.
+    """
+    fit = true_fit(case, images)
+    m = len(fit.change)
+    return power_of(information_of(fit), pose_difference(rig.pose, case.truth.pose)[:m])
+
+
+def true_fit(case: Case, images: NewImages) -> Fit:
+    """The images fitted with the pose free and the true noise."""
+    change = pose_change(case.prior, images.bars > 0)
+    fit = Fit(case.prior, images, change, OFF.noise_px)
+    return fit.minimise(np.zeros(len(images.numbers), dtype=np.bool_))
+
+
+def exact_interval(found: int, of: int) -> str:
+    """A share with its exact 95 % binomial interval, in per cent."""
+    low = beta.ppf(0.025, found, of - found + 1) if found else 0.0
+    high = beta.ppf(0.975, found + 1, of - found) if found < of else 1.0
+    return f"{100 * found / of:.2f} % ({100 * low:.2f} to {100 * high:.2f})"
+
+
+def print_unmoved(trials: int) -> None:
+    """False alarms of 5 bars, and of 50 points."""
+    bars, points, focus, same = 0, 0, 0, 0
+    for case in cases(trials, 1):
+        found = recheck(case.prior, new_bars(case, case.truth))
+        bars += found.changed
+        focus += found.p_focal < FOCAL_LEVEL
+        same += found.verdict == "same"
+        points += recheck(case.prior, matched(case, case.truth, 50)).changed
+    print(f"unmoved, {NEW_BARS} bars: moved {exact_interval(bars, trials)}, {focus} by focus; ")
+    print(f"unmoved, 50 points: moved {exact_interval(points, trials)}", flush=True)
+
+
+def matched(case: Case, rig: Rig, pairs: int) -> NewImages:
+    """Matched points without lengths, anywhere where both cameras look."""
+    scene = place_bars(rig, case.rng, pairs // 2, BAR_M, DEPTHS_M)
+    rows = seen_by(case, scene).correspondences
+    return images_of_matches(rows.frame, rows.primary, rows.secondary, case.prior.rig, "points")
+
+
+def print_power(trials: int, move: Callable[[Case], Rig], what: str, seed: int) -> None:
+    """Movements found, against the bound."""
+    found, bounds, verdicts = [], [], []
+    for case in cases(trials, seed):
+        rig = move(case)
+        images = new_bars(case, rig)
+        result = recheck(case.prior, images)
+        found.append(result.changed)
+        verdicts.append(result.verdict)
+        bounds.append(bound(case, images, rig))
+    hits, expected = np.array(found), np.array(bounds)
+    told = np.array([verdict == "cannot tell" for verdict in verdicts])
+    sigma = 100 * np.sqrt(np.mean(expected * (1 - expected)) / trials)
+    print(
+        f"{what}: found {100 * hits.mean():.1f} %, bound {100 * expected.mean():.1f} % "
+        f"(+- {sigma:.1f}); cannot tell {told.sum()}, same {(~hits & ~told).sum()}"
+    )
+    for low, high in ((0.0, 0.2), (0.2, 0.5), (0.5, ENOUGH), (ENOUGH, 0.95), (0.95, 1.01)):
+        some = (expected >= low) & (expected < high)
+        if some.any():
+            print(
+                f"  bound {low:.2f} to {min(high, 1):.2f}: {some.sum()} rigs, found "
+                f"{100 * hits[some].mean():.1f} %, bound {100 * expected[some].mean():.1f} %, "
+                f"cannot tell {told[some].sum()}",
+                flush=True,
+            )
+
+
+def print_repaired(trials: int) -> None:
+    """Errors of repaired poses over the bound, and coverage."""
+    rows: list[list[float]] = []
+    covered: list[list[bool]] = []
+    for case in cases(trials, 4):
+        rig = bumped(case, np.radians(0.5))
+        images = new_bars(case, rig)
+        result = recheck(case.prior, images)
+        exact = true_fit(case, images)
+        error = rotation_vector(pose_of(result.best.q).R @ rig.pose.R.T)
+        axes = np.column_stack([[0, 1, 0], [np.cos(exact.q[0]), 0, -np.sin(exact.q[0])],
+                                rig.pose.R[:, 2]])  # fmt: skip
+        C = exact.covariance
+        rows.append(
+            [float(error @ error), np.trace(axes @ C[:3, :3] @ axes.T),
+             (result.repaired.pose.baseline - rig.pose.baseline) ** 2, C[5, 5]]
+        )  # fmt: skip
+        true_turn = np.linalg.norm(rotation_vector(rig.pose.R @ case.truth.pose.R.T))
+        turn, baseline = result.turn[0], result.baseline_m
+        assert baseline is not None
+        covered.append([
+            bool(turn.low <= true_turn <= turn.high),
+            baseline.low <= rig.pose.baseline <= baseline.high,
+        ])  # fmt: skip
+    mean, shares = np.mean(rows, axis=0), np.mean(covered, axis=0)
+    print(
+        f"repaired after 0.5 degrees: rotation {np.sqrt(mean[0] / mean[1]):.3f}, baseline "
+        f"{np.sqrt(mean[2] / mean[3]):.3f} of the bound; 95 % intervals that hold the truth: turn "
+        f"{100 * shares[0]:.1f} %, baseline {100 * shares[1]:.1f} %",
+        flush=True,
+    )
+
+
+def print_points(trials: int) -> None:
+    """Turns of 0.1 degrees from 50 matched points."""
+    found, bounds = [], []
+    for case in cases(trials, 5):
+        rig = bumped(case, np.radians(0.1))
+        images = matched(case, rig, 50)
+        found.append(recheck(case.prior, images).changed)
+        bounds.append(bound(case, images, rig))
+    print(
+        f"0.1 degrees, 50 points: found {exact_interval(sum(found), trials)}, bound "
+        f"{100 * np.mean(bounds):.1f} %",
+        flush=True,
+    )
+
+
+def print_focus(trials: int) -> None:
+    """A focal length that grew by 0.5 %, with and without a movement."""
+    for angle in (0.0, 0.3):
+        counts = np.zeros(5, dtype=int)
+        for case in cases(trials, 6):
+            rig = bumped(case, np.radians(angle)) if angle else case.truth
+            which = CAMERAS[int(case.rng.integers(2))]
+            lenses = [
+                lens_off_by(lens, 0.005 * (name == which), (0.0, 0.0))
+                for name, lens in zip(CAMERAS, (rig.primary, rig.secondary), strict=True)
+            ]
+            result = recheck(case.prior, new_bars(case, Rig(lenses[0], lenses[1], rig.pose)))
+            counts += [
+                result.changed, bool(result.refocused), result.refocused == (which,),
+                result.pose_moved == (angle > 0), result.ambiguous,
+            ]  # fmt: skip
+        print(
+            f"focus 0.5 % longer, turned by {angle} degrees: found {counts[0]}, as a refocus "
+            f"{counts[1]}, of the right lens alone {counts[2]}, the movement right {counts[3]}, "
+            f"either {counts[4]} of {trials}",
+            flush=True,
+        )
+
+
+def print_since(trials: int) -> None:
+    """A turn among 40 bars."""
+    for angle in (0.0, 0.1, 0.3):
+        found = held = named = 0
+        widths: list[int] = []
+        for case in cases(trials, 7):
+            first = int(case.rng.integers(8, 33))
+            rig = bumped(case, np.radians(angle))
+            before, after = (
+                place_bars(each, case.rng, n, BAR_M, DEPTHS_M)
+                for each, n in ((case.truth, first), (rig, 40 - first))
+            )
+            result = recheck(
+                case.prior, images_of_bars(joined(case, before, after), case.prior.rig)
+            )
+            found += result.changed
+            since = result.since if result.changed else None
+            if since is not None:
+                named += 1
+                held += since.low <= first + 1 <= since.high
+                widths.append(since.high - since.low + 1)
+        print(
+            f"turned by {angle} degrees among 40 bars: found {found}, a change point named "
+            f"{named}, its interval holds the frame {held}, median width "
+            f"{np.median(widths) if widths else 0:.0f} frames, of {trials}",
+            flush=True,
+        )
+
+
+def joined(case: Case, before: Scene, after: Scene) -> Dataset:
+    """The bars of two rigs, one after the other."""
+    one, two = seen_by(case, before), seen_by(case, after)
+    a, b = one.correspondences, two.correspondences
+    rows = type(a).from_arrays(
+        np.concatenate([a.frame, b.frame + len(before.ends_m)]),
+        "AB" * (len(before.ends_m) + len(after.ends_m)),
+        np.concatenate([a.primary, b.primary]),
+        np.concatenate([a.secondary, b.secondary]),
+    )
+    return replace(one, correspondences=rows)
+
+
+def print_turns(trials: int) -> None:
+    """Turns of 0.05 degrees."""
+    print_power(trials, lambda case: bumped(case, np.radians(0.05)), "0.05 degrees", 2)
+
+
+def print_baseline(trials: int) -> None:
+    """Baselines 1 per mille and 1 % longer."""
+    print_power(trials, lambda case: longer(case, 1.001), "baseline 1 per mille longer", 3)
+    print_power(trials, lambda case: longer(case, 1.01), "baseline 1 % longer", 3)
+
+
+STUDIES: dict[str, tuple[Callable[[int], None], int]] = {
+    "unmoved": (print_unmoved, 2000),
+    "turns": (print_turns, 1000),
+    "baseline": (print_baseline, 1000),
+    "repaired": (print_repaired, 500),
+    "points": (print_points, 500),
+    "focus": (print_focus, 200),
+    "since": (print_since, 200),
+}
+
+
+def main() -> None:
+    """Run the studies named on the command line, or all."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("studies", nargs="*", choices=[*STUDIES, []], default=[])
+    parser.add_argument("--trials", type=int)
+    parsed = parser.parse_args()
+    for name in parsed.studies or STUDIES:
+        study, trials = STUDIES[name]
+        started = time.process_time()
+        study(parsed.trials or trials)
+        print(f"  {name}: {time.process_time() - started:.0f} s of CPU time", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,113 @@
+"""`stereocal check`: has a camera moved since the parameters were found?"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import zipfile
+from pathlib import Path
+
+import numpy as np
+
+from stereocal.commands.calibrate import FILES
+from stereocal.commands.options import add_lens_model, with_sigmas
+from stereocal.errors import StereocalError
+from stereocal.field.check_words import notes, sentence, to_json
+from stereocal.field.new_images import NewImages, images_of_bars
+from stereocal.field.power import Smallest
+from stereocal.field.prior import Prior, prior_of
+from stereocal.field.recheck import recheck
+from stereocal.field.repair import REPAIRED, repaired_parameters
+from stereocal.projects.archive import read_input
+from stereocal.projects.check import images_in_table
+from stereocal.projects.data_folder import SUFFIX
+from stereocal.rig.parameters import RigParameters
+from stereocal.system.atomic_files import write_all
+
+ANSWER = "check.json"
+
+
+def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """The options of the command."""
+    command = commands.add_parser("check", help="has a camera moved? repaired parameters if so")
+    command.set_defaults(run=run)
+    command.add_argument("parameters", type=Path, help="the parameter file to check")
+    command.add_argument(
+        "dataset",
+        type=Path,
+        help="a few new bars: folder or zip with dataset.json, or a table of bars "
+        "(correspondences.csv); "
+        "or matched points alone: pairs.csv",
+    )
+    command.add_argument("--out", type=Path, required=True, help="folder for the files")
+    smallest = Smallest()
+    command.add_argument(
+        "--turn",
+        type=float,
+        default=float(np.degrees(smallest.turn_rad)),
+        metavar="DEG",
+        help='smallest turn that matters; "same" is said only if it would be seen '
+        "(default: %(default).3g)",
+    )
+    command.add_argument(
+        "--baseline-change",
+        type=float,
+        default=smallest.baseline,
+        metavar="FRACTION",
+        help="smallest change of the baseline that matters (default: %(default)g)",
+    )
+    add_lens_model(command)
+
+
+def run(parsed: argparse.Namespace) -> None:
+    """Check, write `check.json` and any repaired parameters, print the answer."""
+    if not (0 < parsed.turn < 180 and 0 < parsed.baseline_change < 1):
+        raise StereocalError(
+            "--turn must be between 0 and 180 degrees, --baseline-change between 0 and 1."
+        )
+    path, prior = _prior(parsed.parameters)
+    images = _images(parsed, prior.rig)
+    smallest = Smallest(float(np.radians(parsed.turn)), parsed.baseline_change)
+    found = recheck(prior, images, smallest)
+    name = REPAIRED if found.changed else None
+    answer = {**to_json(found, name), "parameters": str(path), "dataset": str(parsed.dataset)}
+    files = {parsed.out / ANSWER: (json.dumps(answer, indent=2, allow_nan=False) + "\n").encode()}
+    if found.changed:
+        sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
+        files[parsed.out / REPAIRED] = repaired_parameters(found, sha256).dumps().encode()
+    write_all(files)
+    print(sentence(found))
+    if path != parsed.parameters:
+        print(f"Note: {path} was checked instead: of this calibration, it fits the images best.")
+    for note in notes(found):
+        print(f"Note: {note}")
+    for written in files:
+        print(f"wrote {written}")
+
+
+def _prior(path: Path) -> tuple[Path, Prior]:
+    """The prior of the file, or of the refined file of the same calibration beside it.
+
+    That one is taken where the file states no covariance, and for a 3D set, whose images fit its
+    lengths rather than each other.
+
+    Raises:
+        StereocalError: neither states a covariance.
+    """
+    rig = RigParameters.load(path)
+    beside = path.with_name(FILES["refined"])
+    fits_images = "covariance" in (rig.uncertainties or {}) and rig.method != "3d"
+    if not fits_images and beside != path and beside.is_file():
+        refined = RigParameters.load(beside)
+        if refined.inputs.get("sha256") == rig.inputs.get("sha256"):
+            return beside, prior_of(refined, str(beside))
+    return path, prior_of(rig, str(path))
+
+
+def _images(parsed: argparse.Namespace, rig: RigParameters) -> NewImages:
+    path = parsed.dataset
+    is_table = path.is_file() and path.suffix != SUFFIX and not zipfile.is_zipfile(path)
+    if is_table:
+        return images_in_table(path, str(path), rig)
+    return images_of_bars(with_sigmas(read_input(path, parsed.lens_model), parsed), rig)

@@ -1,0 +1,297 @@
+"""What a check of new images found, by the fits of its hypotheses."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from scipy.special import fdtrc, stdtrit
+
+from stereocal.evaluation.summary import Estimate
+from stereocal.field.fits import (
+    NOTHING,
+    Change,
+    Fit,
+    Noise,
+    focal_change,
+    focal_changes,
+    pose_change,
+    pose_of,
+    rotation_vector,
+    turn_in_place,
+)
+from stereocal.field.new_images import NewImages
+from stereocal.field.power import Power, Smallest
+from stereocal.field.prior import Prior
+from stereocal.field.since import Since
+from stereocal.refined.bar_fit import BASELINE
+from stereocal.refined.unknowns import camera_of
+from stereocal.rig.camera import CAMERAS, CameraName
+from stereocal.rig.compiled import BoolArray, FloatArray
+from stereocal.rig.rig import Rig
+
+Verdict = Literal["moved", "same", "cannot tell"]
+POSE_LEVEL, FOCAL_LEVEL = 0.009, 0.001
+"""Probabilities of a false alarm of the two tests: 1 % together."""
+CONSISTENT = 0.05
+"""An explanation is possible above this probability."""
+AS_LIKELY = 6.0
+"""Difference of two explanations' scores below which neither is ruled out: odds of 20 to 1."""
+LARGEST_NOISE_RATIO = 5.0
+"""With more than so many times the noise of the calibration, the images fit no pose."""
+
+
+@dataclass(frozen=True, eq=False)
+class Explanation:
+    """One explanation of new images."""
+
+    moved: bool
+    refocused: tuple[CameraName, ...]
+    fit: Fit
+
+    @property
+    def score(self) -> float:
+        """Bayesian information criterion: the cost and a penalty for each value that is free."""
+        residuals = self.fit.degrees + len(self.fit.change)
+        return float(self.fit.cost + len(self.fit.change) * np.log(max(residuals, 2)))
+
+
+@dataclass(frozen=True, eq=False)
+class Recheck:
+    """The answer of a check."""
+
+    prior: Prior
+    images: NewImages
+    """All new images."""
+    after: NewImages
+    """Those since the movement; all of them unless it was among them."""
+    outlying: BoolArray
+    """(f,): the groups of `after` that contradict the others."""
+    noise: Noise
+    since: Since | None
+    """Since when, if it was among these images."""
+    pose: Fit
+    """Of `after`: the pose has changed."""
+    both: Fit
+    """Of `after`: pose and focal lengths have changed."""
+    power: Power
+    smallest: Smallest
+    p_pose: float
+    """Probability of such a cost difference by chance, with nothing changed."""
+    p_focal: float
+    """The same for the focal lengths, beside a change of the pose."""
+
+    @property
+    def scale(self) -> bool:
+        """Whether lengths are known, so that the baseline is determined."""
+        return self.images.bars > 0
+
+    @property
+    def usable(self) -> bool:
+        """Whether the images fit any pose of these cameras."""
+        return self.noise.sigma_px <= LARGEST_NOISE_RATIO * self.prior.sigma_px
+
+    @property
+    def seen(self) -> bool:
+        """Whether something has changed, be it ever so small."""
+        return self.usable and (self.p_pose < POSE_LEVEL or self.p_focal < FOCAL_LEVEL)
+
+    @cached_property
+    def negligible(self) -> bool:
+        """Whether a movement is seen, and is surely smaller than matters."""
+        if not self.seen or self.refocused or self.ambiguous:
+            return False
+        change = self.baseline_change
+        reach = 0.0 if change is None else max(abs(change.low), abs(change.high))
+        return self.turn[0].high < self.smallest.turn_rad and reach < self.smallest.baseline
+
+    @property
+    def changed(self) -> bool:
+        """Whether the parameters no longer hold."""
+        return self.seen and not self.negligible
+
+    @property
+    def verdict(self) -> Verdict:
+        """`moved` if the parameters no longer hold."""
+        if self.changed:
+            return "moved"
+        return "same" if self.negligible or self._would_be_seen else "cannot tell"
+
+    @property
+    def _would_be_seen(self) -> bool:
+        return self.usable and self.power.is_enough
+
+    @cached_property
+    def same(self) -> Fit:
+        """Of `after`: nothing has changed."""
+        return self.fit(NOTHING)
+
+    def fit(self, change: Change) -> Fit:
+        """The images since the movement, fitted with this change."""
+        return Fit(self.prior, self.after, change, self.noise.sigma_px).minimise(self.outlying)
+
+    @cached_property
+    def explanations(self) -> tuple[Explanation, ...]:
+        """What may have changed, the likeliest first."""
+        pose = self._pose_change
+        turns = [turn_in_place(pose_of(self.prior.q), k) for k in (0, 1)]
+        found = [Explanation(True, (), self.pose), Explanation(True, CAMERAS, self.both)]
+        found += [Explanation(True, (), self.fit(turn)) for turn in turns]
+        for k, which in enumerate(CAMERAS):
+            focal = focal_change(self.prior, k)
+            found.append(Explanation(False, (which,), self.fit(focal)))
+            found.append(Explanation(True, (which,), self._from_pose(pose + focal)))
+        found.append(Explanation(False, CAMERAS, self.fit(focal_changes(self.prior))))
+        return tuple(sorted(found, key=lambda each: each.score))
+
+    @property
+    def refocused(self) -> tuple[CameraName, ...]:
+        """The cameras whose focal length has changed; empty if none has."""
+        return self.explanations[0].refocused if self.seen else ()
+
+    @property
+    def pose_moved(self) -> bool:
+        """Whether the pose has changed; false if refocused lenses alone explain the images."""
+        return self.seen and self.explanations[0].moved
+
+    @cached_property
+    def ambiguous(self) -> bool:
+        """Whether a movement and a refocused lens explain the images about equally well."""
+        if not self.seen:
+            return False
+        first, *others = self.explanations
+        moved, refocused = first.moved, bool(first.refocused)
+        return any(
+            (each.moved, bool(each.refocused)) != (moved, refocused)
+            and not (each.moved and each.refocused)
+            and each.score - first.score < AS_LIKELY
+            for each in others
+        )
+
+    @cached_property
+    def either_lens(self) -> bool:
+        """Whether one lens was refocused, and the images cannot tell which."""
+        if not self.seen or len(self.refocused) != 1:
+            return False
+        first, *others = self.explanations
+        return any(
+            each.moved == first.moved
+            and len(each.refocused) == 1
+            and each.score - first.score < AS_LIKELY
+            for each in others
+        )
+
+    @cached_property
+    def best(self) -> Fit:
+        """The fit whose `q` are the repaired parameters.
+
+        Where images cannot tell what has changed, all that may have is free.
+        """
+        if not self.seen:
+            return self.same
+        if self.ambiguous:
+            return self.both
+        if self.either_lens:
+            return self.both if self.pose_moved else self.fit(focal_changes(self.prior))
+        return self.explanations[0].fit if self.refocused else self.pose
+
+    @property
+    def repaired(self) -> Rig:
+        """The rig of `best`."""
+        rig, q = self.prior.rig, self.best.q
+        return Rig(camera_of(rig.primary, q, 0), camera_of(rig.secondary, q, 1), pose_of(q))
+
+    @property
+    def _with_pose(self) -> Fit:
+        """The fit that tells how the pose has changed."""
+        return self.both if self.refocused or self.ambiguous else self.pose
+
+    @cached_property
+    def turn(self) -> tuple[Estimate, FloatArray]:
+        """Angle of the relative rotation in radians with its 95 % interval, and its vector (3,) in
+        the secondary's axes."""
+        fit = self._with_pose
+        vector = rotation_vector(pose_of(fit.q).R @ pose_of(fit.before).R.T)
+        covariance = _of_rotation(fit)
+        angle = max(float(np.linalg.norm(vector)), 1e-15)
+        along = vector / angle
+        variance = float(along @ covariance @ along)
+        # The length of a noisy vector is too large by the noise across it.
+        across = float(np.trace(covariance)) - variance
+        value = float(np.sqrt(max(angle**2 - across, 0.0)))
+        reach = self._quantile * float(np.sqrt(variance))
+        p = float(fdtrc(3, self.noise.degrees, vector @ np.linalg.solve(covariance, vector) / 3))
+        low = max(value - reach, 0.0) if p < CONSISTENT else 0.0
+        return Estimate(value, low, angle + reach), vector
+
+    @cached_property
+    def baseline_m(self) -> Estimate | None:
+        """The baseline now, with its 95 % interval; None where lengths are unknown."""
+        if not self.scale:
+            return None
+        fit = self._with_pose
+        value = float(fit.q[BASELINE])
+        reach = self._quantile * float(np.sqrt(fit.covariance[BASELINE, BASELINE]))
+        return Estimate(value, value - reach, value + reach)
+
+    @cached_property
+    def baseline_change(self) -> Estimate | None:
+        """Fraction by which the baseline has changed, with its 95 % interval."""
+        if not self.scale:
+            return None
+        fit = self._with_pose
+        reach = self._quantile * float(np.sqrt(fit.change_covariance[BASELINE, BASELINE]))
+        old, d = float(fit.before[BASELINE]), float(fit.d[BASELINE])
+        return Estimate(d / old, (d - reach) / old, (d + reach) / old)
+
+    @cached_property
+    def focal_changes(self) -> Mapping[CameraName, Estimate]:
+        """Of each refocused camera the fraction by which its focal length has changed."""
+        if not self.refocused:
+            return {}
+        fit = self.explanations[0].fit
+        sigmas = np.sqrt(np.diag(fit.change_covariance))
+        found = {}
+        for at, which in enumerate(self.refocused, start=len(sigmas) - len(self.refocused)):
+            value, reach = float(fit.d[at]), self._quantile * float(sigmas[at])
+            found[which] = Estimate(value, value - reach, value + reach)
+        return found
+
+    @cached_property
+    def possible_causes(self) -> tuple[CameraName, ...]:
+        """The cameras whose turn in place alone explains the movement."""
+        pose = pose_of(self.prior.q)
+        found = []
+        for k, which in enumerate(CAMERAS):
+            alone = self.fit(turn_in_place(pose, k))
+            if self._p(alone.cost - self.pose.cost, len(self._pose_change) - 3) > CONSISTENT:
+                found.append(which)
+        return tuple(found)
+
+    def _from_pose(self, change: Change) -> Fit:
+        """As `fit`, started at the pose that was found."""
+        fit = Fit(self.prior, self.after, change, self.noise.sigma_px)
+        fit.start_at(pose_of(self.pose.q))
+        return fit.minimise(self.outlying)
+
+    @property
+    def _pose_change(self) -> Change:
+        return pose_change(self.prior, self.scale)
+
+    @property
+    def _quantile(self) -> float:
+        return float(stdtrit(self.noise.degrees, 0.975))
+
+    def _p(self, gain: float, degrees: int) -> float:
+        return self.noise.probability(gain, degrees)
+
+
+def _of_rotation(fit: Fit) -> FloatArray:
+    """(3, 3): covariance of the rotation vector of the change, in the secondary's axes."""
+    q = fit.q
+    yaw, R = q[0], pose_of(q).R
+    axes = np.column_stack([[0.0, 1.0, 0.0], [np.cos(yaw), 0.0, -np.sin(yaw)], R[:, 2]])
+    return np.asarray(axes @ fit.change_covariance[:3, :3] @ axes.T)

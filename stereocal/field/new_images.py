@@ -1,0 +1,134 @@
+"""New images of a rig: a few bars, or matched points alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from stereocal.errors import StereocalError
+from stereocal.matching.point_table import PointTable
+from stereocal.matching.reconstruction_files import PIXELS, points_outside_images
+from stereocal.rig.camera import CAMERAS
+from stereocal.rig.compiled import FloatArray, IntArray
+from stereocal.rig.dataset import Correspondences, Dataset
+from stereocal.rig.parameters import RigParameters
+
+LARGEST = 1000
+"""Pairs that are used; of more, as many are taken evenly."""
+FEWEST_PAIRS = 8
+AMBIGUOUS, THRESHOLDED = "ambiguous", "error_px"
+
+
+@dataclass(frozen=True, eq=False)
+class NewImages:
+    """Pairs of points with the lenses of the parameters, in groups that are fitted together."""
+
+    dataset: Dataset
+    """Its frames are the groups: those of the bars, or one for each matched pair."""
+    numbers: IntArray
+    """(f,): the frame number of each group, ascending."""
+    bars: int
+    """How many bars there are; 0 for matched points alone, which do not determine lengths."""
+    notes: tuple[str, ...] = ()
+    """Messages for the user."""
+
+    @property
+    def described(self) -> str:
+        """Such as `5 bars` or `50 matched points`."""
+        if self.bars:
+            return f"{self.bars} bar{'s' * (self.bars > 1)}"
+        return f"{len(self.numbers)} matched points"
+
+    def of_groups(self, kept: IntArray) -> NewImages:
+        """Some of the groups, by their indices."""
+        frames = self.dataset.correspondences.frames[kept]
+        part = self.dataset.of_frames(frames)
+        return replace(
+            self, dataset=part, numbers=self.numbers[kept], bars=len(part.correspondences.bars)
+        )
+
+
+def images_of_bars(dataset: Dataset, rig: RigParameters) -> NewImages:
+    """New images of a data set, seen with the lenses of the parameters.
+
+    Raises:
+        StereocalError: images of another size, or a point where a lens cannot be inverted.
+    """
+    for which in CAMERAS:
+        found, wanted = getattr(dataset, which).image_size, getattr(rig, which).image_size
+        if found != wanted:
+            raise StereocalError(
+                f"{dataset.name}: the {which}'s images are {found[0]}x{found[1]} px, and the "
+                f"parameters are of {wanted[0]}x{wanted[1]} px: they are not of the same cameras, "
+                "or the images were scaled."
+            )
+    seen = replace(dataset, primary=rig.primary, secondary=rig.secondary)
+    rows = seen.correspondences
+    if not len(rows.bars):
+        return images_of_matches(rows.frame, rows.primary, rows.secondary, rig, dataset.name)
+    notes: tuple[str, ...] = ()
+    if len(rows.frames) > LARGEST:
+        kept = np.linspace(0, len(rows.frames) - 1, LARGEST).astype(np.int64)
+        notes = (f"{LARGEST} of {len(rows.frames)} frames were used, evenly spaced.",)
+        seen = seen.of_frames(rows.frames[kept])
+    rows = seen.correspondences
+    return NewImages(seen, rows.frames, len(rows.bars), notes)
+
+
+def images_of_pairs(table: PointTable, rig: RigParameters) -> NewImages:
+    """New images of a table of matched points, without those marked as ambiguous.
+
+    Raises:
+        StereocalError: invalid rows, points outside the images, or too few points.
+    """
+    table.check(lambda block: points_outside_images(rig, block))
+    frames, pixels, ambiguous, truncated = [], [], 0, THRESHOLDED in table.names
+    for frame, rows in table.frames():
+        if AMBIGUOUS in rows:
+            unsure = rows[AMBIGUOUS].astype(str).str.strip().str.lower().isin(("true", "1"))
+            ambiguous += int(unsure.sum())
+            rows = rows[~unsure.to_numpy()]
+        frames.append(np.full(len(rows), frame, dtype=np.int64))
+        pixels.append(rows[list(PIXELS)].to_numpy(dtype=np.float64))
+    notes = []
+    if ambiguous:
+        notes.append(f"{ambiguous} ambiguous pairs were not used.")
+    if truncated:
+        notes.append(
+            "These pairs were matched by parameters, which leaves out pairs that a movement beyond "
+            "the threshold put apart: where that may be, match with a larger threshold."
+        )
+    whole = np.concatenate(pixels)
+    return images_of_matches(
+        np.concatenate(frames), whole[:, :2], whole[:, 2:], rig, table.label, tuple(notes)
+    )
+
+
+def images_of_matches(
+    frames: IntArray,
+    primary: FloatArray,
+    secondary: FloatArray,
+    rig: RigParameters,
+    name: str,
+    notes: tuple[str, ...] = (),
+) -> NewImages:
+    """New images of matched points alone, raw pixels (n, 2) of each camera.
+
+    Raises:
+        StereocalError: too few points, or some outside their images.
+    """
+    if len(frames) < FEWEST_PAIRS:
+        raise StereocalError(
+            f"{name}: {len(frames)} matched points are too few to check anything; at least "
+            f"{FEWEST_PAIRS} are needed, better 50."
+        )
+    order = np.argsort(frames, kind="stable")
+    if len(order) > LARGEST:
+        notes = (*notes, f"{LARGEST} of {len(order)} pairs were used, evenly spaced.")
+        order = order[np.linspace(0, len(order) - 1, LARGEST).astype(np.int64)]
+    rows = Correspondences.from_arrays(
+        np.arange(len(order)), "A" * len(order), primary[order], secondary[order]
+    )
+    dataset = Dataset(name, rig.primary, rig.secondary, rows, rig.pose.baseline, 1.0)
+    return NewImages(dataset, frames[order], 0, notes)

@@ -1,0 +1,115 @@
+"""How small a movement new images would reveal: the information bound.
+
+The cost difference of the two hypotheses is noncentral chi-square with noncentrality d' I d, where
+I is the information of the new images about the change d with the old parameters eliminated, their
+covariance included.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from scipy.special import chdtri, chndtr
+
+from stereocal.field.fits import Fit, pose_difference, turned
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import Pose
+
+LEVEL = 0.01
+"""False alarms."""
+ENOUGH = 0.8
+AXES = np.array([v for v in product((-1, 0, 1), repeat=3) if v > (0, 0, 0)], dtype=np.float64)
+"""13 directions, evenly spread over all axes."""
+
+
+@dataclass(frozen=True)
+class Smallest:
+    """The smallest movement that matters."""
+
+    turn_rad: float = float(np.radians(0.05))
+    baseline: float = 0.001
+    """Fraction of the baseline."""
+
+
+@dataclass(frozen=True)
+class Power:
+    """What new images would reveal."""
+
+    turn: float
+    """Probability that the smallest turn of interest is found, about the worst axis."""
+    turn_anywhere: float
+    """The same about an axis at random."""
+    baseline: float | None
+    """Probability that the smallest change of the baseline is found; None without lengths."""
+    detectable_turn_rad: float
+    """Turn about the worst axis that is found with a probability of 80 %."""
+    detectable_baseline: float | None
+    """Fraction of the baseline, likewise."""
+
+    @property
+    def is_enough(self) -> bool:
+        return self.turn >= ENOUGH and (self.baseline is None or self.baseline >= ENOUGH)
+
+
+def information_of(fit: Fit) -> FloatArray:
+    """(m, m): information of the images of a fit about its change, old parameters eliminated."""
+    root, U = fit.prior.root, fit.change.directions
+    across = U.T @ fit.H @ root
+    known = root.T @ fit.H @ root + np.eye(root.shape[1])
+    return np.asarray(U.T @ fit.H @ U - across @ np.linalg.solve(known, across.T))
+
+
+def power_of(information: FloatArray, change: FloatArray, level: float = LEVEL) -> float:
+    """Probability that a change (m,) is found, for a known noise, at a level of false alarms."""
+    degrees = len(change)
+    noncentrality = float(change @ information @ change)
+    return float(1.0 - chndtr(chdtri(degrees, level), degrees, noncentrality))
+
+
+def power(fit: Fit, smallest: Smallest) -> Power:
+    """The power of new images.
+
+    Args:
+        fit: of the pose; its change is the five angles and, with lengths, the baseline.
+    """
+    pose, information, m = fit.prior.rig.pose, information_of(fit), len(fit.change)
+    needed = _noncentrality_for(m)
+    turns = np.array(
+        [pose_difference(each, pose)[:m] for each in turns_of(pose, smallest.turn_rad)]
+    )
+    powers = [power_of(information, turn) for turn in turns]
+    # Small turns are proportional to d, so that the noncentrality grows with their square.
+    least = float(np.einsum("ni,ij,nj->n", turns, information, turns).min())
+    detectable = smallest.turn_rad * float(np.sqrt(needed / max(least, 1e-300)))
+    if m <= 5:
+        return Power(min(powers), float(np.mean(powers)), None, min(detectable, np.pi), None)
+    longer = np.zeros(m)
+    longer[5] = smallest.baseline * pose.baseline
+    noncentrality = max(float(longer @ information @ longer), 1e-300)
+    return Power(
+        min(powers),
+        float(np.mean(powers)),
+        power_of(information, longer),
+        min(detectable, float(np.pi)),
+        smallest.baseline * float(np.sqrt(needed / noncentrality)),
+    )
+
+
+def turns_of(pose: Pose, angle_rad: float) -> list[Pose]:
+    """The pose after turns of one camera in place, about 13 axes each."""
+    axes = angle_rad * AXES / np.linalg.norm(AXES, axis=1, keepdims=True)
+    return [turned(pose, camera, axis) for camera in (0, 1) for axis in axes]
+
+
+def _noncentrality_for(degrees: int) -> float:
+    """The noncentrality that is found with a probability of 80 %."""
+    critical, low, high = chdtri(degrees, LEVEL), 0.0, 100.0
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        if 1.0 - chndtr(critical, degrees, middle) < ENOUGH:
+            low = middle
+        else:
+            high = middle
+    return high

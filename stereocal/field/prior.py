@@ -1,0 +1,128 @@
+"""What a parameter file knows about its rig: the prior of a check with new images."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from stereocal.errors import DAMAGED, StereocalError
+from stereocal.matching.reconstruction import POSE, noise_of_file
+from stereocal.refined.bar_fit import BAR
+from stereocal.refined.solve import ASSUMED, GIVEN
+from stereocal.refined.unknowns import DEFAULT_DISTANCE, shared_unknowns
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.parameters import RigParameters
+
+SPENT = 12.0
+"""Degrees of freedom that a calibration spends on the pose and, in part, on the lenses."""
+DEGREES_GIVEN, DEGREES_ASSUMED = 1000.0, 4.0
+"""Of a noise that was stated, and of one that nothing was known about."""
+SMALLEST_EIGENVALUE = 1e-12
+"""Of the correlation; directions below are taken as exact."""
+
+
+@dataclass(frozen=True, eq=False)
+class Prior:
+    """The 23 shared unknowns of `bar_fit` by a parameter file: normal, q + root N(0, 1)."""
+
+    rig: RigParameters
+    q: FloatArray
+    """(23,)."""
+    root: FloatArray
+    """(23, r), with root root^T the covariance."""
+    sigma_px: float
+    """Noise of an image coordinate at the calibration."""
+    degrees: float
+    """Degrees of freedom behind `sigma_px`."""
+    scatter_m: float
+    """Scatter of the bar's length from frame to frame; 0 if unknown."""
+
+    @property
+    def covariance(self) -> FloatArray:
+        """(23, 23)."""
+        return np.asarray(self.root @ self.root.T)
+
+    def with_bar_of(self, dataset: Dataset) -> Prior:
+        """The prior for the bar of a data set.
+
+        A bar of the same stated length is taken for that of the calibration, whose factor is
+        correlated with the baseline; another has its own standard error.
+        """
+        stated, length = self.rig.inputs.get("target_distance_m"), dataset.target_distance_m
+        if isinstance(stated, float) and np.isclose(stated, length, rtol=1e-6, atol=0.0):
+            return self
+        q, covariance = self.q.copy(), self.covariance
+        q[BAR], covariance[BAR], covariance[:, BAR] = 1.0, 0.0, 0.0
+        sigma = dataset.target_distance_sigma_m or DEFAULT_DISTANCE * length
+        covariance[BAR, BAR] = (sigma / length) ** 2
+        root = _root(covariance)
+        assert root is not None  # a covariance without one of its rows is one
+        return replace(self, q=q, root=root)
+
+
+def prior_of(rig: RigParameters, source: str = "parameters") -> Prior:
+    """The prior of a parameter file.
+
+    Raises:
+        StereocalError: the file has no covariance, or an invalid one.
+    """
+    sigma_px, covariance = noise_of_file(rig)
+    if sigma_px is None or covariance is None:
+        raise StereocalError(
+            f"{source}: the file does not state the covariance of its parameters, so a movement "
+            "cannot be told from their errors. Use the refined file of the same calibration "
+            "(parameters_refined.json), or calibrate again."
+        )
+    about = rig.uncertainties or {}
+    try:
+        scatter = float((about.get("bar_scatter_m") or {}).get("value", 0.0))
+        bar = about.get("bar_length_m") or {"estimate": 1.0, "stated": 1.0}
+        factor = float(bar["estimate"]) / float(bar["stated"])
+        degrees = _degrees(rig, about["sigma_px"])
+    except DAMAGED as error:
+        raise StereocalError(f"{source}: the uncertainties are damaged ({error}).") from error
+    root = _root(covariance)
+    if root is None or not (covariance[:POSE, :POSE].any() and sigma_px > 0):
+        raise StereocalError(f"{source}: the covariance is not symmetric and positive.")
+    if not (0 <= scatter < np.inf and 0 < factor < np.inf and sigma_px < np.inf):
+        raise StereocalError(f"{source}: the uncertainties have an impossible noise or length.")
+    q = shared_unknowns(rig)
+    q[BAR] = factor
+    return Prior(rig, q, root, sigma_px, degrees, scatter)
+
+
+def _degrees(rig: RigParameters, noise: Mapping[str, Any]) -> float:
+    """Degrees of freedom of the file's noise.
+
+    If the file does not state them: three for each bar, less what the unknowns spend.
+    """
+    source = noise.get("source")
+    if "degrees_of_freedom" in noise:
+        return float(np.clip(float(noise["degrees_of_freedom"]), 1.0, DEGREES_GIVEN))
+    if source == GIVEN:
+        return DEGREES_GIVEN
+    frames = rig.inputs.get("frames")
+    if source == ASSUMED or not isinstance(frames, list):
+        return DEGREES_ASSUMED
+    used = len(set(map(str, frames)) - set(map(str, rig.frames_left_out)))
+    return max(3.0 * used - SPENT, DEGREES_ASSUMED)
+
+
+def _root(covariance: FloatArray) -> FloatArray | None:
+    """(n, r): root root^T = covariance; None if it is not a covariance."""
+    variances = np.diag(covariance)
+    if not np.isfinite(covariance).all() or (variances < 0).any():
+        return None
+    scale = np.sqrt(np.where(variances > 0, variances, 1.0))
+    correlation = covariance / np.outer(scale, scale)
+    if not np.allclose(correlation, correlation.T, atol=1e-6):
+        return None
+    values, vectors = np.linalg.eigh(correlation)
+    if values[0] < -1e-6:
+        return None
+    kept = values > SMALLEST_EIGENVALUE
+    return np.asarray(scale[:, None] * vectors[:, kept] * np.sqrt(values[kept]))

@@ -1,0 +1,121 @@
+"""Repaired parameters: the old ones as prior, the movement free, and new images."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stereocal.field.findings import Recheck
+from stereocal.field.fits import Fit
+from stereocal.refined.bar_fit import BAR, BASELINE, DISTORTION
+from stereocal.refined.parameter_file import COVARIANCE_OF, covariance_entry
+from stereocal.refined.solve import ESTIMATED, GIVEN
+from stereocal.refined.uncertainty import point_errors
+from stereocal.rig.compiled import FloatArray, IntArray
+from stereocal.rig.parameters import RigParameters
+from stereocal.rig.rig import Rig
+
+REPAIRED = "parameters_repaired.json"
+"""Name of the file that is written."""
+
+
+def repaired_parameters(check: Recheck, sha256: str | None) -> RigParameters:
+    """The repaired parameter file: method `refined`, purpose `both`.
+
+    Args:
+        sha256: digest of the parameter file that is repaired, which the new file names; None for
+            parameters that are not in a file. Their own inputs are named in any case.
+    """
+    old, rig, fit = check.prior.rig, check.repaired, check.best
+    images = check.after
+    bar = images.dataset.target_distance_m if check.scale else old.inputs.get("target_distance_m")
+    sigmas = np.sqrt(np.diag(fit.covariance))
+    named = dict(zip(COVARIANCE_OF, sigmas.tolist(), strict=True))
+    kept = [name for i, name in enumerate(COVARIANCE_OF) if i < DISTORTION and i != BAR]
+    uncertainties = {
+        "sigma_px": {
+            "value": check.noise.sigma_px,
+            "source": ESTIMATED,
+            "degrees_of_freedom": check.noise.degrees,
+        },
+        "bar_scatter_m": {"value": check.prior.scatter_m, "source": GIVEN},
+        "standard_errors": {name: named[name] for name in kept},
+        "covariance": covariance_entry(fit.covariance),
+    }
+    if isinstance(bar, int | float):
+        uncertainties["bar_length_m"] = {
+            "stated": bar,
+            "estimate": bar * float(fit.q[BAR]),
+            "standard_error": bar * named["bar_factor"],
+        }
+    return RigParameters(
+        method="refined",
+        primary=rig.primary,
+        secondary=rig.secondary,
+        pose=rig.pose,
+        cost=float(fit.cost),
+        settings=old.settings,
+        inputs={
+            "sha256": images.dataset.sha256,
+            "name": images.dataset.name,
+            "baseline_m": float(fit.q[BASELINE]),
+            "target_distance_m": bar,
+            "frames": sorted({int(number) for number in images.numbers[~check.outlying]}),
+            "repaired_from": {
+                "sha256": sha256,
+                "method": old.method,
+                "inputs": dict(old.inputs),
+            },
+        },
+        matching_threshold_px=None if old.method == "3d" else old.matching_threshold_px,
+        uncertainties=uncertainties,
+        noise_px=check.noise.sigma_px,
+        volume=old.volume,
+    )
+
+
+def length_error(fit: Fit) -> float | None:
+    """Expected length error of bars like the new ones, as a fraction; None without bars.
+
+    The mean of |error| of a normal error, from the noise and the covariance of the parameters.
+    """
+    if not np.isfinite(fit.distances).any():
+        return None
+    bars = np.isfinite(fit.distances) & ~fit.outlying
+    ends = fit.points[bars].reshape(-1, 3)
+    own, by_shared = point_errors(fit.q, fit.lenses, fit.sigma_px, ends)
+    along = ends[0::2] - ends[1::2]
+    lengths = np.linalg.norm(along, axis=1)
+    along /= lengths[:, None]
+    jacobian = np.einsum("ni,nij->nj", along, by_shared[0::2] - by_shared[1::2])
+    variance = np.einsum("ni,nij,nj->n", along, own[0::2] + own[1::2], along)
+    variance += np.einsum("ni,ij,nj->n", jacobian, fit.covariance, jacobian)
+    return float(np.sqrt(2 / np.pi) * np.mean(np.sqrt(variance) / lengths))
+
+
+@dataclass(frozen=True, eq=False)
+class Residuals:
+    """Mean reprojection errors of the new images, frame by frame."""
+
+    frames: IntArray
+    """(n,): the frame numbers."""
+    before_px: FloatArray
+    """(n,): with the old parameters; NaN where points are behind a camera."""
+    after_px: FloatArray | None
+    """(n,): with the repaired ones; None if nothing has changed."""
+
+
+def residuals_of(check: Recheck) -> Residuals:
+    """The errors with the old and, if the check wrote any, the repaired parameters."""
+    numbers = np.unique(check.images.numbers)
+    after = _by_frame(check, check.repaired) if check.changed else None
+    return Residuals(numbers, _by_frame(check, check.prior.rig), after)
+
+
+def _by_frame(check: Recheck, rig: Rig) -> FloatArray:
+    rows = check.images.dataset.correspondences
+    errors = rig.reprojection_errors(rows.primary, rows.secondary).mean(axis=1)
+    frames = check.images.numbers[np.searchsorted(rows.frames, rows.frame)]
+    at = np.searchsorted(np.unique(frames), frames)
+    return np.asarray(np.bincount(at, errors) / np.bincount(at))

@@ -1,0 +1,127 @@
+"""Since when has a camera moved? The change point in many frames.
+
+Before the change point a frame has the old parameters q0 + L p, from it on also the change d. Each
+frame's cost is quadratic near q0 and near the moved pose, so that p and d follow for every change
+point from sums of normal equations. Its posterior, with all frames equally likely beforehand, gives
+the interval.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stereocal.field.fits import NOTHING, Change, Fit
+from stereocal.field.new_images import NewImages
+from stereocal.field.prior import Prior
+from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
+
+ROUNDS = 3
+INSIDE = 0.95
+
+
+@dataclass(frozen=True)
+class Since:
+    """The first frame after the movement, and the 95 % interval of its number."""
+
+    frame: int
+    low: int
+    high: int
+    gain: float
+    """Cost difference to no movement at all."""
+    candidates: int
+    """Frames that may have been the first; a test of the best is a test of so many."""
+    at: int
+    """Index of the first group after the latest change point of the interval."""
+
+
+def since_when(prior: Prior, images: NewImages, moved: Fit, outlying: BoolArray) -> Since:
+    """The change point.
+
+    Args:
+        moved: a fit of all groups with the pose free.
+        outlying: (f,): groups that contradict their neighbours.
+    """
+    change, sigma_px = moved.change, moved.sigma_px
+    same = _equations(Fit(prior, images, NOTHING, sigma_px), prior.q, outlying)
+    starts = np.flatnonzero(np.diff(images.numbers, prepend=images.numbers[0] - 1))
+    best, index = -1, np.arange(len(images.numbers))
+    for _ in range(ROUNDS):
+        costs = _costs(prior, change, same, _equations(moved, moved.q, outlying), starts)
+        found = int(starts[np.argmin(costs)])
+        if found == best:
+            break
+        best = found
+        moved = Fit(prior, images, change, sigma_px).minimise(outlying | (index < best))
+    return _interval(images.numbers, starts, costs, _cost_of_none(prior, same))
+
+
+def _interval(numbers: IntArray, starts: IntArray, costs: FloatArray, none: float) -> Since:
+    best = int(np.argmin(costs))
+    weights = np.exp(-0.5 * (costs - costs[best]))
+    weights /= weights.sum()
+    order = np.argsort(-weights)
+    inside = order[: int(np.searchsorted(np.cumsum(weights[order]), INSIDE)) + 1]
+    low, high = int(inside.min()), int(inside.max())
+    return Since(
+        frame=int(numbers[starts[best]]),
+        low=int(numbers[starts[low]]),
+        high=int(numbers[starts[high]]),
+        gain=float(none - costs[best]),
+        candidates=len(starts),
+        at=int(starts[high]),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Equations:
+    """Quadratic costs c + 2 g x + x H x of groups, x being q minus that of the prior.
+
+    Each row is the sum over the groups from i to the last.
+    """
+
+    H: FloatArray
+    """(f + 1, 23, 23)."""
+    g: FloatArray
+    """(f + 1, 23)."""
+    c: FloatArray
+    """(f + 1,)."""
+
+
+def _equations(fit: Fit, q: FloatArray, outlying: BoolArray) -> _Equations:
+    """The costs of the groups, quadratic about q."""
+    H, g, c = fit.equations(q, outlying)
+    x = q - fit.prior.q
+    at = np.einsum("fij,j->fi", H, x)
+    about_prior = c + at @ x - 2.0 * g @ x
+    return _Equations(*(_from_end(values) for values in (H, g - at, about_prior)))
+
+
+def _from_end(values: FloatArray) -> FloatArray:
+    """Sums over the groups from i to the last, with 0 after the last."""
+    sums = np.cumsum(values[::-1], axis=0)[::-1]
+    return np.concatenate([sums, np.zeros_like(values[:1])])
+
+
+def _costs(
+    prior: Prior, change: Change, same: _Equations, moved: _Equations, starts: IntArray
+) -> FloatArray:
+    """(len(starts),): the least cost with the change from each of these groups on."""
+    known = prior.root.shape[1]
+    both = np.column_stack([prior.root, change.directions])
+    precision = np.diag(np.concatenate([np.ones(known), 1.0 / change.sigma**2]))
+    costs = np.empty(len(starts))
+    for i, start in enumerate(starts):
+        A, b = precision + both.T @ moved.H[start] @ both, both.T @ moved.g[start]
+        A[:known, :known] += prior.root.T @ (same.H[0] - same.H[start]) @ prior.root
+        b[:known] += prior.root.T @ (same.g[0] - same.g[start])
+        constant = same.c[0] - same.c[start] + moved.c[start]
+        costs[i] = constant - b @ np.linalg.solve(A, b)
+    return costs
+
+
+def _cost_of_none(prior: Prior, same: _Equations) -> float:
+    A = prior.root.T @ same.H[0] @ prior.root + np.eye(prior.root.shape[1])
+    b = prior.root.T @ same.g[0]
+    return float(same.c[0] - b @ np.linalg.solve(A, b))

@@ -1,0 +1,233 @@
+"""The Check page: parameters and new images, the answer, and the repaired parameters."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass
+
+import numpy as np
+import streamlit as st
+from streamlit.delta_generator import DeltaGenerator
+
+from stereocal.calibration.methods import Method
+from stereocal.field.check_words import notes, sentence
+from stereocal.field.findings import Recheck
+from stereocal.field.power import Smallest
+from stereocal.field.prior import prior_of
+from stereocal.field.recheck import recheck
+from stereocal.field.repair import REPAIRED, Residuals, repaired_parameters, residuals_of
+from stereocal.figures import describe_check, plot_check
+from stereocal.matching.application import PAIRS
+from stereocal.projects.application import ProjectApplication, parameters_in
+from stereocal.projects.check import IMAGES, PARAMETERS, ProjectCheck, images_in
+from stereocal.projects.project import Project
+from stereocal.rig.parameters import RigParameters
+from stereocal.ui import jobs
+from stereocal.ui.apply import GIVEN, RESULTS, SET_TITLES
+from stereocal.ui.decoding import server_guard
+from stereocal.ui.downloads import on_demand
+from stereocal.ui.fields import Field, number, one_of, setting
+from stereocal.ui.figure import show_figure
+from stereocal.ui.intake import check_uploads, clear_refusal, is_new, show_refusal, taking
+from stereocal.ui.messages import readable
+from stereocal.ui.refined import answer_of
+from stereocal.ui.texts import escape_markdown
+
+MATCHED, FILE = "The pairs of Apply", "A file"
+TABLES = ["zip", "csv", "txt", "tsv", "parquet"]
+JSON = "application/json"
+VERDICTS = {"moved": st.warning, "same": st.success, "cannot tell": st.info}
+
+
+@dataclass(frozen=True, eq=False)
+class Chosen:
+    """The inputs of a check, complete."""
+
+    rig: RigParameters
+    parameters: bytes | None
+    """The parameter file as given; None for a set of the project."""
+    label: str
+    """Name of the file with the new images."""
+    images: bytes
+    smallest: Smallest
+
+
+def choose_inputs(project: Project, store: ProjectCheck) -> Chosen | None:
+    """The inputs in one row, and uploaders for what comes from files; None if something is missing.
+
+    Raises:
+        StereocalError: a stored file cannot be read.
+    """
+    left, middle, *sizes = st.columns([3, 3, 2, 2])
+    with left:
+        found = _choose_parameters(project, store)
+    with middle:
+        given = _choose_images(project, store)
+    smallest = _smallest(project, *sizes)
+    _take_files(project, store, None if found is None else found[0], found is None or not given)
+    show_refusal()
+    if found is None:
+        st.info("Still missing: the parameters of the rig.")
+        st.page_link("pages/calibrate.py", label="Or calibrate on the Calibrate page")
+    if given is None:
+        st.info(
+            "Still missing: new bars (five are a good start), or matched points without lengths "
+            "(50 are a good start)."
+        )
+    if found is None or given is None:
+        return None
+    return Chosen(*found, *given, smallest)
+
+
+def _images_kind(project: Project, store: ProjectCheck) -> Field:
+    matched = readable(lambda: ProjectApplication(project).result) is not None
+    kinds = [*([MATCHED] if matched else []), FILE]
+    usual = FILE if store.file(IMAGES) else kinds[0]
+    return setting(project, "check_images", usual, one_of(kinds))
+
+
+def _choose_images(project: Project, store: ProjectCheck) -> tuple[str, bytes] | None:
+    """Name and content of the new images; None if there are none."""
+    kind, result = _images_kind(project, store), ProjectApplication(project).result
+    if result is not None:
+        st.selectbox("New bars or matched points", [MATCHED, FILE], **kind.widget())
+    if result is not None and kind.value() == MATCHED:
+        return f"{PAIRS} of Apply", result[1][PAIRS].read_bytes()
+    given = store.file(IMAGES)
+    title = "" if result else "New bars or matched points  \n"
+    st.caption(f"{title}In use: {escape_markdown(given[0]) if given else 'none yet'}")
+    return None if given is None else (given[0], given[1].read_bytes())
+
+
+def _kind(project: Project) -> Field:
+    kinds = [*([RESULTS] if readable(lambda: project.calibration) else []), GIVEN]
+    return setting(project, "check_parameters", kinds[0], one_of(kinds))
+
+
+def _choose_parameters(
+    project: Project, store: ProjectCheck
+) -> tuple[RigParameters, bytes | None] | None:
+    """The parameters to check, and their file unless they are the project's."""
+    calibration = readable(lambda: project.calibration)
+    if calibration is not None and _kind(project).value() == RESULTS:
+        answer = answer_of(project, calibration)
+        sets = answer.sets if answer else {}
+        if sets:
+            # Of one calibration, the refined set knows the rig best; if it moved, none holds.
+            method: Method = "refined" if "refined" in sets else "2d"
+            st.caption(f"Parameters  \nIn use: this project's {SET_TITLES[method].lower()}")
+            return sets[method], None
+    given = store.file(PARAMETERS)
+    label = escape_markdown(given[0]) if given else "none yet"
+    st.caption(f"Parameters  \nIn use: {label}")
+    if given is None:
+        return None
+    content = given[1].read_bytes()
+    return parameters_in(content, given[0]), content
+
+
+def _smallest(project: Project, left: DeltaGenerator, right: DeltaGenerator) -> Smallest:
+    """What movement matters."""
+    usual = Smallest()
+    degrees = float(np.degrees(usual.turn_rad))
+    turn = setting(project, "check_turn_deg", round(degrees, 6), number(0.001, 90.0))
+    baseline = setting(project, "check_baseline_percent", 100 * usual.baseline, number(0.001, 50.0))
+    with left:
+        st.number_input(
+            "Turn that matters (°)", 0.001, 90.0, step=0.05, format="%.4g",
+            help="“Same” is said only if such a turn would have been found.", **turn.widget(),
+        )  # fmt: skip
+    with right:
+        st.number_input(
+            "Baseline change (%)", 0.001, 50.0, step=0.1, format="%.4g",
+            help="“Same” is said only if such a change of the baseline would have been found. "
+            "Matched points alone do not show it.", **baseline.widget(),
+        )  # fmt: skip
+    return Smallest(float(np.radians(turn.value())), baseline.value() / 100)
+
+
+def _take_files(
+    project: Project, store: ProjectCheck, rig: RigParameters | None, missing: bool
+) -> None:
+    """Uploaders; folded if nothing is missing."""
+    with st.expander("Parameters and new images from files", expanded=missing):
+        kind = _kind(project)
+        if readable(lambda: project.calibration):
+            st.segmented_control("Parameters", [RESULTS, GIVEN], required=True, **kind.widget())
+        if kind.value() == GIVEN:
+            upload = st.file_uploader(
+                "Parameters: parameters_refined.json", type=["json"], key="upload_check_parameters"
+            )
+            if upload is not None and is_new(upload):
+                with taking(upload):
+                    check_uploads([upload])
+                    store.keep_parameters(upload.name, upload.getvalue())
+                    clear_refusal()
+                st.rerun()
+        if _images_kind(project, store).value() == FILE:
+            _take_images(store, rig)
+
+
+def _take_images(store: ProjectCheck, rig: RigParameters | None) -> None:
+    upload = st.file_uploader(
+        "New bars or matched points", type=TABLES, key="upload_check_images",
+        help="A data set as a zip with dataset.json; or a table of bars like "
+        "correspondences.csv; or matched points alone, like pairs.csv of Apply. Five bars or 50 "
+        "points are a good start.",
+    )  # fmt: skip
+    if upload is not None and is_new(upload):
+        with taking(upload), st.spinner("Reading."):
+            check_uploads([upload])
+            content = upload.getvalue()
+            if upload.name.lower().endswith(".parquet"):
+                server_guard().check_content("table", content, upload.name, ".parquet")
+            store.keep_images(upload.name, content, rig)
+            clear_refusal()
+        st.rerun()
+
+
+def show_check(chosen: Chosen) -> None:
+    """The answer as a sentence, the errors frame by frame, the repaired parameters.
+
+    Raises:
+        StereocalError: the parameters state no covariance, or the images do not fit them.
+    """
+    found, residuals = checked(chosen)
+    VERDICTS[found.verdict](escape_markdown(sentence(found)))
+    since = found.since if found.changed else None
+    show_figure(plot_check(residuals, since), describe_check(residuals, since), "check_residuals")
+    if found.changed:
+        given = chosen.parameters
+        sha256 = None if given is None else hashlib.sha256(given).hexdigest()
+        st.download_button(
+            f"{REPAIRED} · for both",
+            on_demand(lambda: repaired_parameters(found, sha256).dumps(), REPAIRED, JSON),
+            REPAIRED, JSON, on_click="ignore", type="primary", icon=":material/download:",
+            key="download_repaired",
+        )  # fmt: skip
+        st.caption(
+            "To match and to measure, until the rig is calibrated again. On the Apply page, give "
+            "it as a parameter file."
+        )
+    for note in notes(found):
+        st.caption(escape_markdown(note))
+
+
+def checked(chosen: Chosen) -> tuple[Recheck, Residuals]:
+    """The check, and the errors frame by frame."""
+    # `created` differs from draw to draw.
+    of_rig = json.dumps({**chosen.rig.to_json(), "created": ""}, sort_keys=True)
+    digest = hashlib.sha256(of_rig.encode() + chosen.images).hexdigest()
+    return _checked(digest, chosen.label, chosen.smallest, chosen)
+
+
+@st.cache_resource(show_spinner="Checking.", max_entries=16)
+def _checked(
+    key: str, label: str, smallest: Smallest, _chosen: Chosen
+) -> tuple[Recheck, Residuals]:
+    assert key
+    prior = prior_of(_chosen.rig)
+    images = images_in(_chosen.images, label, _chosen.rig)
+    found = jobs.compute(recheck, prior, images, smallest)
+    return found, residuals_of(found)

@@ -1,0 +1,254 @@
+"""The check against simulated truth: movements found, their size, repaired parameters, refusals."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from benchmarks.bumps import (
+    Case,
+    bound,
+    bumped,
+    cases,
+    joined,
+    longer,
+    matched,
+    new_bars,
+    seen_by,
+    true_fit,
+)
+from benchmarks.refined_rigs import BAR_M, DEPTHS_M
+from stereocal.errors import StereocalError
+from stereocal.field.check_words import notes, sentence, to_json
+from stereocal.field.fits import (
+    pose_of,
+    rotation_of,
+    rotation_vector,
+    turned,
+)
+from stereocal.field.new_images import images_of_bars, images_of_matches
+from stereocal.field.power import Smallest
+from stereocal.field.prior import prior_of
+from stereocal.field.recheck import recheck
+from stereocal.field.repair import repaired_parameters, residuals_of
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.parameters import RigParameters
+from stereocal.rig.rig import Rig
+from stereocal.simulation.simulate import lens_off_by, place_bars
+
+COARSE = Smallest(float(np.radians(1.0)), 0.05)
+
+
+@pytest.fixture
+def case() -> Case:
+    return next(cases(1, 41))
+
+
+def angle_between(one: Rig, other: Rig) -> float:
+    return float(np.linalg.norm(rotation_vector(one.pose.R @ other.pose.R.T)))
+
+
+def test_an_unmoved_rig_is_the_same_where_it_can_be_told(case: Case) -> None:
+    images = new_bars(case, case.truth)
+    found = recheck(case.prior, images, COARSE)
+    assert found.verdict == "same"
+    assert not found.changed
+    assert found.turn[0].low == 0
+    assert sentence(found).startswith("Same: no movement is seen; a turn by 1° or a change of")
+    strict = recheck(case.prior, images)
+    assert strict.verdict == "cannot tell"
+    assert strict.power.baseline is not None
+    assert strict.power.baseline < 0.8
+    assert "only a turn of" in sentence(strict)
+
+
+def test_false_alarms_and_power_agree_with_the_bound() -> None:
+    """4,000 and 2,000 trials are in docs/check.md."""
+    alarms, found, expected = 0, 0, 0.0
+    for case in cases(40, 42):
+        alarms += recheck(case.prior, new_bars(case, case.truth)).changed
+        rig = bumped(case, np.radians(0.05))
+        images = new_bars(case, rig)
+        found += recheck(case.prior, images).changed
+        expected += bound(case, images, rig)
+    assert alarms <= 3  # of 40: 4 or more have a probability of 0.0007 at 1 %
+    assert abs(found - expected) <= 7  # three standard deviations
+
+
+@pytest.mark.parametrize("degrees", [0.5, 10.0])
+def test_a_turn_is_found_with_its_size_and_the_pose_repaired(case: Case, degrees: float) -> None:
+    rig = bumped(case, np.radians(degrees))
+    images = new_bars(case, rig)
+    found = recheck(case.prior, images)
+    assert found.verdict == "moved"
+    assert found.pose_moved
+    assert not found.refocused
+    turn = np.degrees([found.turn[0].low, found.turn[0].value, found.turn[0].high])
+    true_turn = np.degrees(angle_between(rig, case.truth))
+    assert turn[0] < true_turn < turn[2]
+    assert turn[2] - turn[0] < 0.6
+    # Four standard errors by the information bound.
+    C = true_fit(case, images).covariance
+    assert angle_between(found.repaired, rig) < 4 * np.sqrt(np.trace(C[:3, :3]))
+    assert angle_between(found.repaired, rig) < 0.5 * angle_between(case.truth, rig)
+
+
+def test_a_longer_baseline_is_found(case: Case) -> None:
+    found = recheck(case.prior, new_bars(case, longer(case, 1.05)))
+    change = found.baseline_change
+    assert found.verdict == "moved"
+    assert change is not None
+    assert change.low < 0.05 < change.high
+    assert "The baseline is" in sentence(found)
+    assert "longer" in sentence(found)
+
+
+def test_matched_points_find_a_turn_and_keep_the_baseline(case: Case) -> None:
+    rig = bumped(case, np.radians(0.3))
+    found = recheck(case.prior, matched(case, rig, 50))
+    assert found.verdict == "moved"
+    assert found.baseline_m is None
+    answer = to_json(found)
+    assert answer["baseline_m"] == {
+        "value": case.prior.rig.pose.baseline, "low": None, "high": None
+    }  # fmt: skip
+    assert any("do not show the baseline" in note for note in notes(found))
+    true_turn = angle_between(rig, case.truth)
+    assert found.turn[0].low < true_turn < found.turn[0].high
+
+
+def test_a_refocused_lens_is_named() -> None:
+    named = moved = 0
+    for case in cases(6, 43):
+        lens = lens_off_by(case.truth.secondary, 0.01, (0.0, 0.0))
+        found = recheck(case.prior, new_bars(case, replace(case.truth, secondary=lens)))
+        assert found.verdict == "moved"
+        named += found.either_lens or "secondary" in found.refocused
+        moved += found.pose_moved
+        if found.refocused == ("secondary",):
+            change = found.focal_changes["secondary"]
+            assert change.low < 0.01 < change.high
+            assert sentence(found).startswith("Refocused: the focal length of the secondary is")
+    assert named == 6
+    assert not moved
+
+
+def test_since_when(case: Case) -> None:
+    rig = bumped(case, np.radians(0.3))
+    before, after = (
+        place_bars(each, case.rng, n, BAR_M, DEPTHS_M) for each, n in ((case.truth, 22), (rig, 18))
+    )
+    found = recheck(case.prior, images_of_bars(joined(case, before, after), case.prior.rig))
+    assert found.since is not None
+    assert found.since.low <= 23 <= found.since.high
+    assert found.since.high - found.since.low <= 4
+    assert "Since frame 2" in sentence(found)
+    assert angle_between(found.repaired, rig) < 0.5 * angle_between(case.truth, rig)
+    residuals = residuals_of(found)
+    assert residuals.after_px is not None
+    assert residuals.after_px[25:].mean() < residuals.before_px[25:].mean()
+
+
+def test_an_exchanged_bar_is_left_out(case: Case) -> None:
+    images = new_bars(case, case.truth)
+    spoiled = replace(images, dataset=images.dataset.with_targets_exchanged([3]))
+    found = recheck(case.prior, spoiled)
+    assert not found.changed
+    assert to_json(found)["frames_left_out"] == [3]
+    assert any("frame 3 contradict" in note for note in notes(found))
+
+
+def test_wrong_pairs_are_no_movement(case: Case) -> None:
+    images = matched(case, case.truth, 50)
+    rows = images.dataset.correspondences
+    secondary = np.roll(rows.secondary, 7, axis=0)
+    wrong = images_of_matches(images.numbers, rows.primary, secondary, case.prior.rig, "points")
+    found = recheck(case.prior, wrong)
+    assert found.verdict == "cannot tell"
+    assert "fit no pose" in sentence(found)
+
+
+def test_the_repaired_file_holds_what_was_found(case: Case) -> None:
+    found = recheck(case.prior, new_bars(case, bumped(case, np.radians(0.5))))
+    saved = repaired_parameters(found, "0" * 64)
+    read = RigParameters.loads(saved.dumps())
+    assert read.method == "refined"
+    assert read.inputs["repaired_from"]["sha256"] == "0" * 64
+    np.testing.assert_array_equal(read.pose.R, found.repaired.pose.R)
+    again = prior_of(read)
+    np.testing.assert_allclose(again.covariance, found.best.covariance, rtol=1e-9, atol=1e-15)
+    assert again.degrees == pytest.approx(found.noise.degrees)
+    # The bars that repaired it agree with it.
+    assert not recheck(again, found.images).changed
+
+
+def test_the_answer_is_json(case: Case) -> None:
+    for rig in (case.truth, bumped(case, np.radians(0.5))):
+        answer = to_json(recheck(case.prior, new_bars(case, rig)))
+        assert json.loads(json.dumps(answer, allow_nan=False)) == answer
+        assert set(answer) >= {"verdict", "rotation_rad", "baseline_m", "reason"}
+        for name in ("rotation_rad", "baseline_m"):
+            assert set(answer[name]) == {"value", "low", "high"}
+
+
+def test_another_bar_has_its_own_length(case: Case) -> None:
+    images = new_bars(case, case.truth)
+    other = replace(images.dataset, target_distance_m=2 * images.dataset.target_distance_m)
+    prior = case.prior.with_bar_of(other)
+    assert prior.covariance[6, 6] == pytest.approx(1e-6)
+    np.testing.assert_allclose(prior.covariance[6, :6], 0.0, atol=1e-15)
+    assert case.prior.with_bar_of(images.dataset) is case.prior
+
+
+def test_files_without_covariance_are_rejected(case: Case) -> None:
+    with pytest.raises(StereocalError, match="does not state the covariance"):
+        prior_of(replace(case.prior.rig, uncertainties=None))
+
+
+@pytest.mark.parametrize("spoil", [lambda C: -C, lambda C: C + np.triu(C, 1), lambda C: 0 * C])
+def test_an_impossible_covariance_is_rejected(case: Case, spoil: object) -> None:
+    assert callable(spoil)
+    known = case.prior.rig.uncertainties
+    assert known is not None
+    entry = known["covariance"]
+    wrong = {**entry, "matrix": spoil(np.array(entry["matrix"])).tolist()}
+    rig = replace(case.prior.rig, uncertainties={**known, "covariance": wrong})
+    with pytest.raises(StereocalError, match="not symmetric and positive"):
+        prior_of(rig)
+
+
+def test_images_of_another_size_and_too_few_points_are_rejected(case: Case) -> None:
+    rig = case.prior.rig
+    small = replace(rig, primary=replace(rig.primary, image_size=(3200, 2400)))
+    data = seen_by(case, place_bars(case.truth, case.rng, 5, BAR_M, DEPTHS_M))
+    with pytest.raises(StereocalError, match="1600x1200 px, and the parameters are of 3200x2400"):
+        images_of_bars(data, small)
+    with pytest.raises(StereocalError, match="too few"):
+        images_of_matches(np.arange(3), np.ones((3, 2)), np.ones((3, 2)), rig, "points")
+
+
+vectors = st.tuples(*[st.floats(-1.7, 1.7)] * 3).map(np.array)
+
+
+@given(vectors)
+def test_rotation_vectors_there_and_back(vector: FloatArray) -> None:
+    R = rotation_of(vector)
+    np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-12)
+    np.testing.assert_allclose(rotation_vector(R), vector, atol=1e-9)
+
+
+@given(vectors)
+def test_a_turn_in_place_moves_no_centre(vector: FloatArray) -> None:
+    case = next(cases(1, 41))
+    pose = case.truth.pose
+    for camera in (0, 1):
+        moved = turned(pose, camera, vector)
+        assert moved.baseline == pytest.approx(pose.baseline)
+        if camera == 1:  # the secondary's centre as the primary sees it
+            np.testing.assert_allclose(-moved.R.T @ moved.T, -pose.R.T @ pose.T, atol=1e-9)
+    assert pose_of(case.prior.q).baseline == pytest.approx(case.prior.rig.pose.baseline)

@@ -1,0 +1,134 @@
+"""The Check page, without a browser."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+from streamlit.testing.v1 import AppTest
+
+from benchmarks.bumps import Case, bumped, cases, seen_by
+from benchmarks.refined_rigs import BAR_M, DEPTHS_M
+from stereocal.formats.correspondences_csv import write_table
+from stereocal.formats.dataset_files import pack_dataset
+from stereocal.projects.archive import pack_project, unpack_project
+from stereocal.projects.check import IMAGES, PARAMETERS, ProjectCheck
+from stereocal.projects.project import Project
+from stereocal.rig.rig import Rig
+from stereocal.simulation.simulate import place_bars
+from stereocal.system.zip_files import pack_zip
+from tests.pages.test_apply import ROOT, SLOW, calibrated, said
+from tests.pages.test_apply import app as app
+from tests.pages.test_apply import home as home
+
+
+@dataclass(frozen=True)
+class Files:
+    """A parameter file, and new bars of the unmoved and of a moved rig, as zips and as a table."""
+
+    parameters: bytes
+    same: bytes
+    moved: bytes
+    table: bytes
+
+
+@pytest.fixture(scope="module")
+def files() -> Files:
+    case: Case = next(cases(1, 45))
+
+    def five(rig: Rig) -> dict[str, bytes]:
+        return pack_dataset(seen_by(case, place_bars(rig, case.rng, 5, BAR_M, DEPTHS_M)))
+
+    moved = five(bumped(case, np.radians(0.5)))
+    return Files(
+        case.prior.rig.dumps().encode(), pack_zip(five(case.truth)), pack_zip(moved),
+        moved["correspondences.csv"],
+    )  # fmt: skip
+
+
+@pytest.fixture
+def begun(app: AppTest) -> AppTest:
+    app.switch_page("pages/check.py").run()
+    assert "it needs the parameters of the rig" in said(app)
+    app.button(key="check_begin").click().run()
+    return app
+
+
+def give(app: AppTest, what: str, name: str, content: bytes) -> AppTest:
+    app.file_uploader(key=f"upload_check_{what}").upload(name, content).run()
+    return app
+
+
+def project_of(app: AppTest, home: Path) -> Project:
+    return Project.open(home, app.session_state["project_id"])
+
+
+def test_files_alone_give_the_answer(begun: AppTest, files: Files) -> None:
+    assert "Still missing: the parameters" in said(begun, "info")
+    give(begun, "parameters", "p.json", files.parameters)
+    assert "Still missing: new bars" in said(begun, "info")
+    give(begun, "images", "moved.zip", files.moved)
+    assert said(begun, "warning").startswith("Moved: ")
+    assert begun.session_state["page_states"]["check"].mark == "done"
+    # The next session shows the same.
+    again = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW)
+    again.query_params["project"] = begun.session_state["project_id"]
+    again.run().switch_page("pages/check.py").run()
+    assert said(again, "warning") == said(begun, "warning")
+    give(begun, "images", "same.zip", files.same)
+    assert "Cannot tell with 5 bars" in said(begun, "info")
+    begun.number_input(key="check_turn_deg").set_value(1.0).run()
+    begun.number_input(key="check_baseline_percent").set_value(5.0).run()
+    assert said(begun, "success").startswith("Same: ")
+
+
+def test_a_table_of_bars_and_the_archive(
+    begun: AppTest, home: Path, files: Files, tmp_path: Path
+) -> None:
+    give(begun, "parameters", "p.json", files.parameters)
+    give(begun, "images", "bars.csv", files.table)
+    assert said(begun, "warning").startswith("Moved: ")
+    pack_project(project_of(begun, home), tmp_path / "packed.zip")
+    store = ProjectCheck(unpack_project(tmp_path / "packed.zip", "packed.zip", home))
+    for name, content in ((PARAMETERS, files.parameters), (IMAGES, files.table)):
+        found = store.file(name)
+        assert found is not None
+        assert found[1].read_bytes() == content
+
+
+def test_bad_files_are_reported_and_the_others_stay(begun: AppTest, files: Files) -> None:
+    give(begun, "parameters", "p.json", b"{}")
+    assert "this version reads" in said(begun, "error")
+    give(begun, "parameters", "p.json", files.parameters)
+    give(begun, "images", "moved.zip", files.moved)
+    for name, content, message in (
+        ("x.csv", b"frame,u\n1,2\n", "are missing"),
+        ("x.zip", pack_zip({"a.txt": b"nothing"}), "there is no dataset.json"),
+        ("y.csv", b"frame,u_primary,v_primary,u_secondary,v_secondary\n1,2,3,4,5\n", "too few"),
+    ):
+        give(begun, "images", name, content)
+        assert message in said(begun, "error")
+        assert said(begun, "warning").startswith("Moved: ")
+
+
+def test_parameters_without_covariance_are_one_message(begun: AppTest, files: Files) -> None:
+    give(begun, "images", "moved.zip", files.moved)
+    bare = files.parameters.replace(b'"uncertainties"', b'"something"')
+    give(begun, "parameters", "p.json", bare)
+    assert "does not state the covariance" in said(begun, "error")
+
+
+def test_the_results_of_the_project_are_checked(app: AppTest, home: Path) -> None:
+    calibrated(app)
+    app.switch_page("pages/check.py").run()
+    assert "this project's refined set" in said(app, "caption")
+    app.selectbox(key="check_images").set_value("A file").run()
+    dataset = project_of(app, home).dataset
+    assert dataset is not None
+    few = dataset.of_frames(dataset.correspondences.frames[:5])
+    give(app, "images", "few.csv", write_table(few.correspondences))
+    assert "Cannot tell with 5 bars" in said(app, "info")
+    app.selectbox(key="check_images").set_value("The pairs of Apply").run()
+    assert "matched points alone do not show" in said(app, "caption").lower()
