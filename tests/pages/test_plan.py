@@ -10,12 +10,15 @@ from typing import Any
 import pytest
 from streamlit.testing.v1 import AppTest
 
+from stereocal.field.forecast import forecast
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.plan_file import parse_plan, write_plan
 from stereocal.projects.project import Project
 from stereocal.ui.plan_project import planned_line
+from stereocal.verdict.in_words import percent
 from tests import known_rig
 from tests.field.plans import FIELD, contents, plan
+from tests.pages.stored_projects import FULL, go, placed, session, told
 
 ROOT = Path(__file__).parents[2]
 SLOW = 120
@@ -191,6 +194,16 @@ def test_a_project_from_a_plan(app: AppTest, home: Path) -> None:
     app.switch_page("pages/plan.py").run()
     assert app.select_slider(key="plan_near_m").value == 9.0
     assert not app.error, messages(app)
+
+
+def test_the_forecast_stands_beside_what_came_out(home: Path) -> None:
+    project = placed(FULL, home)
+    found = forecast(FIELD, rigs=16)
+    project.keep_settings({"plan_forecast": found.to_json()})
+    app = go(session(project), "calibrate")
+    said = told(app, "caption")
+    assert "The plan expected these median length errors: 2D" in said
+    assert percent(found.estimate("refined", "median_error_3d").value) in said
 
 
 def test_what_is_no_forecast_shows_no_line() -> None:
