@@ -13,7 +13,7 @@ import streamlit as st
 
 from stereocal.errors import StereocalError
 from stereocal.field.forecast import PlanForecast, forecast
-from stereocal.field.in_words import answer, distance, points_per_frame
+from stereocal.field.in_words import answer, points_per_frame
 from stereocal.field.plan import Plan
 from stereocal.figures import (
     describe_plan_baselines,
@@ -37,7 +37,7 @@ from stereocal.ui.messages import callback
 from stereocal.ui.plan_fields import LONGEST_NAME, show_plan
 from stereocal.ui.refusal import ask_lens
 from stereocal.ui.texts import escape_markdown
-from stereocal.verdict.in_words import percent
+from stereocal.verdict.in_words import distance, percent
 
 KEPT_FORECASTS = 24
 MOST_PLANS = 3
