@@ -18,6 +18,7 @@ WIDTH, LEAST_HEIGHT, MOST_HEIGHT = 860, 140, 420
 LEAST_STEP = 0.12
 """Least distance of two ticks of the scale over its length: numbers nearer than that touch on a
 narrow page."""
+FEWEST_TICKS = 3
 TOP, TITLE, GAP, FOOT = 112, 26, 72, 62
 Quantity = Literal["distance", "point"]
 TITLES: dict[Quantity, str] = {
@@ -41,9 +42,7 @@ def plot_accuracy(
     if not np.isfinite(_values(maps, quantity)).any():
         return sentence_only(NO_VIEW)
     low, high = np.nanpercentile(np.log10(_values(maps, quantity)), [1, 99])
-    ticks = np.unique([float(f"{10**at:.1g}") for at in np.linspace(low, high, 6)])
-    apart = np.diff(np.log10(ticks), prepend=-np.inf) > LEAST_STEP * (high - low)
-    ticks = ticks[apart]
+    ticks = _ticks(float(low), float(high))
     bounds = [_bounds(found, result) for found in maps]
     near, far = (f(b[1, end] for b in bounds) for f, end in ((min, 0), (max, 1)))
     heights = [
@@ -70,6 +69,19 @@ def plot_accuracy(
         layout |= _axes(at, found, bounds[at][0], (near, far), domain, at == len(maps) - 1)
         traces += _traces(at, found, result, quantity)
     return go.Figure(data=traces, layout=layout)
+
+
+def _ticks(low: float, high: float) -> FloatArray:
+    """Round values from 10**low to 10**high, far enough apart for their numbers."""
+    ticks = np.empty(0)
+    for digits in (1, 2, 3):
+        ticks = np.unique([float(f"{10**at:.{digits}g}") for at in np.linspace(low, high, 6)])
+        at = np.log10(ticks)
+        ticks = ticks[(at >= low - 1e-9) & (at <= high + 1e-9)]
+        ticks = ticks[np.diff(np.log10(ticks), prepend=-np.inf) > LEAST_STEP * (high - low)]
+        if len(ticks) >= FEWEST_TICKS:
+            break
+    return np.asarray(ticks)
 
 
 def _bounds(found: AccuracyMap, result: RefinedResult) -> FloatArray:
