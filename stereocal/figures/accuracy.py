@@ -59,14 +59,14 @@ def plot_accuracy(
                          "y": 1 + (TITLE + 6) / inside, "yanchor": "bottom", "thickness": 14,
                          "tickvals": np.log10(ticks), "ticktext": [f"{t:g}" for t in ticks]},
         },
-        "annotations": [_title(found, at) for at, found in enumerate(maps)],
+        "annotations": [*(_title(found, at) for at, found in enumerate(maps)), _depth(len(maps))],
     }  # fmt: skip
     traces: list[dict[str, Any]] = []
     top = 1.0
     for at, (found, height) in enumerate(zip(maps, heights, strict=True)):
         domain = [max(top - height / inside, 0.0), top]
         top = domain[0] - GAP / inside
-        layout |= _axes(at, found, bounds[at][0], (near, far), domain, at == len(maps) - 1)
+        layout |= _axes(at, found, bounds[at][0], (near, far), domain)
         traces += _traces(at, found, result, quantity)
     return go.Figure(data=traces, layout=layout)
 
@@ -103,7 +103,6 @@ def _axes(
     across: FloatArray,
     depth: tuple[float, float],
     domain: list[float],
-    labelled: bool,
 ) -> dict[str, Any]:
     """Equal axes; what is to the right, or down, is drawn downwards."""
     number, title = str(at + 1) if at else "", AXIS["title"]
@@ -111,7 +110,6 @@ def _axes(
         f"xaxis{number}": {
             **AXIS, "anchor": f"y{number}", "range": list(depth), "showgrid": False,
             "constrain": "domain",
-            "title": {**title, "text": "Ahead of the primary camera (m)" if labelled else None},
         },
         f"yaxis{number}": {
             **AXIS, "anchor": f"x{number}", "range": [across[1], across[0]], "domain": domain,
@@ -137,6 +135,18 @@ def _title(found: AccuracyMap, at: int) -> dict[str, Any]:
         "text": text, "xref": f"x{number} domain", "yref": f"y{number} domain", "x": 0, "y": 1,
         "xanchor": "left", "yanchor": "bottom", "yshift": 4, "showarrow": False,
         "font": {"size": 13},
+    }  # fmt: skip
+
+
+def _depth(maps: int) -> dict[str, Any]:
+    """The title of the depth, below the last map; Plotly puts that of an axis with a constrained
+    domain into the map.
+    """
+    number = str(maps) if maps > 1 else ""
+    return {
+        "text": "Ahead of the primary camera (m)", "xref": f"x{number} domain",
+        "yref": f"y{number} domain", "x": 0.5, "y": 0, "xanchor": "center", "yanchor": "top",
+        "yshift": -30, "showarrow": False, "font": AXIS["title"]["font"],
     }  # fmt: skip
 
 
