@@ -10,7 +10,6 @@ from stereocal.ui.plan import (
     forecast_of,
     open_plan,
     plan_downloads,
-    plan_targets,
     show_answer,
     show_comparison,
     show_curves,
@@ -19,7 +18,7 @@ from stereocal.ui.plan import (
 )
 from stereocal.ui.plan_fields import plan_controls
 from stereocal.ui.plan_project import start_button
-from stereocal.ui.print_downloads import field_sheet_to_print
+from stereocal.ui.print_downloads import field_sheet_to_print, planned_targets_to_print
 from stereocal.ui.project import current_project
 
 ensure_navigation()
@@ -42,7 +41,7 @@ try:
         start_button(found)
         plan_downloads(found)
         field_sheet_to_print(plan)
-    plan_targets(project, plan)
+    planned_targets_to_print(project, plan)
     show_details(found)
 except StereocalError as error:
     st.error(escape_markdown(str(error)))

@@ -29,7 +29,9 @@ from stereocal.calibration.montecarlo import minimise
 from stereocal.calibration.problems import reconstruction_problem, reprojection_problem
 from stereocal.errors import StereocalError
 from stereocal.evaluation.compiled_run import BINS, calibrate_rays, validate_rays
-from stereocal.refined.refine import refine
+from stereocal.refined.refine import RefinedResult, refine
+from stereocal.refined.solve import lenses_of_cameras
+from stereocal.refined.undistortion import undistort_rays
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.compiled import BoolArray, CountArray, FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
@@ -197,15 +199,14 @@ def _refined(
     pose = Pose.from_angles(Angles(*start.tolist()), dataset.baseline_m)
     try:
         found = refine(dataset, settings, pose, fit)
-        own = replace(
-            dataset,
-            primary=found.primary,
-            secondary=found.secondary,
-            baseline_m=found.pose.baseline,
-        )
     except StereocalError:
         return _test(dataset, ~fit, np.full((1, 5), np.nan), partners)
-    return _test(own, ~fit, np.array([found.pose.angles]), partners)
+    angles, table = np.array([found.pose.angles]), dataset.correspondences
+    rays, pixels = dataset.rays.copy(), np.hstack([table.primary, table.secondary])
+    lenses = lenses_of_cameras(found.primary, found.secondary)
+    if not undistort_rays(found.q, lenses, pixels, rays, np.empty((len(pixels), 2, 4))):
+        angles[:] = np.nan
+    return _test(dataset, ~fit, angles, partners, (found, rays))
 
 
 def count_set(dataset: Dataset, pose: Pose, seed: int = 0) -> Run:
@@ -227,8 +228,23 @@ def stacked(first: Run, second: Run) -> Run:
     return Run(*(np.concatenate(pair) for pair in pairs))
 
 
-def _test(dataset: Dataset, rows: BoolArray, angles: FloatArray, partners: IntArray) -> Run:
-    """Count all pairs of the rows in `rows` (n,) with the angles (methods, 5) of each method."""
+def _test(
+    dataset: Dataset,
+    rows: BoolArray,
+    angles: FloatArray,
+    partners: IntArray,
+    refined: tuple[RefinedResult, FloatArray] | None = None,
+) -> Run:
+    """Count all pairs of the rows in `rows` (n,) with the angles (methods, 5) of each method.
+
+    Args:
+        refined: whose cameras and baseline to test with, and the rays (4, n) of its lenses; None:
+            those of the data set.
+    """
+    seen, baseline_m, pixel_scale = dataset.rays, dataset.baseline_m, dataset.pixel_scale
+    if refined is not None:
+        (own, seen), baseline_m = refined, refined[0].pose.baseline
+        pixel_scale = np.array([own.primary.pixel_scale, own.secondary.pixel_scale])
     counts = np.zeros((len(angles), 2, 2, BINS + 2), dtype=np.int32)
     nans = np.zeros((len(angles), 2), dtype=np.int64)
     correct_px = np.empty(len(angles))
@@ -236,9 +252,8 @@ def _test(dataset: Dataset, rows: BoolArray, angles: FloatArray, partners: IntAr
     lengths = np.empty((len(angles), np.count_nonzero(bars)))
     ends = dataset.correspondences.bars[bars].T.ravel()
     validate_rays(
-        angles, dataset.baseline_m, dataset.pixel_scale,
-        np.ascontiguousarray(dataset.rays[:, rows]), partners,
-        np.ascontiguousarray(dataset.rays[:, ends]), dataset.bar_distances_m[bars],
+        angles, baseline_m, pixel_scale, np.ascontiguousarray(seen[:, rows]), partners,
+        np.ascontiguousarray(seen[:, ends]), dataset.bar_distances_m[bars],
         counts, nans, lengths, correct_px,
     )  # fmt: skip
     return Run(counts, nans, lengths, angles, correct_px)

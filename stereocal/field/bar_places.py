@@ -78,7 +78,7 @@ def bar_places(plan: Plan) -> list[BarPlace]:
     spots = [spot for distance in range(3) for spot in _spots(plan, distance)]
     if not spots:
         raise StereocalError(
-            f"A bar of {plan.bar_m:g} m does not fit into what both cameras see from "
+            f"A bar of {plan.bar_m:g} m hardly fits into what both cameras see from "
             f"{plan.near_m:g} to {plan.far_m:g} m: take a shorter bar, or turn the cameras towards "
             "each other."
         )
@@ -114,15 +114,15 @@ def _spots(plan: Plan, distance: int) -> list[_Spot]:
     half = min(0.5 * plan.bar_m, 0.45 * float(np.ptp(depths)))
     depth = (depths[0] + half, 0.5 * (depths[0] + depths[-1]), depths[-1] - half)[distance]
     seen = common_points(plan.rig, np.array([depth]))
-    lowest, highest = seen.min(axis=0), seen.max(axis=0)
-    middle, reach = 0.5 * (lowest + highest), 0.5 * (highest - lowest)
+    middle, lowest, highest = seen.mean(axis=0), seen.min(axis=0)[:2], seen.max(axis=0)[:2]
     steps = np.array(list(itertools.product((-1.0, 0.0, 1.0), (1.0, 0.0, -1.0))))
     words = list(itertools.product(ACROSS, HEIGHTS))
+    reach = np.where(steps > 0, highest - middle[:2], middle[:2] - lowest) * steps
     for enough, share in itertools.product(
         (ENOUGH_DIRECTIONS, 1), np.linspace(1.0, 0.0, STEPS + 1)
     ):
         tried = np.tile(middle, (9, 1))
-        tried[:, :2] += share * steps * reach[:2]
+        tried[:, :2] += share * reach
         fitting = _fitting(plan, _ends(plan, tried))
         if (fitting.sum(axis=1) >= enough).all():
             if share < 1.5 / STEPS:  # one place is left

@@ -33,12 +33,12 @@ from stereocal.field.plan import Plan
 from stereocal.refined.bar_fit import BAR, BASELINE, PRIMARY, SECONDARY
 from stereocal.refined.refine import refine
 from stereocal.refined.solve import lenses_of_cameras
+from stereocal.refined.undistortion import undistort_rays
 from stereocal.refined.unknowns import shared_unknowns
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.geometry import Angles, Pose, triangulate_rays
 from stereocal.verdict.intervals import MERGE
 from stereocal.verdict.judging import judge, photograph
-from stereocal.verdict.paper_costs import undistort_rays
 from stereocal.verdict.predictive import partners_in_groups
 
 FILES: tuple[Method, ...] = ("2d", "3d", "refined")
@@ -168,7 +168,8 @@ def _judged(
     of_px = counts[:, REPROJECTION].astype(np.int64)
     limits = crossing(of_px)
     errors = np.abs(lengths - 1.0)
-    median, p95 = np.nanpercentile(errors, (50, 95), axis=1)
+    quantiles = np.percentile if np.isfinite(errors).all() else np.nanpercentile  # 20 times faster
+    median, p95 = quantiles(errors, (50, 95), axis=1)
     figures = np.column_stack([
         np.nanmean(errors, axis=1), median, p95, overlap(merge_bins(of_px, MERGE)),
         10.0 ** (LOWEST + BIN_WIDTH * limits), correct_px, _wrong_below(of_px, limits),

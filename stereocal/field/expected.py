@@ -27,7 +27,7 @@ from stereocal.verdict.judging import photograph
 
 BARS = 120
 """Bars of the noise-free fit; 60 and 240 change the errors by a few per cent."""
-DEPTHS, POINTS = 9, 200
+DEPTHS, POINTS = 9, 60
 """Depths at which errors are stated, and points of the common view at each."""
 MAP_SIZE = 32
 MEAN_OF_NORMAL = float(np.sqrt(2 / np.pi))

@@ -14,11 +14,17 @@ from reportlab.graphics.shapes import Drawing, Group, Line, Rect, String
 from reportlab.lib.colors import black
 from reportlab.lib.units import mm
 from reportlab.lib.utils import simpleSplit
+from reportlab.pdfbase.pdfmetrics import stringWidth
 from reportlab.pdfgen.canvas import Canvas
 
 from stereocal.errors import StereocalError
 
 FONT, FONT_BOLD = "Helvetica", "Helvetica-Bold"
+SVG_FONTS = {
+    FONT: {"family": "Helvetica, Arial, sans-serif"},
+    FONT_BOLD: {"family": "Helvetica, Arial, sans-serif", "weight": "bold"},
+}
+"""In an SVG the weight is no part of a font's name."""
 MARGIN_MM = 7.0
 """White edge: most printers leave 3 to 6 mm blank."""
 RULER_MM = 100.0
@@ -108,7 +114,7 @@ class Sheet:
             "height": f"{height:g}mm",
             "viewBox": f"0 0 {width * mm:.6f} {height * mm:.6f}",
         }
-        return str(renderSVG.drawToString(self._drawing(), svgAttrs=size))
+        return str(renderSVG.drawToString(self._drawing(), svgAttrs=size, fontHacks=SVG_FONTS))
 
     def _drawing(self) -> Drawing:
         drawing = Drawing(self.paper.width_mm * mm, self.paper.height_mm * mm)
@@ -151,8 +157,11 @@ def footer(texts: Sequence[str], width_mm: float) -> Group:
 
 
 def text(left: float, base: float, line: str, font: str = FONT, size: float = TEXT_MM) -> String:
-    """One line of text."""
-    return String(left, base, line, fontName=font, fontSize=size, fillColor=black)
+    """One line of text, as wide in an SVG as in a PDF, whatever font the viewer has."""
+    shape = String(left, base, line, fontName=font, fontSize=size, fillColor=black)
+    width = f"{stringWidth(line, font, size):.4f}"
+    shape._svgAttrs = {"textLength": width, "lengthAdjust": "spacingAndGlyphs"}  # type: ignore[attr-defined]
+    return shape
 
 
 def ruler(left: float, bottom: float) -> Group:

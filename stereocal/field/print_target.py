@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from reportlab.graphics.shapes import Group
 
@@ -20,17 +20,19 @@ from stereocal.field.paper import (
     footer_height,
     stroke,
 )
+from stereocal.field.plan import Plan
+from stereocal.simulation.photographs import SEPARATION
 
 GOOD_PX = 50.0
 """A target of this width or more is located well also when it is tilted by 60 degrees."""
 DETECTED_PX = (20.0, 400.0)
 """Width of the targets that detection is made for."""
-STEP_MM = 5.0
-"""Sides are rounded up to a multiple of this."""
+STEP_MM, FINE_STEP_MM, FINE_MM = 5.0, 1.0, 50.0
+"""Sides are rounded up to a multiple of the step, of the finer one below 50 mm."""
 MARK_MM, MARK_GAP_MM = 3.5, 1.5
 """Length of a mark outside the target, and its distance from it."""
 AROUND_MM = MARK_MM + MARK_GAP_MM
-SMALLEST_M, LARGEST_M = 0.005, 10.0
+SMALLEST_M, LARGEST_M = 0.002, 10.0
 
 
 @dataclass(frozen=True)
@@ -39,14 +41,16 @@ class TargetSize:
 
     Args:
         side_m: side of the whole target, of 2x2 squares.
-        focal_px: the larger focal length of the two cameras.
+        focal_px: focal length; of two cameras, the smaller one.
         near_m, far_m: least and largest distance of the bar from the cameras.
+        bar_m: distance between the two targets; None if it is not known.
     """
 
     side_m: float
     focal_px: float
     near_m: float
     far_m: float
+    bar_m: float | None = None
 
     @property
     def widths_px(self) -> tuple[float, float]:
@@ -58,25 +62,36 @@ class TargetSize:
         """How large the target appears, and what to do if that is too large or too small."""
         near, far = self.widths_px
         seen = (
-            f"A target of {1e3 * self.side_m:.4g} mm is {far:.0f} px across at {self.far_m:g} m "
-            f"and {near:.0f} px at {self.near_m:g} m."
+            f"A target of {1e3 * self.side_m:.4g} mm is {far:.0f} px across at {self.far_m:.4g} m "
+            f"and {near:.0f} px at {self.near_m:.4g} m."
         )
+        return " ".join([seen, *self.advice])
+
+    @property
+    def advice(self) -> list[str]:
+        """What to do if the target is too small, too large, or too large for the bar."""
+        near, far = self.widths_px
         least, most = DETECTED_PX
+        found = []
         if far < least:
-            return f"{seen} Detection needs at least {least:.0f} px: print larger targets."
+            found.append(f"Detection needs at least {least:.0f} px: print larger targets.")
         if near > most:
-            nearest = self.focal_px * self.side_m / most
-            return (
-                f"{seen} Detection finds targets of up to {most:.0f} px: keep the bar beyond "
-                f"{nearest:.3g} m, or print smaller targets."
+            found.append(
+                f"Detection finds targets of up to {most:.0f} px: keep the bar beyond "
+                f"{self.focal_px * self.side_m / most:.3g} m, or print smaller targets."
             )
-        return seen
+        if self.bar_m is not None and self.bar_m < SEPARATION * self.side_m:
+            found.append(
+                f"On a bar of {self.bar_m:.4g} m they hide each other: take a bar of at least "
+                f"{SEPARATION * self.side_m:.2g} m, or smaller targets."
+            )
+        return found
 
 
 def target_size(
     focal_px: float, near_m: float, far_m: float, least_px: float = GOOD_PX
 ) -> TargetSize:
-    """The smallest target, in steps of 5 mm, that is `least_px` wide at the far end.
+    """The smallest target that is `least_px` wide at the far end.
 
     Args:
         focal_px: the smaller focal length of the two cameras.
@@ -94,8 +109,15 @@ def target_size(
             raise StereocalError(f"The {name} must be above 0, not {value:g}.")
     if near_m > far_m:
         raise StereocalError(f"The near distance {near_m:g} m is beyond the far one, {far_m:g} m.")
-    needed_mm = 1e3 * least_px * far_m / focal_px
-    return TargetSize(1e-3 * STEP_MM * math.ceil(needed_mm / STEP_MM), focal_px, near_m, far_m)
+    needed_mm = max(1e3 * least_px * far_m / focal_px, 1e3 * SMALLEST_M)
+    step_mm = STEP_MM if needed_mm > FINE_MM else FINE_STEP_MM
+    return TargetSize(1e-3 * step_mm * math.ceil(needed_mm / step_mm), focal_px, near_m, far_m)
+
+
+def planned_target(plan: Plan, least_px: float = GOOD_PX) -> TargetSize:
+    """The target for a plan: large enough at the far end, in the camera that sees it smaller."""
+    focal = min(float(camera.K[0, 0]) for camera in (plan.primary, plan.secondary))
+    return replace(target_size(focal, plan.near_m, plan.far_m, least_px), bar_m=plan.bar_m)
 
 
 def describe_target(side_m: float, focal_px: float) -> str:

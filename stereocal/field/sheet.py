@@ -61,7 +61,7 @@ def field_sheet(plan: Plan, paper: Paper = PAPERS["A4"]) -> bytes:
             [[draw_from_above(plan, places, *DRAWING_MM), beside]],
             [DRAWING_MM[0], width - DRAWING_MM[0]], lines=False,
         ),
-        Paragraph(f"Bar: {plan.frames} frames of a bar of {plan.bar_m:g} m", HEADING),
+        Paragraph(f"Bar: {plan.frames} frames of a bar of {plan.bar_m:.4g} m", HEADING),
         Paragraph(
             "Tick a box for each frame. Distances are from the point midway between the cameras, "
             "heights from the lens of the primary. Leave out places below the ground or out of "
@@ -95,27 +95,37 @@ def _checklist(plan: Plan, places: Sequence[BarPlace], width_mm: float) -> Table
         here = [place for place in places if place.distance == distance]
         if here:
             cells = [[one for one in here if one.across == word] for word in ACROSS]
-            rows.append([_text(_heights(plan, distance, here)), *(_text(_boxes(c)) for c in cells)])
+            rows.append(
+                [
+                    _text(_heights(plan, distance, here)),
+                    *(_text(_boxes(cell, _digits(plan))) for cell in cells),
+                ]
+            )
     return _table(rows, [head, *[(width_mm - head) / 3.0] * 3])
 
 
 def _heights(plan: Plan, distance: str, here: Sequence[BarPlace]) -> str:
-    lens = ground_from_primary(plan).T[1]
+    lens, digits = ground_from_primary(plan).T[1], _digits(plan)
     lines = [f"<b>{distance}</b>"]
     for height in reversed(HEIGHTS):
         up = [lens - one.position_m[1] for one in here if one.height == height]
         if up:
-            lines.append(f"{height}: {np.mean(up):+.2f} m")
+            lines.append(f"{height}: {round(float(np.mean(up)), digits) + 0.0:+.{digits}f} m")
     return "<br/>".join(lines)
 
 
-def _boxes(places: Sequence[BarPlace]) -> str:
+def _digits(plan: Plan) -> int:
+    """Decimals of positions in metres: to about a thousandth of the farthest."""
+    return int(np.clip(np.ceil(2.0 - np.log10(plan.far_m)), 0, 4))
+
+
+def _boxes(places: Sequence[BarPlace], digits: int) -> str:
     """Where a place is, and its frames."""
     if not places:
         return "-"
     right, _, ahead = np.mean([one.position_m for one in places], axis=0)
     side = "right" if right > 0 else "left"
-    lines = [f"{abs(right):.2f} m {side}, {ahead:.2f} m ahead"]
+    lines = [f"{abs(right):.{digits}f} m {side}, {ahead:.{digits}f} m ahead"]
     for height, group in itertools.groupby(reversed(places), key=lambda one: one.height):
         directions = [one.direction for one in group]
         boxes = BOX * len(directions) if len(directions) <= MOST_BOXES else f"{len(directions)} x "

@@ -6,7 +6,7 @@ import numpy as np
 
 from stereocal.field.bar_places import ground_from_primary
 from stereocal.field.plan import Plan
-from stereocal.field.print_target import target_size
+from stereocal.field.print_target import planned_target
 from stereocal.rig.compiled import FloatArray
 
 HAND_SPEED_M_S = 0.5
@@ -16,8 +16,8 @@ BLUR_PX = 0.5
 BLANK = "_" * 11
 BESIDE = 0.2
 """Fraction of the baseline from which one camera is beside the other."""
-PARALLEL_DEG, TILT_DEG, SMALL_M = 0.05, 0.7, 0.005
-"""Angles and distances below these are not worth a word."""
+PARALLEL_DEG, TILT_DEG, SMALL = 0.05, 0.7, 0.002
+"""Angles, and distances as fractions of the baseline, below these are not worth a word."""
 
 
 def camera_notes(plan: Plan) -> list[str]:
@@ -39,7 +39,7 @@ def measurements(plan: Plan) -> list[tuple[str, str, str]]:
     wanted = plan.uncertainty
     return [
         (
-            f"<b>Baseline</b>, planned<br/>{plan.baseline_m:.3f} m, to {_mm(wanted.baseline_m)}",
+            f"<b>Baseline</b>, planned<br/>{plan.baseline_m:.4g} m, to {_mm(wanted.baseline_m)}",
             "Between the entrance pupils: there the aperture appears to be when you look into a "
             "lens from the front. With two cameras of one kind, measure between like points, such "
             "as the middles of the front rings: the laser range finder with its rear edge at "
@@ -47,7 +47,7 @@ def measurements(plan: Plan) -> list[tuple[str, str, str]]:
             f"1 {BLANK} m<br/>2 {BLANK} m<br/>3 {BLANK} m",
         ),
         (
-            f"<b>Distance A-B</b>, planned<br/>{plan.bar_m:g} m, to {_mm(wanted.bar_m)}",
+            f"<b>Distance A-B</b>, planned<br/>{plan.bar_m:.4g} m, to {_mm(wanted.bar_m)}",
             "Between the middles of the targets, where the four squares meet: with a steel tape or "
             "the laser, before and after, with the bar held as in the recording.",
             f"before {BLANK} m<br/>after {BLANK} m",
@@ -83,13 +83,13 @@ def _placed(plan: Plan) -> str:
     parts = []
     if abs(right) > BESIDE * plan.baseline_m:
         parts.append(f"to the {'right' if right > 0 else 'left'}, seen from behind the cameras")
-    if abs(down) > SMALL_M:
-        parts.append(f"<b>{abs(down):.2f} m {'higher' if down < 0 else 'lower'}</b>")
-    if abs(ahead) > SMALL_M:
-        parts.append(f"<b>{abs(ahead):.2f} m farther {'forward' if ahead > 0 else 'back'}</b>")
-    level = [] if abs(down) > SMALL_M else ["at the same height"]
+    if abs(down) > SMALL * plan.baseline_m:
+        parts.append(f"<b>{abs(down):.3g} m {'higher' if down < 0 else 'lower'}</b>")
+    if abs(ahead) > SMALL * plan.baseline_m:
+        parts.append(f"<b>{abs(ahead):.3g} m farther {'forward' if ahead > 0 else 'back'}</b>")
+    level = [] if abs(down) > SMALL * plan.baseline_m else ["at the same height"]
     return (
-        f"Secondary (S) <b>{plan.baseline_m:.3f} m</b> from the primary (P), "
+        f"Secondary (S) <b>{plan.baseline_m:.4g} m</b> from the primary (P), "
         f"{', '.join([*parts, *level])}."
     )
 
@@ -100,7 +100,7 @@ def _aimed(plan: Plan) -> str:
     if np.abs(turned).max() < PARALLEL_DEG:
         return (
             "Both look straight ahead, at right angles to the line P-S: aim them at two marks "
-            f"{plan.baseline_m:.3f} m apart."
+            f"{plan.baseline_m:.4g} m apart."
         )
     how = [f"{name} {abs(angle):.1f}° {'in' if angle >= 0 else 'out'}"
            for name, angle in zip("PS", turned, strict=True)]  # fmt: skip
@@ -127,7 +127,7 @@ def _seen(plan: Plan) -> str:
     sizes = []
     for depth in (points[:, 2].min(), points[:, 2].max()):
         across, up = np.ptp(points[points[:, 2] == depth], axis=0)[:2]
-        sizes.append(f"{across:.1f} x {up:.1f} m at {depth:.3g} m")
+        sizes.append(f"{across:.2g} x {up:.2g} m at {depth:.3g} m")
     return f"Both see in common (grey): {sizes[0]}, {sizes[1]}."
 
 
@@ -136,19 +136,18 @@ def _timed(plan: Plan) -> str:
     px_per_ms = 1e-3 * HAND_SPEED_M_S * largest / plan.near_m
     return (
         "One trigger for both cameras; without it hold the bar at rest. Carried at "
-        f"{HAND_SPEED_M_S:g} m/s at {plan.near_m:g} m it moves {px_per_ms:.2g} px per ms: expose "
+        f"{HAND_SPEED_M_S:g} m/s at {plan.near_m:.4g} m it moves {px_per_ms:.2g} px per ms: expose "
         f"for at most <b>{BLUR_PX / px_per_ms:.2g} ms</b>, with both cameras in step to "
         f"<b>{plan.noise_px / px_per_ms:.2g} ms</b>."
     )
 
 
 def _targets(plan: Plan) -> str:
-    focal = min(float(camera.K[0, 0]) for camera in (plan.primary, plan.secondary))
-    size = target_size(focal, plan.near_m, plan.far_m)
+    size = planned_target(plan)
     near, far = size.widths_px
     return (
-        f"Targets of <b>{1e3 * size.side_m:.4g} mm</b>: {far:.0f} px across at {plan.far_m:g} m, "
-        f"{near:.0f} px at {plan.near_m:g} m."
+        f"Targets of <b>{1e3 * size.side_m:.4g} mm</b>: {far:.0f} px across at {plan.far_m:.4g} m, "
+        f"{' '.join([f'{near:.0f} px at {plan.near_m:.4g} m.', *size.advice])}"
     )
 
 

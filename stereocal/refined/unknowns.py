@@ -8,7 +8,6 @@ from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from stereocal.errors import StereocalError
 from stereocal.refined.bar_fit import BAR, BASELINE, DISTORTION, EPSILON, PRIMARY, SECONDARY, SHARED
@@ -190,7 +189,8 @@ def unknowns_of(
         if not distortion:
             prior = replace(prior, distortion=(0.0, 0.0, 0.0, 0.0))
         blocks.append(_lens_columns(number, prior, origin))
-    names, sigmas, along, precisions = [], [], [], []
+    names, sigmas, along = [], [], []
+    precision = np.zeros((SHARED, SHARED))
     for columns, correlation in blocks:
         free = [i for i, (_, sigma, _) in enumerate(columns) if sigma > 0]
         names += [columns[i][0] for i in free]
@@ -198,13 +198,14 @@ def unknowns_of(
         own = np.array([columns[i][1] for i in free])
         sigmas.append(own)
         among = np.eye(len(free)) if correlation is None else correlation[np.ix_(free, free)]
-        precisions.append(_precision(own, among))
+        block = slice(len(names) - len(free), len(names))
+        precision[block, block] = _precision(own, among)
     return Unknowns(
         names=tuple(names),
         origin=origin,
         M=np.ascontiguousarray(np.column_stack(along)),
         sigma=np.concatenate(sigmas),
-        precision=block_diag(*precisions),
+        precision=precision[: len(names), : len(names)].copy(),
     )
 
 

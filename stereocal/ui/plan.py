@@ -9,15 +9,12 @@ from pathlib import PurePath
 from threading import Lock
 from typing import Any
 
-import numpy as np
 import streamlit as st
 
 from stereocal.errors import StereocalError
 from stereocal.field.forecast import PlanForecast, forecast
 from stereocal.field.in_words import answer, distance, points_per_frame
-from stereocal.field.paper import paper_named
 from stereocal.field.plan import Plan
-from stereocal.field.print_target import largest_side, target_size
 from stereocal.figures import (
     describe_plan_baselines,
     describe_plan_depths,
@@ -37,7 +34,6 @@ from stereocal.ui.intake import CAMERA_KINDS, check_uploads, clear_refusal, is_n
 from stereocal.ui.jobs import pool
 from stereocal.ui.messages import callback
 from stereocal.ui.plan_fields import show_plan
-from stereocal.ui.print_downloads import SIDE_MM, targets_to_print
 from stereocal.ui.texts import escape_markdown
 from stereocal.verdict.in_words import percent
 
@@ -229,14 +225,6 @@ def plan_downloads(found: PlanForecast) -> None:
             label, on_demand(make, name, mime), name, mime, on_click="ignore",
             key=f"download_{name}", icon=":material/download:",
         )  # fmt: skip
-
-
-def plan_targets(project: Project | None, plan: Plan) -> None:
-    """The targets of the bar to print, as large as the plan needs them, or as fit on A4."""
-    focal_px = float(min(plan.primary.K[0, 0], plan.secondary.K[0, 0]))
-    needed = target_size(focal_px, plan.near_m, plan.far_m).side_m
-    side_m = min(needed, largest_side(paper_named("A4")))
-    targets_to_print(project, focal_px, max(float(np.floor(1000 * side_m)), SIDE_MM[0]))
 
 
 def _compared(project: Project | None) -> Field:

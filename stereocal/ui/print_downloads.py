@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import streamlit as st
 
@@ -12,7 +11,13 @@ from stereocal.field.bar_places import bar_places
 from stereocal.field.paper import PAPERS, Sheet, paper_named
 from stereocal.field.plan import Plan
 from stereocal.field.print_board import fitted, print_board
-from stereocal.field.print_target import describe_target, print_targets
+from stereocal.field.print_target import (
+    DETECTED_PX,
+    GOOD_PX,
+    describe_target,
+    planned_target,
+    print_targets,
+)
 from stereocal.field.sheet import field_sheet
 from stereocal.intrinsics.board_pattern import BoardPattern
 from stereocal.projects.project import Project
@@ -40,7 +45,7 @@ def board_to_print(project: Project | None) -> None:
         try:
             board = fitted(BoardPattern(columns, rows, 0.01), paper_named(named))
         except StereocalError as error:
-            st.error(str(error))
+            st.info(str(error))
             return
         st.markdown(
             f"Squares of **{1e3 * board.square_m:.0f} mm**, the largest on {named}. The board "
@@ -50,31 +55,45 @@ def board_to_print(project: Project | None) -> None:
         _downloads(lambda: print_board(board, paper_named(named)), "board")
 
 
-def targets_to_print(
-    project: Project | None, focal_px: float | None, usual_mm: float = USUAL_SIDE_MM
-) -> None:
-    """A fold with the two targets of the bar.
+def targets_to_print(project: Project | None, focal_px: float | None) -> None:
+    """A fold with the two targets of the bar, of any size.
 
     Args:
         focal_px: the smaller focal length of the two cameras; None if it is not known.
-        usual_mm: side of a target, until another is entered.
     """
     with st.expander("Print the targets"):
         left, right = st.columns(2)
         named = _paper(project, left, "targets")
-        # What is usual follows the plan, and is no change by another tab.
-        side = replace(setting(project, "print_side_mm", usual_mm, number(*SIDE_MM)), tells=False)
         side_mm = right.number_input(
-            "Side of a target (mm)", *SIDE_MM, step=5.0, format="%.10g", **side.widget()
-        )
-        try:
-            sheet = print_targets(1e-3 * side_mm, paper_named(named))
-        except StereocalError as error:
-            st.error(str(error))
-            return
-        seen = f"{describe_target(1e-3 * side_mm, focal_px)} " if focal_px else ""
-        st.markdown(f"{seen}{AT_TRUE_SCALE}")
-        _downloads(lambda: sheet, "target")
+            "Side of a target (mm)", *SIDE_MM, step=5.0, format="%.10g",
+            **setting(project, "print_side_mm", USUAL_SIDE_MM, number(*SIDE_MM)).widget(),
+        )  # fmt: skip
+        seen = describe_target(1e-3 * side_mm, focal_px) if focal_px else ""
+        _targets(1e-3 * side_mm, named, seen)
+
+
+def planned_targets_to_print(project: Project | None, plan: Plan) -> None:
+    """A fold with the two targets, of the size that the plan needs."""
+    with st.expander("Print the targets"):
+        left, right = st.columns(2)
+        named = _paper(project, left, "targets")
+        least_px = right.number_input(
+            "Width in the image at the far end (px)", *DETECTED_PX, step=5.0, format="%.10g",
+            help="50 px are located well, also tilted; 20 px are the least.",
+            **setting(project, "print_px", GOOD_PX, number(*DETECTED_PX)).widget(),
+        )  # fmt: skip
+        size = planned_target(plan, least_px)
+        _targets(size.side_m, named, size.sentence)
+
+
+def _targets(side_m: float, paper: str, seen: str) -> None:
+    try:
+        sheet = print_targets(side_m, paper_named(paper))
+    except StereocalError as error:
+        st.info(f"{seen} {error}")
+        return
+    st.markdown(f"{seen} {AT_TRUE_SCALE}")
+    _downloads(lambda: sheet, "target")
 
 
 def field_sheet_to_print(plan: Plan) -> None:

@@ -7,9 +7,9 @@ import numpy as np
 from stereocal.evaluation.compiled_run import count_pairs
 from stereocal.refined.bar_fit import BASELINE, DISTORTION, PRIMARY, SECONDARY
 from stereocal.refined.distortion import distort, set_distortion
+from stereocal.refined.undistortion import undistort_rays
 from stereocal.rig.compiled import CountArray, FloatArray, IntArray, compiled
 from stereocal.rig.geometry import bar_length, fill_essential, fill_pose
-from stereocal.verdict.paper_costs import undistort_rays
 
 
 @compiled

@@ -20,6 +20,7 @@ from stereocal.calibration.problems import reconstruction_problem, reprojection_
 from stereocal.errors import StereocalError
 from stereocal.refined.bar_fit import BASELINE, EPSILON
 from stereocal.refined.solve import lenses_of
+from stereocal.refined.undistortion import undistort_rays
 from stereocal.refined.unknowns import FIXED_LENS, RefineSettings, Unknowns, camera_of, unknowns_of
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
@@ -28,7 +29,7 @@ from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.parameters import RigParameters, inputs_of
 from stereocal.rig.rig import Rig
 from stereocal.rig.volume import Volume
-from stereocal.verdict.paper_costs import fill_errors, fill_jacobian, undistort_rays, weigh
+from stereocal.verdict.paper_costs import fill_errors, fill_jacobian, weigh
 
 POINTS = 25
 MAXIMUM_LOG_WEIGHT = 3.0

@@ -14,11 +14,12 @@ from stereocal.detection.detect import detect_targets
 from stereocal.errors import StereocalError
 from stereocal.field.paper import PAPERS, Paper, Sheet, paper_named
 from stereocal.field.print_board import fitted, largest_square, print_board
-from stereocal.field.print_target import largest_side, print_targets, target_size
+from stereocal.field.print_target import largest_side, planned_target, print_targets, target_size
 from stereocal.intrinsics.board_pattern import BoardPattern
 from stereocal.intrinsics.boards import BoardView, find_board
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
+from tests.field.plans import plan
 from tests.field.prints import (
     INCH_MM,
     black_runs,
@@ -119,6 +120,14 @@ def test_the_size_of_a_target_follows_from_the_distance() -> None:
     assert "at least 20 px: print larger targets" in far.sentence
 
 
+def test_targets_that_hide_each_other_are_named() -> None:
+    assert not planned_target(plan()).advice
+    (advice,) = planned_target(plan(bar_m=0.2)).advice
+    assert advice == (
+        "On a bar of 0.2 m they hide each other: take a bar of at least 0.28 m, or smaller targets."
+    )
+
+
 @pytest.mark.parametrize(
     ("values", "sentence"),
     [
@@ -138,7 +147,7 @@ def test_what_does_not_fit_names_a_paper_that_does() -> None:
         print_targets(0.3, A4)
     with pytest.raises(StereocalError, match=r"900 mm does not fit on A0.*paint it"):
         print_targets(0.9, PAPERS["A0"])
-    with pytest.raises(StereocalError, match=r"its side must be 0\.005 to 10 m"):
+    with pytest.raises(StereocalError, match=r"its side must be 0\.002 to 10 m"):
         print_targets(0.0, A4)
     with pytest.raises(StereocalError, match=r'The paper "B5" is not known: use one of A4, A3'):
         paper_named("B5")
@@ -191,3 +200,10 @@ def test_the_same_sheet_gives_the_same_bytes() -> None:
     sheets = [print_board(BOARD, A3) for _ in range(2)]
     assert sheets[0].pdf() == sheets[1].pdf()
     assert sheets[0].svg() == sheets[1].svg()
+
+
+def test_texts_of_an_svg_have_the_width_of_the_pdf_in_any_font() -> None:
+    svg = ElementTree.fromstring(print_board(BOARD, A3).svg().encode())
+    texts = list(svg.iter("{http://www.w3.org/2000/svg}text"))
+    assert sum("font-weight: bold" in text.attrib["style"] for text in texts) == 1
+    assert all(0.5 < float(text.attrib["textLength"]) < 300.0 for text in texts)

@@ -57,7 +57,7 @@ def test_the_bars_cover_the_volume_in_all_directions() -> None:
     assert len({(one.distance, one.across, one.height) for one in places}) == 27
     directions = Counter(one.direction for one in places)
     assert set(directions) == set(DIRECTIONS)
-    assert min(directions.values()) > 20
+    assert min(directions.values()) >= 15  # level bars are as wide as the near view
     ahead = [one.position_m[2] for one in places]
     assert min(ahead) < 8.5
     assert max(ahead) > 24.0
@@ -77,13 +77,13 @@ def test_the_sheet_says_where_what_and_how() -> None:
     words = words_of(field_sheet(plan()))
     for said in (
         "Field sheet: field",
-        "Secondary (S) 4.500 m from the primary (P), to the right, seen from behind",
-        "0.20 m higher",
+        "Secondary (S) 4.5 m from the primary (P), to the right, seen from behind",
+        "0.2 m higher",
         "P 10.0° in, S 10.0° in. The axes meet about 12.8 m ahead",
         "Targets of 175 mm: 50 px across at 25 m, 156 px at 8 m",
         "expose for at most 1.1 ms, with both cameras in step to 0.45 ms",
         "Bar: 25 frames of a bar of 0.9 m",
-        "8.18 m ahead",
+        "8.2 m ahead",
         "add 3.5 mm for each cm",
         "Between the entrance pupils",
         "Trigger, time offset of S",
@@ -99,6 +99,7 @@ def test_every_plan_is_one_page(planned: Plan, paper: str) -> None:
     words = words_of(field_sheet(planned, PAPERS[paper]))
     assert "Write down" in words
     assert "nan" not in words
+    assert "-0.0 m" not in words
 
 
 def test_other_rigs_are_described_as_they_stand() -> None:
@@ -106,7 +107,7 @@ def test_other_rigs_are_described_as_they_stand() -> None:
     assert "Both look straight ahead" in parallel
     assert "in front of the pupils" not in parallel
     assert "at the same height" in parallel
-    assert "from the primary (P), 2.00 m higher" in words_of(field_sheet(ABOVE))
+    assert "from the primary (P), 2 m higher" in words_of(field_sheet(ABOVE))
 
 
 def test_names_are_neither_markup_nor_too_long() -> None:
@@ -115,5 +116,5 @@ def test_names_are_neither_markup_nor_too_long() -> None:
 
 
 def test_a_bar_that_fits_nowhere_is_an_error() -> None:
-    with pytest.raises(StereocalError, match=r"does not fit into what both cameras see"):
+    with pytest.raises(StereocalError, match=r"hardly fits into what both cameras see"):
         bar_places(plan(bar_m=7.0))

@@ -20,7 +20,7 @@ def app(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[AppTest]:
 
 
 def shown(app: AppTest) -> str:
-    return " ".join(str(item.value) for kind in (app.markdown, app.error) for item in kind)
+    return " ".join(str(item.value) for kind in (app.markdown, app.info) for item in kind)
 
 
 def test_the_board_is_as_large_as_the_paper_allows(app: AppTest) -> None:
@@ -41,3 +41,14 @@ def test_targets_are_offered_with_photographs(app: AppTest) -> None:
     assert "Print at 100 %" in shown(app)
     app.number_input(key="print_side_mm").set_value(300.0).run()
     assert "does not fit on A4, which holds 185 mm: print it on A2" in shown(app)
+
+
+def test_a_plan_offers_targets_of_the_size_it_needs(app: AppTest) -> None:
+    app.switch_page("pages/plan.py").run()
+    assert "A target of 175 mm is 50 px across at 25 m and 156 px at 8 m." in shown(app)
+    app.select_slider(key="plan_far_m").set_value(50.0).run()
+    assert "A target of 350 mm does not fit on A4" in shown(app)
+    app.selectbox(key="print_paper_targets").set_value("A2").run()
+    assert "A target of 350 mm is 50 px across at 50 m" in shown(app)
+    app.number_input(key="print_px").set_value(20.0).run()
+    assert "A target of 140 mm is 20 px across at 50 m" in shown(app)

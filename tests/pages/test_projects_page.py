@@ -46,7 +46,7 @@ def test_a_card_says_what_a_project_holds_and_its_key_result(app: AppTest, home:
     found = project.calibration_evaluation
     assert found is not None
     length = 100 * found.summaries["3d"].to_json()["median_error_3d"]
-    assert f"held out: lengths {length:.2g} %, wrong pairs " in card()
+    assert f"lengths {length:.2g} %, wrong pairs " in card()
     project.give({}, drop=["correspondences"])
     assert "no points yet" in card()
 

@@ -11,10 +11,11 @@ from benchmarks.refined_rigs import Misjudged, random_scene, stated
 from stereocal.errors import StereocalError
 from stereocal.refined.refine import refine
 from stereocal.refined.solve import lenses_of
+from stereocal.refined.undistortion import undistort_rays
 from stereocal.refined.unknowns import RefineSettings, unknowns_of
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import RigParameters
-from stereocal.verdict.paper_costs import fill_errors, fill_jacobian, undistort_rays
+from stereocal.verdict.paper_costs import fill_errors, fill_jacobian
 from stereocal.verdict.tradeoff import TradeOff, costs_of, trade_off
 from stereocal.workflow import calibrate
 from tests import known_rig as rig
