@@ -145,7 +145,8 @@ def _turn(check: Recheck) -> str:
         else "the cameras turned against each other and changed places,"
     )
     tail = "; which one, images cannot tell" if causes else ""
-    return f"{which} by {angle} {_about(vector, 'the secondary’s')}{tail}"
+    about = _about(vector, "the secondary's")
+    return f"{which} by {angle} {about}{tail}"
 
 
 def _about(vector: FloatArray, whose: str = "its") -> str:

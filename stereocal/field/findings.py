@@ -15,7 +15,6 @@ from stereocal.field.fits import (
     NOTHING,
     Change,
     Fit,
-    Noise,
     focal_change,
     focal_changes,
     pose_change,
@@ -24,6 +23,7 @@ from stereocal.field.fits import (
     turn_in_place,
 )
 from stereocal.field.new_images import NewImages
+from stereocal.field.noise import Noise
 from stereocal.field.power import Power, Smallest
 from stereocal.field.prior import Prior
 from stereocal.field.since import Since

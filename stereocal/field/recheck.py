@@ -18,14 +18,12 @@ from stereocal.field.fits import (
     NOTHING,
     Change,
     Fit,
-    Noise,
     focal_changes,
-    noise_of,
     pose_change,
     pose_of,
-    robust_fit,
 )
 from stereocal.field.new_images import NewImages
+from stereocal.field.noise import Noise, noise_of, robust_fit
 from stereocal.field.power import Smallest, power
 from stereocal.field.prior import Prior
 from stereocal.field.since import Since, since_when

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from stereocal.field.findings import Recheck
@@ -12,9 +10,7 @@ from stereocal.refined.bar_fit import BAR, BASELINE, DISTORTION
 from stereocal.refined.parameter_file import COVARIANCE_OF, covariance_entry
 from stereocal.refined.solve import ESTIMATED, GIVEN
 from stereocal.refined.uncertainty import point_errors
-from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.parameters import RigParameters
-from stereocal.rig.rig import Rig
 
 REPAIRED = "parameters_repaired.json"
 """Name of the file that is written."""
@@ -92,30 +88,3 @@ def length_error(fit: Fit) -> float | None:
     variance = np.einsum("ni,nij,nj->n", along, own[0::2] + own[1::2], along)
     variance += np.einsum("ni,ij,nj->n", jacobian, fit.covariance, jacobian)
     return float(np.sqrt(2 / np.pi) * np.mean(np.sqrt(variance) / lengths))
-
-
-@dataclass(frozen=True, eq=False)
-class Residuals:
-    """Mean reprojection errors of the new images, frame by frame."""
-
-    frames: IntArray
-    """(n,): the frame numbers."""
-    before_px: FloatArray
-    """(n,): with the old parameters; NaN where points are behind a camera."""
-    after_px: FloatArray | None
-    """(n,): with the repaired ones; None if nothing has changed."""
-
-
-def residuals_of(check: Recheck) -> Residuals:
-    """The errors with the old and, if the check wrote any, the repaired parameters."""
-    numbers = np.unique(check.images.numbers)
-    after = _by_frame(check, check.repaired) if check.changed else None
-    return Residuals(numbers, _by_frame(check, check.prior.rig), after)
-
-
-def _by_frame(check: Recheck, rig: Rig) -> FloatArray:
-    rows = check.images.dataset.correspondences
-    errors = rig.reprojection_errors(rows.primary, rows.secondary).mean(axis=1)
-    frames = check.images.numbers[np.searchsorted(rows.frames, rows.frame)]
-    at = np.searchsorted(np.unique(frames), frames)
-    return np.asarray(np.bincount(at, errors) / np.bincount(at))

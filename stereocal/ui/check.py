@@ -16,7 +16,8 @@ from stereocal.field.findings import Recheck
 from stereocal.field.power import Smallest
 from stereocal.field.prior import prior_of
 from stereocal.field.recheck import recheck
-from stereocal.field.repair import REPAIRED, Residuals, repaired_parameters, residuals_of
+from stereocal.field.repair import REPAIRED, repaired_parameters
+from stereocal.field.residuals import Residuals, residuals_of
 from stereocal.figures import describe_check, plot_check
 from stereocal.matching.application import PAIRS
 from stereocal.projects.application import ProjectApplication, parameters_in

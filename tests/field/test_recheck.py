@@ -35,7 +35,8 @@ from stereocal.field.new_images import images_of_bars, images_of_matches
 from stereocal.field.power import Smallest
 from stereocal.field.prior import prior_of
 from stereocal.field.recheck import recheck
-from stereocal.field.repair import repaired_parameters, residuals_of
+from stereocal.field.repair import repaired_parameters
+from stereocal.field.residuals import residuals_of
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
@@ -150,8 +151,12 @@ def test_since_when(case: Case) -> None:
     assert "Since frame 2" in sentence(found)
     assert angle_between(found.repaired, rig) < 0.5 * angle_between(case.truth, rig)
     residuals = residuals_of(found)
-    assert residuals.after_px is not None
-    assert residuals.after_px[25:].mean() < residuals.before_px[25:].mean()
+    old, repaired = residuals.before, residuals.after
+    assert repaired is not None
+    assert repaired.length is not None
+    assert old.length is not None
+    assert repaired.reprojection_px[25:].mean() < 0.5 * old.reprojection_px[25:].mean()
+    assert repaired.length[25:].mean() < old.length[25:].mean()
 
 
 def test_an_exchanged_bar_is_left_out(case: Case) -> None:

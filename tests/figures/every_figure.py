@@ -15,7 +15,7 @@ from stereocal.calibration.methods import METHODS, CalibrationSettings, Method
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
 from stereocal.evaluation.summary import summarise_all
 from stereocal.field.forecast import forecast
-from stereocal.field.repair import Residuals
+from stereocal.field.residuals import Errors, Residuals
 from stereocal.figures.frame_view import telling_frame, views_of
 from stereocal.figures.story import read_story
 from stereocal.formats.dataset_files import read_dataset
@@ -46,7 +46,11 @@ PLOTS = [name.removeprefix("plot_") for name in figures.__all__ if name.startswi
 ROOT = Path(__file__).parents[2]
 FIELD, STORY = ROOT / "sample_data" / "field", ROOT / "assets" / "story.json"
 
-RESIDUALS = Residuals(np.arange(1, 6), np.linspace(0.8, 1.4, 5), np.linspace(0.1, 0.2, 5))
+RESIDUALS = Residuals(
+    np.arange(1, 6),
+    Errors(np.linspace(0.8, 1.4, 5), np.linspace(0.01, 0.04, 5)),
+    Errors(np.linspace(0.1, 0.2, 5), np.linspace(0.001, 0.005, 5)),
+)
 
 
 @dataclass(frozen=True)
