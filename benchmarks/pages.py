@@ -1,6 +1,7 @@
 """Server time of one draw of each page, on the sample field with all results.
 
     python -m benchmarks.pages
+    python -m benchmarks.pages --browser
 
 `first` is the first draw after a new result, `again` the median of 7 more, each in seconds of CPU
 time of all threads and, in brackets, of wall time: on a machine with other work the first is the
@@ -19,13 +20,23 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from playwright.sync_api import expect, sync_playwright
 from streamlit.testing.v1 import AppTest
 
+from stereocal.ui.navigation import TITLES
+from tests.browser.conftest import FLAGS, chromium, serve
+from tests.browser.pictures import settle
+from tests.browser.work import finished_project
 from tests.pages.conftest import run_by_the_app
 
 ROOT = Path(__file__).parents[1]
 PAGES = ("start", "data", "calibrate", "validate", "one_set", "apply", "check", "cameras")
 LONGEST_S = 600
+DRAWN = """() => document.querySelector('[data-test-script-state=notRunning]')
+    && ![...document.querySelectorAll('[data-testid=stPlotlyChart]')]
+        .some((chart) => !chart.querySelector('.main-svg'))
+    && !document.querySelector('[data-stale=true]')"""
+"""Whether the server has ended and each figure has been drawn."""
 
 
 def timed(act: Callable[[], object]) -> tuple[float, float]:
@@ -65,9 +76,38 @@ def new_result(app: AppTest, seed: int) -> tuple[float, float]:
     return timed(app.button(key="run").click().run)
 
 
+def switches(home: Path) -> None:
+    """Each page by the menu, from the one before it, in a real browser."""
+    with serve(home) as url, sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=chromium(), args=FLAGS)
+        page = browser.new_page(viewport={"width": 1400, "height": 1000})
+        project = finished_project(home)
+        taken: dict[str, list[float]] = {}
+        for turn in range(6):
+            page.goto(f"{url}/?project={project}")
+            settle(page)
+            for name, title in list(TITLES.items())[1:]:
+                link = page.get_by_test_id("stSidebar").get_by_role("link", name=title, exact=True)
+                started = time.perf_counter()
+                link.click()
+                expect(page.get_by_test_id("stMain").locator("h1")).to_have_text(title)
+                page.wait_for_function(DRAWN, polling=20)
+                if turn:
+                    taken.setdefault(name, []).append(time.perf_counter() - started)
+                settle(page)
+        browser.close()
+    for name, seconds in taken.items():
+        print(f"{name:24s} {np.median(seconds):5.2f} ({max(seconds):5.2f})")
+
+
 def main() -> None:
     """All pages."""
-    argparse.ArgumentParser(description=__doc__).parse_args()
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--browser", action="store_true")
+    if parser.parse_args().browser:
+        with tempfile.TemporaryDirectory() as folder:
+            switches(Path(folder))
+        return
     patch = pytest.MonkeyPatch()
     run_by_the_app(patch)
     with tempfile.TemporaryDirectory() as home:

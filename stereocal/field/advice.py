@@ -9,9 +9,10 @@ import numpy as np
 from stereocal.errors import StereocalError
 from stereocal.field.expected import ExpectedFit, expect
 from stereocal.field.plan import LARGEST_TOE_IN_DEG, AimedPose, Plan
+from stereocal.refined.uncertainty import point_covariances
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
-from stereocal.verdict.in_words import digits, percent
+from stereocal.verdict.in_words import digits, distance, percent
 
 BASELINES = 2.0 ** np.arange(-1.5, 2.01, 0.5)
 """Factors of the planned baseline that are tried: 0.35 to 4."""
@@ -23,15 +24,28 @@ MORE_FRAMES = 4.0
 """Number of frames at which the error of a calibration by noise is halved."""
 WORTH_IT = 0.93
 """Errors above this fraction of the planned one are no improvement."""
+LENSES_TWICE = {"primary": 0.5, "secondary": 0.5}
 LIMITS = ("image noise", "calibration", "lenses", "baseline")
 
 
 @dataclass(frozen=True)
 class Variant:
-    """A change of the plan, and the mean length error with it, a fraction."""
+    """A change of the plan, and the error with it: of lengths (a fraction) or of positions (m)."""
 
     text: str
-    length_error: float
+    error: float
+    of_positions: bool = False
+
+    def sentence(self, planned: float) -> str:
+        """The change for people, with the error as planned."""
+        if self.of_positions:
+            return (
+                f"{self.text}: positions to {distance(self.error)} instead of {distance(planned)}."
+            )
+        return (
+            f"{self.text}: a mean length error of {percent(self.error)} % instead of "
+            f"{percent(planned)} %."
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +60,8 @@ class Advice:
 
     length_error: float
     """Mean relative length error of the refined set in the volume, as planned."""
+    position_error_m: float
+    """Mean standard error of its points."""
     limited_by: str
     variants: tuple[Variant, ...]
     """The changes worth making, best first."""
@@ -56,16 +72,15 @@ class Advice:
     @property
     def sentences(self) -> tuple[str, ...]:
         """The variants for people."""
-        now = percent(self.length_error)
         if not self.variants:
             return (
                 "No single change would help much: neither another baseline, more bars, better "
                 "known lenses nor a longer bar.",
             )
-        return tuple(
-            f"{own.text}: a mean length error of {percent(own.length_error)} % instead of {now} %."
-            for own in self.variants
-        )
+        return tuple(own.sentence(self._planned(own)) for own in self.variants)
+
+    def _planned(self, own: Variant) -> float:
+        return self.position_error_m if own.of_positions else self.length_error
 
 
 def advise(fit: ExpectedFit) -> Advice:
@@ -81,9 +96,15 @@ def advise(fit: ExpectedFit) -> Advice:
         *_known_better(fit),
         *_longer_bar(fit),
     ]
-    worth = [own for own in found if own.length_error < WORTH_IT * fit.length_error]
-    worth.sort(key=lambda own: own.length_error)
-    return Advice(fit.length_error, limit, tuple(worth), baselines, errors)
+    positions = _position_error(fit)
+    better = _position_error(fit, fit.precision_knowing(LENSES_TWICE))
+    found.append(Variant(_lenses_twice(fit.plan), better, of_positions=True))
+
+    def share(own: Variant) -> float:
+        return own.error / (positions if own.of_positions else fit.length_error)
+
+    worth = tuple(sorted((own for own in found if share(own) < WORTH_IT), key=share))
+    return Advice(fit.length_error, positions, limit, worth, baselines, errors)
 
 
 def twice_as_good(fit: ExpectedFit, baselines: FloatArray, errors: FloatArray) -> dict[str, float]:
@@ -94,7 +115,7 @@ def twice_as_good(fit: ExpectedFit, baselines: FloatArray, errors: FloatArray) -
     return {
         "image noise": fit.error_with(4.0 * H, P, 0.5),
         "calibration": fit.error_with(MORE_FRAMES * H, P),
-        "lenses": fit.error_with(H, fit.precision_knowing({"primary": 0.5, "secondary": 0.5})),
+        "lenses": fit.error_with(H, fit.precision_knowing(LENSES_TWICE)),
         "baseline": float(np.nanmin([twice, measured])),
     }
 
@@ -189,14 +210,10 @@ def _known_better(fit: ExpectedFit) -> list[Variant]:
     def known(better: dict[str, float]) -> float:
         return fit.error_with(H, fit.precision_knowing(better))
 
-    focal, centre = percent(0.5 * own.focal), digits(0.5 * own.centre_px, 2)
     baseline, bar = digits(500 * own.baseline_m, 2), digits(500 * own.bar_m, 2)
     noise = digits(0.5 * fit.plan.noise_px, 2)
     return [
-        Variant(
-            f"Lenses calibrated twice as well (focal length to {focal} %, centre to {centre} px)",
-            known({"primary": 0.5, "secondary": 0.5}),
-        ),
+        Variant(_lenses_twice(fit.plan), known(LENSES_TWICE)),
         Variant(f"The baseline measured to {baseline} mm", known({"baseline": 0.5})),
         Variant(f"The bar measured to {bar} mm", known({"bar": 0.5})),
         Variant(
@@ -204,6 +221,20 @@ def _known_better(fit: ExpectedFit) -> list[Variant]:
             fit.error_with(4.0 * H, P, 0.5),
         ),
     ]
+
+
+def _lenses_twice(plan: Plan) -> str:
+    own = plan.uncertainty
+    focal, centre = percent(0.5 * own.focal), digits(0.5 * own.centre_px, 2)
+    return f"Lenses calibrated twice as well (focal length to {focal} %, centre to {centre} px)"
+
+
+def _position_error(fit: ExpectedFit, precision: FloatArray | None = None) -> float:
+    """Mean standard error of the ends of the bars in m, with another precision of the priors."""
+    unknowns = fit.result.unknowns
+    known = unknowns if precision is None else replace(unknowns, precision=precision)
+    covariances = point_covariances(replace(fit.result, unknowns=known), fit.ends_m.reshape(-1, 3))
+    return float(np.mean(np.sqrt(np.trace(covariances, axis1=1, axis2=2))))
 
 
 def _longer_bar(fit: ExpectedFit) -> list[Variant]:

@@ -93,9 +93,9 @@ class PlanForecast:
         return int(np.isnan(self.rigs.position_m).sum())
 
     def to_json(self) -> dict[str, Any]:
-        """The content of `forecast.json`; errors are fractions."""
+        """The content of `forecast.json`; errors are fractions, missing values null."""
         depths, length, position = self.fit.by_depth
-        return {
+        content = {
             "format": FORECAST_FORMAT,
             "plan": self.plan.name,
             "methods": {
@@ -114,10 +114,11 @@ class PlanForecast:
             "rigs_failed": self.failed,
             "seed": self.seed,
         }
+        return {key: _without_nan(value) for key, value in content.items()}
 
     def dumps(self) -> bytes:
         """The file; equal plans and seeds give equal bytes."""
-        return (json.dumps(_without_nan(self.to_json()), indent=2, allow_nan=False) + "\n").encode()
+        return (json.dumps(self.to_json(), indent=2, allow_nan=False) + "\n").encode()
 
     def _mean(self, method: Method, figure: str) -> float:
         return self.estimate(method, figure).value

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from stereocal.field.forecast import PlanForecast
-from stereocal.verdict.in_words import digits, percent
+from stereocal.verdict.in_words import distance, percent
 
 LIMITS = {
     "image noise": "the noise of the image points",
@@ -40,10 +40,3 @@ def points_per_frame(found: PlanForecast) -> str:
     if not value < 10_000:
         return "more than 10,000"
     return str(int(float(f"{value:.2g}"))) if value >= 10 else str(int(value))
-
-
-def distance(metres: float) -> str:
-    """A length in the unit that suits it."""
-    if metres < 0.01:
-        return f"{digits(1000 * metres, 2)} mm"
-    return f"{digits(100 * metres, 2)} cm" if metres < 1 else f"{digits(metres, 2)} m"

@@ -22,7 +22,7 @@ from stereocal.rig.rig import Rig
 FEWEST_FRAMES, MOST_FRAMES = 5, 2000
 LARGEST_NOISE_PX = 20.0
 LARGEST_TOE_IN_DEG = 80.0
-LARGEST_MM = 10_000.0
+SMALLEST_MM, LARGEST_MM = 0.01, 10_000.0
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class SensorLens:
             ("sensor's width", self.sensor_mm[0]),
             ("sensor's height", self.sensor_mm[1]),
         ):
-            if not 0 < value < LARGEST_MM:
+            if not SMALLEST_MM <= value <= LARGEST_MM:
                 raise StereocalError(f"The {what} is {value:g} mm: state it in mm, above 0.")
         across, down = (px / mm for px, mm in zip(self.image_size, self.sensor_mm, strict=True))
         if not 0.5 < across / down < 2.0:

@@ -13,7 +13,7 @@ import streamlit as st
 
 from stereocal.errors import StereocalError
 from stereocal.field.forecast import PlanForecast, forecast
-from stereocal.field.in_words import answer, distance, points_per_frame
+from stereocal.field.in_words import answer, points_per_frame
 from stereocal.field.plan import Plan
 from stereocal.figures import (
     describe_plan_baselines,
@@ -25,6 +25,7 @@ from stereocal.figures import (
 )
 from stereocal.figures.forecast_table import plan_table
 from stereocal.figures.plan_report import how_computed, plan_report
+from stereocal.formats.lens_model import FourCoefficientsError, LensModel
 from stereocal.formats.plan_file import parse_plan, write_plan
 from stereocal.projects.project import Project
 from stereocal.ui.downloads import on_demand
@@ -33,9 +34,10 @@ from stereocal.ui.figure import show_figure
 from stereocal.ui.intake import CAMERA_KINDS, check_uploads, clear_refusal, is_new, taking
 from stereocal.ui.jobs import pool
 from stereocal.ui.messages import callback
-from stereocal.ui.plan_fields import show_plan
+from stereocal.ui.plan_fields import LONGEST_NAME, show_plan
+from stereocal.ui.refusal import ask_lens
 from stereocal.ui.texts import escape_markdown
-from stereocal.verdict.in_words import percent
+from stereocal.verdict.in_words import distance, percent
 
 KEPT_FORECASTS = 24
 MOST_PLANS = 3
@@ -91,14 +93,24 @@ def open_plan(project: Project | None) -> None:
         return
     with taking(*fresh):
         check_uploads(fresh)
-        files = {PurePath(upload.name).name: upload.getvalue() for upload in uploads}
-        show_plan(project, _plan_in(files))
-        clear_refusal()
+        _take_plan(project, {PurePath(upload.name).name: upload.getvalue() for upload in uploads})
     st.rerun()
 
 
-def _plan_in(files: dict[str, bytes]) -> Plan:
-    """The plan among uploaded files."""
+def _take_plan(
+    project: Project | None, files: dict[str, bytes], model: LensModel | None = None
+) -> None:
+    """Show the plan among uploaded files; if a camera may be a fisheye's, ask."""
+    try:
+        plan = _plan_in(files, model)
+    except FourCoefficientsError as error:
+        ask_lens(error, "the plan", callback(partial(_take_plan, project, files, "brown")))
+        return
+    show_plan(project, plan)
+    clear_refusal()
+
+
+def _plan_in(files: dict[str, bytes], model: LensModel | None) -> Plan:
     plans = [name for name, content in files.items() if b"stereocal-plan" in content]
     if len(plans) != 1:
         raise StereocalError(
@@ -111,7 +123,7 @@ def _plan_in(files: dict[str, bytes]) -> Plan:
             raise StereocalError(f"{plans[0]} names the camera file {name}: upload it too.")
         return files[PurePath(name).name]
 
-    return parse_plan(files[plans[0]], plans[0], beside)
+    return parse_plan(files[plans[0]], plans[0], beside, model)
 
 
 def show_answer(found: PlanForecast) -> None:
@@ -190,7 +202,7 @@ def show_comparison(
                         "Remove", key=f"plan_drop_{at}", on_click=callback(kept.set), args=(rest,)
                     )
     with st.container(horizontal=True, vertical_alignment="bottom"):
-        st.text_input("Name of this plan", max_chars=60, **_name(project).widget())
+        st.text_input("Name of this plan", max_chars=LONGEST_NAME, **_name(project).widget())
         st.button(
             "Keep it to compare", key="plan_keep", on_click=callback(kept.set),
             args=([*texts, own],), disabled=len(texts) >= MOST_PLANS - 1 or own in texts,

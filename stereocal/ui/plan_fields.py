@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -10,14 +11,23 @@ import streamlit as st
 
 from stereocal.errors import DAMAGED, StereocalError
 from stereocal.field.common_cameras import COMMON
-from stereocal.field.plan import AimedPose, Plan, SensorLens, Uncertainty
+from stereocal.field.plan import (
+    LARGEST_MM,
+    SMALLEST_MM,
+    AimedPose,
+    Plan,
+    SensorLens,
+    Uncertainty,
+)
 from stereocal.formats.camera_file import read_camera, write_camera
+from stereocal.formats.lens_model import FourCoefficientsError, LensModel
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS, Camera, CameraName
 from stereocal.rig.geometry import Pose
 from stereocal.ui.fields import Field, Fit, number, one_of, setting, yes_or_no
 from stereocal.ui.intake import CAMERA_KINDS, check_uploads, clear_refusal, is_new, taking
 from stereocal.ui.messages import callback
+from stereocal.ui.refusal import ask_lens
 
 OTHER, FILE = "Other: sensor and pixels", "A camera file"
 CHOICES = (*COMMON, OTHER, FILE)
@@ -26,6 +36,9 @@ LENGTHS = tuple(float(f"{tens * 10.0**power:.3g}") for power in range(-2, 3) for
 """Steps of sliders of lengths in metres, 0.01 to 900."""
 FRAMES = (5, 6, 8, 10, 12, 15, 20, 25, 30, 40, 50, 75, 100, 150, 200, 300, 500, 1000, 2000)
 USUAL = Uncertainty()
+BAR_M, NOISE_PX, MM = (0.0, 1000.0), (0.0, 20.0), (SMALLEST_MM, LARGEST_MM)
+TOE_IN_DEG = (-10.0, 60.0)
+LONGEST_NAME = 200
 
 
 def plan_controls(project: Project | None) -> Plan:
@@ -42,7 +55,7 @@ def plan_controls(project: Project | None) -> Plan:
     near, far = _range(project)
     bar, frames, noise = st.columns(3)
     bar_m = bar.number_input(
-        "Bar: distance of the two targets (m)", min_value=0.001, max_value=100.0, step=0.05,
+        "Bar: distance of the two targets (m)", *BAR_M, step=0.05,
         format="%.4g", **field(project, "bar_m").widget(),
     )  # fmt: skip
     count = field(project, "frames")
@@ -50,7 +63,7 @@ def plan_controls(project: Project | None) -> Plan:
         "Frames of the bar", _with(FRAMES, count.value()), **count.widget()
     )
     noise_px = noise.number_input(
-        "Noise of a target in the image (px)", min_value=0.01, max_value=20.0, step=0.05,
+        "Noise of a target in the image (px)", *NOISE_PX, step=0.05,
         format="%.3g", help="0.1 to 0.3 px for detected targets; 1 px or more for clicked points.",
         **field(project, "noise_px").widget(),
     )  # fmt: skip
@@ -125,7 +138,7 @@ def _camera(project: Project | None, which: CameraName, title: str) -> Camera | 
         with right:
             return _from_file(project, which)
     focal = right.number_input(
-        "Focal length (mm)", min_value=0.1, max_value=5000.0, step=1.0, format="%.4g",
+        "Focal length (mm)", *MM, step=1.0, format="%.4g",
         help="The lens's own, not the 35 mm equivalent.", **_focal(project, which, chosen).widget(),
     )  # fmt: skip
     if chosen != OTHER:
@@ -134,7 +147,7 @@ def _camera(project: Project | None, which: CameraName, title: str) -> Camera | 
     numbers = [
         column.number_input(name, min_value=own_least, **own.widget())
         for column, name, own, own_least in zip(
-            st.columns(4), titles, _sensor(project, which), (0.1, 0.1, 16, 16), strict=True
+            st.columns(4), titles, _sensor(project, which), (MM[0], MM[0], 1, 1), strict=True
         )
     ]
     width, height, across, down = numbers
@@ -149,9 +162,7 @@ def _from_file(project: Project | None, which: CameraName) -> Camera:
     if upload is not None and is_new(upload):
         with taking(upload):
             check_uploads([upload])
-            camera = read_camera(upload.getvalue(), upload.name, "brown")
-            kept.set(write_camera(camera).decode())
-            clear_refusal()
+            take_camera(kept, upload.getvalue(), upload.name)
         st.rerun()
     if kept.value() is None:
         raise StereocalError(f"Give the file of the {which} camera, or choose a camera above.")
@@ -161,10 +172,25 @@ def _from_file(project: Project | None, which: CameraName) -> Camera:
     return camera
 
 
+def take_camera(kept: Field, content: bytes, name: str, model: LensModel | None = None) -> None:
+    """Keep the camera in a file; if it may be a fisheye's, ask.
+
+    Raises:
+        StereocalError: it is not a camera file.
+    """
+    try:
+        camera = read_camera(content, name, model)
+    except FourCoefficientsError as error:
+        ask_lens(error, name, callback(partial(take_camera, kept, content, name, "brown")))
+        return
+    kept.set(write_camera(camera).decode())
+    clear_refusal()
+
+
 def _pose(project: Project | None) -> Pose | AimedPose:
     stated = field(project, "stated_pose")
     if stated.value() is not None:
-        pose = Pose(*(np.array(stated.value()[key], dtype=np.float64) for key in ("R", "T")))
+        pose = _pose_of(stated.value())
         left, right = st.columns([3, 2], vertical_alignment="center")
         left.markdown(f"Pose of the cameras: R and T of the plan, baseline {pose.baseline:.4g} m.")
         right.button(
@@ -179,10 +205,12 @@ def _pose(project: Project | None) -> Pose | AimedPose:
     baseline_m = left.select_slider(
         "Baseline (m)", _with(LENGTHS, baseline.value()), **baseline.widget()
     )
+    turned = field(project, "toe_in_deg")
+    lowest, highest = min(TOE_IN_DEG[0], turned.value()), max(TOE_IN_DEG[1], turned.value())
     toe = right.slider(
-        "Each camera turned in by (°)", -10.0, 60.0, step=0.5,
+        "Each camera turned in by (°)", lowest, highest, step=0.5,
         help="From parallel. Both optical axes then meet in front of the middle of the baseline.",
-        **field(project, "toe_in_deg").widget(),
+        **turned.widget(),
     )  # fmt: skip
     return AimedPose(baseline_m, toe, field(project, "height_m").value())
 
@@ -227,7 +255,7 @@ def _focal(project: Project | None, which: CameraName, camera: str) -> Field:
     """Each camera of the list keeps its own focal length."""
     usual = COMMON[camera].focal_mm if camera in COMMON else 50.0
     name = f"plan_{which}_focal_{camera}"
-    return setting(project, f"plan_{which}_focal", usual, number(0.1, 5000.0), name=name)
+    return setting(project, f"plan_{which}_focal", usual, number(*MM), name=name)
 
 
 def _sensor(project: Project | None, which: CameraName) -> list[Field]:
@@ -253,9 +281,14 @@ def _pose_or_none(value: Any) -> dict[str, Any] | None:
     if value is None:
         return None
     try:
-        return {key: np.array(value[key], dtype=np.float64).tolist() for key in ("R", "T")}
+        pose = _pose_of(value)
     except DAMAGED as error:
         raise ValueError(value) from error
+    return {"R": pose.R.tolist(), "T": pose.T.tolist()}
+
+
+def _pose_of(value: Mapping[str, Any]) -> Pose:
+    return Pose(*(np.array(value[key], dtype=np.float64) for key in ("R", "T")))
 
 
 def _with(options: Sequence[Any], value: Any) -> list[Any]:
@@ -272,9 +305,9 @@ _PLAIN: dict[str, tuple[Any, Fit]] = {
     "stated_pose": (None, _pose_or_none),
     "near_m": (8.0, number(0.0)),
     "far_m": (25.0, number(0.0)),
-    "bar_m": (0.9, number(0.0)),
+    "bar_m": (0.9, number(*BAR_M)),
     "frames": (25, number(1)),
-    "noise_px": (0.2, number(0.0)),
+    "noise_px": (0.2, number(*NOISE_PX)),
     "focal_percent": (100 * USUAL.focal, number(0.0)),
     "centre_px": (USUAL.centre_px, number(0.0)),
     "baseline_mm": (1000 * USUAL.baseline_m, number(0.0)),

@@ -146,7 +146,15 @@ def _evaluation(
 
 
 def show_progress(project: Project, work: jobs.Work | None) -> None:
-    """Show the job of a press, if there is one."""
+    """Show the job of a press, if there is one.
+
+    A result that was stored while the last job was ending was too late for it, and too early for a
+    new one: that begins now.
+    """
+    job = jobs.job_of(project, KIND)
+    missed = project.calibration is not None and project.calibration_evaluation is None
+    if work is not None and job is not None and job.state == "done" and missed:
+        jobs.start(work)
     jobs.show_job(project, KIND, "Cancelled: the result has no validation.", work)
 
 

@@ -99,3 +99,10 @@ def digits(value: float, significant: int = 3) -> str:
         decimals = 0 if value == 0 else significant - 1 - math.floor(math.log10(abs(value)))
         return f"{value:.{max(0, decimals)}f}"
     return f"{value:.{significant - 1}e}"
+
+
+def distance(metres: float) -> str:
+    """A length in the unit that suits it."""
+    if metres < 0.01:
+        return f"{digits(1000 * metres, 2)} mm"
+    return f"{digits(100 * metres, 2)} cm" if metres < 1 else f"{digits(metres, 2)} m"

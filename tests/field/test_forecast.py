@@ -115,6 +115,14 @@ def test_a_wide_baseline_for_a_near_volume_does_not_want_to_grow() -> None:
     assert not any(own.text.startswith("A baseline of") for own in advice.variants)
 
 
+def test_lenses_tell_positions() -> None:
+    unsure = plan(uncertainty=Uncertainty(0.003, 20.0, 0.005, 0.0005))
+    (text,) = (s for s in advise(expect(unsure)).sentences if s.startswith("Lenses"))
+    assert text.endswith("cm.") and "positions to" in text
+    sure = advise(expect(replace(NEAR, uncertainty=EXACT)))
+    assert not any(s.startswith("Lenses") for s in sure.sentences)
+
+
 def test_an_error_of_the_bar_is_in_the_lengths() -> None:
     """Where nothing but the bar tells the scale."""
     sure = forecast(plan(uncertainty=Uncertainty(0.003, 5.0, 0.3, 0.0)), rigs=FEW)

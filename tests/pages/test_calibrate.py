@@ -13,6 +13,7 @@ from stereocal.projects.project import Project
 from stereocal.rig.dataset import Dataset
 from stereocal.ui import press
 from stereocal.ui.closer_looks import VIEWS
+from stereocal.workflow import calibrate
 from tests.pages.test_pages import FIELD, messages, open_sample, project_of, zipped
 from tests.pages.test_pages import app as app
 from tests.pages.test_pages import home as home
@@ -144,6 +145,20 @@ def test_long_work_shows_progress_and_ends(
     assert project.calibration_evaluation is not None
     assert "held out: not yet" not in captions(app)
     assert "Use the refined set for both" in messages(app)
+
+
+def test_a_calibration_that_came_as_the_job_ended_is_validated_too(
+    pressed: AppTest, home: Path
+) -> None:
+    project = project_of(pressed, home)
+    pressed.selectbox(key="chosen_frame").set_value(9).run()
+    pressed.button(key="frame_leave_out").click().run()
+    assert ended(project, "calibration").state == "done"
+    project.keep_calibration(calibrate(read_dataset(FIELD)), project.inputs)  # with all frames
+    assert project.calibration_evaluation is None
+    pressed.run()
+    assert ended(project, "calibration").state == "done"
+    assert project.calibration_evaluation is not None
 
 
 def test_a_calibration_made_meanwhile_is_validated_too(home: Path, app: AppTest) -> None:

@@ -5,16 +5,20 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from streamlit.testing.v1 import AppTest
 
+from stereocal.field.forecast import forecast
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.plan_file import parse_plan, write_plan
 from stereocal.projects.project import Project
 from stereocal.ui.plan_project import planned_line
+from stereocal.verdict.in_words import percent
 from tests import known_rig
 from tests.field.plans import FIELD, contents, plan
+from tests.pages.stored_projects import FULL, go, placed, session, told
 
 ROOT = Path(__file__).parents[2]
 SLOW = 120
@@ -94,6 +98,53 @@ def test_a_plan_is_opened_with_its_camera_files(app: AppTest) -> None:
     assert str(app.selectbox(key="plan_secondary_camera").value).startswith("IDT M5")
 
 
+def test_four_coefficients_are_asked_about(app: AppTest) -> None:
+    four = {
+        "camera_matrix": known_rig.SECONDARY.K.tolist(),
+        "distortion_coefficients": known_rig.SECONDARY.distortion.tolist(),
+        "image_size": list(known_rig.SECONDARY.image_size),
+    }
+    app.selectbox(key="plan_primary_camera").set_value("A camera file").run()
+    assert "Give the file of the primary camera" in messages(app)
+    app.file_uploader(key="upload_plan_primary").upload("lens.json", json.dumps(four).encode())
+    app.run()
+    assert "Which are they?" in messages(app)
+    app.button(key="use_rest").click().run()
+    assert any("1280 x 1024 px" in item.value for item in app.caption)
+    named = {"primary": "lens.json", "secondary": contents()["cameras"]["secondary"]}
+    content = json.dumps(contents(cameras=named, frames=40)).encode()
+    open_plan(app, {"plan.json": content, "lens.json": json.dumps(four).encode()})
+    assert "Which are they?" in messages(app)
+    app.button(key="use_rest").click().run()
+    assert app.select_slider(key="plan_frames").value == 40
+
+
+def test_an_opened_plan_shows_its_own_numbers_on_sliders_too(app: AppTest) -> None:
+    near = {"near_m": 2.123, "far_m": 2.4}
+    changes: dict[str, Any] = {
+        "pose": {"baseline_m": 4.01, "toe_in_deg": 62.25, "height_difference_m": 0.0},
+        "volume": near, "bar_m": 0.0123, "noise_px": 19.5, "frames": 77,
+    }  # fmt: skip
+    open_plan(app, {"plan.json": json.dumps(contents(**changes)).encode()})
+    assert app.select_slider(key="plan_baseline_m").value == 4.01
+    assert app.slider(key="plan_toe_in_deg").value == 62.25
+    assert app.select_slider(key="plan_near_m").value == 2.123
+    assert app.select_slider(key="plan_frames").value == 77
+    assert app.number_input(key="plan_noise_px").value == 19.5
+
+
+def test_damaged_settings_do_no_harm(app: AppTest, home: Path) -> None:
+    app.button(key="plan_start").click().run()
+    project = Project.open(home, app.session_state["project_id"])
+    project.keep_settings({
+        "plan_bar_m": "x", "plan_stated_pose": {"R": 1, "T": 2}, "plan_compared": ["{", 7],
+        "plan_primary_camera": "none", "plan_frames": 2.5, "plan_toe_in_deg": 1e9,
+        "plan_near_m": [1], "plan_forecast": {"methods": 3},
+    })  # fmt: skip
+    app.switch_page("pages/plan.py").run()
+    assert not app.error and "Limited by" in messages(app)
+
+
 def test_a_stated_pose_is_kept_until_it_is_replaced(app: AppTest) -> None:
     one = plan(stated_pose=FIELD.pose)
     open_plan(app, {"plan.json": write_plan(one)})
@@ -143,6 +194,16 @@ def test_a_project_from_a_plan(app: AppTest, home: Path) -> None:
     app.switch_page("pages/plan.py").run()
     assert app.select_slider(key="plan_near_m").value == 9.0
     assert not app.error, messages(app)
+
+
+def test_the_forecast_stands_beside_what_came_out(home: Path) -> None:
+    project = placed(FULL, home)
+    found = forecast(FIELD, rigs=16)
+    project.keep_settings({"plan_forecast": found.to_json()})
+    app = go(session(project), "calibrate")
+    said = told(app, "caption")
+    assert "The plan expected these median length errors: 2D" in said
+    assert percent(found.estimate("refined", "median_error_3d").value) in said
 
 
 def test_what_is_no_forecast_shows_no_line() -> None:

@@ -20,6 +20,7 @@ from stereocal.formats.dataset_files import parse_dataset, parse_zip, read_datas
 from stereocal.formats.exchange.exchange import export_files, import_files
 from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.pixel_origin import PixelOrigin
+from stereocal.formats.plan_file import parse_plan, write_plan
 from stereocal.formats.point_answers import (
     BarAnswers,
     answered,
@@ -41,6 +42,8 @@ from stereocal.system.limits import Limits
 from stereocal.system.photograph import read_photograph
 from stereocal.system.photograph_files import unpack_photographs
 from stereocal.ui.picker import pick_of
+from tests.field.plans import FIELD as FIELD_PLAN
+from tests.field.plans import contents, plan
 from tests.formats.test_exchange import RICHEST
 from tests.hostile_projects import FILES, dataset_zip, project_zip, read_inner, read_project_zip
 from tests.known_rig import PRIMARY, SECONDARY
@@ -108,8 +111,18 @@ def _descriptions() -> list[Reader]:
             lambda content, _: parse_dataset({**seeds.field(), "dataset.json": content}, "a.zip"),
             ("dataset_files",),
         ),
+        Reader(
+            "JSON", "json", "plan", _plans,
+            lambda content, _: parse_plan(content, "plan.json", lambda _: ours[0]), ("plan_file",),
+        ),
         *(_exchange(name, file) for name in RICHEST for file in export_files(RICHEST[name], name)),
     ]  # fmt: skip
+
+
+def _plans() -> list[bytes]:
+    named = {"primary": "a.json", "secondary": contents()["cameras"]["secondary"]}
+    known = plan(stated_primary=PRIMARY, stated_pose=FIELD_PLAN.pose)
+    return [write_plan(FIELD_PLAN), write_plan(known), json.dumps(contents(cameras=named)).encode()]
 
 
 def _exchange(name: str, file: str) -> Reader:
