@@ -69,7 +69,7 @@ def test_an_unmoved_rig_is_the_same_where_it_can_be_told(case: Case) -> None:
 
 
 def test_false_alarms_and_power_agree_with_the_bound() -> None:
-    """4,000 and 2,000 trials are in docs/check.md."""
+    """1,500 and 2,000 trials are in docs/check.md."""
     alarms, found, expected = 0, 0, 0.0
     for case in cases(40, 42):
         alarms += recheck(case.prior, new_bars(case, case.truth)).changed
