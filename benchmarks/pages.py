@@ -30,7 +30,7 @@ from tests.browser.work import finished_project
 from tests.pages.conftest import run_by_the_app
 
 ROOT = Path(__file__).parents[1]
-PAGES = ("start", "data", "calibrate", "validate", "one_set", "apply", "check", "cameras")
+PAGES = ("start", "plan", "data", "calibrate", "validate", "one_set", "apply", "check", "cameras")
 LONGEST_S = 600
 DRAWN = """() => document.querySelector('[data-test-script-state=notRunning]')
     && ![...document.querySelectorAll('[data-testid=stPlotlyChart]')]
