@@ -18,6 +18,7 @@ WIDTH, LEAST_HEIGHT, MOST_HEIGHT = 860, 140, 420
 LEAST_STEP = 0.12
 """Least distance of two ticks of the scale over its length: numbers nearer than that touch on a
 narrow page."""
+FEWEST_TICKS = 3
 TOP, TITLE, GAP, FOOT = 112, 26, 72, 62
 Quantity = Literal["distance", "point"]
 TITLES: dict[Quantity, str] = {
@@ -41,9 +42,7 @@ def plot_accuracy(
     if not np.isfinite(_values(maps, quantity)).any():
         return sentence_only(NO_VIEW)
     low, high = np.nanpercentile(np.log10(_values(maps, quantity)), [1, 99])
-    ticks = np.unique([float(f"{10**at:.1g}") for at in np.linspace(low, high, 6)])
-    apart = np.diff(np.log10(ticks), prepend=-np.inf) > LEAST_STEP * (high - low)
-    ticks = ticks[apart]
+    ticks = _ticks(float(low), float(high))
     bounds = [_bounds(found, result) for found in maps]
     near, far = (f(b[1, end] for b in bounds) for f, end in ((min, 0), (max, 1)))
     heights = [
@@ -60,16 +59,29 @@ def plot_accuracy(
                          "y": 1 + (TITLE + 6) / inside, "yanchor": "bottom", "thickness": 14,
                          "tickvals": np.log10(ticks), "ticktext": [f"{t:g}" for t in ticks]},
         },
-        "annotations": [_title(found, at) for at, found in enumerate(maps)],
+        "annotations": [*(_title(found, at) for at, found in enumerate(maps)), _depth(len(maps))],
     }  # fmt: skip
     traces: list[dict[str, Any]] = []
     top = 1.0
     for at, (found, height) in enumerate(zip(maps, heights, strict=True)):
         domain = [max(top - height / inside, 0.0), top]
         top = domain[0] - GAP / inside
-        layout |= _axes(at, found, bounds[at][0], (near, far), domain, at == len(maps) - 1)
+        layout |= _axes(at, found, bounds[at][0], (near, far), domain)
         traces += _traces(at, found, result, quantity)
     return go.Figure(data=traces, layout=layout)
+
+
+def _ticks(low: float, high: float) -> FloatArray:
+    """Round values from 10**low to 10**high, far enough apart for their numbers."""
+    ticks = np.empty(0)
+    for digits in (1, 2, 3):
+        ticks = np.unique([float(f"{10**at:.{digits}g}") for at in np.linspace(low, high, 6)])
+        at = np.log10(ticks)
+        ticks = ticks[(at >= low - 1e-9) & (at <= high + 1e-9)]
+        ticks = ticks[np.diff(np.log10(ticks), prepend=-np.inf) > LEAST_STEP * (high - low)]
+        if len(ticks) >= FEWEST_TICKS:
+            break
+    return np.asarray(ticks)
 
 
 def _bounds(found: AccuracyMap, result: RefinedResult) -> FloatArray:
@@ -91,7 +103,6 @@ def _axes(
     across: FloatArray,
     depth: tuple[float, float],
     domain: list[float],
-    labelled: bool,
 ) -> dict[str, Any]:
     """Equal axes; what is to the right, or down, is drawn downwards."""
     number, title = str(at + 1) if at else "", AXIS["title"]
@@ -99,7 +110,6 @@ def _axes(
         f"xaxis{number}": {
             **AXIS, "anchor": f"y{number}", "range": list(depth), "showgrid": False,
             "constrain": "domain",
-            "title": {**title, "text": "Ahead of the primary camera (m)" if labelled else None},
         },
         f"yaxis{number}": {
             **AXIS, "anchor": f"x{number}", "range": [across[1], across[0]], "domain": domain,
@@ -125,6 +135,18 @@ def _title(found: AccuracyMap, at: int) -> dict[str, Any]:
         "text": text, "xref": f"x{number} domain", "yref": f"y{number} domain", "x": 0, "y": 1,
         "xanchor": "left", "yanchor": "bottom", "yshift": 4, "showarrow": False,
         "font": {"size": 13},
+    }  # fmt: skip
+
+
+def _depth(maps: int) -> dict[str, Any]:
+    """The title of the depth, below the last map; Plotly puts that of an axis with a constrained
+    domain into the map.
+    """
+    number = str(maps) if maps > 1 else ""
+    return {
+        "text": "Ahead of the primary camera (m)", "xref": f"x{number} domain",
+        "yref": f"y{number} domain", "x": 0.5, "y": 0, "xanchor": "center", "yanchor": "top",
+        "yshift": -30, "showarrow": False, "font": AXIS["title"]["font"],
     }  # fmt: skip
 
 

@@ -204,10 +204,16 @@ def show_comparison(
     with st.container(horizontal=True, vertical_alignment="bottom"):
         st.text_input("Name of this plan", max_chars=LONGEST_NAME, **_name(project).widget())
         st.button(
-            "Keep it to compare", key="plan_keep", on_click=callback(kept.set),
-            args=([*texts, own],), disabled=len(texts) >= MOST_PLANS - 1 or own in texts,
+            "Keep it to compare", key="plan_keep", on_click=callback(_keep),
+            args=(project, [*texts, own]), disabled=len(texts) >= MOST_PLANS - 1 or own in texts,
             help="Then change the plan: up to three stand side by side.",
         )  # fmt: skip
+
+
+def _keep(project: Project | None, kept: list[str]) -> None:
+    """Keep a plan; the one that is changed next gets a name of its own."""
+    _compared(project).set(kept)
+    _name(project).set(f"Plan {len(kept) + 1}")
 
 
 def _swap(project: Project | None, plan: Plan, kept: list[str]) -> None:
