@@ -90,7 +90,7 @@ class PlanForecast:
     @property
     def failed(self) -> int:
         """Drawn rigs whose recording could not be calibrated."""
-        return int(np.isnan(self.rigs.position_m).sum())
+        return self.rigs.failed
 
     def to_json(self) -> dict[str, Any]:
         """The content of `forecast.json`; errors are fractions, missing values null."""
@@ -110,7 +110,7 @@ class PlanForecast:
                 {"depth_m": z, "mean_length_error": error, "position_error_m": away}
                 for z, error, away in zip(*map(_plain, (depths, length, position)), strict=True)
             ],
-            "rigs": len(self.rigs.position_m),
+            "rigs": self.rigs.count,
             "rigs_failed": self.failed,
             "seed": self.seed,
         }
@@ -157,7 +157,7 @@ def forecast(
         np.concatenate([own.figures for own in found]),
         np.concatenate([own.position_m for own in found]),
     )
-    if np.isnan(whole.position_m).mean() > MOST_FAILED:
+    if whole.failed > MOST_FAILED * whole.count:
         raise StereocalError(
             "Most recordings simulated from this plan cannot be calibrated: plan more frames, a "
             "larger common view, or less noise."

@@ -55,7 +55,7 @@ def plan_report(found: PlanForecast) -> str:
 
 def how_computed(found: PlanForecast) -> str:
     """What was drawn and simulated, in words."""
-    own, rigs = found.plan.uncertainty, len(found.rigs.position_m)
+    own, rigs = found.plan.uncertainty, found.rigs.count
     failed = f" {found.failed} of them could not be calibrated." if found.failed else ""
     return (
         f"{rigs} rigs were drawn, whose focal lengths, principal points, baseline and bar differ "

@@ -131,7 +131,7 @@ def show_answer(found: PlanForecast) -> None:
     st.success(f"**{escape_markdown(answer(found))}**")
     if found.failed:
         st.warning(
-            f"{found.failed} of {len(found.rigs.position_m)} simulated recordings could not be "
+            f"{found.failed} of {found.rigs.count} simulated recordings could not be "
             "calibrated: plan more frames, or a larger common view."
         )
     st.markdown("**What would help most**")
