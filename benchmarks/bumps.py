@@ -293,13 +293,13 @@ def print_baseline(trials: int) -> None:
 
 
 STUDIES: dict[str, tuple[Callable[[int], None], int]] = {
-    "unmoved": (print_unmoved, 2000),
-    "turns": (print_turns, 1000),
-    "baseline": (print_baseline, 1000),
-    "repaired": (print_repaired, 500),
-    "points": (print_points, 500),
-    "focus": (print_focus, 200),
-    "since": (print_since, 200),
+    "unmoved": (print_unmoved, 1500),
+    "turns": (print_turns, 2000),
+    "baseline": (print_baseline, 2000),
+    "repaired": (print_repaired, 1000),
+    "points": (print_points, 1000),
+    "focus": (print_focus, 150),
+    "since": (print_since, 150),
 }
 
 

@@ -202,7 +202,7 @@ def _limits(check: Recheck) -> str:
 
 def _same(check: Recheck) -> str:
     if check.negligible:
-        return f"Same: a movement is seen, but smaller than matters: {_limits(check)}."
+        return f"Same: a change is seen, but smaller than matters: {_limits(check)}."
     power = check.power
     whole = power.turn if power.baseline is None else min(power.turn, power.baseline)
     chance = f"{100 * whole:.0f} %" if whole < CERTAIN else f"more than {100 * CERTAIN:.0f} %"
@@ -214,7 +214,7 @@ def _same(check: Recheck) -> str:
 
 def _cannot_tell(check: Recheck) -> str:
     power, images = check.power, check.images
-    sizes = f"a turn of {_degrees(power.detectable_turn_rad)}° or more"
+    sizes = f"a turn of one camera by {_degrees(power.detectable_turn_rad)}° or more"
     asked = f"{_degrees(check.smallest.turn_rad)}°"
     if power.detectable_baseline is not None:
         percent = digits(100 * power.detectable_baseline, 2)
@@ -228,7 +228,7 @@ def _cannot_tell(check: Recheck) -> str:
 
 
 def _smallest(check: Recheck) -> str:
-    turn = f"a turn by {_degrees(check.smallest.turn_rad)}°"
+    turn = f"a turn of one camera by {_degrees(check.smallest.turn_rad)}°"
     if check.power.baseline is None:
         return turn
     return f"{turn} or a change of the baseline by {100 * check.smallest.baseline:.2g} %"

@@ -101,12 +101,21 @@ class Recheck:
 
     @cached_property
     def negligible(self) -> bool:
-        """Whether a movement is seen, and is surely smaller than matters."""
-        if not self.seen or self.refocused or self.ambiguous:
+        """Whether a change is seen, and is surely smaller than matters.
+
+        A focal length matters as much as the baseline: both are factors of lengths.
+        """
+        if not self.seen or not self.turn[0].high < self.smallest.turn_rad:
             return False
-        change = self.baseline_change
-        reach = 0.0 if change is None else max(abs(change.low), abs(change.high))
-        return self.turn[0].high < self.smallest.turn_rad and reach < self.smallest.baseline
+        changes = [] if self.baseline_change is None else [self.baseline_change]
+        if self.refocused or self.ambiguous:
+            sigmas = np.sqrt(np.diag(self.both.change_covariance))[-2:]
+            changes += [
+                Estimate(d, d - self._quantile * sigma, d + self._quantile * sigma)
+                for d, sigma in zip(self.both.d[-2:].tolist(), sigmas.tolist(), strict=True)
+            ]
+        largest = max((max(abs(each.low), abs(each.high)) for each in changes), default=0.0)
+        return largest < self.smallest.baseline
 
     @property
     def changed(self) -> bool:

@@ -60,7 +60,7 @@ def test_an_unmoved_rig_is_the_same_where_it_can_be_told(case: Case) -> None:
     assert found.verdict == "same"
     assert not found.changed
     assert found.turn[0].low == 0
-    assert sentence(found).startswith("Same: no movement is seen; a turn by 1° or a change of")
+    assert sentence(found).startswith("Same: no movement is seen; a turn of one camera by 1° or")
     strict = recheck(case.prior, images)
     assert strict.verdict == "cannot tell"
     assert strict.power.baseline is not None
@@ -69,7 +69,7 @@ def test_an_unmoved_rig_is_the_same_where_it_can_be_told(case: Case) -> None:
 
 
 def test_false_alarms_and_power_agree_with_the_bound() -> None:
-    """4,000 and 2,000 trials are in docs/check.md."""
+    """1,500 and 2,000 trials are in docs/check.md."""
     alarms, found, expected = 0, 0, 0.0
     for case in cases(40, 42):
         alarms += recheck(case.prior, new_bars(case, case.truth)).changed
@@ -97,6 +97,14 @@ def test_a_turn_is_found_with_its_size_and_the_pose_repaired(case: Case, degrees
     C = true_fit(case, images).covariance
     assert angle_between(found.repaired, rig) < 4 * np.sqrt(np.trace(C[:3, :3]))
     assert angle_between(found.repaired, rig) < 0.5 * angle_between(case.truth, rig)
+
+
+def test_a_movement_smaller_than_matters_is_no_reason_to_calibrate_again(case: Case) -> None:
+    images = new_bars(case, bumped(case, np.radians(0.5)))
+    assert recheck(case.prior, images).verdict == "moved"
+    found = recheck(case.prior, images, Smallest(float(np.radians(5.0)), 0.2))
+    assert (found.verdict, found.seen, found.changed) == ("same", True, False)
+    assert sentence(found).startswith("Same: a change is seen, but smaller than matters: by a turn")
 
 
 def test_a_longer_baseline_is_found(case: Case) -> None:

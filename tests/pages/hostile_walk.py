@@ -69,6 +69,7 @@ DOORS = (
     Door("check", "upload_check_parameters", "parameters", "p.json"),
     Door("check", "upload_check_images", "data set, zip", "new.zip"),
     Door("check", "upload_check_images", "correspondences.csv", "new.csv"),
+    Door("check", "upload_check_images", "Parquet", "pairs.parquet"),
     Door("start", "upload_project", "project, zip", "p.zip"),
 )
 

@@ -34,7 +34,7 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def deadly(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Every decoder crashes in the child that tries it."""
     guard = Guard(ALL_ABORT)
-    for module in ("intake", "apply", "projects"):
+    for module in ("intake", "apply", "check", "projects"):
         monkeypatch.setattr(f"stereocal.ui.{module}.server_guard", lambda: guard)
     yield
     guard.close()
