@@ -1,4 +1,4 @@
-"""Does a check of new images tell the truth? Simulated studies of `stereocal.field.recheck`.
+"""Does a check of new images tell the truth? Simulated studies of `field.checking.recheck`.
 
     nice python -m benchmarks.bumps [STUDY ...] [--trials N]
 
@@ -24,8 +24,8 @@ import numpy as np
 from scipy.stats import beta
 
 from benchmarks.refined_rigs import BAR_M, DEPTHS_M, FRAMES, Misjudged, random_scene, stated
-from stereocal.field.findings import FOCAL_LEVEL
-from stereocal.field.fits import (
+from stereocal.field.checking.findings import FOCAL_LEVEL
+from stereocal.field.checking.fits import (
     Fit,
     pose_change,
     pose_difference,
@@ -33,10 +33,10 @@ from stereocal.field.fits import (
     rotation_vector,
     turned,
 )
-from stereocal.field.new_images import NewImages, images_of_bars, images_of_matches
-from stereocal.field.power import ENOUGH, information_of, power_of
-from stereocal.field.prior import Prior, prior_of
-from stereocal.field.recheck import recheck
+from stereocal.field.checking.new_images import NewImages, images_of_bars, images_of_matches
+from stereocal.field.checking.power import ENOUGH, information_of, power_of
+from stereocal.field.checking.prior import Prior, prior_of
+from stereocal.field.checking.recheck import recheck
 from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import refine
 from stereocal.rig.camera import CAMERAS

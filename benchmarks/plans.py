@@ -26,9 +26,9 @@ import numpy as np
 from stereocal.calibration.methods import CalibrationSettings, Method
 from stereocal.errors import StereocalError
 from stereocal.evaluation.evaluate import count_set
-from stereocal.field.drawn_rigs import FILES
-from stereocal.field.forecast import PlanForecast, forecast
-from stereocal.field.plan import AimedPose, Plan, SensorLens, Uncertainty
+from stereocal.field.planning.drawn_rigs import FILES
+from stereocal.field.planning.forecast import PlanForecast, forecast
+from stereocal.field.planning.plan import AimedPose, Plan, SensorLens, Uncertainty
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.refined.refine import refine
 from stereocal.refined.screening import screen

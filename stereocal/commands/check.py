@@ -13,12 +13,12 @@ import numpy as np
 from stereocal.commands.calibrate import FILES
 from stereocal.commands.options import add_lens_model, with_sigmas
 from stereocal.errors import StereocalError
-from stereocal.field.check_words import notes, sentence, to_json
-from stereocal.field.new_images import NewImages, images_of_bars
-from stereocal.field.power import Smallest
-from stereocal.field.prior import Prior, prior_of
-from stereocal.field.recheck import recheck
-from stereocal.field.repair import REPAIRED, repaired_parameters
+from stereocal.field.checking.check_words import notes, sentence, to_json
+from stereocal.field.checking.new_images import NewImages, images_of_bars
+from stereocal.field.checking.power import Smallest
+from stereocal.field.checking.prior import Prior, prior_of
+from stereocal.field.checking.recheck import recheck
+from stereocal.field.checking.repair import REPAIRED, repaired_parameters
 from stereocal.projects.archive import read_input
 from stereocal.projects.check import images_in_table
 from stereocal.projects.data_folder import SUFFIX

@@ -9,9 +9,9 @@ from pathlib import Path
 from stereocal.commands.options import add_workers, workers_from
 from stereocal.commands.progress import ProgressBar
 from stereocal.errors import StereocalError
-from stereocal.field.drawn_rigs import draw_rigs
-from stereocal.field.forecast import FEWEST_RIGS, MOST_RIGS, forecast
-from stereocal.field.in_words import answer
+from stereocal.field.planning.drawn_rigs import draw_rigs
+from stereocal.field.planning.forecast import FEWEST_RIGS, MOST_RIGS, forecast
+from stereocal.field.planning.in_words import answer
 from stereocal.figures.plan_report import plan_report
 from stereocal.formats.lens_model import LENS_MODELS
 from stereocal.formats.plan_file import read_plan

@@ -7,10 +7,10 @@ from pathlib import Path
 
 from stereocal.commands.options import add_lens_model
 from stereocal.errors import StereocalError
-from stereocal.field.paper import PAPERS, Sheet, paper_named
-from stereocal.field.print_board import print_board
-from stereocal.field.print_target import GOOD_PX, print_targets, target_size
-from stereocal.field.sheet import field_sheet
+from stereocal.field.printing.paper import PAPERS, Sheet, paper_named
+from stereocal.field.printing.print_board import print_board
+from stereocal.field.printing.print_target import GOOD_PX, print_targets, target_size
+from stereocal.field.printing.sheet import field_sheet
 from stereocal.formats.camera_file import read_camera
 from stereocal.formats.plan_file import read_plan
 from stereocal.intrinsics.board_pattern import BoardPattern

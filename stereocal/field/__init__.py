@@ -1,1 +1,1 @@
-"""Before and after the field day: a plan of a rig, and what it will measure."""
+"""Before and after the field day: plan, print, check."""

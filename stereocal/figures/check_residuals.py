@@ -6,8 +6,8 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from stereocal.field.residuals import Errors, Residuals
-from stereocal.field.since import Since
+from stereocal.field.checking.residuals import Errors, Residuals
+from stereocal.field.checking.since import Since
 from stereocal.figures.style import CORRECT_COLOUR, NEUTRAL, WRONG_COLOUR, count, finish
 from stereocal.rig.compiled import FloatArray
 

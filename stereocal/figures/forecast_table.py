@@ -6,8 +6,8 @@ import pandas as pd
 
 from stereocal.calibration.methods import METHOD_NAMES
 from stereocal.evaluation.summary import Estimate
-from stereocal.field.drawn_rigs import FILES
-from stereocal.field.forecast import PlanForecast
+from stereocal.field.planning.drawn_rigs import FILES
+from stereocal.field.planning.forecast import PlanForecast
 from stereocal.verdict.in_words import digits, interval, percent
 from stereocal.verdict.predictive import Predictive
 

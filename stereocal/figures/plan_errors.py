@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import plotly.graph_objects as go
 
-from stereocal.field.forecast import PlanForecast
+from stereocal.field.planning.forecast import PlanForecast
 from stereocal.figures.accuracy import Quantity, describe_accuracy, plot_accuracy
 from stereocal.figures.style import NEUTRAL, finish, sentence_only
 from stereocal.refined.uncertainty import AccuracyMap

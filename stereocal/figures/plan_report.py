@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 
 import stereocal
-from stereocal.field.forecast import PlanForecast
-from stereocal.field.in_words import answer
-from stereocal.field.plan import AimedPose, Plan
+from stereocal.field.planning.forecast import PlanForecast
+from stereocal.field.planning.in_words import answer
+from stereocal.field.planning.plan import AimedPose, Plan
 from stereocal.figures.forecast_table import plan_table
 from stereocal.figures.html import html_page, html_plot, html_section, html_table, paragraphs
 from stereocal.figures.plan_errors import (

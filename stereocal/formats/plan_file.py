@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.field.plan import AimedPose, Plan, SensorLens, Uncertainty
+from stereocal.field.planning.plan import AimedPose, Plan, SensorLens, Uncertainty
 from stereocal.formats.camera_file import CAMERA_FORMAT, read_camera, write_camera
 from stereocal.formats.lens_model import LensModel
 from stereocal.rig.camera import CAMERAS, Camera

@@ -6,7 +6,7 @@ import tempfile
 from pathlib import Path
 
 from stereocal.errors import StereocalError
-from stereocal.field.new_images import NewImages, images_of_bars, images_of_pairs
+from stereocal.field.checking.new_images import NewImages, images_of_bars, images_of_pairs
 from stereocal.formats.correspondences_csv import read_table
 from stereocal.formats.dataset_files import parse_zip
 from stereocal.matching.parquet import PARQUET

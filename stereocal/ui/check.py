@@ -11,13 +11,13 @@ import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
 from stereocal.calibration.methods import Method
-from stereocal.field.check_words import notes, sentence
-from stereocal.field.findings import Recheck
-from stereocal.field.power import Smallest
-from stereocal.field.prior import prior_of
-from stereocal.field.recheck import recheck
-from stereocal.field.repair import REPAIRED, repaired_parameters
-from stereocal.field.residuals import Residuals, residuals_of
+from stereocal.field.checking.check_words import notes, sentence
+from stereocal.field.checking.findings import Recheck
+from stereocal.field.checking.power import Smallest
+from stereocal.field.checking.prior import prior_of
+from stereocal.field.checking.recheck import recheck
+from stereocal.field.checking.repair import REPAIRED, repaired_parameters
+from stereocal.field.checking.residuals import Residuals, residuals_of
 from stereocal.figures import describe_check, plot_check
 from stereocal.matching.application import PAIRS
 from stereocal.projects.application import ProjectApplication, parameters_in

@@ -12,9 +12,9 @@ from typing import Any
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.field.forecast import PlanForecast, forecast
-from stereocal.field.in_words import answer, points_per_frame
-from stereocal.field.plan import Plan
+from stereocal.field.planning.forecast import PlanForecast, forecast
+from stereocal.field.planning.in_words import answer, points_per_frame
+from stereocal.field.planning.plan import Plan
 from stereocal.figures import (
     describe_plan_baselines,
     describe_plan_depths,

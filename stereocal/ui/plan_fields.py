@@ -10,8 +10,8 @@ import numpy as np
 import streamlit as st
 
 from stereocal.errors import DAMAGED, StereocalError
-from stereocal.field.common_cameras import COMMON
-from stereocal.field.plan import (
+from stereocal.field.planning.common_cameras import COMMON
+from stereocal.field.planning.plan import (
     LARGEST_MM,
     SMALLEST_MM,
     AimedPose,

@@ -7,7 +7,7 @@ from typing import Any
 import streamlit as st
 
 from stereocal.errors import DAMAGED
-from stereocal.field.forecast import PlanForecast
+from stereocal.field.planning.forecast import PlanForecast
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.plan_file import write_plan
 from stereocal.projects.data_folder import default_home

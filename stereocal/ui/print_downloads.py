@@ -7,18 +7,18 @@ from collections.abc import Callable
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.field.bar_places import bar_places
-from stereocal.field.paper import PAPERS, Sheet, paper_named
-from stereocal.field.plan import Plan
-from stereocal.field.print_board import fitted, print_board
-from stereocal.field.print_target import (
+from stereocal.field.planning.plan import Plan
+from stereocal.field.printing.bar_places import bar_places
+from stereocal.field.printing.paper import PAPERS, Sheet, paper_named
+from stereocal.field.printing.print_board import fitted, print_board
+from stereocal.field.printing.print_target import (
     DETECTED_PX,
     GOOD_PX,
     describe_target,
     planned_target,
     print_targets,
 )
-from stereocal.field.sheet import field_sheet
+from stereocal.field.printing.sheet import field_sheet
 from stereocal.intrinsics.board_pattern import BoardPattern
 from stereocal.projects.project import Project
 from stereocal.ui.downloads import on_demand

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page
 
-from stereocal.field.paper import PAPERS
-from stereocal.field.print_board import print_board
+from stereocal.field.printing.paper import PAPERS
+from stereocal.field.printing.print_board import print_board
 from stereocal.intrinsics.board_pattern import BoardPattern
 from tests.browser.conftest import choose
 

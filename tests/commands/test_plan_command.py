@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from stereocal.cli import main
-from stereocal.field.forecast import forecast
+from stereocal.field.planning.forecast import forecast
 from stereocal.formats.plan_file import read_plan
 from tests.field.plans import contents
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from stereocal.cli import main
-from stereocal.field.paper import PAPERS
-from stereocal.field.sheet import field_sheet
+from stereocal.field.printing.paper import PAPERS
+from stereocal.field.printing.sheet import field_sheet
 from stereocal.formats.plan_file import write_plan
 from tests.field.plans import plan
 

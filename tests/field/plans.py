@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from stereocal.field.plan import AimedPose, Plan, SensorLens
+from stereocal.field.planning.plan import AimedPose, Plan, SensorLens
 
 LENS = SensorLens(50.0, (16.352, 12.096), (2336, 1728))
 FIELD = Plan("field", LENS, LENS, AimedPose(4.5, 10.0, 0.2), 8.0, 25.0, 0.9)

@@ -12,14 +12,14 @@ import pytest
 
 from benchmarks.plans import observed
 from stereocal.errors import StereocalError
-from stereocal.field.advice import LIMITS, advise, with_baseline
-from stereocal.field.bars import place_planned_bars
-from stereocal.field.common_view import sees
-from stereocal.field.drawn_rigs import FILES, draw_rigs, standard_errors
-from stereocal.field.expected import expect
-from stereocal.field.forecast import PlanForecast, forecast
-from stereocal.field.in_words import answer
-from stereocal.field.plan import AimedPose, Plan, Uncertainty
+from stereocal.field.planning.advice import LIMITS, advise, with_baseline
+from stereocal.field.planning.bars import place_planned_bars
+from stereocal.field.planning.common_view import sees
+from stereocal.field.planning.drawn_rigs import FILES, draw_rigs, standard_errors
+from stereocal.field.planning.expected import expect
+from stereocal.field.planning.forecast import PlanForecast, forecast
+from stereocal.field.planning.in_words import answer
+from stereocal.field.planning.plan import AimedPose, Plan, Uncertainty
 from stereocal.rig.geometry import triangulate
 from tests import known_rig
 from tests.field.plans import FIELD, plan

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from stereocal.errors import StereocalError
-from stereocal.field.plan import AimedPose, SensorLens
+from stereocal.field.planning.plan import AimedPose, SensorLens
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.plan_file import parse_plan, read_plan, write_plan
 from stereocal.rig.geometry import Pose, triangulate

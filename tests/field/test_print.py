@@ -12,9 +12,14 @@ import pytest
 
 from stereocal.detection.detect import detect_targets
 from stereocal.errors import StereocalError
-from stereocal.field.paper import PAPERS, Paper, Sheet, paper_named
-from stereocal.field.print_board import fitted, largest_square, print_board
-from stereocal.field.print_target import largest_side, planned_target, print_targets, target_size
+from stereocal.field.printing.paper import PAPERS, Paper, Sheet, paper_named
+from stereocal.field.printing.print_board import fitted, largest_square, print_board
+from stereocal.field.printing.print_target import (
+    largest_side,
+    planned_target,
+    print_targets,
+    target_size,
+)
 from stereocal.intrinsics.board_pattern import BoardPattern
 from stereocal.intrinsics.boards import BoardView, find_board
 from stereocal.rig.compiled import FloatArray

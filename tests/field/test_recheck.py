@@ -24,19 +24,19 @@ from benchmarks.bumps import (
 )
 from benchmarks.refined_rigs import BAR_M, DEPTHS_M
 from stereocal.errors import StereocalError
-from stereocal.field.check_words import notes, sentence, to_json
-from stereocal.field.fits import (
+from stereocal.field.checking.check_words import notes, sentence, to_json
+from stereocal.field.checking.fits import (
     pose_of,
     rotation_of,
     rotation_vector,
     turned,
 )
-from stereocal.field.new_images import images_of_bars, images_of_matches
-from stereocal.field.power import Smallest
-from stereocal.field.prior import prior_of
-from stereocal.field.recheck import recheck
-from stereocal.field.repair import repaired_parameters
-from stereocal.field.residuals import residuals_of
+from stereocal.field.checking.new_images import images_of_bars, images_of_matches
+from stereocal.field.checking.power import Smallest
+from stereocal.field.checking.prior import prior_of
+from stereocal.field.checking.recheck import recheck
+from stereocal.field.checking.repair import repaired_parameters
+from stereocal.field.checking.residuals import residuals_of
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig

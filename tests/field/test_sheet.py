@@ -10,12 +10,12 @@ import pypdfium2
 import pytest
 
 from stereocal.errors import StereocalError
-from stereocal.field.bar_places import DIRECTIONS, bar_places, ground_from_primary
-from stereocal.field.bars import margin_px
-from stereocal.field.common_view import sees
-from stereocal.field.paper import PAPERS
-from stereocal.field.plan import AimedPose, Plan, SensorLens
-from stereocal.field.sheet import field_sheet
+from stereocal.field.planning.bars import margin_px
+from stereocal.field.planning.common_view import sees
+from stereocal.field.planning.plan import AimedPose, Plan, SensorLens
+from stereocal.field.printing.bar_places import DIRECTIONS, bar_places, ground_from_primary
+from stereocal.field.printing.paper import PAPERS
+from stereocal.field.printing.sheet import field_sheet
 from stereocal.rig.geometry import Pose
 from stereocal.simulation.rendering import turned
 from tests.field.plans import plan

@@ -14,8 +14,8 @@ from stereocal import figures
 from stereocal.calibration.methods import METHODS, CalibrationSettings, Method
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
 from stereocal.evaluation.summary import summarise_all
-from stereocal.field.forecast import forecast
-from stereocal.field.residuals import Errors, Residuals
+from stereocal.field.checking.residuals import Errors, Residuals
+from stereocal.field.planning.forecast import forecast
 from stereocal.figures.frame_view import telling_frame, views_of
 from stereocal.figures.story import read_story
 from stereocal.formats.dataset_files import read_dataset

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from streamlit.testing.v1 import AppTest
 
-from stereocal.field.forecast import forecast
+from stereocal.field.planning.forecast import forecast
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.plan_file import parse_plan, write_plan
 from stereocal.projects.project import Project

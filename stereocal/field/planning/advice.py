@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.field.expected import ExpectedFit, expect
-from stereocal.field.plan import LARGEST_TOE_IN_DEG, AimedPose, Plan
+from stereocal.field.planning.expected import ExpectedFit, expect
+from stereocal.field.planning.plan import LARGEST_TOE_IN_DEG, AimedPose, Plan
 from stereocal.refined.uncertainty import point_covariances
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose

@@ -27,9 +27,9 @@ from stereocal.evaluation.compiled_run import (
 )
 from stereocal.evaluation.evaluate import paper_angles
 from stereocal.evaluation.summary import crossing, merge_bins, overlap
-from stereocal.field.bars import place_planned_bars
-from stereocal.field.expected import planned_dataset, refine_settings
-from stereocal.field.plan import Plan
+from stereocal.field.planning.bars import place_planned_bars
+from stereocal.field.planning.expected import planned_dataset, refine_settings
+from stereocal.field.planning.plan import Plan
 from stereocal.refined.bar_fit import BAR, BASELINE, PRIMARY, SECONDARY
 from stereocal.refined.refine import refine
 from stereocal.refined.solve import lenses_of_cameras

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.special import fdtrc, stdtrit
 
 from stereocal.evaluation.summary import Estimate
-from stereocal.field.fits import (
+from stereocal.field.checking.fits import (
     NOTHING,
     Change,
     Fit,
@@ -22,11 +22,11 @@ from stereocal.field.fits import (
     rotation_vector,
     turn_in_place,
 )
-from stereocal.field.new_images import NewImages
-from stereocal.field.noise import Noise
-from stereocal.field.power import Power, Smallest
-from stereocal.field.prior import Prior
-from stereocal.field.since import Since
+from stereocal.field.checking.new_images import NewImages
+from stereocal.field.checking.noise import Noise
+from stereocal.field.checking.power import Power, Smallest
+from stereocal.field.checking.prior import Prior
+from stereocal.field.checking.since import Since
 from stereocal.refined.bar_fit import BASELINE
 from stereocal.refined.unknowns import camera_of
 from stereocal.rig.camera import CAMERAS, CameraName

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stereocal.field.fits import NOTHING, Change, Fit
-from stereocal.field.new_images import NewImages
-from stereocal.field.prior import Prior
+from stereocal.field.checking.fits import NOTHING, Change, Fit
+from stereocal.field.checking.new_images import NewImages
+from stereocal.field.checking.prior import Prior
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 
 ROUNDS = 3

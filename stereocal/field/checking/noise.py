@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import fdtrc
 
-from stereocal.field.fits import Change, Fit
-from stereocal.field.new_images import NewImages
-from stereocal.field.prior import Prior
+from stereocal.field.checking.fits import Change, Fit
+from stereocal.field.checking.new_images import NewImages
+from stereocal.field.checking.prior import Prior
 from stereocal.refined.refine import robust_start
 from stereocal.rig.compiled import BoolArray, IntArray
 

@@ -19,10 +19,10 @@ import numpy as np
 from stereocal.calibration.methods import Method
 from stereocal.errors import StereocalError
 from stereocal.evaluation.summary import Estimate
-from stereocal.field.advice import Advice, advise
-from stereocal.field.drawn_rigs import FIGURES, FILES, DrawnRigs, draw_rigs
-from stereocal.field.expected import ExpectedFit, expect
-from stereocal.field.plan import Plan
+from stereocal.field.planning.advice import Advice, advise
+from stereocal.field.planning.drawn_rigs import FIGURES, FILES, DrawnRigs, draw_rigs
+from stereocal.field.planning.expected import ExpectedFit, expect
+from stereocal.field.planning.plan import Plan
 from stereocal.rig.compiled import FloatArray
 from stereocal.system.tasks import Progress, Task, run_tasks
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.field.bars import margin_px
-from stereocal.field.common_view import common_points, sees
-from stereocal.field.plan import AimedPose, Plan
+from stereocal.field.planning.bars import margin_px
+from stereocal.field.planning.common_view import common_points, sees
+from stereocal.field.planning.plan import AimedPose, Plan
 from stereocal.rig.compiled import BoolArray, FloatArray
 from stereocal.rig.geometry import Pose
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from stereocal.field.bar_places import ground_from_primary
-from stereocal.field.plan import Plan
-from stereocal.field.print_target import planned_target
+from stereocal.field.planning.plan import Plan
+from stereocal.field.printing.bar_places import ground_from_primary
+from stereocal.field.printing.print_target import planned_target
 from stereocal.rig.compiled import FloatArray
 
 HAND_SPEED_M_S = 0.5

@@ -10,7 +10,7 @@ import numpy as np
 from reportlab.graphics.shapes import Group
 
 from stereocal.errors import StereocalError
-from stereocal.field.paper import (
+from stereocal.field.printing.paper import (
     ACTUAL_SIZE,
     MARGIN_MM,
     PAPERS,

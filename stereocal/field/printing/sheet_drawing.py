@@ -11,9 +11,9 @@ from reportlab.graphics.shapes import Drawing, Group, Line, Polygon, String
 from reportlab.lib.colors import Color, black, grey, lightgrey, white
 from reportlab.lib.units import mm
 
-from stereocal.field.bar_places import BarPlace, ground_from_primary
-from stereocal.field.paper import FONT
-from stereocal.field.plan import Plan
+from stereocal.field.planning.plan import Plan
+from stereocal.field.printing.bar_places import BarPlace, ground_from_primary
+from stereocal.field.printing.paper import FONT
 from stereocal.rig.compiled import FloatArray
 
 BORDER_MM, LABEL_MM = 6.0, 2.6

@@ -15,7 +15,8 @@ from reportlab.lib.units import mm
 from reportlab.pdfgen.canvas import Canvas
 from reportlab.platypus import Flowable, KeepInFrame, Paragraph, Table, TableStyle
 
-from stereocal.field.bar_places import (
+from stereocal.field.planning.plan import Plan
+from stereocal.field.printing.bar_places import (
     ACROSS,
     DISTANCES,
     HEIGHTS,
@@ -23,10 +24,9 @@ from stereocal.field.bar_places import (
     bar_places,
     ground_from_primary,
 )
-from stereocal.field.paper import FONT, FONT_BOLD, MARGIN_MM, PAPERS, Paper
-from stereocal.field.plan import Plan
-from stereocal.field.sheet_drawing import draw_from_above
-from stereocal.field.sheet_words import camera_notes, measurements, records
+from stereocal.field.printing.paper import FONT, FONT_BOLD, MARGIN_MM, PAPERS, Paper
+from stereocal.field.printing.sheet_drawing import draw_from_above
+from stereocal.field.printing.sheet_words import camera_notes, measurements, records
 
 TEXT = ParagraphStyle("text", fontName=FONT, fontSize=8.5, leading=10.4)
 LISTED = ParagraphStyle("listed", parent=TEXT, leftIndent=7, bulletIndent=0, spaceAfter=1.5)

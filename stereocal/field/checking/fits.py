@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import block_diag
 
-from stereocal.field.new_images import NewImages
-from stereocal.field.prior import Prior
+from stereocal.field.checking.new_images import NewImages
+from stereocal.field.checking.prior import Prior
 from stereocal.refined.adjustment import sum_normal_equations
 from stereocal.refined.bar_fit import BASELINE, EPSILON, OWN, PRIMARY, SECONDARY, SHARED
 from stereocal.refined.solve import Solve, limits_of

@@ -14,9 +14,9 @@ from functools import cached_property
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.field.bars import place_planned_bars
-from stereocal.field.common_view import common_points, sees
-from stereocal.field.plan import Plan
+from stereocal.field.planning.bars import place_planned_bars
+from stereocal.field.planning.common_view import common_points, sees
+from stereocal.field.planning.plan import Plan
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.solve import lenses_of_cameras
 from stereocal.refined.uncertainty import AccuracyMap, Plane, length_errors, point_covariances

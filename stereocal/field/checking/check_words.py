@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from stereocal.evaluation.summary import Estimate
-from stereocal.field.findings import LARGEST_NOISE_RATIO, Recheck
-from stereocal.field.repair import length_error
+from stereocal.field.checking.findings import LARGEST_NOISE_RATIO, Recheck
+from stereocal.field.checking.repair import length_error
 from stereocal.rig.compiled import FloatArray
 from stereocal.verdict.in_words import digits, listed
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from stereocal.field.findings import Recheck
-from stereocal.field.fits import Fit
+from stereocal.field.checking.findings import Recheck
+from stereocal.field.checking.fits import Fit
 from stereocal.refined.bar_fit import BAR, BASELINE, DISTORTION
 from stereocal.refined.parameter_file import COVARIANCE_OF, covariance_entry
 from stereocal.refined.solve import ESTIMATED, GIVEN

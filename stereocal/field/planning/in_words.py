@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from stereocal.field.forecast import PlanForecast
+from stereocal.field.planning.forecast import PlanForecast
 from stereocal.verdict.in_words import distance, percent
 
 LIMITS = {

@@ -9,7 +9,8 @@ from dataclasses import dataclass, replace
 from reportlab.graphics.shapes import Group
 
 from stereocal.errors import StereocalError
-from stereocal.field.paper import (
+from stereocal.field.planning.plan import Plan
+from stereocal.field.printing.paper import (
     ACTUAL_SIZE,
     MARGIN_MM,
     PAPERS,
@@ -20,7 +21,6 @@ from stereocal.field.paper import (
     footer_height,
     stroke,
 )
-from stereocal.field.plan import Plan
 from stereocal.simulation.photographs import SEPARATION
 
 GOOD_PX = 50.0

@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.field.common_view import DEPTHS, common_points
+from stereocal.field.planning.common_view import DEPTHS, common_points
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import check_length

@@ -13,7 +13,7 @@ from itertools import product
 import numpy as np
 from scipy.special import chdtri, chndtr
 
-from stereocal.field.fits import Fit, pose_difference, turned
+from stereocal.field.checking.fits import Fit, pose_difference, turned
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 

@@ -13,8 +13,8 @@ import numpy as np
 from scipy.special import fdtrc
 
 from stereocal.errors import StereocalError
-from stereocal.field.findings import Recheck
-from stereocal.field.fits import (
+from stereocal.field.checking.findings import Recheck
+from stereocal.field.checking.fits import (
     NOTHING,
     Change,
     Fit,
@@ -22,11 +22,11 @@ from stereocal.field.fits import (
     pose_change,
     pose_of,
 )
-from stereocal.field.new_images import NewImages
-from stereocal.field.noise import Noise, noise_of, robust_fit
-from stereocal.field.power import Smallest, power
-from stereocal.field.prior import Prior
-from stereocal.field.since import Since, since_when
+from stereocal.field.checking.new_images import NewImages
+from stereocal.field.checking.noise import Noise, noise_of, robust_fit
+from stereocal.field.checking.power import Smallest, power
+from stereocal.field.checking.prior import Prior
+from stereocal.field.checking.since import Since, since_when
 from stereocal.refined.refine import robust_start
 from stereocal.rig.compiled import BoolArray, IntArray
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.field.common_view import COLUMNS, DEPTHS, ROWS, sees
-from stereocal.field.plan import Plan
+from stereocal.field.planning.common_view import COLUMNS, DEPTHS, ROWS, sees
+from stereocal.field.planning.plan import Plan
 from stereocal.rig.compiled import FloatArray
 
 MARGIN_PX = 15.0

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from stereocal.field.plan import SensorLens
+from stereocal.field.planning.plan import SensorLens
 
 
 @dataclass(frozen=True)

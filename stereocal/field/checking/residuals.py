@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stereocal.field.findings import Recheck
+from stereocal.field.checking.findings import Recheck
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.rig import Rig
 

@@ -1,0 +1,1 @@
+"""After the field day: has a camera moved, and the repaired parameters."""

@@ -1,0 +1,1 @@
+"""A plan of a field day, and what its rig will measure."""

@@ -1,0 +1,1 @@
+"""What is printed before the field day: targets, boards, the field sheet."""
