@@ -44,6 +44,7 @@ from stereocal.verdict.intervals import (
     mean_of,
     quantile_interval,
     share_interval,
+    tail_of_few,
 )
 from stereocal.verdict.judging import add_noise, judge, photograph
 from stereocal.verdict.noise_model import draw_noise, noise_of_points
@@ -97,6 +98,8 @@ class Predictive:
     """(draws, halves, bars): mean depth of the ends of a bar in the primary camera, in metres."""
     radii: FloatArray
     """(draws, halves, bars): the mean of `image_radii` of its ends."""
+    recorded: int
+    """Bars of the recording."""
     excess: tuple[float, float] = (1.0, 1.0)
     """Errors on held-out frames over the forecast, in the images and in length, where chance does
     not explain them; the upper ends of the intervals are raised by them."""
@@ -171,7 +174,9 @@ class Predictive:
             fcp_residual=fcp_interval(counts[..., RESIDUAL, :, :]),
             fcp_reprojection=fcp_interval(counts[..., REPROJECTION, :, :]),
             threshold_px=Estimate(value, min(middle.low, value), max(middle.high, value)),
-            correct_lost_at_threshold=share_interval(lost, total[..., CORRECT]),
+            correct_lost_at_threshold=tail_of_few(
+                share_interval(lost, total[..., CORRECT]), self.recorded
+            ),
             wrong_let_in_at_threshold=share_interval(let_in, total[..., 1 - CORRECT]),
             mean_reprojection_px=interval_of(
                 mean_of(self.correct_px[:, :, at]), self.correct_px[:, :, at], LOG
@@ -257,7 +262,10 @@ def predict(
     radii = image_radii(model, pixels.reshape(-1, 4)).reshape(*halves, 2)
     radii = 0.5 * (radii[..., 0] + radii[..., 1])
     depths = 0.5 * (ends[..., 0, 2] + ends[..., 1, 2]).reshape(halves)
-    return Predictive(methods, counts.astype(np.uint16), correct_px, lengths, depths, radii)
+    recorded = int(np.isfinite(model.points_m[~model.outlying]).all(axis=(1, 2)).sum())
+    return Predictive(
+        methods, counts.astype(np.uint16), correct_px, lengths, depths, radii, recorded
+    )
 
 
 def bin_edge(threshold_px: float) -> int:

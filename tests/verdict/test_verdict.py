@@ -33,7 +33,7 @@ def forecast_with(matching: float, measuring: float, spread: float, draws: int =
     error[:, :, 2] *= measuring * noise[1]
     lengths = 1.0 + np.repeat(error[..., None], 20, axis=3)
     depths, radii = rng.uniform(4, 10, (draws, 2, 20)), rng.uniform(0, 1, (draws, 2, 20))
-    return Predictive(SETS, counts, px, lengths, depths, radii)
+    return Predictive(SETS, counts, px, lengths, depths, radii, recorded=25)
 
 
 def held_out(px: float, length: float) -> ModelCheck:
