@@ -123,8 +123,10 @@ def settled() -> Callable[[Page], None]:
 
 def results_shown(page: Page) -> None:
     """Wait for all that *Calibrate* computes; the page is drawn anew at the end, menus closed."""
-    expect(page.locator(".st-key-download_2d button")).to_be_visible(timeout=LONGEST_MS)
+    expect(page.locator(".st-key-download_2d button").first).to_be_visible(timeout=LONGEST_MS)
     expect(page.get_by_text("held out: not yet")).to_have_count(0, timeout=LONGEST_MS)
+    # Two while the page is drawn anew.
+    expect(page.locator(".st-key-download_2d button")).to_have_count(1, timeout=LONGEST_MS)
 
 
 def choose(page: Page, key: str, option: str) -> None:

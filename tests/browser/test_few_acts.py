@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Error, FileChooser, Page, expect
 
 from stereocal.rig.parameters import RigParameters
 from tests.browser.conftest import LONGEST_MS, ROOT, results_shown
@@ -26,6 +27,31 @@ def save(page: Page, method: str, press: Callable[[], None], folder: Path) -> No
         press()
     event.value.save_as(folder / f"{method}.json")
     assert RigParameters.load(folder / f"{method}.json").method == method
+
+
+FILES = {
+    "correspondences": ("correspondences.csv", "Still missing: the primary camera's file"),
+    "primary": ("primary.json", "Still missing: the secondary camera's file"),
+    "secondary": ("secondary.json", "Still missing: the baseline"),
+}
+"""By upload, with what is missing after it."""
+
+
+def taken(page: Page, lacking: str, settled: Settled) -> None:
+    """Wait until the server has an upload: its page is drawn anew, and the focus would be lost."""
+    expect(page.get_by_text("Still missing")).to_contain_text(lacking, timeout=LONGEST_MS)
+    settled(page)
+    page.wait_for_timeout(1000)
+
+
+def open_chooser(page: Page, slot: str) -> FileChooser:
+    """By keyboard; a key pressed while the page is drawn anew is lost, and pressed again."""
+    for _ in range(5):
+        tab_to(page, partial(uploads, slot))
+        with suppress(Error), page.expect_file_chooser(timeout=5000) as chooser:
+            page.keyboard.press("Enter")
+            return chooser.value
+    raise AssertionError("no chooser of files")
 
 
 def uploads(slot: str, now: dict[str, Any]) -> bool:
@@ -57,11 +83,9 @@ def test_a_table_of_ones_own_to_both_files_in_ten_acts(
     page.get_by_role("button", name="Start with my own data").click()  # 1
     expect(page).to_have_url(re.compile("/data"))
     settled(page)
-    for name in ("correspondences.csv", "primary.json", "secondary.json"):  # 2, 3, 4
-        slot = name.split(".", maxsplit=1)[0]
+    for slot, (name, lacking) in FILES.items():  # 2, 3, 4
         page.locator(f".st-key-upload_{slot} input[type=file]").set_input_files(FIELD / name)
-        expect(page.locator(f".st-key-upload_{slot}")).to_contain_text(name)
-        settled(page)
+        taken(page, lacking, settled)
     for key, metres in (("baseline_m_value", "4.5"), ("target_distance_m_value", "0.9")):  # 5, 6
         box = page.locator(f".st-key-{key} input")
         box.fill(metres)
@@ -86,14 +110,9 @@ def test_a_table_of_ones_own_by_keyboard_alone(
     page.keyboard.press("Enter")
     expect(page).to_have_url(re.compile("/data"))
     settled(page)
-    for name in ("correspondences.csv", "primary.json", "secondary.json"):
-        slot = name.split(".", maxsplit=1)[0]
-        tab_to(page, partial(uploads, slot))
-        with page.expect_file_chooser() as chooser:
-            page.keyboard.press("Enter")
-        chooser.value.set_files(FIELD / name)
-        expect(page.locator(f".st-key-upload_{slot}")).to_contain_text(name)
-        settled(page)
+    for slot, (name, lacking) in FILES.items():
+        open_chooser(page, slot).set_files(FIELD / name)
+        taken(page, lacking, settled)
     for key, metres in (("baseline_m_value", "4.5"), ("target_distance_m_value", "0.9")):
         tab_to(page, partial(has_key, key))
         page.keyboard.type(metres)
