@@ -19,14 +19,20 @@ import numpy as np
 
 from stereocal.calibration.essential import calibrate_essential, choose_pose
 from stereocal.errors import StereocalError
-from stereocal.refined.bar_fit import BAR, BASELINE, EPSILON
+from stereocal.refined.bar_fit import BAR
 from stereocal.refined.solve import Noise, Solve, lenses_of
-from stereocal.refined.unknowns import RefineSettings, Unknowns, camera_of, with_lens_priors
+from stereocal.refined.unknowns import (
+    RefineSettings,
+    Unknowns,
+    camera_of,
+    pose_of,
+    with_lens_priors,
+)
 from stereocal.rig.camera import Camera
 from stereocal.rig.compilations import clock
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
-from stereocal.rig.geometry import Angles, Pose, residuals
+from stereocal.rig.geometry import Pose, residuals
 
 OUT_OF_STEPS = "the largest number of steps was reached"
 MAXIMUM_NOISE_PX = 30.0
@@ -83,10 +89,7 @@ class RefinedResult:
     @cached_property
     def p_covariance(self) -> FloatArray:
         """(k, k): covariance of the free parameters, priors included."""
-        M = self.unknowns.M
-        A = M.T @ self.information @ M + self.unknowns.precision
-        scale = 1.0 / np.sqrt(np.diag(A))
-        return np.asarray(np.linalg.inv(A * np.outer(scale, scale)) * np.outer(scale, scale))
+        return self.unknowns.covariance(self.information)
 
     @cached_property
     def covariance(self) -> FloatArray:
@@ -204,7 +207,7 @@ def _result(solve: Solve, rows: BoolArray | None, seconds: float) -> RefinedResu
     return RefinedResult(
         dataset=solve.dataset,
         settings=solve.settings,
-        pose=Pose.from_angles(Angles(*q[: EPSILON + 1].tolist()), float(q[BASELINE])),
+        pose=pose_of(q),
         primary=camera_of(solve.dataset.primary, q, 0),
         secondary=camera_of(solve.dataset.secondary, q, 1),
         rows=rows,
