@@ -1,6 +1,6 @@
 """Validate again with other steps of the searches, without fitting the refined sets again.
 
-Of 100 runs of 25 frames the refined fits take 0.9 s of CPU time, everything else 0.1 s. They depend
+Of 100 runs of 25 frames the refined fits take 0.3 s of CPU time, everything else 0.1 s. They depend
 on the frames drawn and on the essential matrix, not on the steps of the searches, so that they are
 kept for the next position of a slider.
 """
