@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+import yaml
 
 import stereocal
 from tests.wheel import ROOT, installed_in
@@ -52,6 +53,13 @@ def test_its_metadata_are_those_of_the_program(environment: dict[str, str]) -> N
             "requires-dist", "Requires-Dist"
         ), line
     assert "stereocal = stereocal.__main__:main" in (about / "entry_points.txt").read_text()
+
+
+def test_the_citation_is_of_this_version() -> None:
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    assert citation["version"] == stereocal.__version__
+    assert citation["license"] in (ROOT / "LICENSE").read_text()
+    assert len(citation["preferred-citation"]["authors"]) == 5
 
 
 def test_the_library_needs_no_streamlit(environment: dict[str, str]) -> None:
