@@ -152,14 +152,13 @@ def download(page: Page, key: str, folder: Path) -> Path:
 
 def choose(page: Page, key: str, option: str) -> None:
     """Choose from the menu of a widget; again if a page drawn anew closed it meanwhile."""
-    widget = page.locator(f".st-key-{key}")
-    field = widget.locator("input")
+    field = page.locator(f".st-key-{key} input")
     field.scroll_into_view_if_needed()
     for _ in range(5):
         page.wait_for_timeout(300)  # the end of the scroll would close the menu
         with suppress(Error, AssertionError):
             field.click()
             page.get_by_role("option", name=option, exact=True).click(timeout=5000)
-            expect(widget).to_contain_text(option, timeout=5000)
+            expect(field).to_have_value(option, timeout=5000)
             return
     raise AssertionError(f"{option} could not be chosen")
