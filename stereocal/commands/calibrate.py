@@ -133,11 +133,21 @@ def validate(
         refined,
     )
     try:
-        with engine() as executor, ProgressBar("random splits") as bar:
-            found = evaluate([kept], settings, executor, bar.show)
+        return evaluation_of(calibration, settings)
     except StereocalError as error:
         print(f"No validation: {error}")
         return None
+
+
+def evaluation_of(calibration: Calibration, settings: EvaluationSettings) -> Evaluation:
+    """A validation of the frames not left out, with its progress on stderr.
+
+    Raises:
+        StereocalError: there are too few frames.
+    """
+    kept = calibration.screening.dataset
+    with engine() as executor, ProgressBar("random splits") as bar:
+        found = evaluate([kept], settings, executor, bar.show)
     assert found is not None  # nobody cancels here
     return Evaluation(found, settings, [kept.name], [calibration.dataset.sha256])
 
