@@ -10,7 +10,7 @@ from matplotlib.ticker import FuncFormatter
 
 from stereocal.calibration.methods import METHODS, Method
 from stereocal.figures.frame_errors import FramePanel, frame_panels, lowest_drawn
-from stereocal.figures.journal.page import sheet
+from stereocal.figures.journal.page import PAGE_MM, sheet
 from stereocal.figures.style import METHOD_COLOURS, METHOD_NAMES, NEUTRAL
 from stereocal.refined.outliers import held_out, left_out
 from stereocal.refined.results import Calibration
@@ -18,6 +18,8 @@ from stereocal.rig.compiled import BoolArray
 
 HEIGHT_MM = 90.0
 MARKERS: dict[Method, str] = {"essential": "s", "2d": "o", "3d": "^", "refined": "D"}
+LARGER: dict[Method, float] = {"essential": 1.4, "2d": 1.0, "3d": 1.1}
+"""Sizes of the symbols: the essential matrix and the 2D set often have the same errors."""
 MANY = 100
 """Frames above which symbols are smaller."""
 
@@ -30,7 +32,9 @@ def draw_frame_errors(calibration: Calibration, width_mm: float) -> Figure:
     for axes, panel in zip(grid, frame_panels(calibration), strict=True):
         kinds |= _draw_panel(axes, calibration, panel)
     grid[1].set_xlabel(f"Frame (n = {len(calibration.dataset.correspondences.frames)})")
-    figure.legend(handles=_key(kinds), loc="outside upper left", ncols=3)
+    figure.legend(
+        handles=_key(kinds), loc="outside upper left", ncols=5 if width_mm >= PAGE_MM else 3
+    )
     return figure
 
 
@@ -47,7 +51,7 @@ def _draw_panel(axes: Axes, calibration: Calibration, panel: FramePanel) -> set[
             axes.plot(
                 panel.frames[chosen], panel.values[method][chosen], linestyle="none",
                 marker="x" if crossed else MARKERS[method], color=METHOD_COLOURS[method],
-                markersize=size + crossed, markeredgewidth=0.4,
+                markersize=size * LARGER[method] + crossed, markeredgewidth=0.4,
                 markerfacecolor="none" if kind == "held out" else None,
             )  # fmt: skip
     axes.set_ylabel(f"{panel.title} ({panel.unit})")

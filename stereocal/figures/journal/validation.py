@@ -13,7 +13,7 @@ from matplotlib.ticker import FuncFormatter, LogFormatterMathtext, LogLocator, N
 
 from stereocal.calibration.methods import Method
 from stereocal.evaluation.summary import MethodSummary
-from stereocal.figures.journal.page import PAGE_MM, SMALL, sheet, write_left
+from stereocal.figures.journal.page import PAGE_MM, SMALL, TEXT, sheet, write_left
 from stereocal.figures.style import (
     CORRECT_COLOUR,
     METHOD_COLOURS,
@@ -34,7 +34,8 @@ IN_A_COLUMN = COLUMNS[1:]
 
 def draw_validation(summaries: Mapping[Method, MethodSummary], width_mm: float) -> Figure:
     """All three quantities over the width of a page, or reprojection and 3D error in a column."""
-    columns = COLUMNS if width_mm >= PAGE_MM else IN_A_COLUMN
+    wide = width_mm >= PAGE_MM
+    columns = COLUMNS if wide else IN_A_COLUMN
     panels = panels_of(summaries, columns)
     rows = 1 + max(panel.row for panel in panels)
     figure = sheet(width_mm, rows * ROW_MM + REST_MM)
@@ -47,8 +48,10 @@ def draw_validation(summaries: Mapping[Method, MethodSummary], width_mm: float) 
             axes = grid[panel.row][column]
             _draw_panel(axes, panel, most or 1.0)
             _set_axes(axes, panel, span, panel.row == rows - 1)
-        grid[rows - 1][column].set_xlabel("\n".join(map(_plain, foot_of(own, span))))
-    figure.legend(handles=_key(), loc="outside upper left", ncols=2 if width_mm < PAGE_MM else 4)
+            write_left(axes, "\n".join(_title(panel, wide)), fontsize=SMALL)
+        foot = "\n".join(map(_plain, foot_of(own, span)))
+        grid[rows - 1][column].set_xlabel(foot, fontsize=TEXT if wide else SMALL)
+    figure.legend(handles=_key(), loc="outside upper left", ncols=4 if wide else 2)
     return figure
 
 
@@ -81,13 +84,12 @@ def _set_axes(axes: Axes, panel: Panel, span: tuple[float, float], lowest: bool)
     axes.set_xlim(10 ** span[0], 10 ** span[1])
     base = 10.0 if span[1] - span[0] <= MOST_LABELS else 100.0
     axes.xaxis.set_major_locator(LogLocator(base, numticks=20))
-    axes.xaxis.set_minor_locator(LogLocator(10.0, subs=tuple(np.arange(2, 10)), numticks=200))
+    axes.xaxis.set_minor_locator(LogLocator(10.0, subs=(2.0, 5.0), numticks=200))
     axes.xaxis.set_minor_formatter(NullFormatter())
     power = panel.quantity == "residual"
     plain = FuncFormatter(lambda value, _: f"{value:g}")
     axes.xaxis.set_major_formatter(LogFormatterMathtext() if power else plain)
     axes.tick_params(labelbottom=lowest)
-    write_left(axes, "\n".join(_title(panel)), fontsize=SMALL)
     if panel.standing == "best":
         for spine in axes.spines.values():
             spine.set(visible=True, linewidth=1.5, color=METHOD_COLOURS[panel.method])
@@ -95,17 +97,17 @@ def _set_axes(axes: Axes, panel: Panel, span: tuple[float, float], lowest: bool)
         axes.set_ylabel(f"{METHOD_NAMES[panel.method]}\nDensity per decade")
 
 
-def _title(panel: Panel) -> list[str]:
+def _title(panel: Panel, wide: bool) -> list[str]:
     """The quantity above the first row, and the figure with its interval and standing."""
     found, lengths = panel.matching, panel.summary.reconstruction
     heading = [HEADINGS[panel.quantity]] if panel.row == 0 else []
-    mark = f", {panel.standing}" if panel.standing else ""
-    if found:
-        return [*heading, f"FCP {percent(found.fcp.value)} % ({interval(found.fcp)}){mark}"]
-    if not np.isfinite(lengths.median.value):
+    name, estimate = ("FCP", found.fcp) if found else ("median", lengths.median)
+    if not np.isfinite(estimate.value):
         return [*heading, "no bar could be measured"]
-    value = f"{percent(lengths.median.value)} % ({interval(lengths.median)})"
-    return [*heading, f"median {value}{mark}"]
+    value, among = f"{name} {percent(estimate.value)} %", f"({interval(estimate)})"
+    mark = f", {panel.standing}" if panel.standing else ""
+    lines = [f"{value} {among}{mark}"] if wide else [f"{value}{mark}", among]
+    return [*heading, *lines]
 
 
 def _plain(text: str) -> str:
