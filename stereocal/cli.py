@@ -19,6 +19,7 @@ from stereocal.commands import (
     print_files,
     reconstruct,
     reproduce,
+    serve,
     simulate,
 )
 from stereocal.commands.progress import say
@@ -27,7 +28,7 @@ from stereocal.rig.compilations import compilations
 
 COMMANDS = (
     calibrate, evaluate, detect, intrinsics, match, reconstruct, convert, check, simulate, plan,
-    print_files, reproduce, compiling,
+    print_files, reproduce, serve, compiling,
 )  # fmt: skip
 
 

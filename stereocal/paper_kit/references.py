@@ -4,22 +4,25 @@ from __future__ import annotations
 
 import stereocal
 
-PAPER, PROGRAM = "beschi_two_sets", "stereocal"
+PAPER, PROGRAM = "beschi2021", "stereocal"
 """Keys of the entries."""
 
 
 def references_bib() -> bytes:
     """`references.bib`: the paper of the method, and the program with its version."""
-    return f"""% Add journal, year and DOI of the version that you cite.
-@misc{{{PAPER},
-  author = {{Beschi, Riccardo and Feng, Xiao and Melillo, Stefania and Parisi, Leonardo
-            and Postiglione, Lorena}},
+    return f"""@misc{{{PAPER},
+  author = {{Beschi, Riccardo and Feng, Xiao and Melillo, Stefania and Parisi, Leonardo and
+            Postiglione, Lorena}},
   title = {{{{Stereo camera system calibration: the need of two sets of parameters}}}},
+  year = {{2021}},
+  eprint = {{2101.05725}},
+  archivePrefix = {{arXiv}},
+  url = {{https://arxiv.org/abs/2101.05725}},
 }}
 
 @software{{{PROGRAM},
-  author = {{{{The stereocal authors}}}},
-  title = {{{{stereocal}}: calibration of stereo camera systems from a bar}},
+  author = {{{{The developers of stereocal}}}},
+  title = {{{{stereocal}}}},
   version = {{{stereocal.__version__}}},
 }}
 """.encode()
