@@ -10,6 +10,7 @@ from stereocal.ui.parameter_files import chosen_sets
 from stereocal.ui.refined import replaced_by_refined
 from stereocal.workflow import Answer
 
+LABEL = "Paper kit · methods, figures, table, archive"
 NAME, MIME = "paper_kit.zip", "application/zip"
 
 
@@ -23,8 +24,11 @@ def offer_paper_kit(project: Project, answer: Answer) -> None:
         return paper_kit(answer, sets)
 
     st.download_button(
-        "Paper kit · methods, figures, table", on_demand(make, NAME, MIME), NAME, MIME,
-        on_click="ignore", icon=":material/article:", key="download_kit",
-        help="A methods section with its numbers and references, figures as SVG and PDF, a table "
-        "as CSV, and an archive that gives the same parameter files again. Takes some seconds.",
+        LABEL, on_demand(make, NAME, MIME), NAME, MIME, on_click="ignore",
+        icon=":material/article:", key="download_kit",
     )  # fmt: skip
+
+
+def hold_paper_kit() -> None:
+    """The button before there is a result."""
+    st.button(LABEL, disabled=True, icon=":material/article:", key="no_download_kit")
