@@ -13,7 +13,7 @@ from stereocal.paper_kit.reproduction import (
     processor_kind,
     read_archive,
 )
-from stereocal.rig.parameters import RigParameters
+from stereocal.rig.parameters import RigParameters, software_versions
 from stereocal.system.atomic_files import write_all
 from stereocal.verdict.forecast import outlook_of
 from stereocal.workflow import answer, calibrate
@@ -47,7 +47,7 @@ def run(parsed: argparse.Namespace) -> int:
     for one in found:
         print(line_of(one))
     if not all(one.identical for one in found):
-        print(elsewhere(archived, sets))
+        print(elsewhere(archived))
     for name in sets:
         print(f"wrote {parsed.out / name}")
     return 0 if all(one.agrees for one in found) else DIFFERENT
@@ -79,13 +79,14 @@ def line_of(found: Comparison) -> str:
     return "\n".join([f"{found.name}: different, in {count}:", *shown, *rest])
 
 
-def elsewhere(archived: ReproducibleResult, sets: dict[str, RigParameters]) -> str:
+def elsewhere(archived: ReproducibleResult) -> str:
     """Whether versions and processor are those of the archive."""
-    software = next(iter(sets.values())).to_json()["software"]
-    kind = processor_kind()
     changed = [
         f"{name} {before} there, {now.get(name, 'none')} here"
-        for then, now in ((archived.software, software), (archived.processor, kind))
+        for then, now in (
+            (archived.software, software_versions()),
+            (archived.processor, processor_kind()),
+        )
         for name, before in then.items()
         if now.get(name) != before
     ]

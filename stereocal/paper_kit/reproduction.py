@@ -25,12 +25,15 @@ from stereocal.paper_kit.digests import (
 )
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
-from stereocal.rig.parameters import RigParameters
+from stereocal.rig.parameters import RigParameters, software_versions
 from stereocal.system.json_text import read_json
 from stereocal.system.zip_files import unzip
 from stereocal.workflow import Answer
 
 STATEMENT, FORMAT = "reproduce.json", "stereocal-reproduce/1"
+NAMES: Mapping[Method, str] = {
+    method: f"parameters_{method}.json" for method in ALL_METHODS if method != "essential"
+}
 ABOUT = (
     "`python -m stereocal reproduce ARCHIVE.zip --out DIR` computes the parameter files again, "
     "from dataset.json and the settings below, and compares them with those of the archive. The "
@@ -102,7 +105,7 @@ def archive_files(answer: Answer, sets: Mapping[Method, RigParameters]) -> dict[
     Args:
         sets: the parameter files by the method of their names; "2d" may hold the refined set.
     """
-    texts = {f"parameters_{name}.json": rig.dumps() for name, rig in sets.items()}
+    texts = {NAMES[name]: rig.dumps() for name, rig in sets.items()}
     contents = {name: json.loads(text) for name, text in texts.items()}
     refined, evaluation = answer.calibration.refined, answer.evaluation
     statement = {
@@ -121,7 +124,7 @@ def archive_files(answer: Answer, sets: Mapping[Method, RigParameters]) -> dict[
             for name, content in contents.items()
         },
         "tolerances": TOLERANCES,
-        "software": next(iter(contents.values()))["software"],
+        "software": software_versions(),
         "processor": processor_kind(),
     }
     return {
@@ -151,6 +154,8 @@ def read_archive(path: Path) -> ReproducibleResult:
         raise StereocalError(f'{path}: {STATEMENT} must be an object with "format": "{FORMAT}".')
     dataset = parse_dataset(files, str(path), lens_model="brown")
     try:
+        if not stated["files"] or not {*stated["files"]} <= {*NAMES.values()}:
+            raise ValueError(stated["files"])
         refined, validation = stated["refined"], stated["validation"]
         return ReproducibleResult(
             dataset,
@@ -180,6 +185,8 @@ def _archived(
     (method,) = (each for each in ALL_METHODS if each == entry["method"])
     limits = entry["tolerance"]
     tolerance = Tolerance(float(limits["parameters"]), float(limits["figures"]))
+    if not all(0 <= limit < 1 for limit in asdict(tolerance).values()):
+        raise ValueError(tolerance)
     return ArchivedFile(method, content, tolerance)
 
 

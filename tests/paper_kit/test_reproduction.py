@@ -139,6 +139,24 @@ def with_a_method(files: dict[str, bytes]) -> None:
     stated(files, lambda content: content["files"]["parameters_2d.json"].update(method="4d"))
 
 
+def with_a_path(files: dict[str, bytes]) -> None:
+    def edit(content: Any) -> None:
+        content["files"]["../x.json"] = content["files"].pop("parameters_2d.json")
+
+    stated(files, edit)
+
+
+def without_files(files: dict[str, bytes]) -> None:
+    stated(files, lambda content: content.update(files={}))
+
+
+def with_a_tolerance(files: dict[str, bytes]) -> None:
+    def edit(content: Any) -> None:
+        content["files"]["parameters_2d.json"]["tolerance"]["figures"] = -1
+
+    stated(files, edit)
+
+
 @pytest.mark.parametrize(
     ("edit", "sentence"),
     [
@@ -149,6 +167,9 @@ def with_a_method(files: dict[str, bytes]) -> None:
         (with_format, 'an object with "format": "stereocal-reproduce/1"'),
         (without_settings, "reproduce.json is damaged"),
         (with_a_method, "reproduce.json is damaged"),
+        (with_a_path, "reproduce.json is damaged"),
+        (without_files, "reproduce.json is damaged"),
+        (with_a_tolerance, "reproduce.json is damaged"),
     ],
 )
 def test_bad_archives_give_one_sentence(
