@@ -18,6 +18,7 @@ from stereocal.commands import (
     plan,
     print_files,
     reconstruct,
+    reproduce,
     serve,
     simulate,
 )
@@ -27,20 +28,19 @@ from stereocal.rig.compilations import compilations
 
 COMMANDS = (
     calibrate, evaluate, detect, intrinsics, match, reconstruct, convert, check, simulate, plan,
-    print_files, serve, compiling,
+    print_files, reproduce, serve, compiling,
 )  # fmt: skip
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command; return 0, or 2 after a message on stderr for invalid input."""
+    """Run one command; return its exit status, 2 after a message on stderr for invalid input."""
     parsed = _parser().parse_args(arguments)
     try:
         with compilations(_announce):
-            parsed.run(parsed)
+            return int(parsed.run(parsed) or 0)
     except StereocalError as error:
         say(f"stereocal: {error}")
         return 2
-    return 0
 
 
 def _announce(compiled: int) -> None:

@@ -97,7 +97,8 @@ def calibrate(
     if refined is not None:
         report("refined")
         try:
-            refined_result = refine(chosen, refined, start.pose)
+            # Without an initial pose, as for a stored calibration: its files are the same.
+            refined_result = refine(chosen, refined)
         except StereocalError as error:
             warnings.append(f"There is no refined set: {error}")
     return Calibration(
@@ -187,6 +188,8 @@ class Answer:
     validation: Mapping[Any, Validated]
     """The entries of the files on the validation, by method; empty without one."""
     recommendation: Recommendation
+    evaluation: Evaluation | None = None
+    """The validation of the same data set; None without one, or with figures of a file."""
 
     @cached_property
     def inputs(self) -> list[Input]:
@@ -234,7 +237,7 @@ def answer(
     if evaluation is not None:
         validation = validation or validation_figures(evaluation.summaries, evaluation.settings)
     found = recommend(calibration, outlook, validation)
-    return Answer(calibration, outlook, validation or {}, found)
+    return Answer(calibration, outlook, validation or {}, found, evaluation)
 
 
 def conclusions_of_seeds(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -62,19 +63,8 @@ def add_cameras(figure: go.Figure, rig: Rig, depth: float) -> None:
     Args:
         depth: of the scene, metres: the frusta are drawn in proportion.
     """
-    size = FRUSTUM_OF_DEPTH * depth
-    primary_from_secondary = rig.pose.inverse()
-    for name, camera, centre, corners in (
-        ("primary", rig.primary, np.zeros(3), _corners(rig.primary, size)),
-        (
-            "secondary", rig.secondary, primary_from_secondary.T,
-            primary_from_secondary.apply(_corners(rig.secondary, size)),
-        ),
-    ):  # fmt: skip
-        a, b, c, d = corners
-        gap = np.full(3, np.nan)
-        # From the centre round each side of the image.
-        path = np.array([centre, a, b, centre, gap, centre, c, d, centre, gap, b, c, gap, d, a])
+    for name, camera, path in frusta(rig, depth):
+        centre = path[0]
         figure.add_trace(
             go.Scatter3d(
                 **upright(path), mode="lines", line={"color": NEUTRAL, "width": 4},
@@ -94,11 +84,28 @@ def add_cameras(figure: go.Figure, rig: Rig, depth: float) -> None:
     length = f"{rig.pose.baseline:.3f} m"
     figure.add_trace(
         go.Scatter3d(
-            **upright(np.array([np.zeros(3), primary_from_secondary.T])), mode="lines",
+            **upright(np.array([np.zeros(3), rig.pose.inverse().T])), mode="lines",
             line={"color": NEUTRAL, "width": 3, "dash": "dash"},
             hovertemplate=f"baseline {length}<extra></extra>", name=f"Baseline {length}",
         )
     )  # fmt: skip
+
+
+def frusta(rig: Rig, depth: float) -> Iterator[tuple[str, Camera, FloatArray]]:
+    """Name, camera and outline of each frustum in proportion to a depth in metres.
+
+    An outline is a path (k, 3) with gaps of NaN, which begins at the optical centre.
+    """
+    size = FRUSTUM_OF_DEPTH * depth
+    back = rig.pose.inverse()
+    gap = np.full(3, np.nan)
+    for name, camera, centre, (a, b, c, d) in (
+        ("primary", rig.primary, np.zeros(3), _corners(rig.primary, size)),
+        ("secondary", rig.secondary, back.T, back.apply(_corners(rig.secondary, size))),
+    ):
+        # From the centre round each side of the image.
+        path = [centre, a, b, centre, gap, centre, c, d, centre, gap, b, c, gap, d, a]
+        yield name, camera, np.array(path)
 
 
 def _corners(camera: Camera, depth: float) -> FloatArray:

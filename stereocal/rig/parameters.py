@@ -145,14 +145,7 @@ class RigParameters(Rig):
             "frames_left_out": list(self.frames_left_out),
             "noise_px": self.noise_px,
             "volume": None if self.volume is None else self.volume.to_json(),
-            "software": {
-                "stereocal": stereocal.__version__,
-                "python": platform.python_version(),
-                "numpy": np.__version__,
-                "scipy": scipy.__version__,
-                "numba": numba.__version__,
-                "opencv": cv2.__version__,
-            },
+            "software": software_versions(),
             "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         }
 
@@ -236,6 +229,18 @@ class RigParameters(Rig):
             volume=None if volume is None else Volume.from_json(volume, source),
             **about,
         )
+
+
+def software_versions() -> dict[str, str]:
+    """The `software` entry of a parameter file: versions on which its numbers depend."""
+    return {
+        "stereocal": stereocal.__version__,
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+        "scipy": scipy.__version__,
+        "numba": numba.__version__,
+        "opencv": cv2.__version__,
+    }
 
 
 def inputs_of(dataset: Dataset, frames: IntArray) -> dict[str, Any]:
