@@ -47,6 +47,7 @@ OUTSIDE = {
     "../benchmarks/README.md": "benchmarks.md",
     "../sample_data/README.md": "sample_data.md",
     "../CHANGELOG.md": "changelog.md",
+    "../CONTRIBUTING.md": "contributing.md",
 }
 """Files outside this folder, and their pages: a link that works on a code host works here too."""
 

@@ -24,18 +24,16 @@ class Canvas:
 
     width: int
     height: int
-    words: str
-    """What is to be seen, for those who cannot see it."""
     parts: list[str] = field(default_factory=list)
 
-    def svg(self) -> str:
-        """The page as a file."""
+    def svg(self, words: str) -> str:
+        """The page as a file; `words` say what is to be seen."""
         size = f'width="{self.width}" height="{self.height}"'
         head = f'<svg xmlns="http://www.w3.org/2000/svg" {size} '
         head += f'viewBox="0 0 {self.width} {self.height}" role="img" font-family="{FONT}">'
+        title = f"<title>{escape(' '.join(words.split()))}</title>"
         ground = f'<rect {size} rx="8" fill="white"/>'
-        return "\n".join([head, f"<title>{escape(self.words)}</title>", ground, *self.parts,
-                          "</svg>\n"])  # fmt: skip
+        return "\n".join([head, title, ground, *self.parts, "</svg>\n"])
 
     def line(
         self, start: Point, end: Point, colour: str = INK, width: float = 2, dash: str = ""
@@ -72,16 +70,21 @@ class Canvas:
         )
 
     def text(
-        self, at: Point, text: str, colour: str = INK, size: float = 15, anchor: str = "middle",
+        self,
+        at: Point,
+        text: str,
+        colour: str = INK,
+        size: float = 15,
+        anchor: str = "middle",
         bold: bool = False,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """One or more lines; `at` is the anchor on the first line's base."""
         weight = ' font-weight="bold"' if bold else ""
         for row, words in enumerate(text.split("\n")):
             y = at[1] + row * LINE_HEIGHT * size
             self.parts.append(
                 f'<text x="{at[0]:.1f}" y="{y:.1f}" fill="{colour}" font-size="{size:g}" '
-                f'text-anchor="{anchor}"{weight}>{escape(words)}</text>'
+                f'text-anchor="{anchor}"{weight}>{escape(" ".join(words.split()))}</text>'
             )
 
     def arrow(
@@ -93,11 +96,14 @@ class Canvas:
             dx, dy = other[0] - tip[0], other[1] - tip[1]
             length = (dx * dx + dy * dy) ** 0.5
             ux, uy = dx / length, dy / length
-            wings = [(tip[0] + 10 * ux - s * 4 * uy, tip[1] + 10 * uy + s * 4 * ux) for s in (1, -1)]
+            wings = [
+                (tip[0] + 10 * ux - s * 4 * uy, tip[1] + 10 * uy + s * 4 * ux) for s in (1, -1)
+            ]
             self.polygon([tip, *wings], colour, colour, 1)
 
     def camera(self, at: Point, towards_deg: float, name: str = "", below: float = 36) -> None:
         """A camera from above, its entrance pupil at `at`; 90 degrees is up the page."""
+
         def place(ahead: float, left: float) -> Point:
             a = radians(towards_deg)
             return (at[0] + ahead * cos(a) - left * sin(a), at[1] - ahead * sin(a) - left * cos(a))
@@ -109,6 +115,7 @@ class Canvas:
 
     def target(self, at: Point, side: float, turn_deg: float = 0, squeeze: float = 1) -> None:
         """A 2x2 checkerboard; `squeeze` below 1 shows it tilted."""
+
         def place(x: float, y: float) -> Point:
             a, half = radians(turn_deg), side / 2
             u, v = x * half * squeeze, y * half
@@ -117,7 +124,9 @@ class Canvas:
         square = [(-1, -1), (1, -1), (1, 1), (-1, 1)]
         self.polygon([place(x, y) for x, y in square], "white", INK, 1)
         for sx, sy in ((-1, -1), (1, 1)):
-            self.polygon([place(x, y) for x, y in ((0, 0), (sx, 0), (sx, sy), (0, sy))], INK, INK, 1)
+            self.polygon(
+                [place(x, y) for x, y in ((0, 0), (sx, 0), (sx, sy), (0, sy))], INK, INK, 1
+            )
 
     def bar(self, start: Point, end: Point, side: float = 0, colour: str = ORANGE) -> None:
         """A bar between two targets; without a side, as two dots."""

@@ -7,18 +7,19 @@ from docs.drawings.canvas import BLUE, GREY, INK, Canvas
 LAYERS = (
     ("what people run", ("workflow", "projects", "commands", "ui")),
     ("files and figures", ("formats", "figures")),
-    ("from photographs, and to points",
-     ("simulation", "detection", "frames", "intrinsics", "matching", "field")),
+    (
+        "from photographs, and to points",
+        ("simulation", "detection", "frames", "intrinsics", "matching", "field"),
+    ),
     ("the method", ("calibration", "refined", "evaluation", "verdict")),
     ("ground", ("errors", "system", "rig")),
-)  # fmt: skip
+)
 
 
 def layers() -> Canvas:
-    """Five layers of folders, each of which imports from those below it only."""
+    """Five layers of folders, each of which imports only from those below it."""
     row, width = 74, 720
-    c = Canvas(width, 20 + row * len(LAYERS), "Five layers of folders; each imports only from those "
-               "below it: " + "; ".join(f"{name}: {', '.join(them)}" for name, them in LAYERS))  # fmt: skip
+    c = Canvas(width, 20 + row * len(LAYERS))
     for k, (name, folders) in enumerate(LAYERS):
         top = 14.0 + row * k
         c.rectangle((14, top), (width - 28, 58), "#F4F6F7", GREY, 1)
