@@ -9,8 +9,8 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from docutils.nodes import math, math_block
-from docutils.utils.math.latex2mathml import tex2mathml
+from docutils.nodes import SkipNode, math, math_block
+from latex2mathml.converter import convert
 from sphinx.application import Sphinx
 from sphinx.writers.html5 import HTML5Translator
 
@@ -31,7 +31,8 @@ myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 4
 
 default_role = "py:obj"
-autodoc_typehints = "signature"
+ARRAYS = ("FloatArray", "IntArray", "BoolArray")
+autodoc_type_aliases = {"npt.ArrayLike": "ArrayLike", **dict(zip(ARRAYS, ARRAYS, strict=True))}
 autodoc_member_order = "bysource"
 python_maximum_signature_line_length = 80
 
@@ -59,16 +60,9 @@ def link_to_pages(_app: Sphinx, _page: str, source: list[str]) -> None:
 
 
 def write_formula(writer: HTML5Translator, node: math | math_block) -> None:
-    """Write a formula as MathML."""
-    block = isinstance(node, math_block)
-    writer.body.append(tex2mathml(node.astext(), as_block=block))
-    raise_skip()
-
-
-def raise_skip() -> None:
-    """The formula's node has been written; its text is not."""
-    from docutils.nodes import SkipNode
-
+    """Write a formula as MathML, in place of the node's own text."""
+    display = "block" if isinstance(node, math_block) else "inline"
+    writer.body.append(convert(node.astext(), display=display))
     raise SkipNode
 
 

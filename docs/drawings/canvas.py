@@ -74,7 +74,7 @@ class Canvas:
         at: Point,
         text: str,
         colour: str = INK,
-        size: float = 15,
+        size: float = 17,
         anchor: str = "middle",
         bold: bool = False,
     ) -> None:

@@ -23,7 +23,7 @@ def layers() -> Canvas:
     for k, (name, folders) in enumerate(LAYERS):
         top = 14.0 + row * k
         c.rectangle((14, top), (width - 28, 58), "#F4F6F7", GREY, 1)
-        c.text((26, top + 19), name, GREY, 13, anchor="start")
+        c.text((26, top + 19), name, GREY, 15, anchor="start")
         for j, folder in enumerate(folders):
             c.text((80 + 112 * j, top + 44), folder, INK, 16, bold=True)
         if k:

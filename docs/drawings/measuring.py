@@ -54,7 +54,7 @@ def baseline() -> Canvas:
     """The baseline runs between the entrance pupils, the images of the apertures seen from the
     front. Between other points of cameras that are turned in it is wrong by 2 d sin a.
     """
-    c = Canvas(720, 380)
+    c = Canvas(720, 400)
     left, right, a = (190.0, 200.0), (530.0, 200.0), 65.0
     c.camera(left, a)
     c.camera(right, 180 - a)
@@ -78,10 +78,10 @@ def baseline() -> Canvas:
     c.text((140, 240), "d", INK, 17, bold=True)
     c.text(
         (360, 326),
-        "a: how far each camera is turned in.  d: from the screw to the pupil, along the lens.",
+        "a: how far each camera is turned in\nd: from the screw to the pupil, along the lens",
         INK,
     )
-    c.text((360, 352), "Example: d = 80 mm and a = 10 degrees make 28 mm, 0.6 % of 4.5 m.", GREY)
+    c.text((360, 374), "Example: d = 80 mm and a = 10 degrees make 28 mm, 0.6 % of 4.5 m.", GREY)
     c.text(
         (360, 40),
         "entrance pupil: where the aperture seems to be when you look into the lens",
@@ -122,7 +122,7 @@ def synchronisation() -> Canvas:
     """
     c = Canvas(720, 280)
     for y, name, late in ((70.0, "primary", 0.0), (130.0, "secondary", 24.0)):
-        c.text((90, y + 5), name, INK, anchor="end")
+        c.text((98, y + 5), name, INK, anchor="end")
         c.line((105, y), (430, y), FAINT, 2)
         for k in range(5):
             x = 125 + 70 * k
@@ -136,7 +136,7 @@ def synchronisation() -> Canvas:
     c.bar((505, 120), (585, 155), 20, BLUE)
     c.bar((575, 72), (655, 107), 20, BAD)
     c.arrow((560, 145), (628, 100), INK)
-    c.text((600, 200), "the bar moved by speed × t", INK)
+    c.text((592, 200), "bar moved by speed × t", INK)
     c.text(
         (360, 238),
         "1 m/s and 1 ms make 1 mm: 0.5 px at 15 m with a focal length of 7120 px.\n"

@@ -50,11 +50,11 @@ def size() -> Canvas:
     c = Canvas(720, 210)
     c.rectangle((20, 20), (300, 170), "#F4F6F7", GREY)
     c.target((70, 100), 8)
-    c.text((70, 140), "20 px\nthe least", INK, 14)
+    c.text((70, 140), "20 px\nthe least", INK, 16)
     c.target((150, 100), 20)
-    c.text((150, 140), "50 px\ngood", INK, 14)
+    c.text((150, 140), "50 px\ngood", INK, 16)
     c.target((250, 90), 110)
-    c.text((250, 170), "up to 400 px", INK, 14)
+    c.text((250, 170), "up to 400 px", INK, 16)
     c.text((350, 60), "side of the board on the bar", INK, anchor="start", bold=True)
     c.text((350, 88), "= 50 px × distance / focal length in px", INK, anchor="start")
     c.text((350, 128), "Example: at 25 m, with 7120 px,", GREY, anchor="start")
@@ -164,7 +164,7 @@ def board() -> Canvas:
         "small, and\nalways frontal",
     )
     for k, name in enumerate(names):
-        c.text((78 + 141 * k, 190), name, INK, 14)
+        c.text((78 + 141 * k, 190), name, INK, 16)
     return c
 
 
@@ -206,5 +206,5 @@ def trouble() -> Canvas:
             c.line((x + 8, 95), (x + 20, 89), INK, 2)
             c.line((x + 20, 89), (x + 52, 72), INK, 2)
         c.mark((x, 180), False)
-        c.text((x, 222), name, INK, 14)
+        c.text((x, 222), name, INK, 16)
     return c
