@@ -9,9 +9,8 @@ import pytest
 from playwright.sync_api import Page
 
 from stereocal.cli import main
-from tests.browser.conftest import results_shown
+from tests.browser.conftest import download, results_shown
 from tests.browser.pictures import project_of_recording
-from tests.browser.test_one_set import download
 
 pytestmark = pytest.mark.browser
 
@@ -21,7 +20,7 @@ def test_the_kit_of_the_page_is_computed_again(
 ) -> None:
     project_of_recording(page, app_url)
     results_shown(page)
-    kit = download(page, "download_kit", tmp_path / "paper_kit.zip")
+    kit = download(page, "download_kit", tmp_path)
     with zipfile.ZipFile(kit) as opened:
         assert "held-out frames" in opened.read("methods.md").decode()
         assert "figures/validation_180mm.pdf" in opened.namelist()
