@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from stereocal.calibration.methods import METHODS, Method
+from stereocal.commands.compiling import compile_apart
 from stereocal.commands.options import (
     add_lens_model,
     add_search_options,
@@ -103,6 +104,8 @@ def run(parsed: argparse.Namespace) -> None:
             "A paper kit holds what computes its files again: give --kit or --validation."
         )
     dataset = with_sigmas(read_input(parsed.dataset, parsed.lens_model), parsed)
+    if parsed.kit:
+        compile_apart()
     settings = settings_from(parsed, parsed.calibration_frames)
     free = tuple(parsed.free_distortion)
     refined = RefineSettings(free_distortion=free) if parsed.refined else None

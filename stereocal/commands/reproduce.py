@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from stereocal.commands.calibrate import evaluation_of
+from stereocal.commands.compiling import compile_apart
 from stereocal.paper_kit.reproduction import (
     Comparison,
     ReproducibleResult,
@@ -41,6 +42,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
 def run(parsed: argparse.Namespace) -> int:
     """Compute the files again, write them, and print how each compares; the exit status."""
     archived = read_archive(parsed.archive)
+    compile_apart()
     sets = computed_again(archived)
     write_all({parsed.out / name: rig.dumps().encode() for name, rig in sets.items()})
     found = compare(archived, sets)

@@ -47,20 +47,26 @@ def reproduce(path: str, tmp_path: Path) -> int:
 
 @pytest.mark.parametrize("sample", [FIELD, RECORDING], ids=lambda path: path.name)
 def test_another_process_gives_the_same_digests(sample: Path, tmp_path: Path) -> None:
-    out = tmp_path / "out"
-    assert main(["calibrate", str(sample), "--out", str(out), "--runs", "6", "--kit"]) == 0
-    with zipfile.ZipFile(out / "paper_kit.zip") as kit:
+    in_a_process("calibrate", str(sample), "--out", str(tmp_path), "--runs", "6", "--kit")
+    with zipfile.ZipFile(tmp_path / "paper_kit.zip") as kit:
         kit.extract("archive.zip", tmp_path)
-    asked = ["reproduce", str(tmp_path / "archive.zip"), "--out", str(tmp_path / "again")]
+    printed = in_a_process(
+        "reproduce", str(tmp_path / "archive.zip"), "--out", str(tmp_path / "again")
+    )
+    assert all(line in printed for line in IDENTICAL)
+    for name in ("parameters_2d.json", "parameters_refined.json"):
+        one, other = ((folder / name).read_bytes() for folder in (tmp_path, tmp_path / "again"))
+        assert digest_of(json.loads(one)) == digest_of(json.loads(other))
+
+
+def in_a_process(*asked: str) -> str:
+    """What a command prints, in a process of its own."""
     run = subprocess.run(
         [sys.executable, "-m", "stereocal", *asked],
         cwd=ROOT, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert run.returncode == 0, run.stderr
-    assert all(line in run.stdout for line in IDENTICAL)
-    for name in ("parameters_2d.json", "parameters_refined.json"):
-        one, other = ((tmp_path / folder / name).read_bytes() for folder in ("out", "again"))
-        assert digest_of(json.loads(one)) == digest_of(json.loads(other))
+    return run.stdout
 
 
 def test_settings_and_a_replaced_file_come_along(
