@@ -13,6 +13,7 @@ from stereocal.commands import (
     convert,
     detect,
     evaluate,
+    import_archive,
     intrinsics,
     match,
     plan,
@@ -25,8 +26,8 @@ from stereocal.errors import StereocalError
 from stereocal.rig.compilations import compilations
 
 COMMANDS = (
-    calibrate, evaluate, detect, intrinsics, match, reconstruct, convert, check, simulate, plan,
-    print_files, compiling,
+    calibrate, evaluate, import_archive, detect, intrinsics, match, reconstruct, convert, check,
+    simulate, plan, print_files, compiling,
 )  # fmt: skip
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 
@@ -268,6 +269,7 @@ def give_dataset(
     else:
         survey = parse_dataset(files, source, lens_model=lens_model)
         slots["correspondences"] = TABLE
+    free = survey.baseline_sigma_m == math.inf
     slots |= {slot: description["cameras"][slot] for slot in slots if slot != "correspondences"}
     kept = store.give(
         {slot: (name, files[folder + name]) for slot, name in slots.items()},
@@ -275,7 +277,8 @@ def give_dataset(
         name=survey.name,
         baseline_m=survey.baseline_m,
         target_distance_m=survey.target_distance_m,
-        baseline_sigma_m=survey.baseline_sigma_m,
+        baseline_sigma_m=None if free else survey.baseline_sigma_m,
+        baseline_free=free,
         target_distance_sigma_m=survey.target_distance_sigma_m,
     )
     if not kept:  # a running search is for the previous data set
