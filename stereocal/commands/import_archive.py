@@ -94,7 +94,7 @@ def table_of(lines: Sequence[Taken]) -> str:
 
 def notes_on(found: Archive, dataset: Dataset) -> list[str]:
     """What to know about the data set."""
-    notes = []
+    notes = list(found.remarks)
     if found.baseline_m is not None and dataset.baseline_m == found.baseline_m:
         notes.append(
             f"The baseline of {dataset.baseline_m:.4g} m is the other program's result, not a "

@@ -9,7 +9,9 @@ from contextlib import contextmanager
 import streamlit as st
 
 from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
-from stereocal.formats.camera_file import read_camera
+from stereocal.formats.archives.archive import ArchiveOptions
+from stereocal.formats.archives.cameras import camera_kind, read_camera_pair
+from stereocal.formats.camera_file import read_camera, write_camera
 from stereocal.formats.correspondences_csv import read_table, write_table
 from stereocal.formats.dataset_files import (
     TABLE,
@@ -50,8 +52,8 @@ TITLES: Mapping[Slot, str] = {
 }
 PHOTOGRAPHS = "Photographs"
 GIVEN_AS = ("Single files", PHOTOGRAPHS, "A zip", "A folder")
-CAMERA_KINDS = ["json", "yaml", "yml", "xml", "ini", "conf", "mat"]
-"""Suffixes of camera files; the last three are rejected with advice."""
+CAMERA_KINDS = ["json", "yaml", "yml", "xml", "toml", "m", "mat", "ini", "conf"]
+"""Suffixes of camera files; the last two are rejected with advice."""
 _SEEN = "uploads_seen"
 Contents = Iterable[tuple[str, bytes]]
 """Photographs, name and content, read one at a time."""
@@ -182,6 +184,8 @@ def _try_camera(slot: Slot, name: str, content: bytes) -> None:
         _try_files({slot: (name, content)})
 
     try:
+        if camera_kind(name, content) == "ros":
+            content = write_camera(read_camera_pair({name: content}, ArchiveOptions()).primary)
         read_camera(content, name)
     except FourCoefficientsError as error:
         ask_lens(error, name, take)

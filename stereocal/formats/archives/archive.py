@@ -76,6 +76,14 @@ class Archive:
     throw: pd.DataFrame | None = None
     """Points of a thrown object: frame, u_primary, v_primary, u_secondary, v_secondary."""
     notes: tuple[str, ...] = ()
+    """For the data set."""
+    remarks: tuple[str, ...] = ()
+    """For the user."""
+
+    @property
+    def baseline_sigma_m(self) -> float | None:
+        """Standard error assumed for the nominal baseline."""
+        return None if self.baseline_m is None else NOMINAL_SIGMA * self.baseline_m
 
     def dataset(self, name: str, baseline_m: float | None, distance_m: float | None) -> Dataset:
         """The data set of a complete archive.
@@ -90,9 +98,10 @@ class Archive:
         """
         assert self.primary is not None and self.secondary is not None
         assert self.correspondences is not None
-        nominal = self.baseline_m or 1.0
+        nominal, sigma = self.baseline_m or 1.0, self.baseline_sigma_m
         free = baseline_m == np.inf
-        sigma = np.inf if free else None if baseline_m is not None else NOMINAL_SIGMA * nominal
+        if baseline_m is not None:
+            sigma = np.inf if free else None
         notes = self.notes
         if baseline_m is None:
             notes += ("The baseline is a result of the other program, not a measurement.",)
@@ -164,6 +173,16 @@ def _index(wanted: str, names: tuple[str, ...], source: str) -> int:
     )
 
 
+def remarks_on_choice(names: tuple[str, ...], wanted: tuple[str, str] | None) -> tuple[str, ...]:
+    """A remark if two of more cameras were taken that nobody chose."""
+    if len(names) <= 2 or wanted is not None:
+        return ()
+    return (
+        f"There are {len(names)} cameras ({', '.join(names)[:100]}); the first two were taken. "
+        "Choose others with --cameras, as --cameras 1,3.",
+    )
+
+
 def chosen_words(names: tuple[str, ...], pair: tuple[int, int]) -> str:
     """Which cameras of a file are used, in words."""
     first, second = (names[k] for k in pair)
@@ -228,6 +247,8 @@ class CameraPair:
     """Unit of the file, if it states one."""
     usual: Unit | None = None
     """Unit of all files of this program."""
+    remarks: tuple[str, ...] = ()
+    """For the user."""
 
     def baseline_m(self, unit: Unit | None, source: str) -> float | None:
         """The baseline of the program's own solution; None if there is none.

@@ -8,7 +8,12 @@ from typing import Any
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.formats.archives.archive import CameraPair, chosen_pair, chosen_words
+from stereocal.formats.archives.archive import (
+    CameraPair,
+    chosen_pair,
+    chosen_words,
+    remarks_on_choice,
+)
 from stereocal.formats.exchange.aniposelib import toml_camera, toml_pose
 from stereocal.formats.exchange.kalibr import kalibr_camera
 from stereocal.formats.exchange.options import ExchangeOptions, array_of
@@ -42,7 +47,10 @@ def read_chain(
         T = array_of(data[key]["T_cn_cnm1"], (4, 4), "T_cn_cnm1", f"{name}, {key}")
         pose = Pose(T[:3, :3], T[:3, 3]) @ pose
     pose = pose if pair[0] < pair[1] else pose.inverse()
-    return CameraPair("Kalibr", primary, secondary, pose, chosen_words(names, pair), usual="m")
+    remarks = remarks_on_choice(names, wanted)
+    return CameraPair(
+        "Kalibr", primary, secondary, pose, chosen_words(names, pair), usual="m", remarks=remarks
+    )
 
 
 def toml_sections(data: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
@@ -88,4 +96,7 @@ def read_sections(
         )
         pose = second @ first.inverse()
     program = "Caliscope" if "cameras" in data or "charuco" in data else "aniposelib"
-    return CameraPair(program, primary, secondary, pose, chosen_words(names, pair))
+    return CameraPair(
+        program, primary, secondary, pose, chosen_words(names, pair),
+        remarks=remarks_on_choice(names, wanted),
+    )  # fmt: skip

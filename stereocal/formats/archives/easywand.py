@@ -22,6 +22,7 @@ from stereocal.formats.archives.archive import (
     chosen_words,
     lens_taken,
     points_taken,
+    remarks_on_choice,
     with_background,
 )
 from stereocal.formats.archives.matlab_file import Fields, numbers_of, read_structs, required
@@ -205,6 +206,7 @@ def read_easywand(file: EasyWandFile, options: ArchiveOptions) -> Archive:
     return Archive(
         tuple(taken), cameras[0], cameras[1], points, baseline, distance, throw,
         (f"From easyWand, {seen.words}.", *notes, *about),
+        remarks_on_choice(file.cameras, options.cameras),
     )  # fmt: skip
 
 

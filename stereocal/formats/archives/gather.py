@@ -18,6 +18,7 @@ from stereocal.formats.archives.archive import (
     chosen_words,
     lens_taken,
     points_taken,
+    remarks_on_choice,
 )
 from stereocal.formats.archives.cameras import camera_kind, read_camera_pair
 from stereocal.formats.archives.easywand import open_easywand, read_easywand
@@ -101,26 +102,28 @@ def _with_cameras(
         secondary=pair.secondary,
         baseline_m=baseline,
         notes=(*found.notes, f"Lenses from {origin}."),
+        remarks=(*found.remarks, *pair.remarks),
     )
 
 
 def _with_table(found: Archive, name: str, content: bytes, options: ArchiveOptions) -> Archive:
-    rows, words = _rows_of(found, name, content, options)
+    rows, words, remarks = _rows_of(found, name, content, options)
     return replace(
         found,
         taken=(points_taken(rows, f"{name} ({words})"), *found.taken),
         correspondences=rows,
         notes=(*found.notes, f"Points from {name}, {words}."),
+        remarks=(*found.remarks, *remarks),
     )
 
 
 def _rows_of(
     found: Archive, name: str, content: bytes, options: ArchiveOptions
-) -> tuple[Correspondences, str]:
-    """The rows of a table, and how it was read."""
+) -> tuple[Correspondences, str, tuple[str, ...]]:
+    """The rows of a table, how it was read, and remarks for the user."""
     head, _ = first_rows(content, name)
     if set(REQUIRED) <= {cell.strip().lower() for cell in head[0]}:
-        return read_table(content, name).strict(name), "stereocal"
+        return read_table(content, name).strict(name), "stereocal", ()
     layout = propose_layout(content, name, options.layout)
     if len(layout.points) < 2:
         raise StereocalError(
@@ -140,4 +143,4 @@ def _rows_of(
     )  # fmt: skip
     corner = layout.origin.corner.replace("-", " ")
     words = f"{layout.program}, {chosen_words(layout.cameras, pair)}, counted from the {corner}"
-    return rows, words
+    return rows, words, remarks_on_choice(layout.cameras, options.cameras)
