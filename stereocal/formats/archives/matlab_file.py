@@ -33,8 +33,8 @@ SAVE_AGAIN = "In MATLAB, load the file and save its struct with save(..., '-v7')
 def read_structs(content: bytes, source: str) -> dict[str, Fields]:
     """The structs in a .mat file by name; other variables are left out.
 
-    A child process reads it first: of 200 files with six damaged bytes each, some made SciPy
-    crash the process.
+    A child process reads it: a file with six damaged bytes made SciPy crash the process, and not
+    each time.
 
     Raises:
         StereocalError: version 7.3, damaged, too large when unpacked, or without a struct.
@@ -50,23 +50,29 @@ def read_structs(content: bytes, source: str) -> dict[str, Fields]:
         _check_expansion(content, source)
     except (zlib.error, struct.error) as error:
         raise StereocalError(f"{source}: this .mat file is damaged. {SAVE_AGAIN}.") from error
-    guard = Guard({"matlab": _try}, children=1)
+    guard = Guard({"matlab": _read}, children=1)
     try:
-        guard.check_content("matlab", content, source)
+        found, held = guard.read_content("matlab", content, source)
     finally:
         guard.close()
-    return _structs(content, source)
+    if found is None:
+        raise StereocalError(f"{source}: this .mat file is damaged. {SAVE_AGAIN}.")
+    if not found:
+        raise StereocalError(
+            f"{source}: there is no struct in this .mat file (it contains: {held or 'nothing'}). "
+            "Objects are not read: in MATLAB, s = toStruct(stereoParams); "
+            "save('stereo.mat', 's', '-v7')."
+        )
+    structs: dict[str, Fields] = found
+    return structs
 
 
-def _try(path: Path) -> None:
-    _structs(path.read_bytes(), path.name)
-
-
-def _structs(content: bytes, source: str) -> dict[str, Fields]:
+def _read(path: Path) -> tuple[dict[str, Fields] | None, str]:
+    """The structs in a file, None if it is damaged; and what it contains, in words."""
     # Importing it takes 0.2 s, which every command would wait for.
     from scipy.io import loadmat, whosmat
 
-    file: Any = io.BytesIO(content)
+    file: Any = io.BytesIO(path.read_bytes())
     try:
         kinds = {name: (shape, kind) for name, shape, kind in whosmat(file)}
         wanted = [name for name, known in kinds.items() if known == ((1, 1), "struct")]
@@ -75,17 +81,10 @@ def _structs(content: bytes, source: str) -> dict[str, Fields]:
             if wanted
             else {}
         )
-    except Exception as error:  # SciPy's reader may raise anything
-        raise StereocalError(f"{source}: this .mat file is damaged. {SAVE_AGAIN}.") from error
+    except Exception:  # SciPy's reader may raise anything
+        return None, ""
     found = {name: _fields(loaded[name], DEEPEST) for name in wanted if name in loaded}
-    if not found:
-        held = ", ".join(f"{name} ({kind})" for name, (_, kind) in kinds.items())
-        raise StereocalError(
-            f"{source}: there is no struct in this .mat file (it contains: {held or 'nothing'}). "
-            "Objects are not read: in MATLAB, s = toStruct(stereoParams); "
-            "save('stereo.mat', 's', '-v7')."
-        )
-    return found
+    return found, ", ".join(f"{name} ({kind})" for name, (_, kind) in kinds.items())
 
 
 def numbers_of(fields: Fields, name: str, source: str) -> FloatArray | None:
@@ -143,6 +142,7 @@ def _check_expansion(content: bytes, source: str) -> None:
 def _fields(value: Any, depth: int) -> Any:
     """A struct as a mapping, without what is nested deeper than `depth`."""
     names = getattr(value, "_fieldnames", None)
-    if names is None:
-        return value
-    return {name: _fields(getattr(value, name), depth - 1) for name in names} if depth else {}
+    if names is not None:
+        return {name: _fields(getattr(value, name), depth - 1) for name in names} if depth else {}
+    plain = isinstance(value, str) or np.asarray(value).dtype.kind in "biufc"
+    return value if plain else "not numbers"
