@@ -19,6 +19,7 @@ from stereocal.commands import (
     plan,
     print_files,
     reconstruct,
+    serve,
     simulate,
 )
 from stereocal.commands.progress import say
@@ -27,7 +28,7 @@ from stereocal.rig.compilations import compilations
 
 COMMANDS = (
     calibrate, evaluate, import_archive, detect, intrinsics, match, reconstruct, convert, check,
-    simulate, plan, print_files, compiling,
+    simulate, plan, print_files, serve, compiling,
 )  # fmt: skip
 
 
