@@ -26,8 +26,8 @@ from pebble import ProcessPool
 from stereocal.errors import StereocalError
 from stereocal.system.limits import MB, Limits
 
-Reader = Callable[[Path], object]
-"""A module-level function, which the child imports by its name."""
+Reader = Callable[..., object]
+"""A module-level function of a path and perhaps more, which the child imports by its name."""
 LEAST_SECONDS = 10.0
 SECONDS_PER_MB = 0.1
 """A 16-bit PNG of 200 megapixels may take seconds, longer on a busy server."""
@@ -66,15 +66,18 @@ class Guard:
             StereocalError: it crashes its decoder, exceeds time or memory, or is missing.
         """
         if self._children:
-            self._run(kind, path, name, False)
+            self._run(kind, path, name)
 
-    def read(self, kind: str, path: Path, name: str) -> Any:
+    def read(self, kind: str, path: Path, name: str, *arguments: Any) -> Any:
         """What the reader returns for a file, for decoders that must not run in this process.
+
+        Args:
+            arguments: of the reader, after the path.
 
         Raises:
             StereocalError: as `check`, or as the reader.
         """
-        found = self._run(kind, path, name, True)
+        found = self._run(kind, path, name, arguments)
         if isinstance(found, StereocalError):
             raise found
         return found
@@ -84,13 +87,15 @@ class Guard:
         with _stored(content, name) as path:
             return self.read(kind, path, name)
 
-    def _run(self, kind: str, path: Path, name: str, wanted: bool) -> Any:
+    def _run(
+        self, kind: str, path: Path, name: str, arguments: tuple[Any, ...] | None = None
+    ) -> Any:
         try:
             seconds = self._least_seconds + SECONDS_PER_MB * path.stat().st_size / MB
         except OSError as error:
             raise StereocalError(f"{name} cannot be read: {error.strerror or error}.") from error
         try:
-            reason, found = self._tried(kind, path, seconds, wanted)
+            reason, found = self._tried(kind, path, seconds, arguments)
         except (BrokenProcessPool, RuntimeError) as error:
             raise StereocalError(
                 "The server cannot start its process for checking files."
@@ -131,15 +136,24 @@ class Guard:
             self._pool = None
 
     def _tried(
-        self, kind: str, path: Path, seconds: float, wanted: bool, again: bool = True
+        self,
+        kind: str,
+        path: Path,
+        seconds: float,
+        arguments: tuple[Any, ...] | None,
+        again: bool = True,
     ) -> tuple[str, Any]:
-        """Why a file fails, empty if it passes; and what its reader returns, if wanted."""
+        """Why a file fails, empty if it passes; and what its reader returns.
+
+        Args:
+            arguments: of the reader; None if what it returns is not wanted.
+        """
         with self._lock:
             if self._pool is None or not self._pool.active:
                 self._pool = self._started()
             pool = self._pool
             future = pool.schedule(
-                _read, (self._readers[kind], path.resolve(), seconds, wanted), timeout=seconds
+                _read, (self._readers[kind], path.resolve(), seconds, arguments), timeout=seconds
             )
         try:
             # Pebble forgets a file that is scheduled while a pool breaks: it would never end.
@@ -153,7 +167,7 @@ class Guard:
             return "needs too much memory to be decoded", None
         except BrokenProcessPool:  # all children were killed, for example by the system
             if again:
-                return self._tried(kind, path, seconds, wanted, again=False)
+                return self._tried(kind, path, seconds, arguments, again=False)
             raise
         except Exception:  # the child died, or the decoder raised an unexpected error
             return "makes its decoder fail", None
@@ -198,15 +212,15 @@ def _stored(content: bytes, name: str, suffix: str = "") -> Iterator[Path]:
         yield path
 
 
-def _read(read: Reader, path: Path, seconds: float, wanted: bool) -> Any:
+def _read(read: Reader, path: Path, seconds: float, arguments: tuple[Any, ...] | None) -> Any:
     """In the child: try to read a file; returns its contents or the error, if wanted."""
     if hasattr(signal, "alarm"):  # in case the server, which enforces the timeout, was killed
         signal.alarm(int(seconds) + 5)
     try:
-        found = read(path)
-        return found if wanted else None
+        found = read(path, *(arguments or ()))
+        return None if arguments is None else found
     except StereocalError as error:
-        return error if wanted else None
+        return None if arguments is None else error
     finally:
         if hasattr(signal, "alarm"):
             signal.alarm(0)
