@@ -48,7 +48,8 @@ def write_video(
 
     with av.open(str(path), "w") as container:
         stream: Any = container.add_stream(codec, rate=min(ticks, 30))
-        stream.width, stream.height, stream.pix_fmt = WIDTH, HEIGHT, "yuv420p"
+        stream.height, stream.width = draw(0).shape
+        stream.pix_fmt, stream.options = "yuv420p", {"crf": "12"} if codec == "libx264" else {}
         stream.time_base = stream.codec_context.time_base = Fraction(1, ticks)
         stream.codec_context.gop_size = 12
         for k, time in enumerate(seconds):

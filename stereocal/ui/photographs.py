@@ -38,8 +38,10 @@ from stereocal.ui.project import project_to_write
 from stereocal.ui.review import show_frames
 from stereocal.ui.single_files import take_camera
 from stereocal.ui.uploads import free_memory
+from stereocal.ui.videos import videos_in
 
 TOGETHER, FOLDER, APART = "Both cameras together", "A folder", "One camera after the other"
+VIDEOS = "Two videos"
 KINDS = [*sorted(suffix.removeprefix(".") for suffix in SUFFIXES), "zip"]
 
 
@@ -61,7 +63,7 @@ def has_photographs(project: Project) -> bool:
 
 def photographs_in(project: Project | None) -> None:
     """The uploaders, the pairs and the targets found."""
-    ways = (TOGETHER, FOLDER, APART)
+    ways = (TOGETHER, FOLDER, APART, VIDEOS)
     chosen = setting(project, "photographs_how", TOGETHER, one_of(ways), tabs_own=True)
     how = st.segmented_control("They come as", ways, required=True, **chosen.widget())
     key = f"upload_photographs_{st.session_state.setdefault(ROUND, 0)}"
@@ -73,6 +75,8 @@ def photographs_in(project: Project | None) -> None:
                     accept_multiple_files=True, key=f"{key}_{camera}",
                 )  # fmt: skip
                 _take(uploads, f"{camera}/")
+    elif how == VIDEOS:
+        videos_in(project)
     elif how == FOLDER:
         folder = st.file_uploader(
             "Folder with the photographs", accept_multiple_files="directory", key=f"{key}_folder"

@@ -96,7 +96,7 @@ def test_a_variable_rate_has_no_gap_but_a_dropped_frame_is_one(tmp_path: Path) -
     )
     report, found = taken(videos, VideoSettings("every", 1))
     assert "variable rate" in report.sentences[0] and "no frame is missing" in report.sentences[0]
-    assert "1 frames are missing: 1 after" in report.sentences[1]
+    assert "1 frame is missing: 1 after" in report.sentences[1]
     for name, image in found.items():
         if name.startswith("primary"):
             partner = found[name.replace("primary", "secondary")]

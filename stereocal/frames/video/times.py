@@ -147,7 +147,8 @@ def describe_times(primary: FloatArray, secondary: FloatArray, pairs: VideoPairs
         if gaps:
             first = ", ".join(f"{gap.missing} after {gap.at_s:.3f} s" for gap in gaps[:3])
             more = f" and at {len(gaps) - 3} more places" if len(gaps) > 3 else ""
-            lost = f"{sum(gap.missing for gap in gaps)} frames are missing: {first}{more}"
+            count = sum(gap.missing for gap in gaps)
+            lost = f"{count} frame{'s are' if count > 1 else ' is'} missing: {first}{more}"
         sentences.append(f"The {which} video has {len(seconds)} frames, {rate}; {lost}.")
     largest = 1000 * float(np.abs(pairs.apart_s).max())
     sentences.append(
