@@ -67,14 +67,9 @@ def run(parsed: argparse.Namespace) -> None:
         ),
         baseline_known=baseline is not None,
     )
-    missing = _missing(found, baseline, parsed.distance)
+    missing = found.missing(baseline, parsed.distance)
     lines = [*_not_replaced(found, baseline, parsed.distance), *missing]
     print(table_of(lines))
-    if missing:
-        raise StereocalError(
-            f"Nothing was written: {'; '.join(f'{m.what} is missing, {m.origin}' for m in missing)}"
-            "."
-        )
     dataset = with_sigmas(found.dataset(parsed.out.name, baseline, parsed.distance), parsed)
     files = {parsed.out / name: content for name, content in pack_dataset(dataset).items()}
     if found.throw is not None:
@@ -150,13 +145,3 @@ def _not_replaced(found: Archive, baseline: float | None, distance: float | None
         words = "free: the lengths of the bars give the scale" if free else f"{baseline:g} m"
         lines.append(Taken("baseline", words, "--baseline"))
     return lines
-
-
-def _missing(found: Archive, baseline: float | None, distance: float | None) -> list[Taken]:
-    wanted = (
-        ("table of points", found.correspondences, "give the CSV of the bar's ends"),
-        ("camera files", found.primary, "give both lenses"),
-        ("baseline", baseline or found.baseline_m, "give --baseline B in metres, or free"),
-        ("distance A-B", distance or found.target_distance_m, "give --distance D in metres"),
-    )
-    return [Taken(what, "missing", remedy) for what, value, remedy in wanted if value is None]

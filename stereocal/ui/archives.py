@@ -55,7 +55,7 @@ def ask_about_archive(store: ProjectApplication) -> None:
         except StereocalError as error:
             st.error(escape_markdown(str(error)))
         if found is not None:
-            _show(found)
+            _show(found, known)
         ask_buttons(
             store, "archive", None if found is None else lambda: _use(store, label, found),
             "Use what was found",
@@ -111,7 +111,7 @@ def _cameras(project: Project, names: tuple[str, ...]) -> tuple[str, str]:
     return first, second
 
 
-def _show(found: Archive) -> None:
+def _show(found: Archive, baseline_known: bool) -> None:
     rows = [(each.what, each.taken, each.origin) for each in found.taken]
     table = pd.DataFrame(rows, columns=["What", "Found", "From"])
     st.table(escaped_table(table).set_index("What"))
@@ -120,6 +120,8 @@ def _show(found: Archive) -> None:
             "The baseline is the other program's result, not a measurement: replace it and its "
             "uncertainty by the measured ones, or state below that it was not measured."
         )
+    elif found.correspondences is not None and not baseline_known:
+        st.caption("It has no baseline: enter the measured one below, or say that there is none.")
     if found.throw is not None:
         st.download_button(
             "The thrown object, for a world frame", found.throw.to_csv(index=False), THROW,

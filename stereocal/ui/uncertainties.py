@@ -30,12 +30,17 @@ PRESETS_MM = {"Laser range finder": 2.0, "Tape": 5.0, "Total station": 1.0}
 TITLES = {
     NOT_STATED: NOT_STATED,
     **{name: f"{name}: ± {mm:g} mm" for name, mm in PRESETS_MM.items()},
-    FREE: "Not measured: the lengths alone give the scale",
+    FREE: "Not measured: left free",
 }
 LEAST_MM = 0.001
 HELP = (
     "One standard deviation. With it, stereocal can tell which of the numbers that you gave "
     "disagrees with the images; where nothing is stated it assumes {assumed}, and cannot blame it."
+)
+
+HELP_ON_FREE = (
+    " A baseline that nobody measured can be left free: then the lengths of the bars alone give "
+    "the scale."
 )
 
 
@@ -52,7 +57,8 @@ def length_uncertainty(project: Project | None, name: str, assumed: str) -> None
         "How well is it known?",
         [NOT_STATED, *PRESETS_MM, TYPED, *([FREE] if name == "baseline_m" else [])],
         format_func=lambda option: TITLES.get(option, "Typed, in mm"),
-        help=HELP.format(assumed=assumed), **length.choice.widget(),
+        help=HELP.format(assumed=assumed) + (HELP_ON_FREE if name == "baseline_m" else ""),
+        **length.choice.widget(),
     )  # fmt: skip
     if chosen == TYPED:
         right.number_input(

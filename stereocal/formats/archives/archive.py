@@ -85,6 +85,18 @@ class Archive:
         """Standard error assumed for the nominal baseline."""
         return None if self.baseline_m is None else NOMINAL_SIGMA * self.baseline_m
 
+    def missing(self, baseline_m: float | None, distance_m: float | None) -> list[Taken]:
+        """Lines of the report on what is missing; lengths as for `dataset`."""
+        baseline = self.baseline_m if baseline_m is None else baseline_m
+        distance = self.target_distance_m if distance_m is None else distance_m
+        wanted = (
+            ("table of points", self.correspondences, "give the CSV of the bar's ends"),
+            ("camera files", self.primary, "give both lenses"),
+            ("baseline", baseline, "give --baseline B in metres, or free"),
+            ("distance A-B", distance, "give --distance D in metres"),
+        )
+        return [Taken(what, "missing", remedy) for what, value, remedy in wanted if value is None]
+
     def dataset(self, name: str, baseline_m: float | None, distance_m: float | None) -> Dataset:
         """The data set of a complete archive.
 
@@ -94,10 +106,17 @@ class Archive:
             distance_m: as measured; None: that of the files.
 
         Raises:
-            StereocalError: as `Dataset`, or as `with_baseline_found`.
+            StereocalError: something is missing, or as `Dataset` or `with_baseline_found`.
         """
-        assert self.primary is not None and self.secondary is not None
-        assert self.correspondences is not None
+        distance = self.target_distance_m if distance_m is None else distance_m
+        if (
+            self.primary is None or self.secondary is None or self.correspondences is None
+            or distance is None or (baseline_m is None and self.baseline_m is None)
+        ):  # fmt: skip
+            lines = self.missing(baseline_m, distance_m)
+            raise StereocalError(
+                f"{'; '.join(f'{line.what} is missing, {line.origin}' for line in lines)}."
+            )
         nominal, sigma = self.baseline_m or 1.0, self.baseline_sigma_m
         free = baseline_m == np.inf
         if baseline_m is not None:
@@ -112,7 +131,7 @@ class Archive:
                 secondary=self.secondary,
                 correspondences=self.correspondences,
                 baseline_m=nominal if free or baseline_m is None else baseline_m,
-                target_distance_m=distance_m or self.target_distance_m or np.nan,
+                target_distance_m=distance,
                 baseline_sigma_m=sigma,
                 notes=" ".join(notes),
             )

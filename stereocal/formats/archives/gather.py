@@ -136,6 +136,17 @@ def _rows_of(
     heights = [None if camera is None else camera.image_size[1] for camera in cameras]
     if options.image_size is not None:
         heights = [options.image_size[1]] * 2
+    if layout.origin.corner == "lower-left" and None in heights:
+        raise StereocalError(
+            f"{name}: the points are counted from the lower left, so the image height is needed: "
+            "give the camera files, or --image-size WxH."
+        )
+    remarks = remarks_on_choice(layout.cameras, options.cameras)
+    if len(layout.points) > 2:
+        remarks += (
+            f"There are {len(layout.points)} points; {layout.points[0]} and {layout.points[1]} "
+            "were taken as the ends A and B of the bar.",
+        )
     first, second = (layout.cameras[k] for k in pair)
     rows = read_bars(
         content, layout, (first, second), (layout.points[0], layout.points[1]),
@@ -143,4 +154,4 @@ def _rows_of(
     )  # fmt: skip
     corner = layout.origin.corner.replace("-", " ")
     words = f"{layout.program}, {chosen_words(layout.cameras, pair)}, counted from the {corner}"
-    return rows, words, remarks_on_choice(layout.cameras, options.cameras)
+    return rows, words, remarks
