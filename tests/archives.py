@@ -6,16 +6,19 @@ import io
 from collections.abc import Mapping
 from typing import Any
 
+import cv2
 import numpy as np
 from scipy.io import savemat
 
 from stereocal.formats.exchange.dlt import dlt_coefficients
+from stereocal.formats.exchange.exchange import export_files
 from stereocal.formats.exchange.matlab import FIRST_PIXEL
 from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.pixel_origin import PixelOrigin
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
+from stereocal.rig.rig import Rig
 from tests.known_rig import BAR_M, PRIMARY, RIG, SECONDARY, bar_ends, images
 
 LOWER_LEFT = PixelOrigin("lower-left")
@@ -123,3 +126,48 @@ def stereo_struct() -> dict[str, Any]:
         "RotationOfCamera2": RIG.R.T,
         "TranslationOfCamera2": RIG.T,
     }
+
+
+PLAIN = Rig(
+    Camera(PRIMARY.K, PRIMARY.distortion[:4], PRIMARY.image_size),
+    Camera(
+        SECONDARY.K - [[0, SECONDARY.K[0, 1], 0], [0, 0, 0], [0, 0, 0]],
+        SECONDARY.distortion[:4], SECONDARY.image_size,
+    ),
+    RIG,
+)  # fmt: skip
+"""Without skew and k3, which Kalibr has not."""
+
+
+def toml_row(values: Any) -> str:
+    return repr(np.asarray(values).tolist())
+
+
+def caliscope(names: tuple[str, ...], rotation: Any) -> bytes:
+    text = ""
+    for name, camera, pose in zip(
+        names, (PRIMARY, PRIMARY, SECONDARY), (RIG.inverse(), RIG @ RIG, RIG), strict=True
+    ):
+        text += (
+            f"[{name}]\nsize = {list(camera.image_size)}\nrotation_count = 0\n"
+            f"matrix = {toml_row(camera.K)}\n"
+            f"distortions = {toml_row([*camera.distortion, 0.0][:5])}\n"
+            f"rotation = {toml_row(rotation(pose))}\ntranslation = {toml_row(pose.T)}\n"
+        )
+    return text.encode()
+
+
+def caliscope_files() -> list[bytes]:
+    """Three cameras in Caliscope's newer file and in its older one."""
+    newer = caliscope(
+        ("cameras.0", "cameras.1", "cameras.2"), lambda pose: cv2.Rodrigues(pose.R)[0].ravel()
+    )
+    older = caliscope(("cam_0", "cam_1", "cam_2"), lambda pose: pose.R)
+    older += b"[charuco]\ncolumns = 4\n[stereo_0_1]\nrotation = [[1.0]]\nRMSE = 1.0\n"
+    return [newer, older]
+
+
+def kalibr_chain() -> bytes:
+    """Three cameras; the third stands to the second as the second to the first."""
+    text = export_files(PLAIN, "kalibr")["camchain.yaml"].decode()
+    return (text + text[text.index("cam1:") :].replace("cam1:", "cam2:")).encode()

@@ -17,9 +17,12 @@ from stereocal.rig.camera import Camera
 from stereocal.rig.rig import Rig
 from tests.archives import (
     BACKGROUND,
+    PLAIN,
+    caliscope_files,
     easywand_camera,
     easywand_fields,
     from_bottom,
+    kalibr_chain,
     mat,
     stereo_struct,
     wand_csv,
@@ -222,17 +225,6 @@ def test_matlab_stereo_parameters() -> None:
     assert found.baseline_m == pytest.approx(BASELINE_M)
 
 
-PLAIN = Rig(
-    Camera(PRIMARY.K, PRIMARY.distortion[:4], PRIMARY.image_size),
-    Camera(
-        SECONDARY.K - [[0, SECONDARY.K[0, 1], 0], [0, 0, 0], [0, 0, 0]],
-        SECONDARY.distortion[:4], SECONDARY.image_size,
-    ),
-    RIG,
-)  # fmt: skip
-"""Without skew and k3, which Kalibr has not."""
-
-
 @pytest.mark.parametrize("name", ["kalibr", "ros", "opencv", "matlab", "aniposelib"])
 def test_cameras_of_each_program_with_a_wand_table(name: str) -> None:
     rig = PLAIN
@@ -273,32 +265,8 @@ def test_single_camera_files_and_one_lens_for_both() -> None:
     assert "one lens for both" in found.taken[0].origin
 
 
-def toml_row(values: Any) -> str:
-    return repr(np.asarray(values).tolist())
-
-
-def caliscope(names: tuple[str, ...], rotation: Any) -> bytes:
-    text = ""
-    for name, camera, pose in zip(
-        names, (PRIMARY, PRIMARY, SECONDARY), (RIG.inverse(), RIG @ RIG, RIG), strict=True
-    ):
-        text += (
-            f"[{name}]\nsize = {list(camera.image_size)}\nrotation_count = 0\n"
-            f"matrix = {toml_row(camera.K)}\n"
-            f"distortions = {toml_row([*camera.distortion, 0.0][:5])}\n"
-            f"rotation = {toml_row(rotation(pose))}\ntranslation = {toml_row(pose.T)}\n"
-        )
-    return text.encode()
-
-
 def test_caliscope_of_both_versions() -> None:
-    import cv2
-
-    newer = caliscope(
-        ("cameras.0", "cameras.1", "cameras.2"), lambda pose: cv2.Rodrigues(pose.R)[0].ravel()
-    )
-    older = caliscope(("cam_0", "cam_1", "cam_2"), lambda pose: pose.R)
-    older += b"[charuco]\ncolumns = 4\n[stereo_0_1]\nrotation = [[1.0]]\nRMSE = 1.0\n"
+    newer, older = caliscope_files()
     for content, name in ((newer, "camera_array.toml"), (older, "config.toml")):
         options = ArchiveOptions(cameras=("1", "3"), unit="m")
         found = gather({name: content}, options)
@@ -310,15 +278,16 @@ def test_caliscope_of_both_versions() -> None:
 
 
 def test_three_cameras_of_kalibr_in_either_order() -> None:
-    files = export_files(PLAIN, "kalibr")
-    text = files["camchain.yaml"].decode()
-    second = text[text.index("cam1:") :]
-    chain = (text + second.replace("cam1:", "cam2:")).encode()
+    chain = kalibr_chain()
     twice = (RIG @ RIG).baseline
     for cameras in (("1", "3"), ("3", "1")):
         found = gather({"c.yaml": chain}, ArchiveOptions(cameras=cameras))
         assert found.baseline_m == pytest.approx(twice)
     assert gather({"c.yaml": chain}, USUAL).baseline_m == pytest.approx(BASELINE_M)
+    with_table = {"c.yaml": chain, "wand.csv": wand_csv()}
+    found = gather(with_table, ArchiveOptions(cameras=("1", "3")))  # the table has two cameras
+    assert any("for the camera files only" in remark for remark in found.remarks)
+    assert found.correspondences is not None and len(found.correspondences) == 23
 
 
 @pytest.mark.parametrize(

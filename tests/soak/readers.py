@@ -14,6 +14,8 @@ from pathlib import Path
 from typing import Any
 
 from stereocal.errors import StereocalError
+from stereocal.formats.archives.archive import ArchiveOptions
+from stereocal.formats.archives.gather import gather
 from stereocal.formats.camera_file import read_camera, write_camera, write_opencv_camera
 from stereocal.formats.correspondences_csv import read_table
 from stereocal.formats.dataset_files import parse_dataset, parse_zip, read_dataset
@@ -42,6 +44,7 @@ from stereocal.system.limits import Limits
 from stereocal.system.photograph import read_photograph
 from stereocal.system.photograph_files import unpack_photographs
 from stereocal.ui.picker import pick_of
+from tests.archives import caliscope_files, kalibr_chain, wand_csv
 from tests.field.plans import FIELD as FIELD_PLAN
 from tests.field.plans import contents, plan
 from tests.formats.test_exchange import RICHEST
@@ -115,8 +118,17 @@ def _descriptions() -> list[Reader]:
             "JSON", "json", "plan", _plans,
             lambda content, _: parse_plan(content, "plan.json", lambda _: ours[0]), ("plan_file",),
         ),
+        Reader("YAML", "yaml", "archive, Kalibr", lambda: [kalibr_chain()], _archive("c.yaml")),
+        Reader("other text", "text", "archive, TOML", caliscope_files, _archive("c.toml")),
         *(_exchange(name, file) for name in RICHEST for file in export_files(RICHEST[name], name)),
     ]  # fmt: skip
+
+
+def _archive(name: str) -> Read:
+    def read(content: bytes, _: Path) -> None:
+        gather({name: content, "wand.csv": wand_csv(5)}, ArchiveOptions(("1", "3"), "m"))
+
+    return read
 
 
 def _plans() -> list[bytes]:

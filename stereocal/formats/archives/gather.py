@@ -131,7 +131,17 @@ def _rows_of(
             f"{layout.program} with the points {', '.join(layout.points)[:60]}."
         )
     layout = replace(layout, origin=options.origin(layout.origin))
-    pair = chosen_pair(layout.cameras, options.cameras, name)
+    remarks = remarks_on_choice(layout.cameras, options.cameras)
+    try:
+        pair = chosen_pair(layout.cameras, options.cameras, name)
+    except StereocalError:
+        if len(layout.cameras) != 2 or found.primary is None:
+            raise
+        pair = (0, 1)
+        remarks = (
+            f"The two cameras of {name} are primary and secondary; --cameras was used for the "
+            "camera files only.",
+        )
     cameras = (found.primary, found.secondary)
     heights = [None if camera is None else camera.image_size[1] for camera in cameras]
     if options.image_size is not None:
@@ -141,7 +151,6 @@ def _rows_of(
             f"{name}: the points are counted from the lower left, so the image height is needed: "
             "give the camera files, or --image-size WxH."
         )
-    remarks = remarks_on_choice(layout.cameras, options.cameras)
     if len(layout.points) > 2:
         remarks += (
             f"There are {len(layout.points)} points; {layout.points[0]} and {layout.points[1]} "
