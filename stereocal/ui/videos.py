@@ -123,6 +123,9 @@ def _start(uploads: Sequence[Upload], settings: VideoSettings) -> None:
             shutil.rmtree(first.parent, ignore_errors=True)
 
     jobs.start(jobs.Work(project, "video", STAGES, about, run))
+    job = jobs.job_of(project, "video")
+    if job is None or job.state == "failed":  # it may not have been started
+        shutil.rmtree(folder, ignore_errors=True)
     # A new key empties the uploaders, which otherwise keep the videos in memory.
     free_memory(uploads)
     forget_base()

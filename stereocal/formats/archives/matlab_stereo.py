@@ -25,7 +25,11 @@ def read_stereo_struct(content: bytes, source: str) -> CameraPair:
     Raises:
         StereocalError: there is no such struct, or a field is missing or wrong.
     """
-    structs = read_structs(content, source)
+    return stereo_of(read_structs(content, source), source)
+
+
+def stereo_of(structs: Mapping[str, Fields], source: str) -> CameraPair:
+    """As `read_stereo_struct`, from the structs of a file by name."""
     for fields in structs.values():
         if all(isinstance(fields.get(part), Mapping) for part in PARTS):
             primary, secondary = (
