@@ -13,6 +13,7 @@ from stereocal.commands import (
     convert,
     detect,
     evaluate,
+    import_archive,
     intrinsics,
     match,
     plan,
@@ -27,8 +28,8 @@ from stereocal.errors import StereocalError
 from stereocal.rig.compilations import compilations
 
 COMMANDS = (
-    calibrate, evaluate, detect, intrinsics, match, reconstruct, convert, check, simulate, plan,
-    print_files, reproduce, serve, compiling,
+    calibrate, evaluate, import_archive, detect, intrinsics, match, reconstruct, convert, check,
+    simulate, plan, print_files, reproduce, serve, compiling,
 )  # fmt: skip
 
 

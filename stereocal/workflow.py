@@ -23,6 +23,7 @@ from stereocal.errors import StereocalError
 from stereocal.formats.evaluation_files import Evaluation, validation_figures
 from stereocal.refined.diagnosis import explain_failure, warnings_about_fit
 from stereocal.refined.disagreement import what_disagrees
+from stereocal.refined.free_baseline import note_on_free_baseline
 from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import refine
 from stereocal.refined.results import Calibration
@@ -74,7 +75,7 @@ def calibrate(
     chosen = _only(kept, frames)
     checks.check_points(chosen)
     reconstruction = reconstruction_problem(chosen, settings.known_points)
-    warnings = checks.warnings_about(chosen)
+    warnings = [*filter(None, [note_on_free_baseline(chosen)]), *checks.warnings_about(chosen)]
 
     report("essential")
     start = _essential(chosen, settings, reconstruction, screening)

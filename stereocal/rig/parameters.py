@@ -33,6 +33,7 @@ PARAMETERS_FORMAT = "stereocal-parameters/1"
 PURPOSES = {"2d": "matching", "3d": "reconstruction", "refined": "both", "imported": "both"}
 PIXEL_ORIGIN = "centre of the top-left pixel is (0, 0); u to the right, v down"
 CONVENTION = "x_secondary = R @ x_primary + T"
+BASELINE_FOUND = "not measured: found by the refined method from the lengths of the bars"
 LARGEST_TEXT = 16_000_000
 UNITS = {"T": "m", "baseline_m": "m", "angles": "rad", "K": "px", "matching_threshold_px": "px"}
 
@@ -249,6 +250,7 @@ def inputs_of(dataset: Dataset, frames: IntArray) -> dict[str, Any]:
         "sha256": dataset.sha256,
         "name": dataset.name,
         "baseline_m": dataset.baseline_m,
+        **({"baseline": BASELINE_FOUND} if dataset.baseline_is_free else {}),
         "target_distance_m": dataset.target_distance_m,
         "frames": [int(frame) for frame in frames],
     }

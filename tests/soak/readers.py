@@ -13,7 +13,13 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from stereocal.errors import StereocalError
+from stereocal.formats.archives.archive import ArchiveOptions
+from stereocal.formats.archives.easywand import EasyWandFile, read_easywand
+from stereocal.formats.archives.gather import gather
+from stereocal.formats.archives.matlab_stereo import stereo_of
 from stereocal.formats.camera_file import read_camera, write_camera, write_opencv_camera
 from stereocal.formats.correspondences_csv import read_table
 from stereocal.formats.dataset_files import parse_dataset, parse_zip, read_dataset
@@ -38,10 +44,18 @@ from stereocal.matching.reconstruction import read_world
 from stereocal.projects.project import Project
 from stereocal.projects.server_settings import ServerSettings
 from stereocal.rig.parameters import RigParameters
+from stereocal.system.json_text import read_json
 from stereocal.system.limits import Limits
 from stereocal.system.photograph import read_photograph
 from stereocal.system.photograph_files import unpack_photographs
 from stereocal.ui.picker import pick_of
+from tests.archives import (
+    caliscope_files,
+    easywand_fields,
+    kalibr_chain,
+    stereo_struct,
+    wand_csv,
+)
 from tests.field.plans import FIELD as FIELD_PLAN
 from tests.field.plans import contents, plan
 from tests.formats.test_exchange import RICHEST
@@ -115,8 +129,54 @@ def _descriptions() -> list[Reader]:
             "JSON", "json", "plan", _plans,
             lambda content, _: parse_plan(content, "plan.json", lambda _: ours[0]), ("plan_file",),
         ),
+        Reader(
+            "YAML", "yaml", "archive, Kalibr", lambda: [kalibr_chain()], _archive("c.yaml"),
+            ("chains", "cameras", "gather", "archive"),
+        ),
+        Reader("other text", "text", "archive, TOML", caliscope_files, _archive("c.toml")),
+        Reader(
+            "JSON", "json", "archive, fields of easyWand",
+            lambda: [_packed_fields(easywand_fields())], _easywand, ("easywand",),
+        ),
+        Reader(
+            "JSON", "json", "archive, fields of MATLAB", lambda: [_packed_fields(stereo_struct())],
+            lambda content, _: stereo_of({"s": _fields_of(content)}, "a.mat"), ("matlab_stereo",),
+        ),
         *(_exchange(name, file) for name in RICHEST for file in export_files(RICHEST[name], name)),
     ]  # fmt: skip
+
+
+def _archive(name: str) -> Read:
+    def read(content: bytes, _: Path) -> None:
+        gather({name: content, "wand.csv": wand_csv(5)}, ArchiveOptions(("1", "3"), "m"))
+
+    return read
+
+
+def _packed_fields(fields: dict[str, Any]) -> bytes:
+    """Fields of a struct as JSON: of a damaged .mat file, SciPy may crash the process."""
+    return json.dumps(fields, default=lambda array: array.tolist()).encode()
+
+
+def _fields_of(content: bytes) -> dict[str, Any]:
+    found = read_json(content, "a.mat")
+    if not isinstance(found, dict):
+        raise StereocalError("a.mat: no struct.")
+    return {name: _field(value) for name, value in found.items()}
+
+
+def _field(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: _field(inner) for name, inner in value.items()}
+    try:
+        return np.array(value) if isinstance(value, list) else value
+    except (ValueError, OverflowError):
+        return "not numbers"
+
+
+def _easywand(content: bytes, _: Path) -> None:
+    file = EasyWandFile(_fields_of(content), "a.mat")
+    read_easywand(file, ArchiveOptions()).dataset("a", 1.0, 1.0)
 
 
 def _plans() -> list[bytes]:
