@@ -11,6 +11,7 @@ from stereocal.calibration.methods import METHODS, Method
 from stereocal.commands.options import (
     add_lens_model,
     add_search_options,
+    refine_settings_from,
     settings_from,
     with_sigmas,
 )
@@ -92,7 +93,7 @@ def run(parsed: argparse.Namespace) -> None:
     dataset = with_sigmas(read_input(parsed.dataset, parsed.lens_model), parsed)
     settings = settings_from(parsed, parsed.calibration_frames)
     free = tuple(parsed.free_distortion)
-    refined = RefineSettings(free_distortion=free) if parsed.refined else None
+    refined = refine_settings_from(parsed, free) if parsed.refined else None
     figures = validation_in_summary(parsed.validation, dataset) if parsed.validation else {}
     calibration = calibrate(dataset, settings, refined=refined)
     evaluation = validate(calibration, refined, parsed.runs) if parsed.runs else None

@@ -77,7 +77,7 @@ def distance_sigmas(
 def length_jacobian(
     result: RefinedResult, first_m: npt.ArrayLike, second_m: npt.ArrayLike
 ) -> FloatArray:
-    """(n, 23): derivatives of reconstructed distances by the shared unknowns of `bar_fit`."""
+    """(n, 25): derivatives of reconstructed distances by the shared unknowns of `bar_fit`."""
     return length_errors(result, first_m, second_m)[2]
 
 
@@ -85,7 +85,7 @@ def length_errors(
     result: RefinedResult, first_m: npt.ArrayLike, second_m: npt.ArrayLike
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Unit directions (n, 3), covariances from the pixels (n, 3, 3) of the ends' differences, and
-    derivatives (n, 23) of the distances by the shared unknowns.
+    derivatives (n, 25) of the distances by the shared unknowns.
     """
     a, b = (np.asarray(points, dtype=np.float64) for points in (first_m, second_m))
     along = (a - b) / np.linalg.norm(a - b, axis=1, keepdims=True)
@@ -166,11 +166,11 @@ def _point_errors(result: RefinedResult, points_m: npt.ArrayLike) -> tuple[Float
 def point_errors(
     q: FloatArray, lenses: FloatArray, sigma_px: float, points_m: npt.ArrayLike
 ) -> tuple[FloatArray, FloatArray]:
-    """Covariances (n, 3, 3) of points from the noise of their pixels, and derivatives (n, 3, 23)
+    """Covariances (n, 3, 3) of points from the noise of their pixels, and derivatives (n, 3, 25)
     of the points by the shared unknowns; NaN behind a camera.
 
     Args:
-        q: (23,), and `lenses` (2, 23): as in `bar_fit`.
+        q: (25,), and `lenses` (2, 23): as in `bar_fit`.
         points_m: (n, 3), in the primary's frame.
     """
     points = np.ascontiguousarray(points_m, dtype=np.float64).reshape(-1, 3)
