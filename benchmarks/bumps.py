@@ -21,6 +21,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 from scipy.stats import beta
 
 from benchmarks.refined_rigs import BAR_M, DEPTHS_M, FRAMES, Misjudged, random_scene, stated
@@ -29,8 +30,6 @@ from stereocal.field.checking.fits import (
     Fit,
     pose_change,
     pose_difference,
-    pose_of,
-    rotation_vector,
     turned,
 )
 from stereocal.field.checking.new_images import NewImages, images_of_bars, images_of_matches
@@ -39,6 +38,7 @@ from stereocal.field.checking.prior import Prior, prior_of
 from stereocal.field.checking.recheck import recheck
 from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import refine
+from stereocal.refined.unknowns import pose_of
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
@@ -176,7 +176,7 @@ def print_repaired(trials: int) -> None:
         images = new_bars(case, rig)
         result = recheck(case.prior, images)
         exact = true_fit(case, images)
-        error = rotation_vector(pose_of(result.best.q).R @ rig.pose.R.T)
+        error = Rotation.from_matrix(pose_of(result.best.q).R @ rig.pose.R.T).as_rotvec()
         axes = np.column_stack([[0, 1, 0], [np.cos(exact.q[0]), 0, -np.sin(exact.q[0])],
                                 rig.pose.R[:, 2]])  # fmt: skip
         C = exact.covariance
@@ -184,7 +184,7 @@ def print_repaired(trials: int) -> None:
             [float(error @ error), np.trace(axes @ C[:3, :3] @ axes.T),
              (result.repaired.pose.baseline - rig.pose.baseline) ** 2, C[5, 5]]
         )  # fmt: skip
-        true_turn = np.linalg.norm(rotation_vector(rig.pose.R @ case.truth.pose.R.T))
+        true_turn = Rotation.from_matrix(rig.pose.R @ case.truth.pose.R.T).magnitude()
         turn, baseline = result.turn[0], result.baseline_m
         assert baseline is not None
         covered.append([

@@ -23,6 +23,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.population import population
 from stereocal.calibration.methods import CalibrationSettings, Method
 from stereocal.errors import StereocalError
 from stereocal.evaluation.evaluate import count_set
@@ -44,7 +45,6 @@ from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import Nominal, field_rig, lens_off_by, observe, place_bars
 from stereocal.verdict.forecast import forecast_files
 from stereocal.verdict.noise_model import draw_noise
-from stereocal.verdict.population import population
 from stereocal.workflow import calibrate
 from tests import known_rig
 

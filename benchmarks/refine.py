@@ -27,14 +27,14 @@ from scipy.sparse import lil_matrix
 
 from benchmarks.refined_rigs import Misjudged, random_scene, stated
 from stereocal.calibration.essential import calibrate_essential
-from stereocal.refined.bar_fit import BAR, BASELINE, OWN, PRIMARY, SECONDARY
+from stereocal.refined.bar_fit import BAR, OWN, PRIMARY, SECONDARY
 from stereocal.refined.refine import refine
 from stereocal.refined.solve import Solve
-from stereocal.refined.unknowns import LensPrior, RefineSettings, Unknowns, unknowns_of
+from stereocal.refined.unknowns import LensPrior, RefineSettings, Unknowns, pose_of, unknowns_of
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
-from stereocal.rig.geometry import Angles, Pose, stack_rays, triangulate_rays
+from stereocal.rig.geometry import Pose, stack_rays, triangulate_rays
 
 SIGMA_PX, SCATTER_M = 0.2, 0.001
 TURNS = 9
@@ -81,7 +81,7 @@ class Afternoon:
     def __call__(self, p: FloatArray) -> FloatArray:
         q = self.unknowns.origin + self.unknowns.M @ p
         rays = self.rays(q)
-        pose = Pose.from_angles(Angles(*q[:5]), q[BASELINE])
+        pose = pose_of(q)
         E = pose.essential
         ones = np.ones(rays.shape[1])
         first, second = np.vstack([rays[:2], ones]), np.vstack([rays[2:], ones])
@@ -130,7 +130,7 @@ class Kept:
     def __call__(self, z: FloatArray) -> FloatArray:
         p = z[: self.k]
         q = self.unknowns.origin + self.unknowns.M @ p
-        pose = Pose.from_angles(Angles(*q[:5]), q[BASELINE])
+        pose = pose_of(q)
         places = z[self.k :].reshape(-1, 3)
         found = []
         for camera, at, points in (

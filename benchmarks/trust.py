@@ -18,13 +18,13 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.population import population
 from benchmarks.refined_rigs import BAR_M, DEPTHS_M, Misjudged, random_scene, stated
 from stereocal.calibration.methods import CalibrationSettings, Method
 from stereocal.errors import StereocalError
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.simulation.simulate import place_bars
 from stereocal.verdict.forecast import forecast_files
-from stereocal.verdict.population import population
 from stereocal.verdict.predictive import Forecast
 from stereocal.workflow import calibrate
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from benchmarks.population import population
 from benchmarks.refined_rigs import BAR_M, DEPTHS_M, Misjudged, random_scene, stated
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
@@ -19,7 +20,6 @@ from stereocal.rig.camera import Camera
 from stereocal.simulation.simulate import place_bars
 from stereocal.verdict.forecast import forecast_files
 from stereocal.verdict.one_or_two_sets import TOLERANCE, Verdict
-from stereocal.verdict.population import population
 from stereocal.workflow import calibrate
 
 

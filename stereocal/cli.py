@@ -18,6 +18,7 @@ from stereocal.commands import (
     plan,
     print_files,
     reconstruct,
+    serve,
     simulate,
 )
 from stereocal.commands.progress import say
@@ -26,7 +27,7 @@ from stereocal.rig.compilations import compilations
 
 COMMANDS = (
     calibrate, evaluate, detect, intrinsics, match, reconstruct, convert, check, simulate, plan,
-    print_files, compiling,
+    print_files, serve, compiling,
 )  # fmt: skip
 
 

@@ -11,6 +11,7 @@ squares over the other frames.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -19,14 +20,20 @@ import numpy as np
 
 from stereocal.calibration.essential import calibrate_essential, choose_pose
 from stereocal.errors import StereocalError
-from stereocal.refined.bar_fit import BAR, BASELINE, DRIFT, EPSILON, TIME
+from stereocal.refined.bar_fit import BAR, DRIFT, TIME
 from stereocal.refined.solve import Noise, Solve, lenses_of
-from stereocal.refined.unknowns import RefineSettings, Unknowns, camera_of, with_lens_priors
+from stereocal.refined.unknowns import (
+    RefineSettings,
+    Unknowns,
+    camera_of,
+    pose_of,
+    with_lens_priors,
+)
 from stereocal.rig.camera import Camera
 from stereocal.rig.compilations import clock
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
-from stereocal.rig.geometry import Angles, Pose, residuals
+from stereocal.rig.geometry import Pose, residuals
 from stereocal.rig.tracks import MeasuredOffset, TimeOffset
 
 OUT_OF_STEPS = "the largest number of steps was reached"
@@ -84,10 +91,7 @@ class RefinedResult:
     @cached_property
     def p_covariance(self) -> FloatArray:
         """(k, k): covariance of the free parameters, priors included."""
-        M = self.unknowns.M
-        A = M.T @ self.information @ M + self.unknowns.precision
-        scale = 1.0 / np.sqrt(np.diag(A))
-        return np.asarray(np.linalg.inv(A * np.outer(scale, scale)) * np.outer(scale, scale))
+        return self.unknowns.covariance(self.information)
 
     @cached_property
     def covariance(self) -> FloatArray:
@@ -143,6 +147,7 @@ def refine(
     settings: RefineSettings | None = None,
     start: Pose | None = None,
     rows: BoolArray | None = None,
+    near: RefinedResult | None = None,
 ) -> RefinedResult:
     """Compute the refined set of a data set.
 
@@ -150,6 +155,7 @@ def refine(
         start: initial pose, such as that of the essential method; computed if None. If the fit
             from there has outlying frames, a robust initial pose is tried too.
         rows: mask (n,) of the rows to fit; all if None.
+        near: a fit of nearly the same rows with the same settings, from which to start first.
 
     The time offset is an unknown only where the motion of the points is known, after
     `Dataset.shifted` (see `time_offset.bring_into_step`).
@@ -162,19 +168,34 @@ def refine(
         settings = replace(settings, time_offset=False, time_drift=False)
     started = clock()
     found: Solve | None = None
-    rays = dataset.rays if rows is None else np.ascontiguousarray(dataset.rays[:, rows])
-    for pose in _starts(dataset, rays, start, settings):
-        if found is not None and not found.outlying.any():
-            break
-        solve = Solve(dataset, pose, settings, rows)
+    for solve in _solves(dataset, settings, start, rows, near):
         if solve.run() and (found is None or solve.better_than(found)):
             found = solve
+        if found is not None and not found.outlying.any():
+            break
     if found is None or found.sigma_px > MAXIMUM_NOISE_PX:
         raise StereocalError(
             "The refined method found no pose of the cameras that fits: check that points, "
             "targets and camera files are not exchanged."
         )
     return _result(found, rows, clock() - started)
+
+
+def _solves(
+    dataset: Dataset,
+    settings: RefineSettings,
+    start: Pose | None,
+    rows: BoolArray | None,
+    near: RefinedResult | None,
+) -> Iterator[Solve]:
+    """Solves from several initial values, to be tried until one has no outlying frame."""
+    if near is not None:
+        solve = Solve(dataset, near.pose, settings, rows)
+        if solve.start_near(near.unknowns, near.p, near.sigma_px.value, near.scatter_m.value):
+            yield solve
+    rays = dataset.rays if rows is None else np.ascontiguousarray(dataset.rays[:, rows])
+    for pose in _starts(dataset, rays, start, settings):
+        yield Solve(dataset, pose, settings, rows)
 
 
 def _starts(
@@ -223,7 +244,7 @@ def _result(solve: Solve, rows: BoolArray | None, seconds: float) -> RefinedResu
     return RefinedResult(
         dataset=solve.dataset,
         settings=solve.settings,
-        pose=Pose.from_angles(Angles(*q[: EPSILON + 1].tolist()), float(q[BASELINE])),
+        pose=pose_of(q),
         primary=camera_of(solve.dataset.primary, q, 0),
         secondary=camera_of(solve.dataset.secondary, q, 1),
         rows=rows,

@@ -129,8 +129,9 @@ def _fit(
     dataset: Dataset, settings: RefineSettings, offset: TimeOffset, pose: Pose | None
 ) -> RefinedResult:
     """Interpolate and fit until the remaining offset is small against its standard error."""
+    fit: RefinedResult | None = None
     for _ in range(MAXIMUM_ROUNDS):
-        fit = refine(usable_after(dataset, offset), settings, pose)
+        fit = refine(usable_after(dataset, offset), settings, pose, near=fit)
         found, pose = fit.time_offset, fit.pose
         move, turn = found.frames - offset.frames, found.drift - offset.drift
         if abs(move) <= CONVERGED * found.sigma and abs(turn) <= CONVERGED * found.drift_sigma:
@@ -140,6 +141,7 @@ def _fit(
             frames=offset.frames + float(np.clip(move, -LARGEST_MOVE, LARGEST_MOVE)),
             drift=found.drift,
         )
+    assert fit is not None
     return fit
 
 

@@ -23,6 +23,8 @@ from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import BoolArray, FloatArray
 
 LENS = ("fx", "fy", "cx", "cy")
+MEAN_OF_NORMAL = float(np.sqrt(2 / np.pi))
+"""Mean absolute value over standard deviation of a normal error."""
 Plane = Literal["above", "side"]
 
 
@@ -56,7 +58,7 @@ def point_covariances(result: RefinedResult, points_m: npt.ArrayLike) -> FloatAr
     Args:
         points_m: (n, 3), in the primary's frame.
     """
-    own, jacobian = _point_errors(result, points_m)
+    own, jacobian = point_errors(result.q, result.lenses, result.sigma_px.value, points_m)
     return np.asarray(own + jacobian @ result.covariance @ jacobian.transpose(0, 2, 1))
 
 
@@ -68,30 +70,47 @@ def distance_sigmas(
     Args:
         first_m, second_m: (n, 3) each, in the primary's frame.
     """
-    along, own, jacobian = length_errors(result, first_m, second_m)
-    variance = np.einsum("ni,nij,nj->n", along, own, along)
-    variance += np.einsum("ni,ij,nj->n", jacobian, result.covariance, jacobian)
-    return np.asarray(np.sqrt(variance))
+    return length_sigmas(
+        result.q, result.lenses, result.sigma_px.value, result.covariance, first_m, second_m
+    )
+
+
+def length_sigmas(
+    q: FloatArray,
+    lenses: FloatArray,
+    sigma_px: float,
+    covariance: FloatArray,
+    first_m: npt.ArrayLike,
+    second_m: npt.ArrayLike,
+) -> FloatArray:
+    """The same of any shared unknowns (25,) with a covariance (25, 25)."""
+    own, jacobian = length_errors(q, lenses, sigma_px, first_m, second_m)
+    return np.asarray(np.sqrt(own + np.einsum("ni,ij,nj->n", jacobian, covariance, jacobian)))
 
 
 def length_jacobian(
     result: RefinedResult, first_m: npt.ArrayLike, second_m: npt.ArrayLike
 ) -> FloatArray:
     """(n, 25): derivatives of reconstructed distances by the shared unknowns of `bar_fit`."""
-    return length_errors(result, first_m, second_m)[2]
+    return length_errors(result.q, result.lenses, result.sigma_px.value, first_m, second_m)[1]
 
 
 def length_errors(
-    result: RefinedResult, first_m: npt.ArrayLike, second_m: npt.ArrayLike
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Unit directions (n, 3), covariances from the pixels (n, 3, 3) of the ends' differences, and
-    derivatives (n, 25) of the distances by the shared unknowns.
+    q: FloatArray,
+    lenses: FloatArray,
+    sigma_px: float,
+    first_m: npt.ArrayLike,
+    second_m: npt.ArrayLike,
+) -> tuple[FloatArray, FloatArray]:
+    """Variances (n,) of distances from the noise of their pixels, and derivatives (n, 25) of the
+    distances by the shared unknowns; arguments as in `point_errors`.
     """
     a, b = (np.asarray(points, dtype=np.float64) for points in (first_m, second_m))
     along = (a - b) / np.linalg.norm(a - b, axis=1, keepdims=True)
-    own_a, jacobian_a = _point_errors(result, a)
-    own_b, jacobian_b = _point_errors(result, b)
-    return along, own_a + own_b, np.einsum("ni,nij->nj", along, jacobian_a - jacobian_b)
+    own_a, jacobian_a = point_errors(q, lenses, sigma_px, a)
+    own_b, jacobian_b = point_errors(q, lenses, sigma_px, b)
+    own = np.einsum("ni,nij,nj->n", along, own_a + own_b, along)
+    return own, np.einsum("ni,nij->nj", along, jacobian_a - jacobian_b)
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,10 +176,6 @@ def in_view(camera: Camera, points_m: FloatArray) -> BoolArray:
         rays = points_m[seen, :2] / points_m[seen, 2:]
         inside[seen] = np.abs(camera.undistort(pixels[seen]) - rays).max(axis=1, initial=0) < 1e-6
     return inside
-
-
-def _point_errors(result: RefinedResult, points_m: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
-    return point_errors(result.q, result.lenses, result.sigma_px.value, points_m)
 
 
 def point_errors(

@@ -24,7 +24,7 @@ from stereocal.refined.bar_fit import (
 from stereocal.rig.camera import CAMERAS, LENS_UNKNOWNS, Camera, CameraName
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
-from stereocal.rig.geometry import Pose
+from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.rig import Rig
 
 DEFAULT_FOCAL = 0.01
@@ -160,6 +160,12 @@ class Unknowns:
     def free(self) -> IntArray:
         """The indices of the shared unknowns that are not held fixed."""
         return np.flatnonzero(self.M.any(axis=1)).astype(np.int64)
+
+    def covariance(self, information: FloatArray) -> FloatArray:
+        """(k, k): covariance of p, from the priors and the information (25, 25) about q."""
+        A = self.M.T @ information @ self.M + self.precision
+        scale = 1.0 / np.sqrt(np.diag(A))  # the units differ by orders of magnitude
+        return np.asarray(np.linalg.inv(A * np.outer(scale, scale)) * np.outer(scale, scale))
 
     def prior_covariance(self, columns: list[int]) -> FloatArray:
         """The covariance of the priors of some free parameters, which must all have one."""
@@ -336,6 +342,11 @@ def shared_unknowns(rig: Rig) -> FloatArray:
             *(first[:4], second[:4], first[4:], second[4:], np.zeros(2)),
         ]
     )
+
+
+def pose_of(q: FloatArray) -> Pose:
+    """The pose of the shared unknowns."""
+    return Pose.from_angles(Angles(*q[: EPSILON + 1].tolist()), float(q[BASELINE]))
 
 
 def _unit(at: int) -> FloatArray:

@@ -18,14 +18,20 @@ import numpy as np
 from stereocal.calibration.essential import calibrate_essential
 from stereocal.calibration.problems import reconstruction_problem, reprojection_problem
 from stereocal.errors import StereocalError
-from stereocal.refined.bar_fit import BASELINE, EPSILON
 from stereocal.refined.solve import lenses_of
 from stereocal.refined.undistortion import undistort_rays
-from stereocal.refined.unknowns import FIXED_LENS, RefineSettings, Unknowns, camera_of, unknowns_of
+from stereocal.refined.unknowns import (
+    FIXED_LENS,
+    RefineSettings,
+    Unknowns,
+    camera_of,
+    pose_of,
+    unknowns_of,
+)
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
-from stereocal.rig.geometry import Angles, Pose
+from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters, inputs_of
 from stereocal.rig.rig import Rig
 from stereocal.rig.volume import Volume
@@ -233,7 +239,7 @@ class _Curve:
             share=share,
             cost_2d_px=cost_2d,
             cost_3d_m=cost_3d,
-            pose=Pose.from_angles(Angles(*q[: EPSILON + 1].tolist()), float(q[BASELINE])),
+            pose=pose_of(q),
             primary=camera_of(self.dataset.primary, q, 0),
             secondary=camera_of(self.dataset.secondary, q, 1),
             lenses=self.name,

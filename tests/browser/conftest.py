@@ -10,7 +10,7 @@ import subprocess
 import sys
 import time
 import urllib.request
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -28,25 +28,37 @@ LONGEST_MS = 120_000
 """The first calibration on a fresh machine compiles; on a busy one that took 40 s."""
 
 
+FROM_CHECKOUT = ("-m", "streamlit", "run", "app.py", "--server.headless", "true", "--server.port")
+
+
 @contextmanager
 def serve(home: Path, **environment: str) -> Iterator[str]:
     """A dashboard on a free port, with its projects below `home`."""
-    with served(home, **environment) as (_, url):
+    with served(home, environment) as (_, url):
         yield url
 
 
 @contextmanager
-def served(home: Path, **environment: str) -> Iterator[tuple[subprocess.Popen[bytes], str]]:
-    """As `serve`, with the process, which may be killed."""
+def served(
+    home: Path,
+    environment: Mapping[str, str] | None = None,
+    command: Sequence[str] = FROM_CHECKOUT,
+    folder: Path = ROOT,
+) -> Iterator[tuple[subprocess.Popen[bytes], str]]:
+    """As `serve`, with the process, which may be killed.
+
+    Args:
+        command: what Python is called with, before the port.
+        folder: the current one of the process.
+    """
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
     url = f"http://127.0.0.1:{port}"
-    command = [sys.executable, "-m", "streamlit", "run", "app.py", "--server.headless", "true"]
     server = subprocess.Popen(
-        [*command, "--server.port", str(port)],
-        cwd=ROOT,
-        env={**os.environ, "STEREOCAL_HOME": str(home), **environment},
+        [sys.executable, *command, str(port)],
+        cwd=folder,
+        env={**os.environ, "STEREOCAL_HOME": str(home), **(environment or {})},
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
         start_new_session=True,

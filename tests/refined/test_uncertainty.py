@@ -21,9 +21,9 @@ from stereocal.refined.uncertainty import (
     point_covariances,
     standard_errors,
 )
-from stereocal.refined.unknowns import RefineSettings
+from stereocal.refined.unknowns import RefineSettings, pose_of
 from stereocal.rig.compiled import FloatArray
-from stereocal.rig.geometry import Angles, Pose, triangulate
+from stereocal.rig.geometry import triangulate
 from tests import known_rig as rig
 
 KNOWN = Misjudged()
@@ -95,7 +95,7 @@ def test_slopes_of_a_distance_are_those_of_finite_differences(result: RefinedRes
 
 def triangulated(q: FloatArray, primary: FloatArray, secondary: FloatArray) -> FloatArray:
     """Midpoints with the pose of the shared numbers q."""
-    pose = Pose.from_angles(Angles(*q[:5].tolist()), float(q[5]))
+    pose = pose_of(q)
     return triangulate(pose, primary, secondary)
 
 

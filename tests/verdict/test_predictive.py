@@ -10,6 +10,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.stats import binom
 
+from benchmarks.population import population
 from benchmarks.refined_rigs import BAR_M, DEPTHS_M, Misjudged, random_scene, stated
 from benchmarks.trust import CASES, one_rig
 from stereocal.calibration.methods import Method
@@ -32,7 +33,6 @@ from stereocal.verdict.forecast import Outlook, forecast_files
 from stereocal.verdict.fresh_bars import fresh_bars
 from stereocal.verdict.judging import add_noise
 from stereocal.verdict.noise_model import noise_given, standardised_residuals
-from stereocal.verdict.population import population
 from stereocal.verdict.predictive import predict
 from stereocal.workflow import calibrate
 from tests import known_rig as rig

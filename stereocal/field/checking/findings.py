@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 from scipy.special import fdtrc, stdtrit
 
 from stereocal.evaluation.summary import Estimate
@@ -18,8 +19,6 @@ from stereocal.field.checking.fits import (
     focal_change,
     focal_changes,
     pose_change,
-    pose_of,
-    rotation_vector,
     turn_in_place,
 )
 from stereocal.field.checking.new_images import NewImages
@@ -28,7 +27,7 @@ from stereocal.field.checking.power import Power, Smallest
 from stereocal.field.checking.prior import Prior
 from stereocal.field.checking.since import Since
 from stereocal.refined.bar_fit import BASELINE
-from stereocal.refined.unknowns import camera_of
+from stereocal.refined.unknowns import camera_of, pose_of
 from stereocal.rig.camera import CAMERAS, CameraName
 from stereocal.rig.compiled import BoolArray, FloatArray
 from stereocal.rig.rig import Rig
@@ -223,7 +222,7 @@ class Recheck:
         """Angle of the relative rotation in radians with its 95 % interval, and its vector (3,) in
         the secondary's axes."""
         fit = self._with_pose
-        vector = rotation_vector(pose_of(fit.q).R @ pose_of(fit.before).R.T)
+        vector = Rotation.from_matrix(pose_of(fit.q).R @ pose_of(fit.before).R.T).as_rotvec()
         covariance = _of_rotation(fit)
         angle = max(float(np.linalg.norm(vector)), 1e-15)
         along = vector / angle

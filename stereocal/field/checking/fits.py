@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import block_diag
+from scipy.spatial.transform import Rotation
 
 from stereocal.field.checking.new_images import NewImages
 from stereocal.field.checking.prior import Prior
@@ -19,7 +20,7 @@ from stereocal.refined.bar_fit import BASELINE, EPSILON, OWN, PRIMARY, SECONDARY
 from stereocal.refined.solve import Solve, limits_of
 from stereocal.refined.unknowns import FIXED_LENS, RefineSettings, Unknowns
 from stereocal.rig.compiled import BoolArray, FloatArray
-from stereocal.rig.geometry import Angles, Pose
+from stereocal.rig.geometry import Pose
 
 WIDE_ANGLE, WIDE_FOCAL, WIDE_BASELINE = 0.3, 0.1, 0.2
 """Standard deviations of a change: radians, and fractions. They only keep finite what the images do
@@ -83,30 +84,8 @@ def turn_in_place(pose: Pose, camera: int) -> Change:
 
 def turned(pose: Pose, camera: int, vector: FloatArray) -> Pose:
     """The pose after a camera turned in place, x' = D x, by a rotation vector in its own axes."""
-    D = rotation_of(vector)
+    D = Rotation.from_rotvec(vector).as_matrix()
     return Pose(pose.R @ D.T, pose.T) if camera == 0 else Pose(D @ pose.R, D @ pose.T)
-
-
-def rotation_of(vector: FloatArray) -> FloatArray:
-    """(3, 3): the rotation by |vector| radians about it (Rodrigues)."""
-    angle = float(np.linalg.norm(vector))
-    x, y, z = vector / angle if angle else vector
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]], dtype=np.float64)
-    return np.asarray(np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross)
-
-
-def rotation_vector(R: FloatArray) -> FloatArray:
-    """(3,): the inverse of `rotation_of`, for turns below half a revolution."""
-    sine = 0.5 * np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
-    length = float(np.linalg.norm(sine))
-    if length < 1e-15:
-        return np.asarray(sine)
-    return np.asarray(sine / length * np.arctan2(length, 0.5 * (np.trace(R) - 1.0)))
-
-
-def pose_of(q: FloatArray) -> Pose:
-    """The pose of the shared unknowns."""
-    return Pose.from_angles(Angles(*q[: EPSILON + 1].tolist()), float(q[BASELINE]))
 
 
 def pose_difference(one: Pose, other: Pose) -> FloatArray:
@@ -199,10 +178,7 @@ class Fit(Solve):
     @property
     def p_covariance(self) -> FloatArray:
         """(k, k): covariance of p and d."""
-        M = self.unknowns.M
-        A = M.T @ self.H @ M + self.unknowns.precision
-        scale = 1.0 / np.sqrt(np.diag(A))
-        return np.asarray(np.linalg.inv(A * np.outer(scale, scale)) * np.outer(scale, scale))
+        return self.unknowns.covariance(self.H)
 
     @property
     def change_covariance(self) -> FloatArray:

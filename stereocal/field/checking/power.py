@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from scipy.special import chdtri, chndtr
+from scipy.special import chdtri, chndtr, chndtrinc
 
 from stereocal.field.checking.fits import Fit, pose_difference, turned
 from stereocal.rig.compiled import FloatArray
@@ -105,11 +105,4 @@ def turns_of(pose: Pose, angle_rad: float) -> list[Pose]:
 
 def _noncentrality_for(degrees: int) -> float:
     """The noncentrality that is found with a probability of 80 %."""
-    critical, low, high = chdtri(degrees, LEVEL), 0.0, 100.0
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        if 1.0 - chndtr(critical, degrees, middle) < ENOUGH:
-            low = middle
-        else:
-            high = middle
-    return high
+    return float(chndtrinc(chdtri(degrees, LEVEL), degrees, 1.0 - ENOUGH))

@@ -20,7 +20,6 @@ from stereocal.field.checking.fits import (
     Fit,
     focal_changes,
     pose_change,
-    pose_of,
 )
 from stereocal.field.checking.new_images import NewImages
 from stereocal.field.checking.noise import Noise, noise_of, robust_fit
@@ -28,6 +27,7 @@ from stereocal.field.checking.power import Smallest, power
 from stereocal.field.checking.prior import Prior
 from stereocal.field.checking.since import Since, since_when
 from stereocal.refined.refine import robust_start
+from stereocal.refined.unknowns import pose_of
 from stereocal.rig.compiled import BoolArray, IntArray
 
 BLOCK = {True: 8, False: 24}

@@ -9,7 +9,7 @@ from stereocal.field.checking.fits import Fit
 from stereocal.refined.bar_fit import BAR, BASELINE, DISTORTION
 from stereocal.refined.parameter_file import COVARIANCE_OF, covariance_entry
 from stereocal.refined.solve import ESTIMATED, GIVEN
-from stereocal.refined.uncertainty import point_errors
+from stereocal.refined.uncertainty import MEAN_OF_NORMAL, length_sigmas
 from stereocal.rig.parameters import RigParameters
 
 REPAIRED = "parameters_repaired.json"
@@ -80,11 +80,6 @@ def length_error(fit: Fit) -> float | None:
         return None
     bars = np.isfinite(fit.distances) & ~fit.outlying
     ends = fit.points[bars].reshape(-1, 3)
-    own, by_shared = point_errors(fit.q, fit.lenses, fit.sigma_px, ends)
-    along = ends[0::2] - ends[1::2]
-    lengths = np.linalg.norm(along, axis=1)
-    along /= lengths[:, None]
-    jacobian = np.einsum("ni,nij->nj", along, by_shared[0::2] - by_shared[1::2])
-    variance = np.einsum("ni,nij,nj->n", along, own[0::2] + own[1::2], along)
-    variance += np.einsum("ni,ij,nj->n", jacobian, fit.covariance, jacobian)
-    return float(np.sqrt(2 / np.pi) * np.mean(np.sqrt(variance) / lengths))
+    a, b = ends[0::2], ends[1::2]
+    sigmas = length_sigmas(fit.q, fit.lenses, fit.sigma_px, fit.covariance, a, b)
+    return MEAN_OF_NORMAL * float(np.mean(sigmas / np.linalg.norm(a - b, axis=1)))

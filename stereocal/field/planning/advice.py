@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from stereocal.errors import StereocalError
 from stereocal.field.planning.expected import ExpectedFit, expect
@@ -156,17 +157,8 @@ def with_baseline(plan: Plan, baseline_m: float) -> Plan:
     aim = plan.common_points.mean(axis=0)
     before, centre = pose.apply(aim), -factor * pose.R.T @ pose.T
     after = pose.R @ (aim - centre)
-    turned = _rotation_between(after, before) @ pose.R
+    turned = Rotation.align_vectors(before, after)[0].as_matrix() @ pose.R
     return replace(plan, stated_pose=Pose(turned, -turned @ centre))
-
-
-def _rotation_between(start: FloatArray, end: FloatArray) -> FloatArray:
-    """The smallest rotation that turns one direction into another."""
-    a, b = start / np.linalg.norm(start), end / np.linalg.norm(end)
-    axis = np.cross(a, b)
-    x, y, z = axis
-    crossed = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.asarray(np.eye(3) + crossed + crossed @ crossed / (1.0 + float(a @ b)))
 
 
 def _another_baseline(plan: Plan, baselines: FloatArray, errors: FloatArray) -> list[Variant]:

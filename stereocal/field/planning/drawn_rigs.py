@@ -34,7 +34,7 @@ from stereocal.refined.bar_fit import BAR, BASELINE, PRIMARY, SECONDARY
 from stereocal.refined.refine import refine
 from stereocal.refined.solve import lenses_of_cameras
 from stereocal.refined.undistortion import undistort_rays
-from stereocal.refined.unknowns import shared_unknowns
+from stereocal.refined.unknowns import pose_of, shared_unknowns
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.geometry import Angles, Pose, triangulate_rays
 from stereocal.verdict.intervals import MERGE
@@ -185,7 +185,7 @@ def _judged(
     partners: IntArray,
 ) -> tuple[FloatArray, float]:
     points = np.ascontiguousarray(ends.reshape(-1, 3))
-    seen = Pose.from_angles(Angles(*truth[:5].tolist()), float(truth[BASELINE])).apply(points)
+    seen = pose_of(truth).apply(points)
     start = np.column_stack([points[:, :2] / points[:, 2:], seen[:, :2] / seen[:, 2:]])
     rays = np.ascontiguousarray(start.T)
     counts = np.zeros((len(sets), 2, 2, BINS + 2), dtype=np.int32)
@@ -206,7 +206,7 @@ def _judged(
         return figures, float("nan")
     refined = sets[FILES.index("refined")]
     undistort_rays(refined, lenses, pixels, rays, np.empty((len(pixels), 2, 4)))
-    pose = Pose.from_angles(Angles(*refined[:5].tolist()), float(refined[BASELINE]))
+    pose = pose_of(refined)
     away = np.linalg.norm(triangulate_rays(pose.R, pose.T, rays) - points, axis=1)
     return figures, float(np.nanmean(away))
 

@@ -19,7 +19,13 @@ from stereocal.field.planning.common_view import common_points, sees
 from stereocal.field.planning.plan import Plan
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.solve import lenses_of_cameras
-from stereocal.refined.uncertainty import AccuracyMap, Plane, length_errors, point_covariances
+from stereocal.refined.uncertainty import (
+    MEAN_OF_NORMAL,
+    AccuracyMap,
+    Plane,
+    length_errors,
+    point_covariances,
+)
 from stereocal.refined.unknowns import LensPrior, RefineSettings, shared_unknowns
 from stereocal.rig.compiled import BoolArray, FloatArray
 from stereocal.rig.dataset import Correspondences, Dataset
@@ -30,8 +36,6 @@ BARS = 120
 DEPTHS, POINTS = 9, 60
 """Depths at which errors are stated, and points of the common view at each."""
 MAP_SIZE = 32
-MEAN_OF_NORMAL = float(np.sqrt(2 / np.pi))
-"""Mean absolute value over standard deviation of a normal error."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,11 +80,8 @@ class ExpectedFit:
     def _relative_sigmas(
         self, own: FloatArray, jacobian: FloatArray, information: FloatArray, precision: FloatArray
     ) -> FloatArray:
-        M = self.result.unknowns.M
-        A = M.T @ information @ M + precision
-        scale = 1.0 / np.sqrt(np.diag(A))
-        C = np.linalg.inv(A * np.outer(scale, scale)) * np.outer(scale, scale)
-        J = jacobian @ M
+        unknowns = replace(self.result.unknowns, precision=precision)
+        C, J = unknowns.covariance(information), jacobian @ unknowns.M
         return np.asarray(np.sqrt(own + np.einsum("ni,ij,nj->n", J, C, J)))
 
     def information_of(self, among: BoolArray) -> FloatArray:
@@ -162,10 +163,10 @@ def _relative_errors(
     """Variances of lengths by the noise of their own points (n,), and the derivatives (n, 25) of
     length errors by the errors of the shared unknowns, all relative.
     """
-    along, covariances, jacobian = length_errors(result, first_m, second_m)
+    noise_px = result.sigma_px.value
+    own, jacobian = length_errors(result.q, result.lenses, noise_px, first_m, second_m)
     lengths = np.linalg.norm(first_m - second_m, axis=1)
-    own = np.einsum("ni,nij,nj->n", along, covariances, along) / lengths**2
-    return np.asarray(own), np.asarray(jacobian / lengths[:, None])
+    return np.asarray(own / lengths**2), np.asarray(jacobian / lengths[:, None])
 
 
 def expect(plan: Plan, seed: int = 0, bars: int = BARS) -> ExpectedFit:
