@@ -146,7 +146,8 @@ def validate(
 def print_notes(calibration: Calibration, inputs: list[Input]) -> None:
     """Warnings, inputs that disagree, and errors that cannot be detected."""
     accused = [item.advice for item in inputs if item.accused]
-    for note in [*calibration.warnings, *accused, undetectable_errors(inputs)]:
+    timing = calibration.screening.time_note
+    for note in [timing, *calibration.warnings, *accused, undetectable_errors(inputs)]:
         if note:
             print(f"Note: {note}")
 

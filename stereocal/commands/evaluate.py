@@ -89,8 +89,9 @@ def run(parsed: argparse.Namespace) -> None:
         }
     )
     for screening in screenings:
-        if screening.left_out:
-            print(f"{screening.full_dataset.name}: {left_out_line(screening)}")
+        for line in (screening.time_note, left_out_line(screening)):
+            if line:
+                print(f"{screening.full_dataset.name}: {line}")
     if caution := why_validation_not_trusted(pooled, screenings):
         print(f"Do not rely on this result: {caution}")
     print(validation_answer(pooled))

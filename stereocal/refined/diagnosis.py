@@ -32,6 +32,7 @@ from stereocal.refined.weak_geometry import geometry_warning
 from stereocal.rig.dataset import Dataset
 
 MAXIMUM_NAMED = 10
+OUT_OF_STEP = "The cameras seem to be out of step"
 
 
 def explain_failure(dataset: Dataset, screening: Screening) -> str:
@@ -72,13 +73,8 @@ def warnings_about_fit(dataset: Dataset, screening: Screening, poor: bool) -> li
     found = []
     if screening.failure:
         found.append(f"The frames could not be screened: {screening.failure}")
-    if timing := screening.time_note or offer_time_offset(screening):
-        found.append(timing)
-    if frames := screening.without_neighbours:
-        found.append(
-            f"{len(frames)} of {len(screening.full_dataset.correspondences.frames)} frames have no "
-            "neighbours in time, so their points could not be shifted: they were left out."
-        )
+    if offer := offer_time_offset(screening):
+        found.append(offer)
     if screening.together:
         found.append(screening.together)
     if screening.fit is not None and (warning := geometry_warning(screening.fit)):
@@ -112,7 +108,7 @@ def offer_time_offset(screening: Screening) -> str:
     if found is None or not found.is_claimed(CLAIMED) or found.sigma > MAXIMUM_SIGMA:
         return ""
     return (
-        "The cameras seem to be out of step: the residuals follow the motion in the images, as if "
+        f"{OUT_OF_STEP}: the residuals follow the motion in the images, as if "
         f"the secondary took its frames {found.frames:+.2f} ± {found.sigma:.2f} frame intervals "
         "late. Calibrate with the time offset as an unknown (in the settings of the page "
         "Calibrate; on the command line --time-offset)."
