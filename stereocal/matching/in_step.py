@@ -23,9 +23,9 @@ SHIFT = "time_shift_frames"
 TIME = "time_frame"
 ROWS_PER_TRACK = 3
 """Fewest rows per name, on average; a column with fewer is a measurement, not a name."""
-SMOOTH = 0.25
-"""Frames follow each other if a step is shorter than this part of the way in half a track. For
-points at random positions the ratio is about 1."""
+SMOOTH = 0.5
+"""Frames follow each other if a step is shorter than this part of the distance from the middle of
+all points. Measured: 0.19 on a real recording at 10 frames a second; 1.4 at random positions."""
 
 
 class ShiftedTable(PointTable):
@@ -145,5 +145,5 @@ def _follow(track: IntArray, times: IntArray, pixels: FloatArray) -> bool:
     if not same.any():
         return False
     steps = np.linalg.norm(np.diff(pixels[order], axis=0), axis=1)[same]
-    far = np.linalg.norm(np.roll(pixels[order], len(order) // 2, axis=0) - pixels[order], axis=1)
+    far = np.linalg.norm(pixels - np.median(pixels, axis=0), axis=1)
     return bool(np.median(steps) < SMOOTH * np.median(far))
