@@ -112,6 +112,8 @@ def print_study(name: str, study: Study, rigs: int) -> None:
         f"offered: {sum(each.offered for each in found)}"
     )
     for quantity, errors in zip(NAMES, np.array([each.errors for each in known]).T, strict=True):
+        if np.isnan(errors).any():  # not fitted
+            continue
         print(
             f"  {quantity}: 68 % intervals hold {100 * np.mean(np.abs(errors) < ONE_SIGMA):.1f} %, "
             f"errors {np.std(errors):.2f}, mean {np.mean(errors):+.2f} standard errors",

@@ -21,6 +21,7 @@ from stereocal.refined.unknowns import RefineSettings, unknowns_of
 from stereocal.rig.compiled import BoolArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose, residuals
+from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import MeasuredOffset, TimeOffset
 
 LARGEST, STEP = 3.0, 0.25
@@ -33,6 +34,8 @@ CONVERGED = 0.05
 CLAIMED = 3.2
 """Standard errors above which the cameras count as out of step; those in step exceed it in 0.14 %
 of the cases."""
+DRIFTING = 5.0
+"""The same for a drift that was not asked for."""
 MAXIMUM_SIGMA = 0.1
 """In frames: with a larger standard error, the motion does not determine the offset."""
 MINIMUM_ROWS = 16
@@ -95,7 +98,9 @@ def bring_into_step(dataset: Dataset, settings: RefineSettings) -> InStep:
             "the bar faster, or record fewer frames a second."
         ))  # fmt: skip
     if measured.is_claimed(CLAIMED):
-        note = measured.sentence()
+        note = f"{measured.sentence()} {_effect(fit)}"
+        if not settings.time_drift and (drift := _drift(dataset, fit)):
+            note += f" {drift}"
         if abs(measured.frames) > LARGEST - STEP:
             note += " This is at the end of the range searched: check which frames belong together."
         return InStep(fit, note)
@@ -104,6 +109,31 @@ def bring_into_step(dataset: Dataset, settings: RefineSettings) -> InStep:
         f"The cameras are in step: the time offset is {fit.time_offset.frames:.3f} ± "
         f"{fit.time_offset.sigma:.3f} frame intervals. The points are used as recorded."
     ))  # fmt: skip
+
+
+def _effect(fit: RefinedResult) -> str:
+    """How well the points fit as recorded and shifted, with the same pose."""
+    rows, used = fit.dataset.correspondences, fit.used_rows
+    rig = Rig(fit.primary, fit.secondary, fit.pose)
+    recorded, shifted = (
+        float(np.sqrt(np.mean(np.square(rig.epipolar_distances(rows.primary, points)[used]))))
+        for points in (rows.recorded_secondary, rows.secondary)
+    )
+    return f"Epipolar RMS: {recorded:.2g} px as recorded, {shifted:.2g} px when shifted by that."
+
+
+def _drift(dataset: Dataset, fit: RefinedResult) -> str:
+    """A sentence if the offset drifts."""
+    offset = fit.dataset.time_offset
+    assert offset is not None
+    settings = replace(fit.settings, time_drift=True)
+    found = refine(usable_after(dataset, offset), settings, fit.pose).time_offset
+    if not abs(found.drift) > DRIFTING * found.drift_sigma:
+        return ""
+    return (
+        f"It drifts by about {found.drift:.1e} frames per frame: let the drift be found too (on "
+        "the command line --time-drift)."
+    )
 
 
 def _first_value(dataset: Dataset, reference: float) -> tuple[TimeOffset, Pose | None]:
