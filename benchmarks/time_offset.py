@@ -5,7 +5,7 @@
 - late: offsets of 0.02 to 2 frames either way, with a drift of 1e-5 frames per frame: how often the
   68 % intervals hold the truth;
 - step: cameras in step: how often an offset is claimed, asked for or not;
-- slow: the same as late, of a bar that moves a tenth as fast.
+- slow: the same as late, three times as long, of a bar that moves a quarter as fast.
 """
 
 from __future__ import annotations
@@ -133,7 +133,7 @@ def main() -> None:
     studies = {
         "late": study,
         "step": replace(study, in_step=True),
-        "slow": replace(study, frames=2 * parsed.frames, frames_between=10 * FRAMES_BETWEEN),
+        "slow": replace(study, frames=3 * parsed.frames, frames_between=4 * FRAMES_BETWEEN),
     }
     for name in parsed.studies or studies:
         print_study(name, studies[name], parsed.rigs)

@@ -106,8 +106,9 @@ def bring_into_step(dataset: Dataset, settings: RefineSettings) -> InStep:
         return InStep(fit, note)
     fit = refine(recorded, settings, fit.pose)
     return InStep(fit, (
-        f"The cameras are in step: the time offset is {fit.time_offset.frames:.3f} ± "
-        f"{fit.time_offset.sigma:.3f} frame intervals. The points are used as recorded."
+        "The cameras are in step: the time offset is "
+        f"{fit.time_offset.interval(fit.time_offset.frames)} frame intervals. The points are used "
+        "as recorded."
     ))  # fmt: skip
 
 

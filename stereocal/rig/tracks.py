@@ -9,6 +9,7 @@ the noise of all points 0.41 px instead of 0.30.)
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -99,11 +100,20 @@ class MeasuredOffset(TimeOffset):
     def sentence(self) -> str:
         """The offset in words."""
         way = "later" if self.frames >= 0 else "earlier"
-        drift = f", drifting by {self.drift:.1e} frames per frame" if self.drift else ""
-        return (
-            f"The secondary camera takes its frames {abs(self.frames):.3f} ± {self.sigma:.3f} "
-            f"frame intervals {way} than the primary{drift}."
+        drift = (
+            f", drifting by {self.drift:.1e} ± {self.drift_sigma:.1e} frames per frame"
+            if self.drift_sigma
+            else ""
         )
+        return (
+            f"The secondary camera takes its frames {self.interval(abs(self.frames))} frame "
+            f"intervals {way} than the primary{drift}."
+        )
+
+    def interval(self, value: float) -> str:
+        """A value with the standard error of the offset."""
+        decimals = max(2, 1 - math.floor(math.log10(self.sigma))) if self.sigma else 3
+        return f"{value:.{decimals}f} ± {self.sigma:.{decimals}f}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +140,8 @@ def interpolate(
 
     The velocity is one whose noise is independent of that of the position: otherwise the noise
     alone would pull a fitted offset towards half a frame, where an interpolated position has least
-    noise (measured at 2 px a frame and 0.2 px of noise: by its standard error).
+    noise (measured with 300 frames at 5 px a frame and 0.2 px of noise: by 1.4 standard errors
+    from 0.25 frames, instead of 0.2).
 
     Args:
         track: (n,): which points belong together; two points of a track in one frame have no
