@@ -11,11 +11,11 @@ import sys
 import time
 import urllib.request
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, Page, expect, sync_playwright
+from playwright.sync_api import Browser, Error, Page, expect, sync_playwright
 
 from tests.browser.work import finished_project
 
@@ -141,10 +141,24 @@ def results_shown(page: Page) -> None:
     expect(page.locator(".st-key-download_2d button")).to_have_count(1, timeout=LONGEST_MS)
 
 
+def download(page: Page, key: str, folder: Path) -> Path:
+    """Press the button of a key; the file, under the name that the browser was told."""
+    with page.expect_download() as event:
+        page.locator(f"[class*='st-key-{key}'] button").first.click()
+    path = folder / event.value.suggested_filename
+    event.value.save_as(path)
+    return path
+
+
 def choose(page: Page, key: str, option: str) -> None:
-    """Choose from the menu of a widget."""
+    """Choose from the menu of a widget; again if a page drawn anew closed it meanwhile."""
     field = page.locator(f".st-key-{key} input")
     field.scroll_into_view_if_needed()
-    page.wait_for_timeout(300)  # the end of the scroll would close the menu
-    field.click()
-    page.get_by_role("option", name=option, exact=True).click()
+    for _ in range(5):
+        page.wait_for_timeout(300)  # the end of the scroll would close the menu
+        with suppress(Error, AssertionError):
+            field.click()
+            page.get_by_role("option", name=option, exact=True).click(timeout=5000)
+            expect(field).to_have_value(option, timeout=5000)
+            return
+    raise AssertionError(f"{option} could not be chosen")
