@@ -106,7 +106,7 @@ def bring_into_step(dataset: Dataset, settings: RefineSettings) -> InStep:
         return InStep(fit, note)
     fit = refine(recorded, settings, fit.pose)
     return InStep(fit, (
-        "The cameras are in step: the time offset is "
+        "The cameras are in step, as far as the motion shows: the time offset is "
         f"{fit.time_offset.interval(fit.time_offset.frames)} frame intervals. The points are used "
         "as recorded."
     ))  # fmt: skip
