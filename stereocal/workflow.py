@@ -27,7 +27,7 @@ from stereocal.refined.free_baseline import note_on_free_baseline
 from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import refine
 from stereocal.refined.results import Calibration
-from stereocal.refined.screening import Screening, screen, screened
+from stereocal.refined.screening import Screening, screened
 from stereocal.refined.stated_inputs import Input
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.compiled import IntArray
@@ -70,7 +70,7 @@ def calibrate(
     split_seed, seed_2d, seed_3d = np.random.SeedSequence(settings.search.seed).spawn(3)
     report("screening")
     screening = screened(dataset, settings)
-    kept = screening.dataset
+    dataset, kept = screening.full_dataset, screening.dataset
     frames = _draw_frames(screening, settings.calibration_frames, split_seed)
     chosen = _only(kept, frames)
     checks.check_points(chosen)
@@ -147,7 +147,7 @@ def _essential(
                 return start
         except StereocalError as error:
             failure = failure or f"{error} "
-    raise StereocalError(failure + explain_failure(dataset, fit or screen(dataset).fit))
+    raise StereocalError(failure + explain_failure(dataset, screening))
 
 
 def _draw_frames(screening: Screening, count: int | None, seed: np.random.SeedSequence) -> IntArray:

@@ -12,6 +12,7 @@ from stereocal.commands.compiling import compile_apart
 from stereocal.commands.options import (
     add_lens_model,
     add_search_options,
+    refine_settings_from,
     settings_from,
     with_sigmas,
 )
@@ -108,7 +109,7 @@ def run(parsed: argparse.Namespace) -> None:
         compile_apart()
     settings = settings_from(parsed, parsed.calibration_frames)
     free = tuple(parsed.free_distortion)
-    refined = RefineSettings(free_distortion=free) if parsed.refined else None
+    refined = refine_settings_from(parsed, free) if parsed.refined else None
     figures = validation_in_summary(parsed.validation, dataset) if parsed.validation else {}
     calibration = calibrate(dataset, settings, refined=refined)
     evaluation = validate(calibration, refined, parsed.runs) if parsed.runs else None
@@ -175,7 +176,8 @@ def evaluation_of(calibration: Calibration, settings: EvaluationSettings) -> Eva
 def print_notes(calibration: Calibration, inputs: list[Input]) -> None:
     """Warnings, inputs that disagree, and errors that cannot be detected."""
     accused = [item.advice for item in inputs if item.accused]
-    for note in [*calibration.warnings, *accused, undetectable_errors(inputs)]:
+    timing = calibration.screening.time_note
+    for note in [timing, *calibration.warnings, *accused, undetectable_errors(inputs)]:
         if note:
             print(f"Note: {note}")
 

@@ -12,6 +12,8 @@ from stereocal.calibration.methods import CalibrationSettings
 from stereocal.calibration.montecarlo import SearchSettings
 from stereocal.errors import StereocalError
 from stereocal.formats.lens_model import LENS_MODELS
+from stereocal.refined.unknowns import RefineSettings
+from stereocal.rig.camera import CameraName
 from stereocal.rig.dataset import Dataset
 from stereocal.system.executors import engine
 
@@ -56,6 +58,21 @@ def add_search_options(parser: argparse.ArgumentParser) -> None:
         default=[],
         metavar="FRAME",
         help="frames to leave out, whatever the screening finds",
+    )
+    add_time_offset(parser)
+
+
+def add_time_offset(parser: argparse.ArgumentParser) -> None:
+    """The options of the time offset between the cameras."""
+    parser.add_argument(
+        "--time-offset",
+        action="store_true",
+        help="find the time offset between the cameras, and shift the secondary points by it",
+    )
+    parser.add_argument(
+        "--time-drift",
+        action="store_true",
+        help="the same, and find how the offset drifts (frames per frame)",
     )
 
 
@@ -134,6 +151,17 @@ def with_sigmas(dataset: Dataset, parsed: argparse.Namespace) -> Dataset:
     return replace(dataset, **stated) if stated else dataset
 
 
+def refine_settings_from(
+    parsed: argparse.Namespace, free_distortion: tuple[CameraName, ...] = ()
+) -> RefineSettings:
+    """The settings of the refined method, of the command."""
+    return RefineSettings(
+        free_distortion=free_distortion,
+        time_offset=parsed.time_offset or parsed.time_drift,
+        time_drift=parsed.time_drift,
+    )
+
+
 def settings_from(
     parsed: argparse.Namespace, calibration_frames: int | None
 ) -> CalibrationSettings:
@@ -153,4 +181,6 @@ def settings_from(
         all_frames=parsed.all_frames,
         frames_put_back=tuple(sorted(parsed.put_back)),
         frames_left_out=tuple(sorted(parsed.leave_out)),
+        time_offset=parsed.time_offset or parsed.time_drift,
+        time_drift=parsed.time_drift,
     )

@@ -197,6 +197,7 @@ def unlabelled(rows: Correspondences) -> tuple[pd.DataFrame, pd.DataFrame]:
     first, second = (
         pd.DataFrame(
             {"frame": rows.frame, "u": side[:, 0], "v": side[:, 1], "target": targets}
+            | ({"time_frame": rows.time_frame} if rows.has_times else {})
         ).iloc[order]
         for side in (rows.primary, rows.secondary)
     )

@@ -61,7 +61,7 @@ def reconstruct_points(
         sigma_px: standard deviation of one pixel coordinate, for the standard errors. If this and
             `pose_covariance` are None, those of the file are used.
         pose_covariance: (6, 6) of yaw, pitch, roll, delta, epsilon (rad) and baseline (m), or
-            (23, 23) of all shared unknowns of `bar_fit`, added to the effect of image noise. Its
+            (25, 25) of all shared unknowns of `bar_fit`, added to the effect of image noise. Its
             part is common to all points: distances between points are more precise than their
             positions.
 
@@ -85,7 +85,7 @@ def reconstruct_points(
 
 
 def noise_of_file(rig: RigParameters) -> tuple[float | None, FloatArray | None]:
-    """Image noise (px) and covariance (23, 23) of the shared unknowns of a file, else None.
+    """Image noise (px) and covariance (25, 25) of the shared unknowns of a file, else None.
 
     Raises:
         StereocalError: the uncertainties of the file cannot be read.
@@ -119,7 +119,7 @@ def point_covariances(
     """Covariances (n, 3, 3) of points (n, 3), m^2 in the primary's frame, first order.
 
     Args:
-        covariance: of the shared unknowns (23, 23), or of the pose alone (6, 6).
+        covariance: of the shared unknowns (25, 25), or of the pose alone (6, 6).
 
     Raises:
         StereocalError: a negative noise, or a covariance that is not a symmetric table of this

@@ -13,6 +13,7 @@ import pandas as pd
 
 from stereocal.errors import RowProblem, StereocalError
 from stereocal.matching.blocks import TableBlock
+from stereocal.matching.in_step import bring_into_step, shift_pixels
 from stereocal.matching.matching import purpose_warning
 from stereocal.matching.pairs import ERROR_DECIMALS
 from stereocal.matching.point_table import PointTable
@@ -90,6 +91,7 @@ def reconstruct(
     missing = [name for name in ("frame", *PIXELS) if name not in pairs]
     if missing:
         raise StereocalError(f"The table of pairs has no column {missing[0]}.")
+    pairs = shift_pixels(rig, pairs, PIXELS[2:])
     pixels = pairs[list(PIXELS)].to_numpy(dtype=np.float64)
     found = reconstruct_points(rig, pixels[:, :2], pixels[:, 2:], world, sigma_px)
     columns = {"frame": pairs["frame"].to_numpy()}
@@ -131,11 +133,12 @@ def reconstruct_table(
     Raises:
         StereocalError: bad input; no file is written then.
     """
+    pairs, timing = bring_into_step(pairs, PIXELS[2:], rig)
     contents = pairs.check(lambda block: points_outside_images(rig, block))
     has_errors = sigma_px is not None or noise_of_file(rig)[0] is not None
     columns = [*POINT_COLUMNS, *(SIGMA_COLUMNS if has_errors else ())]
     columns += [] if rig.volume is None else [OUTSIDE_VOLUME]
-    columns += list(_passed_on(pairs.names).values())
+    columns += list(_passed_on((*pairs.numbers, *pairs.further)).values())
 
     lines_of = None if pieces is None else columns
     tasks = (
@@ -160,7 +163,7 @@ def reconstruct_table(
     pooled = np.concatenate(errors)
     behind = int(np.isnan(pooled).sum())
     median = float(np.nanmedian(pooled)) if behind < len(pooled) else float("nan")
-    notes = [warning] if (warning := purpose_warning(rig, "reconstruction")) else []
+    notes = [*filter(None, [timing, purpose_warning(rig, "reconstruction")])]
     diagonal = float(np.hypot(*rig.primary.image_size))
     if behind > len(pooled) / 2 or median > FAR_OFF * diagonal:
         notes.append(

@@ -25,6 +25,7 @@ from stereocal.rig.geometry import (
     Pose,
 )
 from stereocal.rig.rig import Rig
+from stereocal.rig.tracks import MeasuredOffset
 from stereocal.rig.volume import Volume
 from stereocal.system.atomic_files import write_atomically
 from stereocal.system.json_text import read_json
@@ -91,6 +92,9 @@ class RigParameters(Rig):
     unknown."""
     volume: Volume | None = None
     """Where the bars of the calibration were; None if unknown."""
+    time_offset: MeasuredOffset | None = None
+    """By which the secondary points of the calibration were shifted in time, as those must be that
+    are matched or measured; None, and no key in the file, if they were not."""
 
     def __post_init__(self) -> None:
         if self.method not in PURPOSES:
@@ -146,6 +150,7 @@ class RigParameters(Rig):
             "frames_left_out": list(self.frames_left_out),
             "noise_px": self.noise_px,
             "volume": None if self.volume is None else self.volume.to_json(),
+            **({} if self.time_offset is None else self.time_offset.to_json()),
             "software": software_versions(),
             "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         }
@@ -228,6 +233,7 @@ class RigParameters(Rig):
             frames_left_out=tuple(int(frame) for frame in data.get("frames_left_out", [])),
             noise_px=_number_or_none(data.get("noise_px")),
             volume=None if volume is None else Volume.from_json(volume, source),
+            time_offset=MeasuredOffset.from_json(data, source),
             **about,
         )
 

@@ -24,7 +24,7 @@ from stereocal.ui.messages import fragment
 from stereocal.ui.paper_kit import hold_paper_kit, offer_paper_kit
 from stereocal.ui.parameter_files import hold_downloads, parameter_downloads
 from stereocal.ui.refined import replaced_by_refined
-from stereocal.ui.screening import show_left_out
+from stereocal.ui.screening import offer_to_bring_into_step, show_left_out
 from stereocal.ui.texts import escape_markdown
 from stereocal.verdict.in_words import digits, interval, percent
 from stereocal.verdict.recommendation import Figure, Recommendation
@@ -40,8 +40,11 @@ def show_result(project: Project, result: Calibration, answer: Answer | None) ->
         answer: None while it is being computed.
     """
     found = answer.calibration if answer else result
+    if timing := found.screening.time_note:
+        st.info(escape_markdown(timing))
     for warning in found.warnings:
         st.warning(escape_markdown(warning))
+    offer_to_bring_into_step(project, found)
     if answer:
         show_recommendation(answer.recommendation)
     else:
