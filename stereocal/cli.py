@@ -19,14 +19,15 @@ from stereocal.commands import (
     print_files,
     reconstruct,
     simulate,
+    world,
 )
 from stereocal.commands.progress import say
 from stereocal.errors import StereocalError
 from stereocal.rig.compilations import compilations
 
 COMMANDS = (
-    calibrate, evaluate, detect, intrinsics, match, reconstruct, convert, check, simulate, plan,
-    print_files, compiling,
+    calibrate, evaluate, detect, intrinsics, match, reconstruct, convert, check, world, simulate,
+    plan, print_files, compiling,
 )  # fmt: skip
 
 

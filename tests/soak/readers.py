@@ -33,8 +33,8 @@ from stereocal.formats.point_answers import (
 )
 from stereocal.formats.point_files import read_points
 from stereocal.formats.sleap_h5 import point_text
+from stereocal.formats.world_file import read_world
 from stereocal.matching.point_table import PointTable
-from stereocal.matching.reconstruction import read_world
 from stereocal.projects.project import Project
 from stereocal.projects.server_settings import ServerSettings
 from stereocal.rig.parameters import RigParameters
