@@ -270,7 +270,8 @@ class TestReconstruct:
         printed = " ".join(capsys.readouterr().out.split())
         assert f"{outside} of {len(points)} points lie outside the volume that the bars" in printed
         assert "filled (5 to 10 m); errors there can be larger than stated." in printed
-        by_library = reconstruct(rig, pairs, sigma_px=0.1)
+        world = read_world(folder / "world.csv")
+        by_library = reconstruct(rig, pairs, world, sigma_px=0.1)
         assert list(by_library) == list(points)
         assert (by_library[OUTSIDE_VOLUME] == points[OUTSIDE_VOLUME]).all()
 

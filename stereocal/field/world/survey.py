@@ -137,7 +137,7 @@ def world_of_survey(
         )
     _refuse_scale(with_scale)
     fit = fit_rigid(measured, survey.world_m, noise, sigma_m)
-    _refuse_contradiction(fit, survey)
+    _refuse_contradiction(with_scale, survey)
     up = fit.R[2]
     if not hand and uprightness(rig, up) < UPRIGHT:
         raise StereocalError(
@@ -217,7 +217,11 @@ def _refuse_scale(with_scale: RigidFit) -> None:
 
 
 def _refuse_contradiction(fit: RigidFit, survey: Survey) -> None:
-    """Refuse residuals that no noise explains; name the point where one alone contradicts."""
+    """Refuse residuals that no noise explains; name the point where one alone contradicts.
+
+    Args:
+        fit: with its scale, whose difference is told rather than refused.
+    """
     if fit.is_close:
         return
     culprits = []
@@ -229,7 +233,7 @@ def _refuse_contradiction(fit: RigidFit, survey: Survey) -> None:
             fit.measured,
             **{key: getattr(fit.measured, key)[rest] for key in ("xyz", "own", "by_rig")},
         )
-        again = fit_rigid(part, survey.world_m[rest], fit.noise, fit.sigma_m)
+        again = fit_rigid(part, survey.world_m[rest], fit.noise, fit.sigma_m, scale=True)
         if _rms(again.residuals_m) < 0.2 * fit.limit_m:
             culprits.append(name)
     where = (

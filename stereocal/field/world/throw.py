@@ -263,7 +263,7 @@ def _start(xyz: FloatArray, flights: Sequence[Flight], drag: bool) -> FloatArray
 
 def _refuse_contradiction(fit: FlightFit, noise: Noise) -> None:
     widening = fit.solution.widening * fit.noise.sigma_px / noise.sigma_px
-    if widening > CONTRADICTION:
+    if widening > CONTRADICTION or (widening > 3 and not fit.bound < LARGEST_TILT):
         raise StereocalError(
             f"The points are {widening:.0f} times the image noise of {noise.sigma_px:.2g} px off "
             "the path of a free flight. Leave out frames in which the object was held, caught or "
