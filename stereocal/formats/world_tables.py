@@ -10,6 +10,7 @@ import pandas as pd
 
 from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
 from stereocal.field.world.observed import KINDS, Line, LineKind, Observed, Survey, Throw
+from stereocal.formats.world_file import is_json, parse_world
 from stereocal.rig.compiled import FloatArray
 from stereocal.system.tables import (
     MISSING,
@@ -79,6 +80,26 @@ def read_observed(content: bytes, source: str, frame_rate: float | None = None) 
         problems = [RowProblem(int(raw.index[row]), why) for row, why in sorted(reasons.items())]
         raise RefusedRowsError(f"{source}: ", problems, "cannot be used")
     return found
+
+
+def check_world(content: bytes, source: str) -> None:
+    """Check that a file is a world frame, or a table that one can be found from.
+
+    Raises:
+        StereocalError: it is neither.
+    """
+    if is_json(source):
+        parse_world(content, source)
+        return
+    try:
+        read_observed(content, source, frame_rate=1.0)
+    except RefusedRowsError:
+        raise
+    except StereocalError as error:
+        try:
+            parse_world(content, source)
+        except StereocalError:
+            raise error from None
 
 
 def _header(text: str, source: str) -> tuple[list[str], str, int]:

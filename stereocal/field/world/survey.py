@@ -132,8 +132,8 @@ def world_of_survey(
     if hand < 0 and mirrored.is_close:
         raise StereocalError(
             "The surveyed points fit only as a mirror image: their axes are left-handed. "
-            "Exchange two of the columns x, y, z, or change the sign of one, whichever is wrong, "
-            "so that x to the right, y ahead and z up stand as thumb and fingers of a right hand."
+            "Exchange two of the columns x, y, z, or change the sign of one, whichever is wrong: "
+            "for example x to the right, y ahead, z up."
         )
     _refuse_scale(with_scale)
     fit = fit_rigid(measured, survey.world_m, noise, sigma_m)
