@@ -19,7 +19,8 @@ st.title("Calibrate")
 st.subheader("What is the pose of the cameras, and which set serves what?")
 
 project, inputs, dataset = project_with_data()
-label = "Calibrate again" if last_calibration(project) else "Calibrate"
+result = last_calibration(project)
+label = "Calibrate again" if result else "Calibrate"
 pressed = st.button(label, type="primary", key="run")
 values = settings_form(project, dataset)
 show_exchanged(project)
@@ -27,12 +28,12 @@ work = None
 try:
     if calibrate_again() or pressed:
         press(project, inputs, dataset, settings_of(values), errors_first=not pressed)
+        result = last_calibration(project)
     work = work_of(project, inputs, dataset, settings_of(values))
 except StereocalError as error:
     st.error(escape_markdown(str(error)))
 show_progress(project, work)
 
-result = last_calibration(project)
 if result is None:
     st.info("No result yet. The settings are good as they are: press Calibrate.")
     st.stop()

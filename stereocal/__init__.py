@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from stereocal.rig.compile_cache import use_writable_cache
 
-__version__ = "0.1.0"
+__version__ = "1.0.0"
 
 if TYPE_CHECKING:
     from stereocal.calibration.methods import CalibrationSettings

@@ -18,6 +18,7 @@ from stereocal.commands import (
     plan,
     print_files,
     reconstruct,
+    serve,
     simulate,
     world,
 )
@@ -27,7 +28,7 @@ from stereocal.rig.compilations import compilations
 
 COMMANDS = (
     calibrate, evaluate, detect, intrinsics, match, reconstruct, convert, check, world, simulate,
-    plan, print_files, compiling,
+    plan, print_files, serve, compiling,
 )  # fmt: skip
 
 

@@ -17,7 +17,6 @@ from stereocal.projects.files import (
     StoredFile,
     about_files,
     files_of,
-    forget_files,
     keep_file,
     name_files,
 )
@@ -59,10 +58,6 @@ class ProjectCheck:
         if rig is not None:
             images_in(content, label, rig)
         self._keep(IMAGES, label, content)
-
-    def forget(self, name: str) -> None:
-        """Delete `PARAMETERS` or `IMAGES`."""
-        self.database.free(lambda _db: forget_files(self.database, CHECK, [name]))
 
     def file(self, name: str) -> tuple[str, StoredFile] | None:
         """Label and content of `PARAMETERS` or `IMAGES`; None if not given."""

@@ -11,6 +11,7 @@ squares over the other frames.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -132,6 +133,7 @@ def refine(
     settings: RefineSettings | None = None,
     start: Pose | None = None,
     rows: BoolArray | None = None,
+    near: RefinedResult | None = None,
 ) -> RefinedResult:
     """Compute the refined set of a data set.
 
@@ -139,6 +141,7 @@ def refine(
         start: initial pose, such as that of the essential method; computed if None. If the fit
             from there has outlying frames, a robust initial pose is tried too.
         rows: mask (n,) of the rows to fit; all if None.
+        near: a fit of nearly the same rows with the same settings, from which to start first.
 
     Raises:
         StereocalError: too few points, nothing that determines the scale, or no fit.
@@ -146,19 +149,34 @@ def refine(
     settings = with_lens_priors(settings or RefineSettings(), dataset)
     started = clock()
     found: Solve | None = None
-    rays = dataset.rays if rows is None else np.ascontiguousarray(dataset.rays[:, rows])
-    for pose in _starts(dataset, rays, start, settings):
-        if found is not None and not found.outlying.any():
-            break
-        solve = Solve(dataset, pose, settings, rows)
+    for solve in _solves(dataset, settings, start, rows, near):
         if solve.run() and (found is None or solve.better_than(found)):
             found = solve
+        if found is not None and not found.outlying.any():
+            break
     if found is None or found.sigma_px > MAXIMUM_NOISE_PX:
         raise StereocalError(
             "The refined method found no pose of the cameras that fits: check that points, "
             "targets and camera files are not exchanged."
         )
     return _result(found, rows, clock() - started)
+
+
+def _solves(
+    dataset: Dataset,
+    settings: RefineSettings,
+    start: Pose | None,
+    rows: BoolArray | None,
+    near: RefinedResult | None,
+) -> Iterator[Solve]:
+    """Solves from several initial values, to be tried until one has no outlying frame."""
+    if near is not None:
+        solve = Solve(dataset, near.pose, settings, rows)
+        if solve.start_near(near.unknowns, near.p, near.sigma_px.value, near.scatter_m.value):
+            yield solve
+    rays = dataset.rays if rows is None else np.ascontiguousarray(dataset.rays[:, rows])
+    for pose in _starts(dataset, rays, start, settings):
+        yield Solve(dataset, pose, settings, rows)
 
 
 def _starts(

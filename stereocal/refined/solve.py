@@ -24,7 +24,7 @@ from stereocal.refined.adjustment import (
 )
 from stereocal.refined.bar_fit import OWN, SHARED
 from stereocal.refined.distortion import lens_terms
-from stereocal.refined.unknowns import RefineSettings, Unknowns, unknowns_of
+from stereocal.refined.unknowns import ANGLES, RefineSettings, Unknowns, unknowns_of
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
@@ -108,15 +108,32 @@ class Solve:
         if settings.scatter_m is None:
             self.source_scatter = ESTIMATED if bar.sum() >= MINIMUM_BARS else ASSUMED
         self.outlying = np.zeros(n, dtype=np.bool_)
+        self.is_near = False
         self.cost, self.steps, self.converged = np.inf, 0, False
 
     @property
     def q(self) -> FloatArray:
         return np.asarray(self.unknowns.origin + self.unknowns.M @ self.p)
 
+    def start_near(
+        self, unknowns: Unknowns, p: FloatArray, sigma_px: float, scatter_m: float
+    ) -> bool:
+        """Start where another fit ended, with its noise; False if its unknowns are others."""
+        if unknowns.names != self.unknowns.names:
+            return False
+        self.p[len(ANGLES) :] = p[len(ANGLES) :]  # the angles are in the initial pose
+        if self.source_px == ESTIMATED:
+            self.sigma_px = sigma_px
+        if self.source_scatter == ESTIMATED:
+            self.scatter = scatter_m
+        self._evaluate(self.limit)
+        self.outlying = ~(self.chi_squares <= self.limit)
+        self.is_near = self.settings.loss == "robust" and not self.outlying.all()
+        return self.is_near
+
     def run(self) -> bool:
         """Solve; return False if there is no solution with a frame that fits."""
-        if not (self._anneal() if self.settings.loss == "robust" else self._start_plain()):
+        if not self.is_near and not self._approach():
             return False
         for _ in range(MAXIMUM_ROUNDS):
             before = (self.sigma_px, self.scatter, self.outlying)
@@ -149,9 +166,9 @@ class Solve:
         )
         return own < its
 
-    def _start_plain(self) -> bool:
-        """Estimate the noise at the initial pose, for plain least squares."""
-        return self._estimate_noise(robust=True)
+    def _approach(self) -> bool:
+        """From the initial pose to where plain least squares can begin."""
+        return self._anneal() if self.settings.loss == "robust" else self._estimate_noise(True)
 
     def _anneal(self) -> bool:
         """Lower the limit of the biweight in steps; noise from robust scales."""

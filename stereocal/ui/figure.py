@@ -9,9 +9,6 @@ import streamlit as st
 
 from stereocal.ui.texts import escape_markdown
 
-INK = {"light": "#1B2631", "dark": "#E6EBF0"}
-"""The colours of text in .streamlit/config.toml."""
-
 
 def show_figure(
     figure: go.Figure, sentence: str, key: str, fold: bool = True, **chart: Any
@@ -23,7 +20,9 @@ def show_figure(
         chart: passed on to `st.plotly_chart`.
     """
     if figure.layout.scene.xaxis.title.text:  # a scene, whose texts follow no style sheet
-        figure.layout.font.color = INK[st.context.theme.type or "light"]
+        figure.layout.font.color = st.get_option(
+            f"theme.{st.context.theme.type or 'light'}.textColor"
+        )
     st.plotly_chart(figure, key=key, **chart)
     with st.expander("In words") if fold else st.container():
         st.caption(escape_markdown(sentence))

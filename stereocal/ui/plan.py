@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from collections.abc import Sequence
 from functools import partial
 from pathlib import PurePath
-from threading import Lock
 from typing import Any
 
 import streamlit as st
@@ -28,6 +26,7 @@ from stereocal.figures.plan_report import how_computed, plan_report
 from stereocal.formats.lens_model import FourCoefficientsError, LensModel
 from stereocal.formats.plan_file import parse_plan, write_plan
 from stereocal.projects.project import Project
+from stereocal.system.latest import Latest
 from stereocal.ui.downloads import on_demand
 from stereocal.ui.fields import Field, one_of, setting
 from stereocal.ui.figure import show_figure
@@ -44,13 +43,12 @@ MOST_PLANS = 3
 INSTANT_FRAMES = 60
 """Up to so many, the forecast takes about a second and shows no progress."""
 QUANTITIES = {"Length error": "distance", "Position error": "point"}
-_LOCK = Lock()
 
 
 @st.cache_resource(show_spinner=False)
-def _forecasts() -> OrderedDict[bytes, PlanForecast]:
-    """Forecasts of this server by their plan; the latest last."""
-    return OrderedDict()
+def _forecasts() -> Latest[PlanForecast]:
+    """Forecasts of this server by their plan, as its file."""
+    return Latest(KEPT_FORECASTS)
 
 
 def forecast_of(plan: Plan) -> PlanForecast:
@@ -59,11 +57,9 @@ def forecast_of(plan: Plan) -> PlanForecast:
     Raises:
         StereocalError: as `forecast`.
     """
-    key, kept = write_plan(plan), _forecasts()
-    with _LOCK:
-        if key in kept:
-            kept.move_to_end(key)
-            return kept[key]
+    key = write_plan(plan).decode()
+    if (kept := _forecasts().get(key)) is not None:
+        return kept
     if plan.frames <= INSTANT_FRAMES:
         found = forecast(plan, pool())
     else:
@@ -75,10 +71,7 @@ def forecast_of(plan: Plan) -> PlanForecast:
         show(0, 1)
         found = forecast(plan, pool(), progress=show)
         place.empty()
-    with _LOCK:
-        kept[key] = found
-        while len(kept) > KEPT_FORECASTS:
-            kept.popitem(last=False)
+    _forecasts().keep(key, found)
     return found
 
 

@@ -152,8 +152,8 @@ def show_progress(project: Project, work: jobs.Work | None) -> None:
     new one: that begins now.
     """
     job = jobs.job_of(project, KIND)
-    missed = project.calibration is not None and project.calibration_evaluation is None
-    if work is not None and job is not None and job.state == "done" and missed:
+    done = job is not None and job.state == "done"
+    if work is not None and done and project.calibration and not project.calibration_evaluation:
         jobs.start(work)
     jobs.show_job(project, KIND, "Cancelled: the result has no validation.", work)
 

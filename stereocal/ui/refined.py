@@ -20,6 +20,7 @@ from stereocal.refined.unknowns import (
 )
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.dataset import Dataset
+from stereocal.system.latest import Latest
 from stereocal.ui import jobs
 from stereocal.ui.fields import Field, number, setting
 from stereocal.ui.messages import readable
@@ -121,7 +122,9 @@ def answer_of(project: Project, calibration: Calibration, made_only: bool = Fals
     settings = refine_settings(project, calibration.dataset)
     evaluation = readable(lambda: project.calibration_evaluation)
     if made_only:
-        made = (_made(_answer_key(calibration, settings, one)) for one in (evaluation, None))
+        made = (
+            _answers().get(_answer_key(calibration, settings, one)) for one in (evaluation, None)
+        )
         return next(filter(None, made), None)
     with st.spinner("Forecasting."):
         return answer_for(calibration, settings, evaluation)
@@ -137,14 +140,11 @@ def answer_for(
         evaluation: made with the calibration; None if there is none yet.
     """
     key = _answer_key(calibration, settings, evaluation)
-    found = _made(key)
+    found = _answers().get(key)
     if found is None:
         whole = replace(calibration, refined=_refined_for(calibration, settings))
         found = jobs.compute(answer, whole, outlook_for(whole), evaluation)
-        made = _answers()
-        made[key] = found
-        for old in list(made)[:-MOST_ANSWERS]:
-            made.pop(old, None)
+        _answers().keep(key, found)
     return found
 
 
@@ -161,14 +161,10 @@ def _poses(calibration: Calibration) -> list[list[float]]:
     return [[*found.pose.angles, found.pose.baseline] for found in calibration.methods.values()]
 
 
-def _made(key: str) -> Answer | None:
-    return _answers().get(key)
-
-
 @st.cache_resource(show_spinner=False)
-def _answers() -> dict[str, Answer]:
+def _answers() -> Latest[Answer]:
     """The last answers, by all that they depend on; jobs make them too."""
-    return {}
+    return Latest(MOST_ANSWERS)
 
 
 def maps_of(dataset: Dataset, settings: RefineSettings) -> list[AccuracyMap]:

@@ -14,11 +14,12 @@ from stereocal.projects.lens import ProjectLens
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
 from stereocal.system.photograph_files import is_photograph
+from stereocal.system.resources import ROOT
 from stereocal.ui.intake import clear_refusal, give_dataset, refuse
 from stereocal.ui.jobs import pool
 from stereocal.ui.project import project_to_write
 
-SAMPLES = Path(__file__).parents[2] / "sample_data"
+SAMPLES = ROOT / "sample_data"
 RECORDING, FIELD, PHOTOGRAPHS = (SAMPLES / name for name in ("recording", "field", "photographs"))
 DESCRIPTION = ("dataset.json", "primary.json", "secondary.json")
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import streamlit as st
 
 from stereocal.figures.story import (
@@ -16,8 +14,9 @@ from stereocal.figures.story import (
     plot_two_rays,
     read_story,
 )
+from stereocal.system.resources import ROOT
 
-STORY = Path(__file__).parents[2] / "assets" / "story.json"
+STORY = ROOT / "assets" / "story.json"
 
 
 def show_story() -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 
 import streamlit as st
 
@@ -22,6 +21,7 @@ from stereocal.formats.evaluation_files import (
 from stereocal.projects.project import Project
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
+from stereocal.system.resources import ROOT
 from stereocal.ui import jobs
 from stereocal.ui.fields import Field, number, one_of, setting
 from stereocal.ui.forms import search_form, search_values, settings_of
@@ -31,7 +31,7 @@ from stereocal.ui.refined import refine_settings
 from stereocal.ui.screening import screenings_of
 from stereocal.workflow import usual_frames
 
-NINETEEN = Path(__file__).parents[2] / "sample_data" / "nineteen"
+NINETEEN = ROOT / "sample_data" / "nineteen"
 MINE, ALL, PAPER = "My data set", "All my data sets", "Nineteen synthetic rigs"
 STAGES = ("runs",)
 INSTANT = 120

@@ -10,12 +10,12 @@ import subprocess
 import sys
 import time
 import urllib.request
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, Page, expect, sync_playwright
+from playwright.sync_api import Browser, Error, Page, expect, sync_playwright
 
 from tests.browser.work import finished_project
 
@@ -28,25 +28,37 @@ LONGEST_MS = 120_000
 """The first calibration on a fresh machine compiles; on a busy one that took 40 s."""
 
 
+FROM_CHECKOUT = ("-m", "streamlit", "run", "app.py", "--server.headless", "true", "--server.port")
+
+
 @contextmanager
 def serve(home: Path, **environment: str) -> Iterator[str]:
     """A dashboard on a free port, with its projects below `home`."""
-    with served(home, **environment) as (_, url):
+    with served(home, environment) as (_, url):
         yield url
 
 
 @contextmanager
-def served(home: Path, **environment: str) -> Iterator[tuple[subprocess.Popen[bytes], str]]:
-    """As `serve`, with the process, which may be killed."""
+def served(
+    home: Path,
+    environment: Mapping[str, str] | None = None,
+    command: Sequence[str] = FROM_CHECKOUT,
+    folder: Path = ROOT,
+) -> Iterator[tuple[subprocess.Popen[bytes], str]]:
+    """As `serve`, with the process, which may be killed.
+
+    Args:
+        command: what Python is called with, before the port.
+        folder: the current one of the process.
+    """
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
     url = f"http://127.0.0.1:{port}"
-    command = [sys.executable, "-m", "streamlit", "run", "app.py", "--server.headless", "true"]
     server = subprocess.Popen(
-        [*command, "--server.port", str(port)],
-        cwd=ROOT,
-        env={**os.environ, "STEREOCAL_HOME": str(home), **environment},
+        [sys.executable, *command, str(port)],
+        cwd=folder,
+        env={**os.environ, "STEREOCAL_HOME": str(home), **(environment or {})},
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
         start_new_session=True,
@@ -129,10 +141,24 @@ def results_shown(page: Page) -> None:
     expect(page.locator(".st-key-download_2d button")).to_have_count(1, timeout=LONGEST_MS)
 
 
+def download(page: Page, key: str, folder: Path) -> Path:
+    """Press the button of a key; the file, under the name that the browser was told."""
+    with page.expect_download() as event:
+        page.locator(f"[class*='st-key-{key}'] button").first.click()
+    path = folder / event.value.suggested_filename
+    event.value.save_as(path)
+    return path
+
+
 def choose(page: Page, key: str, option: str) -> None:
-    """Choose from the menu of a widget."""
+    """Choose from the menu of a widget; again if a page drawn anew closed it meanwhile."""
     field = page.locator(f".st-key-{key} input")
     field.scroll_into_view_if_needed()
-    page.wait_for_timeout(300)  # the end of the scroll would close the menu
-    field.click()
-    page.get_by_role("option", name=option, exact=True).click()
+    for _ in range(5):
+        page.wait_for_timeout(300)  # the end of the scroll would close the menu
+        with suppress(Error, AssertionError):
+            field.click()
+            page.get_by_role("option", name=option, exact=True).click(timeout=5000)
+            expect(field).to_have_value(option, timeout=5000)
+            return
+    raise AssertionError(f"{option} could not be chosen")

@@ -14,21 +14,12 @@ from playwright.sync_api import Page, expect
 
 from stereocal.cli import main
 from stereocal.rig.parameters import RigParameters
-from tests.browser.conftest import LONGEST_MS, choose, results_shown
+from tests.browser.conftest import LONGEST_MS, choose, download, results_shown
 from tests.known_rig import PRIMARY, RIG, SECONDARY, images
 
 pytestmark = pytest.mark.browser
 Settled = Callable[[Page], None]
 SET_2D = RigParameters(PRIMARY, SECONDARY, RIG, "2d", 1.0, {}, {}, matching_threshold_px=0.8)
-
-
-def fetch(page: Page, key: str, folder: Path) -> Path:
-    """Press a download button; the file under the name that the browser was told."""
-    with page.expect_download() as event:
-        page.locator(f"[class*='st-key-download_{key}'] button").click()
-    path = folder / event.value.suggested_filename
-    event.value.save_as(path)
-    return path
 
 
 def histogram(page: Page) -> str:
@@ -54,14 +45,14 @@ def test_demo_to_files_of_the_command_line(
     page.get_by_role("button", name="Calibrate", exact=True).click()
     results_shown(page)
     settled(page)
-    sets = [fetch(page, method, tmp_path) for method in ("2d", "3d")]
+    sets = [download(page, f"download_{method}", tmp_path) for method in ("2d", "3d")]
     page.locator(".st-key-view").get_by_text("Parameters", exact=True).click()
     expect(page.locator(".st-key-format_file")).to_be_visible()
     settled(page)
     choose(page, "format_file", "3D set")
     expect(page.get_by_text("parameters_3d_opencv.zip")).to_be_visible()
     settled(page)
-    assert fetch(page, "format", tmp_path).read_bytes()[:2] == b"PK"
+    assert download(page, "download_format", tmp_path).read_bytes()[:2] == b"PK"
 
     sidebar.get_by_role("link", name="Apply").click()
     expect(page.get_by_text("50 pairs in 25 frames, none of them ambiguous")).to_be_visible(
@@ -81,11 +72,11 @@ def test_demo_to_files_of_the_command_line(
     page.get_by_text("In words, and on the command line").click()
     expect(page.get_by_text(re.compile("in 25 frames at a threshold of 25 px"))).to_be_visible()
     page.wait_for_timeout(500)  # until the fold has opened: its buttons move
-    tables = [fetch(page, which, tmp_path) for which in ("primary", "secondary")]
+    tables = [download(page, f"download_{which}", tmp_path) for which in ("primary", "secondary")]
     page.reload()
     expect(page.locator(".st-key-apply_threshold input")).to_have_value("25", timeout=LONGEST_MS)
     settled(page)
-    mine = [fetch(page, name, tmp_path / "page") for name in ("pairs", "points")]
+    mine = [download(page, f"download_{name}", tmp_path / "page") for name in ("pairs", "points")]
 
     assert main(
         ["match", *map(str, tables), "--parameters", str(sets[0]), "--threshold", "25",

@@ -15,7 +15,7 @@ from stereocal.refined.refine import refine
 from stereocal.refined.uncertainty import standard_errors
 from stereocal.rig.parameters import RigParameters
 from tests.bar_photographs import write
-from tests.browser.conftest import LONGEST_MS, results_shown
+from tests.browser.conftest import LONGEST_MS, download, results_shown
 from tests.photographed_rig import BAR_M, BASELINE_M, RIG, photographed_rig, true_values
 
 pytestmark = pytest.mark.browser
@@ -31,14 +31,6 @@ def type_number(page: Page, key: str, value: str, settled: Settled) -> None:
     box.press("Enter")
     page.wait_for_timeout(300)
     settled(page)
-
-
-def save(page: Page, key: str, folder: Path) -> Path:
-    with page.expect_download() as event:
-        page.locator(f".st-key-{key} button").first.click()
-    path = folder / event.value.suggested_filename
-    event.value.save_as(path)
-    return path
 
 
 def give(page: Page, box: str, files: Mapping[str, bytes], folder: Path) -> None:
@@ -65,7 +57,7 @@ def lens_of_boards(page: Page, which: str, settled: Settled, tmp_path: Path) -> 
         timeout=LONGEST_MS
     )
     settled(page)
-    found = read_camera(save(page, f"lens_json_{which}", tmp_path).read_bytes(), which)
+    found = read_camera(download(page, f"lens_json_{which}", tmp_path).read_bytes(), which)
     true = getattr(RIG, which)
     assert found.uncertainty is not None
     for value, truth, sigma in (
@@ -112,7 +104,7 @@ def test_photographs_to_lenses_and_rig(
     settled(page)
     for method, limit in (("2d", 0.004), ("3d", 0.015)):
         # Measured: 0.001 and 0.004: the 3D cost leaves the pitch almost free.
-        pose = RigParameters.load(save(page, f"download_{method}", tmp_path)).pose
+        pose = RigParameters.load(download(page, f"download_{method}", tmp_path)).pose
         assert pose.baseline == pytest.approx(BASELINE_M, rel=1e-9)
         assert np.abs(pose.R - RIG.pose.R).max() < limit
 

@@ -9,17 +9,10 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from stereocal.rig.parameters import RigParameters
-from tests.browser.conftest import LONGEST_MS
+from tests.browser.conftest import LONGEST_MS, download
 
 pytestmark = pytest.mark.browser
 Settled = Callable[[Page], None]
-
-
-def download(page: Page, key: str, target: Path) -> Path:
-    with page.expect_download() as event:
-        page.locator(f".st-key-{key} button").click()
-    event.value.save_as(target)
-    return target
 
 
 def test_verdict_slider_and_files(
@@ -47,15 +40,15 @@ def test_verdict_slider_and_files(
         return page.get_by_text("At the slider's point").inner_text()
 
     before = at_the_point()
-    point = RigParameters.load(download(page, "download_point", tmp_path / "point.json"))
+    point = RigParameters.load(download(page, "download_point", tmp_path))
     page.locator(".st-key-along").get_by_role("slider").focus()
     page.keyboard.press("End")
     expect(page.get_by_text(before)).to_have_count(0)
     assert at_the_point() != before  # settled: the button comes after the text
-    other = RigParameters.load(download(page, "download_point", tmp_path / "other.json"))
+    other = RigParameters.load(download(page, "download_point", tmp_path))
     assert other.pose.angles != point.pose.angles
 
-    refined = RigParameters.load(download(page, "download_refined", tmp_path / "refined.json"))
+    refined = RigParameters.load(download(page, "download_refined", tmp_path))
     assert (refined.method, refined.purpose) == ("refined", "both")
     assert refined.matching_threshold_px is not None
     after = at_the_point()
@@ -68,6 +61,6 @@ def test_verdict_slider_and_files(
     page.locator(".st-key-run button").click()
     expect(page.get_by_text("holds the refined set")).to_be_visible(timeout=LONGEST_MS)
     settled(page)
-    instead = RigParameters.load(download(page, "download_2d", tmp_path / "2d.json"))
+    instead = RigParameters.load(download(page, "download_2d", tmp_path))
     assert instead.method == "refined"
-    assert RigParameters.load(download(page, "download_3d", tmp_path / "3d.json")).method == "3d"
+    assert RigParameters.load(download(page, "download_3d", tmp_path)).method == "3d"

@@ -14,21 +14,12 @@ from playwright.sync_api import Browser, Page, expect
 from stereocal.cli import main
 from stereocal.rig.parameters import RigParameters
 from stereocal.ui.navigation import TITLES
-from tests.browser.conftest import LONGEST_MS, ROOT, choose, results_shown, serve
+from tests.browser.conftest import LONGEST_MS, ROOT, choose, download, results_shown, serve
 
 pytestmark = pytest.mark.browser
 Settled = Callable[[Page], None]
 FIELD = ROOT / "sample_data" / "field"
 RECORDING = ROOT / "sample_data" / "recording"
-
-
-def download(page: Page, method: str, folder: Path) -> Path:
-    """Press a download button; the file under the name that the browser was told."""
-    with page.expect_download() as event:
-        page.locator(f".st-key-download_{method} button").click()
-    path = folder / event.value.suggested_filename
-    event.value.save_as(path)
-    return path
 
 
 def calibrate(page: Page) -> None:
@@ -92,7 +83,7 @@ def test_upload_real_recordings_and_compare_with_the_command_line(
 
     assert main(["calibrate", str(RECORDING), "--out", str(tmp_path / "cli")]) == 0
     for method, purpose in (("2d", "matching"), ("3d", "reconstruction")):
-        mine = download(page, method, tmp_path)
+        mine = download(page, f"download_{method}", tmp_path)
         assert mine.name == f"parameters_{method}.json"
         assert RigParameters.load(mine).purpose == purpose
         assert same_but_for_the_date(mine, tmp_path / "cli" / mine.name)
@@ -135,7 +126,7 @@ def test_sample_to_downloads_with_a_refresh_and_a_restart(
         settled(page)
         expect(page.get_by_text("Page not found")).to_have_count(0)
         assert row_of(page, "Yaw") == table[1]
-        files = [download(page, method, tmp_path) for method in ("2d", "3d")]
+        files = [download(page, f"download_{method}", tmp_path) for method in ("2d", "3d")]
     truth = json.loads((FIELD / "truth.json").read_text())
     for path in files:
         pose = RigParameters.load(path).pose

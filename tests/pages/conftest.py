@@ -4,15 +4,35 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from streamlit.components.v2.component_manager import BidiComponentManager
 from streamlit.runtime.pages_manager import PagesManager
 from streamlit.runtime.scriptrunner.script_cache import ScriptCache
-from streamlit.testing.v1 import local_script_runner
+from streamlit.testing.v1 import AppTest, local_script_runner
+
+from tests.pages.stored_projects import ROOT, SLOW
 
 SCRIPTS = ScriptCache()
 """Pages that have been compiled; a server keeps them too."""
+
+
+@pytest.fixture
+def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty home of projects."""
+    monkeypatch.setenv("STEREOCAL_HOME", str(tmp_path))
+    return tmp_path
+
+
+@pytest.fixture
+def app(home: Path) -> Iterator[AppTest]:
+    """The dashboard, freshly opened at that home."""
+    assert home.is_dir()
+    started = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW).run()
+    assert not started.exception
+    yield started
+    assert not started.exception
 
 
 @pytest.fixture(autouse=True)

@@ -41,6 +41,10 @@ def told(app: AppTest, *kinds: str) -> str:
     return " ".join(found).replace("\\", "")
 
 
+def messages(app: AppTest) -> str:
+    return told(app, "error", "info", "warning", "success")
+
+
 def look_at_all(app: AppTest, errors: dict[str, str] | None = None) -> dict[str, str]:
     """What every page says; none may show a traceback, and none may be blank.
 

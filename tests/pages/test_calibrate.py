@@ -14,9 +14,8 @@ from stereocal.rig.dataset import Dataset
 from stereocal.ui import press
 from stereocal.ui.closer_looks import VIEWS
 from stereocal.workflow import calibrate
-from tests.pages.test_pages import FIELD, messages, open_sample, project_of, zipped
-from tests.pages.test_pages import app as app
-from tests.pages.test_pages import home as home
+from tests.pages.stored_projects import messages
+from tests.pages.test_pages import FIELD, open_sample, project_of, zipped
 from tests.pages.waiting import ended
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import os
 import zipfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +17,7 @@ from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS, CameraName
 from stereocal.ui.lens import job_kind
 from tests.lens import SMALL, write_boards
+from tests.pages.stored_projects import go, messages
 from tests.pages.waiting import ended
 
 ROOT = Path(__file__).parents[2]
@@ -32,24 +33,8 @@ def boards(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
 
 
 @pytest.fixture
-def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setenv("STEREOCAL_HOME", str(tmp_path))
-    return tmp_path
-
-
-@pytest.fixture
-def app(home: Path) -> Iterator[AppTest]:
-    assert home.is_dir()
-    started = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW).run()
-    started.switch_page("pages/cameras.py").run()
-    assert not started.exception
-    yield started
-    assert not started.exception
-
-
-def messages(app: AppTest) -> str:
-    return " ".join(str(item.value) for kind in (app.error, app.info, app.warning, app.success)
-                    for item in kind).replace("\\", "")  # fmt: skip
+def app(app: AppTest) -> AppTest:
+    return go(app, "cameras")
 
 
 def store_of(app: AppTest, home: Path, which: CameraName = "primary") -> ProjectLens:

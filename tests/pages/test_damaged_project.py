@@ -24,12 +24,6 @@ RESULTS = {
 }
 
 
-@pytest.fixture
-def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setenv("STEREOCAL_HOME", str(tmp_path))
-    return tmp_path
-
-
 def flip(path: Path, seed: int, count: int) -> None:
     """Change bytes at random places."""
     rng, content = random.Random(seed), bytearray(path.read_bytes())

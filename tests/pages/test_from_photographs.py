@@ -19,10 +19,8 @@ from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
 from tests.pages import test_cameras as cameras
 from tests.pages import test_photographs as data
+from tests.pages.stored_projects import messages
 from tests.pages.test_cameras import boards as boards
-from tests.pages.test_pages import app as app
-from tests.pages.test_pages import home as home
-from tests.pages.test_pages import messages
 from tests.pages.test_photographs import BARS, FILES, give_cameras_and_lengths
 
 Grey = npt.NDArray[np.uint8]

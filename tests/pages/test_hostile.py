@@ -21,13 +21,7 @@ from tests.pages.hostile_walk import (
     hostile,
     tracebacks,
 )
-from tests.pages.test_pages import messages
-
-
-@pytest.fixture
-def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setenv("STEREOCAL_HOME", str(tmp_path))
-    return tmp_path
+from tests.pages.stored_projects import messages
 
 
 @pytest.fixture

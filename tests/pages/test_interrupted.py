@@ -13,10 +13,8 @@ from stereocal.projects import jobs as stored_jobs
 from stereocal.projects.home import copy_database
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.ui import jobs, photographs, validation
-from tests.pages.stored_projects import FULL, placed, session
-from tests.pages.test_pages import ROOT, SLOW, messages, open_sample, project_of
-from tests.pages.test_pages import app as app
-from tests.pages.test_pages import home as home
+from tests.pages.stored_projects import FULL, ROOT, SLOW, messages, placed, session
+from tests.pages.test_pages import open_sample, project_of
 from tests.pages.waiting import ended
 from tests.projects.test_checkpoints import same_runs
 

@@ -12,9 +12,8 @@ from stereocal.formats.dataset_files import pack_dataset, read_dataset
 from stereocal.projects.project import Project
 from stereocal.projects.review import read_review
 from stereocal.ui.screening import exchange
-from tests.pages.test_pages import FIELD, messages, project_of, zipped
-from tests.pages.test_pages import app as app
-from tests.pages.test_pages import home as home
+from tests.pages.stored_projects import messages
+from tests.pages.test_pages import FIELD, project_of, zipped
 from tests.pages.test_review import found_frames, new_store
 from tests.pages.waiting import ended
 

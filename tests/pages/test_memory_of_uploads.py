@@ -11,8 +11,6 @@ from stereocal.formats.dataset_files import pack_dataset, read_dataset
 from stereocal.ui import intake
 from stereocal.ui.uploads import IDLE_S, Watch
 from tests.pages.test_pages import FIELD, zipped
-from tests.pages.test_pages import app as app
-from tests.pages.test_pages import home as home
 
 MOST = 1000
 

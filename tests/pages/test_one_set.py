@@ -13,9 +13,8 @@ from stereocal.formats.dataset_files import pack_dataset, read_dataset
 from stereocal.projects.project import Project
 from stereocal.ui import one_set as page
 from stereocal.workflow import calibrate
-from tests.pages.test_pages import FIELD, messages, open_sample, project_of, zipped
-from tests.pages.test_pages import app as app
-from tests.pages.test_pages import home as home
+from tests.pages.stored_projects import messages
+from tests.pages.test_pages import FIELD, open_sample, project_of, zipped
 from tests.pages.waiting import wait_until
 
 

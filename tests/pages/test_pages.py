@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import json
 import zipfile
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -15,30 +14,11 @@ from stereocal.formats.dataset_files import pack_dataset, read_dataset
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
+from tests.pages.stored_projects import messages
 
 ROOT = Path(__file__).parents[2]
 FIELD = ROOT / "sample_data" / "field"
 SLOW = 120
-
-
-@pytest.fixture
-def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setenv("STEREOCAL_HOME", str(tmp_path))
-    return tmp_path
-
-
-@pytest.fixture
-def app(home: Path) -> Iterator[AppTest]:
-    assert home.is_dir()
-    started = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW).run()
-    assert not started.exception
-    yield started
-    assert not started.exception
-
-
-def messages(app: AppTest) -> str:
-    return " ".join(str(item.value) for kind in (app.error, app.info, app.warning, app.success)
-                    for item in kind)  # fmt: skip
 
 
 def open_sample(app: AppTest) -> AppTest:

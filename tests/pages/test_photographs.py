@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import json
 import zipfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +20,7 @@ from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.ui.pairs import rows_of, table_of
 from tests.bar_photographs import bar_set
+from tests.pages.stored_projects import go, messages
 from tests.pages.waiting import ended, wait_until
 
 ROOT = Path(__file__).parents[2]
@@ -29,19 +30,9 @@ FILES = BARS.files()
 
 
 @pytest.fixture
-def app(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[AppTest]:
-    monkeypatch.setenv("STEREOCAL_HOME", str(tmp_path))
-    started = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW).run()
-    started.switch_page("pages/data.py").run()
-    started.segmented_control(key="data_how").set_value("Photographs").run()
-    assert not started.exception
-    yield started
-    assert not started.exception
-
-
-def messages(app: AppTest) -> str:
-    return " ".join(str(item.value) for kind in (app.error, app.info, app.warning, app.success)
-                    for item in kind).replace("\\", "")  # fmt: skip
+def app(app: AppTest) -> AppTest:
+    go(app, "data")
+    return app.segmented_control(key="data_how").set_value("Photographs").run()
 
 
 def store_of(app: AppTest, home: Path) -> ProjectPhotographs:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -18,31 +17,15 @@ from stereocal.ui.plan_project import planned_line
 from stereocal.verdict.in_words import percent
 from tests import known_rig
 from tests.field.plans import FIELD, contents, plan
-from tests.pages.stored_projects import FULL, go, placed, session, told
+from tests.pages.stored_projects import FULL, go, messages, placed, session, told
 
 ROOT = Path(__file__).parents[2]
 SLOW = 120
 
 
 @pytest.fixture
-def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setenv("STEREOCAL_HOME", str(tmp_path))
-    return tmp_path
-
-
-@pytest.fixture
-def app(home: Path) -> Iterator[AppTest]:
-    assert home.is_dir()
-    started = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW).run()
-    started.switch_page("pages/plan.py").run()
-    assert not started.exception
-    yield started
-    assert not started.exception
-
-
-def messages(app: AppTest) -> str:
-    return " ".join(str(item.value) for kind in (app.error, app.info, app.warning, app.success)
-                    for item in kind).replace("\\", "")  # fmt: skip
+def app(app: AppTest) -> AppTest:
+    return go(app, "plan")
 
 
 def open_plan(app: AppTest, files: dict[str, bytes]) -> AppTest:

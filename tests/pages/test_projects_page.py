@@ -14,9 +14,8 @@ from stereocal.projects.archive import pack_project
 from stereocal.projects.home import delete, recent_projects, remove
 from stereocal.projects.project import Project
 from stereocal.rig.parameters import RigParameters
-from tests.pages.test_pages import ROOT, SLOW, messages, open_sample, project_of
-from tests.pages.test_pages import app as app
-from tests.pages.test_pages import home as home
+from tests.pages.stored_projects import ROOT, SLOW, messages
+from tests.pages.test_pages import open_sample, project_of
 
 
 def start(app: AppTest) -> AppTest:

@@ -17,9 +17,8 @@ from stereocal.refined.unknowns import DEFAULT_FOCAL, baseline_sigma_m, lens_pri
 from stereocal.rig.camera import LensUncertainty
 from stereocal.rig.dataset import Dataset
 from stereocal.ui.refined import refine_settings
-from tests.pages.test_pages import FIELD, SLOW, open_sample, project_of
-from tests.pages.test_pages import app as app
-from tests.pages.test_pages import home as home
+from tests.pages.stored_projects import SLOW
+from tests.pages.test_pages import FIELD, open_sample, project_of
 
 ROOT = Path(__file__).parents[2]
 LENGTHS = ("baseline_m", "target_distance_m")

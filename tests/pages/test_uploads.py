@@ -14,10 +14,9 @@ from stereocal.projects import jobs as stored_jobs
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.archive import pack_project
 from stereocal.projects.home import recent_projects
+from tests.pages.stored_projects import messages
 from tests.pages.test_apply import SET_2D
-from tests.pages.test_pages import FIELD, messages, open_sample, project_of, zipped
-from tests.pages.test_pages import app as app
-from tests.pages.test_pages import home as home
+from tests.pages.test_pages import FIELD, open_sample, project_of, zipped
 from tests.pages.waiting import wait_until
 
 

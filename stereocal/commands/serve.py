@@ -1,0 +1,40 @@
+"""`stereocal serve`: the dashboard in a browser."""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import subprocess
+import sys
+
+from stereocal.errors import StereocalError
+from stereocal.system.resources import ROOT
+
+
+def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """The options of the command."""
+    command = commands.add_parser("serve", help="the dashboard, in a browser")
+    command.set_defaults(run=run)
+    command.add_argument(
+        "--port", type=int, metavar="N", help="default: 8501, or the next free one"
+    )
+    command.add_argument(
+        "--headless", action="store_true", help="do not open a browser; print the address"
+    )
+
+
+def run(parsed: argparse.Namespace) -> None:
+    """Run the server until it is stopped; the same as `streamlit run app.py` in a checkout."""
+    if importlib.util.find_spec("streamlit") is None:
+        raise StereocalError(
+            "The dashboard needs Streamlit, which is not installed: pip install streamlit."
+        )
+    options = ["--server.port", str(parsed.port)] if parsed.port is not None else []
+    options += ["--server.headless", "true"] if parsed.headless else []
+    command = [sys.executable, "-m", "streamlit", "run", str(ROOT / "app.py"), *options]
+    try:
+        status = subprocess.run(command, check=False).returncode
+    except KeyboardInterrupt:  # the server has had it too, and has ended
+        return
+    if status:
+        raise StereocalError("The dashboard has stopped. Its last lines say why.")

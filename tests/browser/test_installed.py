@@ -1,0 +1,44 @@
+"""From an installed wheel to both files: `stereocal serve`, away from any checkout."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from tests.browser.conftest import LONGEST_MS, results_shown, served
+from tests.browser.test_few_acts import save
+from tests.wheel import installed_in
+
+pytestmark = pytest.mark.browser
+
+
+def test_an_installed_package_serves_the_recording_to_both_files(
+    page: Page, settled: Callable[[Page], None], tmp_path: Path
+) -> None:
+    command = ("-m", "stereocal", "serve", "--headless", "--port")
+    environment = installed_in(tmp_path)
+    # Now, so that the walk waits for the pages alone.
+    subprocess.run(
+        [sys.executable, "-m", "stereocal", "compile"],
+        cwd=tmp_path, env=environment, check=True, capture_output=True,
+    )  # fmt: skip
+    with served(tmp_path / "home", environment, command, tmp_path) as (_, url):
+        page.goto(url)
+        settled(page)
+        page.locator(".st-key-recording button").click()
+        expect(page.get_by_text("818 pairs of points in 409 frames")).to_be_visible(
+            timeout=LONGEST_MS
+        )
+        settled(page)
+        page.get_by_role("button", name="Next: Calibrate").click()
+        settled(page)
+        page.locator(".st-key-run button").click()
+        results_shown(page)
+        settled(page)
+        for method in ("2d", "3d"):
+            save(page, method, page.locator(f".st-key-download_{method} button").click, tmp_path)

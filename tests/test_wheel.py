@@ -1,0 +1,83 @@
+"""The wheel is whole, and works where there is no checkout."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+
+import stereocal
+from tests.wheel import ROOT, installed_in
+
+BESIDE = ("pages", "assets", "sample_data")
+
+
+@pytest.fixture(scope="module")
+def environment(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    return installed_in(tmp_path_factory.mktemp("wheel"))
+
+
+def run(environment: dict[str, str], *command: str) -> str:
+    """What Python says, in a folder that is no checkout."""
+    site = Path(environment["PYTHONPATH"])
+    done = subprocess.run(
+        [sys.executable, *command], cwd=site.parent, env=environment, check=False,
+        capture_output=True, text=True,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_it_has_every_file_of_the_program(environment: dict[str, str]) -> None:
+    site = Path(environment["PYTHONPATH"])
+    listed = subprocess.run(
+        ["git", "ls-files", "stereocal", "app.py", ".streamlit", *BESIDE],
+        cwd=ROOT, check=False, capture_output=True, text=True,
+    )  # fmt: skip
+    if listed.returncode:
+        pytest.skip("not a clone")
+    for name in listed.stdout.splitlines():
+        at = site / name if name.startswith("stereocal/") else site / "stereocal/dashboard" / name
+        assert at.is_file(), name
+
+
+def test_its_metadata_are_those_of_the_program(environment: dict[str, str]) -> None:
+    (about,) = Path(environment["PYTHONPATH"]).glob("*.dist-info")
+    metadata = (about / "METADATA").read_text(encoding="utf-8")
+    assert f"\nVersion: {stereocal.__version__}\n" in metadata
+    for line in (ROOT / "requirements.txt").read_text().split():
+        assert f"Requires-Dist: {line.split('>')[0].lower()}" in metadata.lower().replace(
+            "requires-dist", "Requires-Dist"
+        ), line
+    assert "stereocal = stereocal.__main__:main" in (about / "entry_points.txt").read_text()
+
+
+def test_the_citation_is_of_this_version() -> None:
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    assert citation["version"] == stereocal.__version__
+    assert citation["license"] in (ROOT / "LICENSE").read_text()
+    assert len(citation["preferred-citation"]["authors"]) == 5
+
+
+def test_the_library_needs_no_streamlit(environment: dict[str, str]) -> None:
+    found = run(
+        environment,
+        "-c",
+        """
+import sys
+sys.modules["streamlit"] = None  # an import of it fails
+import stereocal
+from stereocal.system.resources import ROOT
+found = stereocal.calibrate(stereocal.read_dataset(ROOT / "sample_data" / "field"))
+print(ROOT.parent.name, type(found).__name__)
+""",
+    )
+    assert found.split() == ["stereocal", "Calibration"]
+
+
+def test_commands_work_there(environment: dict[str, str]) -> None:
+    assert run(environment, "-m", "stereocal", "--version").strip() == stereocal.__version__
+    assert "--port" in run(environment, "-m", "stereocal", "serve", "--help")
