@@ -146,7 +146,7 @@ def drawn_tracks(tracks: Sequence[IntArray]) -> list[IntArray]:
 
 
 def describe_points(
-    points: pd.DataFrame, tracks: Sequence[IntArray] = (), in_world: bool = False
+    points: pd.DataFrame, tracks: Sequence[IntArray] = (), world: Pose | None = None
 ) -> str:
     """The figure in words."""
     xyz = points[["x", "y", "z"]].to_numpy(dtype=np.float64)
@@ -158,7 +158,7 @@ def describe_points(
     text = (
         f"{count(int(shown.sum()), 'point')} of {count(points['frame'].nunique(), 'frame')}: x "
         f"from {x.min():.2f} to {x.max():.2f} m, y from {y.min():.2f} to {y.max():.2f} m, "
-        f"{'' if in_world else 'depth '}z from {z.min():.2f} to {z.max():.2f} m"
+        f"{'depth ' if world is None else ''}z from {z.min():.2f} to {z.max():.2f} m"
     )
     if outside := int((outside_volume(points) & shown).sum()):
         text += f"; {outside} of them outside the volume of the bars, with open symbols"

@@ -179,7 +179,7 @@ def _show_space(
     column = lines.value()
     tracks = [] if column == NOTHING else _tracks(outcome.digest, column, points)
     figure = plot_points(points, colour, outcome.rig, view, tracks, frame, outcome.world)
-    words = describe_points(points, tracks, outcome.world is not None)
+    words = describe_points(points, tracks, outcome.world)
     show_figure(figure, words, "points", fold=False)
 
 

@@ -13,13 +13,14 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from benchmarks.world import FRAME_RATE, Place, plumb_lines, surveyed, thrown, world_of_cameras
+from stereocal.field.world.lines import world_of_lines
 from stereocal.formats.world_file import write_world
 from stereocal.matching.application import POINTS
 from stereocal.matching.reconstruction import name_of_world
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.project import Project
 from stereocal.rig.geometry import Pose
-from tests.commands.test_world_command import write_lines, write_survey, write_throw
+from tests.field.world_tables import lines_csv, survey_csv, throw_csv
 from tests.pages.test_apply import ROOT, SET_3D, SLOW, said, with_files
 
 
@@ -59,7 +60,7 @@ def test_points_in_the_frame_of_plumb_lines(
 ) -> None:
     before, world = points(app, home)
     assert world is None and "coordinates" not in before
-    write_lines(tmp_path / "plumb.csv", plumb_lines(place))
+    (tmp_path / "plumb.csv").write_bytes(lines_csv(plumb_lines(place)))
     give(app, tmp_path / "plumb.csv")
     assert "World frame of 4 plumb lines: the vertical is known within" in said(app, "success")
     assert "Points are in the world frame." in said(app, "success")
@@ -85,7 +86,7 @@ def test_points_in_the_frame_of_plumb_lines(
 def test_a_survey_its_residuals_and_a_mirrored_one(
     app: AppTest, home: Path, place: Place, tmp_path: Path
 ) -> None:
-    write_survey(tmp_path / "survey.csv", surveyed(place, 6))
+    (tmp_path / "survey.csv").write_bytes(survey_csv(surveyed(place, 6)))
     give(app, tmp_path / "survey.csv")
     assert "World frame of 6 surveyed points" in said(app, "success")
     assert "P4" in list(app.dataframe[0].value["Point"])
@@ -102,7 +103,7 @@ def test_a_survey_its_residuals_and_a_mirrored_one(
 
 
 def test_a_throw_asks_for_the_frame_rate(app: AppTest, place: Place, tmp_path: Path) -> None:
-    write_throw(tmp_path / "throw.csv", thrown(place, 1))
+    (tmp_path / "throw.csv").write_bytes(throw_csv(thrown(place, 1)))
     give(app, tmp_path / "throw.csv")
     assert "Give the frame rate" in said(app, "info")
     app.number_input(key="world_frame_rate").set_value(FRAME_RATE).run()
@@ -114,8 +115,6 @@ def test_a_throw_asks_for_the_frame_rate(app: AppTest, place: Place, tmp_path: P
 def test_files_that_state_the_frame_and_files_that_are_none(
     app: AppTest, home: Path, place: Place, tmp_path: Path
 ) -> None:
-    from stereocal.field.world.lines import world_of_lines
-
     frame = world_of_lines(place.rig, plumb_lines(place), sigma_px=0.3)
     (tmp_path / "w.json").write_bytes(write_world(frame, SET_3D))
     give(app, tmp_path / "w.json")

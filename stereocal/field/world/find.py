@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+import numpy as np
+
+from stereocal.errors import StereocalError
 from stereocal.field.world.frame import Axes, WorldFrame
 from stereocal.field.world.lines import world_of_lines
 from stereocal.field.world.observed import Observed, Survey, Throw
@@ -35,7 +38,18 @@ def find_world(
     Raises:
         StereocalError: the observations leave it undetermined, or contradict each other.
     """
-    stated = settings or WorldSettings()
+    try:
+        with np.errstate(all="ignore"):
+            return _find(rig, observed, settings or WorldSettings())
+    except StereocalError:
+        raise
+    except (ValueError, ArithmeticError, np.linalg.LinAlgError) as error:
+        raise StereocalError(
+            "No world frame fits these observations; are the numbers in pixels and metres?"
+        ) from error
+
+
+def _find(rig: RigParameters, observed: Observed, stated: WorldSettings) -> WorldFrame:
     if isinstance(observed, Survey):
         return world_of_survey(rig, observed, stated.axes, stated.sigma_px, stated.survey_sigma_m)
     if isinstance(observed, Throw):
