@@ -29,8 +29,9 @@ POINT, LINE, FRAME, KIND, THROW = "point", "line", "frame", "kind", "throw"
 PIXELS = ("u_primary", "v_primary", "u_secondary", "v_secondary")
 SURVEYED = ("x", "y", "z")
 MEASURED = ("x_primary", "y_primary", "z_primary")
-MOST_ROWS = 20_000
-MOST_NAMES = 200
+MOST_ROWS = 5_000
+MOST_NAMES = {POINT: 200, LINE: 30, FRAME: 10}
+"""Of points, lines and throws; the time of a fit grows with the square of the last two."""
 LONGEST_NAME = 60
 FARTHEST_M = 1e8
 
@@ -136,10 +137,11 @@ def _rows(
 
 def _check_sizes(raw: pd.DataFrame, kind: str, source: str) -> None:
     names = _names(raw, THROW if kind == FRAME else kind)
-    if len(set(names)) > MOST_NAMES:
+    most = MOST_NAMES[kind]
+    if len(set(names)) > most:
         raise StereocalError(
-            f"{source}: {len(set(names))} different names are too many; at most {MOST_NAMES} "
-            "points, lines or throws are read."
+            f"{source}: {len(set(names))} different names are too many; at most {most} are read of "
+            f"a {'throw' if kind == FRAME else kind}."
         )
 
 

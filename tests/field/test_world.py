@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from dataclasses import replace
 
@@ -31,6 +32,7 @@ from stereocal.field.world.observed import Line, Survey, Throw
 from stereocal.field.world.survey import world_of_survey
 from stereocal.field.world.throw import path, world_of_throw
 from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import Angles, Pose
 
 
 @pytest.fixture
@@ -240,6 +242,25 @@ class TestSurvey:
         shuffled = replace(survey, world_m=np.roll(survey.world_m, 1, axis=0))
         with pytest.raises(StereocalError, match="cannot tell which"):
             world_of_survey(place.rig, shuffled)
+
+    def test_residuals_that_the_parameters_explain_accuse_no_point(self, calibrated: Place) -> None:
+        survey = surveyed(calibrated, 8)
+        off = replace(survey, world_m=survey.world_m + 0.05 * np.eye(8, 3))
+        found = world_of_survey(calibrated.rig, off)
+        assert any("A point may be wrong." in note for note in found.notes)
+        # Parameters ten times as uncertain, and wrong accordingly.
+        uncertain = json.loads(json.dumps(calibrated.rig.uncertainties))
+        matrix = 100 * np.array(uncertain["covariance"]["matrix"])
+        uncertain["covariance"]["matrix"] = matrix.tolist()
+        pose = calibrated.rig.pose
+        angles = np.array(pose.angles) + 10 * np.sqrt(np.diag(matrix))[:5] / 10
+        worse = replace(
+            calibrated.rig,
+            uncertainties=uncertain,
+            pose=Pose.from_angles(Angles(*angles.tolist()), pose.baseline),
+        )
+        notes = " ".join(world_of_survey(worse, survey).notes)
+        assert "The errors that the parameter file states of itself explain them." in notes
 
     def test_units_lines_and_few_points(self, place: Place) -> None:
         survey = surveyed(place, 6)

@@ -14,9 +14,11 @@ import numpy as np
 from scipy.optimize import brentq, least_squares
 from scipy.stats import chi2, f, norm, t
 
-from stereocal.rig.compiled import FloatArray
+from stereocal.rig.compiled import FloatArray, IntArray
 
 LEVEL = 0.95
+STEP = float(np.sqrt(np.finfo(np.float64).eps))
+"""Of finite differences, for an unknown of 1 or less."""
 FEWEST_DEGREES = 10
 """Below this number of degrees of freedom, residuals do not show the noise."""
 
@@ -63,13 +65,16 @@ class Solution:
     @cached_property
     def covariance(self) -> FloatArray:
         """(m, m), of the noise of the observations."""
-        own = np.linalg.pinv(self.J.T @ self.J)
-        return np.asarray(own * self.widening**2, dtype=np.float64)
+        return np.asarray(self._stated * self.widening**2)
+
+    @cached_property
+    def _stated(self) -> FloatArray:
+        return np.asarray(np.linalg.pinv(self.J.T @ self.J), dtype=np.float64)
 
     @cached_property
     def shift(self) -> FloatArray:
         """(m, r): derivatives of the estimates by z."""
-        return np.asarray(-np.linalg.pinv(self.J) @ self.by_rig, dtype=np.float64)
+        return np.asarray(-self._stated @ (self.J.T @ self.by_rig))
 
     @property
     def noise_factor(self) -> float | None:
@@ -124,10 +129,44 @@ class Solution:
         return top * float(brentq(outside, 1.0, 1e3))
 
 
+@dataclass(frozen=True, eq=False)
+class Blocks:
+    """Which unknowns act on which errors: some on all, the others in blocks on their own errors.
+
+    Derivatives then need a few evaluations, not one for each unknown.
+    """
+
+    common: int
+    """Number of the first unknowns, which act on all errors."""
+    size: int
+    """Unknowns of each block; the blocks follow one another."""
+    of_error: IntArray
+    """(n,): the block that acts on each error; -1: none."""
+
+    def jacobian(self, errors: Callable[[FloatArray], FloatArray], x: FloatArray) -> FloatArray:
+        """(n, m): derivatives by finite differences."""
+        here = errors(x)
+        steps = STEP * np.maximum(1.0, np.abs(x))
+        J = np.zeros((len(here), len(x)))
+        for k in range(self.common):
+            moved = x.copy()
+            moved[k] += steps[k]
+            J[:, k] = (errors(moved) - here) / steps[k]
+        rows = np.flatnonzero(self.of_error >= 0)
+        for k in range(self.size):
+            columns = slice(self.common + k, None, self.size)
+            moved = x.copy()
+            moved[columns] += steps[columns]
+            at = self.common + k + self.size * self.of_error[rows]
+            J[rows, at] = (errors(moved) - here)[rows] / steps[at]
+        return J
+
+
 def solve(
     errors: Callable[[FloatArray], FloatArray],
     start: FloatArray,
     by_rig: Callable[[FloatArray], FloatArray] | None = None,
+    blocks: Blocks | None = None,
 ) -> Solution:
     """Minimise the sum of the squares of errors(x).
 
@@ -135,8 +174,12 @@ def solve(
         errors: (n,) differences over their standard deviations.
         start: (m,), m <= n.
         by_rig: (n, r) at the solution: derivatives of the errors by z; None: not known.
+        blocks: which unknowns act on which errors; None: all on all.
     """
-    found = least_squares(errors, start, x_scale="jac", method="trf")
+    known = blocks or Blocks(len(start), 0, np.full(len(errors(start)), -1))
+    found = least_squares(
+        errors, start, lambda x: known.jacobian(errors, x), x_scale="jac", method="trf"
+    )
     J, e = (np.asarray(each, dtype=np.float64) for each in (found.jac, found.fun))
     return Solution(found.x, J, e, np.zeros((len(e), 0)) if by_rig is None else by_rig(found.x))
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.field.world.adjustment import Solution, solve
+from stereocal.field.world.adjustment import Blocks, Solution, solve
 from stereocal.field.world.frame import (
     CAMERA,
     FEWEST_UPRIGHT,
@@ -216,7 +216,10 @@ def _fit(
     def by_rig(x: FloatArray) -> FloatArray:
         return rig_errors(lambda of: distances(x, of, _undistorted(of, images)), rig, noise.spread)
 
-    found = solve(lambda x: distances(x, rig, points), np.zeros(count), by_rig)
+    block_of = {k: block for block, k in enumerate(free)}
+    of_error = [np.full(len(seen), block_of.get(k, -1)) for k, seen in enumerate(points)]
+    blocks = Blocks(count - len(free), 1, np.concatenate(of_error))
+    found = solve(lambda x: distances(x, rig, points), np.zeros(count), by_rig, blocks)
     up, along = directions(found.x)
     turns = turns_at(rig, up, _places(rig, images), noise.spread)
     return LineFit(

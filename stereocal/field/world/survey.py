@@ -333,10 +333,15 @@ def _notes(
             "changed."
         )
     if fit.solution.degrees and fit.solution.widening > 2:
+        why = (
+            "A point may be wrong."
+            if with_scale.solution.widening > 2
+            else "The errors that the parameter file states of itself explain them."
+        )
         notes.append(
             f"The residuals are {fit.solution.widening:.1f} times as large as "
             f"{fit.noise.sigma_px:.2g} px and {1000 * fit.sigma_m:.2g} mm of survey explain; the "
-            "errors stated are larger by that factor. A point may be wrong."
+            f"errors stated are larger by that factor. {why}"
         )
     if not hand_is_known:
         notes.append(

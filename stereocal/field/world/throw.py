@@ -16,7 +16,7 @@ from scipy.integrate import cumulative_simpson
 from scipy.interpolate import CubicHermiteSpline
 
 from stereocal.errors import StereocalError
-from stereocal.field.world.adjustment import Solution, solve
+from stereocal.field.world.adjustment import Blocks, Solution, solve
 from stereocal.field.world.frame import (
     CAMERA,
     FIRST,
@@ -235,8 +235,9 @@ def fit_flights(
         on_path = measured_points(rig, paths(x), noise.spread).by_rig
         return np.asarray(np.einsum("nij,njr->nir", W, on_path).reshape(3 * len(W), -1))
 
+    of_error = np.repeat(np.arange(len(flights)), [3 * len(each.times) for each in flights])
     try:
-        found = solve(errors, _start(xyz, flights, drag), by_rig)
+        found = solve(errors, _start(xyz, flights, drag), by_rig, Blocks(head, 6, of_error))
     except (ValueError, np.linalg.LinAlgError):
         return None
     factor = None if noise.source == "stated" else found.noise_factor
