@@ -177,9 +177,11 @@ def solve(
         blocks: which unknowns act on which errors; None: all on all.
     """
     known = blocks or Blocks(len(start), 0, np.full(len(errors(start)), -1))
-    found = least_squares(
-        errors, start, lambda x: known.jacobian(errors, x), x_scale="jac", method="trf"
-    )
+
+    def jacobian(x: FloatArray) -> FloatArray:
+        return known.jacobian(errors, x)
+
+    found = least_squares(errors, start, jacobian, x_scale="jac", method="trf")
     J, e = (np.asarray(each, dtype=np.float64) for each in (found.jac, found.fun))
     return Solution(found.x, J, e, np.zeros((len(e), 0)) if by_rig is None else by_rig(found.x))
 
