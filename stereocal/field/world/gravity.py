@@ -89,7 +89,7 @@ def difference_words(found: Gravity) -> tuple[str, ...]:
     if found.agrees:
         off = max(found.high / ON_EARTH[0] - 1, 1 - found.low / ON_EARTH[1])
         return (
-            f"So lengths are right within {100 * off:.1f} %, if the frame rate is; the bar had no "
+            f"Lengths are right within {100 * off:.1f} %, if the frame rate is; the bar had no "
             "part in this.",
         )
     ratio = found.value / STANDARD
