@@ -22,6 +22,7 @@ from stereocal.commands import (
     reproduce,
     serve,
     simulate,
+    world,
 )
 from stereocal.commands.progress import say
 from stereocal.errors import StereocalError
@@ -29,7 +30,7 @@ from stereocal.rig.compilations import compilations
 
 COMMANDS = (
     calibrate, evaluate, import_archive, detect, intrinsics, match, reconstruct, convert, check,
-    simulate, plan, print_files, reproduce, serve, compiling,
+    world, simulate, plan, print_files, reproduce, serve, compiling,
 )  # fmt: skip
 
 

@@ -10,7 +10,7 @@ from stereocal.formats.exchange.exchange import FORMATS, export, export_notes, i
 from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.pixel_origin import CORNERS, FLIPS, PixelOrigin
 from stereocal.formats.units import UNITS
-from stereocal.matching.reconstruction import read_world
+from stereocal.formats.world_file import read_world
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.parameters import RigParameters
 
@@ -62,7 +62,8 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
         "--world",
         type=Path,
         metavar="FILE",
-        help="4x4 matrix (JSON or CSV) from the primary camera's coordinates to yours",
+        help="world.json of the command world, or a 4x4 matrix (JSON or CSV) from the primary "
+        "camera's coordinates to yours",
     )
     for which in CAMERAS:
         command.add_argument(

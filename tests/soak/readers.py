@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from stereocal.errors import StereocalError
+from stereocal.field.world.find import find_world
 from stereocal.formats.archives.archive import ArchiveOptions
 from stereocal.formats.archives.easywand import EasyWandFile, read_easywand
 from stereocal.formats.archives.gather import gather
@@ -39,8 +40,9 @@ from stereocal.formats.point_answers import (
 )
 from stereocal.formats.point_files import read_points
 from stereocal.formats.sleap_h5 import point_text
+from stereocal.formats.world_file import read_world
+from stereocal.formats.world_tables import read_observed
 from stereocal.matching.point_table import PointTable
-from stereocal.matching.reconstruction import read_world
 from stereocal.projects.project import Project
 from stereocal.projects.server_settings import ServerSettings
 from stereocal.rig.parameters import RigParameters
@@ -60,11 +62,12 @@ from tests.field.plans import FIELD as FIELD_PLAN
 from tests.field.plans import contents, plan
 from tests.formats.test_exchange import RICHEST
 from tests.hostile_projects import FILES, dataset_zip, project_zip, read_inner, read_project_zip
-from tests.known_rig import PRIMARY, SECONDARY
+from tests.known_rig import PRIMARY, RIG, SECONDARY
 from tests.soak import seeds
 
 Read = Callable[[bytes, Path], object]
 Seeds = Callable[[], Sequence[bytes]]
+KNOWN = RigParameters(PRIMARY, SECONDARY, RIG, "2d", 1.0, {}, {}, noise_px=0.3)
 
 
 @dataclass(frozen=True)
@@ -100,8 +103,21 @@ def _tables() -> list[Reader]:
         Reader(
             "tables", "image", "points, HDF5", seeds.sleap, _hdf5, ("sleap_h5", "other_files")
         ),
-        Reader("tables", "text", "world, table", lambda: [seeds.world("", "")], _world("w.csv")),
-        Reader("JSON", "json", "world, JSON", lambda: [seeds.world("[", "]")], _world("w.json")),
+        Reader(
+            "tables", "text", "world, table", lambda: [seeds.world("", "")], _world("w.csv"),
+            ("world_file",),
+        ),
+        Reader(
+            "JSON", "json", "world, JSON", lambda: [seeds.world("[", "]"), seeds.world_json()],
+            _world("w.json"), ("world_file",),
+        ),
+        *(
+            Reader(
+                "tables", "text", f"world from {name}", partial(list, [content]), _observed,
+                ("world_tables",),
+            )
+            for name, content in seeds.observed().items()
+        ),
     ]  # fmt: skip
 
 
@@ -339,6 +355,10 @@ def _table(name: str) -> Read:
 
 def _world(name: str) -> Read:
     return lambda content, folder: read_world(_kept(content, folder / name))
+
+
+def _observed(content: bytes, _: Path) -> None:
+    find_world(KNOWN, read_observed(content, "o.csv", frame_rate=100.0))
 
 
 def _photograph(content: bytes, folder: Path) -> None:
