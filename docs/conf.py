@@ -25,8 +25,6 @@ extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 exclude_patterns = ["_build"]
 nitpicky = True
 # Types of NumPy, pandas and the standard library are described elsewhere.
-# Patterns of pages that may come.
-suppress_warnings = ["toc.empty_glob"]
 nitpick_ignore_regex = [("py:.*", ".*")]
 
 myst_enable_extensions = ["dollarmath"]
