@@ -30,6 +30,8 @@ NOT_RUN = {
     "docker": "needs Docker",
 }
 """Beginnings of commands that are not run here, and why."""
+QUOTED = {"docs/tutorial.md": ("0.91 px", "0.39 %", "0.60 %", "0.11 %", "395")}
+"""Figures that a page quotes and its commands print."""
 OTHERS = {"--env"}
 """Options of other programs."""
 
@@ -69,13 +71,16 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.mark.parametrize(
     "page", [page for page in PAGES if any(map(is_run, commands_of(page)))], ids=name_of
 )
-def test_its_commands_run(page: Path, folder: Path) -> None:
+def test_its_commands_run(page: Path, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for code in code_of(page):
         if code.language == "json" and code.file:
             (folder / code.file).write_text(code.text, encoding="utf-8")
     for command in filter(is_run, commands_of(page)):
         assert command.startswith("stereocal "), f"run it here, or say why not: {command}"
         assert main(as_command(command)) == 0, command
+    text, printed = page.read_text(encoding="utf-8"), capsys.readouterr().out
+    for figure in QUOTED.get(name_of(page), ()):
+        assert figure in text and figure in printed, figure
 
 
 @pytest.mark.parametrize(

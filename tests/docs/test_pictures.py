@@ -7,10 +7,13 @@ from itertools import product
 from pathlib import Path
 
 from docs.drawings.__main__ import DRAWINGS, FOLDER, draw
+from stereocal.figures.story import ROWS, read_story
 from tests.browser.pictures import PAGES, PICTURES, STORY, THEMES, WIDTHS
 from tests.docs.pages import PAGES as TEXTS
 from tests.docs.pages import name_of
+from tests.terminal import ROOT
 
+STORY_FILE = ROOT / "assets" / "story.json"
 SHOWN = re.compile(r"!\[([^]]*)\]\(([^)]+)\)")
 
 
@@ -34,6 +37,16 @@ def test_every_picture_that_is_shown_is_there_and_has_words() -> None:
             shown.add(path)
     made = {PICTURES / f"{name}.png" for name in STORY} | set(FOLDER.glob("*"))
     assert made <= shown
+
+
+def test_the_words_beside_the_story_are_its_own() -> None:
+    story = read_story(STORY_FILE)
+    said = {f"{100 * story.sets[method].length_error:.2g} %" for method in ROWS}
+    bars = len(story.sets["refined"].length_errors)
+    for text in (ROOT / "README.md", ROOT / "docs" / "index.md"):
+        (words,) = [words for words, at in SHOWN.findall(text.read_text()) if "lengths" in at]
+        assert f"{bars} real bars" in words
+        assert said == set(re.findall(r"[\d.]+ %", words))
 
 
 def test_the_drawings_are_those_of_the_program(tmp_path: Path) -> None:
