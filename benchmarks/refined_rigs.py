@@ -40,11 +40,15 @@ class Misjudged:
 
 
 def random_scene(rng: np.random.Generator, frames: int = FRAMES, margin_px: float = 20.0) -> Scene:
-    """Two cameras that differ in everything and toe in by a random amount, and the bar."""
+    """A random rig, and the bar."""
+    return place_bars(random_rig(rng), rng, frames, BAR_M, DEPTHS_M, margin_px)
+
+
+def random_rig(rng: np.random.Generator) -> Rig:
+    """Two cameras that differ in everything and toe in by a random amount."""
     low, high = [0.16, -0.12, -0.15, 0.02, 2.9], [0.32, 0.12, 0.15, 0.2, 3.2]
     pose = Pose.from_angles(Angles(*rng.uniform(low, high).tolist()), rng.uniform(1.8, 2.8))
-    cameras = Rig(rig.PRIMARY, rig.SECONDARY, pose)
-    return place_bars(cameras, rng, frames, BAR_M, DEPTHS_M, margin_px)
+    return Rig(rig.PRIMARY, rig.SECONDARY, pose)
 
 
 def stated(
@@ -61,18 +65,27 @@ def stated(
         baseline: factor of the baseline as typed, on top.
         focal: further relative error of the primary's focal length.
     """
-    cameras = [
-        lens_off_by(camera, off.focal * rng.normal(), tuple(off.centre_px * rng.normal(size=2)))
-        for camera in (scene.rig.primary, scene.rig.secondary)
-    ]
-    cameras[0] = lens_off_by(cameras[0], focal, (0.0, 0.0))
-    nominal = Nominal(
-        cameras[0],
-        cameras[1],
-        (scene.rig.pose.baseline + off.baseline_m * rng.normal()) * baseline,
-        scene.bar_length_m + off.bar_m * rng.normal(),
+    nominal = misjudged(scene.rig, scene.bar_length_m, rng, off)
+    changed = replace(
+        nominal,
+        primary=lens_off_by(nominal.primary, focal, (0.0, 0.0)),
+        baseline_m=nominal.baseline_m * baseline,
     )
-    return observe(scene, rng, off.noise_px, name, nominal)
+    return observe(scene, rng, off.noise_px, name, changed)
+
+
+def misjudged(cameras: Rig, bar_m: float, rng: np.random.Generator, off: Misjudged) -> Nominal:
+    """Lenses and lengths misjudged at random."""
+    primary, secondary = (
+        lens_off_by(camera, off.focal * rng.normal(), tuple(off.centre_px * rng.normal(size=2)))
+        for camera in (cameras.primary, cameras.secondary)
+    )
+    return Nominal(
+        primary,
+        secondary,
+        cameras.pose.baseline + off.baseline_m * rng.normal(),
+        bar_m + off.bar_m * rng.normal(),
+    )
 
 
 def held_out(dataset: Dataset, frames: int) -> tuple[Dataset, Dataset]:

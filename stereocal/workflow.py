@@ -23,10 +23,11 @@ from stereocal.errors import StereocalError
 from stereocal.formats.evaluation_files import Evaluation, validation_figures
 from stereocal.refined.diagnosis import explain_failure, warnings_about_fit
 from stereocal.refined.disagreement import what_disagrees
+from stereocal.refined.free_baseline import note_on_free_baseline
 from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import refine
 from stereocal.refined.results import Calibration
-from stereocal.refined.screening import Screening, screen, screened
+from stereocal.refined.screening import Screening, screened
 from stereocal.refined.stated_inputs import Input
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.compiled import IntArray
@@ -69,12 +70,12 @@ def calibrate(
     split_seed, seed_2d, seed_3d = np.random.SeedSequence(settings.search.seed).spawn(3)
     report("screening")
     screening = screened(dataset, settings)
-    kept = screening.dataset
+    dataset, kept = screening.full_dataset, screening.dataset
     frames = _draw_frames(screening, settings.calibration_frames, split_seed)
     chosen = _only(kept, frames)
     checks.check_points(chosen)
     reconstruction = reconstruction_problem(chosen, settings.known_points)
-    warnings = checks.warnings_about(chosen)
+    warnings = [*filter(None, [note_on_free_baseline(chosen)]), *checks.warnings_about(chosen)]
 
     report("essential")
     start = _essential(chosen, settings, reconstruction, screening)
@@ -97,7 +98,8 @@ def calibrate(
     if refined is not None:
         report("refined")
         try:
-            refined_result = refine(chosen, refined, start.pose)
+            # Without an initial pose, as for a stored calibration: its files are the same.
+            refined_result = refine(chosen, refined)
         except StereocalError as error:
             warnings.append(f"There is no refined set: {error}")
     return Calibration(
@@ -145,7 +147,7 @@ def _essential(
                 return start
         except StereocalError as error:
             failure = failure or f"{error} "
-    raise StereocalError(failure + explain_failure(dataset, fit or screen(dataset).fit))
+    raise StereocalError(failure + explain_failure(dataset, screening))
 
 
 def _draw_frames(screening: Screening, count: int | None, seed: np.random.SeedSequence) -> IntArray:
@@ -187,6 +189,8 @@ class Answer:
     validation: Mapping[Any, Validated]
     """The entries of the files on the validation, by method; empty without one."""
     recommendation: Recommendation
+    evaluation: Evaluation | None = None
+    """The validation of the same data set; None without one, or with figures of a file."""
 
     @cached_property
     def inputs(self) -> list[Input]:
@@ -234,7 +238,7 @@ def answer(
     if evaluation is not None:
         validation = validation or validation_figures(evaluation.summaries, evaluation.settings)
     found = recommend(calibration, outlook, validation)
-    return Answer(calibration, outlook, validation or {}, found)
+    return Answer(calibration, outlook, validation or {}, found, evaluation)
 
 
 def conclusions_of_seeds(

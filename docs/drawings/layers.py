@@ -5,7 +5,7 @@ from __future__ import annotations
 from docs.drawings.canvas import BLUE, GREY, INK, Canvas
 
 LAYERS = (
-    ("what people run", ("workflow", "projects", "commands", "ui")),
+    ("what people run", ("workflow", "paper_kit", "projects", "commands", "ui")),
     ("files and figures", ("formats", "figures")),
     (
         "from photographs, and to points",

@@ -13,6 +13,8 @@ from stereocal.errors import StereocalError
 Method = Literal["essential", "2d", "3d", "refined"]
 METHODS: tuple[Method, ...] = ("essential", "2d", "3d")
 """The paper's methods."""
+SWITCHES = ("known_points", "all_frames", "time_offset", "time_drift")
+"""The settings of a calibration that are true or false."""
 ALL_METHODS: tuple[Method, ...] = (*METHODS, "refined")
 METHOD_NAMES: Mapping[Method, str] = {
     "essential": "Essential matrix",
@@ -43,6 +45,10 @@ class CalibrationSettings:
     """Numbers of frames that the screening must keep."""
     frames_left_out: tuple[int, ...] = ()
     """Numbers of frames to leave out, whatever the screening finds."""
+    time_offset: bool = False
+    """Find the time offset between the cameras, and shift the secondary points by it."""
+    time_drift: bool = False
+    """Find its drift too."""
 
     def __post_init__(self) -> None:
         if self.essential not in ("constrained", "linear"):
@@ -51,6 +57,8 @@ class CalibrationSettings:
             )
         if self.calibration_frames is not None and self.calibration_frames < 1:
             raise StereocalError("The number of calibration frames must be at least 1.")
+        if self.time_drift and not self.time_offset:
+            raise StereocalError("A drift of the time offset is found only with the offset.")
 
     def to_json(self) -> dict[str, Any]:
         """All settings in one flat object."""
@@ -62,6 +70,8 @@ class CalibrationSettings:
             "all_frames": self.all_frames,
             "frames_put_back": list(self.frames_put_back),
             "frames_left_out": list(self.frames_left_out),
+            "time_offset": self.time_offset,
+            "time_drift": self.time_drift,
         }
 
     @classmethod
@@ -74,11 +84,11 @@ class CalibrationSettings:
         rest = dict(data)
         own: dict[str, Any] = {
             name: rest.pop(name)
-            for name in ("essential", "calibration_frames", "known_points", "all_frames")
+            for name in ("essential", "calibration_frames", *SWITCHES)
             if name in rest
         }
         try:
-            for name in ("known_points", "all_frames"):
+            for name in SWITCHES:
                 if not isinstance(own.get(name, False), bool):
                     raise TypeError(f"{name} is neither true nor false")
             for name in ("frames_put_back", "frames_left_out"):

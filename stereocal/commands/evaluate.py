@@ -12,6 +12,7 @@ from stereocal.commands.options import (
     add_lens_model,
     add_search_options,
     add_workers,
+    refine_settings_from,
     settings_from,
     with_sigmas,
     workers_from,
@@ -25,7 +26,6 @@ from stereocal.figures.tables import validation_answer
 from stereocal.formats.evaluation_files import summary_json, unique_names, validation_figures
 from stereocal.projects.archive import read_input
 from stereocal.refined.screening import screened
-from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
 from stereocal.system.atomic_files import write_all
 from stereocal.verdict.forecast import outlook_of
@@ -64,7 +64,7 @@ def run(parsed: argparse.Namespace) -> None:
         settings_from(parsed, calibration_frames=None),
         parsed.runs,
         parsed.calibration_frames,
-        RefineSettings() if parsed.refined else None,
+        refine_settings_from(parsed) if parsed.refined else None,
     )
     screenings = [screened(dataset, settings.calibration) for dataset in datasets]
     kept = [screening.dataset for screening in screenings]
@@ -89,8 +89,9 @@ def run(parsed: argparse.Namespace) -> None:
         }
     )
     for screening in screenings:
-        if screening.left_out:
-            print(f"{screening.full_dataset.name}: {left_out_line(screening)}")
+        for line in (screening.time_note, left_out_line(screening)):
+            if line:
+                print(f"{screening.full_dataset.name}: {line}")
     if caution := why_validation_not_trusted(pooled, screenings):
         print(f"Do not rely on this result: {caution}")
     print(validation_answer(pooled))

@@ -10,7 +10,10 @@ from dataclasses import replace
 
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.calibration.montecarlo import SearchSettings
+from stereocal.errors import StereocalError
 from stereocal.formats.lens_model import LENS_MODELS
+from stereocal.refined.unknowns import RefineSettings
+from stereocal.rig.camera import CameraName
 from stereocal.rig.dataset import Dataset
 from stereocal.system.executors import engine
 
@@ -56,6 +59,21 @@ def add_search_options(parser: argparse.ArgumentParser) -> None:
         metavar="FRAME",
         help="frames to leave out, whatever the screening finds",
     )
+    add_time_offset(parser)
+
+
+def add_time_offset(parser: argparse.ArgumentParser) -> None:
+    """The options of the time offset between the cameras."""
+    parser.add_argument(
+        "--time-offset",
+        action="store_true",
+        help="find the time offset between the cameras, and shift the secondary points by it",
+    )
+    parser.add_argument(
+        "--time-drift",
+        action="store_true",
+        help="the same, and find how the offset drifts (frames per frame)",
+    )
 
 
 def add_lens_model(parser: argparse.ArgumentParser) -> None:
@@ -71,6 +89,25 @@ def add_lens_model(parser: argparse.ArgumentParser) -> None:
         ("--distance-sigma", "the distance between the targets"),
     ):
         parser.add_argument(option, type=float, metavar="S", help=f"standard error of {what}, m")
+
+
+def image_size(text: str | None) -> tuple[int, int] | None:
+    """An image size written as 1280x1024; None if there is none.
+
+    Raises:
+        StereocalError: the text is no such size.
+    """
+    if text is None:
+        return None
+    try:
+        width, height = (int(side) for side in text.lower().split("x"))
+    except ValueError:
+        raise StereocalError(
+            f'The image size "{text}" is not width x height, as 1280x1024.'
+        ) from None
+    if width < 1 or height < 1:
+        raise StereocalError(f'The image size "{text}" is not possible.')
+    return width, height
 
 
 def add_workers(parser: argparse.ArgumentParser) -> None:
@@ -114,6 +151,17 @@ def with_sigmas(dataset: Dataset, parsed: argparse.Namespace) -> Dataset:
     return replace(dataset, **stated) if stated else dataset
 
 
+def refine_settings_from(
+    parsed: argparse.Namespace, free_distortion: tuple[CameraName, ...] = ()
+) -> RefineSettings:
+    """The settings of the refined method, of the command."""
+    return RefineSettings(
+        free_distortion=free_distortion,
+        time_offset=parsed.time_offset or parsed.time_drift,
+        time_drift=parsed.time_drift,
+    )
+
+
 def settings_from(
     parsed: argparse.Namespace, calibration_frames: int | None
 ) -> CalibrationSettings:
@@ -133,4 +181,6 @@ def settings_from(
         all_frames=parsed.all_frames,
         frames_put_back=tuple(sorted(parsed.put_back)),
         frames_left_out=tuple(sorted(parsed.leave_out)),
+        time_offset=parsed.time_offset or parsed.time_drift,
+        time_drift=parsed.time_drift,
     )

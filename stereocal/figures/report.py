@@ -145,6 +145,7 @@ def _datasets(datasets: Sequence[Dataset], screenings: Sequence[Screening]) -> s
             + f'<td class="digest">{escape(dataset.sha256)}</td>'
         )
     notes = [f"{d.name}: {d.notes}" for d in datasets if d.notes]
+    notes += [f"{s.full_dataset.name}: {s.time_note}" for s in screenings if s.time_note]
     notes += [f"{s.full_dataset.name}: {left_out_line(s)}" for s in screenings if s.left_out]
     head = "".join(f'<th scope="col">{text}</th>' for text in heads)
     body = "\n".join(f"<tr>{row}</tr>" for row in rows)

@@ -1,4 +1,4 @@
-"""`correspondences.csv`: frame, target, four pixel coordinates, and optional measured lengths."""
+"""`correspondences.csv`: frame, target, four pixel coordinates, and optional columns."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ REQUIRED = ("frame", "target", *PIXELS)
 KNOWN_POINT = ("x_m", "y_m", "z_m")
 SIGMAS = ("sigma_primary_px", "sigma_secondary_px")
 OPTIONAL = ("distance_m", *KNOWN_POINT, *SIGMAS)
-SOURCE = "source"
+SOURCE, TIME = "source", "time_frame"
 NUMBERS = (
-    Column("frame", is_whole=True),
+    *(Column(name, is_whole=True) for name in ("frame", TIME)),
     *(Column(name) for name in PIXELS),
     *(Column(name, may_be_empty=True, is_positive=name not in KNOWN_POINT) for name in OPTIONAL),
 )
@@ -78,13 +78,15 @@ def read_table(content: bytes, source: str) -> Table:
     delimiter = delimiter_of(lines[first])
     header = cells_of(lines[first], delimiter, source)[0]
     names = [cell.strip().lower() for cell in header]
-    check_names(names, REQUIRED, (*REQUIRED, *OPTIONAL, SOURCE), source)
+    check_names(names, REQUIRED, (*REQUIRED, *OPTIONAL, SOURCE, TIME), source)
     raw, problems = rows_below(text, first + 1, len(names), delimiter, source)
     if not len(raw) and not problems:
         raise StereocalError(f"{source}: the table has a header and no rows.")
     raw.columns = pd.Index(names)
     if SOURCE not in names:
         raw[SOURCE] = ""
+    if TIME not in names:
+        raw[TIME] = raw["frame"]
     values, reasons = numbers_in(raw, NUMBERS, delimiter == ";", EMPTY)
     words = {name: raw[name].str.strip() for name in ("target", SOURCE)}
     target = words["target"].str.upper().map({name: i for i, name in enumerate(TARGETS)})
@@ -115,6 +117,7 @@ def read_table(content: bytes, source: str) -> Table:
             sigma_secondary_px=numbers[:, 9].copy(),
             source=codes[sound, 1],
             line=raw.index.to_numpy(dtype=np.int64)[sound],
+            time_frame=values[TIME][sound].astype(np.int64),
         ),
         sorted(problems, key=lambda problem: problem.line),
     )
@@ -153,15 +156,18 @@ def write_table(rows: Correspondences) -> bytes:
     known = {name: column for name, column in optional.items() if np.isfinite(column).any()}
     if known.keys() & set(KNOWN_POINT):
         known = {name: optional[name] for name in OPTIONAL if name in known or name in KNOWN_POINT}
+    times = [TIME] * rows.has_times
     with_source = bool((rows.source != UNKNOWN_SOURCE).any())
     out = io.StringIO(newline="")
     writer = csv.writer(out, lineterminator="\n")
-    writer.writerow([*REQUIRED, *known, *[SOURCE] * with_source])
+    writer.writerow([*REQUIRED, *known, *[SOURCE] * with_source, *times])
+    recorded = rows.recorded_secondary
     for i in range(len(rows)):
-        numbers = [*rows.primary[i], *rows.secondary[i], *(column[i] for column in known.values())]
+        numbers = [*rows.primary[i], *recorded[i], *(column[i] for column in known.values())]
         cells = ["" if math.isnan(x) else repr(float(x)) for x in numbers]
         if with_source:
             code = rows.source[i]
             cells.append("" if code == UNKNOWN_SOURCE else SOURCES[code])
+        cells += [str(int(rows.time_frame[i])) for _ in times]
         writer.writerow([int(rows.frame[i]), TARGETS[rows.target[i]], *cells])
     return out.getvalue().encode()

@@ -46,6 +46,10 @@ def summary_json(
     """
     each = list(forecasts) or [{} for _ in datasets]
     left_out = [list(screening.left_out) for screening in screenings] or [[] for _ in datasets]
+    offsets: list[dict[str, Any]] = [
+        screening.measured_offset.to_json() if screening.measured_offset else {}
+        for screening in screenings
+    ] or [{} for _ in datasets]
     content = {
         "format": SUMMARY_FORMAT,
         "methods": _with_forecasts(pooled, each[0] if len(datasets) == 1 else {}),
@@ -59,10 +63,11 @@ def summary_json(
                 "target_distance_m": dataset.target_distance_m,
                 "sha256": dataset.sha256,
                 "frames_left_out": without,
+                **offset,
                 "methods": _with_forecasts(own, forecast),
             }
-            for (name, own), dataset, without, forecast in zip(
-                by_dataset.items(), datasets, left_out, each, strict=True
+            for (name, own), dataset, without, offset, forecast in zip(
+                by_dataset.items(), datasets, left_out, offsets, each, strict=True
             )
         ],
         "settings": settings.to_json(),

@@ -13,6 +13,7 @@ import pandas as pd
 
 from stereocal.errors import RowProblem, StereocalError
 from stereocal.matching.blocks import TableBlock
+from stereocal.matching.in_step import bring_into_step
 from stereocal.matching.matching import (
     ANY_DEPTH,
     check_depths,
@@ -93,6 +94,7 @@ def match_tables(
     Raises:
         StereocalError: bad input; no file is written then.
     """
+    secondary, timing = bring_into_step(secondary, POINT, rig)
     contents = [
         check_points(table, camera, which)
         for table, camera, which in (
@@ -102,7 +104,7 @@ def match_tables(
     ]
     check_depths(depths_m)
     tables = (primary, secondary)
-    notes = _notes(rig, tables, contents, threshold_px)
+    notes = [*filter(None, [timing]), *_notes(rig, tables, contents, threshold_px)]
     threshold, chosen = _settle(rig, tables, contents, threshold_px, depths_m)
     names = further_names(primary.further, secondary.further)
     total = len(np.union1d(contents[0].frames, contents[1].frames))

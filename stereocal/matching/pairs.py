@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from stereocal.errors import StereocalError
+from stereocal.matching.in_step import shift_pixels
 from stereocal.matching.matching import ANY_DEPTH, match_points, threshold_of
 from stereocal.matching.threshold import choose_threshold, sample_of
 from stereocal.rig.compiled import FloatArray
@@ -47,6 +48,7 @@ def match(
             raise StereocalError(f"The {which} table has no column {missing[0]}.")
         if not np.isfinite(table[["frame", *POINT]].to_numpy(dtype=np.float64)).all():
             raise StereocalError(f"The {which} table has a number that is not finite.")
+    secondary = shift_pixels(rig, secondary, POINT)
     both = [
         {int(str(frame)): rows for frame, rows in table.groupby(table["frame"].astype(np.int64))}
         for table in (primary, secondary)

@@ -13,10 +13,11 @@ import pandas as pd
 
 from stereocal.errors import RowProblem, StereocalError
 from stereocal.matching.blocks import TableBlock
+from stereocal.matching.in_step import bring_into_step, shift_pixels
 from stereocal.matching.matching import purpose_warning
 from stereocal.matching.pairs import ERROR_DECIMALS
 from stereocal.matching.point_table import PointTable
-from stereocal.matching.reconstruction import noise_of_file, reconstruct_points
+from stereocal.matching.reconstruction import name_of_world, noise_of_file, reconstruct_points
 from stereocal.matching.table_writer import open_table
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
@@ -27,6 +28,8 @@ PIXELS = ("u_primary", "v_primary", "u_secondary", "v_secondary")
 POINT_COLUMNS = ("frame", "x", "y", "z", "error_px")
 SIGMA_COLUMNS = ("sigma_x", "sigma_y", "sigma_z")
 OUTSIDE_VOLUME = "outside_volume"
+COORDINATES = "coordinates"
+"""Names the world frame of x, y, z; without this column they are in the primary's frame."""
 OF_MATCHING = ("error_px", "runner_up_px")
 """Errors by the matching's parameters, not passed on; the points have their own error."""
 
@@ -81,7 +84,8 @@ def reconstruct(
 
     Returns:
         `frame,x,y,z,error_px`, then any standard errors, then `outside_volume` if the parameters
-        know the volume of the bars, then the further columns. NaN, and outside, for pairs that do
+        know the volume of the bars, then `coordinates` with the name of the world frame, if there
+        is one, then the further columns. NaN, and outside, for pairs that do
         not meet in front of both cameras.
 
     Raises:
@@ -90,6 +94,7 @@ def reconstruct(
     missing = [name for name in ("frame", *PIXELS) if name not in pairs]
     if missing:
         raise StereocalError(f"The table of pairs has no column {missing[0]}.")
+    pairs = shift_pixels(rig, pairs, PIXELS[2:])
     pixels = pairs[list(PIXELS)].to_numpy(dtype=np.float64)
     found = reconstruct_points(rig, pixels[:, :2], pixels[:, 2:], world, sigma_px)
     columns = {"frame": pairs["frame"].to_numpy()}
@@ -101,6 +106,8 @@ def reconstruct(
             columns[name] = found.sigma_m[:, k]
     if found.outside_volume is not None:
         columns[OUTSIDE_VOLUME] = found.outside_volume
+    if world is not None:
+        columns[COORDINATES] = np.full(len(pairs), name_of_world(world))
     table = pd.DataFrame(columns)
     for name, new in _passed_on(tuple(str(c) for c in pairs.columns)).items():
         table[new] = pairs[name].array
@@ -131,11 +138,13 @@ def reconstruct_table(
     Raises:
         StereocalError: bad input; no file is written then.
     """
+    pairs, timing = bring_into_step(pairs, PIXELS[2:], rig)
     contents = pairs.check(lambda block: points_outside_images(rig, block))
     has_errors = sigma_px is not None or noise_of_file(rig)[0] is not None
     columns = [*POINT_COLUMNS, *(SIGMA_COLUMNS if has_errors else ())]
     columns += [] if rig.volume is None else [OUTSIDE_VOLUME]
-    columns += list(_passed_on(pairs.names).values())
+    columns += [] if world is None else [COORDINATES]
+    columns += list(_passed_on((*pairs.numbers, *pairs.further)).values())
 
     lines_of = None if pieces is None else columns
     tasks = (
@@ -160,7 +169,7 @@ def reconstruct_table(
     pooled = np.concatenate(errors)
     behind = int(np.isnan(pooled).sum())
     median = float(np.nanmedian(pooled)) if behind < len(pooled) else float("nan")
-    notes = [warning] if (warning := purpose_warning(rig, "reconstruction")) else []
+    notes = [*filter(None, [timing, purpose_warning(rig, "reconstruction")])]
     diagonal = float(np.hypot(*rig.primary.image_size))
     if behind > len(pooled) / 2 or median > FAR_OFF * diagonal:
         notes.append(
@@ -192,7 +201,7 @@ def _measure_block(
 
 def _passed_on(names: tuple[str, ...]) -> dict[str, str]:
     """The further columns of pairs, and their names in the table of points."""
-    own = {*POINT_COLUMNS, *SIGMA_COLUMNS, OUTSIDE_VOLUME}
+    own = {*POINT_COLUMNS, *SIGMA_COLUMNS, OUTSIDE_VOLUME, COORDINATES}
     return {
         name: f"{name}_of_pair" if name in own else name
         for name in names

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from stereocal.refined.results import Calibration
 from stereocal.refined.screening import Screening
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
+from stereocal.rig.tracks import MeasuredOffset, TimeOffset
 
 CALIBRATION_FORMAT = "stereocal-project/1"
 LONGEST_TRACE = 50_000
@@ -37,8 +39,17 @@ def pack_calibration(calibration: Calibration, inputs: Mapping[str, Any]) -> byt
         "settings": calibration.settings.to_json(),
         "screening": {
             name: getattr(calibration.screening, name)
-            for name in ("left_out", "exchanged", "by_user", "together", "failure", "noise_px")
-        },
+            for name in (
+                "left_out",
+                "exchanged",
+                "by_user",
+                "together",
+                "failure",
+                "noise_px",
+                "time_note",
+            )
+        }
+        | _times_to_json(calibration.screening),
         "frames": calibration.frames.tolist(),
         "warnings": list(calibration.warnings),
         "methods": {name: _to_json(found) for name, found in calibration.methods.items()},
@@ -66,10 +77,11 @@ def unpack_calibration(
         frames = np.array(data["frames"], dtype=np.int64)
         if frames.ndim != 1 or any(found.method != name for name, found in methods.items()):
             raise ValueError(frames)
+        screening = _screening(dataset, data.get("screening", {}))
         return Calibration(
-            dataset=dataset,
+            dataset=screening.full_dataset,
             settings=CalibrationSettings.from_json(data["settings"]),
-            screening=_screening(dataset, data.get("screening", {})),
+            screening=screening,
             frames=frames,
             methods=methods,
             warnings=tuple(str(text) for text in data["warnings"]),
@@ -85,11 +97,25 @@ def _screening(dataset: Dataset, data: Mapping[str, Any]) -> Screening:
         for name in ("left_out", "exchanged", "by_user")
     )
     together, failure = (str(data.get(name, "")) for name in ("together", "failure"))
-    noise = data.get("noise_px")
+    noise, offset, measured = (
+        data.get(name) for name in ("noise_px", "time_offset", "measured_offset")
+    )
+    if offset is not None:
+        dataset = dataset.shifted(TimeOffset(**offset))
     return Screening(
         dataset, None, left_out, exchanged, together, failure,
         None if noise is None else float(noise), by_user,
+        None if measured is None else MeasuredOffset(**measured), str(data.get("time_note", "")),
     )  # fmt: skip
+
+
+def _times_to_json(screening: Screening) -> dict[str, Any]:
+    """By how much the points were shifted in time, and what was measured."""
+    found = screening.full_dataset.time_offset, screening.measured_offset
+    return {
+        name: None if value is None else asdict(value)
+        for name, value in zip(("time_offset", "measured_offset"), found, strict=True)
+    }
 
 
 def _to_json(found: MethodResult) -> dict[str, Any]:

@@ -80,8 +80,8 @@ def sum_normal_equations(
         distances: (n,): in metres; NaN without a bar.
         points: (n, 6), updated: 3D points; NaN where initial points are needed.
         chi_squares: (n,), written.
-        H: (23, 23), written: J J^T with x eliminated.
-        g: (23,), written: J r with x eliminated.
+        H: (25, 25), written: J J^T with x eliminated.
+        g: (25,), written: J r with x eliminated.
     """
     lenses = set_distortion(q, DISTORTION, stated_lenses)
     R, T, motions = np.empty((3, 3)), np.empty(3), np.empty((6, 3))
@@ -378,7 +378,7 @@ def fill_point_jacobians(
 
     Args:
         weight: 1 / sigma_px, by which the derivatives are multiplied.
-        derivatives: (n, 26, 4), written; NaN behind a camera.
+        derivatives: (n, 28, 4), written; NaN behind a camera.
     """
     lenses = set_distortion(q, DISTORTION, stated_lenses)
     R, T, motions = np.empty((3, 3)), np.empty(3), np.empty((6, 3))

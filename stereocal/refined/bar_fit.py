@@ -1,12 +1,13 @@
 """One frame of the refined method: its 3D points, residuals and Jacobian, compiled.
 
-All frames share the unknowns `q` (23,): the five angles, the baseline in metres, the factor of the
-bar's length, fx, fy, cx, cy of the primary and of the secondary camera, and k1, k2, p1, p2 of the
-primary and of the secondary camera. A frame adds the 3D points of its targets, `x` (6,), in metres
+All frames share the unknowns `q` (25,): the five angles, the baseline in metres, the factor of the
+bar's length, fx, fy, cx, cy of the primary and of the secondary camera, k1, k2, p1, p2 of the
+primary and of the secondary camera, and the time by which the secondary camera is late, in frames,
+with its drift in frames per frame. A frame adds the 3D points of its targets, `x` (6,), in metres
 in the primary's frame. It has nine residuals: eight pixel coordinates over sigma_px, and the length
 |A - B| minus the bar's, over its scatter.
 
-`J` has shape (30, 9): the derivatives of the residuals by x and by q in the first 29 rows, the
+`J` has shape (32, 9): the derivatives of the residuals by x and by q in the first 31 rows, the
 residuals in the last. Each row belongs to one unknown, so that sums over the residuals read
 consecutive memory.
 """
@@ -22,9 +23,12 @@ from stereocal.rig.decompositions import backward, factor, forward
 YAW, PITCH, ROLL, DELTA, EPSILON, BASELINE, BAR, PRIMARY, SECONDARY = 0, 1, 2, 3, 4, 5, 6, 7, 11
 DISTORTION = 15
 """The first of k1, k2, p1, p2 of the primary; those of the secondary follow."""
-SHARED = 23
+TIME, DRIFT = 23, 24
+SHARED = 25
 OWN = 6
 RESIDUALS = 9
+SEEN, TIMED = 4, 7
+"""Columns of a target's pixels, without and with its motion."""
 ALL = OWN + SHARED
 ERRORS = ALL
 """The row of J that holds the residuals."""
@@ -75,7 +79,8 @@ def fill_residuals(
         lenses: (2, 23): skew and `distortion.lens_terms` of each camera, with the k1, k2, p1, p2
             of q.
         pixels: (2, 4): of each target u, v in the primary and in the secondary; NaN for a target
-            that was not seen, whose residuals are 0.
+            that was not seen, whose residuals are 0. Or (2, 7), with the velocity of the secondary
+            point in pixels per frame, and the frame from which the drift counts.
         weight: 1 / sigma_px.
         length_weight: 1 / scatter of the bar's length; 0 leaves the length out.
         derivatives: (8, 5), written: of each pixel coordinate its derivatives by the point in the
@@ -105,6 +110,10 @@ def fill_residuals(
             nx, ny = a * near, b * near
             bx, by, xx, xy, yx, yy = distort(nx, ny, lenses, camera)
             u, v = pixels[target, 2 * camera], pixels[target, 2 * camera + 1]
+            if camera == 1 and pixels.shape[1] == TIMED:
+                late = q[TIME] + q[DRIFT] * pixels[target, 6]
+                u -= late * pixels[target, 4]
+                v -= late * pixels[target, 5]
             J[ERRORS, row] = weight * (fx * bx + skew * by + q[own + 2] - u)
             J[ERRORS, row + 1] = weight * (fy * by + q[own + 3] - v)
             scale = weight * near
@@ -190,6 +199,9 @@ def fill_shared_derivatives(
             vertical = k % 2
             own = OWN + PRIMARY + 4 * (k % 4 // 2) + vertical
             J[own, k], J[own + 2, k] = weight * derivatives[k, 3], weight
+            if k % 4 > 1 and pixels.shape[1] == TIMED:
+                J[OWN + TIME, k] = weight * pixels[target, SEEN + vertical]
+                J[OWN + DRIFT, k] = J[OWN + TIME, k] * pixels[target, 6]
         for camera in range(2 if bent else 0):
             k, own = 4 * target + 2 * camera, OWN + DISTORTION + 4 * camera
             fx, fy = q[PRIMARY + 4 * camera], q[PRIMARY + 4 * camera + 1]

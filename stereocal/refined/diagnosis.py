@@ -14,20 +14,39 @@ from stereocal.calibration.wrong_inputs import (
     inconsistency_message,
     pose_fit,
 )
-from stereocal.refined.refine import RefinedResult
-from stereocal.refined.screening import Screening
+from stereocal.errors import StereocalError
+from stereocal.refined.screening import (
+    MAXIMUM_LEFT_OUT,
+    MINIMUM_FRAMES,
+    Screening,
+    screen,
+    wide_settings,
+)
+from stereocal.refined.time_offset import (
+    CLAIMED,
+    MAXIMUM_SIGMA,
+    apparent_offset,
+    bring_into_step,
+)
 from stereocal.refined.weak_geometry import geometry_warning
 from stereocal.rig.dataset import Dataset
 
 MAXIMUM_NAMED = 10
+OUT_OF_STEP = "The cameras seem to be out of step"
 
 
-def explain_failure(dataset: Dataset, fit: RefinedResult | None) -> str:
+def explain_failure(dataset: Dataset, screening: Screening) -> str:
     """The message for data that no pose of the cameras explains: the likely cause and the remedy.
 
     Args:
-        fit: the robust fit of all frames; None if there is none.
+        dataset: the frames to calibrate with.
+        screening: of all frames.
     """
+    if not screening.fit:
+        screening = screen(dataset)
+    if offer := offer_time_offset(screening):
+        return offer
+    fit = screening.fit
     if fit is not None:
         bad = fit.frames[fit.outlying & np.isin(fit.frames, dataset.correspondences.frames)]
         if len(bad):
@@ -54,6 +73,8 @@ def warnings_about_fit(dataset: Dataset, screening: Screening, poor: bool) -> li
     found = []
     if screening.failure:
         found.append(f"The frames could not be screened: {screening.failure}")
+    if offer := offer_time_offset(screening):
+        found.append(offer)
     if screening.together:
         found.append(screening.together)
     if screening.fit is not None and (warning := geometry_warning(screening.fit)):
@@ -61,3 +82,34 @@ def warnings_about_fit(dataset: Dataset, screening: Screening, poor: bool) -> li
     elif poor:
         found.append(find_wrong_input(dataset) or inconsistency_message(dataset))
     return found
+
+
+def offer_time_offset(screening: Screening) -> str:
+    """A message if the cameras seem to be out of step; empty if not, or if the offset was fitted.
+
+    The residuals of the screening's fit follow the velocities then. Where no pose fits at all, as
+    with a large offset, one is tried with the offset.
+    """
+    fit, dataset = screening.fit, screening.full_dataset
+    if screening.time_note:
+        return ""
+    if fit is not None:
+        found = apparent_offset(fit)
+    elif len(dataset.correspondences.frames) < MINIMUM_FRAMES:
+        return ""
+    else:
+        try:
+            fit = bring_into_step(dataset, wide_settings(dataset)).fit
+        except StereocalError:
+            return ""
+        found = (
+            fit.time_offset if fit is not None and fit.outlying.mean() < MAXIMUM_LEFT_OUT else None
+        )
+    if found is None or not found.is_claimed(CLAIMED) or found.sigma > MAXIMUM_SIGMA:
+        return ""
+    return (
+        f"{OUT_OF_STEP}: the residuals follow the motion in the images, as if "
+        f"the secondary took its frames {found.frames:+.2f} ± {found.sigma:.2f} frame intervals "
+        "late. Calibrate with the time offset as an unknown (in the settings of the page "
+        "Calibrate; on the command line --time-offset)."
+    )

@@ -226,7 +226,7 @@ def _columns(result: RefinedResult) -> dict[str, list[int]]:
 
 
 def _values(result: RefinedResult, key: str, values: FloatArray) -> FloatArray:
-    """The values of an input among the 23 shared unknowns, in the input's unit."""
+    """The values of an input among the 25 shared unknowns, in the input's unit."""
     if key.endswith("distortion"):
         first = DISTORTION + 4 * key.startswith("secondary")
         return values[first : first + 4]

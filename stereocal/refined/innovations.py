@@ -26,7 +26,7 @@ class Innovations:
     points_m: FloatArray
     """(f, 2, 3): the points, fitted to the pixels alone."""
     of_pixels: FloatArray
-    """(23, 23): information matrix of the pixels alone."""
+    """(25, 25): information matrix of the pixels alone."""
 
 
 def bar_innovations(result: RefinedResult, rows: BoolArray) -> Innovations:

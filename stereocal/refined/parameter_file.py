@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from stereocal.refined.bar_fit import BAR
+from stereocal.refined.bar_fit import BAR, SHARED, TIME
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.stated_inputs import Input
 from stereocal.refined.uncertainty import LENS, standard_errors
@@ -23,8 +23,10 @@ COVARIANCE_OF = (
     "bar_factor",
     *(f"{camera}_{key}" for camera in CAMERAS for key in LENS),
     *(f"{camera}_{key}" for camera in CAMERAS for key in LENS_UNKNOWNS[len(LENS) :]),
+    "time_offset_frames",
+    "time_drift",
 )
-"""Names of the rows of the covariance, in order."""
+"""Names of the rows of the covariance, in order; files without a time offset end before it."""
 
 
 def refined_parameters(
@@ -59,12 +61,14 @@ def refined_parameters(
         frames_left_out=tuple(sorted({*left_out, *result.outlying_frames})),
         noise_px=float(result.sigma_px.value),
         volume=Volume.of_bars(result.points_m[~result.outlying]),
+        time_offset=result.time_offset if result.settings.time_offset else None,
     )
 
 
 def covariance_entry(covariance: FloatArray) -> dict[str, Any]:
-    """The entry of a file on the covariance (23, 23) of the shared unknowns."""
-    return {"of": list(COVARIANCE_OF), "matrix": covariance.tolist()}
+    """The entry of a file on the covariance (25, 25) of the shared unknowns."""
+    kept = SHARED if covariance[TIME:].any() else TIME
+    return {"of": list(COVARIANCE_OF[:kept]), "matrix": covariance[:kept, :kept].tolist()}
 
 
 def uncertainties_of(result: RefinedResult, inputs: Sequence[Input] = ()) -> dict[str, Any]:

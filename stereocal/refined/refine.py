@@ -20,7 +20,7 @@ import numpy as np
 
 from stereocal.calibration.essential import calibrate_essential, choose_pose
 from stereocal.errors import StereocalError
-from stereocal.refined.bar_fit import BAR
+from stereocal.refined.bar_fit import BAR, DRIFT, TIME
 from stereocal.refined.solve import Noise, Solve, lenses_of
 from stereocal.refined.unknowns import (
     RefineSettings,
@@ -34,6 +34,7 @@ from stereocal.rig.compilations import clock
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose, residuals
+from stereocal.rig.tracks import MeasuredOffset, TimeOffset
 
 OUT_OF_STEPS = "the largest number of steps was reached"
 MAXIMUM_NOISE_PX = 30.0
@@ -55,7 +56,7 @@ class RefinedResult:
     p: FloatArray
     """(k,): the estimated free parameters, as deviations from `unknowns.origin`."""
     information: FloatArray
-    """(23, 23): information matrix of the shared unknowns from images and lengths, without the
+    """(25, 25): information matrix of the shared unknowns from images and lengths, without the
     priors."""
     sigma_px: Noise
     """Standard deviation of an image coordinate."""
@@ -79,7 +80,7 @@ class RefinedResult:
 
     @cached_property
     def q(self) -> FloatArray:
-        """(23,): the shared unknowns, as in `bar_fit`."""
+        """(25,): the shared unknowns, as in `bar_fit`."""
         return np.asarray(self.unknowns.origin + self.unknowns.M @ self.p)
 
     @cached_property
@@ -94,7 +95,7 @@ class RefinedResult:
 
     @cached_property
     def covariance(self) -> FloatArray:
-        """(23, 23): covariance of the shared unknowns, in the units of `q`; 0 for fixed ones."""
+        """(25, 25): covariance of the shared unknowns, in the units of `q`; 0 for fixed ones."""
         M = self.unknowns.M
         return np.asarray(M @ self.p_covariance @ M.T)
 
@@ -123,6 +124,19 @@ class RefinedResult:
         """Estimated over stated length of the bar."""
         return float(self.q[BAR])
 
+    @property
+    def time_offset(self) -> MeasuredOffset:
+        """The offset of the data set's points, with what the fit adds to it.
+
+        The standard errors are 0 if it is not an unknown.
+        """
+        stated = self.dataset.time_offset or TimeOffset()
+        sigma = np.sqrt(np.diag(self.covariance)[[TIME, DRIFT]])
+        return MeasuredOffset(
+            stated.frames + float(self.q[TIME]), stated.drift + float(self.q[DRIFT]),
+            stated.reference, float(sigma[0]), float(sigma[1]),
+        )  # fmt: skip
+
     def apply(self, dataset: Dataset) -> Dataset:
         """A data set of the same rig, with the refined lenses instead of its own."""
         return replace(dataset, primary=self.primary, secondary=self.secondary)
@@ -143,10 +157,15 @@ def refine(
         rows: mask (n,) of the rows to fit; all if None.
         near: a fit of nearly the same rows with the same settings, from which to start first.
 
+    The time offset is an unknown only where the motion of the points is known, after
+    `Dataset.shifted` (see `time_offset.bring_into_step`).
+
     Raises:
         StereocalError: too few points, nothing that determines the scale, or no fit.
     """
     settings = with_lens_priors(settings or RefineSettings(), dataset)
+    if dataset.time_offset is None:
+        settings = replace(settings, time_offset=False, time_drift=False)
     started = clock()
     found: Solve | None = None
     for solve in _solves(dataset, settings, start, rows, near):

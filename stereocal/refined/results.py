@@ -99,4 +99,5 @@ class Calibration:
             frames_left_out=self.screening.left_out,
             noise_px=self.noise_px,
             volume=self._volume(found.pose),
+            time_offset=self.screening.shift,
         )

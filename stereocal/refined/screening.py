@@ -17,12 +17,18 @@ import numpy as np
 
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
+from stereocal.refined.common_cause import common_cause
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.solve import Solve
+from stereocal.refined.time_offset import (
+    bring_into_step,
+    frames_without_neighbours,
+    usable_after,
+)
 from stereocal.refined.unknowns import LensPrior, RefineSettings
-from stereocal.rig.compiled import BoolArray, FloatArray
+from stereocal.rig.compiled import BoolArray, IntArray
 from stereocal.rig.dataset import Dataset
-from stereocal.rig.geometry import residuals
+from stereocal.rig.tracks import MeasuredOffset
 
 WIDE = RefineSettings(primary=LensPrior(0.05, 50.0), secondary=LensPrior(0.05, 50.0))
 WIDE_LENGTH_PRIOR = 0.1
@@ -31,15 +37,8 @@ WIDE_LENGTH_PRIOR = 0.1
 MINIMUM_FRAMES = 8
 """With fewer bars, five angles and two lenses can fit wrong points too."""
 
-COMMON_CAUSE_PROBABILITY = 0.003
-"""Significance level of each of the four tests for a common cause: together, they reject 1 % of the
-correct recordings."""
-MINIMUM_CASES = 3
-NEIGHBOURS = 5
-SHARED_RESIDUAL = 0.1
-"""With a wrong lens, kept points near a point left out have at least this fraction of its
-residual."""
-
+MOST_EXCHANGED = 40
+"""Frames that are tried with their targets exchanged where each is tried by itself."""
 MAXIMUM_LEFT_OUT = 0.2
 """If a larger fraction of the frames is left out, the frames kept may be the wrong ones."""
 
@@ -49,12 +48,12 @@ class Screening:
     """The frames of a data set that contradict the others."""
 
     full_dataset: Dataset
-    """The data set with all frames."""
+    """The data set with all frames, brought into step if that was asked for."""
     fit: RefinedResult | None
     """The robust fit; None if there is none."""
     left_out: tuple[int, ...]
-    """Numbers of the frames that contradict the others, except those put back, and of those that
-    the user left out; ascending."""
+    """Numbers of the frames that contradict the others, except those put back, of those that the
+    user left out, and of those that could not be shifted in time; ascending."""
     exchanged: tuple[int, ...]
     """The frames of `left_out` that fit if A and B are exchanged in one of the cameras."""
     together: str
@@ -66,6 +65,11 @@ class Screening:
     """Standard deviation of an image coordinate by the robust fit; None if there is none."""
     by_user: tuple[int, ...] = ()
     """The frames of `left_out` that the user left out."""
+    measured_offset: MeasuredOffset | None = None
+    """The time offset between the cameras; None if not asked for, or if the motion does not
+    determine it."""
+    time_note: str = ""
+    """What was found about it, in words; empty if not asked for."""
 
     @cached_property
     def dataset(self) -> Dataset:
@@ -78,7 +82,21 @@ class Screening:
     @property
     def contradicting(self) -> tuple[int, ...]:
         """The frames of `left_out` that contradict the others."""
-        return tuple(frame for frame in self.left_out if frame not in self.by_user)
+        known = {*self.by_user, *self.without_neighbours}
+        return tuple(frame for frame in self.left_out if frame not in known)
+
+    @cached_property
+    def without_neighbours(self) -> tuple[int, ...]:
+        """The frames of `left_out` with a point that could not be shifted in time."""
+        return frames_without_neighbours(self.full_dataset)
+
+    @property
+    def shift(self) -> MeasuredOffset | None:
+        """By which the secondary points were shifted in time; None if they are as recorded."""
+        offset, measured = self.full_dataset.time_offset, self.measured_offset
+        if offset is None or measured is None or not offset.is_shift:
+            return None
+        return replace(measured, frames=offset.frames, drift=offset.drift)
 
     @property
     def share(self) -> float:
@@ -92,36 +110,54 @@ def unscreened(dataset: Dataset, failure: str = "", by_user: tuple[int, ...] = (
 
 
 def screen(
-    dataset: Dataset, put_back: Collection[int] = (), leave_out: tuple[int, ...] = ()
+    dataset: Dataset,
+    put_back: Collection[int] = (),
+    leave_out: tuple[int, ...] = (),
+    time_offset: bool = False,
+    time_drift: bool = False,
 ) -> Screening:
     """Detect the frames that contradict the others.
 
     Args:
         put_back: numbers of frames that are kept in any case.
         leave_out: numbers of frames of the data set that are left out in any case.
+        time_offset: bring the cameras into step.
+        time_drift: find the drift of the time offset too.
     """
     frames, by_user = dataset.correspondences.frames, tuple(leave_out)
     rest = dataset.of_frames(frames[~np.isin(frames, by_user)]) if by_user else dataset
     if len(rest.correspondences.frames) < MINIMUM_FRAMES:
         return unscreened(dataset, by_user=by_user)
+    note, measured = "", None
     try:
-        fit = refine(rest, _wide(rest))
+        if time_offset:
+            found = bring_into_step(rest, replace(wide_settings(rest), time_drift=time_drift))
+            note, fit = found.note, found.fit
+            if fit is not None and fit.dataset.time_offset is not None:
+                measured = fit.time_offset
+                dataset = dataset.shifted(fit.dataset.time_offset)
+        if measured is None:
+            fit = refine(rest, wide_settings(rest))
     except StereocalError as error:
         return unscreened(dataset, str(error), by_user)
+    assert fit is not None
     out = fit.outlying & ~np.isin(fit.frames, list(put_back))
-    exchanged = out & _fit_exchanged(fit)
+    exchanged = out & _fit_exchanged(fit, rest)
     return Screening(
         dataset,
         fit,
-        tuple(sorted([*by_user, *fit.frames[out].tolist()])),
+        tuple(sorted({*by_user, *fit.frames[out].tolist(), *frames_without_neighbours(dataset)})),
         tuple(fit.frames[exchanged].tolist()),
-        _common_cause(fit, out & ~exchanged),
+        common_cause(fit, out & ~exchanged),
         noise_px=float(fit.sigma_px.value),
         by_user=by_user,
+        measured_offset=measured,
+        time_note=note,
     )
 
 
-def _wide(dataset: Dataset) -> RefineSettings:
+def wide_settings(dataset: Dataset) -> RefineSettings:
+    """The settings of the screening's fit, with wide priors."""
     return replace(
         WIDE,
         baseline_sigma_m=WIDE_LENGTH_PRIOR * dataset.baseline_m,
@@ -129,117 +165,34 @@ def _wide(dataset: Dataset) -> RefineSettings:
     )
 
 
-def _fit_exchanged(fit: RefinedResult) -> BoolArray:
+def _fit_exchanged(fit: RefinedResult, recorded: Dataset) -> BoolArray:
     """(f,): true for the frames that fit with A and B exchanged in the secondary image.
 
     Exchanging them in the primary image gives the same pairs, with A and B swapped.
+
+    Args:
+        recorded: the data set of the fit before a shift in time.
     """
-    bad = fit.frames[fit.outlying]
-    solve = Solve(fit.dataset.with_targets_exchanged(bad), fit.pose, fit.settings)
+    bad, offset = fit.frames[fit.outlying], fit.dataset.time_offset
+    if offset is None or not offset.is_shift:
+        found = _fitting(fit, fit.dataset.with_targets_exchanged(bad))
+        return np.asarray(fit.outlying & np.isin(fit.frames, found))
+    # One by one: a point between two frames is wrong too if one of them is exchanged.
+    exchanged = [
+        frame
+        for frame in bad[:MOST_EXCHANGED]
+        if frame in _fitting(fit, usable_after(recorded.with_targets_exchanged([frame]), offset))
+    ]
+    return np.isin(fit.frames, exchanged)
+
+
+def _fitting(fit: RefinedResult, dataset: Dataset) -> IntArray:
+    """The frames of a changed data set that the parameters of a fit explain."""
+    solve = Solve(dataset, fit.pose, fit.settings)
     chi_squares = solve.chi_squares_for(
         fit.unknowns, fit.p, fit.sigma_px.value, fit.scatter_m.value
     )
-    return np.asarray(fit.outlying & (chi_squares <= solve.limit))
-
-
-def _common_cause(fit: RefinedResult, out: BoolArray) -> str:
-    """A message on what the frames left out have in common; empty if it may be chance.
-
-    Consecutive frames count as one case: a target that is hidden stays hidden for a while.
-    """
-    first = out & ~np.append(False, out[:-1])
-    if np.count_nonzero(first) < MINIMUM_CASES:
-        return ""
-    depth = fit.points_m[:, :, 2].mean(axis=1)
-    properties = (
-        (_from_centre(fit), "farther from the centre of the images", "a wrong lens distortion"),
-        (depth, "farther away", "a wrong lens or baseline"),
-        (-depth, "nearer", "a wrong lens or baseline"),
-    )
-    for values, where, cause in properties if _like_neighbours(fit, out) else ():
-        if _higher(values, first, ~out):
-            return (
-                f"The frames left out lie {where} than the others, and neighbouring points deviate "
-                f"in the same way: this suggests {cause} rather than errors of these frames. "
-                "Calibrate the lenses again."
-            )
-    if _higher(_speed(fit), first, ~out):
-        return (
-            "The frames left out are those in which the bar moved fast: this suggests cameras that "
-            "do not expose at the same moment, or motion blur, rather than errors of these "
-            "frames. Check how the cameras are triggered."
-        )
-    return ""
-
-
-def _higher(values: FloatArray, some: BoolArray, others: BoolArray) -> bool:
-    """Whether values are significantly higher in some frames than in others (Mann-Whitney)."""
-    known = np.isfinite(values)
-    one, other = values[some & known], values[others & known]
-    if min(len(one), len(other)) < MINIMUM_CASES:
-        return False
-    # Importing it takes 0.4 s, which every command and worker would wait for.
-    from scipy.stats import mannwhitneyu
-
-    return bool(mannwhitneyu(one, other, alternative="greater").pvalue < COMMON_CAUSE_PROBABILITY)
-
-
-def _from_centre(fit: RefinedResult) -> FloatArray:
-    """(f,): the largest distance of a frame's points from the image centre, in pixels."""
-    rows = fit.dataset.correspondences
-    half = [0.5 * (np.array(c.image_size) - 1.0) for c in (fit.primary, fit.secondary)]
-    radius = np.maximum(
-        np.linalg.norm(rows.primary - half[0], axis=1),
-        np.linalg.norm(rows.secondary - half[1], axis=1),
-    )
-    found = np.zeros(len(fit.frames))
-    np.maximum.at(found, np.searchsorted(fit.frames, rows.frame), radius)
-    return found
-
-
-def _speed(fit: RefinedResult) -> FloatArray:
-    """(f,): the largest motion of a target in the primary image, in pixels per frame.
-
-    Of the motions from the previous frame and to the next; NaN if both are missing.
-    """
-    rows = fit.dataset.correspondences
-    at = {
-        (int(frame), int(target)): row
-        for row, (frame, target) in enumerate(zip(rows.frame, rows.target, strict=True))
-    }
-    found = np.full(len(fit.frames), np.nan)
-    for (frame, target), row in at.items():
-        before = at.get((frame - 1, target))
-        if before is None:
-            continue
-        moved = float(np.linalg.norm(rows.primary[row] - rows.primary[before]))
-        for number in (frame - 1, frame):
-            index = np.searchsorted(fit.frames, number)
-            found[index] = np.fmax(found[index], moved)
-    return found
-
-
-def _like_neighbours(fit: RefinedResult, out: BoolArray) -> bool:
-    """Whether kept points near those left out have residuals of the same sign and similar size.
-
-    A wrong lens shifts all points in a part of the image in the same way. In each frame left out,
-    the point with the largest residual is compared with the nearest kept points in both images.
-    Measured median ratio: 0.0 on the real recording ewand12, whose bad frames are bad detections;
-    0.33 there with a distortion of the wrong sign, and 0.1 to 0.5 on simulated rigs.
-    """
-    rows, view = fit.dataset.correspondences, fit.apply(fit.dataset)
-    signed = residuals(fit.pose.essential, view.rays[:2].T, view.rays[2:].T)
-    positions = np.column_stack([rows.primary, rows.secondary])
-    left_out = np.isin(rows.frame, fit.frames[out])
-    kept = np.flatnonzero(~left_out)
-    ratios = []
-    for frame in fit.frames[out]:
-        own = np.flatnonzero(rows.frame == frame)
-        worst = own[np.argmax(np.abs(signed[own]))]
-        distance = np.linalg.norm(positions[kept] - positions[worst], axis=1)
-        nearest = kept[np.argsort(distance)[:NEIGHBOURS]]
-        ratios.append(np.median(signed[nearest]) / signed[worst])
-    return bool(np.median(ratios) > SHARED_RESIDUAL)
+    return solve.frames[chi_squares <= solve.limit]
 
 
 def screened(dataset: Dataset, settings: CalibrationSettings) -> Screening:
@@ -252,6 +205,7 @@ def screened(dataset: Dataset, settings: CalibrationSettings) -> Screening:
     by_user = tuple(frames[np.isin(frames, leave_out)].tolist())
     if len(by_user) == len(frames):
         raise StereocalError("Every frame is left out: put some back.")
-    if settings.all_frames:
+    if settings.all_frames and not settings.time_offset:
         return unscreened(dataset, by_user=by_user)
-    return screen(dataset, settings.frames_put_back, by_user)
+    put_back = frames.tolist() if settings.all_frames else settings.frames_put_back
+    return screen(dataset, put_back, by_user, settings.time_offset, settings.time_drift)

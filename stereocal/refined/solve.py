@@ -22,13 +22,14 @@ from stereocal.refined.adjustment import (
     length_innovations,
     sum_normal_equations,
 )
-from stereocal.refined.bar_fit import OWN, SHARED
+from stereocal.refined.bar_fit import OWN, SEEN, SHARED, TIMED
 from stereocal.refined.distortion import lens_terms
 from stereocal.refined.unknowns import ANGLES, RefineSettings, Unknowns, unknowns_of
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
+from stereocal.rig.tracks import TimeOffset
 
 GIVEN, ESTIMATED = "given", "estimated from the residuals"
 ASSUMED = "assumed, for there are too few points to estimate it"
@@ -82,10 +83,18 @@ class Solve:
         self.unknowns = unknowns_of(dataset, start, settings, bool(bars.any()))
         self.frames, at = np.unique(table.frame[kept], return_inverse=True)
         n = len(self.frames)
-        self.pixels, self.rays = np.full((n, 2, 4), np.nan), np.full((n, 2, 4), np.nan)
+        self.rays = np.full((n, 2, 4), np.nan)
+        timed = settings.time_offset or settings.time_drift
+        self.pixels = np.full((n, 2, TIMED if timed else SEEN), np.nan)
         target = table.target[kept]
         self.pixels[at, target, :2] = table.primary[kept]
-        self.pixels[at, target, 2:] = table.secondary[kept]
+        self.pixels[at, target, 2:SEEN] = table.secondary[kept]
+        if timed:
+            offset = dataset.time_offset or TimeOffset()
+            self.pixels[at, target, SEEN:6] = np.nan_to_num(table.motion[kept, :2])
+            self.pixels[at, target, 6] = table.time_frame[kept] - offset.reference
+        self.pixel_variance = np.ones((n, 2))
+        self.pixel_variance[at, target] = 0.5 + 0.5 * np.nan_to_num(table.motion[kept, 2], nan=1.0)
         self.rays[at, target] = dataset.rays[:, kept].T
         self.distances = np.full(n, np.nan)
         of_bars = np.searchsorted(self.frames, table.frame[table.bars[bars, 0]])
@@ -238,6 +247,7 @@ class Solve:
             else:
                 good = ~self.outlying & np.isfinite(chi_squares)
                 left = float(self.targets[good].sum()) - spent_px
+                left *= float(self.pixel_variance[good].mean())
                 ratio = float(chi_squares[good].sum()) / max(left, 1.0)
             if not np.isfinite(ratio):
                 return False

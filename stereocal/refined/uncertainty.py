@@ -83,7 +83,7 @@ def length_sigmas(
     first_m: npt.ArrayLike,
     second_m: npt.ArrayLike,
 ) -> FloatArray:
-    """The same of any shared unknowns (23,) with a covariance (23, 23)."""
+    """The same of any shared unknowns (25,) with a covariance (25, 25)."""
     own, jacobian = length_errors(q, lenses, sigma_px, first_m, second_m)
     return np.asarray(np.sqrt(own + np.einsum("ni,ij,nj->n", jacobian, covariance, jacobian)))
 
@@ -91,7 +91,7 @@ def length_sigmas(
 def length_jacobian(
     result: RefinedResult, first_m: npt.ArrayLike, second_m: npt.ArrayLike
 ) -> FloatArray:
-    """(n, 23): derivatives of reconstructed distances by the shared unknowns of `bar_fit`."""
+    """(n, 25): derivatives of reconstructed distances by the shared unknowns of `bar_fit`."""
     return length_errors(result.q, result.lenses, result.sigma_px.value, first_m, second_m)[1]
 
 
@@ -102,7 +102,7 @@ def length_errors(
     first_m: npt.ArrayLike,
     second_m: npt.ArrayLike,
 ) -> tuple[FloatArray, FloatArray]:
-    """Variances (n,) of distances from the noise of their pixels, and derivatives (n, 23) of the
+    """Variances (n,) of distances from the noise of their pixels, and derivatives (n, 25) of the
     distances by the shared unknowns; arguments as in `point_errors`.
     """
     a, b = (np.asarray(points, dtype=np.float64) for points in (first_m, second_m))
@@ -181,11 +181,11 @@ def in_view(camera: Camera, points_m: FloatArray) -> BoolArray:
 def point_errors(
     q: FloatArray, lenses: FloatArray, sigma_px: float, points_m: npt.ArrayLike
 ) -> tuple[FloatArray, FloatArray]:
-    """Covariances (n, 3, 3) of points from the noise of their pixels, and derivatives (n, 3, 23)
+    """Covariances (n, 3, 3) of points from the noise of their pixels, and derivatives (n, 3, 25)
     of the points by the shared unknowns; NaN behind a camera.
 
     Args:
-        q: (23,), and `lenses` (2, 23): as in `bar_fit`.
+        q: (25,), and `lenses` (2, 23): as in `bar_fit`.
         points_m: (n, 3), in the primary's frame.
     """
     points = np.ascontiguousarray(points_m, dtype=np.float64).reshape(-1, 3)

@@ -22,7 +22,7 @@ def undistort_rays(
     """Undistort pixels with the lenses of q, by Newton's method.
 
     Args:
-        q: (23,), the shared unknowns of `bar_fit`; the distortion is that of `lenses`.
+        q: (25,), the shared unknowns of `bar_fit`; the distortion is that of `lenses`.
         lenses: (2, 23), as in `bar_fit`.
         pixels: (n, 4): u, v of the primary and of the secondary.
         rays: (4, n), updated; the initial values are used as the start.

@@ -10,7 +10,17 @@ from typing import Any, Literal
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.refined.bar_fit import BAR, BASELINE, DISTORTION, EPSILON, PRIMARY, SECONDARY, SHARED
+from stereocal.refined.bar_fit import (
+    BAR,
+    BASELINE,
+    DISTORTION,
+    DRIFT,
+    EPSILON,
+    PRIMARY,
+    SECONDARY,
+    SHARED,
+    TIME,
+)
 from stereocal.rig.camera import CAMERAS, LENS_UNKNOWNS, Camera, CameraName
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
@@ -23,6 +33,10 @@ DEFAULT_BASELINE = 0.01
 """As a fraction of the baseline, which is measured between housings but ends inside the lenses."""
 DEFAULT_DISTANCE = 0.001
 """As a fraction of the bar: half a millimetre on half a metre."""
+
+WIDE_TIME, WIDE_DRIFT = 10.0, 0.1
+"""Standard deviations of the time offset, in frames, and of its drift, that hardly restrict them;
+they keep those finite about which the motion says nothing."""
 
 ANGLES = ("yaw", "pitch", "roll", "delta", "epsilon")
 
@@ -82,6 +96,11 @@ class RefineSettings:
     """`squares` uses every frame with full weight."""
     free_distortion: tuple[CameraName, ...] = ()
     """Cameras whose k1, k2, p1 and p2 are estimated from the images, whatever is stated."""
+    time_offset: bool = False
+    """Whether the time offset between the cameras is an unknown, for points that have been shifted
+    in time."""
+    time_drift: bool = False
+    """Whether its drift is one too."""
     maximum_steps: int = 60
     """Maximum number of steps of each solve."""
 
@@ -125,13 +144,13 @@ class RefineSettings:
 
 @dataclass(frozen=True, eq=False)
 class Unknowns:
-    """The free parameters p of a solve and the 23 shared unknowns q = origin + M p."""
+    """The free parameters p of a solve and the 25 shared unknowns q = origin + M p."""
 
     names: tuple[str, ...]
     origin: FloatArray
-    """(23,): the initial angles, and the stated values of the others."""
+    """(25,): the initial angles, and the stated values of the others."""
     M: FloatArray
-    """(23, k)."""
+    """(25, k)."""
     sigma: FloatArray
     """(k,): standard deviations of the priors of p; infinite without a prior."""
     precision: FloatArray
@@ -143,7 +162,7 @@ class Unknowns:
         return np.flatnonzero(self.M.any(axis=1)).astype(np.int64)
 
     def covariance(self, information: FloatArray) -> FloatArray:
-        """(k, k): covariance of p, from the priors and the information (23, 23) about q."""
+        """(k, k): covariance of p, from the priors and the information (25, 25) about q."""
         A = self.M.T @ information @ self.M + self.precision
         scale = 1.0 / np.sqrt(np.diag(A))  # the units differ by orders of magnitude
         return np.asarray(np.linalg.inv(A * np.outer(scale, scale)) * np.outer(scale, scale))
@@ -174,7 +193,7 @@ def unknowns_of(
     """
     origin = np.empty(SHARED)
     origin[: EPSILON + 1] = start.angles
-    origin[BASELINE], origin[BAR] = dataset.baseline_m, 1.0
+    origin[BASELINE], origin[BAR], origin[TIME], origin[DRIFT] = dataset.baseline_m, 1.0, 0.0, 0.0
     for number, camera in enumerate((dataset.primary, dataset.secondary)):
         origin[_places(number)] = camera.lens_values
     baseline = baseline_sigma_m(dataset, settings)
@@ -195,6 +214,8 @@ def unknowns_of(
         if not distortion:
             prior = replace(prior, distortion=(0.0, 0.0, 0.0, 0.0))
         blocks.append(_lens_columns(number, prior, origin))
+    late, drift = WIDE_TIME * settings.time_offset, WIDE_DRIFT * settings.time_drift
+    blocks.append(([("time offset", late, _unit(TIME)), ("time drift", drift, _unit(DRIFT))], None))
     names, sigmas, along = [], [], []
     precision = np.zeros((SHARED, SHARED))
     for columns, correlation in blocks:
@@ -313,10 +334,13 @@ def camera_of(stated: Camera, q: FloatArray, number: int) -> Camera:
 
 
 def shared_unknowns(rig: Rig) -> FloatArray:
-    """(23,): the shared unknowns of `bar_fit` of a rig, with a bar factor of 1."""
+    """(25,): the shared unknowns of `bar_fit` of a rig, with a bar factor of 1."""
     first, second = rig.primary.lens_values, rig.secondary.lens_values
     return np.concatenate(
-        [[*rig.pose.angles, rig.pose.baseline, 1.0], first[:4], second[:4], first[4:], second[4:]]
+        [
+            [*rig.pose.angles, rig.pose.baseline, 1.0],
+            *(first[:4], second[:4], first[4:], second[4:], np.zeros(2)),
+        ]
     )
 
 

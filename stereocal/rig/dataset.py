@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -16,6 +16,7 @@ from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.geometry import Pose, stack_rays, triangulate_rays
+from stereocal.rig.tracks import TimeOffset, interpolate
 
 TARGETS = ("A", "B")
 SOURCES = ("detected", "corrected", "manual")
@@ -53,13 +54,22 @@ class Correspondences:
     """Index into `SOURCES`; -1 if unknown."""
     line: IntArray
     """Line of the row in its file, for messages; 0 if there is no file."""
+    time_frame: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    """The frame's number as recorded, gaps and all; `frame` if not given."""
+    recorded: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
+    """(n, 2): the secondary point as recorded; NaN where `secondary` is that."""
+    motion: FloatArray = field(default_factory=lambda: np.empty((0, 3)))
+    """(n, 3): velocity of the secondary point in pixels per frame, and the variance of its position
+    over that of a recorded one; NaN if unknown."""
 
     def __post_init__(self) -> None:
         n = len(self.frame)
+        self._fill_in_times()
         shapes = {
             "target": (n,), "primary": (n, 2), "secondary": (n, 2),
             "distance_m": (n,), "known_points_m": (n, 3),
             "sigma_primary_px": (n,), "sigma_secondary_px": (n,), "source": (n,), "line": (n,),
+            "time_frame": (n,), "recorded": (n, 2), "motion": (n, 3),
         }  # fmt: skip
         for name, shape in shapes.items():
             if getattr(self, name).shape != shape:
@@ -76,8 +86,27 @@ class Correspondences:
             raise StereocalError("The standard error of an image point must be above 0.")
         if len(np.unique(np.column_stack([self.frame, self.target]), axis=0)) < n:
             raise StereocalError("A frame has the same target twice.")
+        self._check_times()
         for name in ("frame", *shapes):
             getattr(self, name).setflags(write=False)
+
+    def _fill_in_times(self) -> None:
+        """Fill in the columns that are not given."""
+        n = len(self.frame)
+        for name, value in (
+            ("time_frame", self.frame),
+            ("recorded", np.full((n, 2), np.nan)),
+            ("motion", np.full((n, 3), np.nan)),
+        ):
+            if not len(getattr(self, name)):
+                object.__setattr__(self, name, value)
+
+    def _check_times(self) -> None:
+        pairs = len(np.unique(np.column_stack([self.frame, self.time_frame]), axis=0))
+        if not len(self.frames) == pairs == len(np.unique(self.time_frame)):
+            raise StereocalError(
+                "The column time_frame must give each frame one number, and each frame another."
+            )
 
     @classmethod
     def from_arrays(
@@ -91,6 +120,7 @@ class Correspondences:
         sigma_primary_px: npt.ArrayLike | None = None,
         sigma_secondary_px: npt.ArrayLike | None = None,
         source: Iterable[str] | None = None,
+        time_frame: npt.ArrayLike | None = None,
     ) -> Correspondences:
         """Correspondences from plain arrays of n rows.
 
@@ -119,6 +149,7 @@ class Correspondences:
             sigma_secondary_px=optional(sigma_secondary_px),
             source=np.array([source_code(word) for word in words], dtype=np.int64),
             line=np.zeros(n, dtype=np.int64),
+            time_frame=np.array(frames if time_frame is None else time_frame, dtype=np.int64),
         )
 
     def __len__(self) -> int:
@@ -130,6 +161,16 @@ class Correspondences:
         return bool(
             np.isfinite(self.sigma_primary_px).any() or np.isfinite(self.sigma_secondary_px).any()
         )
+
+    @property
+    def has_times(self) -> bool:
+        """Whether frames have another number than they were recorded with."""
+        return bool((self.time_frame != self.frame).any())
+
+    @property
+    def recorded_secondary(self) -> FloatArray:
+        """(n, 2): the secondary points as recorded, before a shift in time."""
+        return np.where(np.isnan(self.recorded), self.secondary, self.recorded)
 
     @cached_property
     def frames(self) -> IntArray:
@@ -179,8 +220,11 @@ class Dataset:
     baseline_m: float
     target_distance_m: float
     baseline_sigma_m: float | None = None
+    """Infinite if the baseline is free: then the lengths of the bars alone give the scale."""
     target_distance_sigma_m: float | None = None
     notes: str = ""
+    time_offset: TimeOffset | None = None
+    """By which the secondary points have been shifted; None if they are as recorded."""
 
     def __post_init__(self) -> None:
         check_length("baseline", self.baseline_m)
@@ -189,7 +233,8 @@ class Dataset:
             ("baseline", self.baseline_sigma_m),
             ("distance between the targets", self.target_distance_sigma_m),
         ):
-            if sigma is not None and not (np.isfinite(sigma) and sigma > 0):
+            free = what == "baseline" and sigma == np.inf
+            if sigma is not None and not free and not (np.isfinite(sigma) and sigma > 0):
                 raise StereocalError(
                     f"The uncertainty of the {what} is {sigma}: it must be above 0."
                 )
@@ -217,6 +262,11 @@ class Dataset:
             f"camera file.{hint}"
         )
 
+    @property
+    def baseline_is_free(self) -> bool:
+        """Whether the baseline was not measured, but found from the lengths of the bars."""
+        return self.baseline_sigma_m == np.inf
+
     def of_frames(self, frames: npt.ArrayLike) -> Dataset:
         """The same data set with the given frames only."""
         return replace(self, correspondences=self.correspondences.of_frames(frames))
@@ -230,8 +280,32 @@ class Dataset:
         a, b = rows.bars[np.isin(rows.frame[rows.bars[:, 0]], np.asarray(frames))].T
         order = np.arange(len(rows))
         order[a], order[b] = b, a
-        changed = {name: getattr(rows, name)[order] for name in ("secondary", "sigma_secondary_px")}
+        names = ("secondary", "sigma_secondary_px", "recorded", "motion")
+        changed = {name: getattr(rows, name)[order] for name in names}
         return replace(self, correspondences=replace(rows, **changed))
+
+    def shifted(self, offset: TimeOffset) -> Dataset:
+        """The data set with the secondary points at the instants of the primary's frames.
+
+        They are interpolated, and their `motion` is known, from the true neighbours of the same
+        target (`tracks.interpolate`). A point without neighbours, or that would leave the image,
+        stays as recorded, with unknown motion. Without an offset all stay as recorded.
+        """
+        rows = self.correspondences
+        recorded = rows.recorded_secondary
+        found = interpolate(rows.target, rows.time_frame, recorded, offset.at(rows.time_frame))
+        motion = np.column_stack([found.velocities, found.variance])
+        shifted = replace(rows, secondary=recorded, recorded=recorded * np.nan, motion=motion)
+        if offset.is_shift:
+            inside = found.positions + 0.5 <= self.secondary.image_size
+            known = found.known & (inside & (found.positions >= -0.5)).all(axis=1)
+            shifted = replace(
+                rows,
+                secondary=np.where(known[:, None], found.positions, recorded),
+                recorded=recorded,
+                motion=np.where(known[:, None], motion, np.nan),
+            )
+        return replace(self, correspondences=shifted, time_offset=offset)
 
     @cached_property
     def rays(self) -> FloatArray:
@@ -266,7 +340,10 @@ class Dataset:
 
     @cached_property
     def sha256(self) -> str:
-        """Digest of all numbers that a calibration depends on, independent of the file format."""
+        """Digest of all numbers that a calibration depends on, independent of the file format.
+
+        A shift in time does not change it.
+        """
         rows = self.correspondences
         content: dict[str, Any] = {
             "cameras": [_numbers_of(camera) for camera in (self.primary, self.secondary)],
@@ -274,10 +351,12 @@ class Dataset:
             "target_distance_m": self.target_distance_m,
             "rows": [
                 getattr(rows, name).tolist()
-                for name in ("frame", "target", "primary", "secondary", "distance_m",
+                for name in ("frame", "target", "primary", "recorded_secondary", "distance_m",
                              "known_points_m")
             ],
         }  # fmt: skip
+        if rows.has_times:
+            content["time_frame"] = rows.time_frame.tolist()
         if rows.has_sigmas:
             # A separate entry keeps the digest of tables without standard errors unchanged.
             sigmas = (rows.sigma_primary_px, rows.sigma_secondary_px)

@@ -25,6 +25,7 @@ from stereocal.rig.geometry import (
     Pose,
 )
 from stereocal.rig.rig import Rig
+from stereocal.rig.tracks import MeasuredOffset
 from stereocal.rig.volume import Volume
 from stereocal.system.atomic_files import write_atomically
 from stereocal.system.json_text import read_json
@@ -33,6 +34,7 @@ PARAMETERS_FORMAT = "stereocal-parameters/1"
 PURPOSES = {"2d": "matching", "3d": "reconstruction", "refined": "both", "imported": "both"}
 PIXEL_ORIGIN = "centre of the top-left pixel is (0, 0); u to the right, v down"
 CONVENTION = "x_secondary = R @ x_primary + T"
+BASELINE_FOUND = "not measured: found by the refined method from the lengths of the bars"
 LARGEST_TEXT = 16_000_000
 UNITS = {"T": "m", "baseline_m": "m", "angles": "rad", "K": "px", "matching_threshold_px": "px"}
 
@@ -90,6 +92,9 @@ class RigParameters(Rig):
     unknown."""
     volume: Volume | None = None
     """Where the bars of the calibration were; None if unknown."""
+    time_offset: MeasuredOffset | None = None
+    """By which the secondary points of the calibration were shifted in time, as those must be that
+    are matched or measured; None, and no key in the file, if they were not."""
 
     def __post_init__(self) -> None:
         if self.method not in PURPOSES:
@@ -145,14 +150,8 @@ class RigParameters(Rig):
             "frames_left_out": list(self.frames_left_out),
             "noise_px": self.noise_px,
             "volume": None if self.volume is None else self.volume.to_json(),
-            "software": {
-                "stereocal": stereocal.__version__,
-                "python": platform.python_version(),
-                "numpy": np.__version__,
-                "scipy": scipy.__version__,
-                "numba": numba.__version__,
-                "opencv": cv2.__version__,
-            },
+            **({} if self.time_offset is None else self.time_offset.to_json()),
+            "software": software_versions(),
             "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         }
 
@@ -234,8 +233,21 @@ class RigParameters(Rig):
             frames_left_out=tuple(int(frame) for frame in data.get("frames_left_out", [])),
             noise_px=_number_or_none(data.get("noise_px")),
             volume=None if volume is None else Volume.from_json(volume, source),
+            time_offset=MeasuredOffset.from_json(data, source),
             **about,
         )
+
+
+def software_versions() -> dict[str, str]:
+    """The `software` entry of a parameter file: versions on which its numbers depend."""
+    return {
+        "stereocal": stereocal.__version__,
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+        "scipy": scipy.__version__,
+        "numba": numba.__version__,
+        "opencv": cv2.__version__,
+    }
 
 
 def inputs_of(dataset: Dataset, frames: IntArray) -> dict[str, Any]:
@@ -244,6 +256,7 @@ def inputs_of(dataset: Dataset, frames: IntArray) -> dict[str, Any]:
         "sha256": dataset.sha256,
         "name": dataset.name,
         "baseline_m": dataset.baseline_m,
+        **({"baseline": BASELINE_FOUND} if dataset.baseline_is_free else {}),
         "target_distance_m": dataset.target_distance_m,
         "frames": [int(frame) for frame in frames],
     }

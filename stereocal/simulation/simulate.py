@@ -117,8 +117,8 @@ def place_bars(
     for _ in range(MAXIMUM_ROUNDS):
         candidates = _random_bars(rig.primary, rng, 8 * frames, length_m, depths_m)
         points = candidates.reshape(-1, 3)
-        seen = _in_view(rig.primary, points, depths_m, margin_px)
-        seen &= _in_view(rig.secondary, rig.pose.apply(points), depths_m, margin_px)
+        seen = in_view(rig.primary, points, depths_m, margin_px)
+        seen &= in_view(rig.secondary, rig.pose.apply(points), depths_m, margin_px)
         found = np.concatenate([found, candidates[seen.reshape(-1, 2).all(axis=1)]])
         if len(found) >= frames:
             return Scene(rig, found[:frames])
@@ -262,7 +262,7 @@ def _random_bars(
     return np.stack([middles - half, middles + half], axis=1)
 
 
-def _in_view(
+def in_view(
     camera: Camera, points: FloatArray, depths_m: tuple[float, float], margin_px: float
 ) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
     """(n,): whether points (n, 3) in the camera's frame are in the depth range and in its image."""

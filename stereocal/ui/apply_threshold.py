@@ -11,6 +11,7 @@ import streamlit as st
 from stereocal.errors import StereocalError
 from stereocal.figures import describe_pair_errors, plot_pair_errors
 from stereocal.matching.application import Points, sample_frames
+from stereocal.matching.in_step import shift_pixels
 from stereocal.matching.matching import ANY_DEPTH, check_depths
 from stereocal.matching.nearest import nearest_errors
 from stereocal.matching.pairs import POINT
@@ -119,7 +120,10 @@ def threshold_form(
 ) -> ThresholdForm:
     """The form for points and a parameter set to match with."""
     key = " ".join(each.name for each in points)
-    return ThresholdForm(store.project, rig, key, lambda: _sampled(key, store, points), depths)
+    late = f"{key} {rig.time_offset}"
+    return ThresholdForm(
+        store.project, rig, key, lambda: _sampled(late, store, points, rig), depths
+    )
 
 
 def chosen_depths(project: Project) -> Depths:
@@ -165,13 +169,13 @@ def whole_table(store: ProjectApplication, name: str, label: str) -> pd.DataFram
 @st.cache_resource(show_spinner="Reading the points.", max_entries=4)
 def _table(name: str, label: str, _store: ProjectApplication) -> pd.DataFrame:
     with _store.opened(name) as path:
-        return pd.concat(list(PointTable(path, POINT, label).blocks()))[["frame", *POINT]]
+        return pd.concat(list(PointTable(path, POINT, label).blocks()))
 
 
 @st.cache_resource(show_spinner=False, max_entries=8)
 def _sampled(
-    key: str, _store: ProjectApplication, _points: tuple[Points, Points]
+    key: str, _store: ProjectApplication, _points: tuple[Points, Points], _rig: RigParameters
 ) -> list[FramePixels]:
     assert key
     first, second = (whole_table(_store, each.name, each.label) for each in _points)
-    return sample_frames(first, second)
+    return sample_frames(first, shift_pixels(_rig, second, POINT))

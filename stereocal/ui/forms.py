@@ -87,13 +87,17 @@ def _search_fields(project: Project) -> dict[str, Field]:
     }
     return fields | {
         "essential": setting(project, "essential", SOLVERS[0], one_of(SOLVERS)),
-        "all_frames": setting(project, "all_frames", False, yes_or_no),
+        **{
+            key: setting(project, key, False, yes_or_no)
+            for key in ("all_frames", "time_offset", "time_drift")
+        },
     }
 
 
 def search_values(project: Project) -> dict[str, Any]:
     """The settings of the search, also for pages that do not show the form."""
     values = {key: field.value() for key, field in _search_fields(project).items()}
+    values["time_drift"] = values["time_offset"] and values["time_drift"]
     inputs = project.inputs
     return values | {"frames_put_back": inputs.put_back, "frames_left_out": inputs.left_out}
 
@@ -133,6 +137,17 @@ def _numbers(project: Project, without: Collection[str] = ()) -> None:
         "Trust every frame, as the paper does", **fields["all_frames"].widget(),
         help="Otherwise frames that contradict the others are left out.",
     )  # fmt: skip
+    st.toggle(
+        "Find the time offset between the cameras", **fields["time_offset"].widget(),
+        help="For cameras that are not quite in step: how many frames later the secondary takes "
+        "its frames. Its points are shifted by that. Needs a bar that moves, in consecutive "
+        "frames.",
+    )  # fmt: skip
+    if fields["time_offset"].value():
+        st.toggle(
+            "Find its drift too", **fields["time_drift"].widget(),
+            help="For long recordings by cameras that each run by their own clock.",
+        )  # fmt: skip
 
 
 def settings_of(values: dict[str, Any]) -> CalibrationSettings:

@@ -23,6 +23,7 @@ from stereocal.rig.dataset import Dataset
 from stereocal.system.latest import Latest
 from stereocal.ui import jobs
 from stereocal.ui.fields import Field, number, setting
+from stereocal.ui.forms import search_values
 from stereocal.ui.messages import readable
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.uncertainties import describe_uncertainties
@@ -58,11 +59,14 @@ def refine_settings(project: Project, dataset: Dataset) -> RefineSettings:
 
     They hold the uncertainties of the lengths, which a data set's digest does not cover.
     """
+    search = search_values(project)
     return RefineSettings(
         baseline_sigma_m=dataset.baseline_sigma_m,
         distance_sigma_m=dataset.target_distance_sigma_m,
         sigma_px=_noise(project).value() or None,
         free_distortion=tuple(_free(project).value()),
+        time_offset=search["time_offset"],
+        time_drift=search["time_drift"],
     )
 
 

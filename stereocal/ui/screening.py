@@ -13,6 +13,7 @@ from stereocal.frames.review import swap
 from stereocal.projects.photographs import TABLE_LABEL, ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.projects.review import change_review
+from stereocal.refined.diagnosis import OUT_OF_STEP
 from stereocal.refined.results import Calibration
 from stereocal.refined.screening import Screening, screened
 from stereocal.rig.dataset import Dataset
@@ -58,6 +59,23 @@ def show_left_out(project: Project, calibration: Calibration, look: Callable[[in
             f"Look at frame {first}", key="look_left_out", icon=":material/search:",
             on_click=look, args=(first,), help="There it can be put back.",
         )  # fmt: skip
+
+
+def offer_to_bring_into_step(project: Project, calibration: Calibration) -> None:
+    """A button to calibrate with the time offset, if the cameras seem to be out of step."""
+    if any(warning.startswith(OUT_OF_STEP) for warning in calibration.warnings):
+        st.button(
+            "Calibrate with the time offset", key="bring_into_step", icon=":material/schedule:",
+            on_click=bring_into_step, args=(project,),
+            help="It becomes an unknown, and the secondary points are shifted by it.",
+        )  # fmt: skip
+
+
+@callback
+def bring_into_step(project: Project) -> None:
+    """Find the time offset, and calibrate again (a callback)."""
+    project.keep_settings({"time_offset": True})
+    st.session_state[_AGAIN] = True
 
 
 def show_exchanged(project: Project) -> None:
@@ -122,8 +140,11 @@ def _key(dataset: Dataset, settings: CalibrationSettings) -> str:
     """Includes name and notes, because messages show them."""
     about = [dataset.sha256, dataset.name, dataset.notes]
     return json.dumps(
-        [*about, settings.all_frames, settings.frames_put_back, settings.frames_left_out]
-    )
+        [
+            *about, settings.all_frames, settings.frames_put_back, settings.frames_left_out,
+            settings.time_offset, settings.time_drift,
+        ]
+    )  # fmt: skip
 
 
 @st.cache_resource(show_spinner="Looking for frames that contradict the others.", max_entries=64)

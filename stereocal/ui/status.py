@@ -18,12 +18,14 @@ NAMES = {
     "essential": "essential solver",
     "calibration_frames": "calibration frames",
     "all_frames": "trust in every frame",
+    "time_offset": "time offset",
+    "time_drift": "its drift",
     "frames_put_back": "frames put back",
     "frames_left_out": "frames left out",
 }
 
-_FRAMES = ("all_frames", "frames_put_back", "frames_left_out")
-"""Shown with the frames left out, not in the line of settings."""
+_FRAMES = ("all_frames", "frames_put_back", "frames_left_out", "time_offset", "time_drift")
+"""Shown with the frames left out and the time offset, not in the line of settings."""
 
 
 def staleness(result: Calibration, dataset: Dataset, values: Mapping[str, Any]) -> str | None:

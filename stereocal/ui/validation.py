@@ -96,12 +96,15 @@ def kept_protocol(project: Project, datasets: Sequence[Dataset]) -> EvaluationSe
         StereocalError: settings that contradict each other.
     """
     runs, frames, _ = _protocol_fields(project, datasets)
+    own = refine_settings(project, datasets[0])
     return EvaluationSettings(
         settings_of(search_values(project)),
         runs.value(),
         frames.value(),
-        refine_settings(project, datasets[0]) if len(datasets) == 1 else RefineSettings(),
-    )
+        own if len(datasets) == 1 else RefineSettings(
+            time_offset=own.time_offset, time_drift=own.time_drift
+        ),
+    )  # fmt: skip
 
 
 def without_refined(

@@ -159,6 +159,8 @@ def _show_answer(
 ) -> None:
     """The answer; green only if it is reliable."""
     for screening in screenings:
+        if screening.time_note:
+            st.info(escape_markdown(screening.time_note))
         if screening.left_out:
             line = f"{screening.full_dataset.name}: {left_out_line(screening)}"
             st.warning(escape_markdown(line))

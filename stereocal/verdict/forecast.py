@@ -78,7 +78,7 @@ class Outlook:
         }
 
     def covariance(self, method: Method) -> FloatArray:
-        """(23, 23): mean square deviation of a file from the truth, of the shared unknowns.
+        """(25, 25): mean square deviation of a file from the truth, of the shared unknowns.
 
         That of the model about the truth, and the deviation of the file from the model.
         """

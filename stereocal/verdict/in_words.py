@@ -15,17 +15,22 @@ from stereocal.rig.compiled import IntArray
 
 def left_out_line(screening: Screening) -> str:
     """Sentences on the frames left out, and on those whose targets look exchanged; or empty."""
-    by_user = f"Left out by you: {_named(screening.by_user)}." if screening.by_user else ""
+    others = [f"Left out by you: {_named(screening.by_user)}."] if screening.by_user else []
+    if alone := screening.without_neighbours:
+        others.append(
+            f"{len(alone)} frames have no neighbours in time to shift their points by, and were "
+            "left out too."
+        )
     frames = screening.contradicting
     if not frames:
-        return by_user
+        return " ".join(others)
     verb = "contradicts" if len(frames) == 1 else "contradict"
     line = f"Left out: {_named(frames)}, which {verb} the others."
     if screening.exchanged:
         which = screening.exchanged
         where = "there" if which == frames else f"in frame{'s' * (len(which) > 1)} {listed(which)}"
         line += f" A and B look exchanged in one camera {where}."
-    return f"{line} {by_user}".rstrip()
+    return " ".join([line, *others])
 
 
 def _named(frames: Sequence[int]) -> str:

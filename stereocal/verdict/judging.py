@@ -88,7 +88,7 @@ def judge(
     """Count the errors of all pairs with each set, and measure the bars.
 
     Args:
-        sets: (s, 23): the shared unknowns of `bar_fit` of each set.
+        sets: (s, 25): the shared unknowns of `bar_fit` of each set.
         stated_lenses: (2, 23), as in `bar_fit`.
         pixels: (n, 4): the ends A and B of each bar in turn, n = 2 m.
         start: (4, n): initial rays for the undistortion.

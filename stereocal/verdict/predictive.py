@@ -274,7 +274,7 @@ def bin_edge(threshold_px: float) -> int:
 
 
 def _truths(model: RefinedResult, scales: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """(draws, 23): draws of the shared unknowns; the covariance grows with the drawn noise."""
+    """(draws, 25): draws of the shared unknowns; the covariance grows with the drawn noise."""
     M, k = model.unknowns.M, len(model.unknowns.names)
     of_images = M.T @ model.information @ M
     found = np.empty((len(scales), len(M)))

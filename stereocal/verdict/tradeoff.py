@@ -108,7 +108,7 @@ def trade_off(
         StereocalError: no bars, fewer than 3 points, or an initial pose with points behind a
             camera.
     """
-    settings = settings or RefineSettings()
+    settings = replace(settings or RefineSettings(), time_offset=False, time_drift=False)
     if points < 3:
         raise StereocalError("The trade-off needs at least 3 points.")
     if not len(dataset.correspondences.bars):

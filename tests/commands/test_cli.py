@@ -13,7 +13,9 @@ from typing import Any
 import pytest
 
 from stereocal.cli import main
+from stereocal.formats.dataset_files import pack_dataset
 from stereocal.rig.parameters import RigParameters
+from tests.refined.test_time_offset import moving
 from tests.terminal import sentences
 
 FIELD = Path(__file__).parents[2] / "sample_data" / "field"
@@ -264,3 +266,25 @@ def test_one_file_that_cannot_be_replaced_leaves_both_old_ones(field: Path, tmp_
     assert main(["calibrate", str(field), "--out", str(out)]) == 2
     assert (out / "parameters_2d.json").read_text() == "old"
     assert len(list(out.iterdir())) == 2
+
+
+def test_the_time_offset_is_found_and_applied(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    late, out = str(tmp_path / "late"), tmp_path / "out"
+    for name, content in pack_dataset(moving(0.7)).items():
+        (tmp_path / "late").mkdir(exist_ok=True)
+        (tmp_path / "late" / name).write_bytes(content)
+    options = ["--time-offset", "--no-refined", "--runs", "0"]
+    assert main(["calibrate", late, "--out", str(out), *options]) == 0
+    assert "frame intervals later than the primary" in capsys.readouterr().out
+    entry = json.loads((out / "parameters_2d.json").read_text())["time_offset_frames"]
+    assert entry["value"] == pytest.approx(0.7, abs=0.02)
+    assert main(["calibrate", late, "--out", str(out), "--no-refined", "--runs", "0"]) == 0
+    assert "out of step" in capsys.readouterr().out
+    evaluated = ["--time-drift", "--runs", "2", "--no-refined", "--out", str(out)]
+    assert main(["evaluate", late, *evaluated]) == 0
+    assert "drifting by" in capsys.readouterr().out
+    (about,) = json.loads((out / "summary.json").read_text())["datasets"]
+    assert about["time_offset_frames"]["value"] == pytest.approx(0.7, abs=0.02)
+    assert about["frames_left_out"]

@@ -15,11 +15,13 @@ from stereocal.refined.bar_fit import (
     BAR,
     BASELINE,
     DISTORTION,
+    DRIFT,
     ERRORS,
     OWN,
     PRIMARY,
     RESIDUALS,
     SHARED,
+    TIME,
 )
 from stereocal.refined.distortion import lens_terms
 from stereocal.refined.solve import Solve, lenses_of
@@ -52,11 +54,12 @@ LENSES = {
 
 
 def truth() -> FloatArray:
-    """The 23 shared unknowns of the tests' rig."""
+    """The 25 shared unknowns of the tests' rig."""
     q = np.empty(SHARED)
     q[:5], q[BASELINE], q[BAR] = rig.ANGLES, rig.BASELINE_M, 1.0
     lenses = [rig.PRIMARY.lens_values, rig.SECONDARY.lens_values]
-    q[PRIMARY:] = np.concatenate([lens[:4] for lens in lenses] + [lens[4:] for lens in lenses])
+    q[PRIMARY:TIME] = np.concatenate([lens[:4] for lens in lenses] + [lens[4:] for lens in lenses])
+    q[TIME], q[DRIFT] = 0.3, 0.01
     return q
 
 
@@ -127,7 +130,7 @@ def test_slopes_are_those_of_finite_differences(seed: int) -> None:
     rng = np.random.default_rng(seed)
     q = truth() * (1 + 1e-3 * rng.normal(size=SHARED))
     x = rig.bar_ends(1, int(rng.integers(1000))).ravel()
-    pixels = rng.uniform(300, 900, (2, 4))
+    pixels = rng.uniform(300, 900, (2, 4 if seed % 2 else 7))  # without and with its motion
     _, J = frame_of(q, x, pixels)
     both = np.concatenate([x, q])
     for i in range(ALL):

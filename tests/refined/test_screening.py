@@ -134,7 +134,7 @@ def test_a_bad_frame_among_them_is_named_before_any_length() -> None:
     secondary[8] += 15.0
     data = replace(sound, correspondences=replace(sound.correspondences, secondary=secondary))
     assert essential_fit(data).spread < LENGTH_TOLERANCE
-    said = explain_failure(data, screen(data).fit)
+    said = explain_failure(data, screen(data))
     assert "(5)" in said
     assert "baseline" not in said
 

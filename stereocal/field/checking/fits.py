@@ -34,7 +34,7 @@ class Change:
     """What may have changed: the directions U of a hypothesis."""
 
     directions: FloatArray
-    """(23, m)."""
+    """(25, m)."""
     sigma: FloatArray
     """(m,)."""
 
@@ -89,7 +89,7 @@ def turned(pose: Pose, camera: int, vector: FloatArray) -> Pose:
 
 
 def pose_difference(one: Pose, other: Pose) -> FloatArray:
-    """(23,): one minus the other in the shared unknowns; angles within half a revolution."""
+    """(25,): one minus the other in the shared unknowns; angles within half a revolution."""
     found = np.zeros(SHARED)
     turn = np.array(one.angles) - np.array(other.angles)
     found[: EPSILON + 1] = (turn + np.pi) % (2 * np.pi) - np.pi
@@ -141,7 +141,7 @@ class Fit(Solve):
     def equations(
         self, q: FloatArray, outlying: BoolArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Of each group the normal equations at q, H (f, 23, 23) and g (f, 23), and cost (f,).
+        """Of each group the normal equations at q, H (f, 25, 25) and g (f, 25), and cost (f,).
 
         They are 0 for outlying groups, and for those behind a camera.
         """
@@ -171,7 +171,7 @@ class Fit(Solve):
 
     @property
     def before(self) -> FloatArray:
-        """(23,): the shared unknowns before the change, by these images too."""
+        """(25,): the shared unknowns before the change, by these images too."""
         known = self.prior.root.shape[1]
         return np.asarray(self.prior.q + self.prior.root @ self.p[:known])
 
@@ -188,6 +188,6 @@ class Fit(Solve):
 
     @property
     def covariance(self) -> FloatArray:
-        """(23, 23): covariance of the shared unknowns after the change."""
+        """(25, 25): covariance of the shared unknowns after the change."""
         M = self.unknowns.M
         return np.asarray(M @ self.p_covariance @ M.T)

@@ -27,13 +27,13 @@ SMALLEST_EIGENVALUE = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """The 23 shared unknowns of `bar_fit` by a parameter file: normal, q + root N(0, 1)."""
+    """The 25 shared unknowns of `bar_fit` by a parameter file: normal, q + root N(0, 1)."""
 
     rig: RigParameters
     q: FloatArray
-    """(23,)."""
+    """(25,)."""
     root: FloatArray
-    """(23, r), with root root^T the covariance."""
+    """(25, r), with root root^T the covariance."""
     sigma_px: float
     """Noise of an image coordinate at the calibration."""
     degrees: float
@@ -43,7 +43,7 @@ class Prior:
 
     @property
     def covariance(self) -> FloatArray:
-        """(23, 23)."""
+        """(25, 25)."""
         return np.asarray(self.root @ self.root.T)
 
     def with_bar_of(self, dataset: Dataset) -> Prior:

@@ -82,9 +82,9 @@ class _Equations:
     """
 
     H: FloatArray
-    """(f + 1, 23, 23)."""
+    """(f + 1, 25, 25)."""
     g: FloatArray
-    """(f + 1, 23)."""
+    """(f + 1, 25)."""
     c: FloatArray
     """(f + 1,)."""
 

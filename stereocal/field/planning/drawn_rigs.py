@@ -113,7 +113,7 @@ def standard_errors(seed: int, rigs: int) -> FloatArray:
 
 
 def true_unknowns(plan: Plan, errors: FloatArray) -> FloatArray:
-    """(23,): the shared unknowns of a true rig, with the true length of the bar over the stated.
+    """(25,): the shared unknowns of a true rig, with the true length of the bar over the stated.
 
     Args:
         errors: (8,), in standard deviations.
@@ -161,7 +161,7 @@ def _one_rig(
 def _calibrated(
     plan: Plan, pixels: FloatArray, rng: np.random.Generator, refined: bool
 ) -> FloatArray:
-    """(files, 23): the shared unknowns of the files of a recording, pixels (2 frames, 4)."""
+    """(files, 25): the shared unknowns of the files of a recording, pixels (2 frames, 4)."""
     dataset = planned_dataset(plan, pixels)
     seeds = np.random.SeedSequence(int(rng.integers(2**63))).spawn(2)
     everything = np.ones(len(pixels), dtype=np.bool_)

@@ -59,7 +59,7 @@ class ExpectedFit:
         """The length error with another knowledge of the cameras.
 
         Args:
-            information: (23, 23), of images and bars.
+            information: (25, 25), of images and bars.
             precision: (k, k), of the priors.
             noise: factor of the noise of the points that are measured.
         """
@@ -85,7 +85,7 @@ class ExpectedFit:
         return np.asarray(np.sqrt(own + np.einsum("ni,ij,nj->n", J, C, J)))
 
     def information_of(self, among: BoolArray) -> FloatArray:
-        """(23, 23): the information of one frame, on average over some of the bars (n,)."""
+        """(25, 25): the information of one frame, on average over some of the bars (n,)."""
         found = refine(
             self.result.dataset, self.result.settings, self.plan.pose, np.repeat(among, 2)
         )
@@ -160,7 +160,7 @@ class ExpectedFit:
 def _relative_errors(
     result: RefinedResult, first_m: FloatArray, second_m: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Variances of lengths by the noise of their own points (n,), and the derivatives (n, 23) of
+    """Variances of lengths by the noise of their own points (n,), and the derivatives (n, 25) of
     length errors by the errors of the shared unknowns, all relative.
     """
     noise_px = result.sigma_px.value

@@ -1,0 +1,212 @@
+"""The time offset between the cameras, and its drift, as unknowns of the refined method.
+
+If the secondary camera is late by d frames, its point at the instant of the primary's frame k is
+that of its own frame k - d. The points are interpolated there (`rig.tracks`), and the fit has the
+remaining offset as an unknown: it moves each secondary point along its velocity. Interpolation and
+fit are repeated until the remaining offset is small against its standard error, so that the
+covariance of the last fit is that of all unknowns together.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from stereocal.refined.adjustment import sum_normal_equations
+from stereocal.refined.bar_fit import SHARED
+from stereocal.refined.refine import RefinedResult, refine, robust_start
+from stereocal.refined.solve import Solve
+from stereocal.refined.unknowns import RefineSettings, unknowns_of
+from stereocal.rig.compiled import BoolArray
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.geometry import Pose, residuals
+from stereocal.rig.rig import Rig
+from stereocal.rig.tracks import MeasuredOffset, TimeOffset
+
+LARGEST, STEP = 3.0, 0.25
+"""Range and step of the search for a first value, in frames."""
+MAXIMUM_ROUNDS = 10
+LARGEST_MOVE = 0.5
+"""Of one round, in frames."""
+CONVERGED = 0.05
+"""A remaining offset below this fraction of its standard error is left to the fit."""
+CLAIMED = 3.2
+"""Standard errors above which the cameras count as out of step; those in step exceed it in 0.14 %
+of the cases."""
+DRIFTING = 5.0
+"""The same for a drift that was not asked for."""
+MAXIMUM_SIGMA = 0.1
+"""In frames: with a larger standard error, the motion does not determine the offset."""
+MINIMUM_ROWS = 16
+"""Points with neighbours that a fit of the offset needs."""
+
+
+@dataclass(frozen=True, eq=False)
+class InStep:
+    """What was found about the time offset of a data set."""
+
+    fit: RefinedResult | None
+    """The fit with the offset as an unknown, of the frames that could be shifted; if the cameras
+    are in step, of all frames as recorded. None if the motion does not determine the offset."""
+    note: str
+    """The finding in words."""
+
+
+def usable_rows(dataset: Dataset) -> BoolArray:
+    """(n,): the rows that a shift in time has not left without a position."""
+    offset = dataset.time_offset
+    if offset is None or not offset.is_shift:
+        return np.ones(len(dataset.correspondences), dtype=np.bool_)
+    return np.asarray(np.isfinite(dataset.correspondences.motion[:, 0]))
+
+
+def usable_after(dataset: Dataset, offset: TimeOffset) -> Dataset:
+    """The data set shifted in time, without the rows that have no neighbours."""
+    shifted = dataset.shifted(offset)
+    return replace(shifted, correspondences=shifted.correspondences.where(usable_rows(shifted)))
+
+
+def frames_without_neighbours(dataset: Dataset) -> tuple[int, ...]:
+    """The frames of a shifted data set with a point that could not be shifted; ascending."""
+    frame = dataset.correspondences.frame
+    return tuple(np.unique(frame[~usable_rows(dataset)]).tolist())
+
+
+def bring_into_step(dataset: Dataset, settings: RefineSettings) -> InStep:
+    """Fit the time offset, and the drift if `settings.time_drift`, with all other unknowns.
+
+    Raises:
+        StereocalError: nothing fits.
+    """
+    settings = replace(settings, time_offset=True)
+    reference = float(np.round(dataset.correspondences.time_frame.mean()))
+    recorded = dataset.shifted(TimeOffset(reference=reference))
+    if np.isfinite(recorded.correspondences.motion[:, 0]).sum() < MINIMUM_ROWS:
+        return InStep(None, (
+            "The time offset between the cameras cannot be determined: too few points have "
+            "neighbours in time. Record the moving bar in consecutive frames; their recorded "
+            "numbers belong in the column time_frame."
+        ))  # fmt: skip
+    start, pose = _first_value(dataset, reference)
+    fit = _fit(dataset, settings, start, pose)
+    measured = fit.time_offset
+    if not measured.sigma < MAXIMUM_SIGMA:
+        return InStep(None, (
+            "The motion is too slow to tell the time offset between the cameras: its standard "
+            f"error would be {measured.sigma:.2g} frames. The points are used as recorded. Move "
+            "the bar faster, or record fewer frames a second."
+        ))  # fmt: skip
+    if measured.is_claimed(CLAIMED):
+        note = f"{measured.sentence()} {_effect(fit)}"
+        if not settings.time_drift and (drift := _drift(dataset, fit)):
+            note += f" {drift}"
+        if abs(measured.frames) > LARGEST - STEP:
+            note += " This is at the end of the range searched: check which frames belong together."
+        return InStep(fit, note)
+    fit = refine(recorded, settings, fit.pose)
+    return InStep(fit, (
+        "The cameras are in step, as far as the motion shows: the time offset is "
+        f"{fit.time_offset.interval(fit.time_offset.frames)} frame intervals. The points are used "
+        "as recorded."
+    ))  # fmt: skip
+
+
+def _effect(fit: RefinedResult) -> str:
+    """How well the points fit as recorded and shifted, with the same pose."""
+    rows, used = fit.dataset.correspondences, fit.used_rows
+    rig = Rig(fit.primary, fit.secondary, fit.pose)
+    recorded, shifted = (
+        float(np.sqrt(np.mean(np.square(rig.epipolar_distances(rows.primary, points)[used]))))
+        for points in (rows.recorded_secondary, rows.secondary)
+    )
+    return f"Epipolar RMS: {recorded:.2g} px as recorded, {shifted:.2g} px when shifted by that."
+
+
+def _drift(dataset: Dataset, fit: RefinedResult) -> str:
+    """A sentence if the offset drifts."""
+    offset = fit.dataset.time_offset
+    assert offset is not None
+    settings = replace(fit.settings, time_drift=True)
+    found = refine(usable_after(dataset, offset), settings, fit.pose).time_offset
+    if not abs(found.drift) > DRIFTING * found.drift_sigma:
+        return ""
+    return (
+        f"It drifts by about {found.drift:.1e} frames per frame: let the drift be found too (on "
+        "the command line --time-drift)."
+    )
+
+
+def _first_value(dataset: Dataset, reference: float) -> tuple[TimeOffset, Pose | None]:
+    """The offset with the smallest epipolar residuals, of a robust pose for each."""
+    best = np.inf, TimeOffset(reference=reference), robust_start(dataset, dataset.rays)
+    for frames in sorted(np.arange(-LARGEST, LARGEST + STEP, STEP), key=abs):
+        offset = TimeOffset(float(frames), reference=reference)
+        shifted = dataset.shifted(offset)
+        known = np.isfinite(shifted.correspondences.motion[:, 0])
+        if known.sum() < MINIMUM_ROWS:
+            continue
+        rays = np.ascontiguousarray(shifted.rays[:, known])
+        pose = robust_start(shifted, rays)
+        if pose is None:
+            continue
+        found = float(np.median(np.abs(residuals(pose.essential, rays[:2].T, rays[2:].T))))
+        if found < best[0]:
+            best = found, offset, pose
+    return best[1:]
+
+
+def _fit(
+    dataset: Dataset, settings: RefineSettings, offset: TimeOffset, pose: Pose | None
+) -> RefinedResult:
+    """Interpolate and fit until the remaining offset is small against its standard error."""
+    fit: RefinedResult | None = None
+    for _ in range(MAXIMUM_ROUNDS):
+        fit = refine(usable_after(dataset, offset), settings, pose, near=fit)
+        found, pose = fit.time_offset, fit.pose
+        move, turn = found.frames - offset.frames, found.drift - offset.drift
+        if abs(move) <= CONVERGED * found.sigma and abs(turn) <= CONVERGED * found.drift_sigma:
+            break
+        offset = replace(
+            offset,
+            frames=offset.frames + float(np.clip(move, -LARGEST_MOVE, LARGEST_MOVE)),
+            drift=found.drift,
+        )
+    assert fit is not None
+    return fit
+
+
+def apparent_offset(fit: RefinedResult) -> MeasuredOffset | None:
+    """The offset that the residuals of a fit without one suggest, by one Gauss-Newton step.
+
+    None if too few points have neighbours. This is the score test: of all that the fit leaves of
+    the residuals, the part that follows the velocities in the image.
+    """
+    table = fit.dataset.correspondences
+    recorded = fit.dataset.shifted(TimeOffset(reference=float(np.round(table.time_frame.mean()))))
+    if np.isfinite(recorded.correspondences.motion[:, 0]).sum() < MINIMUM_ROWS:
+        return None
+    settings = replace(
+        fit.settings,
+        time_offset=True,
+        sigma_px=fit.sigma_px.value,
+        scatter_m=fit.scatter_m.value,
+    )
+    solve = Solve(recorded, fit.pose, settings, fit.rows)
+    unknowns = unknowns_of(recorded, fit.pose, settings)
+    p = np.append(fit.p, 0.0)
+    q, g = fit.q, np.empty(SHARED)
+    sum_normal_equations(
+        q, unknowns.free, solve.lenses, solve.pixels, solve.rays, solve.distances,
+        1 / solve.sigma_px, 1 / solve.scatter, np.where(fit.outlying, 0.0, np.inf), solve.points,
+        solve.chi_squares, solve.H, g,
+    )  # fmt: skip
+    M = unknowns.M
+    A = M.T @ solve.H @ M + unknowns.precision
+    scale = 1.0 / np.sqrt(np.diag(A))
+    C = np.linalg.inv(A * np.outer(scale, scale)) * np.outer(scale, scale)
+    step = -C @ (M.T @ g + unknowns.precision @ p)
+    assert recorded.time_offset is not None
+    return MeasuredOffset(
+        float(step[-1]), 0.0, recorded.time_offset.reference, float(np.sqrt(C[-1, -1]))
+    )

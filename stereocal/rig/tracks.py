@@ -1,0 +1,240 @@
+"""Positions of tracked image points between the recorded frames.
+
+A point that moves has, at the time of frame k of the other camera, a position between those of its
+own frames. It is interpolated from the true neighbours of the same track: by a cubic where there
+are four, by a parabola where there are three, else on the straight line between two. (On a real
+recording at 10 frames a second, off by 0.3 frames, the straight line instead of the parabola makes
+the noise of all points 0.41 px instead of 0.30.)
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from stereocal.errors import DAMAGED, StereocalError
+from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
+
+WINDOW = np.array([-1.0, 0.0, 1.0, 2.0])
+"""Frames about an instant between frame 0 and frame 1."""
+THIRD_DIFFERENCE = np.array([-1.0, 3.0, -3.0, 1.0])
+NO_SHIFT = 1e-9
+"""Instants this close to a frame, in frames, are that frame."""
+
+
+@dataclass(frozen=True)
+class TimeOffset:
+    """How much later than the primary the secondary camera takes its frames.
+
+    Frame k of the secondary is taken `frames` + `drift` * (k - `reference`) frame intervals after
+    frame k of the primary.
+    """
+
+    frames: float = 0.0
+    drift: float = 0.0
+    """In frames per frame."""
+    reference: float = 0.0
+    """The frame at which the offset is `frames`."""
+
+    @property
+    def is_shift(self) -> bool:
+        """Whether it moves anything."""
+        return bool(self.frames or self.drift)
+
+    def at(self, time_frame: npt.ArrayLike) -> FloatArray:
+        """(n,): the offset at these frames."""
+        times = np.asarray(time_frame, dtype=np.float64)
+        return np.asarray(self.frames + self.drift * (times - self.reference))
+
+
+@dataclass(frozen=True)
+class MeasuredOffset(TimeOffset):
+    """A time offset with the standard errors of a fit; that of the drift is 0 if it was not
+    fitted."""
+
+    sigma: float = 0.0
+    drift_sigma: float = 0.0
+
+    def to_json(self) -> dict[str, Any]:
+        """The entries of a parameter file: `time_offset_frames`, and `time_drift` if fitted."""
+        found = {"time_offset_frames": {"value": self.frames, "standard_error": self.sigma}}
+        if self.drift or self.drift_sigma:
+            found["time_drift"] = {
+                "value": self.drift,
+                "standard_error": self.drift_sigma,
+                "reference_frame": self.reference,
+            }
+        return found
+
+    @classmethod
+    def from_json(cls, data: Any, source: str) -> MeasuredOffset | None:
+        """The inverse of `to_json`; None if there is no offset.
+
+        Raises:
+            StereocalError: the entries are damaged.
+        """
+        if data.get("time_offset_frames") is None:
+            return None
+        try:
+            own, drift = data["time_offset_frames"], data.get("time_drift") or {}
+            found = cls(
+                float(own["value"]), float(drift.get("value", 0.0)),
+                float(drift.get("reference_frame", 0.0)), float(own["standard_error"]),
+                float(drift.get("standard_error", 0.0)),
+            )  # fmt: skip
+        except DAMAGED as error:
+            raise StereocalError(f"{source}: the time offset is damaged ({error}).") from error
+        numbers = [found.frames, found.drift, found.reference, found.sigma, found.drift_sigma]
+        if not np.isfinite(numbers).all() or min(found.sigma, found.drift_sigma) < 0:
+            raise StereocalError(f"{source}: the time offset is not a finite number.")
+        return found
+
+    def is_claimed(self, sigmas: float) -> bool:
+        """Whether the offset or its drift is at least this many standard errors from 0."""
+        return abs(self.frames) > sigmas * self.sigma or abs(self.drift) > sigmas * self.drift_sigma
+
+    def sentence(self) -> str:
+        """The offset in words."""
+        way = "later" if self.frames >= 0 else "earlier"
+        drift = (
+            f", drifting by {self.drift:.1e} ± {self.drift_sigma:.1e} frames per frame"
+            if self.drift_sigma
+            else ""
+        )
+        return (
+            f"The secondary camera takes its frames {self.interval(abs(self.frames))} frame "
+            f"intervals {way} than the primary{drift}."
+        )
+
+    def interval(self, value: float) -> str:
+        """A value with the standard error of the offset."""
+        decimals = max(2, 1 - math.floor(math.log10(self.sigma))) if self.sigma else 3
+        return f"{value:.{decimals}f} ± {self.sigma:.{decimals}f}"
+
+
+@dataclass(frozen=True, eq=False)
+class Interpolated:
+    """Positions of the points of tracks at other instants; NaN where neighbours are missing."""
+
+    positions: FloatArray
+    """(n, 2)."""
+    velocities: FloatArray
+    """(n, 2), per frame."""
+    variance: FloatArray
+    """(n,): variance of a position over that of a recorded one."""
+
+    @property
+    def known(self) -> BoolArray:
+        """(n,)."""
+        return np.asarray(np.isfinite(self.positions[:, 0]))
+
+
+def interpolate(
+    track: IntArray, time_frame: IntArray, positions: FloatArray, late: FloatArray
+) -> Interpolated:
+    """The positions of the points at the instants `time_frame` - `late`.
+
+    The velocity is one whose noise is independent of that of the position: otherwise the noise
+    alone would pull a fitted offset towards half a frame, where an interpolated position has least
+    noise (measured with 300 frames at 5 px a frame and 0.2 px of noise: by 1.4 standard errors
+    from 0.25 frames, instead of 0.2).
+
+    Args:
+        track: (n,): which points belong together; two points of a track in one frame have no
+            neighbours.
+        time_frame: (n,): frame numbers as recorded.
+        positions: (n, 2).
+        late: (n,): frames by which the camera of these points is late.
+    """
+    at = time_frame - late
+    near = np.round(at)
+    at = np.where(np.abs(at - near) < NO_SHIFT, near, at)
+    lookup = _Lookup(track, time_frame)
+    found = Interpolated(
+        np.full(positions.shape, np.nan), np.full(positions.shape, np.nan), np.full(len(at), np.nan)
+    )
+    base = np.floor(at).astype(np.int64)
+    # At a frame itself the interval before it will do as well as the one after it.
+    for first in (base, base - (at == near)):
+        rows = np.column_stack([lookup.rows(first + int(i)) for i in WINDOW])
+        left = ~found.known
+        both = left & (rows[:, 1:3] >= 0).all(axis=1)
+        before, after = both & (rows[:, 0] >= 0), both & (rows[:, 3] >= 0)
+        for use, columns, weights_of in (
+            (before & after, slice(0, 4), _cubic),
+            (before & ~after, slice(0, 3), _parabola),
+            (after & ~before, slice(1, 4), _mirrored_parabola),
+            (both & ~before & ~after, slice(1, 3), _linear),
+        ):
+            if use.any():
+                weights, slopes = weights_of((at - first)[use])
+                seen = positions[rows[use, columns]]
+                found.positions[use] = np.einsum("nk,nkc->nc", weights, seen)
+                found.velocities[use] = np.einsum("nk,nkc->nc", slopes, seen)
+                found.variance[use] = np.square(weights).sum(axis=1)
+    return found
+
+
+def _cubic(f: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(n, 4) each: weights of the positions of `WINDOW` for the position and for the velocity."""
+    weights = np.column_stack(
+        [
+            -f * (1 - f) * (2 - f) / 6,
+            (1 + f) * (1 - f) * (2 - f) / 2,
+            (1 + f) * f * (2 - f) / 2,
+            -(1 + f) * f * (1 - f) / 6,
+        ]
+    )
+    # The derivative of the parabola through all four by least squares, plus as much of the third
+    # difference, which is 0 for parabolas, as makes its noise independent of the position's.
+    centred = WINDOW - 0.5
+    slopes = centred / 5.0 + (f - 0.5)[:, None] * (np.square(centred) - 1.25) / 2.0
+    third = weights @ THIRD_DIFFERENCE
+    third = np.where(np.abs(third) < 1e-4, 1e-4, third)  # halfway both are 0
+    share = (weights * slopes).sum(axis=1) / third
+    return weights, slopes - share[:, None] * THIRD_DIFFERENCE
+
+
+def _parabola(f: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(n, 3) each: the same for three frames, of which the instant lies between the last two."""
+    weights = np.column_stack([f * (f - 1) / 2, 1 - f * f, f * (f + 1) / 2])
+    return weights, np.column_stack([f - 0.5, -2 * f, f + 0.5])
+
+
+def _mirrored_parabola(f: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The same between the first two."""
+    weights, slopes = _parabola(1 - f)
+    return weights[:, ::-1], -slopes[:, ::-1]
+
+
+def _linear(f: FloatArray) -> tuple[FloatArray, FloatArray]:
+    weights = np.column_stack([1 - f, f])
+    return weights, np.broadcast_to([-1.0, 1.0], weights.shape)
+
+
+class _Lookup:
+    """The row of the point of the same track in another frame."""
+
+    def __init__(self, track: IntArray, time_frame: IntArray) -> None:
+        self.first = int(time_frame.min(initial=0)) - 8
+        self.span = int(time_frame.max(initial=0)) - self.first + 9
+        self.track = np.unique(track, return_inverse=True)[1].reshape(-1).astype(np.int64)
+        code = self._code(time_frame)
+        self.order = np.argsort(code, kind="stable")
+        self.codes = code[self.order]
+
+    def _code(self, frames: IntArray) -> IntArray:
+        return np.asarray(self.track * self.span + (frames - self.first), dtype=np.int64)
+
+    def rows(self, frames: IntArray) -> IntArray:
+        """(n,): of each point's track the row in these frames; -1 if there is not exactly one."""
+        inside = (frames > self.first) & (frames < self.first + self.span - 1)
+        code = self._code(np.where(inside, frames, self.first))
+        at = np.searchsorted(self.codes, code)
+        end = np.searchsorted(self.codes, code, side="right")
+        one = inside & (end - at == 1)
+        return np.asarray(np.where(one, self.order[np.where(one, at, 0)], -1))

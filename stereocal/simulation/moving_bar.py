@@ -1,0 +1,116 @@
+"""Simulate a bar that is moved by hand before two cameras that need not be in step.
+
+bar = move_bar(field_rig(4.5), rng, frames=300, length_m=0.9)
+dataset = record(bar, rng, noise_px=0.15, name="moving", offset=TimeOffset(0.3))
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.interpolate import CubicSpline
+
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.dataset import Correspondences, Dataset
+from stereocal.rig.rig import Rig
+from stereocal.rig.tracks import TimeOffset
+from stereocal.simulation.simulate import (
+    FIELD_DEPTHS_M,
+    MARGIN_PX,
+    Nominal,
+    Scene,
+    in_view,
+    place_bars,
+)
+
+FRAMES_BETWEEN = 30
+"""From one of the random positions to the next. With the tests' rig the bar then moves at 4 to 20
+pixels a frame, as one carried at 1 to 2 m/s does at 30 frames a second."""
+
+
+@dataclass(frozen=True, eq=False)
+class MovingBar:
+    """A rig, and a bar on a smooth path."""
+
+    rig: Rig
+    frames: int
+    length_m: float
+    depths_m: tuple[float, float]
+    path: CubicSpline
+    """Of the bar's centre and direction, (6,), against the frame of the primary camera."""
+
+    def ends_m(self, times: npt.ArrayLike) -> FloatArray:
+        """(n, 2, 3): A and B at these times, in frames, in the primary's frame."""
+        at = self.path(np.asarray(times, dtype=np.float64))
+        half = 0.5 * self.length_m * at[:, 3:] / np.linalg.norm(at[:, 3:], axis=1, keepdims=True)
+        return np.stack([at[:, :3] - half, at[:, :3] + half], axis=1)
+
+
+def move_bar(
+    rig: Rig,
+    rng: np.random.Generator,
+    frames: int,
+    length_m: float,
+    depths_m: tuple[float, float] = FIELD_DEPTHS_M,
+    frames_between: int = FRAMES_BETWEEN,
+) -> MovingBar:
+    """A smooth path through random positions and directions of the bar.
+
+    Args:
+        depths_m: smallest and largest z of both ends, in the frames of both cameras.
+        frames_between: frames from one position to the next.
+
+    Raises:
+        StereocalError: the views of the cameras hardly overlap in this range.
+    """
+    count = frames // frames_between + 4
+    ends = place_bars(rig, rng, count, length_m, depths_m).ends_m
+    along = ends[:, 1] - ends[:, 0]
+    for i in range(1, count):  # so that the bar never turns by more than a right angle
+        along[i] *= 1.0 if along[i] @ along[i - 1] >= 0 else -1.0
+    times = frames_between * (np.arange(count) - 1.0)
+    path = CubicSpline(times, np.column_stack([ends.mean(axis=1), along]))
+    return MovingBar(rig, frames, length_m, depths_m, path)
+
+
+def record(
+    bar: MovingBar,
+    rng: np.random.Generator,
+    noise_px: float,
+    name: str,
+    offset: TimeOffset | None = None,
+    nominal: Nominal | None = None,
+) -> Dataset:
+    """Simulate the recording; frames in which an end is out of view are missing.
+
+    Args:
+        offset: by which the secondary camera is late; None: in step.
+        nominal: lenses and lengths of the data set; the true ones if None.
+    """
+    recorded = np.arange(bar.frames)
+    rig, late = bar.rig, (offset or TimeOffset()).at(recorded)
+    points = (
+        bar.ends_m(recorded).reshape(-1, 3),
+        rig.pose.apply(bar.ends_m(recorded + late).reshape(-1, 3)),
+    )
+    cameras = rig.primary, rig.secondary
+    seen = np.all(
+        [in_view(camera, own, bar.depths_m, MARGIN_PX)
+         for camera, own in zip(cameras, points, strict=True)], axis=0,
+    ).reshape(-1, 2).all(axis=1)  # fmt: skip
+    kept = np.repeat(seen, 2)
+    primary, secondary = (
+        camera.project(own[kept]) + noise_px * rng.standard_normal((np.count_nonzero(kept), 2))
+        for camera, own in zip(cameras, points, strict=True)
+    )
+    count = int(np.count_nonzero(seen))
+    rows = Correspondences.from_arrays(
+        np.repeat(np.arange(1, count + 1), 2), "AB" * count, primary, secondary,
+        time_frame=np.repeat(recorded[seen], 2),
+    )  # fmt: skip
+    stated = nominal or Nominal.exact(Scene(rig, bar.ends_m(recorded[:1])))
+    return Dataset(
+        name, stated.primary, stated.secondary, rows, stated.baseline_m, stated.target_distance_m
+    )

@@ -1,0 +1,101 @@
+"""Points of cameras that are not in step are shifted before they are matched or measured."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from stereocal.matching.application import unlabelled
+from stereocal.matching.in_step import SHIFT
+from stereocal.matching.matching_files import match_tables
+from stereocal.matching.pairs import POINT, match
+from stereocal.matching.point_table import PointTable
+from stereocal.matching.reconstruction_files import PIXELS, reconstruct, reconstruct_table
+from stereocal.rig.parameters import RigParameters
+from stereocal.rig.tracks import MeasuredOffset
+from tests import known_rig as rig
+from tests.refined.test_time_offset import moving
+
+LATE = 0.7
+
+
+@pytest.fixture(scope="module")
+def late() -> RigParameters:
+    """The true rig, with the offset."""
+    return RigParameters(
+        method="refined", primary=rig.PRIMARY, secondary=rig.SECONDARY, pose=rig.RIG, cost=0.0,
+        settings={}, inputs={}, matching_threshold_px=1.5,
+        time_offset=MeasuredOffset(LATE, sigma=0.001),
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def points() -> tuple[pd.DataFrame, pd.DataFrame]:
+    return unlabelled(moving(LATE).correspondences)
+
+
+def written(table: pd.DataFrame, path: Path) -> PointTable:
+    table.to_csv(path, index=False)
+    return PointTable(path, POINT)
+
+
+def test_tables_in_memory(late: RigParameters, points: tuple[pd.DataFrame, pd.DataFrame]) -> None:
+    pairs = match(late, *points)
+    moved = pairs[SHIFT] != 0
+    assert moved.mean() > 0.9
+    assert (pairs["target_primary"] == pairs["target_secondary"]).mean() > 0.95
+    assert pairs["error_px"][moved].mean() < 0.3
+    without = match(replace(late, time_offset=None), *points)
+    assert SHIFT not in without
+    assert len(without) < 0.8 * len(pairs)
+    # Pairs that were shifted already are not shifted again.
+    measured = reconstruct(late, pairs)
+    assert measured["error_px"][moved].mean() < 0.3
+
+
+def test_tables_on_disk_are_the_same(
+    late: RigParameters, points: tuple[pd.DataFrame, pd.DataFrame], tmp_path: Path
+) -> None:
+    first, second = (written(table, tmp_path / f"{i}.csv") for i, table in enumerate(points))
+    report = match_tables(late, first, second, tmp_path / "pairs.csv")
+    assert report is not None
+    assert any("were shifted in time by 0.700 frames" in note for note in report.notes)
+    found = pd.read_csv(tmp_path / "pairs.csv")
+    np.testing.assert_allclose(found[list(PIXELS)], match(late, *points)[list(PIXELS)], atol=1e-9)
+    measured = reconstruct_table(
+        late, PointTable(tmp_path / "pairs.csv", PIXELS), tmp_path / "points.csv"
+    )
+    assert measured is not None
+    assert not any("shifted" in note for note in measured.notes)
+
+
+def test_pairs_from_elsewhere_are_shifted_when_they_are_measured(
+    late: RigParameters, tmp_path: Path
+) -> None:
+    rows = moving(LATE).correspondences
+    pairs = pd.DataFrame(
+        np.column_stack([rows.primary, rows.secondary]), columns=list(PIXELS)
+    ).assign(frame=rows.frame, time_frame=rows.time_frame, end=rows.target)
+    pairs.sort_values("frame").to_csv(tmp_path / "pairs.csv", index=False)
+    report = reconstruct_table(
+        late, PointTable(tmp_path / "pairs.csv", PIXELS), tmp_path / "points.csv"
+    )
+    assert report is not None
+    assert "were shifted in time" in report.notes[0]
+    assert report.median_error_px < 0.3
+
+
+def test_without_tracks_nothing_is_shifted_and_that_is_said(
+    late: RigParameters, points: tuple[pd.DataFrame, pd.DataFrame], tmp_path: Path
+) -> None:
+    first, second = (
+        written(table[["frame", *POINT]], tmp_path / f"{i}.csv") for i, table in enumerate(points)
+    )
+    report = match_tables(late, first, second, tmp_path / "pairs.csv")
+    assert report is not None
+    assert "could not be applied" in report.notes[0]
+    assert (pd.read_csv(tmp_path / "pairs.csv")[SHIFT] == 0).all()

@@ -1,0 +1,130 @@
+"""The time offset between the cameras, on simulated bars that move."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from stereocal.calibration.methods import CalibrationSettings
+from stereocal.errors import StereocalError
+from stereocal.projects.calibration_files import pack_calibration, unpack_calibration
+from stereocal.refined import time_offset
+from stereocal.refined.screening import screen
+from stereocal.refined.unknowns import RefineSettings
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.rig import Rig
+from stereocal.rig.tracks import TimeOffset
+from stereocal.simulation.moving_bar import move_bar, record
+from stereocal.workflow import answer, calibrate
+from tests import known_rig as rig
+
+FRAMES = 120
+TIMED = CalibrationSettings(time_offset=True)
+TIMED_REFINED = RefineSettings(time_offset=True)
+
+
+def moving(late: float, drift: float = 0.0, between: int = 30) -> Dataset:
+    """A recording of the tests' rig."""
+    rng = np.random.default_rng(1)
+    bar = move_bar(
+        Rig(rig.PRIMARY, rig.SECONDARY, rig.RIG), rng, FRAMES, rig.BAR_M, (4.0, 10.0), between
+    )
+    return record(bar, rng, 0.2, "moving", TimeOffset(late, drift, FRAMES / 2))
+
+
+@pytest.mark.parametrize("late", [0.02, 0.3, 1.4, -2.0])
+def test_the_offset_is_found(late: float) -> None:
+    found = screen(moving(late), time_offset=True)
+    measured = found.measured_offset
+    assert measured is not None
+    assert abs(measured.frames - late) < 4 * measured.sigma < 0.04
+    assert found.fit is not None
+    assert found.fit.sigma_px.value == pytest.approx(0.2, rel=0.15)
+    assert len(found.contradicting) <= 2
+
+
+def test_cameras_in_step_are_left_alone() -> None:
+    data = moving(0.0)
+    found = screen(data, time_offset=True)
+    assert "in step" in found.time_note
+    assert found.shift is None
+    np.testing.assert_array_equal(
+        found.full_dataset.correspondences.secondary, data.correspondences.secondary
+    )
+
+
+def test_all_files_carry_it() -> None:
+    found = calibrate(moving(0.7), TIMED, refined=TIMED_REFINED)
+    for own in answer(found, None).sets.values():
+        entry = own.to_json()["time_offset_frames"]
+        assert entry["value"] == pytest.approx(0.7, abs=0.02)
+        assert 0 < entry["standard_error"] < 0.01
+        again = type(own).loads(own.dumps()).time_offset
+        assert again is not None
+        assert again.to_json() == {"time_offset_frames": entry}
+
+
+def test_it_is_offered_by_itself() -> None:
+    late = calibrate(moving(0.1))
+    assert any("out of step" in text and "+0.10" in text for text in late.warnings)
+    assert not any("step" in text for text in calibrate(moving(0.0)).warnings)
+
+
+def test_without_moving_neighbours_it_stays_out() -> None:
+    data = rig.dataset(25)
+    alone = replace(data.correspondences, time_frame=3 * data.correspondences.frame)
+    found = screen(replace(data, correspondences=alone), time_offset=True)
+    assert "neighbours" in found.time_note
+    assert found.measured_offset is None
+    assert found.full_dataset.time_offset is None
+
+
+def test_bars_placed_anew_for_each_photograph_are_in_step() -> None:
+    found = calibrate(rig.dataset(25, 0.2), TIMED, refined=TIMED_REFINED)
+    assert "in step" in found.screening.time_note
+    assert len(found.frames) == 25
+    sets = answer(found, None).sets
+    assert sets["2d"].time_offset is None
+    assert sets["refined"].time_offset is not None
+
+
+def test_too_slow_a_motion_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(time_offset, "MAXIMUM_SIGMA", 0.001)
+    found = screen(moving(0.3), time_offset=True)
+    assert found.measured_offset is None
+    assert "too slow to tell" in found.time_note
+
+
+def test_exchanged_targets_are_recognised_between_frames() -> None:
+    data = moving(0.3)
+    found = screen(data.with_targets_exchanged([40, 80]), time_offset=True)
+    assert found.exchanged == (40, 80)
+    assert set(found.contradicting) <= {38, 39, 40, 41, 42, 78, 79, 80, 81, 82}
+    assert found.measured_offset is not None
+    assert found.measured_offset.frames == pytest.approx(0.3, abs=0.02)
+
+
+def test_a_drift_is_found_and_else_pointed_out() -> None:
+    data = moving(0.3, drift=2e-3)
+    assert "--time-drift" in screen(data, time_offset=True).time_note
+    found = screen(data, time_offset=True, time_drift=True).measured_offset
+    assert found is not None
+    assert abs(found.drift - 2e-3) < 4 * found.drift_sigma < 1e-3
+
+
+def test_a_stored_calibration_is_shifted_again() -> None:
+    found = calibrate(moving(0.7), replace(TIMED, all_frames=True))
+    assert found.screening.left_out == found.screening.without_neighbours != ()
+    again = unpack_calibration(pack_calibration(found, {}), lambda _: moving(0.7))
+    np.testing.assert_array_equal(
+        again.dataset.correspondences.secondary, found.dataset.correspondences.secondary
+    )
+    assert again.screening.shift == found.screening.shift
+    assert again.screening.time_note == found.screening.time_note
+
+
+def test_no_pose_fits_without_the_offset() -> None:
+    with pytest.raises(StereocalError, match="out of step"):
+        calibrate(moving(1.9, between=5))
