@@ -34,7 +34,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     )
     command.set_defaults(run=run)
     command.add_argument(
-        "archive", type=Path, help="archive.zip of a paper kit, or a project's zip"
+        "archive", type=Path, help="a paper kit, its archive.zip, or a project's zip"
     )
     command.add_argument("--out", type=Path, required=True, help="folder for the files")
 

@@ -12,7 +12,7 @@ from stereocal.figures.journal.rig import draw_rig
 from stereocal.figures.journal.validation import draw_validation
 from stereocal.paper_kit.methods_text import captions_md, methods_md
 from stereocal.paper_kit.references import references_bib
-from stereocal.paper_kit.reproduction import archive_files
+from stereocal.paper_kit.reproduction import ARCHIVE, archive_files
 from stereocal.paper_kit.table import table_csv
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.zip_files import pack_zip
@@ -38,7 +38,7 @@ def paper_kit(answer: Answer, sets: Mapping[Method, RigParameters] | None = None
         "references.bib": references_bib(),
         **drawn,
         "table.csv": table_csv(answer),
-        "archive.zip": pack_zip(archive_files(answer, sets or answer.sets)),
+        ARCHIVE: pack_zip(archive_files(answer, sets or answer.sets)),
     })  # fmt: skip
 
 

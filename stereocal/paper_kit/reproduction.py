@@ -30,6 +30,8 @@ from stereocal.system.json_text import read_json
 from stereocal.system.zip_files import unzip
 from stereocal.workflow import Answer
 
+ARCHIVE = "archive.zip"
+"""Name of the archive in a paper kit."""
 STATEMENT, FORMAT = "reproduce.json", "stereocal-reproduce/1"
 NAMES: Mapping[Method, str] = {
     method: f"parameters_{method}.json" for method in ALL_METHODS if method != "essential"
@@ -135,18 +137,20 @@ def archive_files(answer: Answer, sets: Mapping[Method, RigParameters]) -> dict[
 
 
 def read_archive(path: Path) -> ReproducibleResult:
-    """The result in an archive or in a project's zip.
+    """The result in an archive, in the paper kit that holds it, or in a project's zip.
 
     Raises:
         StereocalError: not a zip, without `reproduce.json`, or damaged.
     """
     try:
         files = unzip(path, path.name, lambda member: "/" not in member)
+        if ARCHIVE in files:
+            files = unzip(files[ARCHIVE], f"{path.name}, {ARCHIVE}", lambda name: "/" not in name)
     except OSError as error:
         raise StereocalError(f"{path} cannot be read: {error.strerror or error}.") from error
     if STATEMENT not in files:
         raise StereocalError(
-            f"{path}: there is no {STATEMENT} in it. Take archive.zip of a paper kit, or a "
+            f"{path}: there is no {STATEMENT} in it. Take a paper kit or its archive.zip, or a "
             "project's zip with an up-to-date result."
         )
     stated = read_json(files[STATEMENT], f"{path}: {STATEMENT}")

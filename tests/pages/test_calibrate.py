@@ -192,6 +192,8 @@ def test_a_calibration_made_meanwhile_is_validated_too(home: Path, app: AppTest)
     app.button(key="next_frame").click().run()
     app.button(key="frame_leave_out").click().run()  # the job goes on with it
     assert ended(project, "calibration").state == "done"
+    app.run()  # or, if it was ending, the page begins a new one when it follows its end
+    assert ended(project, "calibration").state == "done"
     calibration = Project.open(home, project.id).calibration
     evaluation = project.calibration_evaluation
     assert calibration is not None and evaluation is not None
