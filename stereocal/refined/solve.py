@@ -247,7 +247,7 @@ class Solve:
             else:
                 good = ~self.outlying & np.isfinite(chi_squares)
                 left = float(self.targets[good].sum()) - spent_px
-                left *= float(self.pixel_variance[good].mean())
+                left *= float(self.pixel_variance[good].mean()) if good.any() else 1.0
                 ratio = float(chi_squares[good].sum()) / max(left, 1.0)
             if not np.isfinite(ratio):
                 return False

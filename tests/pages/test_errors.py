@@ -102,7 +102,7 @@ CACHES = {
     "warm_up.warm_up": "a thread, which knows no project",
     "review._shown": "by the digest of the photograph's content",
     "apply_threshold._table": "by the digest of the table's content",
-    "apply_threshold._sampled": "by the digests of the tables' contents",
+    "apply_threshold._sampled": "by the digests of the tables' contents, and the time offset",
     "apply_threshold._chosen": "by the digests of the tables' contents, and the whole set",
     "apply_frames._frames": "by the digests of the tables' contents",
     "apply_frames._track_columns": "by the digest of the table's content",

@@ -44,6 +44,7 @@ from stereocal.field.world.observed import Throw
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
+from stereocal.rig.tracks import interpolate
 
 FEWEST_FRAMES = 6
 """Of one throw; fewer leave drag and noise undetermined."""
@@ -119,6 +120,7 @@ def world_of_throw(
         StereocalError: too few frames, no free flight, or the vertical stays undetermined.
     """
     axes, noise = axes or Axes(), noise_of(rig, sigma_px)
+    throw = in_step(rig, throw)
     flights = flights_of(throw)
     names = tuple(
         f"frame {frame} of {track}" if track else f"frame {frame}"
@@ -154,6 +156,21 @@ def world_of_throw(
         (*drag_words(found), *difference_words(found)),
         {"gravity": found.to_json()},
     )
+
+
+def in_step(rig: RigParameters, throw: Throw) -> Throw:
+    """The throw with its secondary points at the instants of the primary's, by the time offset of
+    the parameters; without the frames at its ends that have no neighbours for that.
+    """
+    if rig.time_offset is None:
+        return throw
+    flights_of(throw)  # what is no throw is refused as it was given
+    codes, times = np.unique(throw.tracks, return_inverse=True)[1], throw.frames
+    seen, late = throw.pixels[:, 2:], rig.time_offset.at(times)
+    found = interpolate(codes.astype(np.int64), times, seen, late)
+    pixels = np.hstack([throw.pixels[:, :2], found.positions])[found.known]
+    tracks = tuple(name for name, kept in zip(throw.tracks, found.known, strict=True) if kept)
+    return Throw(tracks, times[found.known], pixels, throw.frame_rate)
 
 
 def flights_of(throw: Throw) -> list[Flight]:
