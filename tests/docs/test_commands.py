@@ -10,6 +10,7 @@ import importlib.util
 import re
 import shlex
 import shutil
+import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -18,6 +19,7 @@ import pytest
 from stereocal.cli import _parser, main
 from tests.docs.given import GIVEN
 from tests.docs.pages import PAGES, code_of, name_of
+from tests.docs.prepared import prepare
 from tests.terminal import ROOT
 
 OURS = re.compile(r"(?:\S*python -m )?stereocal (.*)")
@@ -39,15 +41,19 @@ OTHERS = {"--env"}
 
 
 def commands_of(page: Path) -> Iterator[str]:
-    """The lines of its code that are commands."""
+    """The lines of its blocks of `sh`."""
     for code in code_of(page):
-        for line in code.text.replace("\\\n", " ").splitlines():
-            words = shlex.join(shlex.split(line, comments=True)) if code.language == "sh" else ""
-            ours = OURS.fullmatch(line.split("  #")[0].strip())
-            if ours is not None:
-                yield f"stereocal {ours[1].strip()}"
-            elif words:
-                yield words
+        if code.language == "sh":
+            yield from commands_in(code.text)
+
+
+def commands_in(text: str) -> Iterator[str]:
+    """The commands of a block, without comments."""
+    for line in text.replace("\\\n", " ").splitlines():
+        words = shlex.join(shlex.split(line, comments=True))
+        ours = OURS.fullmatch(words)
+        if words:
+            yield words if ours is None else f"stereocal {ours[1]}"
 
 
 def is_run(command: str) -> bool:
@@ -79,9 +85,14 @@ def test_its_commands_run(page: Path, folder: Path, capsys: pytest.CaptureFixtur
     for code in code_of(page):
         if code.language == "json" and code.file:
             (folder / code.file).write_text(code.text, encoding="utf-8")
+    prepare(name_of(page), folder)
     for command in filter(is_run, commands_of(page)):
-        assert command.startswith("stereocal "), f"run it here, or say why not: {command}"
-        assert main(as_command(command)) == 0, command
+        if command.startswith("python -m zipfile "):
+            with zipfile.ZipFile(command.split()[-2]) as packed:
+                packed.extractall(command.split()[-1])
+        else:
+            assert command.startswith("stereocal "), f"run it here, or say why not: {command}"
+            assert main(as_command(command)) == 0, command
     text, printed = page.read_text(encoding="utf-8"), capsys.readouterr().out
     for figure in QUOTED.get(name_of(page), ()):
         assert figure in text and figure in printed, figure
@@ -103,6 +114,17 @@ def test_its_scripts_run(page: Path) -> None:
     for code in code_of(page):
         if code.language == "python":
             exec(compile(code.text, page.name, "exec"), names)
+
+
+def test_commands_in_outline_are_of_the_program() -> None:
+    """Those with names in capitals for the files, which are not in a block of `sh`."""
+    for page in PAGES:
+        for code in code_of(page):
+            if code.language == "":
+                for line in map(str.strip, code.text.replace("\\\n", " ").splitlines()):
+                    if OURS.match(line):
+                        (command,) = commands_in(line)
+                        _parser().parse_args(as_command(command))
 
 
 def options_of(parser: argparse.ArgumentParser) -> set[str]:

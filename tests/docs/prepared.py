@@ -1,0 +1,57 @@
+"""Files that pages of the documentation name, and that no command of theirs makes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from benchmarks.world import known_places, plumb_lines, surveyed, thrown
+from stereocal.system.photograph import read_photograph
+from tests.archives import easywand_fields, kalibr_chain, mat, wand_csv
+from tests.field.world_tables import PIXELS, lines_csv, survey_csv, throw_csv
+from tests.videos import write_video
+
+
+def archives(folder: Path) -> None:
+    """A file of easyWand; a wand table with the lenses of Kalibr."""
+    fields = easywand_fields(20, more_cameras=1)
+    (folder / "flight_easyWandData.mat").write_bytes(mat({"easyWandData": fields}))
+    (folder / "wand.csv").write_bytes(wand_csv(20))
+    (folder / "camchain.yaml").write_bytes(kalibr_chain())
+
+
+def videos(folder: Path) -> None:
+    """A data set without points, and six seconds of two videos."""
+    sample = folder / "sample_data" / "photographs"
+    (folder / "pond").mkdir()
+    for name in ("dataset.json", "primary.json", "secondary.json"):
+        (folder / "pond" / name).write_bytes((sample / name).read_bytes())
+    for camera in ("primary", "secondary"):
+        images = [read_photograph(sample / camera / f"{frame:04d}.jpg") for frame in range(1, 7)]
+        write_video(folder / f"{camera}.mp4", range(6), draw=images.__getitem__)
+
+
+def world(folder: Path) -> None:
+    """A survey, plumb lines and a throw of one place, its parameters, and pairs."""
+    place = next(known_places(1, 21))
+    place.rig.save(folder / "parameters_3d.json")
+    (folder / "survey.csv").write_bytes(survey_csv(surveyed(place, 5)))
+    (folder / "plumb.csv").write_bytes(lines_csv(plumb_lines(place)))
+    (folder / "throw.csv").write_bytes(throw_csv(thrown(place)))
+    pairs = pd.DataFrame(place.images(np.array([[0.0, 0.0, 6.0]]), 0.0), columns=PIXELS)
+    pairs.insert(0, "frame", [1])
+    pairs.to_csv(folder / "pairs.csv", index=False)
+
+
+FILES: Mapping[str, Callable[[Path], None]] = {
+    "docs/archives.md": archives, "docs/photographs.md": videos, "docs/world.md": world,
+}  # fmt: skip
+
+
+def prepare(page: str, folder: Path) -> None:
+    """Write the files of a page."""
+    if page in FILES:
+        FILES[page](folder)
