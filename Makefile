@@ -4,7 +4,7 @@ BIN := $(VENV)/bin
 
 PIP := $(BIN)/python -m pip install --disable-pip-version-check
 
-.PHONY: run test soak lint types browser pictures benchmark audit clean
+.PHONY: run test soak lint types browser docs pictures benchmark audit clean
 
 run: $(VENV)/.compiled
 	$(BIN)/streamlit run app.py
@@ -31,8 +31,13 @@ types: $(VENV)/.dev
 browser: $(VENV)/.dev
 	$(BIN)/python -m pytest -m browser
 
-# Every page at 1400 and 420 px, light and dark, into docs/pictures.
+# The documentation site, in docs/_build; it needs no network.
+docs: $(VENV)/.dev
+	$(BIN)/python -m sphinx -W --keep-going docs docs/_build
+
+# Every page at 1400 and 420 px, light and dark, and the drawings, into docs/pictures.
 pictures: $(VENV)/.dev $(VENV)/.compiled
+	$(BIN)/python -m docs.drawings
 	$(BIN)/python -m tests.browser.pictures
 
 benchmark: $(VENV)/.dev
@@ -47,13 +52,13 @@ audit: $(VENV)/.run
 
 $(VENV)/.run: requirements.txt
 	@$(PYTHON) -c 'import sys; sys.exit("This needs Python 3.11 or newer: make PYTHON=python3.12 ..." if sys.version_info < (3, 11) else 0)'
-	@echo "Installing into $(VENV): about 300 MB to download, 1.1 GB on disk."
+	@echo "Installing into $(VENV): about 320 MB to download, 1.2 GB on disk."
 	$(PYTHON) -m venv $(VENV)
 	$(PIP) --requirement requirements.txt
 	@echo "Installed in $(VENV): $$(du -sh $(VENV) | cut -f 1)."
 	@touch $@
 
-$(VENV)/.dev: requirements-dev.txt $(VENV)/.run
+$(VENV)/.dev: requirements-dev.txt requirements-docs.txt $(VENV)/.run
 	$(PIP) --requirement requirements-dev.txt
 	@touch $@
 

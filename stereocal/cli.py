@@ -13,34 +13,36 @@ from stereocal.commands import (
     convert,
     detect,
     evaluate,
+    import_archive,
     intrinsics,
     match,
     plan,
     print_files,
     reconstruct,
+    reproduce,
     serve,
     simulate,
+    world,
 )
 from stereocal.commands.progress import say
 from stereocal.errors import StereocalError
 from stereocal.rig.compilations import compilations
 
 COMMANDS = (
-    calibrate, evaluate, detect, intrinsics, match, reconstruct, convert, check, simulate, plan,
-    print_files, serve, compiling,
+    calibrate, evaluate, import_archive, detect, intrinsics, match, reconstruct, convert, check,
+    world, simulate, plan, print_files, reproduce, serve, compiling,
 )  # fmt: skip
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command; return 0, or 2 after a message on stderr for invalid input."""
+    """Run one command; return its exit status, 2 after a message on stderr for invalid input."""
     parsed = _parser().parse_args(arguments)
     try:
         with compilations(_announce):
-            parsed.run(parsed)
+            return int(parsed.run(parsed) or 0)
     except StereocalError as error:
         say(f"stereocal: {error}")
         return 2
-    return 0
 
 
 def _announce(compiled: int) -> None:

@@ -23,6 +23,7 @@ from stereocal.errors import StereocalError
 from stereocal.formats.evaluation_files import Evaluation, validation_figures
 from stereocal.refined.diagnosis import explain_failure, warnings_about_fit
 from stereocal.refined.disagreement import what_disagrees
+from stereocal.refined.free_baseline import note_on_free_baseline
 from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import refine
 from stereocal.refined.results import Calibration
@@ -74,7 +75,7 @@ def calibrate(
     chosen = _only(kept, frames)
     checks.check_points(chosen)
     reconstruction = reconstruction_problem(chosen, settings.known_points)
-    warnings = checks.warnings_about(chosen)
+    warnings = [*filter(None, [note_on_free_baseline(chosen)]), *checks.warnings_about(chosen)]
 
     report("essential")
     start = _essential(chosen, settings, reconstruction, screening)
@@ -97,7 +98,8 @@ def calibrate(
     if refined is not None:
         report("refined")
         try:
-            refined_result = refine(chosen, refined, start.pose)
+            # Without an initial pose, as for a stored calibration: its files are the same.
+            refined_result = refine(chosen, refined)
         except StereocalError as error:
             warnings.append(f"There is no refined set: {error}")
     return Calibration(
@@ -187,6 +189,8 @@ class Answer:
     validation: Mapping[Any, Validated]
     """The entries of the files on the validation, by method; empty without one."""
     recommendation: Recommendation
+    evaluation: Evaluation | None = None
+    """The validation of the same data set; None without one, or with figures of a file."""
 
     @cached_property
     def inputs(self) -> list[Input]:
@@ -234,7 +238,7 @@ def answer(
     if evaluation is not None:
         validation = validation or validation_figures(evaluation.summaries, evaluation.settings)
     found = recommend(calibration, outlook, validation)
-    return Answer(calibration, outlook, validation or {}, found)
+    return Answer(calibration, outlook, validation or {}, found, evaluation)
 
 
 def conclusions_of_seeds(

@@ -28,6 +28,7 @@ ORDER = (
     "formats",
     "figures",
     "workflow",
+    "paper_kit",
     "projects",
     "commands",
     "cli",

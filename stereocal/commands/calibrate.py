@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from stereocal.calibration.methods import METHODS, Method
+from stereocal.commands.compiling import compile_apart
 from stereocal.commands.options import (
     add_lens_model,
     add_search_options,
@@ -86,11 +87,26 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
         metavar="SUMMARY.JSON",
         help="summary.json of evaluate: copies its figures and threshold into the files",
     )
+    command.add_argument(
+        "--kit",
+        action="store_true",
+        help="also write paper_kit.zip: methods, figures, table, and an archive for reproduce",
+    )
 
 
 def run(parsed: argparse.Namespace) -> None:
-    """Calibrate, validate, write the files, print the table and the recommendation."""
+    """Calibrate, validate, write the files, print the table and the recommendation.
+
+    Raises:
+        StereocalError: bad input; or a kit of figures that cannot be computed again.
+    """
+    if parsed.kit and parsed.validation:
+        raise StereocalError(
+            "A paper kit holds what computes its files again: give --kit or --validation."
+        )
     dataset = with_sigmas(read_input(parsed.dataset, parsed.lens_model), parsed)
+    if parsed.kit:
+        compile_apart()
     settings = settings_from(parsed, parsed.calibration_frames)
     free = tuple(parsed.free_distortion)
     refined = refine_settings_from(parsed, free) if parsed.refined else None
@@ -99,6 +115,10 @@ def run(parsed: argparse.Namespace) -> None:
     evaluation = validate(calibration, refined, parsed.runs) if parsed.runs else None
     found = answer(calibration, outlook_of(calibration), evaluation, figures)
     files = {parsed.out / FILES[name]: own.dumps().encode() for name, own in found.sets.items()}
+    if parsed.kit:
+        from stereocal.paper_kit.kit import paper_kit  # Matplotlib: 0.4 s
+
+        files[parsed.out / "paper_kit.zip"] = paper_kit(found)
     write_all(files)
     rows = dataset.correspondences
     print(
@@ -134,11 +154,21 @@ def validate(
         refined,
     )
     try:
-        with engine() as executor, ProgressBar("random splits") as bar:
-            found = evaluate([kept], settings, executor, bar.show)
+        return evaluation_of(calibration, settings)
     except StereocalError as error:
         print(f"No validation: {error}")
         return None
+
+
+def evaluation_of(calibration: Calibration, settings: EvaluationSettings) -> Evaluation:
+    """A validation of the frames not left out, with its progress on stderr.
+
+    Raises:
+        StereocalError: there are too few frames.
+    """
+    kept = calibration.screening.dataset
+    with engine() as executor, ProgressBar("random splits") as bar:
+        found = evaluate([kept], settings, executor, bar.show)
     assert found is not None  # nobody cancels here
     return Evaluation(found, settings, [kept.name], [calibration.dataset.sha256])
 

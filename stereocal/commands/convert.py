@@ -5,13 +5,12 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from stereocal.commands.options import add_lens_model
-from stereocal.errors import StereocalError
+from stereocal.commands.options import add_lens_model, image_size
 from stereocal.formats.exchange.exchange import FORMATS, export, export_notes, import_parameters
 from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.pixel_origin import CORNERS, FLIPS, PixelOrigin
 from stereocal.formats.units import UNITS
-from stereocal.matching.reconstruction import read_world
+from stereocal.formats.world_file import read_world
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.parameters import RigParameters
 
@@ -63,7 +62,8 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
         "--world",
         type=Path,
         metavar="FILE",
-        help="4x4 matrix (JSON or CSV) from the primary camera's coordinates to yours",
+        help="world.json of the command world, or a 4x4 matrix (JSON or CSV) from the primary "
+        "camera's coordinates to yours",
     )
     for which in CAMERAS:
         command.add_argument(
@@ -76,7 +76,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
 def run(parsed: argparse.Namespace) -> None:
     """Convert, and print the files written."""
     options = ExchangeOptions(
-        (_size(parsed.image_size_primary), _size(parsed.image_size_secondary)),
+        (image_size(parsed.image_size_primary), image_size(parsed.image_size_secondary)),
         PixelOrigin(parsed.image_origin, parsed.first_pixel, parsed.flip),
         None if parsed.world is None else read_world(parsed.world),
         parsed.unit,
@@ -92,17 +92,3 @@ def run(parsed: argparse.Namespace) -> None:
         written = [parsed.out]
     for path in written:
         print(f"wrote {path}")
-
-
-def _size(text: str | None) -> tuple[int, int] | None:
-    if text is None:
-        return None
-    try:
-        width, height = (int(side) for side in text.lower().split("x"))
-    except ValueError:
-        raise StereocalError(
-            f'The image size "{text}" is not width x height, as 1280x1024.'
-        ) from None
-    if width < 1 or height < 1:
-        raise StereocalError(f'The image size "{text}" is not possible.')
-    return width, height

@@ -15,6 +15,7 @@ from stereocal.formats.dataset_files import read_survey
 from stereocal.frames.frame import correspondences_of, describe_frames, report_line
 from stereocal.frames.pairing import Pairing, pair_names
 from stereocal.frames.search import compile_detection, detect_frames
+from stereocal.frames.video.extract import VideoSettings, extract
 from stereocal.system.atomic_files import write_atomically
 from stereocal.system.photograph_files import of_the_bar, photographs_in
 
@@ -28,6 +29,26 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     )
     command.add_argument("--out", type=Path, required=True, help="the table: correspondences.csv")
     command.add_argument(
+        "--videos",
+        type=Path,
+        nargs=2,
+        metavar=("PRIMARY", "SECONDARY"),
+        help="take frames of two videos first, into primary/ and secondary/ of the folder",
+    )
+    command.add_argument(
+        "--every",
+        type=int,
+        metavar="N",
+        help="of the videos, every N-th frame (default: the sharpest still one of each second)",
+    )
+    command.add_argument(
+        "--clock-ahead",
+        type=float,
+        metavar="S",
+        help="by how many seconds the secondary's time stamps are ahead (default: both videos "
+        "start at the same moment)",
+    )
+    command.add_argument(
         "--doubtful", action="store_true", help="doubtful frames go into the table too"
     )
     add_lens_model(command)
@@ -37,6 +58,8 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
 def run(parsed: argparse.Namespace) -> None:
     """Find the targets, print a line per frame, write the table."""
     survey = read_survey(parsed.dataset, parsed.lens_model)
+    if parsed.videos is not None:
+        _take_frames(parsed)
     with tempfile.TemporaryDirectory(prefix="stereocal-") as store:
         with ProgressBar("photographs unpacked") as unpacking:
             photographs = photographs_in(parsed.dataset, Path(store), unpacking.show)
@@ -59,6 +82,30 @@ def run(parsed: argparse.Namespace) -> None:
     say(describe_frames(frames))
     write_atomically(parsed.out, write_table(correspondences_of(frames)))
     print(f"wrote {parsed.out}")
+
+
+def _take_frames(parsed: argparse.Namespace) -> None:
+    """Write frames of two videos into the folder of the data set."""
+    if not parsed.dataset.is_dir():
+        raise StereocalError(f"{parsed.dataset}: with --videos, the data set must be a folder.")
+    if parsed.every is not None and parsed.every < 1:
+        raise StereocalError(f"--every is {parsed.every}: it must be 1 or more.")
+    settings = VideoSettings(
+        "still" if parsed.every is None else "every", parsed.every or 1, parsed.clock_ahead
+    )
+    first, second = parsed.videos
+    with ExitStack() as stack:
+        bars: list[ProgressBar] = []
+        report = extract(
+            (first, second),
+            settings,
+            lambda name, content: write_atomically(parsed.dataset / name, content),
+            begin=lambda stage: bars.append(stack.enter_context(ProgressBar(stage))),
+            progress=lambda done, total: bars[-1].show(done, total),
+        )
+    assert report is not None  # nobody cancels here
+    for sentence in report.sentences:
+        say(sentence)
 
 
 def _refuse_unclear(pairing: Pairing, source: str) -> None:

@@ -10,6 +10,7 @@ from dataclasses import replace
 
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.calibration.montecarlo import SearchSettings
+from stereocal.errors import StereocalError
 from stereocal.formats.lens_model import LENS_MODELS
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import CameraName
@@ -88,6 +89,25 @@ def add_lens_model(parser: argparse.ArgumentParser) -> None:
         ("--distance-sigma", "the distance between the targets"),
     ):
         parser.add_argument(option, type=float, metavar="S", help=f"standard error of {what}, m")
+
+
+def image_size(text: str | None) -> tuple[int, int] | None:
+    """An image size written as 1280x1024; None if there is none.
+
+    Raises:
+        StereocalError: the text is no such size.
+    """
+    if text is None:
+        return None
+    try:
+        width, height = (int(side) for side in text.lower().split("x"))
+    except ValueError:
+        raise StereocalError(
+            f'The image size "{text}" is not width x height, as 1280x1024.'
+        ) from None
+    if width < 1 or height < 1:
+        raise StereocalError(f'The image size "{text}" is not possible.')
+    return width, height
 
 
 def add_workers(parser: argparse.ArgumentParser) -> None:

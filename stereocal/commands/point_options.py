@@ -53,15 +53,7 @@ def add_point_options(parser: argparse.ArgumentParser) -> None:
         help='columns by name or number (from 1), with --layout columns or table; "-" as FRAME '
         "counts the rows",
     )
-    group.add_argument(
-        "--image-origin", choices=CORNERS, help="origin of the points (default: the layout's)"
-    )
-    group.add_argument(
-        "--first-pixel", type=float, metavar="N", help="coordinate of the first pixel's centre"
-    )
-    group.add_argument(
-        "--flip", choices=FLIPS, help="lower left: v' = this minus v, with the image height h"
-    )
+    add_origin(group)
     group.add_argument("--px-per-unit", type=float, metavar="N", help="pixels in one unit")
     group.add_argument(
         "--least-likelihood",
@@ -69,6 +61,31 @@ def add_point_options(parser: argparse.ArgumentParser) -> None:
         metavar="P",
         help="leave out less likely points",
     )
+
+
+def add_origin(parser: argparse._ActionsContainer) -> None:
+    """The options of the pixel origin."""
+    parser.add_argument(
+        "--image-origin", choices=CORNERS, help="origin of the points (default: the layout's)"
+    )
+    parser.add_argument(
+        "--first-pixel", type=float, metavar="N", help="coordinate of the first pixel's centre"
+    )
+    parser.add_argument(
+        "--flip", choices=FLIPS, help="lower left: v' = this minus v, with the image height h"
+    )
+
+
+def two_cameras(text: str) -> tuple[str, str]:
+    """The primary and the secondary of `--cameras`.
+
+    Raises:
+        StereocalError: not two names.
+    """
+    names = [name.strip() for name in text.split(",")]
+    if len(names) != 2:
+        raise StereocalError(f'--cameras is "{text}"; it must name two, as 1,2.')
+    return names[0], names[1]
 
 
 def point_tables(
@@ -161,10 +178,7 @@ def _camera(text: str | None, layout: PointLayout, which: int, source: str) -> s
                 "which are the primary and the secondary, as --cameras 1,2."
             )
         return None
-    names = [name.strip() for name in text.split(",")]
-    if len(names) != 2:
-        raise StereocalError(f'--cameras is "{text}"; it must name two, as 1,2.')
-    name = names[which]
+    name = two_cameras(text)[which]
     number = int(name) if name.isdecimal() else 0
     if name in cameras or f"cam{name}" in cameras:
         return name if name in cameras else f"cam{name}"

@@ -10,9 +10,10 @@ import numpy as np
 
 from stereocal.commands.options import add_workers, workers_from
 from stereocal.commands.progress import ProgressBar
+from stereocal.formats.world_file import read_world
 from stereocal.matching.matching import refuse_different_rigs
 from stereocal.matching.point_table import PointTable
-from stereocal.matching.reconstruction import read_world, reconstruct_points
+from stereocal.matching.reconstruction import reconstruct_points
 from stereocal.matching.reconstruction_files import PIXELS, reconstruct_table
 from stereocal.rig.parameters import RigParameters
 
@@ -32,7 +33,8 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
         "--world",
         type=Path,
         metavar="FILE",
-        help="4x4 matrix (JSON or CSV) from the primary camera's coordinates to yours",
+        help="world.json of the command world, or a 4x4 matrix (JSON or CSV) from the primary "
+        "camera's coordinates to yours",
     )
     command.add_argument(
         "--sigma-px",

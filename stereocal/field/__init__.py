@@ -1,1 +1,1 @@
-"""Before and after the field day: plan, print, check."""
+"""Before and after the field day: plan, print, check, world frame."""

@@ -43,7 +43,7 @@ SIZES = {"essential": 9, "2d": 7, "3d": 8}
 
 
 @dataclass(frozen=True, eq=False)
-class _Panel:
+class FramePanel:
     """One kind of error: frames, values by method, and the frames to label."""
 
     title: str
@@ -83,7 +83,7 @@ def plot_frame_errors(calibration: Calibration, chosen: int | None = None) -> go
     """
     figure = make_subplots(rows=2, cols=1, shared_xaxes=True, vertical_spacing=0.05)
     finish(figure, HEIGHT)
-    panels = _panels(calibration)
+    panels = frame_panels(calibration)
     for row, panel in enumerate(panels, start=1):
         for method in METHODS:
             _add_method(figure, row, calibration, panel, method)
@@ -104,7 +104,7 @@ def plot_frame_errors(calibration: Calibration, chosen: int | None = None) -> go
 def describe_frame_errors(calibration: Calibration) -> str:
     """The figure in words: median and largest errors of the methods, and outlying frames."""
     parts = []
-    for panel in _panels(calibration):
+    for panel in frame_panels(calibration):
         values = [
             f"{METHOD_NAMES[method]} {_number(_median(errors))} and {_number(_largest(errors))}"
             for method, errors in panel.values.items()
@@ -119,7 +119,7 @@ def describe_frame_errors(calibration: Calibration) -> str:
     named = ", ".join(map(str, outliers[:MAXIMUM_LABELS]))
     more = " and more" if len(outliers) > MAXIMUM_LABELS else ""
     ending = [
-        *_missing(_panels(calibration)),
+        *_missing(frame_panels(calibration)),
         f"{count(len(outliers), 'frame')} standing out{': ' if outliers else ''}{named}{more}",
     ]
     return (
@@ -129,14 +129,15 @@ def describe_frame_errors(calibration: Calibration) -> str:
     )
 
 
-def _panels(calibration: Calibration) -> tuple[_Panel, _Panel]:
+def frame_panels(calibration: Calibration) -> tuple[FramePanel, FramePanel]:
+    """Reprojection errors and length errors of the paper's methods."""
     return (
-        _Panel(
+        FramePanel(
             "Reprojection error", "px", calibration.dataset.correspondences.frames,
             {method: frame_reprojection_px(calibration, method) for method in METHODS},
             "2d", reprojection_outliers(calibration),
         ),
-        _Panel(
+        FramePanel(
             "Length error", "%", bar_frames(calibration),
             {method: 100 * calibration.errors[method].length for method in METHODS},
             "3d", length_outliers(calibration),
@@ -145,7 +146,7 @@ def _panels(calibration: Calibration) -> tuple[_Panel, _Panel]:
 
 
 def _add_method(
-    figure: go.Figure, row: int, calibration: Calibration, panel: _Panel, method: Method
+    figure: go.Figure, row: int, calibration: Calibration, panel: FramePanel, method: Method
 ) -> None:
     """Draw up to three traces: calibration frames filled, held-out open, left-out dotted."""
     left = held_out(calibration, panel.frames)
@@ -176,7 +177,7 @@ def _add_method(
         )  # fmt: skip
 
 
-def _add_labels(figure: go.Figure, row: int, panel: _Panel) -> None:
+def _add_labels(figure: go.Figure, row: int, panel: FramePanel) -> None:
     """Label the outlying frames above their highest symbol, worst first, without overlap."""
     at, heights = _labelled(panel)
     if not len(at):
@@ -192,7 +193,7 @@ def _add_labels(figure: go.Figure, row: int, panel: _Panel) -> None:
     )  # fmt: skip
 
 
-def _labelled(panel: _Panel) -> tuple[IntArray, FloatArray]:
+def _labelled(panel: FramePanel) -> tuple[IntArray, FloatArray]:
     """Indices into `panel.frames` of the outlying frames to label, and the label heights."""
     at = np.flatnonzero(np.isin(panel.frames, panel.outliers))
     at = at[np.isfinite(panel.values[panel.labelled][at])]
@@ -213,12 +214,12 @@ def _labelled(panel: _Panel) -> tuple[IntArray, FloatArray]:
     return at[kept], heights[kept]
 
 
-def _height_of_axis(panel: _Panel) -> float:
+def _height_of_axis(panel: FramePanel) -> float:
     """The length of the axis, in decades if it is logarithmic."""
     if not len(panel.known):
         return 1.0
     if panel.is_log:
-        return float(np.log10(panel.known.max() / _lowest_drawn(panel)))
+        return float(np.log10(panel.known.max() / lowest_drawn(panel)))
     return float(panel.known.max()) or 1.0
 
 
@@ -241,37 +242,38 @@ def _add_key(figure: go.Figure, calibration: Calibration) -> None:
         )  # fmt: skip
 
 
-def _scale(panel: _Panel) -> dict[str, object]:
+def _scale(panel: FramePanel) -> dict[str, object]:
     if not panel.is_log:
         top = 1.15 * panel.known.max(initial=0.0)
         return {"type": "linear", "range": [0.0, top or 1.0]}
-    low, high = _lowest_drawn(panel) / 1.3, panel.known.max() * 3
+    low, high = lowest_drawn(panel) / 1.3, panel.known.max() * 3
     return {"type": "log", "range": [np.log10(low), np.log10(high)], "dtick": 1}
 
 
-def _lowest_drawn(panel: _Panel) -> float:
+def lowest_drawn(panel: FramePanel) -> float:
+    """Lower end of a logarithmic axis."""
     positive = panel.known[panel.known > 0]
     return float(max(positive.min(), LOWEST_OF_MEDIAN * panel.smallest_median))
 
 
-def _frame_title(calibration: Calibration, panels: tuple[_Panel, ...]) -> str:
+def _frame_title(calibration: Calibration, panels: tuple[FramePanel, ...]) -> str:
     """The title of the frame axis, with notes on values that are not drawn."""
     title = f"Frame (n = {len(calibration.dataset.correspondences.frames)})"
     notes = _missing(panels)
     for panel in panels:
         if not len(panel.frames):
             notes.append("no frame has both targets, so there is no length")
-        below = int((panel.known < _lowest_drawn(panel)).sum()) if panel.is_log else 0
+        below = int((panel.known < lowest_drawn(panel)).sum()) if panel.is_log else 0
         if below:
             notes.append(
                 f"{count(below, panel.title.lower())} below "
-                f"{_lowest_drawn(panel):.1g} {panel.unit} out of view"
+                f"{lowest_drawn(panel):.1g} {panel.unit} out of view"
             )
     lines = [line for note in notes for line in textwrap.wrap(note[0].upper() + note[1:], 44)]
     return "<br>".join([title, *lines])
 
 
-def _missing(panels: tuple[_Panel, ...]) -> list[str]:
+def _missing(panels: tuple[FramePanel, ...]) -> list[str]:
     """A note for each method and error with frames that have no value."""
     return [
         f"{METHOD_NAMES[method]}: {count(int(np.isnan(values).sum()), 'frame')} without "

@@ -22,3 +22,7 @@ HEADINGS: Mapping[str, str] = {
     "outside_volume": "Outside the volume of the bars",
 }
 """By the name of the column; a column of the user keeps its name."""
+IN_WORLD: Mapping[str, str] = {
+    **HEADINGS, "x": "x (m)", "y": "y (m)", "z": "z (m)", "coordinates": "World frame",
+}  # fmt: skip
+"""Of points in a world frame."""

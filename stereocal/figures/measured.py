@@ -9,10 +9,11 @@ import numpy as np
 import pandas as pd
 import plotly.graph_objects as go
 
-from stereocal.figures.space import VIEWS, add_cameras, eye_of, set_scene, upright
+from stereocal.figures.space import VIEWS, Scene, add_cameras, eye_of, set_scene, upright
 from stereocal.figures.style import METHOD_COLOURS, NEUTRAL, count, finish, sentence_only
 from stereocal.matching.lengths import LengthCheck
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
+from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
 
 HEIGHT = 560
@@ -37,8 +38,10 @@ def plot_points(
     view: str = VIEWS[0],
     tracks: Sequence[IntArray] = (),
     frame: int | None = None,
+    world: Pose | None = None,
 ) -> go.Figure:
-    """The points in the primary camera's frame, with both cameras; equal axes, metres.
+    """The points in the primary camera's frame or a world frame, with both cameras; equal axes,
+    metres.
 
     Args:
         points: rows of `points.csv`.
@@ -47,13 +50,16 @@ def plot_points(
         view: one of `VIEWS`.
         tracks: rows that are connected by lines.
         frame: a frame to mark.
+        world: `world_from_primary` of the points; None: they are in the primary's frame.
     """
-    xyz = points[["x", "y", "z"]].to_numpy(dtype=np.float64)
+    scene = Scene.of_world(world)
+    xyz = scene.points(points[["x", "y", "z"]].to_numpy(dtype=np.float64))
     seen = in_view(xyz)
     shown = np.flatnonzero(seen)
     if not len(shown):
         return sentence_only("No pair meets in front of both cameras: there is nothing to draw.")
-    target, depth = np.median(xyz[shown], axis=0), float(np.percentile(xyz[shown, 2], 98))
+    target = np.median(xyz[shown], axis=0)
+    depth = float(np.percentile(scene.from_primary.inverse().apply(xyz[shown])[:, 2], 98))
     frames = points["frame"].to_numpy(dtype=np.int64)
     of_frame = shown[frames[shown] == frame][:MAXIMUM_MARKED]
     shown = shown[:: -(-len(shown) // MAXIMUM_DRAWN)]
@@ -74,7 +80,8 @@ def plot_points(
             **({"tickformat": "d"} if colour == "frame" else {}),
         },
     }  # fmt: skip
-    about = np.column_stack([frames, points["error_px"], xyz[:, 1]])
+    about = np.column_stack([frames, points["error_px"], points[["x", "y", "z"]]])
+    x, y, z = ("", "", "") if scene.is_world else (" (right)", " (down)", " (depth)")
     outside = outside_volume(points)
     for some, symbol, name in (
         (shown[~outside[shown]], "circle", "Points"),
@@ -91,8 +98,9 @@ def plot_points(
                 },
                 customdata=about[some],
                 hovertemplate=(
-                    "frame %{customdata[0]:d}, error %{customdata[1]:.3f} px<br>x %{x:.3f} m "
-                    "(right), y %{customdata[2]:.3f} m (down), z %{y:.3f} m (depth)<extra></extra>"
+                    "frame %{customdata[0]:d}, error %{customdata[1]:.3f} px<br>"
+                    f"x %{{customdata[2]:.3f}} m{x}, y %{{customdata[3]:.3f}} m{y}, "
+                    f"z %{{customdata[4]:.3f}} m{z}<extra></extra>"
                 ),
                 name=f"{name} (n = {len(some)})",
             )
@@ -105,8 +113,8 @@ def plot_points(
                         "size": 8 if len(of_frame) <= 20 else 4},
             )
         )  # fmt: skip
-    add_cameras(figure, rig, depth)
-    set_scene(figure, eye_of(view, rig, target))
+    add_cameras(figure, rig, depth, scene)
+    set_scene(figure, eye_of(view, rig, target, scene), scene)
     return figure
 
 
@@ -137,7 +145,9 @@ def drawn_tracks(tracks: Sequence[IntArray]) -> list[IntArray]:
     return [np.append(track[:-1:step], track[-1]) for track in some]
 
 
-def describe_points(points: pd.DataFrame, tracks: Sequence[IntArray] = ()) -> str:
+def describe_points(
+    points: pd.DataFrame, tracks: Sequence[IntArray] = (), world: Pose | None = None
+) -> str:
     """The figure in words."""
     xyz = points[["x", "y", "z"]].to_numpy(dtype=np.float64)
     finite = np.isfinite(xyz).all(axis=1)
@@ -147,8 +157,8 @@ def describe_points(points: pd.DataFrame, tracks: Sequence[IntArray] = ()) -> st
     x, y, z = (xyz[shown, k] for k in range(3))
     text = (
         f"{count(int(shown.sum()), 'point')} of {count(points['frame'].nunique(), 'frame')}: x "
-        f"from {x.min():.2f} to {x.max():.2f} m, y from {y.min():.2f} to {y.max():.2f} m, depth z "
-        f"from {z.min():.2f} to {z.max():.2f} m"
+        f"from {x.min():.2f} to {x.max():.2f} m, y from {y.min():.2f} to {y.max():.2f} m, "
+        f"{'depth ' if world is None else ''}z from {z.min():.2f} to {z.max():.2f} m"
     )
     if outside := int((outside_volume(points) & shown).sum()):
         text += f"; {outside} of them outside the volume of the bars, with open symbols"

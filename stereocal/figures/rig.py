@@ -34,7 +34,7 @@ HEIGHT = 520
 
 
 @dataclass(frozen=True, eq=False)
-class _Scene:
+class RigScene:
     """The data set reconstructed by one method, in the primary camera's frame."""
 
     dataset: Dataset
@@ -93,7 +93,7 @@ def plot_rig(calibration: Calibration, method: str, view: str = VIEWS[0]) -> go.
         StereocalError: an unknown method, or there is no refined set.
     """
     chosen = _method(method)
-    scene = _scene(calibration, chosen)
+    scene = scene_of(calibration, chosen)
     figure = finish(go.Figure(), HEIGHT)
     _add_bars(figure, scene, chosen)
     _add_targets(figure, scene)
@@ -107,7 +107,7 @@ def plot_rig(calibration: Calibration, method: str, view: str = VIEWS[0]) -> go.
 def describe_rig(calibration: Calibration, method: str) -> str:
     """The figure in words."""
     chosen = _method(method)
-    scene = _scene(calibration, chosen)
+    scene = scene_of(calibration, chosen)
     x, y, z = scene.secondary_centre
     text = (
         f"The rig with the {METHOD_NAMES[chosen]}: the secondary camera is "
@@ -135,19 +135,24 @@ def _method(name: str) -> Method:
     raise StereocalError(f'The method "{name}" is not known: {", ".join(ALL_METHODS)}.')
 
 
-def _scene(calibration: Calibration, method: Method) -> _Scene:
+def scene_of(calibration: Calibration, method: Method) -> RigScene:
+    """The bars and the rig of one method.
+
+    Raises:
+        StereocalError: there is no refined set.
+    """
     dataset = calibration.dataset
     if method != "refined":
         rig = Rig(dataset.primary, dataset.secondary, calibration.methods[method].pose)
-        return _Scene(dataset, rig, calibration.errors[method])
+        return RigScene(dataset, rig, calibration.errors[method])
     refined, errors = calibration.refined, calibration.refined_errors
     if refined is None or errors is None:
         raise StereocalError("There is no refined set.")
     rig = Rig(refined.primary, refined.secondary, refined.pose)
-    return _Scene(refined.apply(dataset), rig, errors)
+    return RigScene(refined.apply(dataset), rig, errors)
 
 
-def _add_bars(figure: go.Figure, scene: _Scene, method: Method) -> None:
+def _add_bars(figure: go.Figure, scene: RigScene, method: Method) -> None:
     """One trace for all bars: A, centre, B, gap; the centre is a hover point."""
     bars = scene.bars[scene.drawn]
     path = np.full((len(bars), 4, 3), np.nan)
@@ -164,7 +169,7 @@ def _add_bars(figure: go.Figure, scene: _Scene, method: Method) -> None:
     )  # fmt: skip
 
 
-def _add_targets(figure: go.Figure, scene: _Scene) -> None:
+def _add_targets(figure: go.Figure, scene: RigScene) -> None:
     rows = scene.dataset.correspondences
     of_bar = dict.fromkeys(range(len(rows)), "no bar: the other target is missing")
     for pair, text in zip(rows.bars, scene.hover, strict=True):

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 import plotly.graph_objects as go
@@ -10,6 +11,7 @@ import plotly.graph_objects as go
 from stereocal.figures.style import GRID_3D, NEUTRAL, TRANSPARENT
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
 
 VIEWS = ("Behind", "Above", "Side", "Camera 1", "Camera 2")
@@ -22,6 +24,41 @@ EYE_OF_DIAGONAL = 1.25
 BEHIND = (0.5, -0.42, -0.76)
 """Behind, right of and above the primary camera."""
 AXIS_TITLES = {"xaxis": "x (m)", "yaxis": "z (m), depth", "zaxis": "−y (m), up"}
+WORLD_TITLES = {"xaxis": "x (m)", "yaxis": "y (m)", "zaxis": "z (m)"}
+Z_UP = Pose(np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]), np.zeros(3))
+"""From a frame whose z axis points up to one whose y axis points down."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """The frame of a scene, whose y axis points down: the primary's, or one of a world frame."""
+
+    from_primary: Pose = field(default_factory=lambda: Pose(np.eye(3), np.zeros(3)))
+    is_world: bool = False
+
+    @classmethod
+    def of_world(cls, world: Pose | None) -> Scene:
+        """The scene of points in a world frame (`world_from_primary`), else in the primary's."""
+        return cls() if world is None else cls(Z_UP @ world, True)
+
+    @property
+    def titles(self) -> Mapping[str, str]:
+        """Of the figure's axes."""
+        return WORLD_TITLES if self.is_world else AXIS_TITLES
+
+    def points(self, xyz: FloatArray) -> FloatArray:
+        """Points (n, 3) of a table, in the scene's frame."""
+        return Z_UP.apply(xyz) if self.is_world else xyz
+
+    def place(self, point: FloatArray) -> str:
+        """A point (3,) of the scene in words."""
+        x, y, z = _upright(point) if self.is_world else point
+        if self.is_world:
+            return f"x {x:.3f} m, y {y:.3f} m, z {z:.3f} m"
+        return f"x {x:.3f} m (right), y {y:.3f} m (down), z {z:.3f} m (depth)"
+
+
+IN_CAMERA = Scene()
 
 
 def upright(points: FloatArray) -> dict[str, FloatArray]:
@@ -45,36 +82,36 @@ class Eye:
     """What is up in the view."""
 
 
-def eye_of(view: str, rig: Rig, target: FloatArray) -> Eye:
-    """One of `VIEWS` of a scene around a point (3,), metres."""
-    first, second = np.zeros(3), rig.pose.inverse().T
+def eye_of(view: str, rig: Rig, target: FloatArray, scene: Scene = IN_CAMERA) -> Eye:
+    """One of `VIEWS` of a scene around a point (3,), metres.
+
+    Args:
+        scene: in whose frame `target` is given.
+    """
+    first = scene.from_primary.T
+    second = scene.from_primary.apply(rig.pose.inverse().T)
     if view.startswith("Camera"):
         return Eye(target, at=first if view == "Camera 1" else second)
     middle = 0.5 * (0.5 * (first + second) + target)
     if view == "Above":  # depth to the right, since figures are wide
-        return Eye(middle, (0.0, -1.0, 0.0), up=(-1.0, 0.0, 0.0))
-    return Eye(middle, (1.0, 0.0, 0.0) if view == "Side" else BEHIND)
+        return Eye(middle, (0.0, -1.0, 0.0), up=_turned(scene, (-1.0, 0.0, 0.0)))
+    return Eye(middle, _turned(scene, (1.0, 0.0, 0.0) if view == "Side" else BEHIND))
 
 
-def add_cameras(figure: go.Figure, rig: Rig, depth: float) -> None:
+def _turned(scene: Scene, direction: tuple[float, float, float]) -> tuple[float, float, float]:
+    x, y, z = (scene.from_primary.R @ direction).tolist()
+    return x, y, z
+
+
+def add_cameras(figure: go.Figure, rig: Rig, depth: float, scene: Scene = IN_CAMERA) -> None:
     """Draw both frusta with labelled optical centres, and the baseline.
 
     Args:
         depth: of the scene, metres: the frusta are drawn in proportion.
+        scene: in whose frame they are drawn.
     """
-    size = FRUSTUM_OF_DEPTH * depth
-    primary_from_secondary = rig.pose.inverse()
-    for name, camera, centre, corners in (
-        ("primary", rig.primary, np.zeros(3), _corners(rig.primary, size)),
-        (
-            "secondary", rig.secondary, primary_from_secondary.T,
-            primary_from_secondary.apply(_corners(rig.secondary, size)),
-        ),
-    ):  # fmt: skip
-        a, b, c, d = corners
-        gap = np.full(3, np.nan)
-        # From the centre round each side of the image.
-        path = np.array([centre, a, b, centre, gap, centre, c, d, centre, gap, b, c, gap, d, a])
+    for name, camera, path in frusta(rig, depth, scene):
+        centre = path[0]
         figure.add_trace(
             go.Scatter3d(
                 **upright(path), mode="lines", line={"color": NEUTRAL, "width": 4},
@@ -86,19 +123,43 @@ def add_cameras(figure: go.Figure, rig: Rig, depth: float) -> None:
             go.Scatter3d(
                 **upright(centre), mode="markers+text", text=[name], textposition="bottom center",
                 marker={"color": NEUTRAL, "size": 5}, textfont={"size": 14}, showlegend=False,
-                hovertemplate=f"{name} camera, {width} × {height} px<br>x {centre[0]:.3f} m (right)"
-                f", y {centre[1]:.3f} m (down), z {centre[2]:.3f} m (depth)<extra></extra>",
+                hovertemplate=f"{name} camera, {width} × {height} px<br>"
+                f"{scene.place(centre)}<extra></extra>",
                 name=f"optical centre, {name}",
             )
         )  # fmt: skip
     length = f"{rig.pose.baseline:.3f} m"
     figure.add_trace(
         go.Scatter3d(
-            **upright(np.array([np.zeros(3), primary_from_secondary.T])), mode="lines",
+            **upright(np.array([scene.from_primary.T, _secondary_in(scene, rig).T])), mode="lines",
             line={"color": NEUTRAL, "width": 3, "dash": "dash"},
             hovertemplate=f"baseline {length}<extra></extra>", name=f"Baseline {length}",
         )
     )  # fmt: skip
+
+
+def frusta(
+    rig: Rig, depth: float, scene: Scene = IN_CAMERA
+) -> Iterator[tuple[str, Camera, FloatArray]]:
+    """Name, camera and outline of each frustum in proportion to a depth in metres.
+
+    An outline is a path (k, 3) with gaps of NaN, which begins at the optical centre.
+    """
+    gap = np.full(3, np.nan)
+    for name, camera, pose in (
+        ("primary", rig.primary, scene.from_primary),
+        ("secondary", rig.secondary, _secondary_in(scene, rig)),
+    ):
+        centre = pose.T
+        a, b, c, d = pose.apply(_corners(camera, FRUSTUM_OF_DEPTH * depth))
+        # From the centre round each side of the image.
+        path = [centre, a, b, centre, gap, centre, c, d, centre, gap, b, c, gap, d, a]
+        yield name, camera, np.array(path)
+
+
+def _secondary_in(scene: Scene, rig: Rig) -> Pose:
+    """The secondary camera in the frame of a scene."""
+    return scene.from_primary @ rig.pose.inverse()
 
 
 def _corners(camera: Camera, depth: float) -> FloatArray:
@@ -110,7 +171,7 @@ def _corners(camera: Camera, depth: float) -> FloatArray:
     return corners
 
 
-def set_scene(figure: go.Figure, eye: Eye | None = None) -> None:
+def set_scene(figure: go.Figure, eye: Eye | None = None, scene: Scene = IN_CAMERA) -> None:
     """Set equal axes in metres, and a viewpoint; without one everything is seen from behind."""
     axis = {
         "showbackground": False, "gridcolor": GRID_3D, "linecolor": GRID_3D, "zeroline": False,
@@ -127,7 +188,7 @@ def set_scene(figure: go.Figure, eye: Eye | None = None) -> None:
                 **axis, "range": [low[at], high[at]],
                 "title": {"text": title, "font": {"size": 14}},
             }
-            for at, (name, title) in enumerate(AXIS_TITLES.items())
+            for at, (name, title) in enumerate(scene.titles.items())
         },
     }  # fmt: skip
 

@@ -135,7 +135,9 @@ def contents_table(dataset: Dataset) -> pd.DataFrame:
         f"{primary.K[0, 0]:.1f} px",
         "Secondary image": f"{secondary.image_size[0]} × {secondary.image_size[1]} px, focal "
         f"length {secondary.K[0, 0]:.1f} px",
-        "Baseline": f"{dataset.baseline_m:g} m",
+        "Baseline": f"{dataset.baseline_m:.4g} m, found from the lengths of the bars"
+        if dataset.baseline_is_free
+        else f"{dataset.baseline_m:g} m",
         "Distance between the targets": _distances(dataset),
     }
     return pd.DataFrame({"Read": lines}).rename_axis("What")

@@ -68,7 +68,7 @@ def plot_validation(
     traces: list[dict[str, Any]] = _key(columns)
     for column in range(len(columns)):
         own = [panel for panel in panels if panel.column == column]
-        span = _span(own)
+        span = span_of(own)
         most = max((float(pdf.density.max(initial=0)) for p in own for pdf in p.pdfs), default=0.0)
         for panel in own:
             traces += _traces(panel, span, most or 1.0)
@@ -76,7 +76,7 @@ def plot_validation(
             layout[f"xaxis{panel.axis}"] |= _decades(panel, span, panel.row == rows - 1)
             layout[f"yaxis{panel.axis}"]["range"] = [0, 1.22 * (most or 1.0)]
         layout[f"xaxis{own[-1].axis}"]["title"] = {
-            **AXIS["title"], "text": AXIS_TITLES[own[0].quantity] + _outside(own, span),
+            **AXIS["title"], "text": "<br>".join(foot_of(own, span)),
         }  # fmt: skip
     # In one step: axis by axis, and trace by trace, Plotly takes 0.2 s.
     return go.Figure(data=traces, layout=layout)
@@ -116,7 +116,7 @@ def _decades(panel: Panel, span: tuple[float, float], labelled: bool) -> dict[st
     }  # fmt: skip
 
 
-def _span(panels: Sequence[Panel]) -> tuple[float, float]:
+def span_of(panels: Sequence[Panel]) -> tuple[float, float]:
     """log10 of the ends of a column's axis: the quantiles `SHOWN` of all PDFs, and all lines."""
     ends = [float(np.log10(panel.line)) for panel in panels]
     for panel in panels:
@@ -130,8 +130,8 @@ def _span(panels: Sequence[Panel]) -> tuple[float, float]:
     return min(ends) - margin, max(ends) + margin
 
 
-def _outside(panels: Sequence[Panel], span: tuple[float, float]) -> str:
-    """The numbers of values in bins that are completely outside the axis; empty without any."""
+def foot_of(panels: Sequence[Panel], span: tuple[float, float]) -> list[str]:
+    """The lines below a column: its quantity, and the numbers of values in bins out of view."""
     below = above = 0.0
     for panel in panels:
         for pdf in panel.pdfs:
@@ -141,7 +141,8 @@ def _outside(panels: Sequence[Panel], span: tuple[float, float]) -> str:
             above += float(counts[edges[:-1] >= span[1]].sum())
     sides = [(round(below), "smaller"), (round(above), "larger")]
     beyond = " and ".join(f"{n} {side}" for n, side in sides if n)
-    return f"<br>Not in view: {beyond} values" if beyond else ""
+    title = [AXIS_TITLES[panels[0].quantity]]
+    return [*title, f"Not in view: {beyond} values"] if beyond else title
 
 
 def _title(panel: Panel) -> dict[str, Any]:
@@ -176,7 +177,7 @@ def _traces(panel: Panel, span: tuple[float, float], highest: float) -> list[dic
 
 def _pdf(panel: Panel, pdf: Pdf, kind: str) -> dict[str, Any]:
     """A PDF as a filled step line; wrong pairs are hatched and dotted."""
-    drawn = _drawn(pdf)
+    drawn = drawn_bins(pdf)
     ends = panel.scale * 10 ** np.column_stack([pdf.edges[:-1], pdf.edges[1:]])[drawn]
     pairs = {"correct": CORRECT_COLOUR, "wrong": WRONG_COLOUR}
     unit, what = UNITS[panel.quantity], f"{kind} pairs" if panel.matching else "3D error"
@@ -194,7 +195,7 @@ def _pdf(panel: Panel, pdf: Pdf, kind: str) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _drawn(pdf: Pdf) -> slice:
+def drawn_bins(pdf: Pdf) -> slice:
     """The bins to draw, from one before the first value to one after the last."""
     filled = np.flatnonzero(pdf.density)
     if not len(filled):

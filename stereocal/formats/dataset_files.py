@@ -8,10 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
 
+import numpy as np
+
 from stereocal.errors import RefusedRowsError, StereocalError
 from stereocal.formats.camera_file import read_camera, write_camera
 from stereocal.formats.correspondences_csv import read_table, write_table
 from stereocal.formats.lens_model import LensModel
+from stereocal.refined.free_baseline import with_baseline_found
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.dataset import Correspondences, Dataset
 from stereocal.system.json_text import read_json
@@ -22,6 +25,8 @@ from stereocal.system.zip_files import open_zip, unzip
 DATASET_FORMAT = "stereocal-dataset/1"
 DESCRIPTION = "dataset.json"
 TABLE = "correspondences.csv"
+FREE = "free"
+"""`baseline_sigma_m` of a baseline that is not measured, but found from the lengths."""
 LONGEST_NAME = 200
 LARGEST_DESCRIPTION = 4_000_000
 TEXTS = frozenset((".json", ".csv", ".yaml", ".yml", ".xml"))
@@ -43,12 +48,12 @@ class Survey:
     notes: str
 
     def with_points(self, correspondences: Correspondences) -> Dataset:
-        """The data set.
+        """The data set; a free baseline is found from the lengths of its bars.
 
         Raises:
-            StereocalError: as `Dataset`.
+            StereocalError: as `Dataset`, or as `with_baseline_found`.
         """
-        return Dataset(correspondences=correspondences, **vars(self))
+        return with_baseline_found(Dataset(correspondences=correspondences, **vars(self)))
 
 
 def read_dataset(path: str | Path, lens_model: LensModel | None = None) -> Dataset:
@@ -174,7 +179,9 @@ def parse_survey(
         secondary=camera("secondary"),
         baseline_m=_length(description, "baseline_m", where),
         target_distance_m=_length(description, "target_distance_m", where),
-        baseline_sigma_m=_optional(description, "baseline_sigma_m", where),
+        baseline_sigma_m=np.inf
+        if description.get("baseline_sigma_m") == FREE
+        else _optional(description, "baseline_sigma_m", where),
         target_distance_sigma_m=_optional(description, "target_distance_sigma_m", where),
         notes=str(description.get("notes", "")),
     )
@@ -223,7 +230,7 @@ def pack_dataset(dataset: Dataset) -> dict[str, bytes]:
         "name": dataset.name,
         "baseline_m": dataset.baseline_m,
         "target_distance_m": dataset.target_distance_m,
-        "baseline_sigma_m": dataset.baseline_sigma_m,
+        "baseline_sigma_m": FREE if dataset.baseline_is_free else dataset.baseline_sigma_m,
         "target_distance_sigma_m": dataset.target_distance_sigma_m,
         "notes": dataset.notes or None,
         "cameras": {"primary": "primary.json", "secondary": "secondary.json"},

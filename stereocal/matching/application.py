@@ -22,6 +22,7 @@ from stereocal.matching.matching import ANY_DEPTH, refuse_different_rigs
 from stereocal.matching.matching_files import match_tables
 from stereocal.matching.pairs import POINT, pixels_of
 from stereocal.matching.point_table import PointTable
+from stereocal.matching.reconstruction import name_of_world
 from stereocal.matching.reconstruction_files import OUTSIDE_VOLUME, PIXELS, reconstruct_table
 from stereocal.matching.threshold import FramePixels, sample_of
 from stereocal.rig.camera import CAMERAS, Camera
@@ -60,6 +61,8 @@ class Application:
     measuring: RigParameters
     threshold_px: float
     depths_m: tuple[float, float] = ANY_DEPTH
+    world: Pose | None = None
+    """`world_from_primary` of the points; None: points in the primary's frame."""
 
     @property
     def digest(self) -> str:
@@ -67,6 +70,8 @@ class Application:
         of_sets = [digest_of(each) for each in (self.matching, self.measuring)]
         points = [self.primary.name, self.secondary.name]
         content = [points, of_sets, self.threshold_px, [repr(depth) for depth in self.depths_m]]
+        if self.world is not None:
+            content.append(name_of_world(self.world))
         return hashlib.sha256(json.dumps(content).encode()).hexdigest()
 
     @property
@@ -97,7 +102,7 @@ class Outcome:
     tables: list[str]
     """Names of the primary's and the secondary's table in the project."""
     measured_with: dict[str, Any]
-    """Cameras and pose of the measuring set, as JSON."""
+    """Cameras and pose of the measuring set, and the world frame of the points, as JSON."""
 
     @property
     def rig(self) -> Rig:
@@ -105,6 +110,15 @@ class Outcome:
         first, second = (Camera.from_json(self.measured_with[name], name) for name in CAMERAS)
         R, T = (np.array(self.measured_with[key], dtype=np.float64) for key in "RT")
         return Rig(first, second, Pose(R, T))
+
+    @property
+    def world(self) -> Pose | None:
+        """`world_from_primary` of the points; None: they are in the primary's frame."""
+        stored = self.measured_with.get("world_from_primary")
+        if stored is None:
+            return None
+        table = np.array(stored, dtype=np.float64)
+        return Pose(table[:3, :3], table[:3, 3])
 
     def to_json(self) -> dict[str, Any]:
         return asdict(self)
@@ -153,7 +167,7 @@ def apply_sets(
     if begin is not None:
         begin(STAGES[1])
     measured = reconstruct_table(
-        work.measuring, PointTable(folder / PAIRS, PIXELS, PAIRS), folder / POINTS,
+        work.measuring, PointTable(folder / PAIRS, PIXELS, PAIRS), folder / POINTS, work.world,
         progress=progress, cancelled=cancelled, executor=executor, pieces=pieces,
     )  # fmt: skip
     if measured is None:
@@ -173,6 +187,9 @@ def apply_sets(
             "secondary": work.measuring.secondary.to_json(),
             "R": work.measuring.pose.R.tolist(),
             "T": work.measuring.pose.T.tolist(),
+            "world_from_primary": None
+            if work.world is None
+            else np.column_stack([work.world.R, work.world.T]).tolist(),
         },
     )
 
@@ -247,11 +264,12 @@ def digest_of(rig: RigParameters) -> str:
 
 def _made_with(work: Application) -> str:
     near, far = work.depths_m
+    frame = "" if work.world is None else f", in the world frame {name_of_world(work.world)}"
     depths = "" if work.depths_m == ANY_DEPTH else f", depths from {near:g} to {far:g} m"
     return (
         f"{work.primary.label} and {work.secondary.label}; matched with the {_name(work.matching)} "
         f"set, threshold {work.threshold_px:.4g} px{depths}; measured with the "
-        f"{_name(work.measuring)} set."
+        f"{_name(work.measuring)} set{frame}."
     )
 
 

@@ -9,6 +9,7 @@ import pandas as pd
 
 from stereocal.errors import StereocalError
 from stereocal.matching.reconstruction_files import (
+    COORDINATES,
     OUTSIDE_VOLUME,
     POINT_COLUMNS,
     SIGMA_COLUMNS,
@@ -60,7 +61,7 @@ class LengthCheck:
 
 def further_columns(points: pd.DataFrame) -> list[str]:
     """The columns that were passed through."""
-    own = {*POINT_COLUMNS, *SIGMA_COLUMNS, OUTSIDE_VOLUME, "ambiguous"}
+    own = {*POINT_COLUMNS, *SIGMA_COLUMNS, OUTSIDE_VOLUME, COORDINATES, "ambiguous"}
     return [str(name) for name in points.columns if name not in own]
 
 

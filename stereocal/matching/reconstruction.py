@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import csv
-import io
+import hashlib
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
-from stereocal.errors import DAMAGED, StereocalError
+from stereocal.errors import StereocalError
 from stereocal.refined.bar_fit import BASELINE, SHARED
 from stereocal.refined.parameter_file import COVARIANCE_OF
 from stereocal.refined.solve import lenses_of_cameras
@@ -24,9 +22,7 @@ from stereocal.rig.geometry import (
     triangulate_rays,
 )
 from stereocal.rig.parameters import RigParameters
-from stereocal.system.json_text import read_json
 
-LARGEST_TABLE = 1_000_000
 POSE = BASELINE + 1
 """Number of the shared unknowns that are the pose: five angles and the baseline."""
 
@@ -144,39 +140,7 @@ def point_covariances(
     return np.asarray(own + J @ whole @ J.transpose(0, 2, 1))
 
 
-def read_world(path: str | Path) -> Pose:
-    """`world_from_primary` of a file with a 4x4 table: JSON (rows in brackets) or CSV.
-
-    `x_world = R @ x_primary + t`; the last row is 0 0 0 1; metres.
-
-    Raises:
-        StereocalError: no such file or table, or not a rotation and translation.
-    """
-    path = Path(path)
-    try:
-        if path.stat().st_size > LARGEST_TABLE:
-            raise StereocalError(f"{path}: the file is too large for a 4x4 table of numbers.")
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise StereocalError(f"{path}: the file cannot be read ({error}).") from error
-    try:
-        if path.suffix.lower() == ".json":
-            table = np.array(read_json(text, str(path)), dtype=np.float64)
-        else:
-            rows = [row for row in csv.reader(io.StringIO(text)) if any(c.strip() for c in row)]
-            table = np.array(rows, dtype=np.float64)
-    except (*DAMAGED, csv.Error) as error:
-        if isinstance(error, StereocalError):
-            raise
-        raise StereocalError(f"{path}: this is not a 4x4 table of numbers.") from error
-    if table.shape != (4, 4) or not np.array_equal(table[3], [0, 0, 0, 1]):
-        raise StereocalError(
-            f"{path}: a world frame needs a 4x4 table whose last row is 0 0 0 1 "
-            "(x_world = R x_primary + t, in metres)."
-        )
-    try:
-        return Pose(table[:3, :3], table[:3, 3])
-    except StereocalError as error:
-        raise StereocalError(
-            f"{path}: the world frame must be a rotation and a translation: {error}"
-        ) from error
+def name_of_world(world: Pose) -> str:
+    """A name that tells this world frame from others: the start of a digest of its pose."""
+    numbers = np.column_stack([world.R, world.T]).astype("<f8").tobytes()
+    return f"world-{hashlib.sha256(numbers).hexdigest()[:8]}"

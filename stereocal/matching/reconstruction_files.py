@@ -17,7 +17,7 @@ from stereocal.matching.in_step import bring_into_step, shift_pixels
 from stereocal.matching.matching import purpose_warning
 from stereocal.matching.pairs import ERROR_DECIMALS
 from stereocal.matching.point_table import PointTable
-from stereocal.matching.reconstruction import noise_of_file, reconstruct_points
+from stereocal.matching.reconstruction import name_of_world, noise_of_file, reconstruct_points
 from stereocal.matching.table_writer import open_table
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
@@ -28,6 +28,8 @@ PIXELS = ("u_primary", "v_primary", "u_secondary", "v_secondary")
 POINT_COLUMNS = ("frame", "x", "y", "z", "error_px")
 SIGMA_COLUMNS = ("sigma_x", "sigma_y", "sigma_z")
 OUTSIDE_VOLUME = "outside_volume"
+COORDINATES = "coordinates"
+"""Names the world frame of x, y, z; without this column they are in the primary's frame."""
 OF_MATCHING = ("error_px", "runner_up_px")
 """Errors by the matching's parameters, not passed on; the points have their own error."""
 
@@ -82,7 +84,8 @@ def reconstruct(
 
     Returns:
         `frame,x,y,z,error_px`, then any standard errors, then `outside_volume` if the parameters
-        know the volume of the bars, then the further columns. NaN, and outside, for pairs that do
+        know the volume of the bars, then `coordinates` with the name of the world frame, if there
+        is one, then the further columns. NaN, and outside, for pairs that do
         not meet in front of both cameras.
 
     Raises:
@@ -103,6 +106,8 @@ def reconstruct(
             columns[name] = found.sigma_m[:, k]
     if found.outside_volume is not None:
         columns[OUTSIDE_VOLUME] = found.outside_volume
+    if world is not None:
+        columns[COORDINATES] = np.full(len(pairs), name_of_world(world))
     table = pd.DataFrame(columns)
     for name, new in _passed_on(tuple(str(c) for c in pairs.columns)).items():
         table[new] = pairs[name].array
@@ -138,6 +143,7 @@ def reconstruct_table(
     has_errors = sigma_px is not None or noise_of_file(rig)[0] is not None
     columns = [*POINT_COLUMNS, *(SIGMA_COLUMNS if has_errors else ())]
     columns += [] if rig.volume is None else [OUTSIDE_VOLUME]
+    columns += [] if world is None else [COORDINATES]
     columns += list(_passed_on((*pairs.numbers, *pairs.further)).values())
 
     lines_of = None if pieces is None else columns
@@ -195,7 +201,7 @@ def _measure_block(
 
 def _passed_on(names: tuple[str, ...]) -> dict[str, str]:
     """The further columns of pairs, and their names in the table of points."""
-    own = {*POINT_COLUMNS, *SIGMA_COLUMNS, OUTSIDE_VOLUME}
+    own = {*POINT_COLUMNS, *SIGMA_COLUMNS, OUTSIDE_VOLUME, COORDINATES}
     return {
         name: f"{name}_of_pair" if name in own else name
         for name in names

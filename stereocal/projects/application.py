@@ -11,6 +11,7 @@ from typing import Literal
 
 from stereocal.errors import DAMAGED, StereocalError
 from stereocal.formats.other_files import refuse_other_camera
+from stereocal.formats.world_tables import check_world
 from stereocal.matching.application import PAIRS, POINTS, Application, Outcome, apply_sets
 from stereocal.matching.blocks import TableBlock
 from stereocal.projects.files import (
@@ -32,10 +33,10 @@ from stereocal.system.zip_files import pack_zip, unzip
 
 Use = Literal["matching", "measuring"]
 USES: tuple[Use, Use] = ("matching", "measuring")
-SETS, APPLIED = "sets", "applied"
+SETS, APPLIED, WORLD = "sets", "applied", "world"
 EARLIER = "image_sizes"
 """Of the results of earlier versions, which had no cameras."""
-"""Parts of a project: parameter files, and the tables of the last result."""
+"""Parts of a project: parameter files, tables of the last result, and the world frame's file."""
 
 
 class ProjectApplication(ProjectPoints):
@@ -75,6 +76,30 @@ class ProjectApplication(ProjectPoints):
             file = files_of(self.database, SETS).get(use)
             label = str(about_files(self.database, SETS).get(use))
         return None if file is None else (label, parameters_in(file.read_bytes(), label))
+
+    # World frame
+
+    def keep_world(self, label: str, content: bytes) -> None:
+        """Store a file that says where the world frame is.
+
+        Raises:
+            StereocalError: it is neither a world frame nor a table for one; nothing has changed.
+        """
+        check_world(content, label)
+        with self.database.transaction():
+            self._name(WORLD, WORLD, content, label, label)
+
+    def forget_world(self) -> None:
+        """Go back to the primary camera's frame."""
+        self.database.free(lambda _database: forget_files(self.database, WORLD))
+
+    @property
+    def world_file(self) -> tuple[str, StoredFile] | None:
+        """Label and content of that file; None if not given."""
+        with self.database.reading():
+            found = files_of(self.database, WORLD).get(WORLD)
+            label = str(about_files(self.database, WORLD).get(WORLD))
+        return None if found is None else (label, found)
 
     # Results
 

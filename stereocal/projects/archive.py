@@ -3,6 +3,7 @@
 project.json                          what the files are, lengths, settings, corrections
 dataset.json, correspondences.csv ... the data set as used; the command line opens it
 parameters_2d.json ...                the last result's parameter files, as the page offers them
+reproduce.json                        what `reproduce` needs to compute them again
 inputs/, photographs/, results/ ...   all uploaded files, and all results
 """
 
@@ -17,7 +18,6 @@ from contextlib import suppress
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from stereocal.calibration.methods import Method
 from stereocal.errors import DAMAGED, StereocalError
 from stereocal.formats.dataset_files import pack_dataset, parse_dataset, read_dataset
 from stereocal.formats.lens_model import LensModel
@@ -33,7 +33,6 @@ from stereocal.projects.point_files import ASKING, POINT_FILES, TABLES
 from stereocal.projects.project import CALIBRATED, FURTHER, INPUT, SETTING, VALUES, Project
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.dataset import Dataset
-from stereocal.rig.parameters import RigParameters
 from stereocal.system.atomic_files import write_in_parts
 from stereocal.system.json_text import read_json
 from stereocal.system.zip_files import OpenZip, open_zip, unzip
@@ -58,13 +57,11 @@ LookThrough = Callable[[str, Path, str], None]
 """Called with the kind of a file that native code will decode, its path and its name."""
 
 
-def pack_project(
-    project: Project, target: Path, sets: Mapping[Method, RigParameters] | None = None
-) -> None:
+def pack_project(project: Project, target: Path, result: Mapping[str, bytes] | None = None) -> None:
     """Write a project with all its inputs and results as a zip, atomically.
 
     Args:
-        sets: the parameter files of the last result, by their names' methods; None: none.
+        result: the files of the last result by name, as for a paper's archive; None: none.
 
     Raises:
         StereocalError: the zip cannot be written, or the project cannot be read.
@@ -91,15 +88,20 @@ def pack_project(
             _write(archive, f"results/{RESULTS[kind]}", [content])
         archive.writestr(MANIFEST, json.dumps(manifest, indent=1))
         with suppress(StereocalError):  # damaged data are left out
-            for name, content in _readable_files(project, sets or {}).items():
+            for name, content in _readable_files(project, result or {}).items():
                 archive.writestr(name, content)
 
 
-def _readable_files(project: Project, sets: Mapping[Method, RigParameters]) -> dict[str, bytes]:
-    """The data set and the parameter files, in the formats of the command line."""
+def _readable_files(project: Project, result: Mapping[str, bytes]) -> dict[str, bytes]:
+    """The data set and the last result, in the formats of the command line.
+
+    If the data have changed since, they do not give the result again: it has no `reproduce.json`.
+    """
     dataset = project.dataset
-    files = {f"parameters_{method}.json": rig.dumps().encode() for method, rig in sets.items()}
-    return files if dataset is None else files | pack_dataset(dataset)
+    data = {} if dataset is None else pack_dataset(dataset)
+    if any(result.get(name) != content for name, content in data.items()):
+        result = {name: each for name, each in result.items() if name.startswith("parameters_")}
+    return {**result, **data}
 
 
 def _paths(rows: Iterable[tuple[str, str, str, str]]) -> Iterator[str]:

@@ -24,6 +24,8 @@ class Inputs:
     target_distance_m: float | None = None
     baseline_sigma_m: float | None = None
     """Stated standard deviation of the baseline; None if not stated."""
+    baseline_free: bool = False
+    """Whether the baseline is not measured, but found from the lengths of the bars."""
     target_distance_sigma_m: float | None = None
     lens_known: Mapping[str, Sequence[float | None] | None] = field(default_factory=dict)
     """Camera to the standard deviations that the user stated: a fraction of the focal length, and
@@ -68,7 +70,7 @@ class Inputs:
             "secondary": "the secondary camera's file",
         }
         lacking = [words for slot, words in named.items() if slot not in self.files]
-        lacking += ["the baseline"] * (self.baseline_m is None)
+        lacking += ["the baseline"] * (self.baseline_m is None and not self.baseline_free)
         lacking += ["the distance between the targets"] * (self.target_distance_m is None)
         return lacking
 
@@ -98,6 +100,8 @@ def check_inputs(inputs: Inputs) -> None:
     frames = (*inputs.exchanged, *inputs.put_back, *inputs.left_out)
     if not all(isinstance(frame, int) for frame in frames):
         raise TypeError(inputs)
+    if not isinstance(inputs.baseline_free, bool):
+        raise TypeError(inputs.baseline_free)
     _check_lens_known(inputs.lens_known)
     for each in fields(Inputs):
         value = getattr(inputs, each.name)

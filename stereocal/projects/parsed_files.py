@@ -10,6 +10,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from stereocal.formats.camera_file import read_camera
 from stereocal.formats.correspondences_csv import Table, read_table
 from stereocal.formats.dataset_files import parse_zip
@@ -18,6 +20,7 @@ from stereocal.projects.calibration_files import unpack_calibration
 from stereocal.projects.database import Database
 from stereocal.projects.files import StoredFile
 from stereocal.projects.inputs import Inputs, Slot, checked_inputs
+from stereocal.refined.free_baseline import with_baseline_found
 from stereocal.refined.results import Calibration
 from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import Dataset
@@ -81,12 +84,14 @@ def dataset_of(given: CompleteInputs) -> Dataset:
         primary=inputs.known("primary", camera_of(primary)),
         secondary=inputs.known("secondary", camera_of(secondary)),
         correspondences=table_of(table).strict(table.label),
-        baseline_m=float(inputs.baseline_m or 0.0),
+        baseline_m=float(inputs.baseline_m or (inputs.baseline_free and 1.0) or 0.0),
         target_distance_m=float(inputs.target_distance_m or 0.0),
-        baseline_sigma_m=inputs.baseline_sigma_m,
+        baseline_sigma_m=np.inf if inputs.baseline_free else inputs.baseline_sigma_m,
         target_distance_sigma_m=inputs.target_distance_sigma_m,
     )
-    return dataset.with_targets_exchanged(inputs.exchanged) if inputs.exchanged else dataset
+    if inputs.exchanged:
+        dataset = dataset.with_targets_exchanged(inputs.exchanged)
+    return with_baseline_found(dataset)
 
 
 @dataclass(frozen=True)

@@ -32,7 +32,7 @@ from stereocal.projects.project import Project
 from stereocal.projects.sqlite_errors import DamagedError
 from stereocal.rig.camera import CameraName
 
-Asked = Literal["primary", "secondary", "bars", "matching", "measuring"]
+Asked = Literal["primary", "secondary", "bars", "archive", "matching", "measuring"]
 SUFFIXES = (".csv", ".parquet")
 POINT_FILES, TABLES, ASKING = "points", "tables", "asking"
 """Parts of a project: uploaded point files, the tables read from them, and files with open

@@ -220,6 +220,7 @@ class Dataset:
     baseline_m: float
     target_distance_m: float
     baseline_sigma_m: float | None = None
+    """Infinite if the baseline is free: then the lengths of the bars alone give the scale."""
     target_distance_sigma_m: float | None = None
     notes: str = ""
     time_offset: TimeOffset | None = None
@@ -232,7 +233,8 @@ class Dataset:
             ("baseline", self.baseline_sigma_m),
             ("distance between the targets", self.target_distance_sigma_m),
         ):
-            if sigma is not None and not (np.isfinite(sigma) and sigma > 0):
+            free = what == "baseline" and sigma == np.inf
+            if sigma is not None and not free and not (np.isfinite(sigma) and sigma > 0):
                 raise StereocalError(
                     f"The uncertainty of the {what} is {sigma}: it must be above 0."
                 )
@@ -259,6 +261,11 @@ class Dataset:
             f"for a point this far from the centre of the {width}x{height} px image. Check the "
             f"camera file.{hint}"
         )
+
+    @property
+    def baseline_is_free(self) -> bool:
+        """Whether the baseline was not measured, but found from the lengths of the bars."""
+        return self.baseline_sigma_m == np.inf
 
     def of_frames(self, frames: npt.ArrayLike) -> Dataset:
         """The same data set with the given frames only."""

@@ -121,7 +121,7 @@ class Pose:
 
     @property
     def essential(self) -> FloatArray:
-        """`E = [t]x R` with |t| = 1, shape (3, 3) (paper, eq. 4)."""
+        """`E = [t]x R` with `|t| = 1`, shape (3, 3) (paper, eq. 4)."""
         E = np.empty((3, 3))
         fill_essential(contiguous(self.R), contiguous(self.T), E)
         return E

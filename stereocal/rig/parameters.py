@@ -34,6 +34,7 @@ PARAMETERS_FORMAT = "stereocal-parameters/1"
 PURPOSES = {"2d": "matching", "3d": "reconstruction", "refined": "both", "imported": "both"}
 PIXEL_ORIGIN = "centre of the top-left pixel is (0, 0); u to the right, v down"
 CONVENTION = "x_secondary = R @ x_primary + T"
+BASELINE_FOUND = "not measured: found by the refined method from the lengths of the bars"
 LARGEST_TEXT = 16_000_000
 UNITS = {"T": "m", "baseline_m": "m", "angles": "rad", "K": "px", "matching_threshold_px": "px"}
 
@@ -150,14 +151,7 @@ class RigParameters(Rig):
             "noise_px": self.noise_px,
             "volume": None if self.volume is None else self.volume.to_json(),
             **({} if self.time_offset is None else self.time_offset.to_json()),
-            "software": {
-                "stereocal": stereocal.__version__,
-                "python": platform.python_version(),
-                "numpy": np.__version__,
-                "scipy": scipy.__version__,
-                "numba": numba.__version__,
-                "opencv": cv2.__version__,
-            },
+            "software": software_versions(),
             "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         }
 
@@ -244,12 +238,25 @@ class RigParameters(Rig):
         )
 
 
+def software_versions() -> dict[str, str]:
+    """The `software` entry of a parameter file: versions on which its numbers depend."""
+    return {
+        "stereocal": stereocal.__version__,
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+        "scipy": scipy.__version__,
+        "numba": numba.__version__,
+        "opencv": cv2.__version__,
+    }
+
+
 def inputs_of(dataset: Dataset, frames: IntArray) -> dict[str, Any]:
     """The `inputs` entry of a parameter file: data set, measured lengths, calibration frames."""
     return {
         "sha256": dataset.sha256,
         "name": dataset.name,
         "baseline_m": dataset.baseline_m,
+        **({"baseline": BASELINE_FOUND} if dataset.baseline_is_free else {}),
         "target_distance_m": dataset.target_distance_m,
         "frames": [int(frame) for frame in frames],
     }

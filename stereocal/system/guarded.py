@@ -14,19 +14,20 @@ import os
 import signal
 import tempfile
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 from pebble import ProcessPool
 
 from stereocal.errors import StereocalError
 from stereocal.system.limits import MB, Limits
 
-Reader = Callable[[Path], object]
-"""A module-level function, which the child imports by its name."""
+Reader = Callable[..., object]
+"""A module-level function of a path and perhaps more, which the child imports by its name."""
 LEAST_SECONDS = 10.0
 SECONDS_PER_MB = 0.1
 """A 16-bit PNG of 200 megapixels may take seconds, longer on a busy server."""
@@ -64,14 +65,37 @@ class Guard:
         Raises:
             StereocalError: it crashes its decoder, exceeds time or memory, or is missing.
         """
-        if not self._children:
-            return
+        if self._children:
+            self._run(kind, path, name)
+
+    def read(self, kind: str, path: Path, name: str, *arguments: Any) -> Any:
+        """What the reader returns for a file, for decoders that must not run in this process.
+
+        Args:
+            arguments: of the reader, after the path.
+
+        Raises:
+            StereocalError: as `check`, or as the reader.
+        """
+        found = self._run(kind, path, name, arguments)
+        if isinstance(found, StereocalError):
+            raise found
+        return found
+
+    def read_content(self, kind: str, content: bytes, name: str) -> Any:
+        """As `read`, for a file's content."""
+        with _stored(content, name) as path:
+            return self.read(kind, path, name)
+
+    def _run(
+        self, kind: str, path: Path, name: str, arguments: tuple[Any, ...] | None = None
+    ) -> Any:
         try:
             seconds = self._least_seconds + SECONDS_PER_MB * path.stat().st_size / MB
         except OSError as error:
             raise StereocalError(f"{name} cannot be read: {error.strerror or error}.") from error
         try:
-            reason = self._tried(kind, path, seconds)
+            reason, found = self._tried(kind, path, seconds, arguments)
         except (BrokenProcessPool, RuntimeError) as error:
             raise StereocalError(
                 "The server cannot start its process for checking files."
@@ -81,18 +105,13 @@ class Guard:
                 f"{name}: the file {reason} and was not read; save it again, if necessary with "
                 "another program."
             )
+        return found
 
     def check_content(self, kind: str, content: bytes, name: str, suffix: str = "") -> None:
         """As `check`, for a file's content."""
-        if not self._children:
-            return
-        try:
-            with tempfile.TemporaryDirectory(prefix="stereocal-") as folder:
-                path = Path(folder) / f"file{suffix}"
-                path.write_bytes(content)
+        if self._children:
+            with _stored(content, name, suffix) as path:
                 self.check(kind, path, name)
-        except OSError as error:
-            raise StereocalError(f"{name} cannot be stored: {error.strerror or error}.") from error
 
     def refused(self, kind: str, files: Mapping[str, Path]) -> dict[str, StereocalError]:
         """Check many files; returns the errors of those that fail, by name."""
@@ -116,32 +135,42 @@ class Guard:
                 self._pool.join()
             self._pool = None
 
-    def _tried(self, kind: str, path: Path, seconds: float, again: bool = True) -> str:
-        """Why a file fails; empty if it passes."""
+    def _tried(
+        self,
+        kind: str,
+        path: Path,
+        seconds: float,
+        arguments: tuple[Any, ...] | None,
+        again: bool = True,
+    ) -> tuple[str, Any]:
+        """Why a file fails, empty if it passes; and what its reader returns.
+
+        Args:
+            arguments: of the reader; None if what it returns is not wanted.
+        """
         with self._lock:
             if self._pool is None or not self._pool.active:
                 self._pool = self._started()
             pool = self._pool
             future = pool.schedule(
-                _read, (self._readers[kind], path.resolve(), seconds), timeout=seconds
+                _read, (self._readers[kind], path.resolve(), seconds, arguments), timeout=seconds
             )
         try:
             # Pebble forgets a file that is scheduled while a pool breaks: it would never end.
             while not wait([future], POLL_S).done:
                 if not pool.active:
                     raise BrokenProcessPool
-            future.result()
+            return "", future.result()
         except TimeoutError:
-            return f"takes too long to be decoded, more than {seconds:.0f} s"
+            return f"takes too long to be decoded, more than {seconds:.0f} s", None
         except MemoryError:
-            return "needs too much memory to be decoded"
+            return "needs too much memory to be decoded", None
         except BrokenProcessPool:  # all children were killed, for example by the system
             if again:
-                return self._tried(kind, path, seconds, again=False)
+                return self._tried(kind, path, seconds, arguments, again=False)
             raise
         except Exception:  # the child died, or the decoder raised an unexpected error
-            return "makes its decoder fail"
-        return ""
+            return "makes its decoder fail", None
 
     def _started(self) -> ProcessPool:
         memory = SPARE + int(min(BYTES_PER_PIXEL * Limits.from_environment().megapixels * MB, 1e15))
@@ -171,14 +200,27 @@ def _prepare(_: tuple[Reader, ...], memory: int) -> None:
         resource.setrlimit(resource.RLIMIT_AS, (used + memory, used + memory))
 
 
-def _read(read: Reader, path: Path, seconds: float) -> None:
-    """In the child: try to read a file."""
+@contextmanager
+def _stored(content: bytes, name: str, suffix: str = "") -> Iterator[Path]:
+    """A temporary file with this content."""
+    with tempfile.TemporaryDirectory(prefix="stereocal-") as folder:
+        path = Path(folder) / f"file{suffix}"
+        try:
+            path.write_bytes(content)
+        except OSError as error:
+            raise StereocalError(f"{name} cannot be stored: {error.strerror or error}.") from error
+        yield path
+
+
+def _read(read: Reader, path: Path, seconds: float, arguments: tuple[Any, ...] | None) -> Any:
+    """In the child: try to read a file; returns its contents or the error, if wanted."""
     if hasattr(signal, "alarm"):  # in case the server, which enforces the timeout, was killed
         signal.alarm(int(seconds) + 5)
     try:
-        read(path)
-    except StereocalError:
-        return
+        found = read(path, *(arguments or ()))
+        return None if arguments is None else found
+    except StereocalError as error:
+        return None if arguments is None else error
     finally:
         if hasattr(signal, "alarm"):
             signal.alarm(0)

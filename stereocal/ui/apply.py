@@ -18,6 +18,7 @@ from stereocal.matching.parquet import PARQUET
 from stereocal.projects.application import USES, ProjectApplication, Use
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS, CameraName
+from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
 from stereocal.ui import jobs
 from stereocal.ui.apply_threshold import Depths, ThresholdForm, chosen_depths, threshold_form
@@ -29,6 +30,7 @@ from stereocal.ui.parameter_upload import PURPOSES, upload_set
 from stereocal.ui.refined import answer_of, replaced_by_refined
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.wizard import ask_about_points
+from stereocal.ui.world import choose_world
 
 OWN, FILES = "The bar's own points", "Two point files"
 RESULTS, GIVEN = "This project's results", "Parameter files"
@@ -48,13 +50,15 @@ class Chosen:
     depths_m: Depths | None
     """None: they are invalid."""
     form: ThresholdForm
+    world: Pose | None = None
+    """`world_from_primary` of the points; None: they are in the primary's frame."""
 
     @property
     def work(self) -> Application | None:
         """What is to be computed; None without a threshold or with invalid depths."""
         if self.threshold_px is None or self.depths_m is None:
             return None
-        return Application(*self.points, *self.sets, self.threshold_px, self.depths_m)
+        return Application(*self.points, *self.sets, self.threshold_px, self.depths_m, self.world)
 
 
 def choose_inputs(project: Project, store: ProjectApplication) -> Chosen | None:
@@ -81,6 +85,7 @@ def choose_inputs(project: Project, store: ProjectApplication) -> Chosen | None:
             if warning := purpose_warning(rig, purpose):
                 st.warning(escape_markdown(warning))
     _take_files(project, store, points is None or sets is None)
+    world = None if sets is None else choose_world(project, store, sets[1])
     show_refusal()
     if points is None:
         st.info("Still missing: the points of both cameras.")
@@ -89,7 +94,7 @@ def choose_inputs(project: Project, store: ProjectApplication) -> Chosen | None:
         st.page_link("pages/calibrate.py", label="Or calibrate on the Calibrate page")
     if points is None or sets is None or form is None:
         return None
-    return Chosen(points, sets, threshold, depths, form)
+    return Chosen(points, sets, threshold, depths, form, world)
 
 
 def _points_kind(project: Project, store: ProjectApplication) -> Field:

@@ -178,8 +178,9 @@ def _show_space(
             st.selectbox("Lines connect points of the same", ways, **lines.widget())
     column = lines.value()
     tracks = [] if column == NOTHING else _tracks(outcome.digest, column, points)
-    figure = plot_points(points, colour, outcome.rig, view, tracks, frame)
-    show_figure(figure, describe_points(points, tracks), "points", fold=False)
+    figure = plot_points(points, colour, outcome.rig, view, tracks, frame, outcome.world)
+    words = describe_points(points, tracks, outcome.world)
+    show_figure(figure, words, "points", fold=False)
 
 
 @st.cache_resource(show_spinner=False, max_entries=4)

@@ -14,7 +14,7 @@ import streamlit as st
 
 from stereocal.errors import StereocalError
 from stereocal.figures import describe_lengths, plot_lengths
-from stereocal.figures.headings import HEADINGS
+from stereocal.figures.headings import HEADINGS, IN_WORLD
 from stereocal.matching.application import (
     PAIRS,
     POINTS,
@@ -24,6 +24,7 @@ from stereocal.matching.application import (
     answer,
 )
 from stereocal.matching.lengths import check_lengths, has_two_a_frame, label_columns
+from stereocal.matching.reconstruction_files import COORDINATES
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.files import StoredFile
 from stereocal.projects.project import Project
@@ -35,6 +36,7 @@ from stereocal.ui.fields import number, one_of, setting
 from stereocal.ui.figure import show_figure
 from stereocal.ui.messages import callback
 from stereocal.ui.texts import escape_markdown
+from stereocal.ui.world import WORLD_FILE
 
 TWO = "the two points of a frame"
 FIRST_ROWS = 8
@@ -81,7 +83,8 @@ def _show_result(
         st.error(escape_markdown(str(error)))
         st.button("Begin again", on_click=callback(store.forget_result), key="forget_result")
         return None
-    st.success(escape_markdown(tables.answer))
+    where = "" if outcome.world is None else " Points are in the world frame."
+    st.success(escape_markdown(tables.answer + where))
     for note in outcome.notes:
         st.warning(escape_markdown(note))
     show_frames(project, store, outcome, tables.pairs, tables.points)
@@ -161,9 +164,10 @@ def _show_lengths(project: Project, points: pd.DataFrame) -> None:
 
 
 def _show_tables(tables: Tables) -> None:
+    headings = IN_WORLD if COORDINATES in tables.points else HEADINGS
     for name, table in ((PAIRS, tables.pairs), (POINTS, tables.points)):
         st.caption(f"{name}: the first {min(FIRST_ROWS, len(table))} of {len(table)} rows")
-        st.dataframe(table.head(FIRST_ROWS), hide_index=True, column_config={**HEADINGS})
+        st.dataframe(table.head(FIRST_ROWS), hide_index=True, column_config={**headings})
 
 
 def _show_words(store: ProjectApplication, outcome: Outcome, tables: Tables | None) -> None:
@@ -181,7 +185,7 @@ def _show_words(store: ProjectApplication, outcome: Outcome, tables: Tables | No
             f"python -m stereocal match {names[0]} {names[1]} --parameters parameters_2d.json "
             f"--threshold {outcome.threshold_px!r}{depths} --out {PAIRS}\n"
             f"python -m stereocal reconstruct {PAIRS} --parameters parameters_3d.json "
-            f"--out {POINTS}",
+            f"{'' if outcome.world is None else f'--world {WORLD_FILE} '}--out {POINTS}",
             language="shell", wrap_lines=True,
         )  # fmt: skip
         with st.container(horizontal=True):

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 
 import streamlit as st
 
 from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
-from stereocal.formats.camera_file import read_camera
+from stereocal.formats.archives.archive import ArchiveOptions
+from stereocal.formats.archives.cameras import camera_kind, read_camera_pair
+from stereocal.formats.camera_file import read_camera, write_camera
 from stereocal.formats.correspondences_csv import read_table, write_table
 from stereocal.formats.dataset_files import (
     TABLE,
@@ -49,8 +52,8 @@ TITLES: Mapping[Slot, str] = {
 }
 PHOTOGRAPHS = "Photographs"
 GIVEN_AS = ("Single files", PHOTOGRAPHS, "A zip", "A folder")
-CAMERA_KINDS = ["json", "yaml", "yml", "xml", "ini", "conf", "mat"]
-"""Suffixes of camera files; the last three are rejected with advice."""
+CAMERA_KINDS = ["json", "yaml", "yml", "xml", "toml", "m", "mat", "ini", "conf"]
+"""Suffixes of camera files; the last two are rejected with advice."""
 _SEEN = "uploads_seen"
 Contents = Iterable[tuple[str, bytes]]
 """Photographs, name and content, read one at a time."""
@@ -181,6 +184,8 @@ def _try_camera(slot: Slot, name: str, content: bytes) -> None:
         _try_files({slot: (name, content)})
 
     try:
+        if camera_kind(name, content) == "ros":
+            content = write_camera(read_camera_pair({name: content}, ArchiveOptions()).primary)
         read_camera(content, name)
     except FourCoefficientsError as error:
         ask_lens(error, name, take)
@@ -268,6 +273,7 @@ def give_dataset(
     else:
         survey = parse_dataset(files, source, lens_model=lens_model)
         slots["correspondences"] = TABLE
+    free = survey.baseline_sigma_m == math.inf
     slots |= {slot: description["cameras"][slot] for slot in slots if slot != "correspondences"}
     kept = store.give(
         {slot: (name, files[folder + name]) for slot, name in slots.items()},
@@ -275,7 +281,8 @@ def give_dataset(
         name=survey.name,
         baseline_m=survey.baseline_m,
         target_distance_m=survey.target_distance_m,
-        baseline_sigma_m=survey.baseline_sigma_m,
+        baseline_sigma_m=None if free else survey.baseline_sigma_m,
+        baseline_free=free,
         target_distance_sigma_m=survey.target_distance_sigma_m,
     )
     if not kept:  # a running search is for the previous data set

@@ -31,7 +31,7 @@ from stereocal.ui.warm_up import warm_up
 P = ParamSpec("P")
 T = TypeVar("T")
 Kind = Literal[
-    "calibration", "evaluation", "photographs", "lens_primary", "lens_secondary", "apply"
+    "calibration", "evaluation", "photographs", "video", "lens_primary", "lens_secondary", "apply"
 ]
 UNFORESEEN = (
     "Something unforeseen happened, and this could not be finished. What was there before is there "

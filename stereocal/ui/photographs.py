@@ -10,11 +10,13 @@ from stereocal.errors import StereocalError
 from stereocal.frames.detection_file import pack_detection, unpack_detection
 from stereocal.frames.pairing import Pair
 from stereocal.frames.search import STAGES, detect_frames
+from stereocal.projects.application import ProjectApplication
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
 from stereocal.system.photograph import SUFFIXES
 from stereocal.ui import jobs
+from stereocal.ui.archives import ask_about_archive
 from stereocal.ui.fields import one_of, setting
 from stereocal.ui.intake import (
     CAMERA_KINDS,
@@ -27,7 +29,6 @@ from stereocal.ui.intake import (
     given_as,
     in_use,
     photographs_of,
-    take_file,
     take_photographs,
 )
 from stereocal.ui.messages import readable
@@ -35,9 +36,12 @@ from stereocal.ui.pairs import ROUND, clear, forget_base, show_pairs
 from stereocal.ui.print_downloads import targets_to_print
 from stereocal.ui.project import project_to_write
 from stereocal.ui.review import show_frames
+from stereocal.ui.single_files import take_camera
 from stereocal.ui.uploads import free_memory
+from stereocal.ui.videos import videos_in
 
 TOGETHER, FOLDER, APART = "Both cameras together", "A folder", "One camera after the other"
+VIDEOS = "Two videos"
 KINDS = [*sorted(suffix.removeprefix(".") for suffix in SUFFIXES), "zip"]
 
 
@@ -59,7 +63,7 @@ def has_photographs(project: Project) -> bool:
 
 def photographs_in(project: Project | None) -> None:
     """The uploaders, the pairs and the targets found."""
-    ways = (TOGETHER, FOLDER, APART)
+    ways = (TOGETHER, FOLDER, APART, VIDEOS)
     chosen = setting(project, "photographs_how", TOGETHER, one_of(ways), tabs_own=True)
     how = st.segmented_control("They come as", ways, required=True, **chosen.widget())
     key = f"upload_photographs_{st.session_state.setdefault(ROUND, 0)}"
@@ -71,6 +75,8 @@ def photographs_in(project: Project | None) -> None:
                     accept_multiple_files=True, key=f"{key}_{camera}",
                 )  # fmt: skip
                 _take(uploads, f"{camera}/")
+    elif how == VIDEOS:
+        videos_in(project)
     elif how == FOLDER:
         folder = st.file_uploader(
             "Folder with the photographs", accept_multiple_files="directory", key=f"{key}_folder"
@@ -119,8 +125,9 @@ def _camera_files(project: Project) -> None:
         for slot, column in zip(CAMERAS, st.columns(2), strict=True):
             key = f"upload_{slot}"
             with column:
-                take_file(slot, st.file_uploader(TITLES[slot], type=CAMERA_KINDS, key=key))
+                take_camera(slot, st.file_uploader(TITLES[slot], type=CAMERA_KINDS, key=key))
         st.page_link("pages/cameras.py", label="Or make them from photographs of a board")
+    ask_about_archive(ProjectApplication(project))
 
 
 def _take(uploads: Sequence[Upload], prefix: str = "") -> None:

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import streamlit as st
 
-from stereocal.calibration.methods import Method
 from stereocal.errors import StereocalError
+from stereocal.paper_kit.reproduction import archive_files
 from stereocal.projects.archive import pack_project, unpack_project
 from stereocal.projects.data_folder import default_home
 from stereocal.projects.home import (
@@ -23,7 +23,6 @@ from stereocal.projects.home import (
 from stereocal.projects.journal_mode import journal_of
 from stereocal.projects.project import Project
 from stereocal.projects.server_settings import ServerSettings
-from stereocal.rig.parameters import RigParameters
 from stereocal.system.limits import MB
 from stereocal.ui.decoding import server_guard
 from stereocal.ui.intake import check_uploads, escape_markdown, is_new, taking
@@ -181,7 +180,7 @@ def _offer_packed(project: Project, name: str) -> None:
         with tempfile.TemporaryDirectory() as folder:
             target = Path(folder) / "project.zip"
             with st.spinner("Packing."):
-                pack_project(project, target, _sets(project))
+                pack_project(project, target, _result(project))
             content = target.read_bytes()
     except StereocalError as error:
         st.error(escape_markdown(str(error)))
@@ -200,11 +199,13 @@ def _offer_packed(project: Project, name: str) -> None:
         )
 
 
-def _sets(project: Project) -> dict[Method, RigParameters]:
-    """The parameter files, as *Calibrate* offers them."""
+def _result(project: Project) -> dict[str, bytes]:
+    """The last result with the parameter files as *Calibrate* offers them; empty without one."""
     calibration = last_calibration(project)
     answer = None if calibration is None else answer_of(project, calibration)
-    return {} if answer is None else chosen_sets(answer.sets, replaced_by_refined(project))
+    if answer is None:
+        return {}
+    return archive_files(answer, chosen_sets(answer.sets, replaced_by_refined(project)))
 
 
 def _size(count: int) -> str:

@@ -21,6 +21,7 @@ from stereocal.ui.closer_looks import look_at_frame, show_closer_looks
 from stereocal.ui.fields import one_of, setting
 from stereocal.ui.figure import show_figure
 from stereocal.ui.messages import fragment
+from stereocal.ui.paper_kit import hold_paper_kit, offer_paper_kit
 from stereocal.ui.parameter_files import hold_downloads, parameter_downloads
 from stereocal.ui.refined import replaced_by_refined
 from stereocal.ui.screening import offer_to_bring_into_step, show_left_out
@@ -52,6 +53,7 @@ def show_result(project: Project, result: Calibration, answer: Answer | None) ->
     if answer:
         show_tiles(answer)
         parameter_downloads(answer.sets, replaced_by_refined(project))
+        offer_paper_kit(project, answer)
     else:
         _hold_places()
     _show_rig(project, found)
@@ -98,6 +100,7 @@ def _hold_places() -> None:
             st.metric(title, "…")
             st.caption("being computed  \n…")
     hold_downloads()
+    hold_paper_kit()
 
 
 def _tile(

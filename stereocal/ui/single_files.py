@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import streamlit as st
 
+from stereocal.errors import StereocalError
 from stereocal.formats.correspondences_csv import TEMPLATE
 from stereocal.formats.point_answers import holds_bars
 from stereocal.projects.application import ProjectApplication
+from stereocal.projects.inputs import Slot
+from stereocal.projects.point_files import Asked
 from stereocal.projects.project import Project
+from stereocal.ui.archives import ask_about_archive, is_archive
 from stereocal.ui.intake import (
     CAMERA_KINDS,
     TITLES,
@@ -30,7 +34,8 @@ def single_files(project: Project | None) -> None:
             in_use(project, slot)
             if slot == "correspondences":
                 help_text = (
-                    "Ours, or a wand file of Argus or easyWand, or points of Argus or DLTdv."
+                    "Ours, a wand file of Argus or easyWand, points of Argus or DLTdv, or an "
+                    "easyWandData.mat."
                 )
                 upload = st.file_uploader(
                     TITLES[slot],
@@ -41,24 +46,48 @@ def single_files(project: Project | None) -> None:
                 _take_table(upload)
             else:
                 key = f"upload_{slot}"
-                take_file(slot, st.file_uploader(TITLES[slot], type=CAMERA_KINDS, key=key))
+                take_camera(slot, st.file_uploader(TITLES[slot], type=CAMERA_KINDS, key=key))
     st.download_button(
         "Template for the table", TEMPLATE, "correspondences.csv", "text/csv", on_click="ignore",
         icon=":material/download:",
     )  # fmt: skip
     if project is not None:
         ask_about_bars(ProjectApplication(project))
+        ask_about_archive(ProjectApplication(project))
+
+
+def take_camera(slot: Slot, upload: Upload | None) -> None:
+    """Store a camera file; ask about one that has both cameras."""
+    if upload is not None and is_new(upload) and not _asked_archive(upload):
+        take_file(slot, upload)
+
+
+def _asked_archive(upload: Upload) -> bool:
+    """Keep a file with both cameras or a whole data set until its questions are answered."""
+    try:
+        if not is_archive(upload.name, upload.getvalue()):
+            return False
+    except StereocalError:  # damaged: its reader reports what is wrong
+        return False
+    _ask("archive", upload)
+    return True
+
+
+def _ask(asked: Asked, upload: Upload) -> None:
+    with taking(upload):
+        check_uploads([upload])
+        ProjectApplication(project_to_write()).ask(asked, upload.name, upload.getvalue())
+        clear_refusal()
+    st.rerun()
 
 
 def _take_table(upload: Upload | None) -> None:
     """Store our table at once; ask about a file of another program."""
     if upload is None:
         return
-    if not holds_bars(upload.getvalue(), upload.name):
+    if not is_new(upload) or _asked_archive(upload):
+        return
+    if holds_bars(upload.getvalue(), upload.name):
+        _ask("bars", upload)
+    else:
         take_file("correspondences", upload)
-    elif is_new(upload):
-        with taking(upload):
-            check_uploads([upload])
-            ProjectApplication(project_to_write()).ask("bars", upload.name, upload.getvalue())
-            clear_refusal()
-        st.rerun()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -24,16 +25,22 @@ from stereocal.ui.fields import Field
 from stereocal.ui.intake import clear_refusal, refuse
 from stereocal.ui.project import project_to_write
 
-NOT_STATED, TYPED, OWN = "Not stated", "Typed", "own"
+NOT_STATED, TYPED, OWN, FREE = "Not stated", "Typed", "own", "Not measured"
 PRESETS_MM = {"Laser range finder": 2.0, "Tape": 5.0, "Total station": 1.0}
 TITLES = {
     NOT_STATED: NOT_STATED,
     **{name: f"{name}: ± {mm:g} mm" for name, mm in PRESETS_MM.items()},
+    FREE: "Not measured: left free",
 }
 LEAST_MM = 0.001
 HELP = (
     "One standard deviation. With it, stereocal can tell which of the numbers that you gave "
     "disagrees with the images; where nothing is stated it assumes {assumed}, and cannot blame it."
+)
+
+HELP_ON_FREE = (
+    " A baseline that nobody measured can be left free: then the lengths of the bars alone give "
+    "the scale."
 )
 
 
@@ -47,9 +54,11 @@ def length_uncertainty(project: Project | None, name: str, assumed: str) -> None
     length = _Length(project, name)
     left, right = st.columns([3, 2], vertical_alignment="bottom")
     chosen = left.selectbox(
-        "How well is it known?", [NOT_STATED, *PRESETS_MM, TYPED],
+        "How well is it known?",
+        [NOT_STATED, *PRESETS_MM, TYPED, *([FREE] if name == "baseline_m" else [])],
         format_func=lambda option: TITLES.get(option, "Typed, in mm"),
-        help=HELP.format(assumed=assumed), **length.choice.widget(),
+        help=HELP.format(assumed=assumed) + (HELP_ON_FREE if name == "baseline_m" else ""),
+        **length.choice.widget(),
     )  # fmt: skip
     if chosen == TYPED:
         right.number_input(
@@ -84,6 +93,8 @@ def describe_uncertainties(dataset: Dataset) -> str:
 
 
 def _of_length(what: str, sigma_m: float | None, assumed_m: float) -> str:
+    if sigma_m == math.inf:
+        return f"{what} not measured, found from the lengths of the bars"
     if sigma_m is None:
         return f"{what} ± {1000 * assumed_m:.3g} mm (not stated, assumed)"
     return f"{what} ± {1000 * sigma_m:.3g} mm"
@@ -142,14 +153,27 @@ class _Length(_Stated):
         return None if sigma_m is None else float(f"{1000 * sigma_m:.6g}")
 
     def _read(self) -> str:
+        if self._is_free():
+            return FREE
         chosen, mm = self._chosen(), self._read_mm()
         if mm is None:
             return TYPED if chosen == TYPED else NOT_STATED
         return str(chosen) if PRESETS_MM.get(chosen) == mm else TYPED
 
     def _choose(self, option: str) -> None:
-        given = {} if option == TYPED else {self._sigma: _metres(PRESETS_MM.get(option))}
+        given: dict[str, Any] = {}
+        if option != TYPED:
+            given[self._sigma] = _metres(PRESETS_MM.get(option))
+        if FREE in (option, self._read()):
+            given["baseline_free"] = option == FREE
         self._keep(option, **given)
+
+    def _is_free(self) -> bool:
+        return (
+            self.name == "baseline_m"
+            and self.project is not None
+            and self.project.inputs.baseline_free
+        )
 
     def _take_mm(self, mm: float | None) -> None:
         self._keep(TYPED, **{self._sigma: _metres(mm)})

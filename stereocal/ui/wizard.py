@@ -75,7 +75,7 @@ def ask_about_points(store: ProjectApplication, side: CameraName, image_height: 
             st.error(escape_markdown(str(error)))
             _aside(store, side)
             return
-        _buttons(store, side, lambda: store.answer(side, answers))
+        ask_buttons(store, side, lambda: store.answer(side, answers))
 
 
 def ask_about_bars(store: ProjectApplication) -> None:
@@ -109,7 +109,7 @@ def ask_about_bars(store: ProjectApplication) -> None:
                 store.project.give({"correspondences": (label, table)})
             store.forget_question("bars")
 
-        _buttons(store, "bars", use)
+        ask_buttons(store, "bars", use)
 
 
 @dataclass(frozen=True)
@@ -250,7 +250,21 @@ def _show_preview(table: pd.DataFrame) -> None:
     st.table(escaped_table(table))
 
 
-def _buttons(store: ProjectApplication, asked: Asked, use: Callable[[], None]) -> None:
+def ask_buttons(
+    store: ProjectApplication,
+    asked: Asked,
+    use: Callable[[], None] | None,
+    title: str = "Use these points",
+) -> None:
+    """The buttons that use a file with open questions, or put it aside.
+
+    Args:
+        use: None if it cannot be used yet.
+    """
+    if use is None:
+        _aside(store, asked)
+        return
+
     def take() -> None:
         try:
             use()
@@ -259,7 +273,7 @@ def _buttons(store: ProjectApplication, asked: Asked, use: Callable[[], None]) -
             refuse(error)
 
     left, right = st.columns(2)
-    left.button("Use these points", type="primary", key=f"use_{asked}", on_click=take)
+    left.button(title, type="primary", key=f"use_{asked}", on_click=take)
     with right:
         _aside(store, asked)
 

@@ -1,8 +1,8 @@
-"""The pictures of all pages, for README and docs: `make pictures`.
+"""The pictures of all pages and of the story, for README and docs: `make pictures`.
 
 A real server and a real browser open the recording that comes with the program, calibrate it, and
 take every page as a whole at 1400 and 420 px, light and dark. The photographs are those of the
-second sample.
+second sample. The figures of the story on the Start page are taken by themselves, on white.
 """
 
 from __future__ import annotations
@@ -10,18 +10,31 @@ from __future__ import annotations
 import argparse
 import io
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Literal
 
+import plotly.graph_objects as go
 from PIL import Image
 from playwright.sync_api import Browser, Page, expect, sync_playwright
 
+from stereocal.figures.story import (
+    Story,
+    plot_story_lengths,
+    plot_story_lines,
+    plot_two_rays,
+    read_story,
+)
 from tests.browser.conftest import FLAGS, LONGEST_MS, ROOT, chromium, serve
 
 PICTURES = ROOT / "docs" / "pictures"
 PAGES = ("start", "data", "calibrate", "validate", "one_set", "apply", "check", "plan", "cameras")
+STORY: Mapping[str, Callable[[Story], go.Figure]] = {
+    "story_lengths": plot_story_lengths,
+    "story_lines": plot_story_lines,
+    "story_rays": plot_two_rays,
+}
 WIDTHS = (1400, 420)
 THEMES: tuple[Literal["light", "dark"], ...] = ("light", "dark")
 SECOND = 1000
@@ -40,6 +53,14 @@ def settle(page: Page) -> None:
     page.wait_for_timeout(SETTLE_MS)
 
 
+def keep(screenshot: bytes, path: Path) -> None:
+    """Save a picture in few colours."""
+    picture = Image.open(io.BytesIO(screenshot)).convert("RGB")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    picture.quantize(COLOURS, kmeans=2, dither=Image.Dither.NONE).save(path, optimize=True)
+    print(path)
+
+
 def take(page: Page, path: Path) -> None:
     """The whole page, however long it is."""
     size = page.viewport_size
@@ -47,11 +68,8 @@ def take(page: Page, path: Path) -> None:
     height = page.evaluate("document.querySelector('[data-testid=stMain]').scrollHeight")
     page.set_viewport_size({"width": size["width"], "height": int(height)})
     page.wait_for_timeout(SETTLE_MS)
-    picture = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    picture.quantize(COLOURS, kmeans=2, dither=Image.Dither.NONE).save(path, optimize=True)
+    keep(page.screenshot(), path)
     page.set_viewport_size(size)
-    print(path)
 
 
 @contextmanager
@@ -99,8 +117,23 @@ def project_of_photographs(page: Page, url: str) -> str:
     return query
 
 
-def make_pictures(folder: Path) -> None:
-    """All pictures, `PAGE_WIDTH_THEME.png`."""
+def draw_story(folder: Path) -> None:
+    """The figures of the story, 560 px wide at twice the resolution."""
+    story = read_story(ROOT / "assets" / "story.json")
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=chromium(), args=FLAGS)
+        page = browser.new_page(viewport={"width": 576, "height": 400}, device_scale_factor=2)
+        for name, plot in STORY.items():
+            figure = plot(story).update_layout(width=560, margin={"l": 24, "r": 24})
+            page.set_content(figure.to_html(config={"staticPlot": True}))
+            drawn = page.locator(".plot-container")
+            expect(drawn).to_be_visible(timeout=LONGEST_MS)
+            keep(drawn.screenshot(), folder / f"{name}.png")
+        browser.close()
+
+
+def take_pages(folder: Path) -> None:
+    """All pages, `PAGE_WIDTH_THEME.png`."""
     with (
         tempfile.TemporaryDirectory() as home,
         serve(Path(home)) as url,
@@ -129,4 +162,8 @@ def make_pictures(folder: Path) -> None:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=PICTURES)
-    make_pictures(parser.parse_args().out)
+    parser.add_argument("--story", action="store_true", help="only the figures of the story")
+    given = parser.parse_args()
+    draw_story(given.out)
+    if not given.story:
+        take_pages(given.out)

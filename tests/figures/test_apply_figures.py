@@ -30,6 +30,7 @@ from stereocal.matching.reconstruction_files import reconstruct
 from stereocal.matching.threshold import ThresholdChoice
 from stereocal.matching.tracks import tracks_by
 from stereocal.rig.camera import CAMERAS
+from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
 from tests.known_rig import BAR_M, PRIMARY, RIG, SECONDARY, bar_ends, images
 
@@ -174,6 +175,31 @@ def test_points_in_space(colour: str) -> None:
     values = POINTS["frame" if colour == "frame" else "error_px"]
     np.testing.assert_array_equal(cloud.marker.color, values)
     assert describe_points(POINTS).startswith(f"{len(POINTS)} points of {FRAMES} frames")
+
+
+def test_points_in_a_world_frame_stand_upright() -> None:
+    """The scene is the same, turned: z of the table is up, and the cameras move with it."""
+    level = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+    world = Pose(level, np.array([10.0, 20.0, 1.5]))
+    moved = POINTS.copy()
+    moved[["x", "y", "z"]] = world.apply(POINTS[["x", "y", "z"]])
+    figure = plot_points(moved, "frame", SET, world=world)
+    (cloud,) = traces(figure, "Points")
+    for axis in "xyz":
+        np.testing.assert_allclose(cloud[axis], moved[axis])
+    for name, centre in (("primary", np.zeros(3)), ("secondary", RIG.inverse().T)):
+        (drawn,) = traces(figure, f"optical centre, {name}")
+        found = [drawn[axis][0] for axis in "xyz"]
+        np.testing.assert_allclose(found, world.apply(centre), atol=1e-12)
+    assert figure.layout.scene.zaxis.title.text == "z (m)"
+    assert "(down)" not in cloud.hovertemplate
+    eye, before = (each.layout.scene.camera for each in (figure, plot_points(POINTS, "frame", SET)))
+    assert eye.up.z == pytest.approx(before.up.z)
+    assert eye.eye.z == pytest.approx(before.eye.z)  # as high above the scene
+    assert "depth" not in describe_points(moved, world=world)
+    views = {str(plot_points(moved, "error", SET, v, world=world).layout.scene.camera)
+             for v in VIEWS}  # fmt: skip
+    assert len(views) == len(VIEWS)
 
 
 def test_points_outside_the_volume_have_open_symbols() -> None:

@@ -25,7 +25,7 @@ from stereocal.formats.exchange.exchange import FORMATS, export, export_files, i
 from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.lens_model import FourCoefficientsError
 from stereocal.formats.units import UNITS, Unit
-from stereocal.matching.reconstruction import read_world
+from stereocal.formats.world_file import read_world
 from stereocal.projects.archive import read_input
 from stereocal.projects.project import Project
 from stereocal.rig.compiled import FloatArray

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tracemalloc
 from collections.abc import Callable
 from dataclasses import replace
@@ -13,11 +14,15 @@ import pytest
 
 from stereocal.cli import main
 from stereocal.errors import StereocalError
+from stereocal.formats.world_file import read_world
 from stereocal.matching import parquet
+from stereocal.matching.lengths import further_columns
 from stereocal.matching.matching_files import match_tables
 from stereocal.matching.pairs import PAIR_COLUMNS, match
 from stereocal.matching.point_table import PointTable
+from stereocal.matching.reconstruction import name_of_world
 from stereocal.matching.reconstruction_files import (
+    COORDINATES,
     OUTSIDE_VOLUME,
     PIXELS,
     reconstruct,
@@ -251,7 +256,12 @@ class TestReconstruct:
         assert self.run(folder, *more, ending=ending) == 0
         read = pd.read_csv if ending == "csv" else pd.read_parquet
         pairs, points = (read(folder / f"{name}.{ending}") for name in ("pairs", "points"))
-        assert list(points)[5:10] == ["sigma_x", "sigma_y", "sigma_z", OUTSIDE_VOLUME, "ambiguous"]
+        sigmas = ["sigma_x", "sigma_y", "sigma_z"]
+        assert list(points)[5:11] == [*sigmas, OUTSIDE_VOLUME, COORDINATES, "ambiguous"]
+        name = name_of_world(read_world(folder / "world.csv"))
+        assert re.fullmatch("world-[0-9a-f]{8}", name)
+        assert (points[COORDINATES] == name).all()
+        assert COORDINATES not in further_columns(points)
         assert points[OUTSIDE_VOLUME].dtype == points["ambiguous"].dtype == bool
         depth = points["x"] - 5
         assert (points[OUTSIDE_VOLUME] == (depth > 10.0)).all()
@@ -260,7 +270,8 @@ class TestReconstruct:
         printed = " ".join(capsys.readouterr().out.split())
         assert f"{outside} of {len(points)} points lie outside the volume that the bars" in printed
         assert "filled (5 to 10 m); errors there can be larger than stated." in printed
-        by_library = reconstruct(rig, pairs, sigma_px=0.1)
+        world = read_world(folder / "world.csv")
+        by_library = reconstruct(rig, pairs, world, sigma_px=0.1)
         assert list(by_library) == list(points)
         assert (by_library[OUTSIDE_VOLUME] == points[OUTSIDE_VOLUME]).all()
 

@@ -38,6 +38,8 @@ DOORS = (
     Door("data", "upload_primary", "camera, ours", "primary.json"),
     Door("data", "upload_secondary", "camera, OpenCV YAML", "secondary.yml"),
     Door("data", "upload_primary", "camera, OpenCV XML", "primary.xml"),
+    Door("data", "upload_primary", "archive, TOML", "rig.toml"),
+    Door("data", "upload_secondary", "archive, Kalibr", "rig.yaml"),
     Door("data", "upload_zip", "data set, zip", "set.zip", ("data_how", "A zip")),
     Door("data", "upload_photographs_0", "photograph, PNG", "left1.png", PHOTOGRAPHS),
     Door("data", "upload_photographs_0", "photograph, TIFF", "a.tif", PHOTOGRAPHS),

@@ -81,7 +81,7 @@ def test_four_coefficients_in_a_data_set(app: AppTest, home: Path) -> None:
 def test_other_kinds_are_named(app: AppTest, name: str, content: bytes, says: str) -> None:
     app.switch_page("pages/data.py").run()
     app.file_uploader(key="upload_primary").upload(name, content).run()
-    assert f"{name}: this is a" in said(app, "error") and says in said(app, "error")
+    assert f"{name}: this" in said(app, "error") and says in said(app, "error")
 
 
 def test_points_of_tracktor_and_sleap(app: AppTest, home: Path) -> None:

@@ -8,11 +8,15 @@ from pathlib import Path
 import pytest
 from streamlit.testing.v1 import AppTest
 
+from stereocal.cli import main
 from stereocal.formats.dataset_files import pack_dataset, read_dataset
+from stereocal.paper_kit.reproduction import archive_files
+from stereocal.projects.archive import pack_project
 from stereocal.projects.project import Project
 from stereocal.rig.dataset import Dataset
 from stereocal.ui import press
 from stereocal.ui.closer_looks import VIEWS
+from stereocal.ui.refined import answer_of
 from stereocal.workflow import calibrate
 from tests.pages.stored_projects import messages
 from tests.pages.test_pages import FIELD, open_sample, project_of, zipped
@@ -48,6 +52,24 @@ def test_one_press_gives_everything(pressed: AppTest, home: Path) -> None:
     pressed.switch_page("pages/validate.py").run()
     assert project.evaluation is not None
     assert not pressed.exception and not pressed.error
+
+
+def test_a_projects_zip_gives_the_same_files_again(
+    pressed: AppTest, home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What the page computes in parts, and `reproduce` at once."""
+    project = project_of(pressed, home)
+    assert project.calibration is not None
+    found = answer_of(project, project.calibration)
+    assert found is not None
+    target = tmp_path / "project.zip"
+    pack_project(project, target, archive_files(found, found.sets))
+    assert main(["reproduce", str(target), "--out", str(tmp_path / "again")]) == 0
+    assert capsys.readouterr().out.count(": identical") == 3
+    project.exchange_targets(3)  # the result is of other data now
+    pack_project(project, target, archive_files(found, found.sets))
+    assert main(["reproduce", str(target), "--out", str(tmp_path / "again")]) == 2
+    assert "there is no reproduce.json" in capsys.readouterr().err
 
 
 def test_closer_looks_come_one_at_a_time(pressed: AppTest) -> None:

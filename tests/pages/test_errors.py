@@ -109,6 +109,7 @@ CACHES = {
     "apply_frames._tracks": "by the digest of the table's content, and the column",
     "apply_results._read": "by the digest of the table's content",
     "plan._forecasts": "by the whole plan, as its file",
+    "world._world": "by all numbers of the set, the digest of the file and all settings",
     "check._checked": "by all numbers of both files, and their name",
     "chosen_frame._decoded": "by the digest of the photograph",
     **{

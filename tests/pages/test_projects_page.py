@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 from streamlit.testing.v1 import AppTest
 
-from stereocal.calibration.methods import Method
 from stereocal.projects.archive import pack_project
 from stereocal.projects.home import delete, recent_projects, remove
 from stereocal.projects.project import Project
@@ -215,10 +214,11 @@ def test_a_project_goes_out_as_a_zip_and_comes_in_again(
 def test_the_zip_has_the_parameter_files_that_are_offered(
     app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    packed: list[dict[Method, RigParameters]] = []
+    packed: list[list[RigParameters]] = []
 
-    def pack(_: Project, target: Path, sets: dict[Method, RigParameters]) -> None:
-        packed.append(sets)
+    def pack(_: Project, target: Path, files: dict[str, bytes]) -> None:
+        names = (f"parameters_{name}.json" for name in ("2d", "3d", "refined"))
+        packed.append([RigParameters.loads(files[name].decode()) for name in names])
         target.write_bytes(b"zip")
 
     monkeypatch.setattr("stereocal.ui.projects.pack_project", pack)
@@ -229,10 +229,9 @@ def test_the_zip_has_the_parameter_files_that_are_offered(
     project.keep_settings({"refined_3d": True})
     start(app).button(key="pack").click().run()
     first, second = packed
-    assert list(first) == list(second) == ["2d", "3d", "refined"]
-    for rig in (*first.values(), *second.values()):
+    for rig in (*first, *second):
         assert rig.matching_threshold_px and rig.validation and rig.recommendation
-    assert [rig.method for rig in second.values()] == ["2d", "refined", "refined"]
+    assert [rig.method for rig in second] == ["2d", "refined", "refined"]
 
 
 def test_a_zip_without_a_project_is_said(app: AppTest, home: Path) -> None:

@@ -13,7 +13,14 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from stereocal.errors import StereocalError
+from stereocal.field.world.find import find_world
+from stereocal.formats.archives.archive import ArchiveOptions
+from stereocal.formats.archives.easywand import EasyWandFile, read_easywand
+from stereocal.formats.archives.gather import gather
+from stereocal.formats.archives.matlab_stereo import stereo_of
 from stereocal.formats.camera_file import read_camera, write_camera, write_opencv_camera
 from stereocal.formats.correspondences_csv import read_table
 from stereocal.formats.dataset_files import parse_dataset, parse_zip, read_dataset
@@ -33,24 +40,34 @@ from stereocal.formats.point_answers import (
 )
 from stereocal.formats.point_files import read_points
 from stereocal.formats.sleap_h5 import point_text
+from stereocal.formats.world_file import read_world
+from stereocal.formats.world_tables import read_observed
 from stereocal.matching.point_table import PointTable
-from stereocal.matching.reconstruction import read_world
 from stereocal.projects.project import Project
 from stereocal.projects.server_settings import ServerSettings
 from stereocal.rig.parameters import RigParameters
+from stereocal.system.json_text import read_json
 from stereocal.system.limits import Limits
 from stereocal.system.photograph import read_photograph
 from stereocal.system.photograph_files import unpack_photographs
 from stereocal.ui.picker import pick_of
+from tests.archives import (
+    caliscope_files,
+    easywand_fields,
+    kalibr_chain,
+    stereo_struct,
+    wand_csv,
+)
 from tests.field.plans import FIELD as FIELD_PLAN
 from tests.field.plans import contents, plan
 from tests.formats.test_exchange import RICHEST
 from tests.hostile_projects import FILES, dataset_zip, project_zip, read_inner, read_project_zip
-from tests.known_rig import PRIMARY, SECONDARY
+from tests.known_rig import PRIMARY, RIG, SECONDARY
 from tests.soak import seeds
 
 Read = Callable[[bytes, Path], object]
 Seeds = Callable[[], Sequence[bytes]]
+KNOWN = RigParameters(PRIMARY, SECONDARY, RIG, "2d", 1.0, {}, {}, noise_px=0.3)
 
 
 @dataclass(frozen=True)
@@ -86,8 +103,21 @@ def _tables() -> list[Reader]:
         Reader(
             "tables", "image", "points, HDF5", seeds.sleap, _hdf5, ("sleap_h5", "other_files")
         ),
-        Reader("tables", "text", "world, table", lambda: [seeds.world("", "")], _world("w.csv")),
-        Reader("JSON", "json", "world, JSON", lambda: [seeds.world("[", "]")], _world("w.json")),
+        Reader(
+            "tables", "text", "world, table", lambda: [seeds.world("", "")], _world("w.csv"),
+            ("world_file",),
+        ),
+        Reader(
+            "JSON", "json", "world, JSON", lambda: [seeds.world("[", "]"), seeds.world_json()],
+            _world("w.json"), ("world_file",),
+        ),
+        *(
+            Reader(
+                "tables", "text", f"world from {name}", partial(list, [content]), _observed,
+                ("world_tables",),
+            )
+            for name, content in seeds.observed().items()
+        ),
     ]  # fmt: skip
 
 
@@ -115,8 +145,54 @@ def _descriptions() -> list[Reader]:
             "JSON", "json", "plan", _plans,
             lambda content, _: parse_plan(content, "plan.json", lambda _: ours[0]), ("plan_file",),
         ),
+        Reader(
+            "YAML", "yaml", "archive, Kalibr", lambda: [kalibr_chain()], _archive("c.yaml"),
+            ("chains", "cameras", "gather", "archive"),
+        ),
+        Reader("other text", "text", "archive, TOML", caliscope_files, _archive("c.toml")),
+        Reader(
+            "JSON", "json", "archive, fields of easyWand",
+            lambda: [_packed_fields(easywand_fields())], _easywand, ("easywand",),
+        ),
+        Reader(
+            "JSON", "json", "archive, fields of MATLAB", lambda: [_packed_fields(stereo_struct())],
+            lambda content, _: stereo_of({"s": _fields_of(content)}, "a.mat"), ("matlab_stereo",),
+        ),
         *(_exchange(name, file) for name in RICHEST for file in export_files(RICHEST[name], name)),
     ]  # fmt: skip
+
+
+def _archive(name: str) -> Read:
+    def read(content: bytes, _: Path) -> None:
+        gather({name: content, "wand.csv": wand_csv(5)}, ArchiveOptions(("1", "3"), "m"))
+
+    return read
+
+
+def _packed_fields(fields: dict[str, Any]) -> bytes:
+    """Fields of a struct as JSON: of a damaged .mat file, SciPy may crash the process."""
+    return json.dumps(fields, default=lambda array: array.tolist()).encode()
+
+
+def _fields_of(content: bytes) -> dict[str, Any]:
+    found = read_json(content, "a.mat")
+    if not isinstance(found, dict):
+        raise StereocalError("a.mat: no struct.")
+    return {name: _field(value) for name, value in found.items()}
+
+
+def _field(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: _field(inner) for name, inner in value.items()}
+    try:
+        return np.array(value) if isinstance(value, list) else value
+    except (ValueError, OverflowError):
+        return "not numbers"
+
+
+def _easywand(content: bytes, _: Path) -> None:
+    file = EasyWandFile(_fields_of(content), "a.mat")
+    read_easywand(file, ArchiveOptions()).dataset("a", 1.0, 1.0)
 
 
 def _plans() -> list[bytes]:
@@ -279,6 +355,10 @@ def _table(name: str) -> Read:
 
 def _world(name: str) -> Read:
     return lambda content, folder: read_world(_kept(content, folder / name))
+
+
+def _observed(content: bytes, _: Path) -> None:
+    find_world(KNOWN, read_observed(content, "o.csv", frame_rate=100.0))
 
 
 def _photograph(content: bytes, folder: Path) -> None:

@@ -14,9 +14,12 @@ import cv2
 import h5py
 import numpy as np
 
+from benchmarks.world import Place, plumb_lines, surveyed, thrown, world_of_cameras
 from stereocal.formats.camera_file import write_camera
+from stereocal.rig.parameters import RigParameters
+from tests.field.world_tables import lines_csv, survey_csv, throw_csv
 from tests.formats.test_point_files import wand
-from tests.known_rig import PRIMARY
+from tests.known_rig import PRIMARY, RIG, SECONDARY
 
 FIELD = Path(__file__).parents[2] / "sample_data" / "field"
 
@@ -107,6 +110,27 @@ def world(opening: str, closing: str) -> bytes:
     table = np.eye(4) + np.pad([[1.5], [2.0], [-3.0]], ((0, 1), (3, 0)))
     rows = [opening + ",".join(map(repr, row)) + closing for row in table.tolist()]
     return (opening + (",\n" if opening else "\n").join(rows) + closing).encode()
+
+
+def world_json() -> bytes:
+    """A file of a world frame."""
+    table = np.eye(4).tolist()
+    return json.dumps(
+        {"format": "stereocal-world/1", "source": "plumb", "world_from_primary": table}
+    ).encode()
+
+
+@cache
+def observed() -> Mapping[str, bytes]:
+    """Tables that a world frame is found from."""
+    rng = np.random.default_rng(4)
+    rig = RigParameters(PRIMARY, SECONDARY, RIG, "2d", 1.0, {}, {}, noise_px=0.3)
+    place = Place(rig, rig, world_of_cameras(rng), rng)
+    return {
+        "a survey": survey_csv(surveyed(place, 5)),
+        "lines": lines_csv(plumb_lines(place, 2, clicks=4)),
+        "a throw": throw_csv(thrown(place)),
+    }
 
 
 def uncertain_camera() -> bytes:

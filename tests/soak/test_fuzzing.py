@@ -24,6 +24,7 @@ NO_READERS = {
     "evaluation_files": "read as a file of a project",
     "lens_fit": "fits numbers",
     "lens_model": "looks at a name and a count that `camera_file` has read",
+    "matlab_file": "reads in a child process, which SciPy may crash",
     "options": "what a person says of the exchange formats",
     "simulated": "writes",
     "units": "multiplies",

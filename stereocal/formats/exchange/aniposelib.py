@@ -61,27 +61,41 @@ def read_aniposelib(files: Mapping[str, bytes], options: ExchangeOptions, source
         StereocalError: not two cameras, a fisheye lens, or a number is missing.
     """
     name, text = only_file(files, (".toml",), source)
-    try:
-        data = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # a number of too many digits is a ValueError
-        raise StereocalError(f"{name}: this is not valid TOML ({error}).") from error
+    data = read_toml(text, name)
     sections = sorted(key for key in data if key != "metadata" and isinstance(data[key], dict))
     if len(sections) != 2:
         raise StereocalError(f"{name}: two cameras are expected; the file has {len(sections)}.")
-    read = [_camera(data[key], k, options, f"{name}, {key}") for k, key in enumerate(sections)]
-    (primary, first), (secondary, second) = read
+    primary, secondary = (
+        toml_camera(data[key], k, options, f"{name}, {key}") for k, key in enumerate(sections)
+    )
+    first, second = (toml_pose(data[key], f"{name}, {key}") for key in sections)
     return Rig(primary, secondary, second @ first.inverse()), None
 
 
-def _camera(
-    data: Mapping[str, Any], k: int, options: ExchangeOptions, source: str
-) -> tuple[Camera, Pose]:
+def read_toml(text: str, name: str) -> dict[str, Any]:
+    """The content of a TOML file.
+
+    Raises:
+        StereocalError: not TOML.
+    """
+    try:
+        return tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # a number of too many digits is a ValueError
+        raise StereocalError(f"{name}: this is not valid TOML ({error}).") from error
+
+
+def toml_camera(data: Mapping[str, Any], k: int, options: ExchangeOptions, source: str) -> Camera:
+    """The camera of a section; `k` is 0 for the primary.
+
+    Raises:
+        StereocalError: a fisheye lens, or a number is missing.
+    """
     coefficients = array_of(data.get("distortions"), (-1,), "distortions", source)
     check_lens_model(coefficients, data.get("fisheye"), options.lens_model, source)
     which = CAMERAS[k]
     size = size_of(data.get("size"), options.image_sizes[k], which, source)
     try:
-        camera = Camera(
+        return Camera(
             array_of(data.get("matrix"), (3, 3), "matrix", source),
             coefficients,
             size,
@@ -89,6 +103,17 @@ def _camera(
     except StereocalError as error:
         text = str(error)
         raise StereocalError(text if source in text else f"{source}: {text}") from error
-    turn, _ = cv2.Rodrigues(array_of(data.get("rotation"), (3,), "rotation", source))
+
+
+def toml_pose(data: Mapping[str, Any], source: str) -> Pose:
+    """The pose of a section, camera from world; a rotation vector, or Caliscope's matrix.
+
+    Raises:
+        StereocalError: a number is missing, or the matrix is not a rotation.
+    """
+    stated = array_of(data.get("rotation"), (-1,), "rotation", source)
     translation = array_of(data.get("translation"), (3,), "translation", source)
-    return camera, Pose(np.asarray(turn, dtype=np.float64), translation)
+    if stated.size == 9:
+        return Pose(stated.reshape(3, 3), translation)
+    turn, _ = cv2.Rodrigues(array_of(stated, (3,), "rotation", source))
+    return Pose(np.asarray(turn, dtype=np.float64), translation)

@@ -71,12 +71,19 @@ def read_kalibr(files: Mapping[str, bytes], options: ExchangeOptions, source: st
             f"{name}: a chain of cam0 and cam1 is expected; the file has "
             f"{', '.join(chain) or 'no camera'}."
         )
-    cameras = [_camera(data[key], k, options, f"{name}, {key}") for k, key in enumerate(chain)]
+    cameras = [
+        kalibr_camera(data[key], k, options, f"{name}, {key}") for k, key in enumerate(chain)
+    ]
     transform = array_of(data["cam1"].get("T_cn_cnm1"), (4, 4), "T_cn_cnm1", f"{name}, cam1")
     return Rig(cameras[0], cameras[1], Pose(transform[:3, :3], transform[:3, 3])), None
 
 
-def _camera(data: Any, k: int, options: ExchangeOptions, source: str) -> Camera:
+def kalibr_camera(data: Any, k: int, options: ExchangeOptions, source: str) -> Camera:
+    """The camera of an entry of a camchain; `k` is 0 for the primary.
+
+    Raises:
+        StereocalError: another lens model, or a number is missing.
+    """
     if not isinstance(data, dict):
         raise StereocalError(f"{source}: this is not a camera.")
     # Coefficients without a model are an error, not a lens without distortion.

@@ -87,11 +87,16 @@ def read_ros(files: Mapping[str, bytes], options: ExchangeOptions, source: str) 
     if not (P2[0, 0] > 0 and P2[1, 1] > 0):
         raise StereocalError(f"{source}: the focal lengths of a projection matrix are not above 0.")
     T = R2.T @ np.array([P2[0, 3] / P2[0, 0], P2[1, 3] / P2[1, 1], 0.0])
-    cameras = [_camera(*read[k], which, options) for which, k in enumerate((first, second))]
+    cameras = [ros_camera(*read[k], which, options) for which, k in enumerate((first, second))]
     return Rig(cameras[0], cameras[1], Pose(R2.T @ R1, T)), None
 
 
-def _camera(name: str, data: Mapping[str, Any], k: int, options: ExchangeOptions) -> Camera:
+def ros_camera(name: str, data: Mapping[str, Any], k: int, options: ExchangeOptions) -> Camera:
+    """The camera of a camera_info file; `k` is 0 for the primary.
+
+    Raises:
+        StereocalError: another lens model, or a number is missing.
+    """
     model = data.get("distortion_model")
     coefficients = _numbers_of(data, "distortion_coefficients", (-1,), name)
     check_lens_model(coefficients, model, options.lens_model, name)

@@ -1,0 +1,147 @@
+"""`stereocal import`: a data set from the files of other programs."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+from stereocal.commands.options import add_lens_model, image_size, with_sigmas
+from stereocal.commands.point_options import add_origin, two_cameras
+from stereocal.errors import StereocalError
+from stereocal.formats.archives.archive import THROW, Archive, ArchiveOptions, Taken
+from stereocal.formats.archives.gather import WANTED, gather
+from stereocal.formats.dataset_files import FREE, pack_dataset
+from stereocal.formats.point_layouts import LAYOUTS
+from stereocal.formats.units import UNITS
+from stereocal.rig.dataset import Dataset
+from stereocal.system.atomic_files import write_all
+from stereocal.system.limits import Limits
+
+BAR_LAYOUTS = tuple(name for name in LAYOUTS if name in ("wand", "argus", "dltdv5", "dltdv8"))
+
+
+def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """The options of the command."""
+    command = commands.add_parser("import", help="a data set from the files of other programs")
+    command.set_defaults(run=run)
+    command.add_argument("files", type=Path, nargs="+", metavar="FILE", help=WANTED)
+    command.add_argument("--out", type=Path, required=True, help="folder of the data set")
+    command.add_argument(
+        "--cameras", metavar="P,S", help="primary and secondary camera: 1,2 or names (default: 1,2)"
+    )
+    command.add_argument("--unit", choices=tuple(UNITS), help="unit of the lengths in the files")
+    command.add_argument(
+        "--baseline",
+        metavar="B",
+        help=f"measured baseline in m; {FREE}: none, the lengths of the bars give the scale",
+    )
+    command.add_argument(
+        "--distance", type=float, metavar="D", help="measured distance between A and B in m"
+    )
+    command.add_argument(
+        "--image-size", metavar="WxH", help="of both cameras, if the files are wrong or silent"
+    )
+    command.add_argument(
+        "--layout", type=str.lower, choices=BAR_LAYOUTS, help="which program wrote the table"
+    )
+    add_origin(command)
+    add_lens_model(command)
+
+
+def run(parsed: argparse.Namespace) -> None:
+    """Read the files, write the data set, print what was taken and what is missing."""
+    baseline = _baseline(parsed.baseline)
+    found = gather(
+        _contents(parsed.files),
+        ArchiveOptions(
+            cameras=None if parsed.cameras is None else two_cameras(parsed.cameras),
+            unit=parsed.unit,
+            image_size=image_size(parsed.image_size),
+            corner=parsed.image_origin,
+            first_pixel=parsed.first_pixel,
+            flip=parsed.flip,
+            layout=parsed.layout,
+            lens_model=parsed.lens_model,
+        ),
+        baseline_known=baseline is not None,
+    )
+    missing = found.missing(baseline, parsed.distance)
+    lines = [*_not_replaced(found, baseline, parsed.distance), *missing]
+    print(table_of(lines))
+    dataset = with_sigmas(found.dataset(parsed.out.name, baseline, parsed.distance), parsed)
+    files = {parsed.out / name: content for name, content in pack_dataset(dataset).items()}
+    if found.throw is not None:
+        files[parsed.out / THROW] = found.throw.to_csv(index=False, lineterminator="\n").encode()
+    write_all(files)
+    for note in notes_on(found, dataset):
+        print(f"Note: {note}")
+    print(f"wrote {parsed.out}")
+
+
+def table_of(lines: Sequence[Taken]) -> str:
+    """The report as a table."""
+    rows = [("what", "taken", "from"), *((t.what, t.taken, t.origin) for t in lines)]
+    widths = [max(len(row[k]) for row in rows) for k in (0, 1)]
+    return "\n".join(f"{a:<{widths[0]}}  {b:<{widths[1]}}  {c}" for a, b, c in rows)
+
+
+def notes_on(found: Archive, dataset: Dataset) -> list[str]:
+    """What to know about the data set."""
+    notes = list(found.remarks)
+    if found.baseline_m is not None and dataset.baseline_m == found.baseline_m:
+        notes.append(
+            f"The baseline of {dataset.baseline_m:.4g} m is the other program's result, not a "
+            "measurement. If you have measured it, give --baseline B; else --baseline free lets "
+            "the lengths alone give the scale."
+        )
+    if dataset.baseline_is_free:
+        notes.append(f"The lengths of the bars give a baseline of {dataset.baseline_m:.4g} m.")
+    return notes
+
+
+def _contents(paths: Sequence[Path]) -> dict[str, bytes]:
+    limits = Limits.from_environment()
+    limits.check_count(len(paths), "The command")
+    found: dict[str, bytes] = {}
+    for path in paths:
+        try:
+            limits.check_size(path.stat().st_size, str(path))
+            content = path.read_bytes()
+        except OSError as error:
+            raise StereocalError(f"{path} cannot be read: {error.strerror or error}.") from error
+        name = path.name if path.name not in found else str(path)
+        if name in found:
+            raise StereocalError(f"{path}: the file is given twice.")
+        found[name] = content
+    return found
+
+
+def _baseline(text: str | None) -> float | None:
+    """The stated baseline; infinite if it is free, None if it is not stated."""
+    if text is None or text == FREE:
+        return None if text is None else math.inf
+    try:
+        return float(text)
+    except ValueError:
+        raise StereocalError(
+            f'--baseline is "{text}"; it must be a length in metres, or {FREE}.'
+        ) from None
+
+
+def _not_replaced(found: Archive, baseline: float | None, distance: float | None) -> list[Taken]:
+    """The report without what the options replace, and with the options."""
+    lines = [
+        line
+        for line in found.taken
+        if not (line.what == "baseline" and baseline is not None)
+        and not (line.what == "distance A-B" and distance is not None)
+    ]
+    if distance is not None:
+        lines.append(Taken("distance A-B", f"{distance:g} m", "--distance"))
+    if baseline is not None:
+        free = math.isinf(baseline)
+        words = "free: the lengths of the bars give the scale" if free else f"{baseline:g} m"
+        lines.append(Taken("baseline", words, "--baseline"))
+    return lines

@@ -1,0 +1,97 @@
+"""`stereocal reproduce`: the parameter files of an archive, computed again and compared."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from stereocal.commands.calibrate import evaluation_of
+from stereocal.commands.compiling import compile_apart
+from stereocal.paper_kit.reproduction import (
+    Comparison,
+    ReproducibleResult,
+    compare,
+    processor_kind,
+    read_archive,
+)
+from stereocal.rig.parameters import RigParameters, software_versions
+from stereocal.system.atomic_files import write_all
+from stereocal.verdict.forecast import outlook_of
+from stereocal.workflow import answer, calibrate
+
+DIFFERENT = 1
+"""Exit status if a file differs by more than its tolerance."""
+MOST_SHOWN = 5
+
+
+def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """The options of the command."""
+    command = commands.add_parser(
+        "reproduce",
+        help="compute the parameter files of a paper kit's archive again, and compare them",
+        epilog="Exit status: 0 if all files are identical or within the tolerance that the "
+        "archive states, 1 if one differs, 2 for bad input.",
+    )
+    command.set_defaults(run=run)
+    command.add_argument(
+        "archive", type=Path, help="archive.zip of a paper kit, or a project's zip"
+    )
+    command.add_argument("--out", type=Path, required=True, help="folder for the files")
+
+
+def run(parsed: argparse.Namespace) -> int:
+    """Compute the files again, write them, and print how each compares; the exit status."""
+    archived = read_archive(parsed.archive)
+    compile_apart()
+    sets = computed_again(archived)
+    write_all({parsed.out / name: rig.dumps().encode() for name, rig in sets.items()})
+    found = compare(archived, sets)
+    for one in found:
+        print(line_of(one))
+    if not all(one.identical for one in found):
+        print(elsewhere(archived))
+    for name in sets:
+        print(f"wrote {parsed.out / name}")
+    return 0 if all(one.agrees for one in found) else DIFFERENT
+
+
+def computed_again(archived: ReproducibleResult) -> dict[str, RigParameters]:
+    """The parameter files by name, without those that cannot be computed any more.
+
+    Raises:
+        StereocalError: the data do not determine the pose, or allow no validation.
+    """
+    calibration = calibrate(archived.dataset, archived.calibration, refined=archived.refined)
+    settings = archived.validation
+    evaluation = None if settings is None else evaluation_of(calibration, settings)
+    sets = answer(calibration, outlook_of(calibration), evaluation).sets
+    return {name: sets[file.method] for name, file in archived.files.items() if file.method in sets}
+
+
+def line_of(found: Comparison) -> str:
+    """How a file compares, in words."""
+    if found.identical:
+        return f"{found.name}: identical (SHA-256 {found.digest})"
+    if found.agrees:
+        return f"{found.name}: within the tolerance"
+    shown = [f"  {one}" for one in found.differences[:MOST_SHOWN]]
+    more = len(found.differences) - len(shown)
+    count = f"{len(found.differences)} value{'s' * (len(found.differences) > 1)}"
+    rest = [f"  and {more} more"] if more else []
+    return "\n".join([f"{found.name}: different, in {count}:", *shown, *rest])
+
+
+def elsewhere(archived: ReproducibleResult) -> str:
+    """Whether versions and processor are those of the archive."""
+    changed = [
+        f"{name} {before} there, {now.get(name, 'none')} here"
+        for then, now in (
+            (archived.software, software_versions()),
+            (archived.processor, processor_kind()),
+        )
+        for name, before in then.items()
+        if now.get(name) != before
+    ]
+    if changed:
+        return f"Not the same versions and processor: {'; '.join(changed)}."
+    return "Versions and processor are those of the archive."

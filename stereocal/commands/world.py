@@ -1,0 +1,108 @@
+"""`stereocal world`: where up is, from surveyed points, lines or a throw."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from stereocal.errors import StereocalError
+from stereocal.field.world.find import WorldSettings, find_world
+from stereocal.field.world.frame import Axes
+from stereocal.field.world.survey import SURVEY_SIGMA_M
+from stereocal.formats.world_file import write_world
+from stereocal.formats.world_tables import read_observed
+from stereocal.rig.parameters import RigParameters
+from stereocal.system.atomic_files import write_atomically
+from stereocal.system.limits import Limits
+
+
+def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """The options of the command."""
+    command = commands.add_parser(
+        "world", help="a frame with an up: from surveyed points, plumb lines, or a throw"
+    )
+    command.set_defaults(run=run)
+    command.add_argument(
+        "observed",
+        type=Path,
+        metavar="SURVEY.csv|PLUMB.csv|THROW.csv",
+        help="surveyed points (point,x,y,z and pixels of both cameras), plumb lines, level lines "
+        "and horizons (line,kind and pixels), or a throw (frame and pixels)",
+    )
+    command.add_argument(
+        "--parameters", type=Path, required=True, metavar="FILE", help="the parameters to measure "
+        "with: parameters_3d.json or parameters_refined.json",
+    )  # fmt: skip
+    command.add_argument("--out", type=Path, required=True, help="world.json")
+    command.add_argument(
+        "--frame-rate", type=float, metavar="FPS", help="frames per second, for a throw"
+    )
+    command.add_argument(
+        "--origin",
+        metavar="NAME",
+        help="camera (the primary), first (first point of a throw) or the name of a surveyed "
+        "point (default: the survey's own origin, else camera)",
+    )
+    command.add_argument(
+        "--x-axis",
+        metavar="NAME",
+        help="horizontal part of: view (the primary's viewing direction), baseline, or a level "
+        "line's name (default: the survey's own axes, else view)",
+    )
+    command.add_argument(
+        "--heading",
+        type=float,
+        default=0.0,
+        metavar="DEG",
+        help="turn the x axis from there, counter-clockwise seen from above (default: 0)",
+    )
+    command.add_argument(
+        "--sigma-px",
+        type=float,
+        metavar="PX",
+        help="noise of a pixel coordinate (default: of the parameter file, or of the residuals "
+        "of a throw)",
+    )
+    command.add_argument(
+        "--survey-sigma",
+        type=float,
+        default=SURVEY_SIGMA_M,
+        metavar="M",
+        help="standard error of a surveyed coordinate in metres (default: %(default)g)",
+    )
+    command.add_argument(
+        "--no-drag", action="store_true", help="the thrown object is heavy: the air slows it not"
+    )
+    command.add_argument(
+        "--upside-down", action="store_true", help="the cameras hang upside down (for lines)"
+    )
+
+
+def run(parsed: argparse.Namespace) -> None:
+    """Find the world frame, write it, print what it rests on."""
+    rig = RigParameters.load(parsed.parameters)
+    observed = read_observed(_content(parsed.observed), str(parsed.observed), parsed.frame_rate)
+    settings = WorldSettings(
+        Axes(parsed.origin, parsed.x_axis, parsed.heading),
+        parsed.sigma_px,
+        parsed.survey_sigma,
+        not parsed.no_drag,
+        parsed.upside_down,
+    )
+    found = find_world(rig, observed, settings)
+    write_atomically(parsed.out, write_world(found, rig))
+    print(found.sentence)
+    residuals = found.about.get("residuals_m", {})
+    for name, (x, y, z) in residuals.items():
+        print(f"  {name}: residual x {x:+.4f}, y {y:+.4f}, z {z:+.4f} m")
+    for note in found.notes:
+        print(f"Note: {note}")
+    print(f"wrote {parsed.out}")
+
+
+def _content(path: Path) -> bytes:
+    try:
+        Limits.from_environment().check_size(path.stat().st_size, str(path))
+        return path.read_bytes()
+    except OSError as error:
+        raise StereocalError(f"{path}: the file cannot be read ({error}).") from error

@@ -1,0 +1,1 @@
+"""The world frame: where up is, and the axes that the points are given in."""

@@ -1,0 +1,194 @@
+"""Weighted least squares, and what its errors are.
+
+The fit holds the parameters: points are reconstructed with them as they are, and the world frame
+has to suit those points. What the errors of the parameters do is added to the covariance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy.optimize import brentq, least_squares
+from scipy.stats import chi2, f, norm, t
+
+from stereocal.rig.compiled import FloatArray, IntArray
+
+LEVEL = 0.95
+STEP = float(np.sqrt(np.finfo(np.float64).eps))
+"""Of finite differences, for an unknown of 1 or less."""
+FEWEST_DEGREES = 10
+"""Below this number of degrees of freedom, residuals do not show the noise."""
+
+SMALLEST_PART = 1e-5
+"""Relative singular value below which columns count as dependent: finite differences are exact to
+1e-8."""
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """Estimates, and what their errors are."""
+
+    x: FloatArray
+    """(m,)."""
+    J: FloatArray
+    """(n, m): derivatives of the errors by x."""
+    errors: FloatArray
+    """(n,) over their standard deviations."""
+    by_rig: FloatArray
+    """(n, r): derivatives of the errors by the common errors z of the parameters."""
+    noise_is_known: bool = False
+    """Whether the noise was estimated from these residuals, which then cannot widen the errors."""
+
+    @property
+    def degrees(self) -> int:
+        """Degrees of freedom."""
+        return len(self.errors) - len(self.x)
+
+    @cached_property
+    def chi_square(self) -> float:
+        """Of the residuals, after what likely errors of the parameters explain of them."""
+        r = self.by_rig.shape[1]
+        design = np.block([[self.J, self.by_rig], [np.zeros((r, len(self.x))), np.eye(r)]])
+        whole = np.concatenate([self.errors, np.zeros(r)])
+        return _squares_left(design, whole)[0]
+
+    @property
+    def widening(self) -> float:
+        """Factor of the standard errors: above 1 where residuals exceed the stated noise."""
+        if self.noise_is_known or not self.degrees:
+            return 1.0
+        return float(np.sqrt(max(1.0, self.chi_square / self.degrees)))
+
+    @cached_property
+    def covariance(self) -> FloatArray:
+        """(m, m), of the noise of the observations."""
+        return np.asarray(self._stated * self.widening**2)
+
+    @cached_property
+    def _stated(self) -> FloatArray:
+        return np.asarray(np.linalg.pinv(self.J.T @ self.J), dtype=np.float64)
+
+    @cached_property
+    def shift(self) -> FloatArray:
+        """(m, r): derivatives of the estimates by z."""
+        return np.asarray(-self._stated @ (self.J.T @ self.by_rig))
+
+    @property
+    def noise_factor(self) -> float | None:
+        """The noise that the residuals show, over the stated one; None if they are too few.
+
+        What errors of the parameters can explain, however large, is left out.
+        """
+        left, degrees = _squares_left(np.column_stack([self.J, self.by_rig]), self.errors)
+        return float(np.sqrt(left / degrees)) if degrees >= FEWEST_DEGREES else None
+
+    def scaled(self, factor: float) -> Solution:
+        """The same where the noise is this factor larger, as the residuals show."""
+        return replace(
+            self,
+            J=self.J / factor,
+            errors=self.errors / factor,
+            by_rig=self.by_rig / factor,
+            noise_is_known=True,
+        )
+
+    @property
+    def _has_t(self) -> bool:
+        return self.widening > 1 or self.noise_is_known
+
+    @property
+    def quantile(self) -> float:
+        """Half of a 95 % interval over the standard error."""
+        upper = 0.5 + 0.5 * LEVEL
+        return float(t.ppf(upper, self.degrees) if self._has_t else norm.ppf(upper))
+
+    def bound(self, covariance: FloatArray) -> float:
+        """Length that holds 95 % of errors with a covariance (k, k); for k = 3, at least 95 %."""
+        values = np.linalg.eigvalsh(covariance)
+        if len(values) == 1:
+            return self.quantile * float(np.sqrt(values[0]))
+        top = float(np.sqrt(values[-1]))
+        if len(values) > 2 or not top > 0 or not np.isfinite(top):
+            square = chi2.ppf(LEVEL, len(values))
+            if self._has_t:
+                square = len(values) * f.ppf(LEVEL, len(values), self.degrees)
+            return float(np.sqrt(square)) * top
+        # The error has a direction that is uniform before it is stretched by both roots.
+        angle = (np.arange(32) + 0.5) * np.pi / 64
+        stretched = (values[0] * np.cos(angle) ** 2 + values[1] * np.sin(angle) ** 2) / top**2
+
+        def outside(length: float) -> float:
+            squares = length**2 / stretched
+            if self._has_t:
+                return float(np.mean(f.sf(0.5 * squares, 2, self.degrees))) - (1 - LEVEL)
+            return float(np.mean(np.exp(-0.5 * squares))) - (1 - LEVEL)
+
+        return top * float(brentq(outside, 1.0, 1e3))
+
+
+@dataclass(frozen=True, eq=False)
+class Blocks:
+    """Which unknowns act on which errors: some on all, the others in blocks on their own errors.
+
+    Derivatives then need a few evaluations, not one for each unknown.
+    """
+
+    common: int
+    """Number of the first unknowns, which act on all errors."""
+    size: int
+    """Unknowns of each block; the blocks follow one another."""
+    of_error: IntArray
+    """(n,): the block that acts on each error; -1: none."""
+
+    def jacobian(self, errors: Callable[[FloatArray], FloatArray], x: FloatArray) -> FloatArray:
+        """(n, m): derivatives by finite differences."""
+        here = errors(x)
+        steps = STEP * np.maximum(1.0, np.abs(x))
+        J = np.zeros((len(here), len(x)))
+        for k in range(self.common):
+            moved = x.copy()
+            moved[k] += steps[k]
+            J[:, k] = (errors(moved) - here) / steps[k]
+        rows = np.flatnonzero(self.of_error >= 0)
+        for k in range(self.size):
+            columns = slice(self.common + k, None, self.size)
+            moved = x.copy()
+            moved[columns] += steps[columns]
+            at = self.common + k + self.size * self.of_error[rows]
+            J[rows, at] = (errors(moved) - here)[rows] / steps[at]
+        return J
+
+
+def solve(
+    errors: Callable[[FloatArray], FloatArray],
+    start: FloatArray,
+    by_rig: Callable[[FloatArray], FloatArray] | None = None,
+    blocks: Blocks | None = None,
+) -> Solution:
+    """Minimise the sum of the squares of errors(x).
+
+    Args:
+        errors: (n,) differences over their standard deviations.
+        start: (m,), m <= n.
+        by_rig: (n, r) at the solution: derivatives of the errors by z; None: not known.
+        blocks: which unknowns act on which errors; None: all on all.
+    """
+    known = blocks or Blocks(len(start), 0, np.full(len(errors(start)), -1))
+
+    def jacobian(x: FloatArray) -> FloatArray:
+        return known.jacobian(errors, x)
+
+    found = least_squares(errors, start, jacobian, x_scale="jac", method="trf")
+    J, e = (np.asarray(each, dtype=np.float64) for each in (found.jac, found.fun))
+    return Solution(found.x, J, e, np.zeros((len(e), 0)) if by_rig is None else by_rig(found.x))
+
+
+def _squares_left(design: FloatArray, errors: FloatArray) -> tuple[float, int]:
+    """Sum of squares that no combination of the columns explains, and its degrees of freedom."""
+    scale = np.linalg.norm(design, axis=0)
+    design = design / np.where(scale > 0, scale, 1.0)
+    fitted, _, rank, _ = np.linalg.lstsq(design, errors, rcond=SMALLEST_PART)
+    return float(np.sum((errors - design @ fitted) ** 2)), len(errors) - int(rank)

@@ -1,0 +1,172 @@
+"""How uncertain observations are: image noise, and errors of the parameters.
+
+Errors of the parameters are common to all observations. They are written as `spread @ z` with z
+independent and standard normal, so that an observation's change is first order in z.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from stereocal.errors import StereocalError
+from stereocal.matching.reconstruction import noise_of_file
+from stereocal.refined.bar_fit import SHARED
+from stereocal.refined.solve import lenses_of_cameras
+from stereocal.refined.uncertainty import point_errors
+from stereocal.refined.unknowns import camera_of, pose_of, shared_unknowns
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.parameters import RigParameters
+from stereocal.rig.rig import Rig
+
+ASSUMED_PX = 0.5
+SMALLEST_PART = 1e-10
+"""Directions with a smaller part of the correlation's variance are left out."""
+LARGEST_MISFIT = 0.05
+"""Largest reprojection error over the image's diagonal; beyond it the images are not of one point,
+or not of this rig."""
+
+
+@dataclass(frozen=True, eq=False)
+class Noise:
+    """Image noise, and errors of the parameters."""
+
+    sigma_px: float
+    """Standard deviation of an image coordinate."""
+    source: Literal["stated", "parameter file", "assumed", "residuals"]
+    spread: FloatArray
+    """(23, r): of the shared unknowns of `bar_fit`; r = 0 if the file states no covariance."""
+
+    @property
+    def of_cameras(self) -> str:
+        """Whether the errors of the parameters take part, in words."""
+        known = self.spread.shape[1]
+        return "covariance of the parameter file" if known else "unknown: image noise only"
+
+
+def noise_of(rig: RigParameters, sigma_px: float | None = None) -> Noise:
+    """The noise stated, else that of the file, else `ASSUMED_PX`; parameter errors of the file.
+
+    Raises:
+        StereocalError: the noise is not above 0, or the file's uncertainties cannot be read.
+    """
+    if sigma_px is not None and not (np.isfinite(sigma_px) and sigma_px > 0):
+        raise StereocalError(f"The image noise is {sigma_px} px; it must be above 0.")
+    of_file, covariance = noise_of_file(rig)
+    spread = np.zeros((SHARED, 0)) if covariance is None else _spread_of(covariance)
+    if sigma_px is not None:
+        return Noise(sigma_px, "stated", spread)
+    known = of_file or rig.noise_px
+    return Noise(known or ASSUMED_PX, "parameter file" if known else "assumed", spread)
+
+
+def _spread_of(covariance: FloatArray) -> FloatArray:
+    """(23, r): a root of a covariance (23, 23), whose entries differ in their units."""
+    sigma = np.sqrt(np.clip(np.diag(covariance), 0.0, None))
+    scale = np.where(sigma > 0, sigma, 1.0)
+    values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+    kept = values > SMALLEST_PART
+    return np.asarray(scale[:, None] * vectors[:, kept] * np.sqrt(values[kept]))
+
+
+def rig_errors(errors: Callable[[Rig], FloatArray], rig: Rig, spread: FloatArray) -> FloatArray:
+    """(n, r): derivatives by z of n errors that are computed with a rig, by central differences."""
+    q = shared_unknowns(rig)
+
+    def at(unknowns: FloatArray) -> FloatArray:
+        cameras = camera_of(rig.primary, unknowns, 0), camera_of(rig.secondary, unknowns, 1)
+        return errors(Rig(*cameras, pose_of(unknowns)))
+
+    columns = [0.5 * (at(q + along) - at(q - along)) for along in spread.T]
+    return np.stack(columns, axis=1) if columns else np.zeros((len(errors(rig)), 0))
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredPoints:
+    """Reconstructed points, in the primary's frame."""
+
+    xyz: FloatArray
+    """(n, 3) metres."""
+    own: FloatArray
+    """(n, 3, 3): covariance for an image noise of 1 px."""
+    by_rig: FloatArray
+    """(n, 3, r): derivatives by z."""
+
+
+def measured_points(rig: Rig, xyz: FloatArray, spread: FloatArray) -> MeasuredPoints:
+    """Points (n, 3) with their errors."""
+    lenses = lenses_of_cameras(rig.primary, rig.secondary)
+    own, jacobian = point_errors(shared_unknowns(rig), lenses, 1.0, xyz)
+    return MeasuredPoints(xyz, own, jacobian @ spread)
+
+
+def turns_at(rig: Rig, up: FloatArray, places: FloatArray, spread: FloatArray) -> FloatArray:
+    """(3, r): derivatives by z of the direction of reconstructed plumb lines, mean over places.
+
+    The parameters' errors turn what is reconstructed there, and with it the vertical found from
+    it. That is no error of the world frame, whose points are reconstructed alike.
+
+    Args:
+        up: (3,) unit vector in the primary's frame.
+        places: (n, 3).
+    """
+    half = 0.05 * np.linalg.norm(places, axis=1, keepdims=True)
+    ends = [measured_points(rig, places + way * half * up, spread).by_rig for way in (1, -1)]
+    by_rig = (ends[0] - ends[1]) / (2 * half[:, :, None])
+    across = by_rig - np.einsum("i,j,njr->nir", up, up, by_rig)
+    return np.asarray(np.nanmean(across, axis=0))
+
+
+def usual_place(rig: RigParameters) -> FloatArray:
+    """(1, 3): the middle of the bars' volume, or a place eight baselines away."""
+    depth = 8.0 * rig.pose.baseline
+    return np.array([[0.0, 0.0, depth if rig.volume is None else float(np.mean(rig.volume.z_m))]])
+
+
+def reconstructed(rig: Rig, pixels: FloatArray, names: tuple[str, ...]) -> FloatArray:
+    """Points (n, 3) of raw pixels (n, 4).
+
+    Args:
+        names: of the points, for messages.
+
+    Raises:
+        StereocalError: a point is outside its image, or its two images are not of one point.
+    """
+    for side, camera, at in (
+        ("primary", rig.primary, pixels[:, :2]),
+        ("secondary", rig.secondary, pixels[:, 2:]),
+    ):
+        check_inside(at, camera.image_size, side, names)
+    xyz = rig.reconstruct(pixels[:, :2], pixels[:, 2:])
+    error = rig.reprojection_errors(pixels[:, :2], pixels[:, 2:]).mean(axis=1)
+    far = LARGEST_MISFIT * float(np.hypot(*rig.primary.image_size))
+    bad = np.flatnonzero(~np.isfinite(xyz).all(axis=1) | ~(error < far))
+    if len(bad):
+        at_most = error[bad[0]]
+        how = f"miss each other by {at_most:.0f} px" if np.isfinite(at_most) else "do not meet"
+        raise StereocalError(
+            f"{names[bad[0]]}: the rays of its two images {how}; the two images are not of one "
+            "point, or the parameters are not of these cameras."
+        )
+    return xyz
+
+
+def check_inside(
+    pixels: FloatArray, size: tuple[int, int], side: str, names: tuple[str, ...]
+) -> None:
+    """Check that raw pixels (n, 2) are inside their image.
+
+    Raises:
+        StereocalError: one is not; names it.
+    """
+    outside = ((pixels < -0.5) | (pixels > np.array(size) - 0.5)).any(axis=1)
+    if outside.any():
+        row = int(np.flatnonzero(outside)[0])
+        u, v = pixels[row]
+        raise StereocalError(
+            f"{names[row]}: the {side} point ({u:g}, {v:g}) is outside the {size[0]}x{size[1]} px "
+            "image; are the parameters of these cameras?"
+        )

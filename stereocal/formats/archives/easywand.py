@@ -1,0 +1,280 @@
+"""easyWand's `easyWandData.mat`: bars, background points, a thrown object, lenses, a solution.
+
+All image coordinates in the file count v from the bottom: `v' = h - v` with the image height h.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from stereocal.errors import StereocalError
+from stereocal.formats.archives.archive import (
+    THROW,
+    Archive,
+    ArchiveOptions,
+    Taken,
+    baseline_taken,
+    check_bar,
+    chosen_pair,
+    chosen_words,
+    lens_taken,
+    points_taken,
+    remarks_on_choice,
+    with_background,
+)
+from stereocal.formats.archives.matlab_file import Fields, numbers_of, read_structs, required
+from stereocal.formats.correspondences_csv import PIXELS
+from stereocal.formats.pixel_origin import PixelOrigin
+from stereocal.formats.rig_layouts import LOWER_LEFT
+from stereocal.formats.units import UNITS
+from stereocal.rig.camera import CAMERAS, Camera
+from stereocal.rig.compiled import FloatArray, IntArray
+from stereocal.rig.dataset import Correspondences
+from stereocal.system.limits import Limits
+
+STRUCT = "easyWandData"
+MOST_CAMERAS = 64
+COEFFICIENTS = 11
+LENS_FIELDS = "focalLengths, principalPoints, nlin"
+
+
+@dataclass(frozen=True)
+class EasyWandFile:
+    """The struct of a file."""
+
+    fields: Fields
+    source: str
+
+    @property
+    def cameras(self) -> tuple[str, ...]:
+        """Names of the cameras.
+
+        Raises:
+            StereocalError: the bars are missing, or have no columns for two or more cameras.
+        """
+        wand = self._rows("wandPts", None)
+        if wand is None:
+            raise StereocalError(f"{self.source}: wandPts, the points of the bar, is missing.")
+        count, rest = divmod(wand.shape[1], 4)
+        if rest or not 2 <= count <= MOST_CAMERAS:
+            raise StereocalError(
+                f"{self.source}: wandPts has {wand.shape[1]} columns; 4 for each of two or more "
+                "cameras are expected."
+            )
+        return tuple(f"cam{k + 1}" for k in range(count))
+
+    def points(self, name: str, camera: int, end: int = 0) -> FloatArray | None:
+        """(n, 2): the points of a camera as in the file; NaN if missing. None without the field.
+
+        Args:
+            name: `wandPts`, `backgroundPts` or `axisPts`.
+            end: 0 or 1, of the bar.
+        """
+        count = len(self.cameras)
+        table = self._rows(name, count * (4 if name == "wandPts" else 2))
+        if table is None:
+            return None
+        at = 2 * (camera + end * count)
+        pixels = table[:, at : at + 2].copy()
+        pixels[(pixels == 0).all(axis=1) | np.isnan(pixels).any(axis=1)] = np.nan
+        return pixels
+
+    def image_size(self, camera: int) -> tuple[int, int]:
+        """Width and height as stated in the file."""
+        count = len(self.cameras)
+        width, height = (
+            required(self.fields, name, count, self.source)[camera]
+            for name in ("imageWidth", "imageHeight")
+        )
+        if not (1 <= width <= 1e6 and 1 <= height <= 1e6):
+            raise StereocalError(
+                f"{self.source}: an image of {width:g}x{height:g} px is not possible; state "
+                "--image-size WxH."
+            )
+        return int(width), int(height)
+
+    def camera(self, k: int, size: tuple[int, int], origin: PixelOrigin) -> Camera:
+        """A camera with its lens, whose principal point and p1 have the origin of the points."""
+        count = len(self.cameras)
+        focal = required(self.fields, "focalLengths", count, self.source)[k]
+        centre = required(self.fields, "principalPoints", 2 * count, self.source)[2 * k : 2 * k + 2]
+        u, v = origin.to_ours(centre[None], size[1])[0]
+        K = np.array([[focal, 0.0, u], [0.0, focal, v], [0.0, 0.0, 1.0]])
+        distortion = self._distortion(count)[k]
+        if origin.corner == "lower-left":
+            distortion[2] *= -1.0
+        try:
+            return Camera(K, distortion, size)
+        except StereocalError as error:
+            raise StereocalError(f"{self.source}, camera {k + 1}: {error}") from error
+
+    def baseline(self, first: int, second: int) -> float | None:
+        """Distance of two cameras by the DLT coefficients of its solution, in the file's unit."""
+        table = numbers_of(self.fields, "coefs", self.source)
+        count = len(self.cameras)
+        if table is None or table.shape != (COEFFICIENTS, count):
+            return None
+        centres = []
+        for column in (table[:, first], table[:, second]):
+            P = np.append(column, 1.0).reshape(3, 4)
+            if not np.isfinite(P).all() or abs(np.linalg.det(P[:, :3])) < 1e-300:
+                return None
+            centres.append(-np.linalg.solve(P[:, :3], P[:, 3]))
+        found = float(np.linalg.norm(centres[0] - centres[1]))
+        return found if np.isfinite(found) and found > 0 else None
+
+    def _distortion(self, count: int) -> FloatArray:
+        """(count, 5): k1 k2 p1 p2 k3 of each camera; zeros if the file has none."""
+        for name in ("nlin_est", "nlin"):
+            found = numbers_of(self.fields, name, self.source)
+            if found is not None and found.size == 5 * count and np.nan_to_num(found).any():
+                table = found if found.shape == (count, 5) else found.T
+                return np.nan_to_num(table.reshape(count, 5))
+        return np.zeros((count, 5))
+
+    def _rows(self, name: str, columns: int | None) -> FloatArray | None:
+        table = numbers_of(self.fields, name, self.source)
+        if table is None or np.isnan(table).all():
+            return None
+        table = np.atleast_2d(table)  # SciPy drops the axis of a single frame
+        if table.ndim != 2 or columns not in (None, table.shape[1]):
+            raise StereocalError(
+                f"{self.source}: {name} has the shape {table.shape}; {columns or '4 a camera'} "
+                "columns are expected."
+            )
+        Limits.from_environment().check_pairs(len(table), f"{self.source}, {name}")
+        return table
+
+
+def open_easywand(content: bytes, source: str) -> EasyWandFile | None:
+    """The struct of a .mat file; None if it has none of easyWand's.
+
+    Raises:
+        StereocalError: as `read_structs`.
+    """
+    fields = read_structs(content, source).get(STRUCT)
+    return None if fields is None else EasyWandFile(fields, source)
+
+
+def sizes_contradicted(file: EasyWandFile, pair: tuple[int, int]) -> str:
+    """A message if points lie outside the image size that the file states; else empty."""
+    for which, k in zip(CAMERAS, pair, strict=True):
+        width, height = file.image_size(k)
+        found = [file.points("wandPts", k, end) for end in (0, 1)]
+        found += [file.points(name, k) for name in ("backgroundPts", "axisPts")]
+        points = np.concatenate([each for each in found if each is not None])
+        if not np.isfinite(points).any():
+            continue
+        u, v = np.nanmax(points, axis=0)
+        if u > width + 1 or v > height + 1:
+            return (
+                f"{file.source}: the file states images of {width}x{height} px, but the {which} "
+                f"camera's points reach ({u:.0f}, {v:.0f}): state the size of the sensor, as "
+                "--image-size 640x512."
+            )
+    return ""
+
+
+def read_easywand(file: EasyWandFile, options: ArchiveOptions) -> Archive:
+    """All parts of a data set in the file.
+
+    Raises:
+        StereocalError: a field is missing or wrong, or the points contradict the image size.
+    """
+    pair = chosen_pair(file.cameras, options.cameras, file.source)
+    if options.image_size is None and (message := sizes_contradicted(file, pair)):
+        raise StereocalError(message)
+    sizes = [options.image_size or file.image_size(k) for k in pair]
+    origin = options.origin(LOWER_LEFT)
+    cameras = [file.camera(k, size, origin) for k, size in zip(pair, sizes, strict=True)]
+    seen = _Seen(file, pair, sizes, origin)
+    points, taken, notes = _points(seen)
+    throw, more, about = _throw(seen)
+    taken += more + [lens_taken(w, c, LENS_FIELDS) for w, c in zip(CAMERAS, cameras, strict=True)]
+    length = numbers_of(file.fields, "wandLen", file.source)
+    distance = None
+    if length is not None and length.size == 1 and float(length.ravel()[0]) > 0:
+        distance = check_bar(float(length.ravel()[0]), options.unit, file.source)
+        taken.append(Taken("distance A-B", f"{distance:g} m", "wandLen"))
+    baseline = file.baseline(*pair)
+    if baseline is not None:
+        baseline *= UNITS[options.unit or "m"]
+        taken.append(baseline_taken(baseline, "coefs, its own solution"))
+    return Archive(
+        tuple(taken), cameras[0], cameras[1], points, baseline, distance, throw,
+        (f"From easyWand, {seen.words}.", *notes, *about),
+        remarks_on_choice(file.cameras, options.cameras),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """The points that the two chosen cameras saw."""
+
+    file: EasyWandFile
+    pair: tuple[int, int]
+    sizes: list[tuple[int, int]]
+    origin: PixelOrigin
+
+    @property
+    def words(self) -> str:
+        return chosen_words(self.file.cameras, self.pair)
+
+    def both(self, name: str, end: int = 0) -> tuple[IntArray, FloatArray] | None:
+        """Frame numbers (n,) and our pixels (n, 4) of the points that both cameras saw."""
+        sides = [self.file.points(name, k, end) for k in self.pair]
+        ours = [
+            self.origin.to_ours(side, size[1])
+            for side, size in zip(sides, self.sizes, strict=True)
+            if side is not None
+        ]
+        if len(ours) < 2:
+            return None
+        points = np.hstack(ours)
+        seen = np.isfinite(points).all(axis=1)
+        return np.flatnonzero(seen) + 1, points[seen]
+
+
+def _points(seen: _Seen) -> tuple[Correspondences, list[Taken], tuple[str, ...]]:
+    """The bars, and the background points as further frames."""
+    frames, targets, points = [], [], []
+    for end, target in enumerate("AB"):
+        numbers, pixels = seen.both("wandPts", end) or (np.zeros(0, np.int64), np.zeros((0, 4)))
+        frames += numbers.tolist()
+        targets += [target] * len(numbers)
+        points.append(pixels)
+    rows = np.concatenate(points)
+    if not len(rows):
+        raise StereocalError(
+            f"{seen.file.source}: no end of the bar was seen by both cameras, {seen.words}: choose "
+            "others with --cameras."
+        )
+    found = Correspondences.from_arrays(frames, targets, rows[:, :2], rows[:, 2:])
+    taken = [points_taken(found, f"wandPts, {seen.words}")]
+    background = seen.both("backgroundPts")
+    if background is None or not len(background[0]):
+        return found, taken, ()
+    found, more, note = with_background(found, background[1], "backgroundPts")
+    return found, [*taken, more], (note,)
+
+
+def _throw(seen: _Seen) -> tuple[pd.DataFrame | None, list[Taken], tuple[str, ...]]:
+    """The thrown object, whose points are in `axisPts` if `gravityFreq` is set."""
+    found = seen.both("axisPts")
+    if found is None:
+        return None, [], ()
+    rate = numbers_of(seen.file.fields, "gravityFreq", seen.file.source)
+    hertz = float(rate.ravel()[0]) if rate is not None else 0.0
+    frames, points = found
+    if not hertz > 0:
+        return None, [Taken("axis points", "not used", "axisPts, no gravityFreq")], ()
+    if not len(frames):
+        return None, [Taken("thrown object", "not seen by both cameras", "axisPts")], ()
+    table = pd.DataFrame(points, columns=list(PIXELS))
+    table.insert(0, "frame", frames)
+    words = f"{len(frames)} frames at {hertz:g} frames a second"
+    about = f"{THROW} has a thrown object, recorded at {hertz:g} frames a second."
+    return table, [Taken("thrown object", f"{words}: {THROW}", "axisPts, gravityFreq")], (about,)

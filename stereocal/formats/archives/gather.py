@@ -1,0 +1,166 @@
+"""Put a data set together from the files of other programs.
+
+found = gather({"calib_easyWandData.mat": content}, ArchiveOptions(cameras=("1", "3")))
+found = gather({"wand.csv": ..., "camchain.yaml": ...}, ArchiveOptions())
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from stereocal.errors import StereocalError
+from stereocal.formats.archives.archive import (
+    Archive,
+    ArchiveOptions,
+    baseline_taken,
+    chosen_pair,
+    chosen_words,
+    lens_taken,
+    points_taken,
+    remarks_on_choice,
+)
+from stereocal.formats.archives.cameras import camera_kind, read_camera_pair
+from stereocal.formats.archives.easywand import open_easywand, read_easywand
+from stereocal.formats.archives.matlab_file import SAVE_AGAIN
+from stereocal.formats.correspondences_csv import REQUIRED, read_table
+from stereocal.formats.other_files import is_hdf5, is_matlab
+from stereocal.formats.point_files import read_bars
+from stereocal.formats.point_layouts import first_rows, propose_layout
+from stereocal.rig.camera import CAMERAS
+from stereocal.rig.dataset import Correspondences
+
+TABLES = (".csv", ".txt", ".tsv")
+WANTED = (
+    "expected are one easyWandData.mat, or a table of the bar's ends (Argus, easyWand or DLTdv "
+    "CSV) with camera files (Kalibr, ROS, OpenCV, MATLAB, aniposelib, Caliscope or stereocal)"
+)
+
+
+def gather(
+    files: Mapping[str, bytes], options: ArchiveOptions, baseline_known: bool = False
+) -> Archive:
+    """What the files contribute to a data set, with a report.
+
+    Args:
+        files: contents by name.
+        baseline_known: whether the user states the baseline, so that the unit of the files'
+            own need not be known.
+
+    Raises:
+        StereocalError: a file is not known or damaged, or something must be stated.
+    """
+    tables = {name: each for name, each in files.items() if name.lower().endswith(TABLES)}
+    others = {name: each for name, each in files.items() if name not in tables}
+    for name, content in others.items():
+        _check_known(name, content)
+        opened = open_easywand(content, name) if is_matlab(content) else None
+        if opened is None:
+            continue
+        if len(files) > 1:
+            raise StereocalError(f"{name}: it has points and lenses; give it alone.")
+        return read_easywand(opened, options)
+    if len(tables) > 1:
+        raise StereocalError(f"{', '.join(tables)}: these are {len(tables)} tables; give one.")
+    found = Archive(())
+    if others:
+        found = _with_cameras(found, others, options, baseline_known)
+    if tables:
+        ((name, content),) = tables.items()
+        found = _with_table(found, name, content, options)
+    return found
+
+
+def _check_known(name: str, content: bytes) -> None:
+    """Raise a `StereocalError` for a file that is of no known kind."""
+    if is_hdf5(content):
+        raise StereocalError(
+            f"{name}: this is an HDF5 file, as MATLAB saves with -v7.3; it is not read here. "
+            f"{SAVE_AGAIN}."
+        )
+    if camera_kind(name, content) is None:
+        raise StereocalError(f"{name}: the file is not known; {WANTED}.")
+
+
+def _with_cameras(
+    found: Archive, files: Mapping[str, bytes], options: ArchiveOptions, baseline_known: bool
+) -> Archive:
+    pair = read_camera_pair(files, options)
+    source = ", ".join(files)
+    origin = f"{source} ({', '.join(filter(None, (pair.program, pair.words)))})"
+    taken = [
+        lens_taken(which, camera, origin)
+        for which, camera in zip(CAMERAS, (pair.primary, pair.secondary), strict=True)
+    ]
+    baseline = None if baseline_known else pair.baseline_m(options.unit, source)
+    if baseline is not None:
+        taken.append(baseline_taken(baseline, f"{source}, its own solution"))
+    return replace(
+        found,
+        taken=(*found.taken, *taken),
+        primary=pair.primary,
+        secondary=pair.secondary,
+        baseline_m=baseline,
+        notes=(*found.notes, f"Lenses from {origin}."),
+        remarks=(*found.remarks, *pair.remarks),
+    )
+
+
+def _with_table(found: Archive, name: str, content: bytes, options: ArchiveOptions) -> Archive:
+    rows, words, remarks = _rows_of(found, name, content, options)
+    return replace(
+        found,
+        taken=(points_taken(rows, f"{name} ({words})"), *found.taken),
+        correspondences=rows,
+        notes=(*found.notes, f"Points from {name}, {words}."),
+        remarks=(*found.remarks, *remarks),
+    )
+
+
+def _rows_of(
+    found: Archive, name: str, content: bytes, options: ArchiveOptions
+) -> tuple[Correspondences, str, tuple[str, ...]]:
+    """The rows of a table, how it was read, and remarks for the user."""
+    head, _ = first_rows(content, name)
+    if set(REQUIRED) <= {cell.strip().lower() for cell in head[0]}:
+        return read_table(content, name).strict(name), "stereocal", ()
+    layout = propose_layout(content, name, options.layout)
+    if len(layout.points) < 2:
+        raise StereocalError(
+            f"{name}: a table with both ends of the bar is expected; this looks like "
+            f"{layout.program} with the points {', '.join(layout.points)[:60]}."
+        )
+    layout = replace(layout, origin=options.origin(layout.origin))
+    remarks = remarks_on_choice(layout.cameras, options.cameras)
+    try:
+        pair = chosen_pair(layout.cameras, options.cameras, name)
+    except StereocalError:
+        if len(layout.cameras) != 2 or found.primary is None:
+            raise
+        pair = (0, 1)
+        remarks = (
+            f"The two cameras of {name} are primary and secondary; --cameras was used for the "
+            "camera files only.",
+        )
+    cameras = (found.primary, found.secondary)
+    heights = [None if camera is None else camera.image_size[1] for camera in cameras]
+    if options.image_size is not None:
+        heights = [options.image_size[1]] * 2
+    if layout.origin.corner == "lower-left" and None in heights:
+        raise StereocalError(
+            f"{name}: the points are counted from the lower left, so the image height is needed: "
+            "give the camera files, or --image-size WxH."
+        )
+    if len(layout.points) > 2:
+        remarks += (
+            f"There are {len(layout.points)} points; {layout.points[0]} and {layout.points[1]} "
+            "were taken as the ends A and B of the bar.",
+        )
+    first, second = (layout.cameras[k] for k in pair)
+    rows = read_bars(
+        content, layout, (first, second), (layout.points[0], layout.points[1]),
+        (heights[0], heights[1]), name,
+    )  # fmt: skip
+    corner = layout.origin.corner.replace("-", " ")
+    words = f"{layout.program}, {chosen_words(layout.cameras, pair)}, counted from the {corner}"
+    return rows, words, remarks

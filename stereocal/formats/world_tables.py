@@ -1,0 +1,216 @@
+"""Tables that a world frame is found from: surveyed points, lines, a throw.
+
+The first line names the columns, and they tell which table it is: `point`, `line` or `frame`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
+from stereocal.field.world.observed import KINDS, Line, LineKind, Observed, Survey, Throw
+from stereocal.formats.world_file import is_json, parse_world
+from stereocal.rig.compiled import FloatArray
+from stereocal.system.tables import (
+    MISSING,
+    Column,
+    Reasons,
+    Values,
+    cells_of,
+    check_names,
+    delimiter_of,
+    numbers_in,
+    rows_below,
+    text_of,
+)
+
+POINT, LINE, FRAME, KIND, THROW = "point", "line", "frame", "kind", "throw"
+PIXELS = ("u_primary", "v_primary", "u_secondary", "v_secondary")
+SURVEYED = ("x", "y", "z")
+MEASURED = ("x_primary", "y_primary", "z_primary")
+MOST_ROWS = 5_000
+MOST_NAMES = {POINT: 200, LINE: 30, FRAME: 10}
+"""Of points, lines and throws; the time of a fit grows with the square of the last two."""
+LONGEST_NAME = 60
+FARTHEST_M = 1e8
+
+
+def kind_of_table(content: bytes, source: str) -> str:
+    """`point`, `line` or `frame`: what the rows of a table are.
+
+    Raises:
+        StereocalError: none of them.
+    """
+    names, *_ = _header(text_of(content, source), source)
+    for kind in (POINT, LINE, FRAME):
+        if kind in names:
+            return kind
+    raise StereocalError(
+        f"{source}: a table for a world frame has a column point (surveyed points), line (plumb "
+        f"or level lines) or frame (a throw), and names {', '.join(names)[:200]}."
+    )
+
+
+def read_observed(content: bytes, source: str, frame_rate: float | None = None) -> Observed:
+    """Surveyed points, lines or a throw from a table; further columns are ignored.
+
+    Args:
+        frame_rate: frames per second of a throw.
+
+    Raises:
+        StereocalError: not such a table, invalid rows, or a throw without a frame rate.
+    """
+    kind = kind_of_table(content, source)
+    if kind == FRAME and frame_rate is None:
+        raise StereocalError(
+            f"{source}: a throw needs the frame rate of the cameras (frames per second; "
+            "--frame-rate on the command line)."
+        )
+    required = {POINT: (POINT, *SURVEYED), LINE: (LINE, *PIXELS), FRAME: (FRAME, *PIXELS)}[kind]
+    raw, values, reasons = _rows(content, source, required)
+    _check_sizes(raw, kind, source)
+    found: Observed
+    if kind == POINT:
+        found = _survey(raw, values, reasons)
+    elif kind == LINE:
+        found = _lines(raw, values, reasons)
+    else:
+        found = _throw(raw, values, reasons, frame_rate or 0.0)
+    if reasons:
+        problems = [RowProblem(int(raw.index[row]), why) for row, why in sorted(reasons.items())]
+        raise RefusedRowsError(f"{source}: ", problems, "cannot be used")
+    return found
+
+
+def check_world(content: bytes, source: str) -> None:
+    """Check that a file is a world frame, or a table that one can be found from.
+
+    Raises:
+        StereocalError: it is neither.
+    """
+    if is_json(source):
+        parse_world(content, source)
+        return
+    try:
+        read_observed(content, source, frame_rate=1.0)
+    except RefusedRowsError:
+        raise
+    except StereocalError as error:
+        try:
+            parse_world(content, source)
+        except StereocalError:
+            raise error from None
+
+
+def _header(text: str, source: str) -> tuple[list[str], str, int]:
+    """The names of the columns, the delimiter, and the lines above the rows."""
+    lines = text.splitlines()
+    first = next(number for number, line in enumerate(lines) if line.strip())
+    delimiter = delimiter_of(lines[first])
+    names = [cell.strip().lower() for cell in cells_of(lines[first], delimiter, source)[0]]
+    return names, delimiter, first + 1
+
+
+def _rows(
+    content: bytes, source: str, required: tuple[str, ...]
+) -> tuple[pd.DataFrame, Values, Reasons]:
+    """The rows as text, their numbers, and what is wrong with them."""
+    text = text_of(content, source)
+    if max(text.count("\n"), text.count("\r")) > MOST_ROWS:
+        raise StereocalError(f"{source}: at most {MOST_ROWS:,} rows are read for a world frame.")
+    names, delimiter, above = _header(text, source)
+    numbers = (*PIXELS, *SURVEYED, *MEASURED)
+    check_names(names, required, (POINT, LINE, FRAME, KIND, THROW, *numbers), source)
+    raw, problems = rows_below(text, above, len(names), delimiter, source)
+    if problems:
+        raise RefusedRowsError(f"{source}: ", problems, "cannot be used")
+    if not len(raw):
+        raise StereocalError(f"{source}: the table has a header and no rows.")
+    raw.columns = pd.Index(names)
+    columns = [Column(name, name not in required or name in PIXELS) for name in numbers]
+    if FRAME in required:
+        columns.append(Column(FRAME, is_whole=True))
+    values, reasons = numbers_in(raw, columns, delimiter == ";", MISSING)
+    return raw, values, reasons
+
+
+def _check_sizes(raw: pd.DataFrame, kind: str, source: str) -> None:
+    names = _names(raw, THROW if kind == FRAME else kind)
+    most = MOST_NAMES[kind]
+    if len(set(names)) > most:
+        raise StereocalError(
+            f"{source}: {len(set(names))} different names are too many; at most {most} are read of "
+            f"a {'throw' if kind == FRAME else kind}."
+        )
+
+
+def _names(raw: pd.DataFrame, column: str) -> tuple[str, ...]:
+    if column not in raw:
+        return ("",) * len(raw)
+    return tuple(str(name).strip()[:LONGEST_NAME] for name in raw[column])
+
+
+def _table(values: Values, columns: tuple[str, ...]) -> FloatArray:
+    return np.column_stack([values[name] for name in columns])
+
+
+def _survey(raw: pd.DataFrame, values: Values, reasons: Reasons) -> Survey:
+    names = _names(raw, POINT)
+    world, pixels, measured = (_table(values, each) for each in (SURVEYED, PIXELS, MEASURED))
+    has_pixels = np.asarray(np.isfinite(pixels).all(axis=1))
+    has_point = np.asarray(np.isfinite(measured).all(axis=1))
+    first: dict[str, int] = {}
+    for row, name in enumerate(names):
+        if not name:
+            reasons.setdefault(row, "the point has no name")
+        elif not (has_pixels[row] or has_point[row]):
+            reasons.setdefault(
+                row, f"{', '.join(PIXELS)} are not all given, nor {', '.join(MEASURED)}"
+            )
+        elif np.abs(world[row]).max() > FARTHEST_M:
+            reasons.setdefault(row, "the point is too far away; coordinates are in metres")
+        elif not np.array_equal(world[first.setdefault(name, row)], world[row], equal_nan=True):
+            reasons.setdefault(row, f"{name} has other coordinates in an earlier row")
+    measured[~has_point] = np.nan
+    return Survey(names, world, pixels, measured)
+
+
+def _lines(raw: pd.DataFrame, values: Values, reasons: Reasons) -> tuple[Line, ...]:
+    names, pixels = _names(raw, LINE), _table(values, PIXELS)
+    kinds = [kind.lower() or KINDS[0] for kind in _names(raw, KIND)]
+    known = [np.isfinite(pixels[:, :2]), np.isfinite(pixels[:, 2:])]
+    kind_of: dict[str, LineKind] = {}
+    for row, (name, text) in enumerate(zip(names, kinds, strict=True)):
+        kind = next((each for each in KINDS if each == text), None)
+        if not name:
+            reasons.setdefault(row, "the line has no name")
+        elif kind is None:
+            reasons.setdefault(row, f'kind is "{text[:40]}"; it must be {", ".join(KINDS)}')
+        elif kind_of.setdefault(name, kind) != kind:
+            reasons.setdefault(row, f"{name} is a {kind_of[name]} line in an earlier row")
+        elif any(each[row].any() != each[row].all() for each in known):
+            reasons.setdefault(row, "one of u and v is empty")
+    rows_of = {name: np.array(names) == name for name in kind_of}
+    return tuple(
+        Line(
+            name,
+            kind,
+            (
+                pixels[rows_of[name] & known[0].all(axis=1), :2],
+                pixels[rows_of[name] & known[1].all(axis=1), 2:],
+            ),
+        )
+        for name, kind in kind_of.items()
+    )
+
+
+def _throw(raw: pd.DataFrame, values: Values, reasons: Reasons, frame_rate: float) -> Throw:
+    pixels = _table(values, PIXELS)
+    whole = np.asarray(np.isfinite(pixels).all(axis=1))
+    whole[list(reasons)] = False
+    if not whole.any() and not reasons:
+        reasons[0] = "no frame has the point of both cameras"
+    tracks = np.array(_names(raw, THROW), dtype=object)[whole]
+    frames = values[FRAME][whole].astype(np.int64)
+    return Throw(tuple(tracks.tolist()), frames, pixels[whole], frame_rate)

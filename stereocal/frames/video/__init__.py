@@ -1,0 +1,1 @@
+"""Frames of two videos as photographs."""

@@ -1,0 +1,54 @@
+"""The paper kit: a zip with methods, references, figures, table, and an archive to rerun."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from functools import partial
+
+from stereocal.calibration.methods import METHODS, Method
+from stereocal.figures.journal import page
+from stereocal.figures.journal.frame_errors import draw_frame_errors
+from stereocal.figures.journal.rig import draw_rig
+from stereocal.figures.journal.validation import draw_validation
+from stereocal.paper_kit.methods_text import captions_md, methods_md
+from stereocal.paper_kit.references import references_bib
+from stereocal.paper_kit.reproduction import archive_files
+from stereocal.paper_kit.table import table_csv
+from stereocal.rig.parameters import RigParameters
+from stereocal.system.zip_files import pack_zip
+from stereocal.workflow import Answer
+
+WIDTHS = (page.COLUMN_MM, page.PAGE_MM)
+
+
+def paper_kit(answer: Answer, sets: Mapping[Method, RigParameters] | None = None) -> bytes:
+    """The kit of a result as a zip.
+
+    Args:
+        sets: the parameter files by the method of their names, if they are not the usual ones.
+    """
+    drawn = {
+        f"figures/{name}_{width:.0f}mm.{form}": content
+        for name, draw in _figures(answer)
+        for width in WIDTHS
+        for form, content in page.rendered(draw, width).items()
+    }
+    return pack_zip({
+        "methods.md": f"{methods_md(answer)}\n{captions_md(answer)}".encode(),
+        "references.bib": references_bib(),
+        **drawn,
+        "table.csv": table_csv(answer),
+        "archive.zip": pack_zip(archive_files(answer, sets or answer.sets)),
+    })  # fmt: skip
+
+
+def _figures(answer: Answer) -> Iterator[tuple[str, page.Draw]]:
+    calibration, evaluation = answer.calibration, answer.evaluation
+    if evaluation is not None:
+        summaries = evaluation.summaries
+        papers = {method: summaries[method] for method in METHODS}
+        yield "validation", partial(draw_validation, papers)
+        if len(summaries) > len(papers):
+            yield "validation_with_refined", partial(draw_validation, summaries)
+    yield "errors_by_frame", partial(draw_frame_errors, calibration)
+    yield "rig", partial(draw_rig, calibration, answer.recommendation.measure.method)

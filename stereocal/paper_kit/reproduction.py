@@ -1,0 +1,206 @@
+"""The archive of a result: a data set, its parameter files, and what computes them again."""
+
+from __future__ import annotations
+
+import json
+import platform
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from llvmlite import binding
+
+from stereocal.calibration.methods import ALL_METHODS, CalibrationSettings, Method
+from stereocal.errors import DAMAGED, StereocalError
+from stereocal.evaluation.evaluate import EvaluationSettings
+from stereocal.formats.dataset_files import pack_dataset, parse_dataset
+from stereocal.paper_kit.digests import (
+    ADJUSTED,
+    SEARCHED,
+    Difference,
+    Tolerance,
+    differences,
+    digest_of,
+)
+from stereocal.refined.unknowns import RefineSettings
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.parameters import RigParameters, software_versions
+from stereocal.system.json_text import read_json
+from stereocal.system.zip_files import unzip
+from stereocal.workflow import Answer
+
+STATEMENT, FORMAT = "reproduce.json", "stereocal-reproduce/1"
+NAMES: Mapping[Method, str] = {
+    method: f"parameters_{method}.json" for method in ALL_METHODS if method != "essential"
+}
+ABOUT = (
+    "`python -m stereocal reproduce ARCHIVE.zip --out DIR` computes the parameter files again, "
+    "from dataset.json and the settings below, and compares them with those of the archive. The "
+    "points are those of the table, with all corrections: photographs are not searched again."
+)
+DIGESTS = (
+    "SHA-256 of the JSON without created and software: keys sorted, no spaces, UTF-8. The same for "
+    "the same software and processor."
+)
+TOLERANCES = (
+    "Elsewhere results may differ by the tolerance of the file: the largest difference, relative "
+    "to the largest number of the list or to the number itself; parameters: of pose and lenses "
+    "(an element of R: in radians), figures: of all other numbers."
+)
+
+
+@dataclass(frozen=True, eq=False)
+class ArchivedFile:
+    """A parameter file of an archive."""
+
+    method: Method
+    """The set in it; `parameters_2d.json` may hold the refined one."""
+    content: Mapping[str, Any]
+    tolerance: Tolerance
+
+
+@dataclass(frozen=True, eq=False)
+class ReproducibleResult:
+    """What an archive holds."""
+
+    dataset: Dataset
+    calibration: CalibrationSettings
+    refined: RefineSettings | None
+    """None: without a refined set."""
+    validation: EvaluationSettings | None
+    """None: without a validation."""
+    files: Mapping[str, ArchivedFile]
+    """By name."""
+    software: Mapping[str, str]
+    processor: Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """How a parameter file that was computed again compares with that of an archive."""
+
+    name: str
+    digest: str
+    """Of the new file."""
+    identical: bool
+    differences: tuple[Difference, ...]
+    """Those beyond the tolerance."""
+
+    @property
+    def agrees(self) -> bool:
+        """Whether it is identical or within the tolerance."""
+        return not self.differences
+
+
+def processor_kind() -> dict[str, str]:
+    """System, machine and the processor's family, on which the rounding of results depends."""
+    family: str = binding.get_host_cpu_name()
+    return {"system": platform.system(), "machine": platform.machine(), "family": family}
+
+
+def archive_files(answer: Answer, sets: Mapping[Method, RigParameters]) -> dict[str, bytes]:
+    """The files of an archive by name: data set, parameter files, and `reproduce.json`.
+
+    Args:
+        sets: the parameter files by the method of their names; "2d" may hold the refined set.
+    """
+    texts = {NAMES[name]: rig.dumps() for name, rig in sets.items()}
+    contents = {name: json.loads(text) for name, text in texts.items()}
+    refined, evaluation = answer.calibration.refined, answer.evaluation
+    statement = {
+        "format": FORMAT,
+        "about": ABOUT,
+        "calibration": answer.calibration.settings.to_json(),
+        "refined": None if refined is None else refined.settings.to_json(),
+        "validation": None if evaluation is None else evaluation.settings.to_json(),
+        "digests": DIGESTS,
+        "files": {
+            name: {
+                "method": content["method"],
+                "sha256": digest_of(content),
+                "tolerance": asdict(ADJUSTED if content["method"] == "refined" else SEARCHED),
+            }
+            for name, content in contents.items()
+        },
+        "tolerances": TOLERANCES,
+        "software": software_versions(),
+        "processor": processor_kind(),
+    }
+    return {
+        **pack_dataset(answer.calibration.dataset),
+        **{name: text.encode() for name, text in texts.items()},
+        STATEMENT: (json.dumps(statement, indent=2, allow_nan=False) + "\n").encode(),
+    }
+
+
+def read_archive(path: Path) -> ReproducibleResult:
+    """The result in an archive or in a project's zip.
+
+    Raises:
+        StereocalError: not a zip, without `reproduce.json`, or damaged.
+    """
+    try:
+        files = unzip(path, path.name, lambda member: "/" not in member)
+    except OSError as error:
+        raise StereocalError(f"{path} cannot be read: {error.strerror or error}.") from error
+    if STATEMENT not in files:
+        raise StereocalError(
+            f"{path}: there is no {STATEMENT} in it. Take archive.zip of a paper kit, or a "
+            "project's zip with an up-to-date result."
+        )
+    stated = read_json(files[STATEMENT], f"{path}: {STATEMENT}")
+    if not isinstance(stated, dict) or stated.get("format") != FORMAT:
+        raise StereocalError(f'{path}: {STATEMENT} must be an object with "format": "{FORMAT}".')
+    dataset = parse_dataset(files, str(path), lens_model="brown")
+    try:
+        if not stated["files"] or not {*stated["files"]} <= {*NAMES.values()}:
+            raise ValueError(stated["files"])
+        refined, validation = stated["refined"], stated["validation"]
+        return ReproducibleResult(
+            dataset,
+            CalibrationSettings.from_json(stated["calibration"]),
+            None if refined is None else RefineSettings.from_json(refined),
+            None if validation is None else EvaluationSettings.from_json(validation),
+            {name: _archived(files, name, entry, path) for name, entry in stated["files"].items()},
+            dict(stated["software"]),
+            dict(stated["processor"]),
+        )
+    except DAMAGED as error:
+        if isinstance(error, StereocalError):
+            raise
+        raise StereocalError(f"{path}: {STATEMENT} is damaged.") from error
+
+
+def _archived(
+    files: Mapping[str, bytes], name: str, entry: Mapping[str, Any], path: Path
+) -> ArchivedFile:
+    if name not in files:
+        raise StereocalError(f"{path}: {name} is missing.")
+    content = read_json(files[name], f"{path}: {name}")
+    if not isinstance(content, dict) or digest_of(content) != entry["sha256"]:
+        raise StereocalError(
+            f"{path}: {name} is not the file that {STATEMENT} describes; it was changed since."
+        )
+    (method,) = (each for each in ALL_METHODS if each == entry["method"])
+    limits = entry["tolerance"]
+    tolerance = Tolerance(float(limits["parameters"]), float(limits["figures"]))
+    if not all(0 <= limit < 1 for limit in asdict(tolerance).values()):
+        raise ValueError(tolerance)
+    return ArchivedFile(method, content, tolerance)
+
+
+def compare(archived: ReproducibleResult, sets: Mapping[str, RigParameters]) -> list[Comparison]:
+    """Each parameter file of an archive beside the one that was computed again.
+
+    Args:
+        sets: by name of the file; one that is missing could not be computed.
+    """
+    found = []
+    for name, file in archived.files.items():
+        now = json.loads(sets[name].dumps()) if name in sets else {}
+        digest = digest_of(now)
+        identical = digest == digest_of(file.content)
+        unequal = () if identical else tuple(differences(file.content, now, file.tolerance))
+        found.append(Comparison(name, digest, identical, unequal))
+    return found

@@ -1,0 +1,61 @@
+"""A baseline that was not measured: the lengths of the bars alone give the scale.
+
+The refined method can solve for the baseline. The paper's three methods cannot: they hold it, so
+they are given the value that the refined method finds, and that is reported.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from stereocal.errors import StereocalError
+from stereocal.refined.refine import refine, robust_start
+from stereocal.rig.dataset import Dataset
+
+FEWEST_BARS = 5
+
+
+def with_baseline_found(dataset: Dataset) -> Dataset:
+    """The data set with a free baseline set to the refined method's value; others unchanged.
+
+    Raises:
+        StereocalError: too few bars, or the refined method finds no pose.
+    """
+    if not dataset.baseline_is_free:
+        return dataset
+    bars = dataset.correspondences.bars
+    if len(bars) < FEWEST_BARS:
+        raise StereocalError(
+            f"The baseline is free, so the lengths of the bars must give the scale; {len(bars)} "
+            f"bars are too few, {FEWEST_BARS} are needed. Measure the baseline, or add frames."
+        )
+    # The start does not depend on the stated number: the same points give the same baseline.
+    unit = replace(dataset, baseline_m=1.0)
+    start = robust_start(unit, unit.rays)
+    if start is None:
+        raise StereocalError(
+            "The baseline is free, but the points give no pose of the cameras to find it from: "
+            "check that points, targets and camera files are not exchanged."
+        )
+    ratios = dataset.bar_distances_m / unit.reconstructed_lengths_m(start)
+    if not np.isfinite(ratios).any():
+        raise StereocalError(
+            "The baseline is free, but no bar lies in front of both cameras: check that points "
+            "and camera files are not exchanged."
+        )
+    rough = replace(dataset, baseline_m=float(np.nanmedian(ratios)))
+    return replace(dataset, baseline_m=refine(rough).pose.baseline)
+
+
+def note_on_free_baseline(dataset: Dataset) -> str:
+    """What a free baseline means for the methods; empty if it was measured."""
+    if not dataset.baseline_is_free:
+        return ""
+    return (
+        "The baseline was not measured: the refined method found "
+        f"{dataset.baseline_m:.4g} m from the lengths of the bars, which alone give the scale. "
+        "The essential, 2D and 3D methods cannot solve for a baseline; they hold this value, and "
+        "an error of the bar's stated length scales all results."
+    )

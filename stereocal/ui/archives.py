@@ -1,0 +1,148 @@
+"""Questions about a file of another program that has both cameras, or a whole data set."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pandas as pd
+import streamlit as st
+
+from stereocal.errors import StereocalError
+from stereocal.formats.archives.archive import THROW, Archive, ArchiveOptions
+from stereocal.formats.archives.cameras import camera_kind, camera_names, has_both_cameras
+from stereocal.formats.archives.easywand import open_easywand
+from stereocal.formats.archives.gather import gather
+from stereocal.formats.camera_file import write_camera
+from stereocal.formats.correspondences_csv import write_table
+from stereocal.formats.other_files import is_hdf5, is_matlab
+from stereocal.formats.units import UNITS
+from stereocal.projects.application import ProjectApplication
+from stereocal.projects.inputs import Slot
+from stereocal.projects.project import Project
+from stereocal.ui.fields import number, one_of, setting, yes_or_no
+from stereocal.ui.intake import clear_refusal, escape_markdown
+from stereocal.ui.project import own_change
+from stereocal.ui.texts import escaped_table
+from stereocal.ui.wizard import ask_buttons
+
+AS_STATED = "as the file says"
+
+
+def is_archive(name: str, content: bytes) -> bool:
+    """Whether a file has both cameras, or a whole data set.
+
+    Raises:
+        StereocalError: it looks like one, but is damaged.
+    """
+    if is_matlab(content) or (name.lower().endswith(".mat") and is_hdf5(content)):
+        return True
+    return has_both_cameras(camera_kind(name, content))
+
+
+def ask_about_archive(store: ProjectApplication) -> None:
+    """What an archive holds and the questions about it, if there is one."""
+    asked = store.asking("archive")
+    if asked is None:
+        return
+    label, content = asked
+    with st.container(border=True):
+        st.markdown(f"**{escape_markdown(label)}** is a file of another program.")
+        known = store.project.inputs.baseline_m is not None
+        found = None
+        try:
+            options = _form(store.project, label, content)
+            found = gather({label: content}, options, baseline_known=known)
+        except StereocalError as error:
+            st.error(escape_markdown(str(error)))
+        if found is not None:
+            _show(found, known)
+        ask_buttons(
+            store, "archive", None if found is None else lambda: _use(store, label, found),
+            "Use what was found",
+        )  # fmt: skip
+
+
+def _form(project: Project, label: str, content: bytes) -> ArchiveOptions:
+    """The questions: which cameras, and, folded, what the file may not say."""
+    names: tuple[str, ...] = ()
+    if is_matlab(content):
+        opened = open_easywand(content, label)
+        names = () if opened is None else opened.cameras
+    else:
+        names = camera_names(label, content)
+    cameras = _cameras(project, names) if len(names) > 2 else None
+    with st.expander("Say what the file does not, or has wrong"):
+        left, middle, right = st.columns(3)
+        unit = left.selectbox(
+            "Unit of its lengths", [AS_STATED, *UNITS],
+            **setting(project, "archive_unit", AS_STATED, one_of([AS_STATED, *UNITS])).widget(),
+        )  # fmt: skip
+        sides = [
+            column.number_input(
+                title, min_value=1, value=None, step=1, placeholder=AS_STATED,
+                **setting(project, key, None, number(1, or_none=True)).widget(),
+            )
+            for column, title, key in (
+                (middle, "Image width (px)", "archive_width"),
+                (right, "Image height (px)", "archive_height"),
+            )
+        ]  # fmt: skip
+        usual = st.toggle(
+            "Four distortion coefficients are k1 k2 p1 p2, not a fisheye's",
+            **setting(project, "archive_usual_lens", False, yes_or_no).widget(),
+        )
+    size = None if None in sides else (sides[0], sides[1])
+    return ArchiveOptions(
+        cameras=cameras,
+        unit=None if unit == AS_STATED else unit,
+        image_size=size,
+        lens_model="brown" if usual else None,
+    )
+
+
+def _cameras(project: Project, names: tuple[str, ...]) -> tuple[str, str]:
+    """The chosen primary and secondary, by number."""
+    st.caption(f"It has {len(names)} cameras; a project has two.")
+    chosen = []
+    for k, (column, which) in enumerate(zip(st.columns(2), ("Primary", "Secondary"), strict=True)):
+        field = setting(project, f"archive_camera_{k}", names[k], one_of(names))
+        chosen.append(column.selectbox(f"{which} camera", names, **field.widget()))
+    first, second = (str(names.index(name) + 1) for name in chosen)
+    return first, second
+
+
+def _show(found: Archive, baseline_known: bool) -> None:
+    rows = [(each.what, each.taken, each.origin) for each in found.taken]
+    table = pd.DataFrame(rows, columns=["What", "Found", "From"])
+    st.table(escaped_table(table).set_index("What"))
+    if found.baseline_m is not None:
+        st.caption(
+            "The baseline is the other program's result, not a measurement: replace it and its "
+            "uncertainty by the measured ones, or state below that it was not measured."
+        )
+    elif found.correspondences is not None and not baseline_known:
+        st.caption("It has no baseline: enter the measured one below, or say that there is none.")
+    if found.throw is not None:
+        st.download_button(
+            "The thrown object, for a world frame", found.throw.to_csv(index=False), THROW,
+            "text/csv", on_click="ignore", icon=":material/download:",
+        )  # fmt: skip
+
+
+def _use(store: ProjectApplication, label: str, found: Archive) -> None:
+    """Store what was found; a length that the user has entered stays."""
+    files: dict[Slot, tuple[str, bytes]] = {}
+    if found.primary is not None and found.secondary is not None:
+        files["primary"] = (f"{label}, primary", write_camera(found.primary))
+        files["secondary"] = (f"{label}, secondary", write_camera(found.secondary))
+    if found.correspondences is not None:
+        files["correspondences"] = (label, write_table(found.correspondences))
+    inputs, values = store.project.inputs, dict[str, Any]()
+    if found.baseline_m is not None and inputs.baseline_m is None:
+        values |= {"baseline_m": found.baseline_m, "baseline_sigma_m": found.baseline_sigma_m}
+    if found.target_distance_m is not None and inputs.target_distance_m is None:
+        values["target_distance_m"] = found.target_distance_m
+    with own_change(store.project):
+        store.project.give(files, **values)
+    store.forget_question("archive")
+    clear_refusal()

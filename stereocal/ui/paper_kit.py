@@ -1,0 +1,34 @@
+"""The paper kit among the downloads of a result."""
+
+from __future__ import annotations
+
+import streamlit as st
+
+from stereocal.projects.project import Project
+from stereocal.ui.downloads import on_demand
+from stereocal.ui.parameter_files import chosen_sets
+from stereocal.ui.refined import replaced_by_refined
+from stereocal.workflow import Answer
+
+LABEL = "Paper kit · methods, figures, table, archive"
+NAME, MIME = "paper_kit.zip", "application/zip"
+
+
+def offer_paper_kit(project: Project, answer: Answer) -> None:
+    """A download that is made when it is pressed."""
+    sets = chosen_sets(answer.sets, replaced_by_refined(project))
+
+    def make() -> bytes:
+        from stereocal.paper_kit.kit import paper_kit  # Matplotlib: 0.4 s
+
+        return paper_kit(answer, sets)
+
+    st.download_button(
+        LABEL, on_demand(make, NAME, MIME), NAME, MIME, on_click="ignore",
+        icon=":material/article:", key="download_kit",
+    )  # fmt: skip
+
+
+def hold_paper_kit() -> None:
+    """The button before there is a result."""
+    st.button(LABEL, disabled=True, icon=":material/article:", key="no_download_kit")

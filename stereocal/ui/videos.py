@@ -1,0 +1,153 @@
+"""Two videos on the Data page: frames of the same moments become photographs of the project."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Sequence
+from importlib.util import find_spec
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+import streamlit as st
+
+from stereocal.errors import StereocalError
+from stereocal.frames.video.decoding import SUFFIXES
+from stereocal.frames.video.extract import STAGES, VideoSettings, extract
+from stereocal.frames.video.times import Choice
+from stereocal.projects.files import StoredFile
+from stereocal.projects.photographs import ProjectPhotographs
+from stereocal.projects.project import Project
+from stereocal.rig.camera import CAMERAS
+from stereocal.ui import jobs
+from stereocal.ui.fields import number, one_of, setting, yes_or_no
+from stereocal.ui.intake import Upload, check_uploads, clear_refusal, escape_markdown, refuse
+from stereocal.ui.pairs import ROUND, forget_base
+from stereocal.ui.project import project_to_write
+from stereocal.ui.uploads import free_memory
+
+CHOICES: dict[Choice, str] = {
+    "still": "The sharpest still frame of each second",
+    "every": "Every n-th frame",
+}
+KINDS = [suffix.removeprefix(".") for suffix in SUFFIXES]
+REPORT = "video_report"
+MISSING = 'To read videos, the server needs the package av: pip install "stereocal[video]".'
+
+
+def videos_in(project: Project | None) -> None:
+    """The uploaders, which frames to take, and the progress."""
+    if find_spec("av") is None:
+        st.info(MISSING)
+        return
+    key = f"upload_videos_{st.session_state.setdefault(ROUND, 0)}"
+    uploads = [
+        column.file_uploader(f"Video of the {which} camera", type=KINDS, key=f"{key}_{which}")
+        for which, column in zip(CAMERAS, st.columns(2), strict=True)
+    ]
+    settings = _settings(project)
+    running = project is not None and jobs.is_running(project, "video")
+    st.button(
+        "Take the frames", key="take_frames", type="primary",
+        disabled=running or None in uploads, on_click=_start, args=(uploads, settings),
+        help="The frames become photographs of the project; the videos are not stored.",
+    )  # fmt: skip
+    if project is None:
+        return
+    jobs.show_job(project, "video", "Cancelled. No frame was taken.", None)
+    said = project.settings.get(REPORT)
+    if isinstance(said, list) and not running:
+        show = st.warning if any(" missing: " in str(sentence) for sentence in said) else st.success
+        show(" ".join(escape_markdown(str(sentence)) for sentence in said))
+
+
+def _settings(project: Project | None) -> VideoSettings:
+    left, right = st.columns(2, vertical_alignment="bottom")
+    options = list(CHOICES)
+    choice = left.selectbox(
+        "Take", options, format_func=CHOICES.__getitem__,
+        **setting(project, "video_choice", "still", one_of(options)).widget(),
+    )  # fmt: skip
+    n = 30
+    if choice == "every":
+        n = right.number_input(
+            "n", min_value=1, step=1, **setting(project, "video_n", 30, number(1)).widget()
+        )
+    left, right = st.columns(2, vertical_alignment="bottom")
+    together = left.toggle(
+        "Both videos start at the same moment",
+        help="Otherwise their time stamps are compared as the cameras' clocks wrote them.",
+        **setting(project, "video_together", True, yes_or_no).widget(),
+    )
+    later = None
+    if not together:
+        later = right.number_input(
+            "The secondary's clock is ahead by (s)", step=None, format="%.6g",
+            **setting(project, "video_later_s", 0.0, number(-1e12)).widget(),
+        )  # fmt: skip
+    return VideoSettings(choice, n, later)
+
+
+def _start(uploads: Sequence[Upload], settings: VideoSettings) -> None:
+    """Begin the job (a callback); the videos are temporary files while it runs."""
+    clear_refusal()
+    folder = None
+    try:
+        check_uploads(uploads)
+        project = project_to_write()
+        if jobs.is_running(project, "video"):
+            return
+        folder = Path(tempfile.mkdtemp(prefix="stereocal-video-"))
+        paths = []
+        for which, upload in zip(CAMERAS, uploads, strict=True):
+            suffix = PurePosixPath(upload.name).suffix.lower()
+            paths.append(folder / f"{which}{suffix if suffix in SUFFIXES else '.mp4'}")
+            paths[-1].write_bytes(upload.getvalue())
+        project.keep_settings({REPORT: None})
+    except (StereocalError, OSError) as error:
+        if folder is not None:
+            shutil.rmtree(folder, ignore_errors=True)
+        text = str(error) if isinstance(error, StereocalError) else f"{error.strerror or error}."
+        refuse(StereocalError(text))
+        return
+    about: dict[str, Any] = {
+        "videos": [[upload.name, upload.size] for upload in uploads],
+        "settings": [settings.choice, settings.n, settings.later_s],
+    }
+    first, second = paths
+
+    def run(job: jobs.Job) -> bool:
+        try:
+            return _take(project, (first, second), settings, job)
+        finally:
+            shutil.rmtree(first.parent, ignore_errors=True)
+
+    jobs.start(jobs.Work(project, "video", STAGES, about, run))
+    job = jobs.job_of(project, "video")
+    if job is None or job.state == "failed":  # it may not have been started
+        shutil.rmtree(folder, ignore_errors=True)
+    # A new key empties the uploaders, which otherwise keep the videos in memory.
+    free_memory(uploads)
+    forget_base()
+    st.session_state[ROUND] += 1
+
+
+def _take(
+    project: Project, videos: tuple[Path, Path], settings: VideoSettings, job: jobs.Job
+) -> bool:
+    store = ProjectPhotographs(project)
+    found: dict[str, StoredFile] = {}
+
+    def keep(name: str, content: bytes) -> None:
+        found[name] = store.keep(name, content)
+
+    report = extract(
+        videos, settings, keep, job.begin, job.progress, lambda: job.cancelled
+    )  # fmt: skip
+    if report is None:
+        return False
+    if not found:
+        raise StereocalError("No frame of the videos could be decoded.")
+    store.add(found)
+    project.keep_settings({REPORT: list(report.sentences)})
+    return True

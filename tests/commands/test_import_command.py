@@ -1,0 +1,142 @@
+"""`import`: data sets from files of other programs, on the command line."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stereocal.cli import main
+from stereocal.formats.camera_file import write_camera
+from stereocal.formats.dataset_files import pack_dataset, read_dataset
+from stereocal.formats.exchange.exchange import export_files
+from stereocal.rig.parameters import RigParameters
+from stereocal.rig.rig import Rig
+from tests.archives import easywand_fields, mat, wand_csv
+from tests.known_rig import BAR_M, BASELINE_M, PRIMARY, RIG, SECONDARY
+from tests.known_rig import dataset as known_dataset
+
+
+@pytest.fixture
+def easywand(tmp_path: Path) -> Path:
+    fields = easywand_fields(20, more_cameras=1)
+    fields |= {"axisPts": fields["backgroundPts"], "gravityFreq": 250.0}
+    path = tmp_path / "flight_easyWandData.mat"
+    path.write_bytes(mat({"easyWandData": fields}))
+    return path
+
+
+def test_easywand(easywand: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "set"
+    assert main(["import", str(easywand), "--out", str(out)]) == 0
+    said = capsys.readouterr().out
+    assert "39 pairs of points" in said and "250 frames a second" in said
+    assert "nominal: not a measurement" in said and "3 cameras" in said
+    assert sorted(path.name for path in out.iterdir()) == [
+        "THROW.csv", "correspondences.csv", "dataset.json", "primary.json", "secondary.json",
+    ]  # fmt: skip
+    assert (out / "THROW.csv").read_text().startswith("frame,u_primary,v_primary,u_secondary,")
+    found = read_dataset(out)
+    assert found.baseline_m == pytest.approx(BASELINE_M)
+    assert found.baseline_sigma_m == pytest.approx(0.02 * BASELINE_M)
+    assert "not a measurement" in found.notes
+
+
+def test_measured_lengths_replace_those_of_the_file(easywand: Path, tmp_path: Path) -> None:
+    out = tmp_path / "set"
+    given = ["--baseline", "2.4", "--distance", "0.9", "--baseline-sigma", "0.002"]
+    assert main(["import", str(easywand), "--out", str(out), *given]) == 0
+    found = read_dataset(out)
+    assert (found.baseline_m, found.baseline_sigma_m) == (2.4, 0.002)
+    assert found.target_distance_m == 0.9
+
+
+def test_what_is_missing_is_asked_for_and_nothing_is_written(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "wand.csv").write_bytes(wand_csv(20))
+    (tmp_path / "left.json").write_bytes(write_camera(PRIMARY))
+    out = tmp_path / "set"
+    for files, what in (
+        (["wand.csv", "left.json"], "--baseline B"),
+        (["wand.csv"], "image height"),
+        (["left.json"], "table of points"),
+    ):
+        given = [str(tmp_path / name) for name in files]
+        assert main(["import", *given, "--out", str(out)]) == 2
+        error = capsys.readouterr().err
+        assert what in error and error.count("\n") == 1
+        assert not out.exists()
+    for wrong in (["--baseline", "x"], ["--image-size", "5"], ["--cameras", "1"]):
+        given = [str(tmp_path / "wand.csv"), "--out", str(out), *wrong]
+        assert main(["import", *given]) == 2
+
+
+def test_a_folder_or_a_file_that_is_not_there(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in (".", "none.csv"):
+        assert main(["import", str(tmp_path / name), "--out", str(tmp_path / "set")]) == 2
+        assert "cannot be read" in capsys.readouterr().err
+
+
+def test_dltdv_with_kalibr_gives_a_calibration(tmp_path: Path) -> None:
+    exact = known_dataset(20)
+    names = [f"pt{k}_cam{c}_{axis}" for k in (1, 2) for c in (1, 2) for axis in "XY"]
+    lines = [",".join(names)]
+    for frame in exact.correspondences.frames:
+        rows = exact.correspondences.of_frames([frame])
+        cells = []
+        for k in range(2):
+            (u, v), (w, x) = rows.primary[k], rows.secondary[k]
+            cells += [u + 1, PRIMARY.image_size[1] - v, w + 1, SECONDARY.image_size[1] - x]
+        lines.append(",".join(repr(float(cell)) for cell in cells))
+    (tmp_path / "xypts.csv").write_text("\n".join(lines))
+    (tmp_path / "rig.toml").write_bytes(
+        export_files(Rig(PRIMARY, SECONDARY, RIG), "aniposelib")["calibration.toml"]
+    )
+    out = tmp_path / "set"
+    given = ["--unit", "m", "--distance", str(BAR_M), "--out", str(out)]
+    files = [str(tmp_path / name) for name in ("xypts.csv", "rig.toml")]
+    assert main(["import", *files, *given]) == 0
+    found = read_dataset(out)
+    order = np.argsort(exact.correspondences.target, kind="stable")  # all ends A, then all B
+    assert np.abs(found.rays - exact.rays[:, order]).max() < 1e-9
+
+
+def test_a_free_baseline(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    exact = known_dataset(25, 0.1)
+    folder, wrong = tmp_path / "set", 3.1
+    folder.mkdir()
+    for name, content in pack_dataset(exact).items():
+        (folder / name).write_bytes(content)
+    about = json.loads((folder / "dataset.json").read_text())
+    about |= {"baseline_m": wrong, "baseline_sigma_m": "free"}
+    (folder / "dataset.json").write_text(json.dumps(about))
+    found = read_dataset(folder)
+    assert found.baseline_is_free
+    assert found.baseline_m == pytest.approx(BASELINE_M, rel=0.01)
+    packed = pack_dataset(found)
+    assert b'"baseline_sigma_m": "free"' in packed["dataset.json"]
+    for name, content in packed.items():
+        (folder / name).write_bytes(content)
+    assert read_dataset(folder).sha256 == found.sha256
+    capsys.readouterr()
+    out = tmp_path / "parameters"
+    assert main(["calibrate", str(folder), "--out", str(out), "--runs", "0"]) == 0
+    assert "cannot solve for a baseline" in capsys.readouterr().out
+    for name in ("2d", "3d", "refined"):
+        rig = RigParameters.load(out / f"parameters_{name}.json")
+        assert rig.pose.baseline == pytest.approx(BASELINE_M, rel=0.01)
+        assert "not measured" in rig.inputs["baseline"]
+
+
+def test_a_free_baseline_needs_bars(easywand: Path, tmp_path: Path) -> None:
+    fields = easywand_fields(3)
+    path = tmp_path / "few.mat"
+    path.write_bytes(mat({"easyWandData": fields}))
+    assert main(["import", str(path), "--baseline", "free", "--out", str(tmp_path / "x")]) == 2
+    given = [str(easywand), "--baseline", "free", "--out", str(tmp_path / "y")]
+    assert main(["import", *given]) == 0

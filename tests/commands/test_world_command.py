@@ -1,0 +1,117 @@
+"""The command world, and reconstruct with what it writes."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from benchmarks.world import FRAME_RATE, Place, known_places, plumb_lines, surveyed, thrown
+from stereocal.cli import main
+from stereocal.rig.geometry import Pose
+from tests.field.world_tables import PIXELS, lines_csv, survey_csv, throw_csv
+from tests.terminal import sentences
+
+
+@pytest.fixture
+def place(tmp_path: Path) -> Place:
+    """A rig whose parameters are in `rig.json`."""
+    found = next(known_places(1, 21))
+    found.rig.save(tmp_path / "rig.json")
+    return found
+
+
+def run(folder: Path, table: str, *more: str) -> int:
+    parameters = str(folder / "rig.json")
+    arguments = [str(folder / table), "--parameters", parameters, "--out", str(folder / "w.json")]
+    return main(["world", *arguments, *more])
+
+
+def written(folder: Path) -> tuple[Pose, dict[str, object]]:
+    data = json.loads((folder / "w.json").read_text())
+    table = np.array(data["world_from_primary"])
+    return Pose(table[:3, :3], table[:3, 3]), data
+
+
+def test_plumb_lines_and_points_in_the_world(
+    place: Place, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "plumb.csv").write_bytes(lines_csv(plumb_lines(place)))
+    assert run(tmp_path, "plumb.csv") == 0
+    printed = capsys.readouterr().out
+    assert "World frame of 4 plumb lines: the vertical is known within" in printed
+    pose, data = written(tmp_path)
+    assert data["source"] == "plumb"
+    assert np.degrees(np.arccos(pose.R[2] @ place.up)) < 0.15
+    points = np.array([[0.0, 0.0, 6.0], [0.1, 0.2, 7.0]])
+    pairs = pd.DataFrame(place.images(points, 0.0), columns=PIXELS)
+    pairs.insert(0, "frame", [1, 2])
+    pairs.to_csv(tmp_path / "pairs.csv", index=False)
+    files = ["--parameters", str(tmp_path / "rig.json"), "--out", str(tmp_path / "points.csv")]
+    world = ["--world", str(tmp_path / "w.json")]
+    assert main(["reconstruct", str(tmp_path / "pairs.csv"), *files, *world]) == 0
+    table = pd.read_csv(tmp_path / "points.csv")
+    np.testing.assert_allclose(table[["x", "y", "z"]], pose.apply(points), atol=1e-6)
+    assert (table["coordinates"] == data["name"]).all()
+    assert main(["reconstruct", str(tmp_path / "pairs.csv"), *files]) == 0
+    assert "coordinates" not in pd.read_csv(tmp_path / "points.csv")
+
+
+def test_a_survey_with_origin_and_heading(
+    place: Place, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    survey = surveyed(place, 5)
+    (tmp_path / "survey.csv").write_bytes(survey_csv(survey))
+    assert run(tmp_path, "survey.csv", "--origin", "P3", "--heading", "90") == 0
+    printed = capsys.readouterr().out
+    assert "  P4: residual x " in printed
+    pose, data = written(tmp_path)
+    assert data["source"] == "survey"
+    third = place.world.inverse().apply(survey.world_m[3])
+    assert np.linalg.norm(pose.apply(third)) < 0.05
+    np.testing.assert_allclose(pose.R[0], place.world.R[1], atol=0.02)
+
+
+def test_a_throw_checks_the_scale(
+    place: Place, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "throw.csv").write_bytes(throw_csv(thrown(place, 2)))
+    assert run(tmp_path, "throw.csv", "--frame-rate", str(FRAME_RATE)) == 0
+    assert "Gravity is measured as 9." in capsys.readouterr().out
+    gravity = written(tmp_path)[1]["gravity"]
+    assert isinstance(gravity, dict) and gravity["agrees"]
+    assert run(tmp_path, "throw.csv", "--frame-rate", str(FRAME_RATE), "--no-drag") == 0
+
+
+@pytest.mark.parametrize(
+    ("change", "more", "says"),
+    [
+        ("mirrored", [], "left-handed"),
+        ("none", ["--origin", "P99"], 'origin "P99" is unknown'),
+        ("none", ["--sigma-px", "-1"], "image noise is -1"),
+        ("none", ["--survey-sigma", "nan"], "standard error is nan"),
+        ("none", ["--heading", "1e9"], "heading"),
+        ("frames", [], "needs the frame rate"),
+        ("frames", ["--frame-rate", "nan"], "frame rate is nan"),
+        ("gone", [], "cannot be read"),
+    ],
+)
+def test_bad_input_gives_one_sentence_and_no_file(
+    change: str, more: list[str], says: str, place: Place, tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    if change == "frames":
+        (tmp_path / "t.csv").write_bytes(throw_csv(thrown(place)))
+    elif change != "gone":
+        (tmp_path / "t.csv").write_bytes(survey_csv(surveyed(place, 6)))
+    if change == "mirrored":
+        table = pd.read_csv(tmp_path / "t.csv")
+        table[["x", "y"]] = table[["y", "x"]].to_numpy()
+        table.to_csv(tmp_path / "t.csv", index=False)
+    assert run(tmp_path, "t.csv", *more) == 2
+    (sentence,) = sentences(capsys.readouterr().err)
+    assert says in sentence
+    assert not (tmp_path / "w.json").exists()

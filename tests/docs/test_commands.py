@@ -1,0 +1,135 @@
+"""Every command and every script of the documentation runs, page by page, in order.
+
+A page starts in an empty folder with the sample data; the JSON files that it shows are there too.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import re
+import shlex
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from stereocal.cli import _parser, main
+from tests.docs.pages import PAGES, code_of, name_of
+from tests.terminal import ROOT
+
+OURS = re.compile(r"(?:\S*python -m )?stereocal (.*)")
+NOT_RUN = {
+    "make": "targets of the Makefile; that they are there is tested below",
+    "pip": "tests/test_wheel.py installs the wheel",
+    "python -m venv": "makes an environment",
+    "stereocal-env/bin/pip": "tests/test_wheel.py installs the wheel",
+    "stereocal serve": "serves until it is stopped; tests/browser/test_installed.py runs it",
+    "stereocal simulate --out sample_data --images": "a minute; tests/simulation renders some",
+    "docker": "needs Docker",
+}
+"""Beginnings of commands that are not run here, and why."""
+QUOTED = {"docs/tutorial.md": ("0.91 px", "0.39 %", "0.60 %", "0.11 %", "395")}
+"""Figures that a page quotes and its commands print."""
+OTHERS = {"--env"}
+"""Options of other programs."""
+
+
+def commands_of(page: Path) -> Iterator[str]:
+    """The lines of its code that are commands."""
+    for code in code_of(page):
+        for line in code.text.replace("\\\n", " ").splitlines():
+            words = shlex.join(shlex.split(line, comments=True)) if code.language == "sh" else ""
+            ours = OURS.fullmatch(line.split("  #")[0].strip())
+            if ours is not None:
+                yield f"stereocal {ours[1].strip()}"
+            elif words:
+                yield words
+
+
+def is_run(command: str) -> bool:
+    """Whether a test of this file runs it."""
+    return not any(command == start or command.startswith(f"{start} ") for start in NOT_RUN)
+
+
+def as_command(arguments: str) -> list[str]:
+    """The arguments of `main`."""
+    return shlex.split(arguments.removeprefix("stereocal "), comments=True)
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The sample data; the photographs, which no command changes, are not copied."""
+    for name in ("field", "nineteen", "recording"):
+        shutil.copytree(ROOT / "sample_data" / name, tmp_path / "sample_data" / name)
+    (tmp_path / "sample_data" / "photographs").symlink_to(ROOT / "sample_data" / "photographs")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    "page", [page for page in PAGES if any(map(is_run, commands_of(page)))], ids=name_of
+)
+def test_its_commands_run(page: Path, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for code in code_of(page):
+        if code.language == "json" and code.file:
+            (folder / code.file).write_text(code.text, encoding="utf-8")
+    for command in filter(is_run, commands_of(page)):
+        assert command.startswith("stereocal "), f"run it here, or say why not: {command}"
+        assert main(as_command(command)) == 0, command
+    text, printed = page.read_text(encoding="utf-8"), capsys.readouterr().out
+    for figure in QUOTED.get(name_of(page), ()):
+        assert figure in text and figure in printed, figure
+
+
+@pytest.mark.parametrize(
+    "page",
+    [
+        page
+        for page in PAGES
+        if page.name != "library.md"  # tests/test_library.py runs it, and looks at its results
+        and any(code.language == "python" for code in code_of(page))
+    ],
+    ids=name_of,
+)
+@pytest.mark.usefixtures("folder")
+def test_its_scripts_run(page: Path) -> None:
+    names: dict[str, object] = {}
+    for code in code_of(page):
+        if code.language == "python":
+            exec(compile(code.text, page.name, "exec"), names)
+
+
+def options_of(parser: argparse.ArgumentParser) -> set[str]:
+    """All options of a command and of those below it."""
+    found: set[str] = set()
+    for action in parser._actions:
+        found.update(action.option_strings)
+        if isinstance(action, argparse._SubParsersAction):
+            found.update(*map(options_of, action.choices.values()))
+    return found
+
+
+def test_options_that_are_named_are_there() -> None:
+    ours = options_of(_parser())
+    for page in PAGES:
+        inline = re.findall(r"`(?!python -m b)[^`\n]+`", page.read_text(encoding="utf-8"))
+        named = set(re.findall(r"(?<![\w-])--[a-z][a-z-]+", " ".join(inline)))
+        assert named <= ours | OTHERS or page.parent.name == "benchmarks", name_of(page)
+
+
+def test_targets_and_benchmarks_are_there() -> None:
+    targets = set(re.findall(r"^(\w+):", (ROOT / "Makefile").read_text(), re.M))
+    text = "\n".join(code.text for page in PAGES for code in code_of(page))
+    made = set(re.findall(r"^ *make ([a-z]+)", text, re.M))
+    assert {"run", "test", "docs"} <= made <= targets
+    measured = set(re.findall(r"python -m (benchmarks\.\w+)", text))
+    assert len(measured) > 10
+    assert not [name for name in measured if importlib.util.find_spec(name) is None]
+
+
+def test_nothing_is_excepted_in_vain() -> None:
+    every = [command for page in PAGES for command in commands_of(page)]
+    for start in NOT_RUN:
+        assert any(command.startswith(start) for command in every), start

@@ -1,0 +1,439 @@
+"""World frames against simulated truth; studies of many rigs are in `benchmarks.world`."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import binom
+
+from benchmarks.world import (
+    CLICK_PX,
+    FRAME_RATE,
+    GRAVITY,
+    Place,
+    known_places,
+    mirrored,
+    off_vertical,
+    places,
+    plumb_lines,
+    refusal,
+    surveyed,
+    thrown,
+)
+from stereocal.errors import StereocalError
+from stereocal.field.world.find import WorldSettings, find_world
+from stereocal.field.world.frame import Axes
+from stereocal.field.world.lines import world_of_lines
+from stereocal.field.world.observed import Line, Survey, Throw
+from stereocal.field.world.survey import world_of_survey
+from stereocal.field.world.throw import path, world_of_throw
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import Angles, Pose
+from stereocal.rig.tracks import MeasuredOffset
+
+
+@pytest.fixture
+def place() -> Place:
+    """A rig that is known exactly."""
+    return next(known_places(1, 11))
+
+
+@pytest.fixture(scope="module")
+def refined() -> Place:
+    return next(places(1, 12))
+
+
+@pytest.fixture
+def calibrated(refined: Place) -> Place:
+    """A rig with a refined file."""
+    return replace(refined, rng=np.random.default_rng(5))
+
+
+def level_line(place: Place, name: str, heading: float, depth: float) -> Line:
+    """A level line through the middle of the view, seen by both cameras."""
+    ahead = np.array([0.0, 0.0, 1.0]) - place.up[2] * place.up
+    ahead /= np.linalg.norm(ahead)
+    along = np.cos(heading) * np.cross(ahead, place.up) + np.sin(heading) * ahead
+    for length in (1.5, 1.0, 0.5):
+        for middle in np.random.default_rng(3).uniform(-0.3, 0.3, (200, 2)):
+            points = depth * np.array([*middle, 1.0]) + length * np.outer(
+                np.linspace(-0.5, 0.5, 8), along
+            )
+            if place.is_seen(points):
+                pixels = place.images(points, 0.1)
+                return Line(name, "level", (pixels[:, :2], pixels[:, 2:]))
+    raise AssertionError("no level line is in view")
+
+
+def horizon(place: Place, name: str = "sea") -> Line:
+    """The horizon in the primary."""
+    angles = np.linspace(-0.1, 0.1, 6)
+    ahead = np.array([0.0, 0.0, 1.0]) - place.up[2] * place.up
+    ahead /= np.linalg.norm(ahead)
+    far = np.cos(angles)[:, None] * ahead + np.sin(angles)[:, None] * np.cross(ahead, place.up)
+    pixels = place.images(1e6 * far, 0.1)
+    return Line(name, "horizon", (pixels[:, :2], np.empty((0, 2))))
+
+
+def lean(place: Place, line: Line, degrees: float) -> Line:
+    """The line turned in both images."""
+    turn = np.radians(degrees)
+    R = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    turned = [(each - each.mean(axis=0)) @ R.T + each.mean(axis=0) for each in line.pixels]
+    assert place is not None
+    return replace(line, pixels=(turned[0], turned[1]))
+
+
+class TestLines:
+    def test_the_vertical_of_plumb_lines(self) -> None:
+        """0.3 px and 4 m: in `benchmarks.world`, 400 rigs."""
+        off = []
+        for place in known_places(15, 13):
+            found = find_world(place.rig, tuple(plumb_lines(place)))
+            assert found.source == "plumb"
+            assert found.uncertainty["vertical_deg"] < 0.15
+            off.append(off_vertical(place, found.pose, 4.0))
+        assert np.median(off) < 0.05
+        assert max(off) < 0.15
+
+    def test_a_calibrated_rig_states_its_part(self, calibrated: Place) -> None:
+        lines = plumb_lines(calibrated)
+        found = world_of_lines(calibrated.rig, lines, sigma_px=CLICK_PX)
+        assert "covariance" in found.uncertainty["errors_of_parameters"]
+        alone = replace(calibrated.rig, uncertainties=None)
+        less = world_of_lines(alone, lines, sigma_px=CLICK_PX)
+        np.testing.assert_array_equal(less.pose.R, found.pose.R)
+        assert less.uncertainty["errors_of_parameters"] == "unknown: image noise only"
+        assert less.uncertainty["vertical_deg"] < found.uncertainty["vertical_deg"]
+        assert off_vertical(calibrated, found.pose, 4.0) < found.uncertainty["vertical_deg"] * 2
+
+    def test_one_line_one_camera_and_too_little(self, place: Place) -> None:
+        lines = plumb_lines(place, 2)
+        one = world_of_lines(place.rig, lines[:1])
+        assert "nothing to check it" in one.notes[0]
+        assert off_vertical(place, one.pose, 4.0) < 0.5
+        nothing = np.empty((0, 2))
+        single = [replace(line, pixels=(line.pixels[0], nothing)) for line in lines]
+        assert off_vertical(place, world_of_lines(place.rig, single).pose, 4.0) < 3.0
+        with pytest.raises(StereocalError, match=r"vertical undetermined.*Add a plumb line"):
+            world_of_lines(place.rig, single[:1])
+
+    def test_level_lines_and_a_horizon(self, place: Place) -> None:
+        lines = [level_line(place, "shore", 0.2, 6.0), level_line(place, "roof", 1.1, 7.0)]
+        found = world_of_lines(place.rig, lines, Axes(x_axis="roof"))
+        assert found.source == "level"
+        assert off_vertical(place, found.pose, 6.0) < 0.5
+        with pytest.raises(StereocalError, match="undetermined"):
+            world_of_lines(place.rig, lines[:1])
+        sea = world_of_lines(place.rig, [horizon(place)])
+        assert off_vertical(place, sea.pose, 6.0) < 0.1
+        assert "horizon" in sea.notes[0]
+        together = world_of_lines(place.rig, [horizon(place), *plumb_lines(place, 2), lines[0]])
+        assert together.source == "plumb"
+        assert "2 plumb lines and 1 level line and 1 horizon" in together.sentence
+
+    def test_a_line_that_leans_is_named(self, place: Place) -> None:
+        lines = plumb_lines(place, 4)
+        bad = [*lines[:3], lean(place, lines[3], 5.0)]
+        with pytest.raises(StereocalError, match="without line 3 the others agree"):
+            world_of_lines(place.rig, bad)
+        with pytest.raises(StereocalError, match="cannot tell which"):
+            world_of_lines(place.rig, [lines[0], lean(place, lines[3], 5.0)])
+        little = world_of_lines(place.rig, [*lines[:3], lean(place, lines[3], 0.5)])
+        exact = world_of_lines(place.rig, lines)
+        assert little.uncertainty["vertical_deg"] > 1.5 * exact.uncertainty["vertical_deg"]
+
+    def test_a_bent_line_and_points_elsewhere(self, place: Place) -> None:
+        (line,) = plumb_lines(place, 1)
+        bent = line.pixels[0].copy()
+        bent[0, 0] += 60.0
+        with pytest.raises(StereocalError, match=r"line 0: its points in the primary are .* px"):
+            world_of_lines(place.rig, [replace(line, pixels=(bent, line.pixels[1]))])
+        bent[0] = [1e9, 0]
+        with pytest.raises(StereocalError, match=r"outside the .* px"):
+            world_of_lines(place.rig, [replace(line, pixels=(bent, line.pixels[1]))])
+
+    def test_axes(self, place: Place) -> None:
+        lines = plumb_lines(place)
+        view = world_of_lines(place.rig, lines).pose
+        assert view.R[1, 2] == pytest.approx(0, abs=1e-12)  # the view has no part along y
+        assert view.R[0, 2] > 0.9
+        np.testing.assert_array_equal(view.T, 0.0)
+        along = world_of_lines(place.rig, lines, Axes(x_axis="baseline")).pose
+        second = along.apply(place.rig.pose.inverse().T)
+        assert second[0] > 0 and second[1] == pytest.approx(0, abs=1e-9)
+        turned = world_of_lines(place.rig, lines, Axes(heading_deg=90.0)).pose
+        np.testing.assert_allclose(turned.R[0], view.R[1], atol=1e-12)
+        down = world_of_lines(place.rig, lines, upside_down=True).pose
+        np.testing.assert_allclose(down.R[2], -view.R[2], atol=1e-12)
+        for axes, says in (
+            (Axes(origin="P1"), 'origin "P1" is unknown here; choose one of: camera'),
+            (Axes(x_axis="north"), 'x axis "north" is unknown'),
+        ):
+            with pytest.raises(StereocalError, match=says):
+                world_of_lines(place.rig, lines, axes)
+        with pytest.raises(StereocalError, match="heading"):
+            Axes(heading_deg=float("nan"))
+
+
+class TestSurvey:
+    def test_the_frame_of_surveyed_points(self, calibrated: Place) -> None:
+        survey = surveyed(calibrated, 8)
+        found = world_of_survey(calibrated.rig, survey)
+        assert off_vertical(calibrated, found.pose, 7.0) < found.uncertainty["vertical_deg"] * 2
+        away = np.linalg.norm(found.pose.T - calibrated.world.T)
+        assert away < 0.1
+        assert set(found.about["residuals_m"]) == set(survey.names)
+        scale = found.about["scale"]
+        assert scale["low"] < 1 < scale["high"]
+        assert "8 surveyed points: residuals" in found.sentence
+
+    def test_origin_and_axes(self, place: Place) -> None:
+        survey = surveyed(place, 6)
+        own = world_of_survey(place.rig, survey).pose
+        point = world_of_survey(place.rig, survey, Axes(origin="P2")).pose
+        np.testing.assert_allclose(point.R, own.R, atol=1e-12)
+        np.testing.assert_allclose(own.T - point.T, survey.world_m[2], atol=1e-9)
+        camera = world_of_survey(place.rig, survey, Axes("camera", "view")).pose
+        np.testing.assert_allclose(camera.T, 0, atol=1e-12)
+        np.testing.assert_allclose(camera.R[2], own.R[2], atol=1e-12)
+        assert camera.R[0, 2] > 0.9
+
+    def test_points_already_reconstructed_and_repeated(self, place: Place) -> None:
+        survey = surveyed(place, 5)
+        xyz = place.rig.reconstruct(survey.pixels[:, :2], survey.pixels[:, 2:])
+        by_points = replace(survey, measured_m=xyz, pixels=np.full((5, 4), np.nan))
+        first, second = (world_of_survey(place.rig, each) for each in (survey, by_points))
+        np.testing.assert_allclose(first.pose.R, second.pose.R, atol=1e-9)
+        twice = Survey(
+            survey.names * 2,
+            np.tile(survey.world_m, (2, 1)),
+            np.tile(survey.pixels, (2, 1)),
+            np.tile(survey.measured_m, (2, 1)),
+        )
+        assert len(world_of_survey(place.rig, twice).about["residuals_m"]) == 5
+
+    def test_mirrored_surveys_are_refused(self) -> None:
+        """1,000 of 1,000 in `benchmarks.world`."""
+        for place in known_places(25, 14):
+            survey = surveyed(place, int(place.rng.integers(4, 9)))
+            assert refusal(place, survey) is None
+            why = refusal(place, mirrored(survey, place.rng))
+            assert why is not None and "only as a mirror image" in why
+
+    def test_points_in_one_plane_cannot_tell(self) -> None:
+        for place in known_places(10, 15):
+            survey = surveyed(place, 3, on_ground=True)
+            found = world_of_survey(place.rig, survey)
+            assert any("a mirrored survey would fit as well" in note for note in found.notes)
+            exchanged = replace(survey, world_m=survey.world_m[:, [1, 0, 2]])
+            with pytest.raises(StereocalError, match="Cannot tell whether the survey is mirrored"):
+                world_of_survey(place.rig, exchanged)
+
+    def test_a_wrong_point_is_named(self, place: Place) -> None:
+        survey = surveyed(place, 6)
+        world = survey.world_m.copy()
+        world[3] += [2.0, 0, 0]
+        with pytest.raises(StereocalError, match=r"contradict.*without P3 the others agree"):
+            world_of_survey(place.rig, replace(survey, world_m=world))
+        shuffled = replace(survey, world_m=np.roll(survey.world_m, 1, axis=0))
+        with pytest.raises(StereocalError, match="cannot tell which"):
+            world_of_survey(place.rig, shuffled)
+
+    def test_residuals_that_the_parameters_explain_accuse_no_point(self, calibrated: Place) -> None:
+        survey = surveyed(calibrated, 8)
+        off = replace(survey, world_m=survey.world_m + 0.05 * np.eye(8, 3))
+        found = world_of_survey(calibrated.rig, off)
+        assert any("A point may be wrong." in note for note in found.notes)
+        # Parameters ten times as uncertain, and wrong accordingly.
+        uncertain = json.loads(json.dumps(calibrated.rig.uncertainties))
+        matrix = 100 * np.array(uncertain["covariance"]["matrix"])
+        uncertain["covariance"]["matrix"] = matrix.tolist()
+        pose = calibrated.rig.pose
+        angles = np.array(pose.angles) + 10 * np.sqrt(np.diag(matrix))[:5] / 10
+        worse = replace(
+            calibrated.rig,
+            uncertainties=uncertain,
+            pose=Pose.from_angles(Angles(*angles.tolist()), pose.baseline),
+        )
+        notes = " ".join(world_of_survey(worse, survey).notes)
+        assert "The errors that the parameter file states of itself explain them." in notes
+
+    def test_units_lines_and_few_points(self, place: Place) -> None:
+        survey = surveyed(place, 6)
+        for factor, says in ((1000.0, "1e[+]03 times"), (3.281, r"3\.28 times")):
+            with pytest.raises(StereocalError, match=f"{says}.*in metres"):
+                world_of_survey(place.rig, replace(survey, world_m=factor * survey.world_m))
+        slightly = world_of_survey(place.rig, replace(survey, world_m=1.05 * survey.world_m))
+        assert any("longer than measured" in note for note in slightly.notes)
+        assert slightly.about["scale"]["low"] > 1.02
+        in_line = replace(survey, world_m=np.outer(np.arange(6.0), [1, 2, 3]))
+        with pytest.raises(StereocalError, match="lie on one line"):
+            world_of_survey(place.rig, in_line)
+        with pytest.raises(StereocalError, match="at least 3 points"):
+            world_of_survey(place.rig, surveyed_part(survey, 2))
+        with pytest.raises(StereocalError, match="must be 0 or more"):
+            world_of_survey(place.rig, survey, sigma_m=-1.0)
+
+    def test_images_of_different_points(self, place: Place) -> None:
+        survey = surveyed(place, 4)
+        pixels = survey.pixels.copy()
+        pixels[0, 3] = 1000.0 - pixels[0, 3] if abs(pixels[0, 3] - 500) > 150 else 900.0
+        with pytest.raises(StereocalError, match="P0: the rays of its two images"):
+            world_of_survey(place.rig, replace(survey, pixels=pixels))
+
+
+def surveyed_part(survey: Survey, count: int) -> Survey:
+    return Survey(
+        survey.names[:count],
+        survey.world_m[:count],
+        survey.pixels[:count],
+        survey.measured_m[:count],
+    )
+
+
+class TestThrow:
+    def test_gravity_and_the_vertical(self, calibrated: Place) -> None:
+        throw = thrown(calibrated, 3, drag=0.02)
+        found = world_of_throw(calibrated.rig, throw)
+        gravity = found.about["gravity"]
+        assert gravity["agrees"]
+        assert abs(gravity["m_per_s2"]["value"] - GRAVITY) < 0.15
+        assert gravity["drag_per_m"]["low"] < 0.02 < gravity["drag_per_m"]["high"]
+        assert found.uncertainty["noise_px"]["source"] == "residuals"
+        assert found.uncertainty["noise_px"]["value"] == pytest.approx(CLICK_PX, rel=0.15)
+        assert off_vertical(calibrated, found.pose, 7.0) < 2 * found.uncertainty["vertical_deg"]
+        assert "the bar had no part" in found.notes[-1]
+
+    def test_intervals_hold(self) -> None:
+        """Exact rigs here; 1,000 throws of calibrated rigs are in `benchmarks.world`."""
+        trials = 60
+        held = 0
+        for place in known_places(trials, 16):
+            interval = world_of_throw(place.rig, thrown(place)).about["gravity"]["m_per_s2"]
+            held += interval["low"] <= GRAVITY <= interval["high"]
+        assert held >= binom.ppf(0.001, trials, 0.95)
+
+    def test_drag_is_needed_where_it_is(self, place: Place) -> None:
+        throw = thrown(place, 2, drag=0.03)
+        found = world_of_throw(place.rig, throw)
+        assert "The residuals show drag" in found.notes[0]
+        assert "Without it, g would be" in found.notes[0]
+        heavy = thrown(place, 1, drag=0.0)
+        with_drag, without = (
+            find_world(place.rig, heavy, WorldSettings(drag=drag)) for drag in (True, False)
+        )
+        limits = [each.uncertainty["vertical_deg"] for each in (without, with_drag)]
+        assert limits[0] < limits[1]
+        assert off_vertical(place, without.pose, 7.0) < 2 * limits[0]
+        assert without.about["gravity"]["drag_fitted"] is False
+
+    @pytest.mark.parametrize(
+        ("stated", "baseline", "says"),
+        [
+            (
+                1.05 * FRAME_RATE,
+                1.0,
+                r"lengths are 1[01]\..* % too long.* (99|100)\.?\d* frames per sec",
+            ),
+            (FRAME_RATE, 0.95, r"lengths are [45]\..* % too short"),
+        ],
+    )
+    def test_what_another_gravity_means(
+        self, place: Place, stated: float, baseline: float, says: str
+    ) -> None:
+        throw = replace(thrown(place, 2, drag=0.005), frame_rate=stated)
+        pose = place.rig.pose
+        rig = replace(place.rig, pose=type(pose)(pose.R, pose.T * baseline))
+        found = world_of_throw(rig, throw)
+        assert not found.about["gravity"]["agrees"]
+        note = found.notes[-1]
+        assert "gravity alone cannot tell which" in note
+        assert re.search(says, note), note
+
+    def test_an_offset_between_the_cameras_is_suggested(self, place: Place) -> None:
+        throw = thrown(place, 1, drag=0.0)
+        late = throw.pixels.copy()
+        late[:, 2:] += 2.0 * np.gradient(late[:, 2:], axis=0)
+        found = world_of_throw(place.rig, replace(throw, pixels=late), drag=False)
+        gravity = found.about["gravity"]
+        if not gravity["agrees"]:
+            assert "or the secondary took each frame" in found.notes[-1]
+
+    def test_the_time_offset_of_the_parameters_is_applied(self, place: Place) -> None:
+        throw = thrown(place, 1, drag=0.0)
+        pixels = throw.pixels.copy()
+        late = 2.3 * np.gradient(pixels[:, 2:], axis=0, edge_order=2)
+        curve = 0.5 * 2.3**2 * np.gradient(np.gradient(pixels[:, 2:], axis=0), axis=0)
+        pixels[:, 2:] += late + curve
+        off = replace(throw, pixels=pixels)
+        wrong = world_of_throw(place.rig, off, drag=False)
+        rig = replace(place.rig, time_offset=MeasuredOffset(2.3, sigma=0.01))
+        found = world_of_throw(rig, off, drag=False)
+        exact = world_of_throw(place.rig, throw, drag=False)
+        g = [each.about["gravity"]["m_per_s2"]["value"] for each in (wrong, found, exact)]
+        # Measured: 9.838 m/s^2 as recorded, 9.793 shifted, 9.798 in step.
+        assert abs(g[1] - g[2]) < 0.2 * abs(g[0] - g[2])
+
+    def test_what_is_no_free_flight(self, place: Place) -> None:
+        throw = thrown(place, 1)
+        held = throw.pixels.copy()
+        held[: len(held) // 2] = held[len(held) // 2]
+        with pytest.raises(StereocalError, match="path of a free flight"):
+            world_of_throw(place.rig, replace(throw, pixels=held))
+        few = Throw(throw.tracks[:4], throw.frames[:4], throw.pixels[:4], FRAME_RATE)
+        with pytest.raises(StereocalError, match=r"4 frames.*at least 6"):
+            world_of_throw(place.rig, few)
+        short = Throw(throw.tracks[:8], throw.frames[:8], throw.pixels[:8], FRAME_RATE)
+        with pytest.raises(StereocalError, match="vertical undetermined"):
+            world_of_throw(place.rig, short)
+        again = replace(throw, frames=np.zeros_like(throw.frames))
+        with pytest.raises(StereocalError, match="has frame 0 twice"):
+            world_of_throw(place.rig, again)
+        with pytest.raises(StereocalError, match=r"lasts .* s; is the frame rate right"):
+            world_of_throw(place.rig, replace(throw, frame_rate=0.5))
+        with pytest.raises(StereocalError, match="frame rate"):
+            replace(throw, frame_rate=float("nan"))
+
+    def test_gaps_in_the_frames_do_no_harm(self, place: Place) -> None:
+        throw = thrown(place, 1, drag=0.0)
+        kept = np.flatnonzero(throw.frames % 7 != 3)
+        some = Throw(
+            tuple(throw.tracks[k] for k in kept), throw.frames[kept] + 5000, throw.pixels[kept],
+            FRAME_RATE,
+        )  # fmt: skip
+        found = world_of_throw(place.rig, some, Axes(origin="first"), drag=False)
+        assert found.about["gravity"]["agrees"]
+        start = place.rig.reconstruct(some.pixels[:1, :2], some.pixels[:1, 2:])
+        assert np.linalg.norm(found.pose.apply(start)) < 0.05
+
+
+def runge_kutta(times: FloatArray, k: float, g: FloatArray, v: FloatArray) -> FloatArray:
+    """Position at the last time, by small steps."""
+
+    def rate(state: FloatArray) -> FloatArray:
+        return np.concatenate([state[3:], g - k * np.linalg.norm(state[3:]) * state[3:]])
+
+    state = np.concatenate([np.zeros(3), v])
+    steps = 4000
+    h = times[-1] / steps
+    for _ in range(steps):
+        a = rate(state)
+        b = rate(state + 0.5 * h * a)
+        c = rate(state + 0.5 * h * b)
+        d = rate(state + h * c)
+        state = state + h / 6 * (a + 2 * b + 2 * c + d)
+    return state[:3]
+
+
+@pytest.mark.parametrize("drag", [0.0, 0.01, 0.2])
+def test_paths_are_right(drag: float) -> None:
+    """From a heavy ball to a shuttlecock."""
+    g, v = np.array([0.3, 9.8, -0.5]), np.array([4.0, -6.0, 2.0])
+    times = np.array([0.0, 0.5, 1.2])
+    expected = runge_kutta(times, drag, g, v)
+    np.testing.assert_allclose(path(times, np.zeros(3), v, g, drag)[-1], expected, atol=1e-6)

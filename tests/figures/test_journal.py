@@ -1,0 +1,87 @@
+"""Figures for print: SVG and PDF that are valid, complete, undated, and inside their page."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Callable
+from functools import partial
+
+import pypdfium2
+import pytest
+from matplotlib.figure import Figure
+
+from stereocal.calibration.methods import METHODS
+from stereocal.figures.journal.frame_errors import draw_frame_errors
+from stereocal.figures.journal.page import COLUMN_MM, PAGE_MM, rendered
+from stereocal.figures.journal.rig import draw_rig
+from stereocal.figures.journal.validation import draw_validation
+from stereocal.workflow import Answer
+from tests.paper_kit.answers import of_field, of_recording
+
+POINTS_PER_MM = 72 / 25.4
+Drawn = tuple[Callable[[float], Figure], str]
+
+
+def validation(found: Answer, *, refined: bool) -> Drawn:
+    assert found.evaluation is not None
+    summaries = found.evaluation.summaries
+    rows = summaries if refined else {method: summaries[method] for method in METHODS}
+    return partial(draw_validation, rows), "Refined set" if refined else "3D set"
+
+
+DRAWN: dict[str, Callable[[], Drawn]] = {
+    "validation": lambda: validation(of_field(), refined=False),
+    "with refined": lambda: validation(of_field(), refined=True),
+    "errors": lambda: (partial(draw_frame_errors, of_field().calibration), "Length error (%)"),
+    "left out": lambda: (partial(draw_frame_errors, of_recording().calibration), "left out"),
+    "rig": lambda: (partial(draw_rig, of_recording().calibration, "3d"), "secondary"),
+    "flat rig": lambda: (partial(draw_rig, of_field().calibration, "refined"), "From the side"),
+}
+
+
+@pytest.mark.parametrize("width_mm", [COLUMN_MM, PAGE_MM])
+@pytest.mark.parametrize("name", DRAWN)
+def test_svg_and_pdf_hold_the_figure(name: str, width_mm: float) -> None:
+    draw, word = DRAWN[name]()
+    found = rendered(draw, width_mm)
+    root = ElementTree.fromstring(found["svg"])
+    assert float(root.attrib["width"].removesuffix("pt")) == pytest.approx(width_mm * POINTS_PER_MM)
+    assert word in "".join(root.itertext())
+    assert b"date" not in found["svg"]
+    page = pypdfium2.PdfDocument(found["pdf"])[0]
+    assert page.get_width() == pytest.approx(width_mm * POINTS_PER_MM)
+    assert word in page.get_textpage().get_text_range()
+    assert b"/FontFile2" in found["pdf"]
+    assert b"CreationDate" not in found["pdf"]
+
+
+@pytest.mark.parametrize("width_mm", [COLUMN_MM, PAGE_MM])
+@pytest.mark.parametrize("name", DRAWN)
+def test_no_letter_leaves_the_page(name: str, width_mm: float) -> None:
+    page = pypdfium2.PdfDocument(rendered(DRAWN[name]()[0], width_mm)["pdf"])[0]
+    width, height = page.get_size()
+    text = page.get_textpage()
+    for at in range(text.count_chars()):
+        left, bottom, right, top = text.get_charbox(at)
+        if right > left:
+            shown = text.get_text_range(at, 1)
+            assert left > -0.5 and bottom > -0.5, shown
+            assert right < width + 0.5 and top < height + 0.5, shown
+
+
+def test_equal_data_give_equal_bytes() -> None:
+    draw, _ = DRAWN["validation"]()
+    assert rendered(draw, PAGE_MM) == rendered(draw, PAGE_MM)
+
+
+def test_the_figure_says_what_the_page_says() -> None:
+    """The figures of the Plotly panels: FCP, interval and threshold of the 2D set."""
+    found = of_field()
+    assert found.evaluation is not None
+    panels = "".join(
+        ElementTree.fromstring(rendered(DRAWN["validation"]()[0], PAGE_MM)["svg"]).itertext()
+    )
+    matching = found.evaluation.summaries["2d"].reprojection
+    assert f"FCP {100 * matching.fcp.value:.2g} %" in panels
+    assert "Correct pairs" in panels
+    assert "Framed: best; level: not apart" in panels

@@ -1,0 +1,309 @@
+"""Data sets from files of other programs: easyWand, MATLAB, Kalibr, aniposelib, Caliscope, ..."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from typing import Any
+
+import numpy as np
+import pytest
+
+from stereocal.errors import StereocalError
+from stereocal.formats.archives.archive import Archive, ArchiveOptions
+from stereocal.formats.archives.gather import gather
+from stereocal.formats.camera_file import write_camera, write_opencv_camera
+from stereocal.formats.exchange.exchange import export_files
+from stereocal.rig.camera import Camera
+from stereocal.rig.rig import Rig
+from tests.archives import (
+    BACKGROUND,
+    PLAIN,
+    caliscope_files,
+    easywand_camera,
+    easywand_fields,
+    from_bottom,
+    kalibr_chain,
+    mat,
+    stereo_struct,
+    wand_csv,
+)
+from tests.known_rig import BAR_M, BASELINE_M, PRIMARY, RIG, SECONDARY, images
+
+USUAL = ArchiveOptions()
+OPENCV = Rig(PRIMARY, SECONDARY, RIG)
+
+
+def easywand(options: ArchiveOptions = USUAL, **changed: Any) -> Archive:
+    fields = {**easywand_fields(), **changed}
+    return gather({"calib.mat": mat({"easyWandData": fields})}, options)
+
+
+def same_camera(found: Camera | None, wanted: Camera, tolerance: float = 1e-9) -> None:
+    assert found is not None
+    corners = np.array([[0.0, 0.0], [wanted.image_size[0] - 1.0, 50.0], [300.0, 700.0]])
+    assert found.image_size == wanted.image_size
+    assert np.abs(found.undistort(corners) - wanted.undistort(corners)).max() < tolerance
+
+
+def test_easywand_gives_the_same_data_set_as_our_csv() -> None:
+    cameras = [
+        write_camera(easywand_camera(PRIMARY)),
+        write_camera(easywand_camera(SECONDARY)),
+    ]
+    csv = gather({"wand.csv": wand_csv(), "a.json": cameras[0], "b.json": cameras[1]}, USUAL)
+    found = easywand(backgroundPts=np.zeros((0, 0)))
+    assert found.correspondences is not None and csv.correspondences is not None
+    for name in ("frame", "target", "primary", "secondary"):
+        ours, theirs = getattr(csv.correspondences, name), getattr(found.correspondences, name)
+        assert np.array_equal(ours, theirs)
+    assert len(found.correspondences) == 23
+    same_camera(found.primary, easywand_camera(PRIMARY))
+    same_camera(found.secondary, easywand_camera(SECONDARY))
+    measured = [each.dataset("x", BASELINE_M, BAR_M) for each in (csv, found)]
+    rays = [dataset.rays for dataset in measured]
+    assert np.abs(rays[0] - rays[1]).max() < 1e-12
+
+
+def test_the_baseline_is_that_of_its_solution_with_two_per_cent() -> None:
+    found = easywand()
+    assert found.baseline_m == pytest.approx(BASELINE_M, rel=1e-9)
+    assert found.target_distance_m == BAR_M
+    dataset = found.dataset("x", None, None)
+    assert dataset.baseline_sigma_m == pytest.approx(0.02 * BASELINE_M)
+    assert "not a measurement" in dataset.notes
+    assert easywand(coefs=np.zeros((0, 0))).baseline_m is None
+
+
+def test_background_points_become_frames_of_one_target_that_are_no_neighbours() -> None:
+    found = easywand()
+    rows = found.correspondences
+    assert rows is not None
+    added = rows.frame >= 1000
+    assert rows.frame[added].tolist() == [1000, 1010, 1020, 1030]
+    assert np.abs(rows.primary[added] - images(BACKGROUND)[0]).max() < 1e-9
+    assert len(rows.bars) == 11
+    assert "frames 1000 to 1030" in found.dataset("x", None, None).notes
+
+
+def test_a_thrown_object_is_written_beside_the_data_set() -> None:
+    path = np.array([[0.1 * t, -1 + 0.5 * t**2, 8.0] for t in np.linspace(0, 1, 6)])
+    pairs = [
+        from_bottom(side, camera)
+        for side, camera in zip(images(path), (PRIMARY, SECONDARY), strict=True)
+    ]
+    pairs[1][4] = np.nan
+    found = easywand(axisPts=np.hstack(pairs), gravityFreq=125.0)
+    assert found.throw is not None
+    assert found.throw.columns.tolist() == [
+        "frame", "u_primary", "v_primary", "u_secondary", "v_secondary",
+    ]  # fmt: skip
+    assert found.throw["frame"].tolist() == [1, 2, 3, 4, 6]
+    assert found.throw["v_secondary"][0] == pytest.approx(images(path)[1][0, 1])
+    assert any("125 frames a second" in note for note in found.notes)
+    assert easywand(axisPts=np.hstack(pairs)).throw is None
+
+
+def test_the_pair_of_cameras_is_chosen() -> None:
+    fields = easywand_fields(more_cameras=1)
+    wand = fields["wandPts"]
+    for end in (0, 6):  # camera 3 has what camera 2 had
+        wand[:, end + 4 : end + 6] = wand[:, end + 2 : end + 4]
+    order = [0, 2]
+    for name, size in (("imageWidth", 1), ("imageHeight", 1), ("focalLengths", 1)):
+        fields[name][2 * size :] = fields[name][size : 2 * size]
+    fields["principalPoints"][4:] = fields["principalPoints"][2:4]
+    fields["nlin"][2] = fields["nlin"][1]
+    fields["coefs"][:, 2] = fields["coefs"][:, 1]
+    fields["backgroundPts"][:, 4:] = fields["backgroundPts"][:, 2:4]
+    content = {"a.mat": mat({"easyWandData": fields})}
+    first = gather(content, USUAL)
+    third = gather(content, ArchiveOptions(cameras=("1", "3")))
+    assert "of 3" in first.taken[0].origin and order
+    assert first.correspondences is not None and third.correspondences is not None
+    assert np.array_equal(first.correspondences.secondary, third.correspondences.secondary)
+    with pytest.raises(StereocalError, match="no camera 4"):
+        gather(content, ArchiveOptions(cameras=("1", "4")))
+    with pytest.raises(StereocalError, match="same camera"):
+        gather(content, ArchiveOptions(cameras=("2", "2")))
+
+
+def test_one_nominal_lens_for_all_cameras() -> None:
+    found = easywand(
+        focalLengths=1200.0, imageWidth=1600.0, imageHeight=1200.0,
+        principalPoints=np.array([800.0, 600.0, 800.0, 600.0]), nlin=np.zeros((0, 0)),
+    )  # fmt: skip
+    assert found.primary is not None and found.secondary is not None
+    assert np.array_equal(found.primary.K, found.secondary.K)
+    assert not found.primary.distortion.any()
+
+
+def test_a_height_that_the_points_contradict_is_asked_for() -> None:
+    with pytest.raises(StereocalError, match="--image-size 640x512"):
+        easywand(imageHeight=np.array([800.0, 1024.0]))
+    stated = ArchiveOptions(image_size=(1600, 1200))
+    found = easywand(stated, imageHeight=np.array([800.0, 1024.0]))
+    rows, wanted = found.correspondences, easywand().correspondences
+    assert rows is not None and wanted is not None
+    assert np.array_equal(rows.primary, wanted.primary)
+
+
+def test_the_unit_of_lengths() -> None:
+    with pytest.raises(StereocalError, match="--unit"):
+        easywand(wandLen=870.0)
+    found = easywand(ArchiveOptions(unit="mm"), wandLen=870.0)
+    assert found.target_distance_m == pytest.approx(0.87)
+    assert found.baseline_m == pytest.approx(BASELINE_M / 1000)
+
+
+HOSTILE: dict[str, dict[str, Any]] = {
+    "a wrong width": {"wandPts": np.ones((9, 7))},
+    "too many cameras": {"wandPts": np.ones((3, 4 * 65))},
+    "text": {"wandPts": "abc"},
+    "cells": {"wandPts": np.array([[1.0], "x"], dtype=object)},
+    "infinite": {"wandPts": np.full((9, 8), np.inf)},
+    "complex": {"wandPts": np.full((9, 8), 1j)},
+    "three axes": {"wandPts": np.ones((3, 8, 2))},
+    "no points": {"wandPts": np.full((9, 8), np.nan)},
+    "a nested struct": {"wandPts": {"x": {"y": 1.0}}},
+    "background of other cameras": {"backgroundPts": np.ones((3, 6))},
+    "no focal length": {"focalLengths": np.zeros(2)},
+    "focal lengths of other cameras": {"focalLengths": np.ones(3)},
+    "a focal length that is NaN": {"focalLengths": np.array([np.nan, 1.0])},
+    "a gigantic image": {"imageWidth": np.full(2, 1e30)},
+    "a bar of a kilometre": {"wandLen": 1000.0},
+    "a lens that folds": {"nlin": np.full((2, 5), 1e6)},
+}
+
+
+@pytest.mark.parametrize("changed", HOSTILE.values(), ids=HOSTILE)
+def test_hostile_structs_are_refused(changed: dict[str, Any]) -> None:
+    with pytest.raises(StereocalError):
+        easywand(**changed).dataset("x", None, None)
+
+
+def test_damaged_and_other_mat_files_are_refused() -> None:
+    good = mat({"easyWandData": easywand_fields()}, compressed=False)
+    for cut in (130, 200, 1000, len(good) - 50):
+        with pytest.raises(StereocalError):
+            gather({"a.mat": good[:cut]}, USUAL)
+    rng = np.random.default_rng(0)
+    for _ in range(8):
+        damaged = bytearray(good)
+        for at in rng.integers(128, len(good), 6):
+            damaged[at] = rng.integers(256)
+        with suppress(StereocalError):
+            gather({"a.mat": bytes(damaged)}, USUAL).dataset("x", BASELINE_M, BAR_M)
+    with pytest.raises(StereocalError, match="-v7"):
+        gather({"a.mat": b"MATLAB 7.3 MAT-file, HDF5 schema".ljust(512)}, USUAL)
+    with pytest.raises(StereocalError, match="-v7"):
+        gather({"a.mat": b"\x89HDF\r\n\x1a\n" + bytes(500)}, USUAL)
+    with pytest.raises(StereocalError, match="no struct"):
+        gather({"a.mat": mat({"x": np.ones(3)})}, USUAL)
+    with pytest.raises(StereocalError, match="toStruct"):
+        gather({"a.mat": mat({"x": {"y": 1.0}})}, USUAL)
+
+
+def test_a_file_that_expands_is_refused_before_it_is_read(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("STEREOCAL_MOST_FILE_MB", "20")
+    bomb = mat({"easyWandData": {"wandPts": np.zeros((500_000, 8))}})
+    assert len(bomb) < 100_000
+    with pytest.raises(StereocalError, match="MOST_RATIO"):
+        gather({"a.mat": bomb}, USUAL)
+
+
+def test_matlab_stereo_parameters() -> None:
+    content = mat({"s": stereo_struct()})
+    found = gather({"stereo.mat": content, "wand.csv": wand_csv()}, USUAL)
+    same_camera(found.primary, PRIMARY)
+    same_camera(found.secondary, SECONDARY)
+    assert found.baseline_m == pytest.approx(BASELINE_M)
+    newer = stereo_struct()
+    del newer["RotationOfCamera2"], newer["TranslationOfCamera2"]
+    pose = np.vstack([np.column_stack([RIG.R, RIG.T]), [0, 0, 0, 1]])
+    newer["PoseCamera2"] = {"Dimensionality": 3.0, "A": np.linalg.inv(pose)}
+    found = gather({"stereo.mat": mat({"s": newer}), "wand.csv": wand_csv()}, USUAL)
+    assert found.baseline_m == pytest.approx(BASELINE_M)
+
+
+@pytest.mark.parametrize("name", ["kalibr", "ros", "opencv", "matlab", "aniposelib"])
+def test_cameras_of_each_program_with_a_wand_table(name: str) -> None:
+    rig = PLAIN
+    files = export_files(rig, name)
+    options = ArchiveOptions(unit="m" if name in ("opencv", "aniposelib") else None)
+    found = gather({"wand.csv": wand_csv(), **files}, options)
+    same_camera(found.primary, rig.primary)
+    same_camera(found.secondary, rig.secondary)
+    assert found.baseline_m == pytest.approx(BASELINE_M)
+    dataset = found.dataset("x", None, BAR_M)
+    assert len(dataset.correspondences.bars) == 11
+    pose = dataset.reconstructed_lengths_m(RIG)
+    assert np.median(np.abs(pose - BAR_M)) < 0.02
+
+
+def test_a_unit_is_needed_only_for_a_baseline_that_is_used() -> None:
+    files = {"wand.csv": wand_csv(), **export_files(OPENCV, "aniposelib")}
+    files["calibration.toml"] = files["calibration.toml"].replace(b"lengths in metres", b"")
+    with pytest.raises(StereocalError, match="unit"):
+        gather(files, USUAL)
+    assert gather(files, USUAL, baseline_known=True).baseline_m is None
+
+
+def test_opencv_intrinsics_alone_have_no_baseline() -> None:
+    files = export_files(OPENCV, "opencv")
+    found = gather({"intrinsics.yml": files["intrinsics.yml"]}, USUAL)
+    same_camera(found.secondary, SECONDARY)
+    assert found.baseline_m is None
+
+
+def test_single_camera_files_and_one_lens_for_both() -> None:
+    one, two = write_opencv_camera(PRIMARY), write_camera(SECONDARY)
+    found = gather({"left.yaml": one, "right.json": two}, USUAL)
+    same_camera(found.primary, PRIMARY)
+    same_camera(found.secondary, SECONDARY)
+    found = gather({"left.yaml": one}, USUAL)
+    same_camera(found.secondary, PRIMARY)
+    assert "one lens for both" in found.taken[0].origin
+
+
+def test_caliscope_of_both_versions() -> None:
+    newer, older = caliscope_files()
+    for content, name in ((newer, "camera_array.toml"), (older, "config.toml")):
+        options = ArchiveOptions(cameras=("1", "3"), unit="m")
+        found = gather({name: content}, options)
+        same_camera(found.primary, PRIMARY)
+        same_camera(found.secondary, SECONDARY)
+        wanted = (RIG @ RIG).baseline  # RIG from its own inverse
+        assert found.baseline_m == pytest.approx(wanted)
+        assert "Caliscope" in found.taken[0].origin
+
+
+def test_three_cameras_of_kalibr_in_either_order() -> None:
+    chain = kalibr_chain()
+    twice = (RIG @ RIG).baseline
+    for cameras in (("1", "3"), ("3", "1")):
+        found = gather({"c.yaml": chain}, ArchiveOptions(cameras=cameras))
+        assert found.baseline_m == pytest.approx(twice)
+    assert gather({"c.yaml": chain}, USUAL).baseline_m == pytest.approx(BASELINE_M)
+    with_table = {"c.yaml": chain, "wand.csv": wand_csv()}
+    found = gather(with_table, ArchiveOptions(cameras=("1", "3")))  # the table has two cameras
+    assert any("for the camera files only" in remark for remark in found.remarks)
+    assert found.correspondences is not None and len(found.correspondences) == 23
+
+
+@pytest.mark.parametrize(
+    ("files", "message"),
+    [
+        ({"x.dat": b"abc"}, "not known"),
+        ({"a.csv": wand_csv(), "b.csv": wand_csv()}, "2 tables"),
+        ({"a.json": b"{}"}, "not known"),
+        ({"a.toml": b"[x]\ny = 1\n"}, "no cameras"),
+        ({"a.toml": b"x = ["}, "TOML"),
+        ({"a.yaml": b"cam0: 1\n"}, "two cameras"),
+        ({"a.csv": b"frame,u,v\n1,2,3\n"}, "both ends"),
+        ({"a.json": write_camera(PRIMARY), "b.yaml": b"cam0: {}\ncam1: {}\n"}, "one program"),
+        ({"e.mat": mat({"easyWandData": easywand_fields()}), "a.csv": wand_csv()}, "alone"),
+    ],
+)  # fmt: skip
+def test_what_does_not_fit_is_refused(files: dict[str, bytes], message: str) -> None:
+    with pytest.raises(StereocalError, match=message):
+        gather(files, USUAL)

@@ -1,0 +1,230 @@
+"""Frames of two videos: the right ones by their time stamps, and missing ones are reported."""
+
+from __future__ import annotations
+
+import builtins
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from stereocal.errors import StereocalError
+from stereocal.frames.pairing import pair_names
+from stereocal.frames.video.decoding import encoded_frames, read_times, score_frames
+from stereocal.frames.video.extract import VideoReport, VideoSettings, extract
+from stereocal.frames.video.times import every, gaps_of, pair_times, period_of, stillest
+from stereocal.system.photograph import GreyImage, decode_photograph
+from tests.videos import HEIGHT, WIDTH, number_in, picture, write_video
+
+pytest.importorskip("av")
+
+RATE = 25.0
+
+
+def constant(frames: int, start: float = 0.0) -> list[float]:
+    return [start + k / RATE for k in range(frames)]
+
+
+def variable(frames: int) -> list[float]:
+    """The rate changes smoothly between 20 and 33 frames a second."""
+    steps = 0.04 + 0.01 * np.sin(np.arange(frames) / 30)
+    return [0.0, *np.cumsum(steps)[:-1].tolist()]
+
+
+def taken(
+    videos: tuple[Path, Path], settings: VideoSettings
+) -> tuple[VideoReport, dict[str, GreyImage]]:
+    found: dict[str, GreyImage] = {}
+
+    def keep(name: str, content: bytes) -> None:
+        found[name] = decode_photograph(content, name)
+
+    report = extract(videos, settings, keep)
+    assert report is not None
+    return report, found
+
+
+@pytest.mark.parametrize("suffix", [".mp4", ".mov", ".mkv"])
+def test_every_nth_frame_of_a_constant_rate(tmp_path: Path, suffix: str) -> None:
+    videos = (
+        write_video(tmp_path / f"a{suffix}", constant(60)),
+        write_video(tmp_path / f"b{suffix}", constant(60)),
+    )
+    report, found = taken(videos, VideoSettings("every", 10))
+    assert report.taken == 6
+    assert {number_in(image) for image in found.values()} == {0, 10, 20, 30, 40, 50}
+    for which in ("primary", "secondary"):
+        assert number_in(found[f"{which}/000031.png"]) == 30
+    pairing = pair_names(found)
+    assert [pair.frame for pair in pairing.pairs] == [1, 11, 21, 31, 41, 51]
+    text = " ".join(report.sentences)
+    assert "60 frames, 25 frames a second; no frame is missing" in text
+
+
+def test_avi(tmp_path: Path) -> None:
+    videos = (
+        write_video(tmp_path / "a.avi", constant(30), "mpeg4", ticks=25),
+        write_video(tmp_path / "b.avi", constant(30), "mpeg4", ticks=25),
+    )
+    found = taken(videos, VideoSettings("every", 7))[1]
+    assert sorted(number_in(image) for name, image in found.items() if "primary" in name) == [
+        0, 7, 14, 21, 28,
+    ]  # fmt: skip
+
+
+def test_a_dropped_frame_is_reported_and_the_pairs_stay_right(tmp_path: Path) -> None:
+    kept = [k for k in range(60) if k not in (20, 41, 42)]
+    videos = (
+        write_video(tmp_path / "a.mp4", constant(60)),
+        write_video(tmp_path / "b.mp4", [k / RATE for k in kept], numbers=kept),
+    )
+    report, found = taken(videos, VideoSettings("every", 1))
+    assert "3 frames are missing: 1 after 0.760 s, 2 after 1.600 s" in report.sentences[1]
+    assert report.taken == 57
+    for name, image in found.items():
+        assert number_in(image) == int(name.split("/")[1].split(".")[0]) - 1
+
+
+def test_a_variable_rate_has_no_gap_but_a_dropped_frame_is_one(tmp_path: Path) -> None:
+    times = variable(120)
+    kept = [k for k in range(120) if k != 50]
+    videos = (
+        write_video(tmp_path / "a.mp4", times),
+        write_video(tmp_path / "b.mp4", [times[k] for k in kept], numbers=kept),
+    )
+    report, found = taken(videos, VideoSettings("every", 1))
+    assert "variable rate" in report.sentences[0] and "no frame is missing" in report.sentences[0]
+    assert "1 frame is missing: 1 after" in report.sentences[1]
+    for name, image in found.items():
+        if name.startswith("primary"):
+            partner = found[name.replace("primary", "secondary")]
+            assert number_in(image) == number_in(partner)
+    assert report.taken == 119
+
+
+def test_starts_are_aligned_or_not(tmp_path: Path) -> None:
+    """The secondary's file begins 7 frames later."""
+    later = constant(40, 7 / RATE)
+    videos = (
+        write_video(tmp_path / "a.mkv", constant(40)),
+        write_video(tmp_path / "b.mkv", later, numbers=range(7, 47)),
+    )
+    aligned = taken(videos, VideoSettings("every", 5))[1]
+    assert number_in(aligned["primary/000006.png"]) == 5
+    assert number_in(aligned["secondary/000006.png"]) == 12
+    clocks = taken(videos, VideoSettings("every", 5, later_s=0.0))[1]
+    for name, image in clocks.items():
+        assert number_in(image) == int(name.split("/")[1].split(".")[0]) - 1
+    with pytest.raises(StereocalError, match="no frames of the same moment"):
+        extract(videos, VideoSettings("every", 5, later_s=100.0), lambda *_: None)
+
+
+def still_at(k: int) -> GreyImage:
+    """A target that stands still in frames 10 to 14 and 40 to 44, and moves and blurs else."""
+    image = picture(k)
+    still = k % 30 in range(10, 15)
+    x = 40 if still else 20 + (7 * k) % 100
+    image[20:44, x : x + 24] = 128 + 120 * (np.indices((24, 24)).sum(axis=0) // 3 % 2 - 0.5)
+    return image if still else np.asarray(cv2.blur(image, (5, 1)), dtype=np.uint8)
+
+
+def test_the_sharpest_still_frame_of_each_second(tmp_path: Path) -> None:
+    times = [k / 30 for k in range(60)]
+    videos = (
+        write_video(tmp_path / "a.mp4", times, draw=still_at),
+        write_video(tmp_path / "b.mp4", times, draw=still_at),
+    )
+    report, found = taken(videos, VideoSettings("still"))
+    assert report.taken == 2
+    numbers = sorted(number_in(image) for name, image in found.items() if "primary" in name)
+    assert numbers[0] in range(10, 15) and numbers[1] in range(40, 45)
+
+
+def test_the_segments_of_a_long_video_give_each_frame_one_score(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("stereocal.frames.video.extract.SEGMENT", 25)
+    path = write_video(tmp_path / "a.mp4", constant(60))
+    seen: list[tuple[int, int]] = []
+    report = extract(
+        (path, path), VideoSettings("still"), lambda *_: None,
+        progress=lambda done, total: seen.append((done, total)),
+    )  # fmt: skip
+    assert report is not None and report.taken == 3
+    assert seen[-1] == (3, 3)
+    whole = score_frames(path, 0.0, 10.0)
+    assert len(whole) == 60 and np.isfinite(whole).all()
+
+
+def test_cancelled(tmp_path: Path) -> None:
+    path = write_video(tmp_path / "a.mp4", constant(30))
+    for choice in ("every", "still"):
+        settings = VideoSettings(choice)
+        assert extract((path, path), settings, lambda *_: None, cancelled=lambda: True) is None
+
+
+def test_gaps_and_pairs_of_plain_times() -> None:
+    times = np.array([0.0, 1.0, 2.0, 4.0, 5.0, 6.0, 7.0, 10.0, 11.0])
+    assert [(gap.at_s, gap.missing) for gap in gaps_of(times)] == [(2.0, 1), (7.0, 2)]
+    assert period_of(times) == 1.0
+    pairs = pair_times(np.arange(10.0), np.arange(20.0) / 2)
+    assert pairs.frames.tolist() == [[k, 2 * k] for k in range(10)]
+    assert every(pairs, 3).tolist() == [0, 3, 6, 9]
+    twice = pair_times(np.arange(20.0) / 2, np.arange(10.0))
+    assert len(np.unique(twice.frames[:, 1])) == len(twice.frames)
+    one = np.ones((10, 2))
+    assert len(stillest(pairs, np.arange(10.0), one, 0 * one)) == 10
+
+
+def test_damaged_and_other_files_leave_a_sentence(tmp_path: Path) -> None:
+    good = write_video(tmp_path / "a.mp4", constant(40))
+    content = good.read_bytes()
+    bad = tmp_path / "b.mp4"
+    for damaged in (
+        b"",
+        b"not a video" * 50,
+        content[:200],
+        content[: len(content) // 2],
+        b"#EXTM3U\n#EXT-X-TARGETDURATION:1\n#EXTINF:1,\n" + str(good).encode() + b"\n",
+        b"ffconcat version 1.0\nfile " + str(good).encode() + b"\n",
+    ):
+        bad.write_bytes(damaged)
+        with pytest.raises(StereocalError, match=r"b\.mp4"):
+            extract((good, bad), VideoSettings("every"), lambda *_: None)
+    broken = bytearray(content)
+    rng = np.random.default_rng(0)
+    for at in rng.integers(50, len(broken) // 2, 300):
+        broken[at] = rng.integers(256)
+    bad.write_bytes(bytes(broken))
+    try:
+        extract((good, bad), VideoSettings("every", 5), lambda *_: None)
+    except StereocalError as error:
+        assert "b.mp4" in str(error)
+
+
+def test_frames_are_lossless_or_jpeg(tmp_path: Path) -> None:
+    path = write_video(tmp_path / "a.mp4", constant(10))
+    seconds = read_times(path).seconds
+    png, jpeg = (encoded_frames(path, seconds[[2, 5]].tolist(), k)[1] for k in (True, False))
+    assert png is not None and jpeg is not None
+    assert png.startswith(b"\x89PNG") and jpeg.startswith(b"\xff\xd8")
+    image = decode_photograph(png, "a.png")
+    assert image.shape == (HEIGHT, WIDTH) and number_in(image) == 5
+
+
+def test_without_av_the_message_says_what_to_install(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = write_video(tmp_path / "a.mp4", constant(3))
+    real = builtins.__import__
+
+    def without_av(name: str, *given: Any, **named: Any) -> Any:
+        if name == "av":
+            raise ImportError(name)
+        return real(name, *given, **named)
+
+    monkeypatch.setattr(builtins, "__import__", without_av)
+    with pytest.raises(StereocalError, match="stereocal\\[video\\]"):
+        read_times(path)

@@ -1,0 +1,139 @@
+"""The fold "World frame" of the Apply page."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from streamlit.testing.v1 import AppTest
+
+from benchmarks.world import FRAME_RATE, Place, plumb_lines, surveyed, thrown, world_of_cameras
+from stereocal.field.world.lines import world_of_lines
+from stereocal.formats.world_file import write_world
+from stereocal.matching.application import POINTS
+from stereocal.matching.reconstruction import name_of_world
+from stereocal.projects.application import ProjectApplication
+from stereocal.projects.project import Project
+from stereocal.rig.geometry import Pose
+from tests.field.world_tables import lines_csv, survey_csv, throw_csv
+from tests.pages.test_apply import ROOT, SET_3D, SLOW, said, with_files
+
+
+@pytest.fixture
+def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("STEREOCAL_HOME", str(tmp_path / "home"))
+    return tmp_path / "home"
+
+
+@pytest.fixture
+def app(home: Path) -> Iterator[AppTest]:
+    assert not home.exists()
+    started = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW).run()
+    yield with_files(started)
+    assert not started.exception
+
+
+@pytest.fixture
+def place() -> Place:
+    rng = np.random.default_rng(4)
+    return Place(SET_3D, SET_3D, world_of_cameras(rng), rng)
+
+
+def give(app: AppTest, path: Path) -> AppTest:
+    return app.file_uploader(key="upload_world").upload(path.name, path.read_bytes()).run()
+
+
+def points(app: AppTest, home: Path) -> tuple[pd.DataFrame, Pose | None]:
+    result = ProjectApplication(Project.open(home, app.session_state["project_id"])).result
+    assert result is not None
+    outcome, files = result
+    return pd.read_csv(io.BytesIO(files[POINTS].read_bytes())), outcome.world
+
+
+def test_points_in_the_frame_of_plumb_lines(
+    app: AppTest, home: Path, place: Place, tmp_path: Path
+) -> None:
+    before, world = points(app, home)
+    assert world is None and "coordinates" not in before
+    (tmp_path / "plumb.csv").write_bytes(lines_csv(plumb_lines(place)))
+    give(app, tmp_path / "plumb.csv")
+    assert "World frame of 4 plumb lines: the vertical is known within" in said(app, "success")
+    assert "Points are in the world frame." in said(app, "success")
+    after, world = points(app, home)
+    assert world is not None
+    assert np.degrees(np.arccos(world.R[2] @ place.up)) < 0.2
+    moved = world.apply(before[["x", "y", "z"]])
+    np.testing.assert_allclose(after[["x", "y", "z"]], moved, atol=1e-9)
+    assert (after["coordinates"] == name_of_world(world)).all()
+    assert any("--world world.json" in str(code.value) for code in app.code)
+    app.segmented_control(key="apply_view").set_value("Tables").run()
+    app.segmented_control(key="apply_view").set_value("A known length").run()
+    assert "coordinates" not in app.selectbox(key="apply_way").options
+    app.selectbox(key="world_x_axis").set_value("baseline").run()
+    turned = points(app, home)[1]
+    assert turned is not None
+    assert turned.apply(SET_3D.pose.inverse().T)[1] == pytest.approx(0, abs=1e-9)
+    app.button(key="forget_world").click().run()
+    assert points(app, home)[1] is None
+    assert "Points are in the world frame." not in said(app, "success")
+
+
+def test_a_survey_its_residuals_and_a_mirrored_one(
+    app: AppTest, home: Path, place: Place, tmp_path: Path
+) -> None:
+    (tmp_path / "survey.csv").write_bytes(survey_csv(surveyed(place, 6)))
+    give(app, tmp_path / "survey.csv")
+    assert "World frame of 6 surveyed points" in said(app, "success")
+    assert "P4" in list(app.dataframe[0].value["Point"])
+    app.selectbox(key="world_origin").set_value("P2").run()
+    assert not app.error
+    table = pd.read_csv(tmp_path / "survey.csv")
+    table[["x", "y"]] = table[["y", "x"]].to_numpy()
+    table.to_csv(tmp_path / "mirrored.csv", index=False)
+    give(app, tmp_path / "mirrored.csv")
+    assert "left-handed" in said(app, "error")
+    assert "in the primary camera's frame" in said(app, "error")
+    assert points(app, home)[1] is None
+    assert "another tab" not in said(app)
+
+
+def test_a_throw_asks_for_the_frame_rate(app: AppTest, place: Place, tmp_path: Path) -> None:
+    (tmp_path / "throw.csv").write_bytes(throw_csv(thrown(place, 1)))
+    give(app, tmp_path / "throw.csv")
+    assert "Give the frame rate" in said(app, "info")
+    app.number_input(key="world_frame_rate").set_value(FRAME_RATE).run()
+    assert "Gravity is measured as 9." in said(app, "success")
+    app.checkbox(key="world_no_drag").check().run()
+    assert not app.error
+
+
+def test_files_that_state_the_frame_and_files_that_are_none(
+    app: AppTest, home: Path, place: Place, tmp_path: Path
+) -> None:
+    frame = world_of_lines(place.rig, plumb_lines(place), sigma_px=0.3)
+    (tmp_path / "w.json").write_bytes(write_world(frame, SET_3D))
+    give(app, tmp_path / "w.json")
+    world = points(app, home)[1]
+    assert world is not None and name_of_world(world) == name_of_world(frame.pose)
+    matrix = np.vstack([np.column_stack([frame.pose.R, [1.0, 2.0, 3.0]]), [0, 0, 0, 1]])
+    np.savetxt(tmp_path / "m.csv", matrix, delimiter=",")
+    give(app, tmp_path / "m.csv")
+    shifted = points(app, home)[1]
+    assert shifted is not None
+    np.testing.assert_allclose(shifted.T, [1, 2, 3])
+    bad = {**json.loads((tmp_path / "w.json").read_text()), "world_from_primary": [[float("nan")]]}
+    for name, content in (
+        ("bad.json", json.dumps(bad)),
+        ("bad.csv", "a,b\n1,2\n"),
+        ("nan.csv", "point,x,y,z\nP,nan,1,2\n"),
+    ):
+        (tmp_path / name).write_text(content)
+        give(app, tmp_path / name)
+        assert name in said(app, "error")
+    kept = points(app, home)[1]
+    assert kept is not None and name_of_world(kept) == name_of_world(shifted)

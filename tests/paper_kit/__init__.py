@@ -1,0 +1,1 @@
+"""The paper kit: what it says, draws, and computes again."""

@@ -1,0 +1,233 @@
+"""An archive gives the same parameter files again, and what differs is named."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from stereocal.calibration.methods import CalibrationSettings, Method
+from stereocal.calibration.montecarlo import SearchSettings
+from stereocal.cli import main
+from stereocal.paper_kit.digests import ADJUSTED, SEARCHED, differences, digest_of
+from stereocal.paper_kit.reproduction import archive_files
+from stereocal.refined.unknowns import RefineSettings
+from stereocal.rig.parameters import RigParameters
+from stereocal.system.zip_files import pack_zip
+from tests.paper_kit.answers import FIELD, RECORDING, answer_of, of_field
+
+ROOT = Path(__file__).parents[2]
+IDENTICAL = [f"parameters_{method}.json: identical" for method in ("2d", "3d", "refined")]
+
+
+def archive(tmp_path: Path, edit: Callable[[dict[str, bytes]], None] = lambda _: None) -> str:
+    """The archive of the field sample, with other files in it."""
+    files = archive_files(of_field(), of_field().sets)
+    edit(files)
+    path = tmp_path / "archive.zip"
+    path.write_bytes(pack_zip(files))
+    return str(path)
+
+
+def stated(files: dict[str, bytes], edit: Callable[[Any], None]) -> None:
+    content = json.loads(files["reproduce.json"])
+    edit(content)
+    files["reproduce.json"] = json.dumps(content).encode()
+
+
+def reproduce(path: str, tmp_path: Path) -> int:
+    return main(["reproduce", path, "--out", str(tmp_path / "again")])
+
+
+@pytest.mark.parametrize("sample", [FIELD, RECORDING], ids=lambda path: path.name)
+def test_another_process_gives_the_same_digests(sample: Path, tmp_path: Path) -> None:
+    in_a_process("calibrate", str(sample), "--out", str(tmp_path), "--runs", "6", "--kit")
+    with zipfile.ZipFile(tmp_path / "paper_kit.zip") as kit:
+        kit.extract("archive.zip", tmp_path)
+    printed = in_a_process(
+        "reproduce", str(tmp_path / "archive.zip"), "--out", str(tmp_path / "again")
+    )
+    assert all(line in printed for line in IDENTICAL)
+    for name in ("parameters_2d.json", "parameters_refined.json"):
+        one, other = ((folder / name).read_bytes() for folder in (tmp_path, tmp_path / "again"))
+        assert digest_of(json.loads(one)) == digest_of(json.loads(other))
+
+
+def in_a_process(*asked: str) -> str:
+    """What a command prints, in a process of its own."""
+    run = subprocess.run(
+        [sys.executable, "-m", "stereocal", *asked],
+        cwd=ROOT, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert run.returncode == 0, run.stderr
+    return run.stdout
+
+
+def test_settings_and_a_replaced_file_come_along(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    settings = CalibrationSettings(SearchSettings(seed=5), "linear", frames_left_out=(2,))
+    dataset = of_field().calibration.dataset
+    found = answer_of(dataset, settings, runs=4, refined=RefineSettings())
+    sets: dict[Method, RigParameters] = {"2d": found.sets["refined"], "3d": found.sets["3d"]}
+    path = tmp_path / "archive.zip"
+    path.write_bytes(pack_zip(archive_files(found, sets)))
+    assert reproduce(str(path), tmp_path) == 0
+    printed = capsys.readouterr().out
+    assert "parameters_2d.json: identical" in printed
+    assert "parameters_3d.json: identical" in printed
+    again = json.loads((tmp_path / "again" / "parameters_2d.json").read_text())
+    assert again["method"] == "refined"
+
+
+def test_a_changed_seed_is_different(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    def edit(content: Any) -> None:
+        content["calibration"]["seed"] = 7
+
+    path = archive(tmp_path, lambda files: stated(files, edit))
+    assert reproduce(path, tmp_path) == 1
+    printed = capsys.readouterr().out
+    assert "parameters_2d.json: different" in printed
+    assert "settings.seed: 0 in the archive, now 7" in printed
+    assert "Versions and processor are those of the archive." in printed
+
+
+def test_a_changed_point_is_different(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    def edit(files: dict[str, bytes]) -> None:
+        head, first, *rows = files["correspondences.csv"].decode().splitlines()
+        cells = first.split(",")
+        cells[2] = f"{float(cells[2]) + 0.001!r}"
+        files["correspondences.csv"] = "\n".join([head, ",".join(cells), *rows]).encode()
+
+    assert reproduce(archive(tmp_path, edit), tmp_path) == 1
+    printed = capsys.readouterr().out
+    for method in ("2d", "3d", "refined"):
+        assert f"parameters_{method}.json: different" in printed
+    assert "inputs.sha256" in printed
+
+
+def test_other_versions_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    def edit(content: Any) -> None:
+        content["software"]["numpy"] = "1.0"
+        content["calibration"]["seed"] = 1
+
+    assert reproduce(archive(tmp_path, lambda files: stated(files, edit)), tmp_path) == 1
+    assert "numpy 1.0 there" in capsys.readouterr().out
+
+
+def without(name: str) -> Callable[[dict[str, bytes]], None]:
+    def edit(files: dict[str, bytes]) -> None:
+        del files[name]
+
+    return edit
+
+
+def with_cost(files: dict[str, bytes]) -> None:
+    name = "parameters_3d.json"
+    files[name] = files[name].replace(b'"cost": ', b'"cost": 1')
+
+
+def with_format(files: dict[str, bytes]) -> None:
+    stated(files, lambda content: content.update(format="stereocal-reproduce/9"))
+
+
+def without_settings(files: dict[str, bytes]) -> None:
+    stated(files, lambda content: content.pop("calibration"))
+
+
+def with_a_method(files: dict[str, bytes]) -> None:
+    stated(files, lambda content: content["files"]["parameters_2d.json"].update(method="4d"))
+
+
+def with_a_path(files: dict[str, bytes]) -> None:
+    def edit(content: Any) -> None:
+        content["files"]["../x.json"] = content["files"].pop("parameters_2d.json")
+
+    stated(files, edit)
+
+
+def without_files(files: dict[str, bytes]) -> None:
+    stated(files, lambda content: content.update(files={}))
+
+
+def with_a_tolerance(files: dict[str, bytes]) -> None:
+    def edit(content: Any) -> None:
+        content["files"]["parameters_2d.json"]["tolerance"]["figures"] = -1
+
+    stated(files, edit)
+
+
+@pytest.mark.parametrize(
+    ("edit", "sentence"),
+    [
+        (without("reproduce.json"), "there is no reproduce.json in it"),
+        (without("parameters_2d.json"), "parameters_2d.json is missing"),
+        (without("dataset.json"), "there is no dataset.json"),
+        (with_cost, "parameters_3d.json is not the file that reproduce.json describes"),
+        (with_format, 'an object with "format": "stereocal-reproduce/1"'),
+        (without_settings, "reproduce.json is damaged"),
+        (with_a_method, "reproduce.json is damaged"),
+        (with_a_path, "reproduce.json is damaged"),
+        (without_files, "reproduce.json is damaged"),
+        (with_a_tolerance, "reproduce.json is damaged"),
+    ],
+)
+def test_bad_archives_give_one_sentence(
+    edit: Callable[[dict[str, bytes]], None], sentence: str, tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    assert reproduce(archive(tmp_path, edit), tmp_path) == 2
+    assert sentence in capsys.readouterr().err
+    assert not (tmp_path / "again").exists()
+
+
+def test_no_archive_at_all(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "text.zip").write_text("no zip")
+    for name, sentence in (("text.zip", "not a valid zip"), ("none.zip", "none.zip")):
+        assert reproduce(str(tmp_path / name), tmp_path) == 2
+        assert sentence in capsys.readouterr().err
+
+
+BASE: dict[str, Any] = {
+    "R": [[1.0, 0.0], [0.0, 1.0]], "cost": 2.0, "settings": {"seed": 3, "essential": "linear"},
+    "frames_left_out": [1, 2], "recommendation": {"text": "Below 0.91 px, 0.60 %."},
+    "created": "today", "validation": None,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("change", "where"),
+    [
+        ({"created": "tomorrow", "software": {"numpy": "3"}}, []),
+        ({"R": [[1.0, 5e-7], [0.0, 1.0]]}, []),
+        ({"R": [[1.0, 5e-6], [0.0, 1.0]]}, ["R[0][1]"]),
+        ({"cost": 2.001}, []),
+        ({"cost": 2.01}, ["cost"]),
+        ({"cost": None}, ["cost"]),
+        ({"settings": {"seed": 4, "essential": "linear"}}, ["settings.seed"]),
+        ({"settings": {"seed": 3, "essential": "constrained"}}, ["settings.essential"]),
+        ({"frames_left_out": [1]}, ["frames_left_out"]),
+        ({"frames_left_out": [1, 3]}, ["frames_left_out[1]"]),
+        ({"recommendation": {"text": "Below 0.92 px, 0.6 %."}}, []),
+        ({"recommendation": {"text": "Above 0.91 px, 0.60 %."}}, ["recommendation.text"]),
+        ({"validation": {"runs": 3}}, ["validation"]),
+        ({"more": 1}, ["more"]),
+    ],
+)
+def test_the_tolerance_is_of_numbers_only(change: dict[str, Any], where: list[str]) -> None:
+    found = differences(BASE, {**BASE, **change}, ADJUSTED)
+    assert [one.where for one in found] == where
+    assert all(str(one).startswith(one.where) for one in found)
+    assert (digest_of(BASE) == digest_of({**BASE, **change})) == ("created" in change)
+
+
+def test_searched_sets_have_a_wider_tolerance() -> None:
+    other = {**BASE, "R": [[1.0, 5e-5], [0.0, 1.0]], "cost": 2.05}
+    assert len(differences(BASE, other, ADJUSTED)) == 2
+    assert not differences(BASE, other, SEARCHED)

@@ -1,0 +1,63 @@
+"""Videos written by the tests: frame k shows its number as a bar of grey."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from stereocal.system.photograph import GreyImage
+
+WIDTH, HEIGHT = 160, 96
+TICKS = 90_000
+
+
+def picture(number: int) -> GreyImage:
+    """A frame that shows its number in ten squares, with a fine pattern below."""
+    image = np.full((HEIGHT, WIDTH), 40, dtype=np.uint8)
+    for bit in range(10):
+        image[:16, 16 * bit : 16 * bit + 16] = 220 if number >> bit & 1 else 30
+    image[48:, ::4] = 200
+    return image
+
+
+def number_in(image: GreyImage) -> int:
+    """The number that a frame shows."""
+    return sum(
+        1 << bit for bit in range(10) if image[4:12, 16 * bit + 4 : 16 * bit + 12].mean() > 120
+    )
+
+
+def write_video(
+    path: Path,
+    seconds: Sequence[float],
+    codec: str = "libx264",
+    draw: Callable[[int], GreyImage] = picture,
+    numbers: Sequence[int] | None = None,
+    ticks: int = TICKS,
+) -> Path:
+    """A video with these time stamps; frame k shows `numbers[k]`, or k.
+
+    Args:
+        ticks: units of a time stamp in a second; an AVI has one frame in each.
+    """
+    import av
+
+    with av.open(str(path), "w") as container:
+        stream: Any = container.add_stream(codec, rate=min(ticks, 30))
+        stream.height, stream.width = draw(0).shape
+        stream.pix_fmt, stream.options = "yuv420p", {"crf": "12"} if codec == "libx264" else {}
+        stream.time_base = stream.codec_context.time_base = Fraction(1, ticks)
+        stream.codec_context.gop_size = 12
+        for k, time in enumerate(seconds):
+            grey = draw(k if numbers is None else numbers[k])
+            colours: Any = np.repeat(grey[:, :, None], 3, axis=2)
+            frame = av.VideoFrame.from_ndarray(colours, "rgb24")
+            frame = frame.reformat(format="yuv420p")
+            frame.pts, frame.time_base = round(time * ticks), Fraction(1, ticks)
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode(None))
+    return path
