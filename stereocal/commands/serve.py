@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import importlib.util
+import os
 import subprocess
 import sys
 
@@ -32,9 +33,8 @@ def run(parsed: argparse.Namespace) -> None:
     options = ["--server.port", str(parsed.port)] if parsed.port is not None else []
     options += ["--server.headless", "true"] if parsed.headless else []
     command = [sys.executable, "-m", "streamlit", "run", str(ROOT / "app.py"), *options]
-    try:
-        status = subprocess.run(command, check=False).returncode
-    except KeyboardInterrupt:  # the server has had it too, and has ended
-        return
+    if os.name != "nt":
+        os.execv(sys.executable, command)  # signals then reach the server itself
+    status = subprocess.run(command, check=False).returncode
     if status:
         raise StereocalError("The dashboard has stopped. Its last lines say why.")

@@ -145,6 +145,9 @@ def bring_up_to_date(
                 _validate(project, datasets, settings, jobs.on_page(STAGES))
         except StereocalError as error:
             st.error(escape_markdown(str(error)))
+    elif jobs.is_running(project, "calibration"):  # the press on Calibrate ends in a validation
+        jobs.show_job(project, "calibration", "Cancelled: the result has no validation.", None)
+        return
     elif not (jobs.is_running(project, "evaluation") or jobs.can_go_on(work)):
         label = f"Validate ({settings.runs * len(datasets)} runs)"
         st.button(label, type="primary", key="validate", on_click=jobs.start, args=(work,))

@@ -10,14 +10,12 @@ import importlib.util
 import re
 import shlex
 import shutil
-import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from stereocal.cli import _parser, main
-from tests.docs.given import GIVEN
 from tests.docs.pages import PAGES, code_of, name_of
 from tests.docs.prepared import prepare
 from tests.terminal import ROOT
@@ -30,7 +28,6 @@ NOT_RUN = {
     "stereocal-env/bin/pip": "tests/test_wheel.py installs the wheel",
     "stereocal serve": "serves until it is stopped; tests/browser/test_installed.py runs it",
     "stereocal simulate --out sample_data --images": "a minute; tests/simulation renders some",
-    "stereocal detect DATASET --videos": "tests/commands/test_videos_command.py films, and runs it",
     "docker": "needs Docker",
 }
 """Beginnings of commands that are not run here, and why."""
@@ -80,19 +77,13 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     "page", [page for page in PAGES if any(map(is_run, commands_of(page)))], ids=name_of
 )
 def test_its_commands_run(page: Path, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    if name_of(page) in GIVEN:
-        GIVEN[name_of(page)](folder)
     for code in code_of(page):
         if code.language == "json" and code.file:
             (folder / code.file).write_text(code.text, encoding="utf-8")
     prepare(name_of(page), folder)
     for command in filter(is_run, commands_of(page)):
-        if command.startswith("python -m zipfile "):
-            with zipfile.ZipFile(command.split()[-2]) as packed:
-                packed.extractall(command.split()[-1])
-        else:
-            assert command.startswith("stereocal "), f"run it here, or say why not: {command}"
-            assert main(as_command(command)) == 0, command
+        assert command.startswith("stereocal "), f"run it here, or say why not: {command}"
+        assert main(as_command(command)) == 0, command
     text, printed = page.read_text(encoding="utf-8"), capsys.readouterr().out
     for figure in QUOTED.get(name_of(page), ()):
         assert figure in text and figure in printed, figure
