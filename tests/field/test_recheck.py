@@ -23,7 +23,8 @@ from benchmarks.bumps import (
     seen_by,
     true_fit,
 )
-from benchmarks.refined_rigs import BAR_M, DEPTHS_M
+from benchmarks.refined_rigs import BAR_M, DEPTHS_M, random_rig
+from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
 from stereocal.field.checking.check_words import notes, sentence, to_json
 from stereocal.field.checking.fits import (
@@ -35,11 +36,15 @@ from stereocal.field.checking.prior import prior_of
 from stereocal.field.checking.recheck import recheck
 from stereocal.field.checking.repair import repaired_parameters
 from stereocal.field.checking.residuals import residuals_of
-from stereocal.refined.unknowns import pose_of
+from stereocal.refined.parameter_file import refined_parameters
+from stereocal.refined.unknowns import RefineSettings, pose_of
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
+from stereocal.rig.tracks import TimeOffset
+from stereocal.simulation.moving_bar import move_bar, record
 from stereocal.simulation.simulate import lens_off_by, place_bars
+from stereocal.workflow import calibrate
 
 COARSE = Smallest(float(np.radians(1.0)), 0.05)
 
@@ -257,3 +262,22 @@ def test_a_turn_in_place_moves_no_centre(vector: FloatArray) -> None:
         if camera == 1:  # the secondary's centre as the primary sees it
             np.testing.assert_allclose(-moved.R.T @ moved.T, -pose.R.T @ pose.T, atol=1e-9)
     assert pose_of(case.prior.q).baseline == pytest.approx(case.prior.rig.pose.baseline)
+
+
+def test_bars_out_of_step_are_shifted_by_the_offset_of_the_parameters() -> None:
+    rng = np.random.default_rng(8)
+    cameras, offset = random_rig(rng), TimeOffset(0.3)
+    bar = move_bar(cameras, rng, 300, BAR_M, DEPTHS_M)
+    first, second = (
+        record(replace(bar, frames=frames), rng, 0.2, "moving", offset) for frames in (300, 90)
+    )
+    settings = CalibrationSettings(time_offset=True)
+    refined = calibrate(first, settings, refined=RefineSettings(time_offset=True)).refined
+    assert refined is not None
+    rig = refined_parameters(refined)
+    assert rig.time_offset is not None
+    found = recheck(prior_of(rig, "rig"), images_of_bars(second, rig), Smallest())
+    assert not found.changed
+    assert "time offset" in " ".join(notes(found))
+    blind = replace(rig, time_offset=None)
+    assert recheck(prior_of(blind, "rig"), images_of_bars(second, blind), Smallest()).changed

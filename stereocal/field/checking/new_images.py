@@ -68,12 +68,28 @@ def images_of_bars(dataset: Dataset, rig: RigParameters) -> NewImages:
     if not len(rows.bars):
         return images_of_matches(rows.frame, rows.primary, rows.secondary, rig, dataset.name)
     notes: tuple[str, ...] = ()
+    if rig.time_offset is not None:
+        seen = seen.shifted(rig.time_offset)
+        motion = seen.correspondences.motion
+        left = int(np.isnan(motion[:, 0]).sum()) if rig.time_offset.is_shift else 0
+        notes = (_step_note(rig.time_offset.frames, left, len(rows)),)
     if len(rows.frames) > LARGEST:
         kept = np.linspace(0, len(rows.frames) - 1, LARGEST).astype(np.int64)
-        notes = (f"{LARGEST} of {len(rows.frames)} frames were used, evenly spaced.",)
+        notes += (f"{LARGEST} of {len(rows.frames)} frames were used, evenly spaced.",)
         seen = seen.of_frames(rows.frames[kept])
     rows = seen.correspondences
     return NewImages(seen, rows.frames, len(rows.bars), notes)
+
+
+def _step_note(late: float, left: int, total: int) -> str:
+    rest = (
+        f" {left} of {total} points have no neighbours in time and are used as recorded: the bar "
+        "must have been at rest there."
+    )
+    return (
+        f"The secondary points were shifted by the time offset of the parameters, {late:.3f} "
+        f"frames.{rest * (left > 0)}"
+    )
 
 
 def images_of_pairs(table: PointTable, rig: RigParameters) -> NewImages:
