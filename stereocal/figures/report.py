@@ -52,6 +52,8 @@ SETTING_NAMES = {
     "shrink": "Factor of a shrinking step",
     "minimum_moves": "Moves at one step before the ratio is looked at",
     "maximum_moves": "Most moves of a search",
+    "time_offset": "The time offset between the cameras is found",
+    "time_drift": "Its drift is found",
     "seed": "Seed of the random numbers",
     "essential": "Solver of the essential matrix",
     "calibration_frames": "Frames to calibrate with, in each run",

@@ -17,7 +17,7 @@ from stereocal.refined.adjustment import sum_normal_equations
 from stereocal.refined.bar_fit import SHARED
 from stereocal.refined.refine import RefinedResult, refine, robust_start
 from stereocal.refined.solve import Solve
-from stereocal.refined.unknowns import RefineSettings, unknowns_of
+from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.compiled import BoolArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose, residuals
@@ -193,7 +193,7 @@ def apparent_offset(fit: RefinedResult) -> MeasuredOffset | None:
         scatter_m=fit.scatter_m.value,
     )
     solve = Solve(recorded, fit.pose, settings, fit.rows)
-    unknowns = unknowns_of(recorded, fit.pose, settings)
+    unknowns = solve.unknowns
     p = np.append(fit.p, 0.0)
     q, g = fit.q, np.empty(SHARED)
     sum_normal_equations(
@@ -201,11 +201,8 @@ def apparent_offset(fit: RefinedResult) -> MeasuredOffset | None:
         1 / solve.sigma_px, 1 / solve.scatter, np.where(fit.outlying, 0.0, np.inf), solve.points,
         solve.chi_squares, solve.H, g,
     )  # fmt: skip
-    M = unknowns.M
-    A = M.T @ solve.H @ M + unknowns.precision
-    scale = 1.0 / np.sqrt(np.diag(A))
-    C = np.linalg.inv(A * np.outer(scale, scale)) * np.outer(scale, scale)
-    step = -C @ (M.T @ g + unknowns.precision @ p)
+    C = unknowns.covariance(solve.H)
+    step = -C @ (unknowns.M.T @ g + unknowns.precision @ p)
     assert recorded.time_offset is not None
     return MeasuredOffset(
         float(step[-1]), 0.0, recorded.time_offset.reference, float(np.sqrt(C[-1, -1]))
