@@ -198,3 +198,14 @@ def test_a_calibration_made_meanwhile_is_validated_too(home: Path, app: AppTest)
     evaluation = project.calibration_evaluation
     assert calibration is not None and evaluation is not None
     assert evaluation.settings.calibration.frames_left_out == calibration.screening.by_user
+
+
+def test_validate_waits_for_the_validation_of_the_press(
+    app: AppTest, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    app.button(key="recording").click().run()
+    app.switch_page("pages/validate.py").run()
+    assert any(button.key == "validate" for button in app.button)
+    monkeypatch.setattr("stereocal.ui.jobs.is_running", lambda _, kind: kind == "calibration")
+    app.run()
+    assert not any(button.key == "validate" for button in app.button)
