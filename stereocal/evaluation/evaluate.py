@@ -18,6 +18,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import closing
 from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -108,7 +109,7 @@ def evaluate_run(
     settings: EvaluationSettings,
     number: int,
     run: int,
-    whole: RefinedResult | None = None,
+    whole: WholeFit | None = None,
 ) -> Run:
     """Compute run `run` of data set `number`.
 
@@ -116,7 +117,7 @@ def evaluate_run(
     same result (for the refined method to about 1e-9, since it stops at a tolerance).
 
     Args:
-        whole: `fit_of_all_frames`; computed if None.
+        whole: of this data set and these settings; made if None.
 
     Raises:
         StereocalError: too few frames, or points that do not determine the pose.
@@ -131,20 +132,28 @@ def evaluate_run(
     found = _test(dataset, ~fit, angles, partners)
     if settings.refined is None:
         return found
-    whole = whole or fit_of_all_frames(dataset, settings)
-    return stacked(found, _refined(dataset, fit, angles[0], settings.refined, partners, whole))
+    near = (whole or WholeFit(dataset, settings.refined)).result
+    return stacked(found, _refined(dataset, fit, angles[0], settings.refined, partners, near))
 
 
-def fit_of_all_frames(dataset: Dataset, settings: EvaluationSettings) -> RefinedResult | None:
-    """Where the refined fits of the runs start; None if there is none.
+@dataclass(frozen=True, eq=False)
+class WholeFit:
+    """The refined fit of all frames, made when first asked for: where those of the runs start.
 
     From there a fit takes half the time. It ends at the same minimum as from elsewhere, so that it
     has learnt nothing of the held-out frames.
     """
-    try:
-        return refine(dataset, settings.refined) if settings.refined else None
-    except StereocalError:
-        return None
+
+    dataset: Dataset
+    settings: RefineSettings | None
+
+    @cached_property
+    def result(self) -> RefinedResult | None:
+        """None if there is none."""
+        try:
+            return refine(self.dataset, self.settings) if self.settings else None
+        except StereocalError:
+            return None
 
 
 def paper_angles(
@@ -321,7 +330,7 @@ def evaluate(
     try:
         with closing(run_tasks(tasks, executor, total, progress, cancelled, pieces)) as finished:
             for task, of_chunk in finished:
-                _, _, number, _ = task.arguments
+                _, _, number, *_ = task.arguments
                 by_dataset[number] += of_chunk
     except StoppedError:
         return None
@@ -333,10 +342,11 @@ def _tasks(
 ) -> Iterator[Task[list[Run]]]:
     for number, dataset in enumerate(datasets):
         of_dataset = _key(dataset, settings, number)
+        whole = WholeFit(dataset, settings.refined)
         for first in range(0, settings.runs, chunk):
             runs = range(first, min(first + chunk, settings.runs))
             key = f"{of_dataset} {runs.start}-{runs.stop}"
-            yield Task(key, evaluate_runs, (dataset, settings, number, runs), len(runs))
+            yield Task(key, evaluate_runs, (dataset, settings, number, runs, whole), len(runs))
 
 
 def _key(dataset: Dataset, settings: EvaluationSettings, number: int) -> str:
@@ -348,8 +358,12 @@ def _key(dataset: Dataset, settings: EvaluationSettings, number: int) -> str:
 
 
 def evaluate_runs(
-    dataset: Dataset, settings: EvaluationSettings, number: int, runs: Sequence[int]
+    dataset: Dataset,
+    settings: EvaluationSettings,
+    number: int,
+    runs: Sequence[int],
+    whole: WholeFit | None = None,
 ) -> list[Run]:
     """Several runs of one data set; the unit of work of an executor."""
-    whole = fit_of_all_frames(dataset, settings)
+    whole = whole or WholeFit(dataset, settings.refined)
     return [evaluate_run(dataset, settings, number, run, whole) for run in runs]

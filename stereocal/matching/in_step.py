@@ -14,7 +14,7 @@ import pandas as pd
 
 from stereocal.matching.point_table import PointTable
 from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
+from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.tracks import TimeOffset, interpolate
 
@@ -87,8 +87,7 @@ def shift(
             "as recorded."
         )
     found = interpolate(track, times, pixels, late)
-    inside = (found.positions >= -0.5) & (found.positions + 0.5 <= camera.image_size)
-    known: BoolArray = found.known & inside.all(axis=1)
+    known = found.inside(camera.image_size)
     kept[list(columns)] = np.where(known[:, None], found.positions, pixels)
     kept[SHIFT] = np.where(known, late, 0.0)
     lost = int((~known).sum())

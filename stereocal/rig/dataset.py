@@ -297,8 +297,7 @@ class Dataset:
         motion = np.column_stack([found.velocities, found.variance])
         shifted = replace(rows, secondary=recorded, recorded=recorded * np.nan, motion=motion)
         if offset.is_shift:
-            inside = found.positions + 0.5 <= self.secondary.image_size
-            known = found.known & (inside & (found.positions >= -0.5)).all(axis=1)
+            known = found.inside(self.secondary.image_size)
             shifted = replace(
                 rows,
                 secondary=np.where(known[:, None], found.positions, recorded),

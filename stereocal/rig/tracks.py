@@ -132,6 +132,11 @@ class Interpolated:
         """(n,)."""
         return np.asarray(np.isfinite(self.positions[:, 0]))
 
+    def inside(self, image_size: tuple[int, int]) -> BoolArray:
+        """(n,): whether a position is known and in the image."""
+        within = (self.positions >= -0.5) & (self.positions + 0.5 <= image_size)
+        return np.asarray(self.known & within.all(axis=1))
+
 
 def interpolate(
     track: IntArray, time_frame: IntArray, positions: FloatArray, late: FloatArray

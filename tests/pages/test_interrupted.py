@@ -75,7 +75,7 @@ def test_it_goes_on_to_the_same_result(
     computed: list[int] = []
 
     def counted(*arguments: object) -> object:
-        computed.append(len(arguments[-1]))  # type: ignore[arg-type]
+        computed.append(len(arguments[3]))  # type: ignore[arg-type]
         return evaluate_runs(*arguments)  # type: ignore[arg-type]
 
     monkeypatch.setattr("stereocal.evaluation.evaluate.evaluate_runs", counted)
