@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -21,21 +20,12 @@ from stereocal.projects.application import ProjectApplication
 from stereocal.projects.project import Project
 from stereocal.rig.geometry import Pose
 from tests.field.world_tables import lines_csv, survey_csv, throw_csv
-from tests.pages.test_apply import ROOT, SET_3D, SLOW, said, with_files
+from tests.pages.test_apply import SET_3D, said, with_files
 
 
 @pytest.fixture
-def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setenv("STEREOCAL_HOME", str(tmp_path / "home"))
-    return tmp_path / "home"
-
-
-@pytest.fixture
-def app(home: Path) -> Iterator[AppTest]:
-    assert not home.exists()
-    started = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW).run()
-    yield with_files(started)
-    assert not started.exception
+def app(app: AppTest) -> AppTest:
+    return with_files(app)
 
 
 @pytest.fixture
