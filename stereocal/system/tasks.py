@@ -94,12 +94,12 @@ def run_tasks(
     done = 0
     try:
         while True:
-            if cancelled is not None and cancelled():
-                raise StoppedError
+            _stop_if(cancelled)
             for task in (*work.begin(), *work.ended()):
                 done += task.size
                 if progress is not None:
                     progress(done, total)
+                _stop_if(cancelled)  # several may have ended at once
             if not work.begun:
                 return
             while work.begun and work.begun[0][1].done():
@@ -108,6 +108,11 @@ def run_tasks(
     finally:
         for _, future in work.begun:
             future.cancel()
+
+
+def _stop_if(cancelled: Callable[[], bool] | None) -> None:
+    if cancelled is not None and cancelled():
+        raise StoppedError
 
 
 class _Work(Generic[T]):
