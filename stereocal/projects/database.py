@@ -17,7 +17,6 @@ from typing import Any, TypeVar
 from urllib.parse import quote
 
 from stereocal.errors import StereocalError
-from stereocal.projects.disk_reserve import drop_reserve, keep_reserve
 from stereocal.projects.journal_mode import journal_of
 from stereocal.projects.sqlite_errors import (
     FULL_DISK,
@@ -52,7 +51,7 @@ CREATE TABLE finished (kind TEXT REFERENCES job (kind) ON DELETE CASCADE, stage 
 does not rewrite a large content. named: what each content is used for. edit: corrections that can
 be undone. result: what was computed. job, finished: jobs and their checkpoints."""
 VACUUMED = 2000
-"""Pages freed in one step, 8 MB: the log of a step fits into the reserve."""
+"""Pages freed in one step, 8 MB: an almost full disk has room for the log of a step."""
 REMOVED = ".removed"
 
 
@@ -124,25 +123,16 @@ class Database:
             return db.execute(query, values).fetchall()
 
     def free(self, remove: Callable[[sqlite3.Connection], object]) -> None:
-        """Delete something and return its space to the disk, even a full one.
+        """Delete something and return its space to the disk.
 
         Raises:
             StereocalError: as `transaction`.
         """
-        home, dropped = self.path.parent, False
-        try:
-            with self.transaction() as db:
-                remove(db)
-        except DiskFullError:
-            dropped = True
-            drop_reserve(home)
-            with self.transaction() as db:
-                remove(db)
+        with self.transaction() as db:
+            remove(db)
         if self.path not in _OPEN.writing:
             with suppress(StereocalError):  # the project reuses free pages
                 self._shrink()
-            if dropped:
-                keep_reserve(home)
 
     def _shrink(self) -> None:
         """Shrink the file to its content."""

@@ -16,7 +16,6 @@ from pathlib import Path
 from stereocal.errors import StereocalError
 from stereocal.projects.data_folder import SUFFIX, WAITING, is_id, new_database, private_folder
 from stereocal.projects.database import REMOVED, Database, set_journal
-from stereocal.projects.disk_reserve import keep_reserve
 from stereocal.projects.files import free_unnamed
 from stereocal.projects.jobs import interrupted
 from stereocal.projects.journal_mode import PROBE, remove_database
@@ -226,7 +225,6 @@ def sweep(
     """
     now = time.time() if now is None else now
     folder = private_folder(home / "projects")
-    keep_reserve(folder)
     count = 0
     for path in _files(home):
         removed = removed_at(home, path.stem)

@@ -14,10 +14,13 @@ T = TypeVar("T")
 LOCK_TIMEOUT_S = 120.0
 """Ten times what another tab needs to store 900 MB."""
 RETRY_EVERY_S = 0.02
-FULL_DISK = "The disk is full. Nothing was changed: remove something from it, and try again."
+FULL_DISK = (
+    "The disk is full. Nothing was changed. Make room on it: delete other files, or delete removed "
+    "projects for good on the Start page. Then try again."
+)
 DAMAGED_FILE = (
-    "The project's file is damaged. It is kept as it is: on the Start page, what can still be read "
-    "is taken into a new project."
+    "The project's file is damaged. It is kept as it is. Open the project's last backup (its zip) "
+    "on the Start page."
 )
 BUSY = (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED, sqlite3.SQLITE_PROTOCOL)
 

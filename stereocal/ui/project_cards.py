@@ -13,9 +13,7 @@ from stereocal.projects.card import Card, card_of
 from stereocal.projects.data_folder import default_home
 from stereocal.projects.home import Listed, duplicate, remove
 from stereocal.projects.project import Project
-from stereocal.projects.salvage import salvage
 from stereocal.projects.server_settings import ServerSettings
-from stereocal.ui.messages import tell
 from stereocal.ui.project import is_open, open_project
 from stereocal.ui.texts import escape_markdown
 
@@ -72,12 +70,10 @@ def _show(one: Listed) -> None:
 
 def _show_damaged(one: Listed) -> None:
     st.warning(
-        f"{date_of(one.changed)}: the file of this project is damaged. It is kept as it is; what "
-        "can still be read of it can be taken into a new project."
+        f"{date_of(one.changed)}: the file of this project is damaged. It is kept as it is. Open "
+        "the project's last backup (its zip) below."
     )
-    with st.container(horizontal=True):
-        for label, act in (("Salvage", _salvage), ("Remove", _remove)):
-            st.button(label, key=f"{label.lower()}_{one.id}", on_click=act, args=(one.id,))
+    st.button("Remove", key=f"remove_{one.id}", on_click=_remove, args=(one.id,))
 
 
 @st.cache_data(show_spinner=False, max_entries=500)
@@ -101,16 +97,6 @@ def _duplicate(project_id: str) -> None:
         copy = duplicate(default_home(), project_id)
         if ServerSettings.from_environment().shared:  # there is no list to find it in
             open_project(copy.id)
-
-    try_action(act)
-
-
-def _salvage(project_id: str) -> None:
-    def act() -> None:
-        project, lost = salvage(default_home(), project_id)
-        open_project(project.id)
-        missing = f" {lost} files could not be read any more." if lost else ""
-        tell(f"What could be read of the damaged project is in this one.{missing}", "info")
 
     try_action(act)
 

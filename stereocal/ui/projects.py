@@ -56,8 +56,8 @@ def show_projects() -> Project | None:
     folder = default_home() / "projects"
     if folder.is_dir() and journal_of(folder) == "delete":
         st.info(
-            "The projects are on a network disk, or on one that cannot be shared safely between "
-            "servers: use one server only for them."
+            "The disk of the projects cannot be shared safely between servers, as many network "
+            "disks cannot: use one server only for them."
         )
     project = None if offer_removed() else current_project()
     if not settings.shared:

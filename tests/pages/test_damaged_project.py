@@ -1,4 +1,4 @@
-"""A damaged project: it is listed and kept, every page says what is wrong, and it is salvaged."""
+"""A damaged project: it is listed and kept, every page says what is wrong."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from streamlit.testing.v1 import AppTest
 from stereocal.errors import StereocalError
 from stereocal.projects.files import keep_result
 from stereocal.projects.home import recent_projects
-from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from tests.pages.stored_projects import FULL, ROOT, SLOW, go, look_at_all, placed, session, told
 
@@ -46,9 +45,8 @@ def test_a_damaged_result_costs_itself_alone(kind: str, home: Path) -> None:
     assert "Complete: " in told(go(go(app, "start"), "data"))
 
 
-def test_a_project_that_cannot_be_opened_is_listed_kept_and_salvaged(home: Path) -> None:
+def test_a_project_that_cannot_be_opened_is_listed_and_kept(home: Path) -> None:
     project = placed(FULL, home)
-    photographs = len(ProjectPhotographs(project).photographs)
     path = project.database.path
     path.write_bytes(path.read_bytes()[:100] + bytes(3000) + path.read_bytes()[3100:])
     before = path.read_bytes()
@@ -58,9 +56,9 @@ def test_a_project_that_cannot_be_opened_is_listed_kept_and_salvaged(home: Path)
     assert [one.damaged for one in recent_projects(home)] == [True]
     app = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW).run()
     assert "the file of this project is damaged" in told(app, "warning")
-    app.button(key=f"salvage_{project.id}").click().run()
     assert not app.exception and path.read_bytes() == before
-    assert photographs
+    app.button(key=f"remove_{project.id}").click().run()
+    assert not app.exception and recent_projects(home) == []
 
 
 @pytest.mark.parametrize(
@@ -72,9 +70,7 @@ def test_bytes_flipped_at_random_places(seed: int, home: Path) -> None:
     app = session(project)
     look_at_all(app)
     go(app, "start")
-    if f"salvage_{project.id}" in {str(button.key) for button in app.button}:
-        app.button(key=f"salvage_{project.id}").click().run()
-        assert not app.exception
+    assert not app.exception
 
 
 def test_edits_that_are_damaged_cost_the_undoing_alone(home: Path) -> None:
