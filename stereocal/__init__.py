@@ -10,8 +10,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 from stereocal.rig.compile_cache import use_writable_cache
-
-__version__ = "1.0.0"
+from stereocal.version import __version__ as __version__
 
 if TYPE_CHECKING:
     from stereocal.calibration.methods import CalibrationSettings

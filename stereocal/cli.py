@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 
-from stereocal import __version__
 from stereocal.commands import (
     calibrate,
     check,
@@ -27,6 +26,7 @@ from stereocal.commands import (
 from stereocal.commands.progress import say
 from stereocal.errors import StereocalError
 from stereocal.rig.compilations import compilations
+from stereocal.version import __version__
 
 COMMANDS = (
     calibrate, evaluate, import_archive, detect, intrinsics, match, reconstruct, convert, check,

@@ -7,7 +7,6 @@ from html import escape
 import numpy as np
 import pandas as pd
 
-import stereocal
 from stereocal.field.planning.forecast import PlanForecast
 from stereocal.field.planning.in_words import answer
 from stereocal.field.planning.plan import AimedPose, Plan
@@ -22,6 +21,7 @@ from stereocal.figures.plan_errors import (
     plot_plan_map,
 )
 from stereocal.verdict.in_words import digits, percent
+from stereocal.version import __version__
 
 
 def plan_report(found: PlanForecast) -> str:
@@ -64,7 +64,7 @@ def how_computed(found: PlanForecast) -> str:
         "the rigs. Errors by place are those to be expected of the refined set. Length errors are "
         "relative to true lengths, so the error of the bar itself, "
         f"{percent(own.bar_m / found.plan.bar_m)} %, is in them. Computed by "
-        f"stereocal {stereocal.__version__} with the seed {found.seed}."
+        f"stereocal {__version__} with the seed {found.seed}."
     )
 
 

@@ -15,7 +15,6 @@ import pandas as pd
 import plotly
 import scipy
 
-import stereocal
 from stereocal.calibration.methods import ALL_METHODS, METHOD_NAMES, Method
 from stereocal.evaluation.evaluate import EvaluationSettings
 from stereocal.evaluation.summary import BOOTSTRAPS, MethodSummary
@@ -44,6 +43,7 @@ from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles
 from stereocal.verdict.in_words import left_out_line, listed
 from stereocal.verdict.recommendation import Recommendation
+from stereocal.version import __version__
 
 SETTING_NAMES = {
     "delta": "First size of a step, Δ (rad)",
@@ -240,7 +240,7 @@ def _setting(value: object) -> str:
 
 def _software() -> str:
     versions = {
-        "stereocal": stereocal.__version__, "Python": platform.python_version(),
+        "stereocal": __version__, "Python": platform.python_version(),
         "numpy": np.__version__, "scipy": scipy.__version__, "numba": numba.__version__,
         "opencv": cv2.__version__, "plotly": plotly.__version__,
     }  # fmt: skip

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-import stereocal
 from stereocal.calibration.methods import Method
 from stereocal.errors import DAMAGED, StereocalError
 from stereocal.evaluation.compiled_run import BINS
@@ -23,6 +22,7 @@ from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import FileForecast
 from stereocal.system.arrays import Array, read_arrays, shaped
 from stereocal.system.json_text import read_json
+from stereocal.version import __version__
 
 SUMMARY_FORMAT = "stereocal-summary/1"
 METHOD_COUNTS = (3, 4)
@@ -71,7 +71,7 @@ def summary_json(
             )
         ],
         "settings": settings.to_json(),
-        "software": {"stereocal": stereocal.__version__, "numpy": np.__version__},
+        "software": {"stereocal": __version__, "numpy": np.__version__},
     }
     return (json.dumps(content, indent=2, allow_nan=False) + "\n").encode()
 

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-import stereocal
 from stereocal.errors import DAMAGED, StereocalError
 from stereocal.field.world.frame import WorldFrame
 from stereocal.field.world.observed import SOURCES
@@ -20,6 +19,7 @@ from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.json_text import read_json
+from stereocal.version import __version__
 
 WORLD_FORMAT = "stereocal-world/1"
 CONVENTION = "x_world = R @ x_primary + t; world_from_primary = [[R, t], [0, 0, 0, 1]]; metres"
@@ -47,7 +47,7 @@ def write_world(frame: WorldFrame, rig: RigParameters) -> bytes:
         "sentence": frame.sentence,
         "notes": list(frame.notes),
         "parameters": {"method": rig.method, "inputs_sha256": rig.inputs.get("sha256")},
-        "software": {"stereocal": stereocal.__version__},
+        "software": {"stereocal": __version__},
         "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
     }
     return (json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode()

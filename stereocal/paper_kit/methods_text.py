@@ -7,7 +7,6 @@ from collections.abc import Iterator
 
 import numpy as np
 
-import stereocal
 from stereocal.calibration.methods import ALL_METHODS, CalibrationSettings, Method
 from stereocal.evaluation.summary import BOOTSTRAPS, MethodSummary
 from stereocal.figures.style import count
@@ -23,6 +22,7 @@ from stereocal.rig.dataset import SOURCES, Dataset
 from stereocal.verdict.in_words import digits, interval, listed, percent
 from stereocal.verdict.one_or_two_sets import sure
 from stereocal.verdict.recommendation import NAMES, FileFigures
+from stereocal.version import __version__
 from stereocal.workflow import Answer
 
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -46,7 +46,7 @@ def _recording(answer: Answer) -> Iterator[str]:
     dataset = answer.calibration.dataset
     rows = dataset.correspondences
     yield (
-        f"The stereo system was calibrated with stereocal {stereocal.__version__} [@{PROGRAM}], "
+        f"The stereo system was calibrated with stereocal {__version__} [@{PROGRAM}], "
         f"which implements and extends the procedure of Beschi et al. [@{PAPER}]."
     )
     yield (

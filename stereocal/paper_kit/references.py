@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import stereocal
+from stereocal.version import __version__
 
 PAPER, PROGRAM = "beschi2021", "stereocal"
 """Keys of the entries."""
@@ -23,6 +23,6 @@ def references_bib() -> bytes:
 @software{{{PROGRAM},
   author = {{{{The developers of stereocal}}}},
   title = {{{{stereocal}}}},
-  version = {{{stereocal.__version__}}},
+  version = {{{__version__}}},
 }}
 """.encode()

@@ -15,7 +15,6 @@ import numba
 import numpy as np
 import scipy
 
-import stereocal
 from stereocal.errors import DAMAGED, StereocalError
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import IntArray
@@ -29,6 +28,7 @@ from stereocal.rig.tracks import MeasuredOffset
 from stereocal.rig.volume import Volume
 from stereocal.system.atomic_files import write_atomically
 from stereocal.system.json_text import read_json
+from stereocal.version import __version__
 
 PARAMETERS_FORMAT = "stereocal-parameters/1"
 PURPOSES = {"2d": "matching", "3d": "reconstruction", "refined": "both", "imported": "both"}
@@ -241,7 +241,7 @@ class RigParameters(Rig):
 def software_versions() -> dict[str, str]:
     """The `software` entry of a parameter file: versions on which its numbers depend."""
     return {
-        "stereocal": stereocal.__version__,
+        "stereocal": __version__,
         "python": platform.python_version(),
         "numpy": np.__version__,
         "scipy": scipy.__version__,

@@ -13,6 +13,7 @@ from multiprocessing.context import SpawnContext, SpawnProcess
 from typing import Any, ParamSpec, TypeVar
 
 from stereocal.errors import StereocalError
+from stereocal.version import __version__
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -176,6 +177,4 @@ def scheduler_of(environment: Mapping[str, str]) -> str | None:
 
 
 def _version() -> str:
-    import stereocal
-
-    return stereocal.__version__
+    return __version__

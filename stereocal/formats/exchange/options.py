@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-import stereocal
 from stereocal.errors import StereocalError
 from stereocal.formats.lens_model import LensModel
 from stereocal.formats.pixel_origin import PixelOrigin
@@ -18,6 +17,7 @@ from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
 from stereocal.system.arrays import LARGEST
+from stereocal.version import __version__
 
 LARGEST_BYTES = 4_000_000
 ImageSize = tuple[int, int]
@@ -46,7 +46,7 @@ class ExchangeOptions:
 def header(mark: str, *lines: str) -> str:
     """Comment lines that describe the file."""
     comments = [
-        f"Written by stereocal {stereocal.__version__}.",
+        f"Written by stereocal {__version__}.",
         f"x_secondary = R x_primary + T; {OUR_UNIT}, image coordinates in pixels.",
         *lines,
     ]
