@@ -185,7 +185,7 @@ class Trial:
         self.server.stop()
         files = list((self.home / "projects").glob("[!.]*.sqlite"))
         known = {ledger.project for _, ledger in self.ledgers} | set(self.bases.values())
-        listed = {one.id for one in recent_projects(self.home, len(files))}
+        listed = {one.id for one in recent_projects(self.home)}
         others = {path for path in self.home.rglob("*") if path.is_file()} - set(files)
         kinds = Counter(re.sub("[0-9a-f]{16,}", "*", path.name) for path in others)
         return (

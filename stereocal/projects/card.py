@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
 
 from stereocal.calibration.methods import Method
 from stereocal.formats.evaluation_files import validation_figures
-from stereocal.projects.photographs import ProjectPhotographs
+from stereocal.projects.files import about_files
+from stereocal.projects.photographs import TABLE_LABEL, ProjectPhotographs
+from stereocal.projects.point_files import POINT_FILES
 from stereocal.projects.project import Project
 from stereocal.verdict.in_words import percent
 from stereocal.verdict.recommendation import figures_of
@@ -31,12 +35,42 @@ def card_of(project: Project) -> Card:
     return Card(_data_of(project), _result_of(project))
 
 
+def title_of(project: Project) -> str:
+    """The user's name for a project; without one, its data and the day of its first file.
+
+    Raises:
+        StereocalError: it cannot be read.
+    """
+    with project.database.reading():
+        return project.inputs.name or f"{_unnamed(project)}, {_begun(project)}"
+
+
+def _unnamed(project: Project) -> str:
+    labels = project.inputs.labels
+    table = labels.get("correspondences", TABLE_LABEL)
+    if table != TABLE_LABEL:
+        return Path(table).stem
+    points = about_files(project.database, POINT_FILES).values()
+    files = [str(label) for label in (*points, *labels.values()) if label != TABLE_LABEL]
+    return _photographs_of(project) or (files[0] if files else "Nothing yet")
+
+
+def _begun(project: Project) -> str:
+    ((first,),) = project.database.rows("SELECT min(stored) FROM file")
+    seconds = first or project.database.path.stat().st_mtime
+    return datetime.fromtimestamp(seconds).astimezone().strftime("%Y-%m-%d")
+
+
 def _data_of(project: Project) -> str:
     dataset = project.dataset
     if dataset is not None:
         return f"{len(dataset.correspondences.frames)} frames"
+    return _photographs_of(project) or "no points yet"
+
+
+def _photographs_of(project: Project) -> str:
     photographs = len(ProjectPhotographs(project).photographs)
-    return f"{photographs} photographs" if photographs else "no points yet"
+    return f"{photographs} photographs" if photographs else ""
 
 
 def _result_of(project: Project) -> str:

@@ -9,11 +9,14 @@ from __future__ import annotations
 import math
 import os
 import time
+from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
 from stereocal.errors import StereocalError
+from stereocal.projects.card import title_of
 from stereocal.projects.data_folder import SUFFIX, WAITING, is_id, new_database, private_folder
 from stereocal.projects.database import REMOVED, Database, set_journal
 from stereocal.projects.files import free_unnamed
@@ -32,17 +35,19 @@ RESULTS = ("calibration", "evaluation")
 
 @dataclass(frozen=True)
 class Listed:
-    """A project in the list of recent projects."""
+    """A project in the list of projects."""
 
     id: str
-    name: str
-    """The user's name for it; empty if there is none, or it cannot be read."""
+    title: str
+    """As `title_of`; empty if it cannot be read."""
     changed: float
     """Seconds since 1970."""
     finished: tuple[str, ...] = ()
     """Which of `RESULTS` exist."""
     interrupted: bool = False
     damaged: bool = False
+    unreadable: str = ""
+    """Why it cannot be read though it is not damaged: it is of a newer version."""
 
 
 @dataclass(frozen=True)
@@ -50,25 +55,38 @@ class Removed:
     """A project in the list of removed projects."""
 
     id: str
-    name: str
+    title: str
     """As in `Listed`."""
     removed: float
     """Seconds since 1970."""
 
 
-def recent_projects(home: Path, most: int = 10) -> list[Listed]:
-    """The projects changed last, newest first, damaged ones included."""
+def find_projects(home: Path, search: str = "") -> list[str]:
+    """The projects' ids, the one changed last first, damaged ones included.
+
+    Args:
+        search: only those whose title contains it, in any case.
+    """
     dated = [(changed_at(path), path) for path in _files(home) if not _marker(path).exists()]
+    wanted = search.strip().casefold()
+    return [
+        path.stem
+        for changed, path in sorted(dated, reverse=True)
+        if not wanted or wanted in _title(path, changed).casefold()
+    ]
+
+
+def recent_projects(home: Path, ids: Iterable[str] | None = None) -> list[Listed]:
+    """The entries of these projects, or of all, newest first."""
     found: list[Listed] = []
-    for changed, path in sorted(dated, reverse=True):
-        if len(found) == most:
-            break
+    for project_id in find_projects(home) if ids is None else ids:
+        path = home / "projects" / f"{project_id}{SUFFIX}"
         try:
             found.append(listed(Project(Database(path))))
         except DamagedError:
-            found.append(Listed(path.stem, "", changed, damaged=True))
-        except StereocalError:  # of a newer version, or not readable by this server
-            continue
+            found.append(Listed(project_id, "", changed_at(path), damaged=True))
+        except StereocalError as error:
+            found.append(Listed(project_id, "", changed_at(path), unreadable=str(error)))
     return found
 
 
@@ -81,16 +99,16 @@ def listed(project: Project) -> Listed:
     database = project.database
     there = {str(kind) for (kind,) in database.rows("SELECT kind FROM result")}
     return Listed(
-        project.id, project.inputs.name, changed_at(database.path),
+        project.id, title_of(project), changed_at(database.path),
         tuple(kind for kind in RESULTS if kind in there), bool(interrupted(database)),
     )  # fmt: skip
 
 
-def removed_projects(home: Path, most: int = 20) -> list[Removed]:
-    """The projects removed last, newest first, damaged ones included."""
+def removed_projects(home: Path) -> list[Removed]:
+    """The removed projects, the one removed last first, damaged ones included."""
     dated = [(removed_at(home, path.stem), path) for path in _files(home)]
     there = sorted(((when, path) for when, path in dated if when is not None), reverse=True)
-    return [Removed(path.stem, _name(path), when) for when, path in there[:most]]
+    return [Removed(path.stem, _title(path, changed_at(path)), when) for when, path in there]
 
 
 def removed_at(home: Path, project_id: str) -> float | None:
@@ -130,7 +148,7 @@ def duplicate(home: Path, project_id: str) -> Project:
         with database.transaction() as db:
             db.execute("DELETE FROM job")
         copy = Project(database)
-        copy.rename(f"{copy.inputs.name or 'Project'} (copy)")
+        copy.rename(f"{title_of(source)} (copy)")
 
     return Project(new_database(home, fill, copied))
 
@@ -260,8 +278,11 @@ def _marker(path: Path) -> Path:
     return Database(path).marker
 
 
-def _name(path: Path) -> str:
+@lru_cache(maxsize=4096)
+def _title(path: Path, changed: float) -> str:
+    """The title of a project as it was at that change; empty if it cannot be read."""
+    assert changed >= 0
     try:
-        return Project(Database(path)).inputs.name
+        return title_of(Project(Database(path)))
     except StereocalError:
         return ""

@@ -12,6 +12,7 @@ from streamlit.delta_generator import DeltaGenerator
 
 from stereocal.errors import StereocalError
 from stereocal.formats.evaluation_files import Evaluation
+from stereocal.projects.card import title_of
 from stereocal.projects.data_folder import default_home
 from stereocal.projects.home import bring_back, changed_at, removed_at
 from stereocal.projects.inputs import Inputs, Slot
@@ -67,7 +68,7 @@ def show_project(project: Project | None) -> DeltaGenerator:
     """The project's name, to change; returns the place for `show_saved`."""
     with suppress(StereocalError):  # reported by the page
         if project is not None:
-            st.text_input("Project", placeholder="Give it a name", **_name(project).widget())
+            st.text_input("Project", placeholder=title_of(project), **_name(project).widget())
     return st.empty()
 
 

@@ -9,7 +9,7 @@ from datetime import datetime
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.projects.card import Card, card_of
+from stereocal.projects.card import Card, card_of, title_of
 from stereocal.projects.data_folder import default_home
 from stereocal.projects.home import Listed, duplicate, remove
 from stereocal.projects.project import Project
@@ -29,7 +29,7 @@ def show_cards(projects: Sequence[Listed]) -> None:
     with st.container(horizontal=True):
         for one in projects:
             with st.container(border=True, width=WIDTH):
-                (_show_damaged if one.damaged else _show)(one)
+                (_show_unreadable if one.damaged or one.unreadable else _show)(one)
 
 
 def date_of(seconds: float) -> str:
@@ -51,7 +51,7 @@ def _show(one: Listed) -> None:
     except StereocalError as error:
         card = Card("cannot be read", str(error))
     state = ", validated" * ("evaluation" in one.finished) + ", interrupted" * one.interrupted
-    st.markdown(f"**{escape_markdown(one.name or 'Without a name')}**")
+    st.markdown(f"**{escape_markdown(one.title)}**")
     st.caption(
         f"{date_of(one.changed)}, {escape_markdown(card.data)}  \n"
         f"{escape_markdown(card.result)}{state}"
@@ -61,18 +61,19 @@ def _show(one: Listed) -> None:
         st.button("Open", key=f"open_{one.id}", on_click=_open, args=(one.id,))
         with st.popover("More"):
             st.text_input(
-                "Name", one.name, key=key, placeholder="Give it a name",
+                "Name", one.title, key=key, placeholder="Give it a name",
                 on_change=_rename, args=(one.id, key),
             )  # fmt: skip
             for label, act in (("Duplicate", _duplicate), ("Remove", _remove)):
                 st.button(label, key=f"{label.lower()}_{one.id}", on_click=act, args=(one.id,))
 
 
-def _show_damaged(one: Listed) -> None:
-    st.warning(
-        f"{date_of(one.changed)}: the file of this project is damaged. It is kept as it is. Open "
-        "the project's last backup (its zip) below."
+def _show_unreadable(one: Listed) -> None:
+    why = one.unreadable or (
+        "the file of this project is damaged. It is kept as it is. Open the project's last backup "
+        "(its zip) below."
     )
+    st.warning(f"{date_of(one.changed)}: {escape_markdown(why)}")
     st.button("Remove", key=f"remove_{one.id}", on_click=_remove, args=(one.id,))
 
 
@@ -105,7 +106,7 @@ def _remove(project_id: str) -> None:
     def act() -> None:
         name = ""
         with suppress(StereocalError):  # a damaged one can be removed too
-            name = Project.open(default_home(), project_id).inputs.name
+            name = title_of(Project.open(default_home(), project_id))
         remove(default_home(), project_id)
         if not is_open(project_id):  # for the open one, `offer_removed` does
             st.session_state[REMOVED] = (project_id, name)

@@ -5,16 +5,20 @@ from __future__ import annotations
 import math
 import re
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TypeVar
 
 import streamlit as st
 
 from stereocal.errors import StereocalError
 from stereocal.paper_kit.reproduction import archive_files
 from stereocal.projects.archive import pack_project, unpack_project
+from stereocal.projects.card import title_of
 from stereocal.projects.data_folder import default_home
 from stereocal.projects.home import (
     delete,
+    find_projects,
     listed,
     recent_projects,
     removed_at,
@@ -25,6 +29,7 @@ from stereocal.projects.project import Project
 from stereocal.projects.server_settings import ServerSettings
 from stereocal.system.limits import MB
 from stereocal.ui.decoding import server_guard
+from stereocal.ui.fields import number, setting
 from stereocal.ui.intake import check_uploads, escape_markdown, is_new, taking
 from stereocal.ui.parameter_files import chosen_sets
 from stereocal.ui.project import (
@@ -37,13 +42,14 @@ from stereocal.ui.project import (
 from stereocal.ui.project_cards import FAILED, OPENED, REMOVED, date_of, show_cards, try_action
 from stereocal.ui.refined import answer_of, replaced_by_refined
 
-IN_A_ROW = 4
+ON_A_PAGE = 9
+T = TypeVar("T")
 _UNPACKED = "unpacked_projects"
 """Ids of imported projects by upload: a click may interrupt the opening of one."""
 
 
 def show_projects() -> Project | None:
-    """Recent projects to open, rename, duplicate or remove, and removed ones to bring back.
+    """The projects to open, rename, duplicate or remove, and removed ones to bring back.
 
     A shared server shows only the open project, and a removed one only under its address.
 
@@ -69,15 +75,41 @@ def show_projects() -> Project | None:
             st.markdown("#### The open project")
             show_cards([listed(project)])
     else:
-        recent = recent_projects(default_home())
-        if recent:
-            st.markdown("#### Recent projects")
-            show_cards(recent[:IN_A_ROW])
-        if recent[IN_A_ROW:]:
-            with st.expander("Older projects"):
-                show_cards(recent[IN_A_ROW:])
+        _show_all()
         _show_removed()
     return project
+
+
+def _show_all() -> None:
+    """The projects, the one changed last first, page by page, and a search where they are many."""
+    ids = find_projects(default_home())
+    if not ids:
+        return
+    st.markdown("#### Your projects")
+    search = ""
+    if len(ids) > ON_A_PAGE:
+        typed = setting(None, "projects_search", "", str)
+        search = st.text_input(
+            f"Search all {len(ids)} projects by name", width=400, **typed.widget()
+        )
+        ids = find_projects(default_home(), search) if search.strip() else ids
+    if not ids:
+        st.info(f"No project has “{escape_markdown(search.strip())}” in its name.")
+    show_cards(recent_projects(default_home(), _of_page(ids, f"projects_page {search}")))
+
+
+def _of_page(ids: Sequence[T], name: str) -> Sequence[T]:
+    """Those of the chosen page, and the choice of another, if there are several.
+
+    Args:
+        name: of the choice: another search begins at its first page.
+    """
+    pages = -(-len(ids) // ON_A_PAGE)
+    if pages < 2:
+        return ids
+    page = setting(None, name.split()[0], 1, number(1, pages), name=name)
+    chosen = st.pagination(pages, **page.widget())
+    return ids[(chosen - 1) * ON_A_PAGE : chosen * ON_A_PAGE]
 
 
 def show_storage(project: Project | None) -> None:
@@ -125,11 +157,10 @@ def _show_removed() -> None:
     if not removed:
         return
     with st.expander("Removed projects"):
-        for one in removed:
+        for one in _of_page(removed, "removed_page"):
             text, button = st.columns([6, 2], vertical_alignment="center")
-            text.markdown(
-                f"{escape_markdown(one.name or 'Without a name')}, removed {date_of(one.removed)}"
-            )
+            title = escape_markdown(one.title or "A damaged project")
+            text.markdown(f"{title}, removed {date_of(one.removed)}")
             with button, st.container(horizontal=True):
                 st.button(
                     "Bring back", key=f"bring_back_{one.id}",
@@ -144,7 +175,7 @@ def _show_removed() -> None:
 def _pack_and_unpack(project: Project | None) -> None:
     """Export the open project as a zip, and import one."""
     if project is not None:
-        name = project.inputs.name or "project"
+        name = title_of(project)
         if st.button(f"Pack the open project ({escape_markdown(name)})", key="pack"):
             _offer_packed(project, name)
     upload = st.file_uploader("A project's zip", type=["zip"], key="upload_project")

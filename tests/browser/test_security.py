@@ -208,7 +208,7 @@ def test_shared_server_shows_nobody_the_work_of_another(
         page = browser.new_context().new_page()
         page.goto(url)
         settled(page)
-        expect(page.get_by_text("Recent projects")).to_have_count(0)
+        expect(page.get_by_text("Your projects")).to_have_count(0)
         seen = page.content()
         assert finished not in seen and NAME not in seen and str(home) not in seen
         for path in PATHS[1:]:

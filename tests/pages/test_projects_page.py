@@ -10,7 +10,7 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereocal.projects.archive import pack_project
-from stereocal.projects.home import delete, recent_projects, remove
+from stereocal.projects.home import DAY_S, delete, recent_projects, remove
 from stereocal.projects.project import Project
 from stereocal.rig.parameters import RigParameters
 from tests.pages.stored_projects import ROOT, SLOW, messages
@@ -21,13 +21,17 @@ def start(app: AppTest) -> AppTest:
     return app.switch_page("pages/start.py").run()
 
 
+def keys_in_order(app: AppTest) -> list[str]:
+    return [str(button.key) for button in app.button]
+
+
 def keys(app: AppTest) -> set[str]:
-    return {str(button.key) for button in app.button}
+    return set(keys_in_order(app))
 
 
 def test_an_empty_server_shows_no_list_and_says_what_is_kept(app: AppTest, home: Path) -> None:
     text = " ".join(str(item.value) for item in app.markdown)
-    assert "What you need" in text and "Recent projects" not in text
+    assert "What you need" in text and "Your projects" not in text
     assert str(home) in text
     assert "brought back for 30 days, from the list of removed projects" in text
 
@@ -49,13 +53,51 @@ def test_a_card_says_what_a_project_holds_and_its_key_result(app: AppTest, home:
     assert "no points yet" in card()
 
 
-def test_many_projects_are_folded(app: AppTest, home: Path) -> None:
-    projects = [Project.create(home) for _ in range(6)]
-    assert "Older projects" in [each.label for each in start(app).expander]
-    assert {f"open_{project.id}" for project in projects} <= keys(app)
-    app.button(key=f"open_{projects[0].id}").click().run()
-    assert app.session_state["project_id"] == projects[0].id
+def test_every_one_of_many_projects_is_reached_by_page_and_by_name(
+    app: AppTest, home: Path
+) -> None:
+    projects = [Project.create(home) for _ in range(20)]
+    for days, project in enumerate(projects):
+        project.rename(f"Bats {days}")
+        os.utime(project.database.path, (DAY_S * (1 + days),) * 2)
+
+    def shown() -> list[str]:
+        return [key.removeprefix("open_") for key in keys_in_order(app) if key[:5] == "open_"]
+
+    newest = [project.id for project in reversed(projects)]
+    start(app)
+    seen = shown()
+    for page in (2, 3):
+        app.session_state["projects_page"] = page
+        app.session_state["fields_shown"] |= {"projects_page ": page}
+        app.run()
+        seen += shown()
+    assert seen == newest
+    app.text_input(key="projects_search").set_value(" bATS 1").run()
+    # Of eleven that match: the search begins at its first page.
+    assert shown() == [projects[days].id for days in (19, 18, 17, 16, 15, 14, 13, 12, 11)]
+    app.text_input(key="projects_search").set_value("swifts").run()
+    assert not shown() and "No project has “swifts” in its name" in messages(app)
+    app.text_input(key="projects_search").set_value("Bats 3").run()
+    app.button(key=f"open_{projects[3].id}").click().run()
+    assert app.session_state["project_id"] == projects[3].id
     assert "Nothing is loaded yet" in messages(app)
+
+
+def test_a_project_without_a_name_has_that_of_its_data_and_its_day(
+    app: AppTest, home: Path
+) -> None:
+    project = project_of(open_sample(app), home)
+    project.rename("")
+    noon = datetime(2026, 3, 14, 12).timestamp()
+    with project.database.transaction() as db:
+        db.execute("UPDATE file SET stored = ?", [noon])
+    title = "**correspondences, 2026-03-14**"
+    assert title in " ".join(item.value for item in start(app).markdown)
+    (named,) = [each for each in app.sidebar.text_input if each.key == "project_name"]
+    assert (named.value, named.placeholder) == ("", "correspondences, 2026-03-14")
+    project.give({}, drop=["correspondences"])
+    assert "**primary.json, 2026-03-14**" in " ".join(item.value for item in start(app).markdown)
 
 
 def test_rename_duplicate_remove_and_undo(app: AppTest, home: Path) -> None:
@@ -64,7 +106,7 @@ def test_rename_duplicate_remove_and_undo(app: AppTest, home: Path) -> None:
     assert project.inputs.name == "Swifts <i>2026</i>"
     app.button(key=f"duplicate_{project.id}").click().run()
     listed = recent_projects(home)
-    assert [one.name for one in listed] == ["Swifts <i>2026</i> (copy)", "Swifts <i>2026</i>"]
+    assert [one.title for one in listed] == ["Swifts <i>2026</i> (copy)", "Swifts <i>2026</i>"]
     app.button(key=f"remove_{listed[0].id}").click().run()
     assert f"open_{listed[0].id}" not in keys(app)
     assert "was removed" in messages(app)

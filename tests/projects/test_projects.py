@@ -14,6 +14,7 @@ from stereocal.projects.files import keep_file
 from stereocal.projects.home import (
     bring_back,
     duplicate,
+    find_projects,
     recent_projects,
     remove,
     removed_at,
@@ -47,9 +48,12 @@ def test_list_has_the_newest_first_and_says_what_is_finished(tmp_path: Path) -> 
     found = recent_projects(tmp_path)
     assert [listed.id for listed in found] == [new.id, old.id]
     assert [listed.finished for listed in found] == [(), ("calibration",)]
-    assert found[1].name == "Swifts <b>"
+    assert found[1].title == "Swifts <b>"
     assert found[1].changed == pytest.approx(time.time() - 2 * 86_400, abs=60)
-    assert len(recent_projects(tmp_path, most=1)) == 1
+    assert find_projects(tmp_path) == [new.id, old.id]
+    assert find_projects(tmp_path, " sWIFTS") == [old.id]
+    old.rename("Bats")
+    assert find_projects(tmp_path, "swifts") == []
 
 
 def test_damaged_and_strange_files_do_not_stop_the_list(tmp_path: Path) -> None:
@@ -60,7 +64,12 @@ def test_damaged_and_strange_files_do_not_stop_the_list(tmp_path: Path) -> None:
     (tmp_path / "projects" / "notes.sqlite").write_text("a file")
     aged(good.database.path, 1)
     found = recent_projects(tmp_path)
-    assert [(one.id, one.damaged) for one in found] == [(damaged.id, True), (good.id, False)]
+    assert {one.id: (one.damaged, bool(one.unreadable)) for one in found} == {
+        good.id: (False, False),
+        damaged.id: (True, False),
+        newer.id: (False, True),
+    }
+    assert found[-1].id == good.id
     with pytest.raises(StereocalError, match=r"newer version of stereocal \(format 9\)"):
         Project.open(tmp_path, newer.id)
 
@@ -111,10 +120,9 @@ def test_removed_ones_are_listed_the_newest_first_also_damaged_ones(tmp_path: Pa
     aged(damaged.database.marker, 1)
     found = removed_projects(tmp_path)
     assert [one.id for one in found] == [new.id, damaged.id, old.id]
-    assert [one.name for one in found[1:]] == ["", "Swifts <b>"]
+    assert [one.title for one in found[1:]] == ["", "Swifts <b>"]
     assert found[2].removed == pytest.approx(time.time() - 2 * 86_400, abs=60)
     assert removed_at(tmp_path, old.id) == found[2].removed
-    assert [one.id for one in removed_projects(tmp_path, most=1)] == [new.id]
     bring_back(tmp_path, new.id)
     assert [one.id for one in removed_projects(tmp_path)] == [damaged.id, old.id]
     assert removed_at(tmp_path, f"../projects/{old.id}") is None
