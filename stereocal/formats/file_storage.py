@@ -11,11 +11,10 @@ import numpy as np
 from stereocal.errors import StereocalError
 from stereocal.formats.yaml_text import read_yaml
 from stereocal.rig.compiled import FloatArray
-from stereocal.system.json_text import read_json
+from stereocal.system.json_text import DEEPEST, read_json
 
 Storage = Mapping[str, Any]
 """The nodes of a file: numbers, texts, lists, and matrices as `rows`, `cols` and `data`."""
-DEEPEST = 50
 
 
 def read_storage(text: str, source: str) -> Storage:

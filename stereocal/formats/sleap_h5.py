@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import io
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ import pandas as pd
 from stereocal.errors import DAMAGED, StereocalError
 from stereocal.formats.other_files import is_hdf5, refuse_other_points
 from stereocal.rig.compiled import FloatArray
+from stereocal.system.guarded import read_apart
 from stereocal.system.limits import Limits
 from stereocal.system.tables import MAXIMUM_CELLS
 
@@ -24,7 +25,7 @@ ARRAYS = {
 
 
 def point_text(content: bytes, source: str) -> bytes:
-    """A point file as text: HDF5 converted to CSV, other files unchanged.
+    """A point file as text: HDF5 converted to CSV in a child process, other files unchanged.
 
     Raises:
         StereocalError: HDF5 of another program, damaged, or h5py is not installed.
@@ -34,15 +35,27 @@ def point_text(content: bytes, source: str) -> bytes:
     refuse_other_points(content, source)
     Limits.from_environment().check_size(len(content), source)
     try:
-        import h5py
+        import h5py  # noqa: F401
     except ImportError as error:
         raise StereocalError(
             f"{source}: this is an HDF5 file. To read one of SLEAP, the package h5py is needed, "
             "which is not installed: pip install h5py, or use the CSV that SLEAP exports."
         ) from error
+    text: bytes = read_apart(analysis_table, content, source, source)
+    return text
+
+
+def analysis_table(path: Path, source: str) -> bytes:
+    """The CSV table of an analysis file, which native code reads.
+
+    Raises:
+        StereocalError: HDF5 of another program, or damaged.
+    """
+    import h5py
+
     try:
-        with h5py.File(io.BytesIO(content), "r") as file:
-            found = {name: _array(file, name, len(content), source) for name in ARRAYS}
+        with h5py.File(path, "r") as file:
+            found = {name: _array(file, name, path.stat().st_size, source) for name in ARRAYS}
     except (*DAMAGED, RuntimeError) as error:
         if isinstance(error, StereocalError):
             raise

@@ -60,8 +60,7 @@ def read_yaml(text: str, source: str) -> dict[str, Any]:
         StereocalError: not YAML, not a mapping, aliases, a duplicate key, or too long.
     """
     text = LONG_LIST.sub("[]", OPENCV_HEAD.sub("", text))
-    if len(text) > LONGEST:
-        raise StereocalError(f"{source}: {len(text)} characters are too many for a parameter file.")
+    check_length(text, source)
     try:
         data = yaml.load(text, Loader=_PlainLoader)
     except (yaml.YAMLError, *DAMAGED) as error:
@@ -70,3 +69,9 @@ def read_yaml(text: str, source: str) -> dict[str, Any]:
     if not isinstance(data, dict):
         raise StereocalError(f"{source}: this is not a parameter file (a YAML mapping).")
     return {str(key): value for key, value in data.items()}
+
+
+def check_length(text: str, source: str) -> None:
+    """Raise a `StereocalError` for a text that a parser written in Python would take long for."""
+    if len(text) > LONGEST:
+        raise StereocalError(f"{source}: {len(text)} characters are too many for a parameter file.")

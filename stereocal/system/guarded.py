@@ -82,11 +82,6 @@ class Guard:
             raise found
         return found
 
-    def read_content(self, kind: str, content: bytes, name: str) -> Any:
-        """As `read`, for a file's content."""
-        with _stored(content, name) as path:
-            return self.read(kind, path, name)
-
     def _run(
         self, kind: str, path: Path, name: str, arguments: tuple[Any, ...] | None = None
     ) -> Any:
@@ -180,6 +175,23 @@ class Guard:
             initargs=(tuple(self._readers.values()), memory),
             context=multiprocessing.get_context("spawn"),
         )
+
+
+def read_apart(read: Reader, content: bytes, name: str, *arguments: Any) -> Any:
+    """What a reader returns for a file's content, read in a process of its own.
+
+    Args:
+        arguments: of the reader, after the path.
+
+    Raises:
+        StereocalError: as `Guard.check`, or as the reader.
+    """
+    guard = Guard({"file": read}, children=1)
+    try:
+        with _stored(content, name) as path:
+            return guard.read("file", path, name, *arguments)
+    finally:
+        guard.close()
 
 
 def _prepare(_: tuple[Reader, ...], memory: int) -> None:

@@ -1,4 +1,4 @@
-"""Read JSON from users, rejecting duplicate keys."""
+"""Read JSON from users within limits of its complexity, rejecting duplicate keys."""
 
 from __future__ import annotations
 
@@ -8,6 +8,12 @@ from typing import Any
 
 from stereocal.errors import StereocalError
 
+DEEPEST = 50
+"""Levels of objects and lists; our files have 6. What walks a value is recursive."""
+MOST_VALUES = 1_000_000
+"""A list of that many empty objects takes 75 MB and 0.2 s."""
+TEXT_OR_BRACKET = re.compile(r'"(?:[^"\\]|\\.)*+(?:"|\\?\Z)|[\[\]{}]', re.DOTALL)
+
 
 def read_json(content: bytes | str, source: str) -> Any:
     """The value of a JSON text (UTF-8).
@@ -16,12 +22,18 @@ def read_json(content: bytes | str, source: str) -> Any:
     files.
 
     Raises:
-        StereocalError: not text, not JSON, or an object with a duplicate key.
+        StereocalError: not text, not JSON, nested too deeply, too many values, or an object with a
+            duplicate key.
     """
     try:
         text = content if isinstance(content, str) else content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise StereocalError(f"{source}: this is not a text file (JSON in UTF-8).") from error
+    check_depth(text, source)
+    if sum(map(text.count, ",[{")) > MOST_VALUES:
+        raise StereocalError(
+            f"{source}: this has more than {MOST_VALUES:,} values; it is not read."
+        )
 
     def object_of(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         found: dict[str, Any] = {}
@@ -40,6 +52,22 @@ def read_json(content: bytes | str, source: str) -> Any:
         raise
     except (ValueError, RecursionError) as error:
         raise StereocalError(f"{source}: this is not valid JSON ({error}).") from error
+
+
+def check_depth(text: str, source: str) -> None:
+    """Check how deeply brackets outside texts are nested, before a parser recurses into them.
+
+    Raises:
+        StereocalError: deeper than `DEEPEST`.
+    """
+    depth = 0
+    for found in TEXT_OR_BRACKET.finditer(text):
+        depth += {"[": 1, "{": 1, "]": -1, "}": -1}.get(found[0], 0)
+        if depth > DEEPEST:
+            line = text.count("\n", 0, found.start()) + 1
+            raise StereocalError(
+                f"{source}: line {line} is nested more than {DEEPEST} levels deep; it is not read."
+            )
 
 
 def _lines_of(key: str, text: str) -> str:

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import hashlib
 import threading
 from collections import OrderedDict
-from typing import Generic, TypeVar
+from collections.abc import Callable
+from typing import Any, Concatenate, Generic, ParamSpec, TypeVar, cast
 
+from stereocal.errors import StereocalError
+
+P = ParamSpec("P")
 Value = TypeVar("Value")
 
 
@@ -31,3 +36,39 @@ class Latest(Generic[Value]):
             self._values.move_to_end(key)
             while len(self._values) > self.most:
                 self._values.popitem(last=False)
+
+
+_READ: Latest[Any] = Latest(32)
+
+
+def read_once(
+    read: Callable[Concatenate[bytes, P], Value],
+    content: bytes,
+    *arguments: P.args,
+    **named: P.kwargs,
+) -> Value:
+    """What a reader returns for a file's content, read once for this content and these arguments.
+
+    For pages, which show a file on every draw. An error is kept as well: a file that takes its
+    reader long to reject would otherwise take that long on every draw.
+
+    Args:
+        arguments: of the reader, after the content; told apart by their `repr`.
+
+    Raises:
+        StereocalError: as the reader.
+    """
+    about = (read.__module__, read.__qualname__, arguments, sorted(named.items()))
+    key = f"{hashlib.sha256(content).hexdigest()} {about!r}"
+    found = _READ.get(key)
+    if found is None:
+        try:
+            found = read(content, *arguments, **named), None
+        except StereocalError as error:
+            found = None, error
+        _READ.keep(key, found)
+    value: Value | None
+    value, refused = found
+    if refused is not None:
+        raise refused.with_traceback(None)
+    return cast(Value, value)

@@ -10,7 +10,6 @@ from streamlit.delta_generator import DeltaGenerator
 
 from stereocal.calibration.methods import Method
 from stereocal.errors import StereocalError
-from stereocal.formats.other_files import is_hdf5
 from stereocal.matching.application import STAGES, Application, Outcome, Points, unlabelled
 from stereocal.matching.blocks import pack_block, unpack_block
 from stereocal.matching.matching import ANY_DEPTH, purpose_warning
@@ -199,8 +198,6 @@ def _take_points(store: ProjectApplication, side: CameraName) -> None:
                 content = upload.getvalue()
                 if upload.name.lower().endswith(PARQUET):
                     server_guard().check_content("table", content, upload.name, PARQUET[0])
-                elif is_hdf5(content):
-                    server_guard().check_content("hdf5", content, upload.name)
                 store.offer_points(side, upload.name, content)
             clear_refusal()
         st.rerun()

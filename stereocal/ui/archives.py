@@ -19,6 +19,7 @@ from stereocal.formats.units import UNITS
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.inputs import Slot
 from stereocal.projects.project import Project
+from stereocal.system.latest import read_once
 from stereocal.ui.fields import number, one_of, setting, yes_or_no
 from stereocal.ui.intake import clear_refusal, escape_markdown
 from stereocal.ui.project import own_change
@@ -51,7 +52,7 @@ def ask_about_archive(store: ProjectApplication) -> None:
         found = None
         try:
             options = _form(store.project, label, content)
-            found = gather({label: content}, options, baseline_known=known)
+            found = read_once(_gathered, content, label, options, known)
         except StereocalError as error:
             st.error(escape_markdown(str(error)))
         if found is not None:
@@ -62,14 +63,21 @@ def ask_about_archive(store: ProjectApplication) -> None:
         )  # fmt: skip
 
 
-def _form(project: Project, label: str, content: bytes) -> ArchiveOptions:
-    """The questions: which cameras, and, folded, what the file may not say."""
-    names: tuple[str, ...] = ()
+def _gathered(content: bytes, label: str, options: ArchiveOptions, known: bool) -> Archive:
+    return gather({label: content}, options, baseline_known=known)
+
+
+def _cameras_in(content: bytes, label: str) -> tuple[str, ...]:
+    """Names of the cameras, to choose from; empty if the file has none to choose."""
     if is_matlab(content):
         opened = open_easywand(content, label)
-        names = () if opened is None else opened.cameras
-    else:
-        names = camera_names(label, content)
+        return () if opened is None else opened.cameras
+    return camera_names(label, content)
+
+
+def _form(project: Project, label: str, content: bytes) -> ArchiveOptions:
+    """The questions: which cameras, and, folded, what the file may not say."""
+    names = read_once(_cameras_in, content, label)
     cameras = _cameras(project, names) if len(names) > 2 else None
     with st.expander("Say what the file does not, or has wrong"):
         left, middle, right = st.columns(3)

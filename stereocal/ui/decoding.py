@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 
-from stereocal.formats.sleap_h5 import point_text
 from stereocal.matching.point_table import PointTable
 from stereocal.projects.server_settings import ServerSettings
 from stereocal.system.guarded import Guard, Reader
@@ -30,8 +29,4 @@ def _table(path: Path) -> None:
     PointTable(path, ("u", "v"), path.name).check()
 
 
-def _hdf5(path: Path) -> None:
-    point_text(path.read_bytes(), path.name)
-
-
-READERS: Mapping[str, Reader] = {"photograph": read_photograph, "table": _table, "hdf5": _hdf5}
+READERS: Mapping[str, Reader] = {"photograph": read_photograph, "table": _table}

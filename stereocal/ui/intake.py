@@ -21,7 +21,6 @@ from stereocal.formats.dataset_files import (
     parse_survey,
 )
 from stereocal.formats.lens_model import FourCoefficientsError, LensModel
-from stereocal.formats.other_files import is_hdf5
 from stereocal.formats.sleap_h5 import point_text
 from stereocal.formats.units import UNITS as UNITS
 from stereocal.projects.files import StoredFile
@@ -171,8 +170,6 @@ def take_file(slot: Slot, upload: Upload | None) -> None:
         if slot != "correspondences":
             _try_camera(slot, upload.name, content)
         else:
-            if is_hdf5(content):
-                server_guard().check_content("hdf5", content, upload.name)
             _try_files({slot: (upload.name, point_text(content, upload.name))})
     st.rerun()
 

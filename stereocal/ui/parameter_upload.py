@@ -17,6 +17,7 @@ from stereocal.projects.application import ProjectApplication, Use
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.parameters import RigParameters
+from stereocal.system.latest import read_once
 from stereocal.system.zip_files import unzip
 from stereocal.ui.fields import number, one_of, setting
 from stereocal.ui.intake import (
@@ -80,8 +81,8 @@ def _ask_about_set(project: Project, store: ProjectApplication, use: Use) -> Non
         options = _options(project, use, name)
         rig: RigParameters | None = None
         try:
-            files = unzip(content, label)
-            rig = None if name is None else import_files(files, name, options, label)
+            if name is not None:
+                rig = read_once(_imported, content, label, name, options)
         except (FourCoefficientsError, UnitError) as error:
             st.info(escape_markdown(error.question))
         except StereocalError as error:
@@ -96,6 +97,10 @@ def _ask_about_set(project: Project, store: ProjectApplication, use: Use) -> Non
             "Put the files aside", key=f"aside_{use}", on_click=callback(store.forget_question),
             args=(use,),
         )  # fmt: skip
+
+
+def _imported(content: bytes, label: str, name: str, options: ExchangeOptions) -> RigParameters:
+    return import_files(unzip(content, label), name, options, label)
 
 
 def _options(project: Project, use: Use, name: str | None) -> ExchangeOptions:

@@ -26,6 +26,7 @@ from stereocal.formats.correspondences_csv import read_table
 from stereocal.formats.dataset_files import parse_dataset, parse_zip, read_dataset
 from stereocal.formats.exchange.exchange import export_files, import_files
 from stereocal.formats.exchange.options import ExchangeOptions
+from stereocal.formats.other_files import is_hdf5
 from stereocal.formats.pixel_origin import PixelOrigin
 from stereocal.formats.plan_file import parse_plan, write_plan
 from stereocal.formats.point_answers import (
@@ -39,7 +40,7 @@ from stereocal.formats.point_answers import (
     layout_of,
 )
 from stereocal.formats.point_files import read_points
-from stereocal.formats.sleap_h5 import point_text
+from stereocal.formats.sleap_h5 import analysis_table
 from stereocal.formats.world_file import read_world
 from stereocal.formats.world_tables import read_observed
 from stereocal.matching.point_table import PointTable
@@ -340,7 +341,9 @@ def _points(content: bytes, _: Path) -> None:
 
 
 def _hdf5(content: bytes, folder: Path) -> None:
-    _points(point_text(content, "a.h5"), folder)
+    # Without its process of its own, which takes a second to start.
+    path = _kept(content, folder / "a.h5")
+    _points(analysis_table(path, "a.h5") if is_hdf5(content) else content, folder)
 
 
 def _table(name: str) -> Read:

@@ -16,7 +16,7 @@ from stereocal.errors import StereocalError
 from stereocal.formats.other_files import is_matlab
 from stereocal.rig.compiled import FloatArray
 from stereocal.system.arrays import LARGEST
-from stereocal.system.guarded import Guard
+from stereocal.system.guarded import read_apart
 from stereocal.system.limits import Limits
 
 Fields = Mapping[str, Any]
@@ -50,11 +50,7 @@ def read_structs(content: bytes, source: str) -> dict[str, Fields]:
         _check_expansion(content, source)
     except (zlib.error, struct.error) as error:
         raise StereocalError(f"{source}: this .mat file is damaged. {SAVE_AGAIN}.") from error
-    guard = Guard({"matlab": _read}, children=1)
-    try:
-        found, held = guard.read_content("matlab", content, source)
-    finally:
-        guard.close()
+    found, held = read_apart(_read, content, source)
     if found is None:
         raise StereocalError(f"{source}: this .mat file is damaged. {SAVE_AGAIN}.")
     if not found:

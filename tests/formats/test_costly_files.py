@@ -1,0 +1,117 @@
+"""Files made to cost their parser memory, time or the process."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from typing import Any
+
+import pytest
+
+from stereocal.errors import StereocalError
+from stereocal.formats import sleap_h5
+from stereocal.formats.archives.cameras import camera_names
+from stereocal.formats.exchange.aniposelib import MOST_DOTS, read_toml
+from stereocal.formats.file_storage import read_storage
+from stereocal.formats.sleap_h5 import point_text
+from stereocal.formats.yaml_text import LONGEST, read_yaml
+from stereocal.system.json_text import DEEPEST, MOST_VALUES, read_json
+from stereocal.system.latest import read_once
+from tests.deadly import READERS
+
+
+class TestToml:
+    @pytest.mark.parametrize(
+        "text",
+        [
+            "a" + ".a" * 20_000 + " = 1",
+            "[a" + ".a" * 20_000 + "]",
+            "[a" + ' . "a"' * 5000 + "]",
+            "b = { a" + ".a" * 20_000 + " = 1 }",
+            "# a comment\nb = [1.5, {a" + ".a" * 20_000 + " = 1}]",
+        ],
+    )
+    def test_a_key_of_many_parts_never_reaches_the_parser(
+        self, text: str, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """20,000 parts took it 6 s and 1.5 GB."""
+        monkeypatch.setattr(tomllib, "loads", _not_to_be_called)
+        with pytest.raises(StereocalError, match=r"^c\.toml: a key has more than"):
+            camera_names("c.toml", text.encode())
+
+    def test_long_and_deep_ones_neither(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(tomllib, "loads", _not_to_be_called)
+        for text in ("a = 1\n" * LONGEST, "a = " + "[" * 200):
+            with pytest.raises(StereocalError, match=r"^c\.toml: "):
+                read_toml(text, "c.toml")
+
+    def test_usual_keys_and_many_numbers_are_read(self) -> None:
+        numbers = ", ".join(["0.25"] * 3 * MOST_DOTS)
+        found = read_toml(f'[a.b.c]\n"d.e" = [{numbers}]\nf = """\n1.0\n"""\n', "c.toml")
+        assert len(found["a"]["b"]["c"]["d.e"]) == 3 * MOST_DOTS
+
+
+class TestJson:
+    @pytest.mark.parametrize("text", ["[" * 900, '{"a":' * 900, '["\\"[", ' + "[" * 900])
+    def test_nested_too_deeply(self, text: str, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(json, "loads", _not_to_be_called)
+        with pytest.raises(StereocalError, match=rf"line 1 is nested more than {DEEPEST} levels"):
+            read_json(text, "a.json")
+
+    def test_too_many_values(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(json, "loads", _not_to_be_called)
+        with pytest.raises(StereocalError, match="more than 1,000,000 values"):
+            read_json("[" + "{}," * MOST_VALUES + "1]", "a.json")
+
+    def test_brackets_in_texts_are_not_nested(self) -> None:
+        value = {"a": "[{" * 100, "b\\": ['"[["' * 50, [[]] * 100]}
+        assert read_json(json.dumps(value), "a.json") == value
+        nested = "[" * DEEPEST + "]" * DEEPEST
+        assert json.dumps(read_json(nested, "a.json")) == nested
+
+    @pytest.mark.parametrize("text", ['"' + '\\"' * 100_000, '"' * 100_001, "\\" * 100_000])
+    def test_texts_without_an_end_are_scanned_once(self, text: str) -> None:
+        """Scanned from every quotation mark to the end, they would take a minute."""
+        with pytest.raises(StereocalError, match="not valid JSON"):
+            read_json(text, "a.json")
+
+
+def test_xml_and_yaml_nested_too_deeply() -> None:
+    with pytest.raises(StereocalError, match="nested too deeply"):
+        read_storage("<a>" * 1000 + "</a>" * 1000, "a.xml")
+    for text in ("[" * 2000, "- " * 2000, "? " * 2000):
+        with pytest.raises(StereocalError, match="not valid YAML"):
+            read_yaml(text, "a.yaml")
+
+
+@pytest.mark.parametrize(
+    ("kind", "message"), [("abort", "makes its decoder fail"), ("eat", "too much memory")]
+)
+def test_an_hdf5_file_that_kills_its_decoder(
+    kind: str, message: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sleap_h5, "analysis_table", READERS[kind])
+    with pytest.raises(StereocalError, match=f"^a.h5: the file .*{message}"):
+        point_text(b"\x89HDF\r\n\x1a\n", "a.h5")
+
+
+def test_a_file_is_read_once_for_all_draws_of_a_page() -> None:
+    calls = []
+
+    def read(content: bytes, label: str, refuse: bool = False) -> int:
+        calls.append(label)
+        if refuse:
+            raise StereocalError(f"{label} is damaged")
+        return len(content)
+
+    for _ in range(3):
+        assert read_once(read, b"abc", "a") == 3
+        with pytest.raises(StereocalError, match="b is damaged"):
+            read_once(read, b"abc", "b", refuse=True)
+    assert calls == ["a", "b"]
+    assert read_once(read, b"abcd", "a") == 4
+    assert read_once(read, b"abc", "c") == 3
+
+
+def _not_to_be_called(*_: Any, **__: Any) -> Any:
+    raise AssertionError("the parser was reached")
