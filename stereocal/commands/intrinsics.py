@@ -39,7 +39,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     )
     paper = LensSettings()
     for option, default, text in (
-        ("--subset", paper.subset, "photographs of each draw"),
+        ("--subset", paper.subset, "photographs of each draw; of no more, two thirds"),
         ("--repeats", paper.repeats, "draws"),
         ("--seed", paper.seed, "source of the random numbers"),
     ):

@@ -18,7 +18,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.intrinsics.board_corners import eight_bits, find_charuco, find_chessboard, refine
+from stereocal.intrinsics.board_corners import (
+    OF_OUTER,
+    eight_bits,
+    find_charuco,
+    find_chessboard,
+    refine,
+)
 from stereocal.intrinsics.board_pattern import BoardPattern
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.system.photograph import FileContent, GreyImage, read_photograph
@@ -89,13 +95,20 @@ def find_board(image: GreyImage, pattern: BoardPattern, name: str) -> BoardView 
         if found is None:
             reason = f"no board with {pattern} inner corners is completely visible and sharp"
             return Refused(name, reason, size)
-        corners, turned = found
+        if not found.outer:
+            reason = (
+                f"{pattern} points were found, but the outermost lie on the edge of the board or "
+                "of the visible part: count the corners where four squares meet"
+            )
+            return Refused(name, reason, size)
+        corners, turned = found.corners, found.turned
+        reach = min(pattern.reach, OF_OUTER * found.outer)
         ids = np.arange(len(corners))
     else:
         squares = (pattern.columns + 1, pattern.rows + 1)
         part = (pattern.square_m, pattern.marker_m or 0.0)
         ids, corners = find_charuco(grey, squares, part, pattern.dictionary)
-        turned = False
+        turned, reach = False, pattern.reach
         if len(ids) < MINIMUM_CORNERS or not _spans_a_plane(ids, pattern):
             reason = f"{len(ids)} corners of the ChArUco board are too few"
             return Refused(name, reason, size)
@@ -106,7 +119,7 @@ def find_board(image: GreyImage, pattern: BoardPattern, name: str) -> BoardView 
             f"and at least {MINIMUM_SPACING_PX:.0f} are needed"
         )
         return Refused(name, reason, size)
-    return BoardView(name, size, ids, refine(image, corners, pattern.reach * spacing), turned)
+    return BoardView(name, size, ids, refine(image, corners, reach * spacing), turned)
 
 
 def nearest_neighbours_px(ids: IntArray, corners: FloatArray, pattern: BoardPattern) -> float:
@@ -233,8 +246,10 @@ def _other_size(path: FileContent, pattern: BoardPattern, larger: bool) -> str |
     steps = (1, 0) if larger else (1, 0, -1)
     for columns, rows in itertools.product(steps, steps):
         size = pattern.columns + columns, pattern.rows + rows
-        if (columns or rows) and min(size) >= 3 and find_chessboard(grey, *size, thorough=False):
-            return f"{size[0]}x{size[1]}"
+        if (columns or rows) and min(size) >= 3:
+            other = find_chessboard(grey, *size, thorough=False)
+            if other is not None and other.outer:
+                return f"{size[0]}x{size[1]}"
     return None
 
 

@@ -26,7 +26,7 @@ def about(calibration: LensCalibration) -> dict[str, Any]:
     search, settings = calibration.search, calibration.settings
     return {
         "method": (
-            f"median of {settings.repeats} calibrations, each with {settings.subset} of "
+            f"median of {settings.repeats} calibrations, each with {calibration.per_draw} of "
             f"{len(search.views)} photographs"
         ),
         "uncertainty": "standard errors (delete-d jackknife)",
@@ -73,10 +73,10 @@ def unpack_lens(content: bytes) -> LensCalibration:
     try:
         settings = LensSettings(**head["settings"])
         search = _search(head, arrays)
-        drawn = shaped(arrays["drawn"], "iu", settings.repeats, settings.subset)
+        drawn = shaped(arrays["drawn"], "iu", settings.repeats, arrays["drawn"].shape[-1])
         draws = shaped(arrays["draws"], "f", settings.repeats, len(PARAMETERS))
         of_all = shaped(arrays["of_all"], "f", len(PARAMETERS))
-        if not 0 <= drawn.min() <= drawn.max() < len(search.views) > settings.subset:
+        if not 0 <= drawn.min() <= drawn.max() < len(search.views) > drawn.shape[1]:
             raise ValueError(drawn)
         lens = LensCalibration(search, settings, drawn, draws, of_all)
         lens.camera.to_json()  # raises an error for an invalid camera

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from stereocal.intrinsics.boards import BoardSearch
-from stereocal.intrinsics.calibrate_lens import PARAMETERS, LensCalibration
+from stereocal.intrinsics.calibrate_lens import PARAMETERS, RECOMMENDED_VIEWS, LensCalibration
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray, IntArray
 
@@ -97,6 +98,8 @@ def advice(calibration: LensCalibration) -> list[str]:
             f"{_list(outlying)} fit{'s' * (len(outlying) == 1)} the lens much worse than the "
             "others: look at them, and leave them out if they are blurred or the board is bent."
         )
+    if few := _few_boards(calibration):
+        messages.append(few)
     covered = coverage(search)
     if covered < WELL_COVERED:
         messages.append(
@@ -116,6 +119,19 @@ def advice(calibration: LensCalibration) -> list[str]:
             "the board may be bent, or the lens needs another model."
         )
     return messages
+
+
+def _few_boards(calibration: LensCalibration) -> str | None:
+    """What it costs that draws had to be smaller than set; None if they were not."""
+    views, size = len(calibration.search.views), calibration.per_draw
+    if size >= calibration.settings.subset:
+        return None
+    ratio = math.sqrt(RECOMMENDED_VIEWS / views)
+    return (
+        f"{views} boards are few: each draw took {size} of them, and the standard errors are about "
+        f"{ratio:.1f} times those of {RECOMMENDED_VIEWS} such boards. Take more photographs if "
+        "you can."
+    )
 
 
 def hint(calibration: LensCalibration) -> str | None:

@@ -15,13 +15,13 @@ LENS_COLUMNS = ("parameter", "median", "standard error", "spread of draws", "all
 def lens_answer(lens: LensCalibration) -> str:
     """A sentence with the focal length and its quality."""
     fx, sigma = lens.values[0], lens.standard_errors[0]
-    settings, views = lens.settings, len(lens.search.views)
+    views = len(lens.search.views)
     turned = turned_count(lens.search)
     boards = "1 board" if turned == 1 else f"{turned} boards"
     order = f" The corner order of {boards} was corrected." if turned else ""
     return (
         f"The focal length fx is {with_error(fx, sigma)} px; corners fit to {lens.error_px:.3f} px "
-        f"(root mean square). {settings.repeats} draws of {settings.subset} out of {views} "
+        f"(root mean square). {len(lens.drawn)} draws of {lens.per_draw} out of {views} "
         f"photographs; the corners cover {100 * coverage(lens.search):.0f} % of the image.{order}"
     )
 

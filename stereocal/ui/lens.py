@@ -188,7 +188,7 @@ def lens_form(project: Project) -> LensSettings:
             )
             for column, (name, title, usual, bounds, text) in zip(st.columns(3), (
                 ("lens_subset", "Photographs of a draw", paper.subset, (3, 1000),
-                 "Fewer than there are. Paper: 20 of 50."),
+                 "With no more boards than this, two thirds of them. Paper: 20 of 50."),
                 ("lens_repeats", "Draws", paper.repeats, (2, 1000),
                  "The result is their median. Paper: 50."),
                 ("lens_seed", "Seed", paper.seed, (0, 2**31 - 1),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import pickle
 import re
 from concurrent.futures import ThreadPoolExecutor
@@ -14,13 +15,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stereocal.errors import StereocalError
-from stereocal.intrinsics.board_corners import eight_bits, in_order, squares_all_around
+from stereocal.intrinsics.board_corners import eight_bits, in_order, outer_squares
 from stereocal.intrinsics.board_pattern import BoardPattern
 from stereocal.intrinsics.boards import BoardView, Refused, find_board, find_boards
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
-from stereocal.simulation.rendering import Board, Photograph
-from tests.lens import PATTERN, AtOnce, corners_of, facing, names, photographed, png
+from stereocal.simulation.rendering import Board, Photograph, chessboard
+from stereocal.system.photograph import read_photograph
+from tests.lens import PATTERN, SQUARES, AtOnce, corners_of, facing, names, photographed, png
 
 TELLABLE = BoardPattern(8, 5, 0.03)
 """9x6 squares: turned by 180 degrees, black and white are exchanged."""
@@ -36,6 +38,16 @@ def nearest_order(corners: FloatArray, truth: FloatArray) -> FloatArray:
     """Errors, for a board that looks the same turned by 180 degrees."""
     errors = (corners - truth, corners[::-1] - truth)
     return min(errors, key=lambda error: float(np.abs(error).max()))
+
+
+def narrow_board(width: float, beside: float) -> Board:
+    """The board with outermost squares cut to a fraction of the others; grey level beside it."""
+    whole = chessboard(SQUARES, PATTERN.square_m)
+    cells = np.kron(whole.cells, np.ones((20, 20)))
+    cut = 20 + round(20 * (1 - width))
+    inside = np.zeros(cells.shape, dtype=bool)
+    inside[cut:-cut, cut:-cut] = True
+    return Board(np.where(inside, cells, beside), whole.size_m)
 
 
 class TestPattern:
@@ -98,11 +110,52 @@ class TestCorners:
         pose = facing(spin=0.4)
         image = photographed(pose)
         grid = corners_of(pose).reshape(6, 8, 2)
-        assert squares_all_around(grid, image)
+        assert outer_squares(grid, image) == 0.65
         grid = np.moveaxis(grid, axis, 0)
         edge = 2 * grid[:1] - grid[1:2] if extra == "before" else 2 * grid[-1:] - grid[-2:-1]
         more = [edge, grid] if extra == "before" else [grid, edge]
-        assert not squares_all_around(np.moveaxis(np.concatenate(more), 0, axis), image)
+        assert not outer_squares(np.moveaxis(np.concatenate(more), 0, axis), image)
+
+    @pytest.mark.parametrize("beside", [205.0, 90.0])
+    @pytest.mark.parametrize("width", [0.3, 0.5])
+    def test_board_with_narrow_outer_squares(self, width: float, beside: float) -> None:
+        """Cut or printed narrow, on light or dark ground; so are OpenCV's own photographs."""
+        pose = facing(spin=0.4)
+        view = found(photographed(pose, board=narrow_board(width, beside)))
+        error = nearest_order(view.corners, corners_of(pose))
+        # Measured: RMS 0.01 to 0.03 px; with windows that reach beyond the squares 0.2 to 0.6.
+        assert np.sqrt((error**2).mean()) < 0.05
+
+    def test_points_on_the_edge_of_the_board_are_named(
+        self, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        pose = facing(spin=0.4)
+        grid = corners_of(pose).reshape(6, 8, 2)
+        edge = np.concatenate([grid, 2 * grid[-1:] - grid[-2:-1]]).reshape(-1, 1, 2)
+        monkeypatch.setattr(cv2, "findChessboardCornersSB", lambda *_, **__: (True, edge))
+        refused = find_board(photographed(pose), BoardPattern(8, 7, 0.03), "x.png")
+        assert isinstance(refused, Refused) and "edge of the board" in refused.reason
+
+    def test_every_board_of_opencvs_sample(self) -> None:
+        """Its `samples/data`, if they are there; narrow squares on one side."""
+        if "STEREOCAL_REAL_DATA" not in os.environ:
+            pytest.skip("STEREOCAL_REAL_DATA names no folder of recordings")
+        images = sorted(Path(os.environ["STEREOCAL_REAL_DATA"], "opencv_boards").glob("*.jpg"))
+        assert len(images) == 26
+        pattern = BoardPattern(9, 6, 0.03)
+        views = [find_board(read_photograph(path), pattern, path.name) for path in images]
+        assert [view.name for view in views if isinstance(view, Refused)] == []
+        for side in ("left", "right"):
+            corners = [
+                view.corners.astype(np.float32)
+                for view in views
+                if isinstance(view, BoardView) and view.name.startswith(side)
+            ]
+            boards = [pattern.points.astype(np.float32)] * len(corners)
+            rms, *_ = cv2.calibrateCamera(boards, corners, (640, 480), np.eye(3), np.zeros(5))
+            # Measured: 0.181 and 0.187 px. OpenCV's own corners fit to 0.25 (sector based finder),
+            # 0.195 and 0.207 (classical, windows of 5 px), 0.41 and 0.46 (windows of 11 px).
+            assert rms < 0.195
 
     @pytest.mark.parametrize("tilt", [1.45, 1.52, np.pi / 2 - 0.01])
     def test_board_seen_edge_on_is_refused(self, tilt: float) -> None:
@@ -324,7 +377,7 @@ class TestManyPhotographs:
                 {f"{at:02}.png": path for at in range(30)}, BoardPattern(9, 7, 0.03), executor,
                 lambda *at: seen.append(at),
             )  # fmt: skip
-        assert len(seen) == 8
+        assert len(seen) < 12  # the check follows the eighth; a few may have ended with it
 
     def test_no_board_at_all(self, tmp_path: Path) -> None:
         path = tmp_path / "grey.png"

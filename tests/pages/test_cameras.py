@@ -115,7 +115,7 @@ def test_bad_photographs_are_said_and_nothing_is_lost(
     assert any("text" in item.value and "photograph" in item.value for item in app.markdown)
     app.number_input(key="lens_subset").set_value(20).run()
     calibrate(app)
-    assert "at least 21 are needed" in messages(app)
+    assert "at least 8 are needed" in messages(app)
     after = store_of(app, home).calibration
     assert before is not None and after is not None
     np.testing.assert_array_equal(after.draws, before.draws)
