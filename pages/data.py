@@ -10,9 +10,10 @@ from stereocal.figures.tables import contents_table
 from stereocal.ui.closer_looks import COVERAGE, open_clicked_frame
 from stereocal.ui.figure import show_figure
 from stereocal.ui.intake import escape_markdown, show_refusal, take_dataset
-from stereocal.ui.lengths import length_field
+from stereocal.ui.lengths import ask_if_measured, length_field
 from stereocal.ui.navigation import ensure_navigation
 from stereocal.ui.photographs import choose_kind, has_photographs, photographs_in
+from stereocal.ui.prerequisites import missing_of
 from stereocal.ui.project import current_project, forget_project
 from stereocal.ui.results import dataset_download
 from stereocal.ui.single_files import single_files
@@ -44,6 +45,8 @@ with left:
 with right:
     length_field(project, "target_distance_m", "Distance between targets A and B")
     length_uncertainty(project, "target_distance_m", "± 0.1 %")
+if project is not None:
+    ask_if_measured(project)
 lens_uncertainties(project)
 show_refusal()
 
@@ -60,7 +63,7 @@ except StereocalError as error:
     st.error(escape_markdown(str(error)))
     st.stop()
 if dataset is None:
-    st.warning(f"Still missing: {', '.join(project.inputs.missing)}.")
+    st.warning(f"Still missing: {missing_of(project)}.")
     st.stop()
 st.success(
     f"Complete: {len(dataset.correspondences)} pairs of points in "

@@ -13,6 +13,7 @@ from stereocal.errors import can_be_shown
 from stereocal.rig.camera import CAMERAS, Camera, CameraName, LensUncertainty
 
 Slot = Literal["primary", "secondary", "correspondences"]
+LENGTHS = {"baseline_m": "the baseline", "target_distance_m": "the distance between the targets"}
 
 
 @dataclass(frozen=True)
@@ -31,6 +32,8 @@ class Inputs:
     """Camera to the standard deviations that the user stated: a fraction of the focal length, and
     pixels of the centre; used once both are given. None: not stated, whatever the camera's file
     says. A missing camera: as its file says."""
+    planned: list[str] = field(default_factory=list)
+    """The lengths, of `LENGTHS`, that a plan states and nobody has measured yet: still missing."""
     files: Mapping[str, str] = field(default_factory=dict)
     """Slot to the SHA-256 of its file."""
     labels: Mapping[str, str] = field(default_factory=dict)
@@ -70,9 +73,18 @@ class Inputs:
             "secondary": "the secondary camera's file",
         }
         lacking = [words for slot, words in named.items() if slot not in self.files]
-        lacking += ["the baseline"] * (self.baseline_m is None and not self.baseline_free)
-        lacking += ["the distance between the targets"] * (self.target_distance_m is None)
+        for name, words in LENGTHS.items():
+            metres = getattr(self, name)
+            if name in self.needs_measuring:
+                lacking.append(f"{words} as measured (planned: {metres:.12g} m)")
+            elif metres is None and not (self.baseline_free and name == "baseline_m"):
+                lacking.append(words)
         return lacking
+
+    @property
+    def needs_measuring(self) -> list[str]:
+        """The planned lengths that a calibration would use."""
+        return [name for name in self.planned if not (self.baseline_free and name == "baseline_m")]
 
 
 def checked_inputs(data: Mapping[str, Any]) -> Inputs:
@@ -100,6 +112,8 @@ def check_inputs(inputs: Inputs) -> None:
     frames = (*inputs.exchanged, *inputs.put_back, *inputs.left_out)
     if not all(isinstance(frame, int) for frame in frames):
         raise TypeError(inputs)
+    if any(name not in LENGTHS or getattr(inputs, name) is None for name in inputs.planned):
+        raise TypeError(inputs.planned)
     if not isinstance(inputs.baseline_free, bool):
         raise TypeError(inputs.baseline_free)
     _check_lens_known(inputs.lens_known)

@@ -121,6 +121,7 @@ class Project:
             # A new camera file replaces the stated uncertainty of its lens.
             known = {slot: v for slot, v in before.lens_known.items() if slot not in files}
             kept = {name: getattr(before, name) for name in VALUES} | {"lens_known": known}
+            kept["planned"] = [name for name in before.planned if name not in values]
             if "correspondences" in files or "correspondences" in drop:
                 kept |= {name: [] for name in OF_TABLE}
             keep_values(self.database, INPUT, kept | values)
@@ -177,6 +178,10 @@ class Project:
         if frame not in inputs.left_out:
             given["put_back"] = sorted({*inputs.put_back, frame})
         keep_values(self.database, INPUT, given)
+
+    def take_planned(self) -> None:
+        """Take the planned lengths as measured."""
+        keep_values(self.database, INPUT, {"planned": []})
 
     def rename(self, name: str) -> None:
         """Rename the project; later calibrations use the name."""

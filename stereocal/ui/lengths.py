@@ -8,9 +8,11 @@ from typing import Any
 import streamlit as st
 
 from stereocal.errors import StereocalError
+from stereocal.projects.inputs import LENGTHS
 from stereocal.projects.project import Project
 from stereocal.ui.fields import Field, one_of, setting
 from stereocal.ui.intake import clear_refusal, refuse
+from stereocal.ui.messages import callback
 from stereocal.ui.project import own_change, project_to_write
 
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
@@ -25,6 +27,23 @@ def length_field(project: Project | None, name: str, label: str) -> None:
         placeholder="measured length", **length.number.widget(),
     )  # fmt: skip
     choice.selectbox("Unit", list(UNITS), **length.unit.widget())
+
+
+def ask_if_measured(project: Project) -> None:
+    """Ask about planned lengths that nobody has measured yet."""
+    inputs = project.inputs
+    if not inputs.needs_measuring:
+        return
+    lengths = " and ".join(
+        f"{LENGTHS[name]} ({getattr(inputs, name):.12g} m)" for name in inputs.needs_measuring
+    )
+    st.warning(
+        f"**Planned, not yet measured:** {lengths}. Enter on the Data page what you measure: an "
+        "error in a length becomes an error of every result."
+    )
+    st.button(
+        "Measured: they are as planned", key="take_planned", on_click=callback(project.take_planned)
+    )
 
 
 class _Length:

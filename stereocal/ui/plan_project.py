@@ -11,7 +11,7 @@ from stereocal.field.planning.forecast import PlanForecast
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.plan_file import write_plan
 from stereocal.projects.data_folder import default_home
-from stereocal.projects.inputs import Slot
+from stereocal.projects.inputs import LENGTHS, Slot
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.ui.messages import callback
@@ -29,8 +29,8 @@ def start_button(found: PlanForecast) -> None:
     st.button(
         "Start a project from it", type="primary", key="plan_start", on_click=start_project,
         args=(found,),
-        help="A new project with these lengths, cameras and uncertainties. The forecast then "
-        "stands beside what comes out.",
+        help="A new project with these cameras and uncertainties, and with these lengths until "
+        "they are measured. The forecast then stands beside what comes out.",
     )  # fmt: skip
 
 
@@ -62,6 +62,7 @@ def give_plan(project: Project, found: PlanForecast) -> None:
         name=plan.name,
         baseline_m=plan.baseline_m,
         target_distance_m=plan.bar_m,
+        planned=list(LENGTHS),
         baseline_sigma_m=own.baseline_m or None,
         target_distance_sigma_m=own.bar_m or None,
         lens_known=known,

@@ -9,7 +9,17 @@ from stereocal.projects.inputs import Inputs
 from stereocal.projects.project import Project
 from stereocal.rig.dataset import Dataset
 from stereocal.ui.intake import escape_markdown
+from stereocal.ui.lengths import ask_if_measured
+from stereocal.ui.photographs import has_photographs
 from stereocal.ui.project import current_project
+
+
+def missing_of(project: Project) -> str:
+    """What a project still lacks for a calibration, in Markdown."""
+    instead = {}
+    if has_photographs(project):
+        instead["the table of points"] = "the targets in the photographs (press *Find the targets*)"
+    return ", ".join(instead.get(words, words) for words in project.inputs.missing)
 
 
 def project_with_data() -> tuple[Project, Inputs, Dataset]:
@@ -25,7 +35,9 @@ def project_with_data() -> tuple[Project, Inputs, Dataset]:
         st.error(escape_markdown(str(error)))
         st.stop()
     if project is None or inputs is None or dataset is None:
-        missing = ", ".join(inputs.missing) if inputs else "points, cameras and two lengths"
+        if project is not None:
+            ask_if_measured(project)
+        missing = missing_of(project) if project else "points, cameras and two lengths"
         st.info(f"Before this page can answer, it needs {missing}.")
         st.page_link("pages/data.py", label="Give them on the Data page")
         st.stop()

@@ -83,6 +83,7 @@ def test_sample_photographs_fill_all_pages(app: AppTest, home: Path) -> None:
     project = Project.open(home, app.session_state["project_id"])
     assert all(project.cameras)
     assert project.inputs.missing == ["the table of points"]
+    assert "Still missing: the targets in the photographs (press *Find the targets*)" in said(app)
     for which in CAMERAS:
         assert len(ProjectLens(project, which).photographs) == 30
     app.switch_page("pages/cameras.py").run()

@@ -60,6 +60,25 @@ def test_missing_parts_are_named_until_complete(tmp_path: Path) -> None:
     assert project.dataset is None
 
 
+def test_a_planned_length_is_missing_until_it_is_measured(tmp_path: Path) -> None:
+    project = filled(tmp_path)
+    project.give({}, planned=["baseline_m", "target_distance_m"])
+    assert [words.partition(" as ")[0] for words in project.inputs.missing] == [
+        "the baseline",
+        "the distance between the targets",
+    ]
+    assert project.dataset is None
+    # A baseline that is left free needs no measuring.
+    project.give({}, baseline_free=True)
+    assert project.inputs.needs_measuring == ["target_distance_m"]
+    project.give({}, target_distance_m=0.9)
+    assert project.inputs.missing == []
+    project.give({}, baseline_free=False)
+    assert project.inputs.missing == ["the baseline as measured (planned: 4.5 m)"]
+    project.take_planned()
+    assert project.inputs.missing == []
+
+
 @pytest.mark.parametrize(
     ("slot", "content", "sentence"),
     [
