@@ -29,7 +29,7 @@ from stereocal.refined.refine import refine
 from stereocal.refined.results import Calibration
 from stereocal.refined.screening import Screening, screened
 from stereocal.refined.stated_inputs import Input
-from stereocal.refined.unknowns import RefineSettings
+from stereocal.refined.unknowns import RefineSettings, check_stated
 from stereocal.rig.compiled import IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import FileForecast, RigParameters
@@ -66,6 +66,8 @@ def calibrate(
         StereocalError: the data do not determine the pose; the message says why and what to do.
     """
     settings = settings or CalibrationSettings()
+    if refined is not None:
+        check_stated(refined, dataset)
     report = progress or (lambda _: None)
     split_seed, seed_2d, seed_3d = np.random.SeedSequence(settings.search.seed).spawn(3)
     report("screening")
@@ -75,7 +77,11 @@ def calibrate(
     chosen = _only(kept, frames)
     checks.check_points(chosen)
     reconstruction = reconstruction_problem(chosen, settings.known_points)
-    warnings = [*filter(None, [note_on_free_baseline(chosen)]), *checks.warnings_about(chosen)]
+    warnings = [
+        *filter(None, [note_on_free_baseline(chosen)]),
+        *checks.warnings_about(chosen),
+        *checks.warnings_about_copies(dataset),
+    ]
 
     report("essential")
     start = _essential(chosen, settings, reconstruction, screening)

@@ -17,6 +17,8 @@ LARGEST_SCALE_ERROR = 1.5
 """Lens errors of several percent change lengths by as much, not by half."""
 
 FEW_PAIRS = 8
+MOST_COPIES = 3
+"""Warnings about single copied images of a camera."""
 FEW_BARS = 5
 """Five angles need at least five lengths."""
 
@@ -101,4 +103,16 @@ def warnings_about(dataset: Dataset) -> list[str]:
                 f"{camera.K[1, 2]:.0f}) is far from the centre of its image of {width}x{height} "
                 "px. Unless the image was cropped, K and the image size do not belong together."
             )
+    return found
+
+
+def warnings_about_copies(dataset: Dataset) -> list[str]:
+    """Warnings about frames in which one camera alone has exactly the points of another frame."""
+    found: list[str] = []
+    for which, same in dataset.correspondences.half_copies.items():
+        found += [
+            f"The {which} camera's points of frame {frame} are exactly those of frame {first}, the "
+            "other camera's are not: was an image copied under another number?"
+            for frame, first in [*same.items()][:MOST_COPIES]
+        ]
     return found

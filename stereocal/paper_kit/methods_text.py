@@ -95,6 +95,8 @@ def _left_out(answer: Answer) -> Iterator[str]:
         )
     if by_user := screening.by_user:
         yield f"{'Further, f' if frames else 'F'}{_them(by_user)[1:]} left out by hand."
+    if copies := tuple(screening.copies):
+        yield f"F{_them(copies)[1:]} left out as copies of other frames."
     if put_back := answer.calibration.settings.frames_put_back:
         verb = "were" if len(put_back) > 1 else "was"
         yield f"F{_frames(put_back)[1:]} {verb} kept by hand."

@@ -85,20 +85,27 @@ def compare_inputs(result: RefinedResult) -> Comparison:
     tests = _tests(current)
     found = {key: _input(result, key, value) for key, (value, _) in tests.items()}
     named: list[str] = []
+    undetermined: set[str] = set()
     while True:
         suspects = {
-            k: t for k, t in tests.items() if t[0] >= ACCUSED and not _the_only_scale(current, k)
+            k: t
+            for k, t in tests.items()
+            if t[0] >= ACCUSED and k not in undetermined and not _the_only_scale(current, k)
         }
         if not suspects:
             break
         largest = max(value for value, _ in suspects.values())
         alike = [k for k, (value, _) in suspects.items() if value >= EQUAL_FIT * largest]
         key, *rivals = sorted(alike, key=lambda k: suspects[k][1] / UNCERTAINTY_FACTOR.get(k, 1.0))
+        try:
+            freed = {
+                each: refine(result.dataset, _freed(current, each), current.pose, result.rows)
+                for each in (key, *(set(rivals) & LENGTHS if key in LENGTHS else ()))
+            }
+        except StereocalError:  # the other data do not say what it is instead
+            undetermined.add(key)
+            continue
         named.append(key)
-        freed = {
-            each: refine(result.dataset, _freed(current, each), current.pose, result.rows)
-            for each in (key, *(set(rivals) & LENGTHS if key in LENGTHS else ()))
-        }
         found[key] = _accused(found[key], freed, tuple(rivals), found)
         current = freed[key]
         tests = _tests(current)

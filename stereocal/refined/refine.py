@@ -25,7 +25,9 @@ from stereocal.refined.solve import Noise, Solve, lenses_of
 from stereocal.refined.unknowns import (
     RefineSettings,
     Unknowns,
+    baseline_sigma_m,
     camera_of,
+    distance_sigma_m,
     pose_of,
     with_lens_priors,
 )
@@ -39,6 +41,9 @@ from stereocal.rig.tracks import MeasuredOffset, TimeOffset
 OUT_OF_STEPS = "the largest number of steps was reached"
 MAXIMUM_NOISE_PX = 30.0
 """A fit with more noise is rejected: the points do not belong together."""
+LARGEST_FACTOR, MOST_SIGMAS = 1.5, 10.0
+"""By what factor, or by how many of its standard errors, a fit may change a measured length. Wrong
+lenses change lengths by percents; the screening's wide priors may explain a wrong unit of one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,7 +183,39 @@ def refine(
             "The refined method found no pose of the cameras that fits: check that points, "
             "targets and camera files are not exchanged."
         )
-    return _result(found, rows, clock() - started)
+    result = _result(found, rows, clock() - started)
+    if not result.unknowns.determined(result.information):
+        raise StereocalError(
+            "The points do not determine the refined set: record more bars, at other places and in "
+            "other directions."
+        )
+    _check_lengths(result)
+    return result
+
+
+def _check_lengths(result: RefinedResult) -> None:
+    """Check that the fit has kept to the measured lengths.
+
+    With wide priors on both, shrinking the whole scene explains all lengths (a baseline of 5e-7 m).
+
+    Raises:
+        StereocalError: it has left one further than its prior allows.
+    """
+    settings, dataset = result.settings, result.dataset
+    for what, factor, sigma, stated in (
+        ("baseline", result.pose.baseline / dataset.baseline_m,
+         baseline_sigma_m(dataset, settings), dataset.baseline_m),
+        ("distance between the targets", result.bar_factor,
+         distance_sigma_m(dataset, settings), dataset.target_distance_m),
+    ):  # fmt: skip
+        most = max(LARGEST_FACTOR, 1.0 + MOST_SIGMAS * sigma / stated)
+        if np.isinf(sigma) or 1.0 / most < factor < most:
+            continue
+        raise StereocalError(
+            f"The refined method would change the {what} from {stated:g} to {factor * stated:.3g} "
+            f"m, which is stated to ± {sigma:.2g} m: check both lengths and their uncertainties, "
+            "in metres."
+        )
 
 
 def _solves(

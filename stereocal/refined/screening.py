@@ -53,7 +53,7 @@ class Screening:
     """The robust fit; None if there is none."""
     left_out: tuple[int, ...]
     """Numbers of the frames that contradict the others, except those put back, of those that the
-    user left out, and of those that could not be shifted in time; ascending."""
+    user left out, of copies, and of those that could not be shifted in time; ascending."""
     exchanged: tuple[int, ...]
     """The frames of `left_out` that fit if A and B are exchanged in one of the cameras."""
     together: str
@@ -82,8 +82,18 @@ class Screening:
     @property
     def contradicting(self) -> tuple[int, ...]:
         """The frames of `left_out` that contradict the others."""
-        known = {*self.by_user, *self.without_neighbours}
+        known = {*self.by_user, *self.copies, *self.without_neighbours}
         return tuple(frame for frame in self.left_out if frame not in known)
+
+    @cached_property
+    def copies(self) -> dict[int, int]:
+        """The frames of `left_out` that are copies, and the earlier frames with the same points.
+
+        A copy adds no information, and the errors would be stated too small.
+        """
+        all_copies = self.full_dataset.correspondences.copies
+        known = {*self.left_out} - {*self.by_user}
+        return {frame: first for frame, first in all_copies.items() if frame in known}
 
     @cached_property
     def without_neighbours(self) -> tuple[int, ...]:
@@ -104,9 +114,15 @@ class Screening:
         return len(self.contradicting) / len(self.full_dataset.correspondences.frames)
 
 
-def unscreened(dataset: Dataset, failure: str = "", by_user: tuple[int, ...] = ()) -> Screening:
-    """The result that keeps every frame but those that the user left out."""
-    return Screening(dataset, None, by_user, (), "", failure, by_user=by_user)
+def unscreened(
+    dataset: Dataset,
+    failure: str = "",
+    by_user: tuple[int, ...] = (),
+    copies: Collection[int] = (),
+) -> Screening:
+    """The result that keeps every frame but copies and those that the user left out."""
+    left_out = tuple(sorted({*by_user, *copies}))
+    return Screening(dataset, None, left_out, (), "", failure, by_user=by_user)
 
 
 def screen(
@@ -125,9 +141,11 @@ def screen(
         time_drift: find the drift of the time offset too.
     """
     frames, by_user = dataset.correspondences.frames, tuple(leave_out)
-    rest = dataset.of_frames(frames[~np.isin(frames, by_user)]) if by_user else dataset
+    copies = {*dataset.correspondences.copies} - {*put_back}
+    known = [*by_user, *copies]
+    rest = dataset.of_frames(frames[~np.isin(frames, known)]) if known else dataset
     if len(rest.correspondences.frames) < MINIMUM_FRAMES:
-        return unscreened(dataset, by_user=by_user)
+        return unscreened(dataset, by_user=by_user, copies=copies)
     note, measured = "", None
     try:
         if time_offset:
@@ -139,14 +157,14 @@ def screen(
         if measured is None:
             fit = refine(rest, wide_settings(rest))
     except StereocalError as error:
-        return unscreened(dataset, str(error), by_user)
+        return unscreened(dataset, str(error), by_user, copies)
     assert fit is not None
     out = fit.outlying & ~np.isin(fit.frames, list(put_back))
     exchanged = out & _fit_exchanged(fit, rest)
     return Screening(
         dataset,
         fit,
-        tuple(sorted({*by_user, *fit.frames[out].tolist(), *frames_without_neighbours(dataset)})),
+        tuple(sorted({*known, *fit.frames[out].tolist(), *frames_without_neighbours(dataset)})),
         tuple(fit.frames[exchanged].tolist()),
         common_cause(fit, out & ~exchanged),
         noise_px=float(fit.sigma_px.value),

@@ -23,7 +23,7 @@ from stereocal.refined.bar_fit import (
 )
 from stereocal.rig.camera import CAMERAS, LENS_UNKNOWNS, Camera, CameraName
 from stereocal.rig.compiled import FloatArray, IntArray
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.dataset import Dataset, check_uncertainty
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.rig import Rig
 
@@ -33,6 +33,13 @@ DEFAULT_BASELINE = 0.01
 """As a fraction of the baseline, which is measured between housings but ends inside the lenses."""
 DEFAULT_DISTANCE = 0.001
 """As a fraction of the bar: half a millimetre on half a metre."""
+
+FIXED = 1e-10
+"""A value with a smaller standard deviation is held fixed: far below what any of them can be known
+to, and large enough that its inverse square is a number."""
+SMALLEST_EIGENVALUE = 1e-13
+"""Of the scaled normal equations: with a smaller one the errors of rounding are as large as the
+equations, and the covariance has negative variances."""
 
 WIDE_TIME, WIDE_DRIFT = 10.0, 0.1
 """Standard deviations of the time offset, in frames, and of its drift, that hardly restrict them;
@@ -167,6 +174,15 @@ class Unknowns:
         scale = 1.0 / np.sqrt(np.diag(A))  # the units differ by orders of magnitude
         return np.asarray(np.linalg.inv(A * np.outer(scale, scale)) * np.outer(scale, scale))
 
+    def determined(self, information: FloatArray) -> bool:
+        """Whether priors and information (25, 25) determine all of p, in double precision."""
+        A = self.M.T @ information @ self.M + self.precision
+        diagonal = np.diag(A)
+        if not (np.isfinite(A).all() and (diagonal > 0).all()):
+            return False
+        scale = 1.0 / np.sqrt(diagonal)
+        return bool(np.linalg.eigvalsh(A * np.outer(scale, scale))[0] > SMALLEST_EIGENVALUE)
+
     def prior_covariance(self, columns: list[int]) -> FloatArray:
         """The covariance of the priors of some free parameters, which must all have one."""
         known = np.flatnonzero(np.isfinite(self.sigma))
@@ -219,7 +235,7 @@ def unknowns_of(
     names, sigmas, along = [], [], []
     precision = np.zeros((SHARED, SHARED))
     for columns, correlation in blocks:
-        free = [i for i, (_, sigma, _) in enumerate(columns) if sigma > 0]
+        free = [i for i, (_, sigma, _) in enumerate(columns) if sigma > FIXED]
         names += [columns[i][0] for i in free]
         along += [columns[i][2] for i in free]
         own = np.array([columns[i][1] for i in free])
@@ -319,6 +335,20 @@ def distance_sigma_m(dataset: Dataset, settings: RefineSettings) -> float:
         dataset.target_distance_sigma_m,
         DEFAULT_DISTANCE * dataset.target_distance_m,
     )
+
+
+def check_stated(settings: RefineSettings, dataset: Dataset) -> None:
+    """Check the uncertainties of the lengths that the settings state; 0 and infinity may be.
+
+    Raises:
+        StereocalError: one is impossible for its length.
+    """
+    for what, sigma, length in (
+        ("baseline", settings.baseline_sigma_m, dataset.baseline_m),
+        ("distance between the targets", settings.distance_sigma_m, dataset.target_distance_m),
+    ):
+        if sigma and np.isfinite(sigma):
+            check_uncertainty(what, sigma, length)
 
 
 def camera_of(stated: Camera, q: FloatArray, number: int) -> Camera:

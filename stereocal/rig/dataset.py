@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
-from stereocal.rig.camera import Camera
+from stereocal.rig.camera import CAMERAS, Camera, CameraName
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.geometry import Pose, stack_rays, triangulate_rays
 from stereocal.rig.tracks import TimeOffset, interpolate
@@ -24,6 +24,9 @@ SOURCES = ("detected", "corrected", "manual")
 UNKNOWN_SOURCE = -1
 LONGEST_PLAUSIBLE_M = 1000.0
 """A longer baseline or bar is taken for a number in millimetres."""
+LARGEST_UNCERTAINTY, SMALLEST_UNCERTAINTY = 0.2, 1e-7
+"""Of a measured length, as fractions of it. A larger one is taken for a number in another unit;
+with a smaller one the fit cannot be computed in double precision."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,6 +189,37 @@ class Correspondences:
         both = sorted(rows[0].keys() & rows[1].keys())
         return np.array([(rows[0][f], rows[1][f]) for f in both], dtype=np.int64).reshape(-1, 2)
 
+    @cached_property
+    def copies(self) -> dict[int, int]:
+        """Frames with exactly the points of an earlier frame in both images, and that frame."""
+        return self._same_as_earlier(np.column_stack([self.primary, self.recorded_secondary]))
+
+    @cached_property
+    def half_copies(self) -> dict[CameraName, dict[int, int]]:
+        """As `copies`, frames with exactly an earlier frame's points in one image alone."""
+        sides = zip(CAMERAS, (self.primary, self.recorded_secondary), strict=True)
+        return {
+            which: {
+                frame: earlier
+                for frame, earlier in self._same_as_earlier(points).items()
+                if frame not in self.copies
+            }
+            for which, points in sides
+        }
+
+    def _same_as_earlier(self, points: FloatArray) -> dict[int, int]:
+        """The frames whose targets and points (n, k) are those of an earlier frame."""
+        order = np.lexsort([self.target, self.frame])
+        ends = np.flatnonzero(np.diff(self.frame[order])) + 1
+        first: dict[bytes, int] = {}
+        found = {}
+        for rows in np.split(order, ends) if len(order) else ():
+            own = np.column_stack([self.target[rows], points[rows]]).tobytes()
+            frame = int(self.frame[rows[0]])
+            if first.setdefault(own, frame) != frame:
+                found[frame] = first[own]
+        return found
+
     def where(self, keep: npt.NDArray[np.bool_]) -> Correspondences:
         """The rows for which `keep` (n,) is true."""
         return Correspondences(*(getattr(self, field.name)[keep] for field in fields(self)))
@@ -229,15 +263,11 @@ class Dataset:
     def __post_init__(self) -> None:
         check_length("baseline", self.baseline_m)
         check_length("distance between the targets", self.target_distance_m)
-        for what, sigma in (
-            ("baseline", self.baseline_sigma_m),
-            ("distance between the targets", self.target_distance_sigma_m),
-        ):
-            free = what == "baseline" and sigma == np.inf
-            if sigma is not None and not free and not (np.isfinite(sigma) and sigma > 0):
-                raise StereocalError(
-                    f"The uncertainty of the {what} is {sigma}: it must be above 0."
-                )
+        if not self.baseline_is_free:
+            check_uncertainty("baseline", self.baseline_sigma_m, self.baseline_m)
+        check_uncertainty(
+            "distance between the targets", self.target_distance_sigma_m, self.target_distance_m
+        )
         problems = points_outside(self.correspondences, self.primary, self.secondary)
         if problems:
             raise RefusedRowsError("", problems, "with a point outside its image")
@@ -395,6 +425,31 @@ def check_length(what: str, value: float) -> None:
         raise StereocalError(
             f"The {what} is {value:g} m: this looks like millimetres. Give it in metres "
             f"({value / 1000:g})."
+        )
+
+
+def check_uncertainty(what: str, sigma: float | None, length: float) -> None:
+    """Check the stated standard error of a measured length, both in metres.
+
+    Raises:
+        StereocalError: it is not above 0, or impossible for this length.
+    """
+    if sigma is None:
+        return
+    if not (np.isfinite(sigma) and sigma > 0):
+        raise StereocalError(f"The uncertainty of the {what} is {sigma}: it must be above 0.")
+    if sigma > LARGEST_UNCERTAINTY * length:
+        free = " A baseline that was not measured can be left free." if what == "baseline" else ""
+        raise StereocalError(
+            f"The uncertainty of the {what} is {sigma:g} m, more than "
+            f"{100 * LARGEST_UNCERTAINTY:g} % of its {length:g} m. Is it in millimetres? Then it "
+            f"is {sigma / 1000:g} m: state it in metres.{free}"
+        )
+    if sigma < SMALLEST_UNCERTAINTY * length:
+        raise StereocalError(
+            f"The uncertainty of the {what} is {sigma:g} m, for a length of {length:g} m: no such "
+            f"length is known to better than {SMALLEST_UNCERTAINTY * length:.1g} m. State it in "
+            "metres, as 0.002 for 2 mm."
         )
 
 

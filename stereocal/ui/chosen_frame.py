@@ -91,6 +91,9 @@ def state_of(calibration: Calibration, frame: int) -> str:
     screening = calibration.screening
     if frame in screening.by_user:
         return f"Frame {frame} was left out by you."
+    if frame in screening.copies:
+        first = screening.copies[frame]
+        return f"Frame {frame} has exactly the points of frame {first}, and was left out."
     if frame in screening.without_neighbours:
         return f"Frame {frame} has no neighbours in time to shift its points by; it was left out."
     if frame in screening.left_out:

@@ -16,6 +16,11 @@ from stereocal.rig.compiled import IntArray
 def left_out_line(screening: Screening) -> str:
     """Sentences on the frames left out, and on those whose targets look exchanged; or empty."""
     others = [f"Left out by you: {_named(screening.by_user)}."] if screening.by_user else []
+    if copies := screening.copies:
+        others.append(
+            f"Left out as well: {_named([*copies])}, with exactly the points of "
+            f"{_named(sorted({*copies.values()}))}; a copy adds no information."
+        )
     if alone := screening.without_neighbours:
         others.append(
             f"{len(alone)} frames have no neighbours in time to shift their points by, and were "

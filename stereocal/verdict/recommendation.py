@@ -7,6 +7,7 @@ verdict on one or two sets.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -48,7 +49,9 @@ class Figure:
     def percents(self, forecast_holds: bool) -> str:
         """A share or a relative error in percent, the forecast if it holds; empty if unknown."""
         if self.forecast is not None and (forecast_holds or self.held_out is None):
-            return f"{percent(self.forecast.value)} % ({interval(self.forecast)})"
+            known = math.isfinite(self.forecast.low) and math.isfinite(self.forecast.high)
+            within = f" ({interval(self.forecast)})" if known else ""
+            return f"{percent(self.forecast.value)} %{within}"
         return "" if self.held_out is None else f"{percent(self.held_out)} %"
 
 
@@ -144,17 +147,19 @@ def figures_of(
 ) -> FileFigures:
     """What the file of a method does, by forecast and validation."""
     own: Validated = validation.get(method, {})
-    limit = own.get("threshold_px")
+    limit = _finite(own.get("threshold_px"))
     usual = at_limit = None
     if outlook is not None and method in outlook.files:
         usual = at_limit = outlook.predictive.forecasts[method]
         if limit is not None:
             at_limit = outlook.predictive.forecast(method, limit)
         else:
-            limit = float(usual.threshold_px.value)
+            limit = _finite(usual.threshold_px.value)
 
     def figure(name: str, forecast: Any, key: str) -> Figure:
-        return Figure(getattr(forecast, name, None), own.get(key))
+        found: Estimate | None = getattr(forecast, name, None)
+        known = found is not None and math.isfinite(found.value)
+        return Figure(found if known else None, _finite(own.get(key)))
 
     return FileFigures(
         method,
@@ -165,6 +170,11 @@ def figures_of(
         length_median=figure("median_error_3d", usual, "median_error_3d"),
         length_p95=figure("p95_error_3d", usual, "p95_error_3d"),
     )
+
+
+def _finite(value: float | None) -> float | None:
+    """The value; None if it could not be computed."""
+    return float(value) if value is not None and math.isfinite(value) else None
 
 
 def _holds(found: Verdict | None) -> bool:
@@ -203,7 +213,7 @@ def _how_sure(found: Verdict, outlook: Outlook | None, validation: Mapping[Any, 
         return (
             f"One set does both jobs here ({sure(found.chance_of_one)} sure). Or the paper's two: "
             f"match with the 2D set{figures_of('2d', outlook, validation).below}, measure with the "
-            f"3D set, 95 % of lengths within {lengths}."
+            f"3D set{f', 95 % of lengths within {lengths}' if lengths else ''}."
         )
     more = (
         f"About {found.frames_to_add} more frames would decide it."

@@ -67,6 +67,18 @@ def test_presets(app: AppTest, home: Path, name: str, option: str, mm: float) ->
     assert getattr(read(project), sigma) is None
 
 
+def test_an_uncertainty_in_another_unit_is_asked_about(app: AppTest, home: Path) -> None:
+    """5000 mm of a baseline of 4.5 m; what was stated before stays."""
+    project = project_of(open_sample(app), home)
+    choose(app, "baseline_m", "Tape")
+    choose(app, "baseline_m", "Typed")
+    app.number_input(key="baseline_m_sigma_mm").set_value(5000.0).run()
+    assert not app.exception
+    (refused,) = app.error
+    assert "millimetres" in refused.value and "0.005 m" in refused.value
+    assert read(project).baseline_sigma_m == 0.005
+
+
 def test_typed_numbers_stand_after_f5_and_reach_the_refined_method(
     app: AppTest, home: Path
 ) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,13 +11,17 @@ import pytest
 from benchmarks.refined_rigs import Misjudged, fixed_lenses, random_scene, spoiled, stated
 from benchmarks.refined_truth import against_the_paper, turned, with_gross_errors
 from stereocal.errors import StereocalError
+from stereocal.formats.dataset_files import read_dataset
 from stereocal.refined.refine import refine
 from stereocal.refined.solve import ASSUMED, ESTIMATED, GIVEN, scatter_of
 from stereocal.refined.unknowns import FIXED_LENS, LensPrior, RefineSettings
+from stereocal.rig.camera import LensUncertainty
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.simulation.simulate import Nominal, lens_off_by, observe
+from stereocal.workflow import calibrate
 from tests import known_rig as rig
 
+SAMPLES = Path(__file__).parents[2] / "sample_data"
 KNOWN = Misjudged()
 
 
@@ -165,6 +170,25 @@ def test_what_it_refuses() -> None:
     nonsense = replace(data, correspondences=replace(rows, secondary=rows.secondary[mixed]))
     with pytest.raises(StereocalError, match="no pose of the cameras that fits"):
         refine(nonsense)
+
+
+def test_a_fit_that_leaves_its_lengths_is_refused() -> None:
+    """Both lengths known to 10 m: without the check, the baseline becomes 3e-6 m."""
+    data = read_dataset(SAMPLES / "recording")
+    hardly_known = RefineSettings(baseline_sigma_m=50.0, distance_sigma_m=10.0)
+    with pytest.raises(StereocalError, match="check both lengths and their uncertainties"):
+        refine(data, hardly_known)
+    with pytest.raises(StereocalError, match="more than 20 %"):
+        calibrate(data, refined=hardly_known)
+
+
+def test_what_is_known_beyond_double_precision_is_held_fixed() -> None:
+    data = rig.dataset(12, 0.2)
+    exact = LensUncertainty(1e-300, 1e-300, 1e-300, 1e-300, 0 * rig.PRIMARY.distortion)
+    held = replace(data, primary=replace(data.primary, uncertainty=exact))
+    found = refine(held, RefineSettings(baseline_sigma_m=1e-300))
+    assert not [name for name in found.unknowns.names if name.startswith(("primary", "baseline"))]
+    assert found.pose.baseline == pytest.approx(rig.BASELINE_M, rel=1e-12)
 
 
 def test_either_length_can_give_the_scale_alone() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -16,17 +16,22 @@ from stereocal.calibration.methods import CalibrationSettings
 from stereocal.calibration.wrong_inputs import LENGTH_TOLERANCE, essential_fit
 from stereocal.cli import main
 from stereocal.errors import StereocalError
-from stereocal.formats.dataset_files import pack_dataset
+from stereocal.formats.dataset_files import pack_dataset, read_dataset
 from stereocal.projects.calibration_files import pack_calibration, unpack_calibration
 from stereocal.refined.diagnosis import explain_failure
+from stereocal.refined.disagreement import what_disagrees
+from stereocal.refined.refine import refine
 from stereocal.refined.screening import MINIMUM_FRAMES, screen
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.dataset import Correspondences, Dataset
 from stereocal.rig.parameters import RigParameters
 from stereocal.simulation.simulate import observe, place_bars
+from stereocal.verdict.forecast import outlook_of
 from stereocal.verdict.in_words import left_out_line, why_not_trusted
-from stereocal.workflow import calibrate
+from stereocal.workflow import answer, calibrate
 from tests import known_rig as rig
+
+SAMPLES = Path(__file__).parents[2] / "sample_data"
 
 BAD = (3, 17)
 
@@ -115,6 +120,59 @@ def test_one_bad_frame_hardly_moves_the_sets(exchanged: Dataset) -> None:
         assert found.errors[method].mean_length < 2 * sound.errors[method].mean_length
     with pytest.raises(StereocalError, match=r"contradict the others .*\(3, 17\)"):
         calibrate(exchanged, CalibrationSettings(all_frames=True))
+
+
+def copied(dataset: Dataset, frames: int, times: int) -> Dataset:
+    """The first frames of a data set, and copies of them under other numbers."""
+    rows = dataset.correspondences.of_frames(dataset.correspondences.frames[:frames])
+    again = {each.name: np.concatenate([getattr(rows, each.name)] * times) for each in fields(rows)}
+    for name in ("frame", "time_frame"):
+        again[name] += np.repeat(100 * np.arange(times), len(rows))
+    return replace(dataset, correspondences=Correspondences(**again))
+
+
+def test_copies_are_named_and_add_nothing() -> None:
+    data = rig.dataset(20, noise_px=0.2)
+    found, once = (
+        calibrate(each, refined=RefineSettings()) for each in (copied(data, 20, 2), data)
+    )
+    assert found.screening.left_out == tuple(range(101, 121))
+    assert found.screening.contradicting == () and found.screening.share == 0.0
+    assert found.screening.copies == {100 + frame: frame for frame in range(1, 21)}
+    assert found.refined is not None and once.refined is not None
+    np.testing.assert_array_equal(found.refined.p_covariance, once.refined.p_covariance)
+    text = left_out_line(found.screening)
+    assert "frames 101, 102" in text and "a copy adds no information" in text
+    kept = calibrate(copied(data, 20, 2), CalibrationSettings(frames_put_back=(101,)))
+    assert 101 in kept.frames and 102 not in kept.frames
+
+
+def test_five_frames_five_times_are_five_frames() -> None:
+    """The covariance of these 25 is not positive definite: NaN as standard errors."""
+    data = copied(read_dataset(SAMPLES / "field"), 5, 5)
+    found = calibrate(data, refined=RefineSettings())
+    assert list(found.frames) == [1, 2, 3, 4, 5]
+    trusting = calibrate(data, CalibrationSettings(all_frames=True), refined=RefineSettings())
+    for each in (found, trusting):
+        assert "none" not in answer(each, outlook_of(each)).recommendation.text
+    # A third of them, as random splits draw: one sentence, or numbers.
+    for seed in range(8):
+        frames = np.random.default_rng(seed).choice(data.correspondences.frames, 8, replace=False)
+        try:
+            inputs = what_disagrees(refine(data.of_frames(frames)))
+        except StereocalError:
+            continue
+        assert all(np.isfinite(each.sigma).all() for each in inputs)
+
+
+def test_one_cameras_image_under_another_number_is_named() -> None:
+    data = rig.dataset(20, noise_px=0.2)
+    secondary = np.array(data.correspondences.secondary)
+    secondary[10:12] = secondary[8:10]
+    wrong = replace(data, correspondences=replace(data.correspondences, secondary=secondary))
+    found = calibrate(wrong)
+    assert found.screening.left_out == (6,)
+    assert any("secondary camera's points of frame 6 are exactly" in w for w in found.warnings)
 
 
 def test_a_frame_can_be_put_back(exchanged: Dataset) -> None:

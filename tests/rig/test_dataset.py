@@ -12,7 +12,7 @@ import pytest
 from stereocal.errors import RefusedRowsError, StereocalError
 from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import Correspondences, Dataset, points_outside
-from tests.known_rig import BAR_M, PRIMARY, SECONDARY, correspondences, dataset
+from tests.known_rig import BAR_M, BASELINE_M, PRIMARY, SECONDARY, correspondences, dataset
 
 EXACT = dataset(6)
 
@@ -57,6 +57,17 @@ class TestCorrespondences:
         np.testing.assert_array_equal(chosen.sigma_secondary_px, [np.nan, 0.4])
         np.testing.assert_array_equal(chosen.source, [2, -1])
         assert np.isnan(chosen.sigma_primary_px).all()
+
+    def test_copies_are_found_under_other_numbers(self) -> None:
+        """Frame 3 is frame 1, its rows in another order; of frame 2 only the primary's image is."""
+        rows = changed()
+        primary, secondary = np.array(rows.primary), np.array(rows.secondary)
+        primary[2:4], primary[[5, 4]], secondary[[5, 4]] = primary[:2], primary[:2], secondary[:2]
+        target = np.array([0, 1, 0, 1, 1, 0])
+        found = changed(primary=primary, secondary=secondary, target=target)
+        assert found.copies == {3: 1}
+        assert found.half_copies == {"primary": {2: 1}, "secondary": {}}
+        assert not rows.copies and not any(rows.half_copies.values())
 
     def test_words_of_sources(self) -> None:
         twos = np.ones((2, 2))
@@ -115,6 +126,26 @@ class TestLengths:
     def test_no_uncertainty(self, name: str, value: float) -> None:
         with pytest.raises(StereocalError, match="uncertainty"):
             replace(EXACT, **cast(Any, {name: value}))
+
+    @pytest.mark.parametrize(
+        ("name", "value", "says"),
+        [
+            ("baseline_sigma_m", 5.0, "millimetres.* 0.005 m"),
+            ("target_distance_sigma_m", 1.0, "millimetres.* 0.001 m"),
+            ("baseline_sigma_m", 0.21 * BASELINE_M, "20 %"),
+            ("baseline_sigma_m", 1e-300, "better than"),
+            ("target_distance_sigma_m", 1e-300, "better than"),
+        ],
+    )
+    def test_an_impossible_uncertainty_asks_for_its_unit(
+        self, name: str, value: float, says: str
+    ) -> None:
+        with pytest.raises(StereocalError, match=says):
+            replace(EXACT, **cast(Any, {name: value}))
+
+    def test_possible_uncertainties(self) -> None:
+        for sigma in (0.19 * BASELINE_M, 1e-6, np.inf):
+            assert replace(EXACT, baseline_sigma_m=sigma).baseline_sigma_m == sigma
 
     def test_a_frames_own_distance_goes_before_the_data_sets(self) -> None:
         """Given with A, with B, with both, and with none."""

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import replace
 from typing import Any
 
 import pytest
 
 from stereocal.calibration.methods import CalibrationSettings, Method
+from stereocal.evaluation.summary import Estimate
 from stereocal.refined.refine import refine
 from stereocal.refined.results import Calibration
 from stereocal.rig.parameters import RigParameters
@@ -111,6 +113,24 @@ def test_a_doubted_model_lets_held_out_frames_speak(
     assert not found.forecast_holds
     assert "95 % of lengths are within 0.60 % (on held-out frames)." in found.sentences[0]
     assert "The model does not explain these images" in found.text
+
+
+@pytest.mark.parametrize("spoiled", ["value", "low"])
+def test_what_could_not_be_computed_is_left_out(
+    calibration: Calibration, outlook: Outlook, spoiled: str
+) -> None:
+    """Never "95 % of lengths are within none %"."""
+    predictive = forecast_with(0.8, 0.9, 0.02)
+    nothing = Estimate(**{"value": 0.01, "low": 0.01, "high": 0.01, spoiled: math.nan})
+    figures = ("p95_error_3d", "wrong_let_in_at_threshold", "threshold_px")
+    forecasts = {
+        method: replace(found, **dict.fromkeys(figures, nothing))
+        for method, found in predictive.forecasts.items()
+    }
+    object.__setattr__(predictive, "forecasts", forecasts)
+    found = told(calibration, outlook, predictive)
+    assert "none" not in found.text and "nan" not in found.text
+    assert found.sentences[0].startswith("Use the refined set for both: match")
 
 
 def test_without_a_forecast_the_papers_two(calibration: Calibration) -> None:

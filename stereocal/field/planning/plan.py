@@ -15,7 +15,7 @@ from stereocal.errors import StereocalError
 from stereocal.field.planning.common_view import DEPTHS, common_points
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
-from stereocal.rig.dataset import check_length
+from stereocal.rig.dataset import check_length, check_uncertainty
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
 
@@ -241,11 +241,7 @@ class Plan:
             ("baseline", self.uncertainty.baseline_m, self.baseline_m),
             ("bar", self.uncertainty.bar_m, self.bar_m),
         ):
-            if sigma > 0.3 * length:
-                raise StereocalError(
-                    f"The uncertainty of the {what} is {sigma:g} m, of {length:g} m: state it in "
-                    "metres; 0.005 stands for 5 mm."
-                )
+            check_uncertainty(what, sigma or None, length)
         smallest = min(*self.primary.image_size, *self.secondary.image_size)
         if self.uncertainty.centre_px > 0.2 * smallest:
             raise StereocalError(
