@@ -213,8 +213,7 @@ def _check_lengths(result: RefinedResult) -> None:
             continue
         raise StereocalError(
             f"The refined method would change the {what} from {stated:g} to {factor * stated:.3g} "
-            f"m, which is stated to ± {sigma:.2g} m: check both lengths and their uncertainties, "
-            "in metres."
+            "m: check both lengths and their uncertainties, in metres, and both camera files."
         )
 
 
