@@ -29,8 +29,8 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     command = commands.add_parser(
         "reproduce",
         help="compute the parameter files of a paper kit's archive again, and compare them",
-        epilog="Exit status: 0 if all files are identical or within the tolerance that the "
-        "archive states, 1 if one differs, 2 for bad input.",
+        epilog="Exit status: 0 if all files are identical or within the tolerance, "
+        "1 if one differs, 2 for bad input.",
     )
     command.set_defaults(run=run)
     command.add_argument(
@@ -73,12 +73,13 @@ def line_of(found: Comparison) -> str:
     if found.identical:
         return f"{found.name}: identical (SHA-256 {found.digest})"
     if found.agrees:
-        return f"{found.name}: within the tolerance"
+        return f"{found.name}: within the tolerance ({found.tolerance})"
     shown = [f"  {one}" for one in found.differences[:MOST_SHOWN]]
     more = len(found.differences) - len(shown)
     count = f"{len(found.differences)} value{'s' * (len(found.differences) > 1)}"
     rest = [f"  and {more} more"] if more else []
-    return "\n".join([f"{found.name}: different, in {count}:", *shown, *rest])
+    head = f"{found.name}: different, in {count} beyond the tolerance ({found.tolerance}):"
+    return "\n".join([head, *shown, *rest])
 
 
 def elsewhere(archived: ReproducibleResult) -> str:

@@ -20,7 +20,7 @@ from typing import Any
 NOT_COMPARED = ("created", "software")
 PARAMETERS = ("cameras", "R", "T", "E", "angles", "baseline_m")
 """Entries of a parameter file that give the pose and the lenses."""
-NUMBER = re.compile(r"\d+(\.\d+)?")
+NUMBER = re.compile(r"\d+(?:\.(\d+))?(?:e([-+]?\d+))?")
 
 
 @dataclass(frozen=True)
@@ -36,6 +36,9 @@ class Tolerance:
     def of(self, entry: str) -> float:
         """The tolerance of an entry of the file, by the name at its top level."""
         return self.parameters if entry in PARAMETERS else self.figures
+
+    def __str__(self) -> str:
+        return f"{self.parameters:g} of pose and lenses, {self.figures:g} of other figures"
 
 
 SEARCHED, ADJUSTED = Tolerance(1e-4, 5e-2), Tolerance(1e-6, 1e-3)
@@ -109,9 +112,20 @@ def _equal(one: Any, other: Any, tolerance: float, scale: float) -> bool:
         limit = tolerance * max(abs(one), abs(other), scale)
         return math.isclose(one, other, rel_tol=0.0, abs_tol=limit)
     if isinstance(one, str) and isinstance(other, str) and " " in one:
-        # A sentence: its rounded numbers are compared where they come from.
-        return NUMBER.sub("#", one) == NUMBER.sub("#", other)
+        return _same_sentence(one, other, tolerance)
     return bool(one == other and type(one) is type(other))
+
+
+def _same_sentence(one: str, other: str, tolerance: float) -> bool:
+    """Whether only numbers differ, by the tolerance and a unit of their last digit at most."""
+    if NUMBER.sub("#", one) != NUMBER.sub("#", other):
+        return False
+    for a, b in zip(NUMBER.finditer(one), NUMBER.finditer(other), strict=True):
+        unit = max(10.0 ** (int(each[2] or 0) - len(each[1] or "")) for each in (a, b))
+        first, second = float(a[0]), float(b[0])
+        if not abs(first - second) <= tolerance * max(first, second) + 1.001 * unit:
+            return False
+    return True
 
 
 def is_number(value: Any) -> bool:

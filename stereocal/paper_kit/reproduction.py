@@ -59,7 +59,6 @@ class ArchivedFile:
     method: Method
     """The set in it; `parameters_2d.json` may hold the refined one."""
     content: Mapping[str, Any]
-    tolerance: Tolerance
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +85,7 @@ class Comparison:
     digest: str
     """Of the new file."""
     identical: bool
+    tolerance: Tolerance
     differences: tuple[Difference, ...]
     """Those beyond the tolerance."""
 
@@ -121,7 +121,7 @@ def archive_files(answer: Answer, sets: Mapping[Method, RigParameters]) -> dict[
             name: {
                 "method": content["method"],
                 "sha256": digest_of(content),
-                "tolerance": asdict(ADJUSTED if content["method"] == "refined" else SEARCHED),
+                "tolerance": asdict(tolerance_of(content["method"])),
             }
             for name, content in contents.items()
         },
@@ -187,11 +187,12 @@ def _archived(
             f"{path}: {name} is not the file that {STATEMENT} describes; it was changed since."
         )
     (method,) = (each for each in ALL_METHODS if each == entry["method"])
-    limits = entry["tolerance"]
-    tolerance = Tolerance(float(limits["parameters"]), float(limits["figures"]))
-    if not all(0 <= limit < 1 for limit in asdict(tolerance).values()):
-        raise ValueError(tolerance)
-    return ArchivedFile(method, content, tolerance)
+    return ArchivedFile(method, content)
+
+
+def tolerance_of(method: Method) -> Tolerance:
+    """The tolerance of a set's file. What an archive states is not used: it may be forged."""
+    return ADJUSTED if method == "refined" else SEARCHED
 
 
 def compare(archived: ReproducibleResult, sets: Mapping[str, RigParameters]) -> list[Comparison]:
@@ -205,6 +206,7 @@ def compare(archived: ReproducibleResult, sets: Mapping[str, RigParameters]) -> 
         now = json.loads(sets[name].dumps()) if name in sets else {}
         digest = digest_of(now)
         identical = digest == digest_of(file.content)
-        unequal = () if identical else tuple(differences(file.content, now, file.tolerance))
-        found.append(Comparison(name, digest, identical, unequal))
+        tolerance = tolerance_of(file.method)
+        unequal = () if identical else tuple(differences(file.content, now, tolerance))
+        found.append(Comparison(name, digest, identical, tolerance, unequal))
     return found
