@@ -16,7 +16,7 @@ from stereocal.ui.project import current_project
 from stereocal.ui.texts import BOARDS
 
 ensure_navigation()
-st.title("Lenses (optional)")
+st.title("Lenses")
 st.subheader("How does each camera's lens see, and how well is that known?")
 
 project = current_project()

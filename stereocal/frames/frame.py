@@ -53,6 +53,8 @@ class Frame:
     """Whether its targets go into the table of points."""
     reviewed: bool = False
     """Whether the user has decided on it (`review`)."""
+    corrected: bool = False
+    """Whether the user has moved, placed or exchanged targets in it."""
 
     @property
     def targets_in_both(self) -> list[int]:
@@ -177,6 +179,7 @@ def frame_from_json(item: dict[str, Any]) -> Frame:
         reason=str(item["reason"]),
         use=bool(item["use"]),
         reviewed=bool(item.get("reviewed", False)),
+        corrected=bool(item.get("corrected", False)),
     )
 
 

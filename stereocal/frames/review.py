@@ -83,7 +83,15 @@ def target_meant(frame: Frame, camera: int, centre: Centre) -> int:
     """The target (0 A, 1 B) that a new centre belongs to.
 
     The missing target, unless the centre is close to the other; if none is missing, the nearest.
+
+    Raises:
+        StereocalError: both are missing.
     """
+    if not any(frame.centres[camera]):
+        raise StereocalError(
+            f"Neither A nor B is placed in {name_in(camera, frame)}: choose one of them above, and "
+            "click again."
+        )
     distances = [_distance(found, centre) for found in frame.centres[camera]]
     nearest = 0 if distances[0] <= distances[1] else 1
     missing = [target for target in (0, 1) if frame.centres[camera][target] is None]
@@ -93,7 +101,7 @@ def target_meant(frame: Frame, camera: int, centre: Centre) -> int:
 
 
 def place(review: Review, number: int, camera: int, target: int, centre: Centre) -> Review:
-    """Set a target in one camera; the frame is used if its photographs then share a target.
+    """Set a target in one camera.
 
     Raises:
         StereocalError: no such frame, or the other target is already at this position.
@@ -104,12 +112,11 @@ def place(review: Review, number: int, camera: int, target: int, centre: Centre)
             f"Target {TARGETS[1 - target]} is already at this position in "
             f"{name_in(camera, frame)}; swap A and B if that is wrong."
         )
-    moved = frame.moved(camera, target, centre)
-    return _edited(review, frame, replace(moved, use=bool(moved.targets_in_both)))
+    return _corrected(review, frame, frame.moved(camera, target, centre))
 
 
 def swap(review: Review, number: int, camera: int) -> Review:
-    """Exchange A and B in one camera; the frame is used if its photographs share a target.
+    """Exchange A and B in one camera.
 
     Raises:
         StereocalError: no such frame.
@@ -118,7 +125,7 @@ def swap(review: Review, number: int, camera: int) -> Review:
     swapped = frame.swapped(camera)
     if swapped == frame:
         return review
-    return _edited(review, frame, replace(swapped, use=bool(swapped.targets_in_both)))
+    return _corrected(review, frame, swapped)
 
 
 def choose(review: Review, number: int, use: bool) -> Review:
@@ -132,7 +139,7 @@ def choose(review: Review, number: int, use: bool) -> Review:
         raise StereocalError(
             f"Frame {number} cannot be used: no target is placed in both photographs."
         )
-    return _edited(review, frame, replace(frame, use=use))
+    return _edited(review, frame, replace(frame, use=use, reviewed=True))
 
 
 def undo(review: Review) -> Review:
@@ -200,12 +207,23 @@ def unpack_edits(content: bytes, frames: Sequence[Frame]) -> tuple[Edit, ...]:
         raise StereocalError(
             "The list of corrections cannot be read; they cannot be undone."
         ) from error
-    there = {(frame.frame, frame.files) for frame in frames if frame.reviewed}
+    there = {(frame.frame, frame.files) for frame in frames if frame.reviewed or frame.corrected}
     return tuple(edit for edit in edits if (edit.after.frame, edit.after.files) in there)
 
 
+def _corrected(review: Review, before: Frame, after: Frame) -> Review:
+    """Record a correction, which decides whether a frame is used only if all its targets are sure.
+
+    In a doubtful or refused one the other targets may be wrong too, unless the user placed all.
+    """
+    placed = [c is not None and c.source != "detected" for pair in after.centres for c in pair]
+    shared = bool(after.targets_in_both)
+    if after.state == "found" or all(placed):
+        after = replace(after, use=shared, reviewed=True)
+    return _edited(review, before, replace(after, use=after.use and shared, corrected=True))
+
+
 def _edited(review: Review, before: Frame, after: Frame) -> Review:
-    after = replace(after, reviewed=True)
     if after == before:
         return review
     frames = tuple(after if frame.frame == before.frame else frame for frame in review.frames)

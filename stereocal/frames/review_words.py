@@ -13,6 +13,7 @@ from stereocal.frames.review import is_open
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.dataset import TARGETS
 
+DECIDE = "Please decide: check all four targets, then use it or leave it out."
 PLACED_BY = {
     "detected": "found",
     "corrected": "you, at the fitted corner",
@@ -31,10 +32,10 @@ def describe_use(frame: Frame) -> str:
         sentence = "It is left out."
     else:
         sentence = "It is left out: no target is placed in both photographs."
-    if frame.reviewed:
-        sentence += " You have reviewed it."
-    elif is_open(frame):
-        sentence += " Please decide: correct it, use it or leave it out."
+    if frame.corrected or frame.reviewed:
+        sentence += f" You have {'corrected' if frame.corrected else 'reviewed'} it."
+    if is_open(frame):
+        sentence += f" {DECIDE}"
     return sentence
 
 

@@ -25,7 +25,7 @@ def read_review(store: ProjectPhotographs) -> Review:
         rows = store.database.rows("SELECT json FROM edit ORDER BY number")
     if frames is None:
         raise StereocalError("The targets have not been found yet.")
-    there = {(frame.frame, frame.files) for frame in frames if frame.reviewed}
+    there = {(frame.frame, frame.files) for frame in frames if frame.reviewed or frame.corrected}
     edits = [edit for (text,) in rows if (edit := _edit(text)) is not None]
     return Review(
         tuple(frames),

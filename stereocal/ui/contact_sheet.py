@@ -8,7 +8,7 @@ import streamlit as st
 
 from stereocal.errors import StereocalError
 from stereocal.frames.frame import STATES, Frame, describe_frames
-from stereocal.frames.review import choose
+from stereocal.frames.review import choose, is_open
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.review import change_review
 from stereocal.projects.thumbnails import thumbnail
@@ -17,7 +17,6 @@ from stereocal.ui.intake import clear_refusal, escape_markdown, refuse
 
 ON_A_SHEET = 12
 COLUMNS = 3
-ALL = "all"
 BADGES = {
     "found": (":material/check:", "green"),
     "doubtful": (":material/question_mark:", "orange"),
@@ -33,16 +32,21 @@ def show_contact_sheet(
 ) -> None:
     """The frames, twelve on a sheet; each can be used, left out, or opened."""
     st.info(describe_frames(frames))
-    counts = {state: sum(frame.state == state for frame in frames) for state in STATES}
-    kinds: dict[str, str] = {
-        ALL: f"All ({len(frames)})",
-        **{state: f"{state.capitalize()} ({n})" for state, n in counts.items() if n},
+    groups: dict[str, list[Frame]] = {
+        "All": list(frames),
+        "To decide": [frame for frame in frames if is_open(frame)],
+        **{state.capitalize(): [f for f in frames if f.state == state] for state in STATES},
     }
-    kind = setting(store.project, "sheet_kind", ALL, one_of(list(kinds)), tabs_own=True)
+    kinds = [name for name, group in groups.items() if group or name == "All"]
+    kind = setting(store.project, "sheet_kind", "All", one_of(kinds), tabs_own=True)
     chosen = st.segmented_control(
-        "Show", list(kinds), format_func=kinds.__getitem__, required=True, **kind.widget()
+        "Show",
+        kinds,
+        format_func=lambda name: f"{name} ({len(groups[name])})",
+        required=True,
+        **kind.widget(),
     )
-    shown = [frame for frame in frames if chosen in (ALL, frame.state)]
+    shown = groups[chosen]
     sheets = -(-len(shown) // ON_A_SHEET)
     sheet = 1
     if sheets > 1:
@@ -66,7 +70,8 @@ def _show_frame(
     st.image(thumbnail(store, frame), width="stretch")
     icon, colour = BADGES[frame.state]
     sigmas = [c.sigma_px for pair in frame.centres for c in pair if c and c.sigma_px is not None]
-    reviewed = " · reviewed" if frame.reviewed else ""
+    seen = "corrected" if frame.corrected else "reviewed"
+    reviewed = f" · {seen}" if frame.corrected or frame.reviewed else ""
     sigma = f" · sigma ≤ {max(sigmas):.3f} px" if sigmas else ""
     st.markdown(f":{colour}-badge[{icon} {frame.state}] **Frame {frame.frame}**{sigma}{reviewed}")
     if frame.reason:

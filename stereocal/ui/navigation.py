@@ -34,7 +34,7 @@ from stereocal.ui.warm_up import compiling_shown
 
 SECTIONS: Mapping[str, Mapping[str, str]] = {
     "": {"start": "Start"},
-    "Before": {"plan": "Plan", "cameras": "Lenses (optional)"},
+    "Before": {"plan": "Plan", "cameras": "Lenses"},
     "Calibrate": {
         "data": "Data",
         "calibrate": "Calibrate",
@@ -172,7 +172,7 @@ def _show_next(page: StreamlitPage) -> None:
     following = dict(pairwise(_ORDER)).get(name)
     if following is not None:
         st.button(
-            f"Next: {TITLES[following].partition(' (')[0]}", key="next", type="primary",
+            f"Next: {TITLES[following]}", key="next", type="primary",
             icon=":material/arrow_forward:", on_click=go_to, args=(following,),
         )  # fmt: skip
 

@@ -49,7 +49,12 @@ def _change_pairs(store: ProjectPhotographs, rows: Sequence[PairRow]) -> None:
             st.rerun()
         elif known != rows:
             forget_table()
-            tell("The pairs were changed in another tab; they are shown as they are now.", "info")
+            there = store.photographs
+            if all({row.pair.primary, row.pair.secondary} <= there.keys() for row in known):
+                # Else a whole data set was given, also from this tab.
+                tell(
+                    "The pairs were changed in another tab; they are shown as they are now.", "info"
+                )
             st.rerun()
     except StereocalError as error:
         st.error(escape_markdown(f"{error} The last sound table is kept."))

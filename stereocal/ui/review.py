@@ -23,7 +23,7 @@ from stereocal.frames.review import (
     target_meant,
     undo,
 )
-from stereocal.frames.review_words import centres_table, describe_residuals, describe_use
+from stereocal.frames.review_words import DECIDE, centres_table, describe_residuals, describe_use
 from stereocal.frames.thumbnails import eight_bits
 from stereocal.projects.files import StoredFile
 from stereocal.projects.photographs import ProjectPhotographs
@@ -119,7 +119,7 @@ def _choose_frame(store: ProjectPhotographs, review: Review) -> Frame:
                 on_click=_go_to, args=(store, to),
             )  # fmt: skip
         st.button(
-            f"Next doubtful ({left} left)", key="review_doubtful", shortcut="d",
+            f"Next to decide ({left} left)", key="review_doubtful", shortcut="d",
             disabled=doubtful is None, on_click=_go_to, args=(store, doubtful),
         )  # fmt: skip
     return review.frame(number)
@@ -212,7 +212,9 @@ def take_pick(store: ProjectPhotographs, number: int, camera: int, click: Pick) 
             f"{TARGETS[target]} in the {CAMERAS[camera]} photograph is now {what}, "
             f"({centre.u:.2f}, {centre.v:.2f}){sigma}."
         )
-        return place(now, number, camera, target, centre)
+        after = place(now, number, camera, target, centre)
+        placed += f" {DECIDE}" if is_open(after.frame(number)) else ""
+        return after
 
     edit(store, number, change, lambda: placed)
 

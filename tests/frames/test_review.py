@@ -110,24 +110,41 @@ class TestClick:
             alone = other.moved(0, target, centre).moved(0, 1 - target, None)
             assert target_meant(alone, 0, near) == target
             assert target_meant(alone, 0, Centre(centre.u + 40, centre.v)) == 1 - target
-        assert target_meant(START.frames[3], 0, Centre(1, 1)) == 0
+        # Which of two missing targets it is, nobody but the user can know.
+        with pytest.raises(StereocalError, match="Neither A nor B is placed in left4"):
+            target_meant(START.frames[3], 0, Centre(1, 1))
 
 
 class TestEdits:
-    def test_move_takes_the_frame_in(self) -> None:
+    def test_one_corrected_target_does_not_decide_a_doubtful_frame(self) -> None:
         after = place(START, 2, 1, 0, SHIFT)
         frame = after.frame(2)
-        assert frame.centres[1][0] == SHIFT and frame.use and frame.reviewed
-        assert [f for f in after.frames if f.frame != 2] == [
-            f for f in START.frames if f.frame != 2
-        ]
-        rows = correspondences_of(after.frames)
-        assert rows.source[rows.frame == 2].tolist() == [2, 0]
+        assert frame.centres[1][0] == SHIFT and frame.corrected
+        assert not frame.use and not frame.reviewed and is_open(frame)
+        assert "It is left out. You have corrected it. Please decide" in describe_use(frame)
+        swapped = swap(START, 2, 0).frame(2)
+        assert not swapped.use and is_open(swapped)
+        assert choose(after, 2, True).frame(2).use
+        # Nor does it take a frame in again that the user has left out.
+        assert not place(choose(START, 2, False), 2, 0, 0, SHIFT).frame(2).use
 
-    def test_a_frame_without_a_shared_target_stays_out(self) -> None:
-        after = place(START, 4, 1, 0, SHIFT)
-        assert not after.frame(4).use
-        assert place(after, 4, 0, 0, SHIFT).frame(4).use
+    def test_a_frame_is_decided_once_the_user_has_placed_all_its_targets(self) -> None:
+        after = START
+        for target in (0, 1):
+            for camera in (0, 1):
+                assert is_open(after.frame(4))
+                after = place(
+                    after, 4, camera, target, Centre(50.0 + 99 * target, 60.0, None, "manual")
+                )
+        assert after.frame(4).use and after.frame(4).reviewed
+
+    def test_a_correction_of_a_found_frame_is_used(self) -> None:
+        after = place(START, 1, 1, 0, SHIFT)
+        frame = after.frame(1)
+        assert frame.centres[1][0] == SHIFT and frame.use and frame.reviewed
+        assert after.frames[1:] == START.frames[1:]
+        rows = correspondences_of(after.frames)
+        assert rows.source[rows.frame == 1].tolist() == [2, 0]
 
     def test_two_targets_in_one_place_are_refused(self) -> None:
         b = START.frames[0].centres[0][1]
@@ -168,6 +185,8 @@ class TestEdits:
         edited = swap(START, 1, 0)
         assert keep_corrections(START.frames, edited.frames) == list(edited.frames)
         assert keep_corrections(START.frames, undo(edited).frames) == list(START.frames)
+        undecided = swap(START, 2, 0)
+        assert keep_corrections(START.frames, undecided.frames) == list(undecided.frames)
 
 
 numbers = st.sampled_from([frame.frame for frame in START.frames])
@@ -274,10 +293,9 @@ class TestEpipolar:
 
 def test_words_and_table() -> None:
     review = place(place(START, 3, 0, 0, SHIFT), 1, 1, 1, Centre(7.126, 8.0, 0.0216, "corrected"))
-    assert describe_use(review.frame(3)) == "It is used. You have reviewed it."
-    assert describe_use(START.frame(3)) == (
-        "It is left out. Please decide: correct it, use it or leave it out."
-    )
+    assert describe_use(review.frame(1)) == "It is used. You have corrected it."
+    assert describe_use(choose(START, 3, True).frame(3)).endswith("You have reviewed it.")
+    assert describe_use(START.frame(3)).startswith("It is left out. Please decide")
     assert describe_use(START.frame(4)).startswith("It is left out: no target is placed in both")
     assert "with target B only" in describe_use(START.frame(3).used(True))
     table = centres_table(review.frame(1))
@@ -307,15 +325,15 @@ class TestProject:
 
     def test_edits_reach_the_table_and_survive(self, store: ProjectPhotographs) -> None:
         change_review(store, lambda now: place(now, 1, 0, 1, SHIFT))
-        change_review(store, lambda now: swap(now, 2, 1))
+        change_review(store, lambda now: choose(swap(now, 2, 1), 2, True))
         again = ProjectPhotographs(Project(store.database))
         review = read_review(again)
-        assert len(review.edits) == 2
+        assert len(review.edits) == 3
         name, content = again.project.table or ("", b"")
         rows = read_table(content, name).strict(name)
         np.testing.assert_array_equal(rows.frame, [1, 1, 2, 2])
         np.testing.assert_array_equal(rows.source, [0, 2, 0, 0])
-        change_review(again, undo)
+        change_review(again, lambda now: undo(undo(now)))
         assert read_review(store).edits == review.edits[:1]
         assert change_review(store, undo).frames == START.frames
 

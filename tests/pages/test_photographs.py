@@ -80,7 +80,7 @@ def test_from_photographs_to_a_complete_data_set(app: AppTest, tmp_path: Path) -
     assert app.button(key="find_targets").disabled
     assert "Give the camera file of the primary and the secondary camera" in messages(app)
     give_cameras_and_lengths(app)
-    assert "Still missing: the table of points" in messages(app)
+    assert "Still missing: the targets in the photographs" in messages(app)
     find(app, tmp_path)
     assert "7 frames: 7 found, 0 doubtful, 0 refused" in messages(app)
     assert "14 pairs of points in 7 frames" in messages(app)
@@ -195,7 +195,8 @@ def test_a_data_set_of_photographs(packed: bool, app: AppTest, tmp_path: Path) -
         app.run()
     assert app.segmented_control(key="data_how").value == "Photographs"
     assert "14 photographs. 7 pairs by name" in messages(app)
-    assert "Still missing: the table of points." in messages(app)
+    assert "Still missing: the targets in the photographs" in messages(app)
+    assert "another tab" not in messages(app)
     project = store_of(app, tmp_path).project
     assert project.inputs.name == "field day" and project.inputs.baseline_m == 2.0
 

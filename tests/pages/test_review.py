@@ -98,13 +98,13 @@ def press(app: AppTest, key: str) -> None:
 def test_walk_through_the_doubtful_frames(app: AppTest, store: ProjectPhotographs) -> None:
     assert app.selectbox(key="review_frame").value == 1
     assert app.button(key="review_previous").disabled
-    assert app.button(key="review_doubtful").label == "Next doubtful (2 left)"
+    assert app.button(key="review_doubtful").label == "Next to decide (2 left)"
     press(app, "review_doubtful")
     assert app.selectbox(key="review_frame").value == 3
     assert "doubtful] It is left out. Please decide" in said(app) and "Look at it." in said(app)
     press(app, "review_use")
     assert read_review(store).frame(3).use
-    assert app.button(key="review_doubtful").label == "Next doubtful (1 left)"
+    assert app.button(key="review_doubtful").label == "Next to decide (1 left)"
     press(app, "review_doubtful")
     assert app.selectbox(key="review_frame").value == 5
     press(app, "review_leave")
