@@ -40,6 +40,7 @@ from stereocal.verdict.predictive import predict
 from stereocal.verdict.recommendation import Recommendation, Validated, recommend
 
 OTHER_SEEDS = (1, 2, 3, 4)
+DEFAULT_REFINED = RefineSettings()
 FEWER_DRAWS = 48
 """Draws of the truth for each further seed."""
 
@@ -49,9 +50,9 @@ def calibrate(
     settings: CalibrationSettings | None = None,
     trace: bool = False,
     progress: Callable[[str], None] | None = None,
-    refined: RefineSettings | None = None,
+    refined: RefineSettings | None = DEFAULT_REFINED,
 ) -> Calibration:
-    """Calibrate with the paper's three methods and, if `refined` is given, the refined method.
+    """Calibrate with the paper's three methods and the refined method.
 
     Frames that contradict the others are left out first, unless `settings.all_frames` is set. The
     2D and the 3D search use independent random streams derived from `settings.search.seed`.
@@ -59,7 +60,8 @@ def calibrate(
     Args:
         trace: record every move of the searches.
         progress: called with the name of each method when it starts.
-        refined: settings of the refined method. If that method fails, the result has the other
+        refined: settings of the refined method, except whether a time offset is solved for, which
+            `settings` says; None: without this method. If it fails, the result has the other
             methods and a warning with the reason.
 
     Raises:
@@ -105,7 +107,8 @@ def calibrate(
         report("refined")
         try:
             # Without an initial pose, as for a stored calibration: its files are the same.
-            refined_result = refine(chosen, refined)
+            own = replace(refined, time_offset=settings.time_offset, time_drift=settings.time_drift)
+            refined_result = refine(chosen, own)
         except StereocalError as error:
             warnings.append(f"There is no refined set: {error}")
     return Calibration(

@@ -22,7 +22,7 @@ def test_the_documented_script_runs(
     (script,) = re.findall(r"```python\n(.*?)```", (ROOT / "docs/library.md").read_text(), re.S)
     lines = [line for line in script.splitlines() if line.strip() and not line.startswith("#")]
     assert len(lines) <= 20
-    (tmp_path / "sample_data").symlink_to(ROOT / "sample_data")
+    (tmp_path / "field").symlink_to(ROOT / "sample_data" / "field")
     monkeypatch.chdir(tmp_path)
     names: dict[str, object] = {}
     exec(compile(script, "library.md", "exec"), names)
@@ -32,6 +32,16 @@ def test_the_documented_script_runs(
     assert RigParameters.load("parameters_3d.json").purpose == "reconstruction"
     assert Path("opencv_files/extrinsics.yml").is_file()
     assert "error_px" in capsys.readouterr().out
+
+
+def test_calibrate_gives_the_refined_set_unless_told_not_to() -> None:
+    dataset = stereocal.read_dataset(ROOT / "sample_data" / "field")
+    refined = stereocal.calibrate(dataset).parameters("refined")
+    assert (refined.method, refined.purpose) == ("refined", "both")
+    # The lenses as given are off; the refined set finds them again (sample_data/README.md).
+    assert refined.primary.K[0, 0] != dataset.primary.K[0, 0]
+    with pytest.raises(stereocal.StereocalError, match="no refined set"):
+        stereocal.calibrate(dataset, refined=None).parameters("refined")
 
 
 def test_every_name_is_there() -> None:

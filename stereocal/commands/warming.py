@@ -50,7 +50,7 @@ def compile_all(progress: Progress | None = None) -> int:
 
 def _use_all() -> None:
     _, dataset = simulate_field(seed=0)
-    calibration = calibrate(dataset, trace=True)
+    calibration = calibrate(dataset, trace=True, refined=None)
     assert calibration.errors
     rows = dataset.correspondences
     match_points(calibration.parameters("2d"), rows.primary, rows.secondary, 1.0)

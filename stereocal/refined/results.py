@@ -11,6 +11,9 @@ import numpy as np
 
 from stereocal.calibration.methods import CalibrationSettings, Method
 from stereocal.calibration.results import Errors, MethodResult, errors_of
+from stereocal.errors import StereocalError
+from stereocal.refined.disagreement import what_disagrees
+from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.screening import Screening
 from stereocal.rig.compiled import IntArray
@@ -72,17 +75,25 @@ class Calibration:
 
     def parameters(
         self,
-        method: Literal["2d", "3d"],
+        method: Literal["2d", "3d", "refined"],
         validation: Mapping[str, Any] | None = None,
         forecast: FileForecast | None = None,
     ) -> RigParameters:
-        """The parameter set to save: `2d` for matching, `3d` for reconstruction.
+        """The parameter set to save: `2d` to match with, `3d` to measure with, `refined` for both.
 
         Args:
             validation: figures of a validation of this data set; its `threshold_px` becomes the
                 recommended matching threshold.
             forecast: figures on frames to come; its threshold is used if there is no validation.
+
+        Raises:
+            StereocalError: there is no refined set.
         """
+        if method == "refined":
+            if self.refined is None:
+                raise StereocalError("There is no refined set: `warnings` has the reason, if any.")
+            inputs, left_out = what_disagrees(self.refined), self.screening.left_out
+            return refined_parameters(self.refined, inputs, validation, left_out, forecast)
         found = self.methods[method]
         return RigParameters(
             method=method,

@@ -101,7 +101,7 @@ def _calibrate(
         if progress is not None:
             progress(STEPS.index(name), len(STEPS))
 
-    found = jobs.compute(calibrate, dataset, settings, trace=True, progress=step)
+    found = jobs.compute(calibrate, dataset, settings, trace=True, progress=step, refined=None)
     project.keep_calibration(found, inputs)
 
 

@@ -199,7 +199,7 @@ def _refined(key: str, _dataset: Dataset, _settings: RefineSettings) -> RefinedR
 @st.cache_resource(show_spinner="Calibrating.", max_entries=16)
 def _calibrated(key: str, _dataset: Dataset, _settings: CalibrationSettings) -> Calibration:
     assert key
-    return jobs.compute(calibrate, _dataset, _settings)
+    return jobs.compute(calibrate, _dataset, _settings, refined=None)
 
 
 @st.cache_resource(show_spinner="Forecasting.", max_entries=16)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from stereocal.errors import StereocalError
+from stereocal.field.planning.common_cameras import COMMON
 from stereocal.field.planning.plan import AimedPose, SensorLens
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.plan_file import parse_plan, read_plan, write_plan
@@ -35,6 +36,15 @@ def test_a_lens_from_its_data_sheet() -> None:
     lens = SensorLens(50.0, (36.0, 24.0), (6000, 4000))
     assert np.allclose(np.diag(lens.camera.K), [8333.333, 8333.333, 1.0])
     assert np.allclose(lens.camera.K[:2, 2], [2999.5, 1999.5])
+
+
+@pytest.mark.parametrize(("name", "degrees"), [("GoPro", 86.9), ("Phone", 67.8), ("IDT M5", 18.6)])
+def test_common_cameras_see_as_wide_as_their_makers_say(name: str, degrees: float) -> None:
+    """Horizontally; lenses of 19 mm and 26 mm on full frame, the phone's of 4:3."""
+    (common,) = (camera for known, camera in COMMON.items() if known.startswith(name))
+    width, focal = common.sensor_mm[0], common.focal_mm
+    assert 2 * np.degrees(np.arctan(width / 2 / focal)) == pytest.approx(degrees, abs=1.0)
+    assert common.lens(focal).camera.image_size == common.image_size
 
 
 def test_the_file_is_read_back(tmp_path: Path) -> None:

@@ -80,7 +80,7 @@ def test_noise_and_volume_of_the_frames_used(result: RefinedResult) -> None:
 def test_noise_and_volume_of_the_papers_sets() -> None:
     """Each set's own points of the frames it was fitted to; the noise of the best fit there is."""
     data = rig.dataset(25, 0.2)
-    found = calibrate(data, CalibrationSettings(calibration_frames=8))
+    found = calibrate(data, CalibrationSettings(calibration_frames=8), refined=None)
     rows = data.correspondences
     used = np.isin(rows.frame, found.frames)
     for method in METHODS:
@@ -94,7 +94,7 @@ def test_noise_and_volume_of_the_papers_sets() -> None:
     refined = refine(data)
     with_refined = replace(found, refined=refined).parameters("3d")
     assert with_refined.noise_px == refined.sigma_px.value != found.parameters("3d").noise_px
-    trusting = calibrate(data, CalibrationSettings(all_frames=True))
+    trusting = calibrate(data, CalibrationSettings(all_frames=True), refined=None)
     assert trusting.parameters("2d").noise_px is None
     # The page's files name one noise, and what is stored of a calibration keeps the screening's.
     sets = answer(replace(found, refined=refined), None).sets
@@ -115,7 +115,7 @@ def test_settings_without_limit_can_be_written() -> None:
 
 
 def test_the_papers_files_have_no_such_key() -> None:
-    found = calibrate(rig.dataset(20, 0.2))
+    found = calibrate(rig.dataset(20, 0.2), refined=None)
     assert "uncertainties" not in found.parameters("2d").to_json()
     assert found.refined is None
     assert found.refined_errors is None

@@ -56,7 +56,7 @@ def test_cameras_in_step_are_left_alone() -> None:
 
 
 def test_all_files_carry_it() -> None:
-    found = calibrate(moving(0.7), TIMED, refined=TIMED_REFINED)
+    found = calibrate(moving(0.7), TIMED)
     for own in answer(found, None).sets.values():
         entry = own.to_json()["time_offset_frames"]
         assert entry["value"] == pytest.approx(0.7, abs=0.02)

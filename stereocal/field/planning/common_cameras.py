@@ -3,6 +3,10 @@
 Sizes are pixels times pixel pitch, or the maker's data sheet. Photographs and videos of one camera
 differ: many videos show the full width of the sensor and less of its height; where a camera crops
 further, its data sheet says so, and its numbers must be typed.
+
+The camera makes a GoPro's Linear mode from its wide image, so that the field of view of the result
+counts: that of a 19 mm lens on full frame at its widest. Stabilisation crops further, as it does in
+a phone's video. The phone has the main camera of an iPhone 13 (26 mm on full frame).
 """
 
 from __future__ import annotations
@@ -55,4 +59,6 @@ COMMON: Mapping[str, CommonCamera] = {
     "APS-C, Full HD video, full width": CommonCamera((23.5, 13.2188), (1920, 1080), 35.0),
     "Micro four thirds, 4K video, full width": CommonCamera((17.3, 9.7313), (3840, 2160), 25.0),
     "1 inch, 4K video, full width": CommonCamera((13.2, 7.425), (3840, 2160), 8.8),
+    "GoPro HERO, 4K video, Linear": CommonCamera((6.17, 3.4706), (3840, 2160), 3.26),
+    "Phone, 1.7 µm, photographs (4032 x 3024)": _pitch(4032, 3024, 1.7, 5.1),
 }
