@@ -10,19 +10,20 @@ def main() -> None:
     """
     import streamlit as st
 
-    from stereocal.ui.navigation import check_settings, mark_app_running, run_page, show_menu
-    from stereocal.ui.project import keep_address
-    from stereocal.ui.uploads import watch_uploads
-    from stereocal.ui.warm_up import warm_up
+    from stereocal.ui.menu import show_menu, title_shown
 
     icon = Path(__file__).parent / "assets" / "icon.png"
     st.set_page_config(page_title="stereocal", page_icon=str(icon), layout="wide")
+    page = show_menu()
+    with title_shown(page):
+        from stereocal.ui.navigation import check_settings, run_page
+        from stereocal.ui.project import keep_address
+        from stereocal.ui.uploads import watch_uploads
+        from stereocal.ui.warm_up import warm_up
     check_settings()
     warm_up()
     watch_uploads()
-    page = show_menu()
     keep_address()
-    mark_app_running()
     run_page(page)
 
 

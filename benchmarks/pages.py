@@ -23,11 +23,11 @@ import pytest
 from playwright.sync_api import expect, sync_playwright
 from streamlit.testing.v1 import AppTest
 
-from stereocal.ui.navigation import TITLES
+from stereocal.ui.menu import TITLES
 from tests.browser.conftest import FLAGS, chromium, serve
 from tests.browser.pictures import settle
 from tests.browser.work import finished_project
-from tests.pages.conftest import run_by_the_app
+from tests.pages.conftest import as_in_a_server
 
 ROOT = Path(__file__).parents[1]
 PAGES = ("start", "plan", "data", "calibrate", "validate", "one_set", "apply", "check", "cameras")
@@ -62,16 +62,16 @@ def finished() -> AppTest:
     """The field sample, calibrated; all that a first page of a server loads has been loaded."""
     app = AppTest.from_file(str(ROOT / "app.py"), default_timeout=LONGEST_S).run()
     app.button(key="demo").click().run()
-    app.switch_page("pages/calibrate.py").run()
+    app.switch_page("app_pages/calibrate.py").run()
     app.button(key="run").click().run()
     for page in PAGES:
-        app.switch_page(f"pages/{page}.py").run()
+        app.switch_page(f"app_pages/{page}.py").run()
     return app
 
 
 def new_result(app: AppTest, seed: int) -> tuple[float, float]:
     """Press Calibrate with another seed."""
-    app.switch_page("pages/calibrate.py").run()
+    app.switch_page("app_pages/calibrate.py").run()
     app.number_input(key="seed").set_value(seed).run()
     return timed(app.button(key="run").click().run)
 
@@ -109,17 +109,17 @@ def main() -> None:
             switches(Path(folder))
         return
     patch = pytest.MonkeyPatch()
-    run_by_the_app(patch)
+    as_in_a_server(patch)
     with tempfile.TemporaryDirectory() as home:
         os.environ["STEREOCAL_HOME"] = home
         app = finished()
         presses = [new_result(app, seed) for seed in (1, 2, 3)]
         for page in PAGES:
-            first = timed(app.switch_page(f"pages/{page}.py").run)
+            first = timed(app.switch_page(f"app_pages/{page}.py").run)
             again = [timed(app.run) for _ in range(7)]
             assert not app.exception
             show(page, first, median(again))
-        app.switch_page("pages/validate.py").run()
+        app.switch_page("app_pages/validate.py").run()
         moves = [
             timed(app.slider(key="acceptance").set_value(value).run)
             for value in (0.3, 0.25, 0.35, 0.4, 0.15)

@@ -12,7 +12,7 @@ import yaml
 import stereocal
 from tests.wheel import ROOT, installed_in
 
-BESIDE = ("pages", "assets", "sample_data")
+BESIDE = ("app_pages", "assets", "sample_data")
 
 
 @pytest.fixture(scope="module")

@@ -90,7 +90,7 @@ def choose_inputs(project: Project, store: ProjectApplication) -> Chosen | None:
         st.info("Still missing: the points of both cameras.")
     if sets is None:
         st.info("Still missing: a parameter file to match with, and one to measure with.")
-        st.page_link("pages/calibrate.py", label="Or calibrate on the Calibrate page")
+        st.page_link("app_pages/calibrate.py", label="Or calibrate on the Calibrate page")
     if points is None or sets is None or form is None:
         return None
     return Chosen(points, sets, threshold, depths, form, world)

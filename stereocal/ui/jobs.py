@@ -26,7 +26,6 @@ from stereocal.system.executors import Cluster, cluster, scheduler_of
 from stereocal.system.tasks import EndingError
 from stereocal.ui.messages import callback
 from stereocal.ui.texts import escape_markdown
-from stereocal.ui.warm_up import warm_up
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -315,8 +314,6 @@ def _show_bars(job: Job | Record, left: str) -> None:
             st.progress(1.0, f"{stage.capitalize()}: all")
         elif number == job.at and job.done:
             st.progress(job.done / max(job.total, 1), f"{job.done} of {job.total} {stage}{left}")
-        elif number == job.at and warm_up().compiling:
-            st.progress(warm_up().share, warm_up().sentence)
         else:
             st.progress(0.0, "Starting" if number == job.at else f"{stage.capitalize()}: not yet")
 

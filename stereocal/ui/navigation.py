@@ -1,10 +1,9 @@
-"""The list of pages, and how one is run with its messages and errors."""
+"""How a page is run, with its messages and errors, and the way to the next."""
 
 from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Mapping
 from itertools import pairwise
 
 import streamlit as st
@@ -18,8 +17,9 @@ from stereocal.projects.server_settings import ServerSettings
 from stereocal.system.executors import scheduler_of
 from stereocal.system.limits import Limits
 from stereocal.ui.fields import begin_page, end_page
+from stereocal.ui.menu import FORMER_ADDRESSES, STATES, TITLES, show_menu
 from stereocal.ui.messages import callback, forget_messages, show_messages
-from stereocal.ui.page_states import PageState, page_states
+from stereocal.ui.page_states import page_states
 from stereocal.ui.project import (
     forms_are_sound,
     open_created,
@@ -32,23 +32,6 @@ from stereocal.ui.texts import escape_markdown
 from stereocal.ui.uploads import check_dropped
 from stereocal.ui.warm_up import compiling_shown
 
-SECTIONS: Mapping[str, Mapping[str, str]] = {
-    "": {"start": "Start"},
-    "Before": {"plan": "Plan", "cameras": "Lenses"},
-    "Calibrate": {
-        "data": "Data",
-        "calibrate": "Calibrate",
-        "validate": "Validate",
-        "one_set": "One set or two",
-    },
-    "Use": {"apply": "Apply", "check": "Check"},
-}
-"""Titles of the pages by group and by the name of their file in `pages/`, in the order of the work.
-The name is the last part of the address too: a new server whose first request is for a page knows
-it by its file alone."""
-FORMER_ADDRESSES = {"one-set": "one_set"}
-"""In bookmarks."""
-TITLES = {name: title for group in SECTIONS.values() for name, title in group.items()}
 _ORDER = list(TITLES)
 
 FITS = """<style>
@@ -68,33 +51,8 @@ button :has(kbd), button kbd { color: inherit !important; opacity: 1 !important;
 figures, commands and chosen values have texts with a contrast of 2.3 to 4.2 with the page; 4.5 is
 the least that can be read well (WCAG 2.1, 1.4.3)."""
 
-_DRAWN, _STATES, _NEXT = "frame_drawn", "page_states", "next_page"
+_NEXT = "next_page"
 _LOG = logging.getLogger(__name__)
-
-
-def show_menu() -> StreamlitPage:
-    """The menu with the state of each page as it was last; returns the chosen page."""
-    states: Mapping[str, PageState] = st.session_state.get(_STATES, {})
-    sections = {
-        group: [_page(name, title, states.get(name)) for name, title in titles.items()]
-        for group, titles in SECTIONS.items()
-    }
-    sections["Use"] += [
-        st.Page(f"pages/{name}.py", title=TITLES[name], url_path=address, visibility="hidden")
-        for address, name in FORMER_ADDRESSES.items()
-    ]
-    return st.navigation(sections, expanded=True)
-
-
-def _page(name: str, title: str, state: PageState | None) -> StreamlitPage:
-    return st.Page(
-        f"pages/{name}.py",
-        title=title,
-        icon=state.icon if state else None,
-        help=state.words if state else None,
-        url_path=name,
-        default=name == "start",
-    )
 
 
 def check_settings() -> None:
@@ -108,34 +66,18 @@ def check_settings() -> None:
         st.stop()
 
 
-def mark_app_running() -> None:
-    """Note that `app.py` runs the page."""
-    st.session_state[_DRAWN] = True
-    st.html(FITS)
-
-
-def ensure_navigation() -> None:
-    """Run `app.py` first, if Streamlit has started a page by itself.
-
-    If the first request to a new server is for a bookmarked page, Streamlit runs that file in
-    `pages/` alone. One call of `st.navigation` ends that mode.
-    """
-    if _DRAWN not in st.session_state:
-        show_menu()
-        st.rerun()
-
-
 def run_page(page: StreamlitPage) -> None:
     """Draw a page with the queued messages above it.
 
     Errors of a project on disk are shown as messages. If a page fails over values of its forms,
     which an older version may have left, the forms are reset.
     """
+    st.html(FITS)
     callback(check_dropped)()
     if chosen := st.session_state.pop(_NEXT, None):
         st.switch_page(chosen)
     if open_created() and page.url_path == "":
-        st.switch_page("pages/data.py")
+        st.switch_page("app_pages/data.py")
     top = st.container()
     shown = show_messages(top)
     begin_page(page.url_path)
@@ -161,8 +103,8 @@ def _show_states(project: Project | None, saved: DeltaGenerator) -> None:
     """Show what the page has changed: the states in the menu, and the time of the last change."""
     show_saved(project, saved)
     states = page_states(project)
-    if states != st.session_state.get(_STATES, {}):
-        st.session_state[_STATES] = states
+    if states != st.session_state.get(STATES, {}):
+        st.session_state[STATES] = states
         show_menu()
 
 
@@ -179,7 +121,7 @@ def _show_next(page: StreamlitPage) -> None:
 
 def go_to(name: str) -> None:
     """Open a page (for callbacks)."""
-    st.session_state[_NEXT] = f"pages/{name}.py"
+    st.session_state[_NEXT] = f"app_pages/{name}.py"
 
 
 def _draw(page: StreamlitPage) -> None:

@@ -73,31 +73,47 @@ def warm_up() -> WarmUp:
 
 @contextmanager
 def compiling_shown(place: DeltaGenerator) -> Iterator[None]:
-    """Show the progress of the compilation while a page is drawn.
+    """Show the progress of the compilation above a page until it is over.
 
-    A thread draws it: drawing in the page's own script could end that halfway.
+    While the page is drawn, a thread shows it: drawing in the page's own script could end that
+    halfway. Nothing of a thread arrives once the page is drawn; a fragment takes over.
     """
-    state = warm_up()
-    if state.over:
+    if warm_up().over:
         yield
         return
+    drawn = threading.Event()
     bar = place.empty()
-    ended = threading.Event()
+    with place:
+        _show_when(drawn)
 
-    def draw() -> None:
-        while not ended.wait(LOOK_EVERY_S) and not state.over:
-            if state.compiling:
-                bar.progress(state.share, state.sentence)
+    def show() -> None:
+        while not drawn.is_set() and not warm_up().over:
+            _show(bar)
+            drawn.wait(LOOK_EVERY_S)
         bar.empty()
 
-    thread = threading.Thread(target=draw, daemon=True, name="compiling shown")
+    thread = threading.Thread(target=show, daemon=True, name="compiling shown")
     add_script_run_ctx(thread, get_script_run_ctx())
     thread.start()
     try:
         yield
     finally:
-        ended.set()
+        drawn.set()
         thread.join()
+
+
+@st.fragment(run_every=LOOK_EVERY_S)
+def _show_when(drawn: threading.Event) -> None:
+    if warm_up().over:
+        st.rerun()
+    bar = st.empty()  # in place of the bar of the page before
+    if drawn.is_set():
+        _show(bar)
+
+
+def _show(bar: DeltaGenerator) -> None:
+    if warm_up().compiling:
+        bar.progress(warm_up().share, warm_up().sentence)
 
 
 def _sweep() -> None:

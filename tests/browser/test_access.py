@@ -13,7 +13,7 @@ import pytest
 from playwright.sync_api import Browser, ConsoleMessage, Page, expect
 
 from stereocal.rig.parameters import RigParameters
-from stereocal.ui.navigation import TITLES
+from stereocal.ui.menu import TITLES
 from tests.browser.conftest import LONGEST_MS, results_shown
 
 pytestmark = pytest.mark.browser

@@ -14,7 +14,7 @@ from stereocal.projects.home import duplicate, remove
 from stereocal.projects.inputs import Slot
 from stereocal.projects.project import Project
 from stereocal.system.zip_files import pack_zip
-from stereocal.ui.navigation import TITLES
+from stereocal.ui.menu import TITLES
 from stereocal.workflow import calibrate
 from tests.browser.conftest import LONGEST_MS, ROOT
 

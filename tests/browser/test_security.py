@@ -15,7 +15,7 @@ from websockets.sync.client import connect
 from websockets.typing import Origin
 
 from benchmarks.client import Session
-from stereocal.ui.navigation import TITLES
+from stereocal.ui.menu import TITLES
 from tests.browser.conftest import LONGEST_MS, serve
 from tests.browser.work import NAME
 

@@ -13,7 +13,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from stereocal.projects.project import Project
-from stereocal.ui.navigation import TITLES
+from stereocal.ui.menu import TITLES
 from tests.browser.conftest import LONGEST_MS
 from tests.browser.work import finished_project
 

@@ -13,7 +13,7 @@ from playwright.sync_api import Browser, Page, expect
 
 from stereocal.cli import main
 from stereocal.rig.parameters import RigParameters
-from stereocal.ui.navigation import TITLES
+from stereocal.ui.menu import TITLES
 from tests.browser.conftest import LONGEST_MS, ROOT, choose, download, results_shown, serve
 
 pytestmark = pytest.mark.browser

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 from streamlit.components.v2.component_manager import BidiComponentManager
-from streamlit.runtime.pages_manager import PagesManager
 from streamlit.runtime.scriptrunner.script_cache import ScriptCache
 from streamlit.testing.v1 import AppTest, local_script_runner
 
@@ -44,23 +43,12 @@ def main_stays_main() -> Iterator[None]:
 
 
 @pytest.fixture(autouse=True)
-def pages_are_run_by_the_app(monkeypatch: pytest.MonkeyPatch) -> None:
+def done_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """In every test of pages."""
-    run_by_the_app(monkeypatch)
+    as_in_a_server(monkeypatch)
 
 
-def run_by_the_app(patch: pytest.MonkeyPatch) -> None:
-    """A server that has run `app.py` once does not look for a folder `pages/` any more.
-
-    AppTest forgets that before every run, and would run the files below `pages/` alone.
-    """
-    begin = PagesManager.__init__
-
-    def begin_with_navigation(self: PagesManager, *given: object, **named: object) -> None:
-        begin(self, *given, **named)  # type: ignore[arg-type]
-        PagesManager.uses_pages_directory = False
-
-    patch.setattr(PagesManager, "__init__", begin_with_navigation)
+def as_in_a_server(patch: pytest.MonkeyPatch) -> None:
+    """Do once what a server does once, and AppTest before every run."""
     patch.setattr(local_script_runner, "ScriptCache", lambda: SCRIPTS)
-    # A server looks through the installed packages for components once.
     patch.setattr(BidiComponentManager, "discover_and_register_components", lambda *_, **__: None)

@@ -8,7 +8,7 @@ from streamlit.testing.v1 import AppTest
 
 from stereocal.projects.archive import unpack_project
 from stereocal.projects.project import Project
-from stereocal.ui.navigation import TITLES
+from stereocal.ui.menu import TITLES
 
 ROOT = Path(__file__).parents[2]
 FULL = ROOT / "tests" / "projects" / "full.zip"
@@ -32,7 +32,7 @@ def session(project: Project, **state: object) -> AppTest:
 
 
 def go(app: AppTest, page: str) -> AppTest:
-    return app.switch_page(f"pages/{page}.py").run()
+    return app.switch_page(f"app_pages/{page}.py").run()
 
 
 def told(app: AppTest, *kinds: str) -> str:

@@ -18,7 +18,7 @@ from stereocal.formats.dataset_files import read_dataset
 from stereocal.projects import data_folder
 from stereocal.projects.project import Project
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.ui.navigation import TITLES
+from stereocal.ui.menu import TITLES
 from stereocal.ui.refined import calibrated, refined_of
 from tests.browser.work import finished_project
 
@@ -50,7 +50,7 @@ def test_unforeseen_error_tells_its_kind_and_no_more(
         raise RuntimeError(f"{SECRET} is gone")
 
     monkeypatch.setattr("streamlit.title", fails)
-    app.switch_page(f"pages/{page}.py").run()
+    app.switch_page(f"app_pages/{page}.py").run()
     (shown,) = app.exception
     proto = shown.proto
     assert proto.type == "RuntimeError"

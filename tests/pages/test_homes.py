@@ -14,7 +14,7 @@ from stereocal.projects import home as home_module
 from stereocal.projects.database import Database
 from stereocal.projects.project import Project
 from stereocal.projects.sqlite_errors import DiskFullError
-from stereocal.ui.navigation import TITLES
+from stereocal.ui.menu import TITLES
 from tests.pages.stored_projects import FULL, ROOT, SLOW, go, placed, session, told
 
 REASON = "The disk is full."

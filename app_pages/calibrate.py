@@ -5,7 +5,6 @@ import streamlit as st
 from stereocal.errors import StereocalError
 from stereocal.ui.forms import settings_form, settings_of
 from stereocal.ui.intake import escape_markdown
-from stereocal.ui.navigation import ensure_navigation
 from stereocal.ui.plan_project import show_planned
 from stereocal.ui.prerequisites import project_with_data
 from stereocal.ui.press import answer_so_far, press, show_progress, work_of
@@ -14,7 +13,6 @@ from stereocal.ui.results import show_result
 from stereocal.ui.screening import calibrate_again, show_exchanged
 from stereocal.ui.status import staleness
 
-ensure_navigation()
 st.title("Calibrate")
 st.subheader("What is the pose of the cameras, and which set serves what?")
 

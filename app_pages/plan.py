@@ -4,7 +4,6 @@ import streamlit as st
 
 from stereocal.errors import StereocalError
 from stereocal.ui.intake import escape_markdown, show_refusal
-from stereocal.ui.navigation import ensure_navigation
 from stereocal.ui.plan import (
     compared_plans,
     forecast_of,
@@ -21,7 +20,6 @@ from stereocal.ui.plan_project import start_button
 from stereocal.ui.print_downloads import field_sheet_to_print, planned_targets_to_print
 from stereocal.ui.project import current_project
 
-ensure_navigation()
 st.title("Plan")
 st.subheader("Will this rig measure what I need?")
 

@@ -4,7 +4,6 @@ import streamlit as st
 
 from stereocal.errors import StereocalError
 from stereocal.ui.intake import escape_markdown
-from stereocal.ui.navigation import ensure_navigation
 from stereocal.ui.prerequisites import project_with_data
 from stereocal.ui.project import last_evaluation
 from stereocal.ui.texts import VALIDATE
@@ -16,7 +15,6 @@ from stereocal.ui.validation import (
 )
 from stereocal.ui.validation_results import show_evaluation, with_refined
 
-ensure_navigation()
 st.title("Validate")
 st.subheader("How often would a wrong pair be accepted, and how far off is a length?")
 

@@ -11,7 +11,6 @@ from stereocal.ui.closer_looks import COVERAGE, open_clicked_frame
 from stereocal.ui.figure import show_figure
 from stereocal.ui.intake import escape_markdown, show_refusal, take_dataset
 from stereocal.ui.lengths import ask_if_measured, length_field
-from stereocal.ui.navigation import ensure_navigation
 from stereocal.ui.photographs import choose_kind, has_photographs, photographs_in
 from stereocal.ui.prerequisites import missing_of
 from stereocal.ui.project import current_project, forget_project
@@ -19,7 +18,6 @@ from stereocal.ui.results import dataset_download
 from stereocal.ui.single_files import single_files
 from stereocal.ui.uncertainties import length_uncertainty, lens_uncertainties
 
-ensure_navigation()
 st.title("Data")
 st.subheader("Which points did the cameras see, and what did you measure?")
 
@@ -53,7 +51,7 @@ show_refusal()
 project = current_project()
 if project is None or not (project.inputs.files or has_photographs(project)):
     st.info("Nothing is loaded yet. Give files above, or try the sample data on the Start page.")
-    st.page_link("pages/start.py", label="Back to Start")
+    st.page_link("app_pages/start.py", label="Back to Start")
     st.stop()
 
 st.header("What was read", divider="gray")

@@ -8,7 +8,6 @@ from stereocal.errors import StereocalError
 from stereocal.ui.fields import one_of, setting
 from stereocal.ui.forms import form_values
 from stereocal.ui.intake import escape_markdown
-from stereocal.ui.navigation import ensure_navigation
 from stereocal.ui.one_set import (
     show_accuracy,
     show_disagreement,
@@ -27,7 +26,6 @@ from stereocal.ui.status import staleness
 from stereocal.ui.texts import ONE_SET
 from stereocal.ui.validation import kept_protocol
 
-ensure_navigation()
 st.title("One set or two")
 st.subheader("Does this rig need two sets, or does one set do both jobs?")
 

@@ -2,7 +2,6 @@
 
 import streamlit as st
 
-from stereocal.ui.navigation import ensure_navigation
 from stereocal.ui.project import forget_project, projects_in_creation
 from stereocal.ui.projects import show_projects, show_storage
 from stereocal.ui.samples import (
@@ -15,7 +14,6 @@ from stereocal.ui.samples import (
 from stereocal.ui.story import show_story
 from stereocal.ui.texts import NEEDED, PURPOSE
 
-ensure_navigation()
 st.title("Two cameras, a bar, two lengths")
 st.markdown(PURPOSE)
 show_story()
@@ -32,10 +30,10 @@ with st.container(horizontal=True):
         )  # fmt: skip
     if st.button("Start with my own data", key="begin"):
         forget_project()
-        st.switch_page("pages/data.py")
+        st.switch_page("app_pages/data.py")
     if st.button("Plan a field day", key="begin_plan"):
         forget_project()
-        st.switch_page("pages/plan.py")
+        st.switch_page("app_pages/plan.py")
 
 project = show_projects()
 

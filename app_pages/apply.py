@@ -6,18 +6,16 @@ from stereocal.errors import StereocalError
 from stereocal.projects.application import ProjectApplication
 from stereocal.ui.apply import bring_up_to_date, choose_inputs
 from stereocal.ui.apply_results import show_application
-from stereocal.ui.navigation import ensure_navigation
 from stereocal.ui.project import begin_project, current_project
 from stereocal.ui.texts import escape_markdown
 
-ensure_navigation()
 st.title("Apply")
 st.subheader("Which points belong together, and where are they?")
 
 project = current_project()
 if project is None:
     st.info("Before this page can answer, it needs points of both cameras and parameter files.")
-    st.page_link("pages/data.py", label="Calibrate first: give points on the Data page")
+    st.page_link("app_pages/data.py", label="Calibrate first: give points on the Data page")
     st.button("I have both as files", on_click=begin_project, key="apply_begin")
     st.stop()
 

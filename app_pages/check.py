@@ -5,11 +5,9 @@ import streamlit as st
 from stereocal.errors import StereocalError
 from stereocal.projects.check import ProjectCheck
 from stereocal.ui.check import choose_inputs, show_check
-from stereocal.ui.navigation import ensure_navigation
 from stereocal.ui.project import begin_project, current_project
 from stereocal.ui.texts import escape_markdown
 
-ensure_navigation()
 st.title("Check")
 st.subheader("Has a camera moved?")
 
@@ -19,7 +17,7 @@ if project is None:
         "Before this page can answer, it needs the parameters of the rig, and a few new bars or "
         "matched points."
     )
-    st.page_link("pages/data.py", label="Calibrate first: give points on the Data page")
+    st.page_link("app_pages/data.py", label="Calibrate first: give points on the Data page")
     st.button("I have both as files", on_click=begin_project, key="check_begin")
     st.stop()
 

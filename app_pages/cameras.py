@@ -10,12 +10,10 @@ from stereocal.ui.lens import (
     show_cameras_in_use,
 )
 from stereocal.ui.lens_results import show_lens
-from stereocal.ui.navigation import ensure_navigation
 from stereocal.ui.print_downloads import board_to_print
 from stereocal.ui.project import current_project
 from stereocal.ui.texts import BOARDS
 
-ensure_navigation()
 st.title("Lenses")
 st.subheader("How does each camera's lens see, and how well is that known?")
 

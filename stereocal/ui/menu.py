@@ -1,0 +1,73 @@
+"""The menu of pages, and what stands on a page before the rest of the package is imported.
+
+Imports little: a new server takes seconds for everything else, and shows these meanwhile.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+import streamlit as st
+from streamlit.navigation.page import StreamlitPage
+
+if TYPE_CHECKING:
+    from stereocal.ui.page_states import PageState
+
+SECTIONS: Mapping[str, Mapping[str, str]] = {
+    "": {"start": "Start"},
+    "Before": {"plan": "Plan", "cameras": "Lenses"},
+    "Calibrate": {
+        "data": "Data",
+        "calibrate": "Calibrate",
+        "validate": "Validate",
+        "one_set": "One set or two",
+    },
+    "Use": {"apply": "Apply", "check": "Check"},
+}
+"""Titles of the pages by group and by the name of their file in `app_pages/`, in the order of the
+work. The name is the last part of the address too."""
+FORMER_ADDRESSES = {"one-set": "one_set"}
+"""In bookmarks."""
+TITLES = {name: title for group in SECTIONS.values() for name, title in group.items()}
+STATES = "page_states"
+"""Where the session keeps the state of each page as it was last."""
+
+
+def show_menu() -> StreamlitPage:
+    """The menu with the state of each page as it was last; returns the chosen page."""
+    states: Mapping[str, PageState] = st.session_state.get(STATES, {})
+    sections = {
+        group: [_page(name, title, states.get(name)) for name, title in titles.items()]
+        for group, titles in SECTIONS.items()
+    }
+    sections["Use"] += [
+        st.Page(f"app_pages/{name}.py", title=TITLES[name], url_path=address, visibility="hidden")
+        for address, name in FORMER_ADDRESSES.items()
+    ]
+    return st.navigation(sections, expanded=True)
+
+
+def _page(name: str, title: str, state: PageState | None) -> StreamlitPage:
+    return st.Page(
+        f"app_pages/{name}.py",
+        title=title,
+        icon=state.icon if state else None,
+        help=state.words if state else None,
+        url_path=name,
+        default=name == "start",
+    )
+
+
+@contextmanager
+def title_shown(page: StreamlitPage) -> Iterator[None]:
+    """Show the title of a page while the package is imported: 3 s in a new server, once."""
+    place = st.empty()
+    if "stereocal.ui.navigation" not in sys.modules:
+        with place.container():
+            st.title(page.title if page.url_path else "stereocal")
+            st.caption("Starting …")
+    yield
+    place.empty()
