@@ -17,6 +17,8 @@ from stereocal.commands.progress import say
 INTERRUPTED = 130
 CLOSED_PIPE = 141
 """Exit statuses that a shell reports after SIGINT and SIGPIPE."""
+NO_OUTPUT = 2
+"""Exit status if the output cannot be written, as on a full disk."""
 IN_ASCII = {"±": "+-", "×": "x", "–": "-", "−": "-", "→": "->", "…": "...", "Δ": "Delta"}
 
 
@@ -27,12 +29,15 @@ def main() -> int:
         status = _run()
     except BrokenPipeError:
         status = CLOSED_PIPE
+    except OSError as error:  # of files, commands tell what is wrong themselves
+        say(f"stereocal: the output cannot be written ({error.strerror or error}).")
+        status = NO_OUTPUT
     except KeyboardInterrupt:
         say("stereocal: interrupted.")
         if _threads_at_work():  # in compiled code: Python would wait for them
             os._exit(INTERRUPTED)
         status = INTERRUPTED
-    return status if _is_read(sys.stderr) & _is_read(sys.stdout) else CLOSED_PIPE
+    return _flushed(sys.stdout) or _flushed(sys.stderr) or status
 
 
 def _run() -> int:
@@ -50,14 +55,20 @@ def _threads_at_work() -> bool:
     return any(one is not main_thread and not one.daemon for one in threading.enumerate())
 
 
-def _is_read(stream: TextIO) -> bool:
-    """Flush the stream; False if its reader has closed it, as in `| head -1`."""
+def _flushed(stream: TextIO | None) -> int:
+    """Flush the stream; the exit status if its reader has closed it, as in `| head -1`, or if its
+    disk is full; else 0. A stream that was closed from the start is None."""
+    if stream is None:
+        return 0
     try:
         stream.flush()
-    except BrokenPipeError:
+    except OSError as error:
         os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
-        return False
-    return True
+        if isinstance(error, BrokenPipeError):
+            return CLOSED_PIPE
+        say(f"stereocal: the output cannot be written ({error.strerror or error}).")
+        return NO_OUTPUT
+    return 0
 
 
 def _show_anywhere() -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
 
 from stereocal.commands import (
     calibrate,
@@ -50,8 +52,22 @@ def _announce(compiled: int) -> None:
         say("Compiling once, which takes up to a minute.")
 
 
+class _Parser(argparse.ArgumentParser):
+    """A parser that takes no empty path: `Path("")` is the current folder."""
+
+    def __init__(self, *arguments: Any, **named: Any) -> None:
+        super().__init__(*arguments, **named)
+        self.register("type", Path, _path)
+
+
+def _path(text: str) -> Path:
+    if not text.strip():
+        raise argparse.ArgumentTypeError("a path is missing: the text is empty")
+    return Path(text)
+
+
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="stereocal", description=__doc__)
+    parser = _Parser(prog="stereocal", description=__doc__)
     parser.add_argument("--version", action="version", version=__version__)
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for command in COMMANDS:

@@ -41,6 +41,8 @@ from stereocal.system.tasks import Pieces, Progress, StoppedError, Task, run_tas
 
 MAXIMUM_PARTNERS = 99
 MINIMUM_VALIDATION_FRAMES = 2
+MOST_RUNS = 100_000
+"""More would tell nothing new, and each run is kept in memory, 6 kB."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +50,7 @@ class EvaluationSettings:
     """Settings of the validation; the defaults are the paper's.
 
     Raises:
-        StereocalError: a number is below 1.
+        StereocalError: a number is below 1, or there are more than `MOST_RUNS` runs.
     """
 
     calibration: CalibrationSettings = field(default_factory=CalibrationSettings)
@@ -61,6 +63,10 @@ class EvaluationSettings:
         if self.runs < 1 or self.calibration_frames < 1:
             raise StereocalError(
                 "The number of runs and the number of calibration frames must be at least 1."
+            )
+        if self.runs > MOST_RUNS:
+            raise StereocalError(
+                f"{self.runs:.4g} runs were requested: at most {MOST_RUNS:,} are made."
             )
 
     def to_json(self) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 import numpy as np
@@ -35,7 +35,14 @@ def read_plan(path: str | Path, lens_model: LensModel | None = None) -> Plan:
     path = Path(path)
 
     def file_beside(name: str) -> bytes:
-        return _content(path.parent / name)
+        # Of untrusted plans: no other file of the computer is read, nor quoted in a message.
+        beside = PurePosixPath(name.replace("\\", "/"))
+        if not name.isprintable() or beside.is_absolute() or ".." in beside.parts or ":" in name:
+            raise StereocalError(
+                f"{path}: the camera file {name!r} is not beside the plan; copy it there, and give "
+                "its name."
+            )
+        return _content(path.parent / beside)
 
     return parse_plan(_content(path), str(path), file_beside, lens_model)
 
@@ -222,6 +229,8 @@ def _two(data: Mapping[str, Any], key: str, where: str) -> tuple[float, float]:
 
 def _content(path: Path) -> bytes:
     try:
+        if not path.is_file():  # a pipe would never end
+            raise StereocalError(f"{path}: there is no such file.")
         if path.stat().st_size > LARGEST_BYTES:
             raise StereocalError(f"{path}: the file is too large for a plan or a camera.")
         return path.read_bytes()

@@ -244,6 +244,8 @@ def _reason(column: Column, cell: str, value: float, empty: frozenset[str]) -> s
         return f"{column.name} is {text}, which is not a finite number"
     if np.isnan(value):
         return f'{column.name} is "{text}", which is not a number'
+    if column.is_whole and abs(value) > LARGEST_WHOLE:
+        return f"{column.name} is {text}; whole numbers are read up to 2^53"
     if column.is_whole:
         return f"{column.name} is {text}, which is not a whole number"
     return f"{column.name} is {value:g}; it must be above 0"

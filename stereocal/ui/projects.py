@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import re
 import tempfile
 from collections.abc import Sequence
@@ -60,7 +61,12 @@ def show_projects() -> Project | None:
         st.switch_page("app_pages/data.py")
     settings = ServerSettings.from_environment()
     folder = default_home() / "projects"
-    if folder.is_dir() and journal_of(folder) == "delete":
+    if folder.is_dir() and not os.access(folder, os.W_OK):
+        st.warning(
+            "The folder of the projects is read-only, so that nothing can be stored: look at its "
+            "permissions."
+        )
+    elif folder.is_dir() and journal_of(folder) == "delete":
         st.info(
             "The disk of the projects cannot be shared safely between servers, as many network "
             "disks cannot: use one server only for them."

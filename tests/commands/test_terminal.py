@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import os
+import shlex
 import shutil
 import signal
 import subprocess
@@ -14,7 +15,7 @@ from types import ModuleType
 
 import pytest
 
-from stereocal.__main__ import CLOSED_PIPE, INTERRUPTED
+from stereocal.__main__ import CLOSED_PIPE, INTERRUPTED, NO_OUTPUT
 from stereocal.cli import COMMANDS, main
 from tests.terminal import FIELD, LONGEST_S, ROOT, command, run, sentences, started, tables
 
@@ -45,6 +46,22 @@ INTERRUPTED_COMMANDS: dict[str, tuple[str, bool, list[str]]] = {
     ),
     "compile": ("Compiling", True, ["compile"]),
 }  # fmt: skip
+COMMANDS_WITH_FILES = (
+    "calibrate",
+    "check",
+    "convert",
+    "detect",
+    "evaluate",
+    "import",
+    "intrinsics",
+    "match",
+    "plan",
+    "print",
+    "reconstruct",
+    "reproduce",
+    "simulate",
+    "world",
+)
 FEW = ("calibrate", "match")
 """One that computes, one with processes of its own, one with half a file; the rest in the soak."""
 
@@ -209,3 +226,42 @@ def test_help_is_in_ascii(module: ModuleType, capsys: pytest.CaptureFixture[str]
     printed = capsys.readouterr().out
     assert name in printed
     assert printed.isascii()
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full")
+@pytest.mark.parametrize(
+    ("shell", "status", "said"),
+    [
+        ("> /dev/full", NO_OUTPUT, "the output cannot be written (No space left on device)"),
+        (">&-", 0, ""),
+        (">&- 2>&-", 0, ""),
+    ],
+)
+def test_an_output_that_is_full_or_closed(
+    shell: str, status: int, said: str, tmp_path: Path
+) -> None:
+    words = [*command("print", "target"), "--side", "0.1", "--out", str(tmp_path / "a.pdf")]
+    ended = subprocess.run(
+        f"{shlex.join(words)} {shell}",
+        shell=True,
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=LONGEST_S,
+    )
+    assert ended.returncode == status
+    assert "Traceback" not in ended.stderr and said in ended.stderr
+    assert (tmp_path / "a.pdf").exists()
+
+
+@pytest.mark.parametrize("name", COMMANDS_WITH_FILES)
+def test_no_path_is_empty(
+    name: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """`Path("")` is the current folder, where the files would be written."""
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit, match="2"):
+        main([name, *(["target"] if name == "print" else []), "--out", ""])
+    assert "argument --out: a path is missing" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())

@@ -421,3 +421,8 @@ def test_refined_runs_are_the_same_on_every_engine(field: Dataset) -> None:
     with ThreadPoolExecutor(3) as threads:
         assert same(evaluate([field], settings, threads, chunk=1), alone)
     assert EvaluationSettings.from_json(settings.to_json()) == settings
+
+
+def test_no_more_runs_than_can_be_kept() -> None:
+    with pytest.raises(StereocalError, match=r"1e\+12 runs were requested: at most 100,000"):
+        EvaluationSettings(runs=10**12)

@@ -176,7 +176,7 @@ class TestTables:
             (LINES.replace("7,8,,", "7,,,"), "one of u and v is empty"),
             (LINES.replace("sea", ""), "the line has no name"),
             (THROW.replace("9,5", "9.5,5"), "not a whole number"),
-            (THROW.replace("9,5", "1e30,5"), "not a whole number"),
+            (THROW.replace("9,5", "1e30,5"), r"up to 2\^53"),
             ("frame,u_primary,v_primary,u_secondary,v_secondary\n1,2,3,,\n", "no frame has"),
             ("line," + "x," * 3000 + "y\n", "too many"),
             ("point\0", "not a text file"),
