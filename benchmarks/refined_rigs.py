@@ -88,6 +88,17 @@ def misjudged(cameras: Rig, bar_m: float, rng: np.random.Generator, off: Misjudg
     )
 
 
+def in_runs(dataset: Dataset, rng: np.random.Generator, length: int, noise_px: float) -> Dataset:
+    """The data set with further noise that stays the same for runs of so many frames."""
+    rows = dataset.correspondences
+    run = (rows.frame - rows.frame.min() + rng.integers(length)) // length
+    moves = noise_px * rng.standard_normal((run.max() + 1, 2, 4))[run, rows.target]
+    changed = replace(
+        rows, primary=rows.primary + moves[:, :2], secondary=rows.secondary + moves[:, 2:]
+    )
+    return replace(dataset, correspondences=changed)
+
+
 def held_out(dataset: Dataset, frames: int) -> tuple[Dataset, Dataset]:
     """All but the last frames, and those."""
     numbers = dataset.correspondences.frames

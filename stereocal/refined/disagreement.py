@@ -164,7 +164,9 @@ def _tests(result: RefinedResult) -> dict[str, tuple[float, float]]:
 
     The error is in units of the input's own uncertainty; of a distortion without one it is 1.
     """
-    found = {}
+    found, M, C = {}, result.unknowns.M, result.p_covariance_by_model
+    # What frames that follow each other add to the variance of the estimates, but not to C.
+    spread = C - (result.design_effect - 1.0) * C @ M.T @ result.information @ M @ C
     for key, columns in _columns(result).items():
         if not columns:
             found[key] = _distortion_test(result, key), 1.0
@@ -172,7 +174,7 @@ def _tests(result: RefinedResult) -> dict[str, tuple[float, float]]:
         if not np.isfinite(result.unknowns.sigma[columns]).all():
             continue
         prior = result.unknowns.prior_covariance(columns)
-        gained = prior - result.p_covariance[np.ix_(columns, columns)]
+        gained = prior - spread[np.ix_(columns, columns)]
         scale = 1.0 / np.sqrt(np.diag(prior))
         informed, along = np.linalg.eigh(gained * np.outer(scale, scale))
         moved = along.T @ (result.p[columns] * scale)
@@ -200,7 +202,7 @@ def _distortion_test(result: RefinedResult, key: str) -> float:
         return float("nan")
     used = int(result.degrees_of_freedom[~result.outlying].sum())
     left = max(used - len(result.unknowns.names) - COEFFICIENTS, 1)
-    gain = max(result.cost - freed.cost, 0.0) / COEFFICIENTS
+    gain = max(result.cost - freed.cost, 0.0) / COEFFICIENTS / freed.design_effect
     return _as_z(float(fdtrc(COEFFICIENTS, left, gain / max(freed.cost / left, 1e-12))))
 
 

@@ -52,4 +52,4 @@ def length_freedom(result: RefinedResult, bars: Innovations) -> float:
     """Degrees of freedom of the lengths that the fit has absorbed."""
     M = result.unknowns.M
     of_lengths = M.T @ (result.information - bars.of_pixels) @ M
-    return max(float(np.sum(result.p_covariance * of_lengths)), 0.0)
+    return max(float(np.sum(result.p_covariance_by_model * of_lengths)), 0.0)

@@ -87,6 +87,7 @@ def uncertainties_of(result: RefinedResult, inputs: Sequence[Input] = ()) -> dic
             "standard_error": bar * float(np.sqrt(result.covariance[BAR, BAR])),
         },
         "covariance": covariance_entry(result.covariance),
+        "design_effect": result.design_effect,
         "frames_left_out": [
             {"frame": frame, "share_of_misfit": share}
             for frame, share in result.outlying_frames.items()

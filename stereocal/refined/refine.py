@@ -21,6 +21,7 @@ import numpy as np
 from stereocal.calibration.essential import calibrate_essential, choose_pose
 from stereocal.errors import StereocalError
 from stereocal.refined.bar_fit import BAR, DRIFT, TIME
+from stereocal.refined.design_effect import clusters_in, design_effect
 from stereocal.refined.solve import Noise, Solve, lenses_of
 from stereocal.refined.unknowns import (
     RefineSettings,
@@ -32,10 +33,12 @@ from stereocal.refined.unknowns import (
     with_lens_priors,
 )
 from stereocal.rig.camera import Camera
+from stereocal.rig.clusters import Clusters
 from stereocal.rig.compilations import clock
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose, residuals
+from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import MeasuredOffset, TimeOffset
 
 OUT_OF_STEPS = "the largest number of steps was reached"
@@ -93,9 +96,43 @@ class RefinedResult:
         """(2, 23): skew and distortion of both lenses, for the compiled functions."""
         return lenses_of(self.dataset)
 
+    @property
+    def rig(self) -> Rig:
+        """The refined cameras and their pose."""
+        return Rig(self.primary, self.secondary, self.pose)
+
+    @cached_property
+    def standardised_residuals(self) -> FloatArray:
+        """(n,): distances of all pairs from their epipolar lines over their standard deviations."""
+        rows = self.dataset.correspondences
+        return self.rig.epipolar_errors(rows.primary, rows.secondary) / self.sigma_px.value
+
+    @cached_property
+    def clusters(self) -> Clusters:
+        """The frames that were not left out, in clusters of alike errors."""
+        rows = self.dataset.correspondences.where(self.used_rows)
+        return clusters_in(rows, self.rig, self.frames[~self.outlying])
+
+    @cached_property
+    def design_effect(self) -> float:
+        """How many times the clusters scatter more than independent frames would; at least 1."""
+        solve = Solve(self.dataset, self.pose, self.settings, self.rows)
+        solve.unknowns = self.unknowns
+        solve.sigma_px, solve.scatter = self.sigma_px.value, self.scatter_m.value
+        return design_effect(solve, self.q, np.flatnonzero(~self.outlying), self.clusters)
+
     @cached_property
     def p_covariance(self) -> FloatArray:
-        """(k, k): covariance of the free parameters, priors included."""
+        """(k, k): covariance of the free parameters, priors included.
+
+        Frames that follow each other count for less: the information of the images is divided by
+        the `design_effect`.
+        """
+        return self.unknowns.covariance(self.information / self.design_effect)
+
+    @cached_property
+    def p_covariance_by_model(self) -> FloatArray:
+        """(k, k): the same if all frames were independent, for degrees of freedom."""
         return self.unknowns.covariance(self.information)
 
     @cached_property

@@ -8,6 +8,7 @@ the rounds.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -165,6 +166,30 @@ class Solve:
         self.sigma_px, self.scatter = sigma_px, scatter_m
         self._evaluate(self.limit)
         return self.chi_squares
+
+    def equations(
+        self, q: FloatArray, groups: Sequence[IntArray]
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Normal equations at q of groups of frames, given by their indices.
+
+        They are 0 for an empty group, and for one with a point behind a camera.
+
+        Returns:
+            H (g, 25, 25), J r (g, 25), and the costs (g,).
+        """
+        n, every = len(groups), np.arange(SHARED)
+        H, g, c = np.zeros((n, SHARED, SHARED)), np.zeros((n, SHARED)), np.zeros(n)
+        weights = 1 / self.sigma_px, 1 / self.scatter
+        for i, own in enumerate(groups):
+            seen = self.pixels[own], self.rays[own], self.distances[own]
+            points, chi_squares = np.full((len(own), OWN), np.nan), np.empty(len(own))
+            plain = np.full(len(own), np.inf)
+            c[i] = sum_normal_equations(
+                q, every, self.lenses, *seen, *weights, plain, points, chi_squares, H[i], g[i]
+            )
+        lost = ~np.isfinite(c)
+        H[lost], g[lost], c[lost] = 0.0, 0.0, 0.0
+        return H, g, c
 
     def better_than(self, other: Solve) -> bool:
         """Whether the frames fit better here, both measured with the smaller noise."""

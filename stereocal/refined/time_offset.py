@@ -203,7 +203,6 @@ def apparent_offset(fit: RefinedResult) -> MeasuredOffset | None:
     )  # fmt: skip
     C = unknowns.covariance(solve.H)
     step = -C @ (unknowns.M.T @ g + unknowns.precision @ p)
+    sigma = np.sqrt(unknowns.covariance(solve.H / fit.design_effect)[-1, -1])
     assert recorded.time_offset is not None
-    return MeasuredOffset(
-        float(step[-1]), 0.0, recorded.time_offset.reference, float(np.sqrt(C[-1, -1]))
-    )
+    return MeasuredOffset(float(step[-1]), 0.0, recorded.time_offset.reference, float(sigma))

@@ -52,6 +52,23 @@ class Rig:
             self.secondary.undistort(secondary_px),
         )
 
+    def epipolar_errors(self, primary_px: npt.ArrayLike, secondary_px: npt.ArrayLike) -> FloatArray:
+        """Signed distance of each pair from its epipolar lines, (n,) undistorted pixels.
+
+        To first order (Sampson): the residual over its standard deviation if each pixel coordinate
+        has one of 1.
+
+        Args:
+            primary_px, secondary_px: raw pixels (n, 2) of each camera.
+        """
+        E, n = self.pose.essential, len(np.asarray(primary_px))
+        one = np.column_stack([self.primary.undistort(primary_px), np.ones(n)])
+        two = np.column_stack([self.secondary.undistort(secondary_px), np.ones(n)])
+        focal = [np.diag(camera.K)[:2] for camera in (self.primary, self.secondary)]
+        gradient = np.column_stack([(two @ E)[:, :2] / focal[0], (one @ E.T)[:, :2] / focal[1]])
+        residual = np.sum(two * (one @ E.T), axis=1)
+        return np.asarray(residual / np.linalg.norm(gradient, axis=1))
+
     def epipolar_distances(
         self, primary_px: npt.ArrayLike, secondary_px: npt.ArrayLike
     ) -> FloatArray:

@@ -65,6 +65,7 @@ class Outlook:
                     "source": model.scatter_m.source,
                 },
                 "covariance": covariance_entry(self.covariance(method)),
+                "design_effect": model.design_effect,
             },
         )
 

@@ -41,33 +41,9 @@ class NoiseDraws:
     """Degrees of freedom; infinite if normal."""
 
 
-def epipolar_gradient(model: RefinedResult, one: FloatArray, two: FloatArray) -> FloatArray:
-    """(n, 4): derivative of the residual of pairs by the pixels u, v of both images.
-
-    Args:
-        one, two: (n, 3): homogeneous undistorted rays of the primary and the secondary.
-    """
-    E = model.pose.essential
-    scales = [np.array([c.K[0, 0], c.K[1, 1]]) for c in (model.primary, model.secondary)]
-    return np.column_stack([(two @ E)[:, :2] / scales[0], (one @ E.T)[:, :2] / scales[1]])
-
-
-def standardised_residuals(model: RefinedResult) -> FloatArray:
-    """Distances of pairs from their epipolar lines over their standard deviations, (n,).
-
-    To first order (Sampson), of the rows that the model used; the noise is that of the model.
-    """
-    table, rows = model.dataset.correspondences, model.used_rows
-    one = np.column_stack([model.primary.undistort(table.primary[rows]), np.ones(rows.sum())])
-    two = np.column_stack([model.secondary.undistort(table.secondary[rows]), np.ones(rows.sum())])
-    gradient = epipolar_gradient(model, one, two)
-    residual = np.sum(two * (one @ model.pose.essential.T), axis=1)
-    return np.asarray(residual / (model.sigma_px.value * np.linalg.norm(gradient, axis=1)))
-
-
 def draw_noise(model: RefinedResult, draws: int, rng: np.random.Generator) -> NoiseDraws:
     """Draw the noise of the images of a model."""
-    residuals = standardised_residuals(model)
+    residuals = model.standardised_residuals[model.used_rows]
     bars = bar_innovations(model, model.used_rows)
     lengths = bars.errors_m / np.sqrt(bars.variances_m2 + model.scatter_m.value**2)
     return noise_given(
@@ -127,9 +103,8 @@ def _log_density(residuals: FloatArray, absorbed: float) -> FloatArray:
 def _freedom(model: RefinedResult) -> float:
     """Degrees of freedom that the fit has left to the residuals of the pairs, at least 1."""
     used = ~model.outlying
-    spent = float(
-        np.sum(model.p_covariance * (model.unknowns.M.T @ model.information @ model.unknowns.M))
-    )
+    M = model.unknowns.M
+    spent = float(np.sum(model.p_covariance_by_model * (M.T @ model.information @ M)))
     freedom = float(model.degrees_of_freedom[used].sum())
     pairs = float(np.isfinite(model.points_m[used, :, 0]).sum())
     return max(pairs * (1.0 - spent / freedom), 1.0)

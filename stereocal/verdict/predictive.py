@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -36,6 +36,7 @@ from stereocal.refined.unknowns import shared_unknowns
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.rig import Rig
 from stereocal.verdict.fresh_bars import GROUP, fresh_bars
+from stereocal.verdict.further_recording import Further, further_recordings, widened
 from stereocal.verdict.intervals import (
     LENGTH,
     LOG,
@@ -73,6 +74,16 @@ class Forecast:
         """Each figure as `{"value", "low", "high"}`; errors are fractions."""
         return {name: _plain(estimate) for name, estimate in vars(self).items()}
 
+    def further(self, spread: Further) -> Forecast:
+        """With the intervals widened to what a further recording may show."""
+        found = {name: widened(estimate, spread.of(name)) for name, estimate in vars(self).items()}
+        shares = {
+            name: replace(estimate, high=min(estimate.high, 1.0))
+            for name, estimate in found.items()
+            if not name.endswith(("_3d", "_px"))
+        }
+        return Forecast(**{**found, **shares})
+
     def raised(self, in_images: float, in_length: float) -> Forecast:
         """With the upper ends of the intervals multiplied by these factors; shares by the first."""
         raised = {}
@@ -100,6 +111,8 @@ class Predictive:
     """(draws, halves, bars): the mean of `image_radii` of its ends."""
     recorded: int
     """Bars of the recording."""
+    further: Mapping[Method, Further] = field(default_factory=dict)
+    """What differs on a further recording; empty for frames taken one by one."""
     excess: tuple[float, float] = (1.0, 1.0)
     """Errors on held-out frames over the forecast, in the images and in length, where chance does
     not explain them; the upper ends of the intervals are raised by them."""
@@ -187,7 +200,7 @@ class Predictive:
                 mean_of(errors.reshape(len(errors), -1)), mean_of(errors), LENGTH
             ),
         )
-        return found.raised(*self.excess)
+        return found.further(self.further.get(method, Further())).raised(*self.excess)
 
 
 def image_radii(rig: RefinedResult, pixels: FloatArray) -> FloatArray:
@@ -263,9 +276,9 @@ def predict(
     radii = 0.5 * (radii[..., 0] + radii[..., 1])
     depths = 0.5 * (ends[..., 0, 2] + ends[..., 1, 2]).reshape(halves)
     recorded = int(np.isfinite(model.points_m[~model.outlying]).all(axis=(1, 2)).sum())
-    return Predictive(
-        methods, counts.astype(np.uint16), correct_px, lengths, depths, radii, recorded
-    )
+    further = further_recordings(model, files, seed)
+    narrow = counts.astype(np.uint16)
+    return Predictive(methods, narrow, correct_px, lengths, depths, radii, recorded, further)
 
 
 def bin_edge(threshold_px: float) -> int:
@@ -276,7 +289,7 @@ def bin_edge(threshold_px: float) -> int:
 def _truths(model: RefinedResult, scales: FloatArray, rng: np.random.Generator) -> FloatArray:
     """(draws, 25): draws of the shared unknowns; the covariance grows with the drawn noise."""
     M, k = model.unknowns.M, len(model.unknowns.names)
-    of_images = M.T @ model.information @ M
+    of_images = M.T @ model.information @ M / model.design_effect
     found = np.empty((len(scales), len(M)))
     for own, scale in zip(found, scales, strict=True):
         A = of_images / scale**2 + model.unknowns.precision

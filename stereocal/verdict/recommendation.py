@@ -132,6 +132,7 @@ def recommend(
         _use(match, measure, _holds(found)),
         _how_sure(found, outlook, validation) if found else _no_forecast(calibration),
         left_out_line(calibration.screening),
+        _frames_in_runs(outlook),
     )
     errors = [own["p95_error_3d"] for own in validation.values()]
     caution = (
@@ -140,6 +141,17 @@ def recommend(
         else why_not_trusted(calibration)
     )
     return Recommendation(match, measure, found, tuple(filter(None, sentences)), caution)
+
+
+def _frames_in_runs(outlook: Outlook | None) -> str:
+    """What the figures are of, if frames follow each other."""
+    clusters = None if outlook is None else outlook.refined.clusters
+    if clusters is None or not clusters.has_runs:
+        return ""
+    return (
+        f"Neighbouring frames have alike errors: {clusters.text}. The intervals are for a further "
+        "recording in the same volume, at least a third as long."
+    )
 
 
 def figures_of(

@@ -32,7 +32,7 @@ from stereocal.simulation.simulate import Nominal, Scene, observe, place_bars
 from stereocal.verdict.forecast import Outlook, forecast_files
 from stereocal.verdict.fresh_bars import fresh_bars
 from stereocal.verdict.judging import add_noise
-from stereocal.verdict.noise_model import noise_given, standardised_residuals
+from stereocal.verdict.noise_model import noise_given
 from stereocal.verdict.predictive import predict
 from stereocal.workflow import calibrate
 from tests import known_rig as rig
@@ -170,7 +170,7 @@ def test_only_noise_across_the_lines_moves_a_pair_off_them() -> None:
 
 
 def test_standardised_residuals_have_a_mean_square_below_one() -> None:
-    found = standardised_residuals(outlook().comparison.model)
+    found = outlook().comparison.model.standardised_residuals
     # 50 pairs, of which the fit absorbs 5 to 10.
     assert 0.6 < np.mean(np.square(found)) < 1.1
 

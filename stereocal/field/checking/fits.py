@@ -15,8 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from stereocal.field.checking.new_images import NewImages
 from stereocal.field.checking.prior import Prior
-from stereocal.refined.adjustment import sum_normal_equations
-from stereocal.refined.bar_fit import BASELINE, EPSILON, OWN, PRIMARY, SECONDARY, SHARED
+from stereocal.refined.bar_fit import BASELINE, EPSILON, PRIMARY, SECONDARY, SHARED
 from stereocal.refined.solve import Solve, limits_of
 from stereocal.refined.unknowns import FIXED_LENS, RefineSettings, Unknowns
 from stereocal.rig.compiled import BoolArray, FloatArray
@@ -137,27 +136,6 @@ class Fit(Solve):
         self.outlying = outlying
         self._solve(np.where(outlying, 0.0, np.inf))
         return self
-
-    def equations(
-        self, q: FloatArray, outlying: BoolArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Of each group the normal equations at q, H (f, 25, 25) and g (f, 25), and cost (f,).
-
-        They are 0 for outlying groups, and for those behind a camera.
-        """
-        n, every = len(outlying), np.arange(SHARED)
-        H, g, c = np.zeros((n, SHARED, SHARED)), np.zeros((n, SHARED)), np.zeros(n)
-        for f in np.flatnonzero(~outlying):
-            own = slice(f, f + 1)
-            points = np.full((1, OWN), np.nan)
-            c[f] = sum_normal_equations(
-                q, every, self.lenses, self.pixels[own], self.rays[own], self.distances[own],
-                1 / self.sigma_px, 1 / self.scatter, np.full(1, np.inf), points, np.empty(1),
-                H[f], g[f],
-            )  # fmt: skip
-        lost = ~np.isfinite(c)
-        H[lost], g[lost], c[lost] = 0.0, 0.0, 0.0
-        return H, g, c
 
     @property
     def degrees(self) -> int:

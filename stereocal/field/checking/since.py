@@ -91,7 +91,8 @@ class _Equations:
 
 def _equations(fit: Fit, q: FloatArray, outlying: BoolArray) -> _Equations:
     """The costs of the groups, quadratic about q."""
-    H, g, c = fit.equations(q, outlying)
+    groups = [np.flatnonzero(~outlying[f : f + 1]) + f for f in range(len(outlying))]
+    H, g, c = fit.equations(q, groups)
     x = q - fit.prior.q
     at = np.einsum("fij,j->fi", H, x)
     about_prior = c + at @ x - 2.0 * g @ x

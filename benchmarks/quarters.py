@@ -1,0 +1,141 @@
+"""Real recordings by quarters in time, whose frames follow each other.
+
+    python -m benchmarks.quarters {forecast,differences} RECORDING...
+
+`forecast`: three quarters fitted, the fourth tested: how many of the 95 % intervals hold.
+`differences`: quarters fitted by themselves, lenses and baseline without priors: differences over
+their stated errors. A recording is a data set; or a pair of one with more cameras: ewand123:1-3.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import json
+from collections.abc import Iterator
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.halves import figures_on
+from stereocal.calibration.methods import CalibrationSettings, Method
+from stereocal.formats.camera_file import read_camera
+from stereocal.formats.dataset_files import read_dataset
+from stereocal.refined.bar_fit import BAR
+from stereocal.refined.refine import refine
+from stereocal.refined.screening import screen
+from stereocal.refined.unknowns import LensPrior, RefineSettings
+from stereocal.rig.compiled import IntArray
+from stereocal.rig.dataset import Correspondences, Dataset
+from stereocal.verdict.forecast import forecast_files
+from stereocal.workflow import calibrate
+
+QUARTERS = 4
+METHODS: tuple[Method, ...] = ("2d", "3d", "refined")
+FIGURES = ("mean_reprojection_px", "median_error_3d", "p95_error_3d", "fcp_reprojection")
+FREE_LENS = LensPrior(np.inf, np.inf)
+FREE = RefineSettings(primary=FREE_LENS, secondary=FREE_LENS, baseline_sigma_m=np.inf)
+
+
+def recording(name: str) -> Dataset:
+    """A data set without the frames that its screening leaves out."""
+    path, _, pair = name.partition(":")
+    found = pair_of(Path(path), *pair.split("-")) if pair else read_dataset(Path(path))
+    return screen(found).dataset
+
+
+def pair_of(folder: Path, first: str, second: str) -> Dataset:
+    """Two cameras of a recording of several, and the bar A-B."""
+    about = json.loads((folder / "dataset.json").read_text())
+    seen: dict[tuple[int, str], dict[str, tuple[float, float]]] = {}
+    with (folder / "points.csv").open() as file:
+        for row in csv.DictReader(file):
+            own = seen.setdefault((int(row["frame"]), row["target"]), {})
+            own[row["camera"]] = float(row["u"]), float(row["v"])
+    kept = {key: own for key, own in seen.items() if key[1] in "AB" and {first, second} <= {*own}}
+    rows = sorted(key for key in kept if (key[0], "AB"[key[1] == "A"]) in kept)
+    one, two = (folder / about["cameras"][name] for name in (first, second))
+    return Dataset(
+        f"{folder.name} {first}-{second}",
+        read_camera(one.read_bytes(), one.name),
+        read_camera(two.read_bytes(), two.name),
+        Correspondences.from_arrays(
+            [frame for frame, _ in rows],
+            [target for _, target in rows],
+            [kept[row][first] for row in rows],
+            [kept[row][second] for row in rows],
+        ),
+        about["baselines_m"][f"{first}-{second}"],
+        float(np.linalg.norm(np.subtract(about["object"]["A"], about["object"]["B"]))),
+    )
+
+
+def quarters(data: Dataset) -> Iterator[tuple[IntArray, IntArray]]:
+    """The frames of each quarter in time, and those of the other three."""
+    frames = data.correspondences.frames
+    for own in np.array_split(frames, QUARTERS):
+        yield own, np.setdiff1d(frames, own)
+
+
+def forecast(data: Dataset) -> None:
+    """Print which intervals hold on the quarter that was not fitted."""
+    held: dict[str, list[bool]] = {name: [] for name in FIGURES}
+    widths: dict[str, list[float]] = {name: [] for name in FIGURES}
+    for number, (own, rest) in enumerate(quarters(data)):
+        outlook = forecast_files(
+            calibrate(data.of_frames(rest), CalibrationSettings(), refined=RefineSettings())
+        )
+        for method in METHODS:
+            true = figures_on(data.of_frames(own), outlook.files[method])
+            said = outlook.predictive.forecast(method)
+            for name in FIGURES:
+                each = getattr(said, name)
+                held[name].append(each.low <= true[name] <= each.high)
+                widths[name].append((each.high - each.low) / each.value)
+                print(
+                    f"  quarter {number + 1} {method:8s} {name:21s} {true[name]:.5f} in "
+                    f"{each.low:.5f} to {each.high:.5f}{'' if held[name][-1] else '  MISSED'}"
+                )
+    for name in FIGURES:
+        _report(name, held[name], widths[name])
+    without = FIGURES[:3]
+    _report(
+        "all but FCP",
+        [x for f in without for x in held[f]],
+        [x for f in without for x in widths[f]],
+    )
+
+
+def _report(name: str, held: list[bool], widths: list[float]) -> None:
+    print(f"{name}: {sum(held)} of {len(held)} hold, median width {np.median(widths):.2f}")
+
+
+def differences(data: Dataset) -> None:
+    """Print the rms of the differences of quarters over their stated errors."""
+    fits = [refine(data.of_frames(own), FREE) for own, _ in quarters(data)]
+    free = np.setdiff1d(fits[0].unknowns.free, BAR)
+    ratios = []
+    for a, b in combinations(fits, 2):
+        variances = np.diag(a.covariance)[free] + np.diag(b.covariance)[free]
+        ratios.append((a.q - b.q)[free] / np.sqrt(variances))
+    effects = ", ".join(f"{fit.design_effect:.1f}" for fit in fits)
+    print(f"rms {np.sqrt(np.mean(np.square(ratios))):.2f}; design effects {effects}")
+
+
+STUDIES = {"forecast": forecast, "differences": differences}
+
+
+def main() -> None:
+    """A study of recordings."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("study", choices=STUDIES)
+    parser.add_argument("recordings", nargs="+")
+    parsed = parser.parse_args()
+    for name in parsed.recordings:
+        print(name)
+        STUDIES[parsed.study](recording(name))
+
+
+if __name__ == "__main__":
+    main()

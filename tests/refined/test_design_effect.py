@@ -1,0 +1,84 @@
+"""Standard errors where frames follow each other."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from benchmarks.refined_rigs import Misjudged, in_runs, random_rig, stated
+from benchmarks.waved import waved_scene
+from stereocal.matching.reconstruction import noise_of_file
+from stereocal.refined.disagreement import what_disagrees
+from stereocal.refined.parameter_file import refined_parameters
+from stereocal.refined.refine import RefinedResult, refine
+from stereocal.refined.unknowns import LensPrior, RefineSettings
+from stereocal.rig.parameters import RigParameters
+from stereocal.rig.rig import Rig
+
+FIXED = RefineSettings(
+    primary=LensPrior(0.0, 0.0),
+    secondary=LensPrior(0.0, 0.0),
+    baseline_sigma_m=0.0,
+    distance_sigma_m=0.0,
+)
+EXACT = Misjudged(0.0, 0.0, 0.0, 0.0)
+
+
+def fitted(seed: int, length: int, frames: int = 200) -> tuple[RefinedResult, Rig]:
+    """A fit of a waved bar, with noise that is alike for runs of frames, and the truth."""
+    rng = np.random.default_rng([seed, length])
+    scene = waved_scene(random_rig(rng), rng, frames, length)
+    data = stated(scene, rng, EXACT)
+    if length > 1:
+        data = in_runs(data, rng, length, 0.2)
+    return refine(data, FIXED), scene.rig
+
+
+def angle_errors(found: RefinedResult, truth: Rig) -> np.ndarray:
+    """(5,): errors of the angles over their stated errors."""
+    away = np.array(found.pose.angles) - np.array(truth.pose.angles)
+    away = (away + np.pi) % (2 * np.pi) - np.pi
+    return np.asarray(away / np.sqrt(np.diag(found.covariance)[:5]))
+
+
+@pytest.mark.parametrize("length", [10, 20])
+def test_errors_are_as_large_as_stated(length: int) -> None:
+    fits = [fitted(seed, length) for seed in range(30)]
+    rms = float(np.sqrt(np.mean([np.square(angle_errors(*each)) for each in fits])))
+    # Measured: 1.09 and 1.16; 1.9 and 2.7 with frames taken as independent.
+    assert 0.8 < rms < 1.3
+    assert min(found.design_effect for found, _ in fits) > 1.2
+
+
+def test_independent_frames_state_what_they_did() -> None:
+    fits = [fitted(seed, 1) for seed in range(10)]
+    effects = [found.design_effect for found, _ in fits]
+    assert np.median(effects) == 1.0
+    assert max(effects) < 1.3
+    found = fits[0][0]
+    np.testing.assert_allclose(found.p_covariance, found.p_covariance_by_model)
+
+
+def test_the_file_states_the_covariance_with_its_design_effect() -> None:
+    found, _ = fitted(1, 20)
+    written = RigParameters.loads(refined_parameters(found).dumps())
+    assert written.uncertainties is not None
+    assert written.uncertainties["design_effect"] == found.design_effect
+    _, covariance = noise_of_file(written)
+    assert covariance is not None
+    np.testing.assert_allclose(covariance, found.covariance)
+    # Never smaller than the model's.
+    more = found.p_covariance - found.p_covariance_by_model
+    assert np.linalg.eigvalsh(more / np.outer(*2 * [np.sqrt(np.diag(more))])).min() > -1e-6
+
+
+def test_runs_accuse_no_sound_input() -> None:
+    lens = LensPrior(0.001, 1.0)
+    settings = RefineSettings(primary=lens, secondary=lens)
+    accused = 0
+    for seed in range(20):
+        rng = np.random.default_rng([seed, 77])
+        data = stated(waved_scene(random_rig(rng), rng, 150, 15), rng, EXACT)
+        found = what_disagrees(refine(in_runs(data, rng, 15, 0.3), settings))
+        accused += any(item.accused for item in found)
+    assert accused <= 3
