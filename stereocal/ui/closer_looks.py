@@ -42,12 +42,13 @@ from stereocal.ui.navigation import go_to
 from stereocal.ui.parameter_files import other_formats
 from stereocal.ui.review import look_closely
 from stereocal.ui.screening import rerun_if_changed
+from stereocal.ui.scrolling import scroll_to, scrolled_part
 from stereocal.ui.status import describe_settings
 from stereocal.ui.texts import escape_markdown
 from stereocal.workflow import Answer
 
 FRAMES = "Errors by frame"
-CHART = "frames"
+CHART, OPENED = "frames", "opened_frame"
 
 
 def _view(project: Project) -> Field:
@@ -58,6 +59,7 @@ def _view(project: Project) -> Field:
 def look_at_frame(project: Project, calibration: Calibration, frame: int) -> None:
     """Open a frame (a callback)."""
     _view(project).set(FRAMES)
+    scroll_to(OPENED)
     frame_field(project, calibration).set(frame)
 
 
@@ -106,10 +108,11 @@ def _show_frames(project: Project, found: Calibration, _answer: Answer | None) -
         plot_frame_errors(found, chosen.value()), describe_frame_errors(found), CHART,
         on_select=partial(_clicked, project, found), selection_mode="points",
     )  # fmt: skip
-    frame = choose_frame(project, found)
-    views = views_of(found, frame)
-    st.markdown(escape_markdown(f"{state_of(found, frame)} {describe_two_sets(views)}"))
-    _show_images(project, views, "2d")
+    with scrolled_part(OPENED):
+        frame = choose_frame(project, found)
+        views = views_of(found, frame)
+        st.markdown(escape_markdown(f"{state_of(found, frame)} {describe_two_sets(views)}"))
+        _show_images(project, views, "2d")
 
 
 @callback

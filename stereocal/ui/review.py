@@ -36,8 +36,10 @@ from stereocal.ui.fields import Field, one_of, setting, yes_or_no
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.messages import callback
 from stereocal.ui.picker import Mark, Pick, Shown, encode, pick
+from stereocal.ui.scrolling import scroll_to, scrolled_part
 
 ALL, ONE = "All frames", "One frame"
+ONE_FRAME = "one_frame"
 NEAREST = "Nearest"
 WANTED = (NEAREST, *TARGETS)
 _OUTCOME = "review_said"
@@ -66,7 +68,8 @@ def show_frames(store: ProjectPhotographs, frames: Sequence[Frame], running: boo
     """All frames, or one, as chosen."""
     view = st.segmented_control("Look at", [ALL, ONE], required=True, **_view(store).widget())
     if view == ONE and frames:
-        _show_one(store, running)
+        with scrolled_part(ONE_FRAME):
+            _show_one(store, running)
     else:
         show_contact_sheet(store, frames, running, lambda number: look_closely(store, number))
     _download(frames)
@@ -270,6 +273,7 @@ def take_back(store: ProjectPhotographs, seen: Edit | None) -> None:
 def look_closely(store: ProjectPhotographs, number: int) -> None:
     """Show one frame (a callback)."""
     _view(store).set(ONE)
+    scroll_to(ONE_FRAME)
     _go_to(store, number)
 
 

@@ -12,10 +12,13 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, Locator, Page, expect
 
+from stereocal.calibration.methods import CalibrationSettings
 from stereocal.formats.camera_file import write_camera
 from stereocal.frames.frame import Centre
+from stereocal.projects.home import duplicate
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
+from stereocal.workflow import calibrate
 from tests.bar_photographs import bar_set, write
 from tests.browser.conftest import LONGEST_MS
 
@@ -208,6 +211,41 @@ def test_view_by_mouse_and_keys(page: Page, store: ProjectPhotographs) -> None:
     assert math.dist((centre(store, 1, 0, 1).u, centre(store, 1, 0, 1).v), (b.u, b.v)) < 0.02
     page.keyboard.press("0")
     assert primary.view == whole
+
+
+@pytest.mark.parametrize("width", [1400, 420])
+def test_what_a_press_opens_is_scrolled_to(
+    page: Page, app_url: str, home: Path, finished: str, settled: Settled, width: int
+) -> None:
+    def top(part: str) -> float:
+        page.wait_for_timeout(2500)  # what stands above comes later, and scrolling follows it
+        box = page.locator(f".st-key-{part}").bounding_box()
+        assert box
+        return box["y"]
+
+    project = duplicate(home, finished)
+    project.leave_out(9)
+    dataset = project.dataset
+    assert dataset
+    settings = CalibrationSettings(frames_left_out=(9,))
+    project.keep_calibration(calibrate(dataset, settings), project.inputs)
+    page.set_viewport_size({"width": width, "height": 900})
+    page.goto(f"{app_url}/data?project={project.id}")
+    settled(page)
+    for number in (9, 10):
+        page.locator(f".st-key-look_{number}").get_by_role("button").click()
+        Photograph(page, "primary")
+        # Below the header of the page.
+        assert 0 < top("one_frame") < 100
+        page.locator(".st-key-frames_view").get_by_text("All frames").click()
+        settled(page)
+    page.goto(f"{app_url}/calibrate?project={project.id}")
+    page.get_by_role("button", name="Look at frame 9").click()
+    expect(page.get_by_text("Frame 9 was left out by you.")).to_be_visible()
+    assert 0 < top("opened_frame") < 100
+    page.get_by_role("button", name="Correct it").click()
+    Photograph(page, "primary")
+    assert 0 < top("one_frame") < 100
 
 
 def test_by_touch_on_a_narrow_screen(
