@@ -46,12 +46,30 @@ button :has(kbd), button kbd { color: inherit !important; opacity: 1 !important;
 [data-testid=stButtonGroup] [data-selected], [data-testid=stSliderThumbValue] {
   color: inherit !important;
 }
+.st-key-arrival { display: none; }
+@media (hover: hover) {
+  [data-testid=stPlotlyChart]:not(:hover) .modebar,
+  [data-testid=stHeadingWithActionElements]:not(:hover) [data-testid=stHeaderActionElements] a {
+    visibility: hidden;
+  }
+}
 </style>"""
 """Streamlit cuts off long lists of file types, and shows no focus on a chosen button. Its captions,
 figures, commands and chosen values have texts with a contrast of 2.3 to 4.2 with the page; 4.5 is
-the least that can be read well (WCAG 2.1, 1.4.3)."""
+the least that can be read well (WCAG 2.1, 1.4.3). What is shown only under the mouse is no stop of
+the Tab key: the toolbars of three figures were 18 stops before the first button of Start."""
+ARRIVAL = """<script>/* {} */
+(() => {
+  const main = document.querySelector('[data-testid=stMain]')
+  if (document.activeElement !== document.body && !main.contains(document.activeElement)) return
+  main.tabIndex = main.tabIndex  // else a place that is not a control takes no focus
+  main.focus({ preventScroll: true })
+})()
+</script>"""
+"""Runs in the browser when the text in its comment is new. The focus of a button that led to a page
+would be on nothing, or on the button of the same name at the end. A link of the menu keeps it."""
 
-_NEXT = "next_page"
+_NEXT, _PAGE = "next_page", "page_at"
 _LOG = logging.getLogger(__name__)
 
 
@@ -80,6 +98,7 @@ def run_page(page: StreamlitPage) -> None:
         st.switch_page("app_pages/data.py")
     top = st.container()
     shown = show_messages(top)
+    _take_focus(page)
     begin_page(page.url_path)
     project = open_or_none()
     with st.sidebar:
@@ -97,6 +116,17 @@ def run_page(page: StreamlitPage) -> None:
     _show_states(project, saved)
     # Messages queued meanwhile; if the page is drawn again, it shows all of them.
     forget_messages(shown + show_messages(top, shown))
+
+
+def _take_focus(page: StreamlitPage) -> None:
+    """Let the keyboard begin at the top of a page that was opened from another."""
+    before, arrived = st.session_state.get(_PAGE, (page.url_path, ""))
+    if before != page.url_path:
+        arrived = f"from {before} to {page.url_path}"
+    st.session_state[_PAGE] = page.url_path, arrived
+    with st.container(key="arrival"):
+        if arrived:
+            st.html(ARRIVAL.replace("{}", arrived), unsafe_allow_javascript=True)
 
 
 def _show_states(project: Project | None, saved: DeltaGenerator) -> None:

@@ -291,3 +291,47 @@ def test_tab_goes_through_every_page_and_out(
         pickers = [now for now in through if now["text"].startswith("Photograph of the")]
         assert len(pickers) == 2 and any(now["tag"] == "CANVAS" for now in through)
         assert {"Pair by name again", "Zoom in", "Go to target A"} <= words
+
+
+MOST_STOPS = 4
+"""From *Skip to main content* to the first button of Start. Measured: 3; with the toolbars of the
+figures and the links of headings 23."""
+FOCUS = "document.activeElement.matches('[data-testid=stMain]')"
+
+
+def test_the_first_button_is_a_few_stops_away(
+    page: Page, app_url: str, settled: Settled, finished: str
+) -> None:
+    page.goto(f"{app_url}?project={finished}")
+    settled(page)
+    page.wait_for_timeout(1000)  # Plotly draws its toolbars after the page is settled
+    page.keyboard.press("Tab")
+    page.keyboard.press("Enter")
+    stops = 0
+    while page.evaluate(FOCUSED)["key"] != "recording":
+        page.keyboard.press("Tab")
+        stops += 1
+        assert stops <= MOST_STOPS
+
+
+def test_the_focus_goes_with_the_page(
+    page: Page, app_url: str, settled: Settled, finished: str
+) -> None:
+    """From a button to the top of the page that it opens; a link of the menu keeps it."""
+    page.goto(f"{app_url}/plan?project={finished}")
+    settled(page)
+    for key in ("cameras", "data"):
+        page.locator(".st-key-next button").press("Enter")
+        expect(page).to_have_url(re.compile(f"/{key}"))
+        settled(page)
+        assert page.evaluate(FOCUS)
+    link = page.get_by_test_id("stSidebar").get_by_role("link", name="Calibrate", exact=False)
+    link.press("Enter")
+    expect(page.get_by_role("heading", name="Calibrate", exact=True)).to_be_visible()
+    settled(page)
+    expect(link).to_be_focused()
+    page.locator(".st-key-run").wait_for()
+    page.reload()  # begins at the top, as every new page does
+    settled(page)
+    page.keyboard.press("Tab")
+    assert page.evaluate(FOCUSED)["text"] == "Skip to main content"
