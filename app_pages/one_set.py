@@ -8,6 +8,7 @@ from stereocal.errors import StereocalError
 from stereocal.ui.fields import one_of, setting
 from stereocal.ui.forms import form_values
 from stereocal.ui.intake import escape_markdown
+from stereocal.ui.long_answers import answer_when_ready
 from stereocal.ui.one_set import (
     show_accuracy,
     show_disagreement,
@@ -20,8 +21,8 @@ from stereocal.ui.one_set import (
 )
 from stereocal.ui.prerequisites import project_with_data
 from stereocal.ui.project import last_calibration
-from stereocal.ui.refined import answer_for, answer_of, calibrated, refine_form, refined_of
-from stereocal.ui.screening import screenings_of
+from stereocal.ui.refined import answer_for, calibrated, refine_form, refined_of
+from stereocal.ui.screening import is_long, screenings_of
 from stereocal.ui.status import staleness
 from stereocal.ui.texts import ONE_SET
 from stereocal.ui.validation import kept_protocol
@@ -35,13 +36,21 @@ try:
         st.markdown(ONE_SET)
         settings = refine_form(project, dataset)
     protocol = kept_protocol(project, [dataset])
-    (screening,) = screenings_of([dataset], protocol.calibration)
-    kept = screening.dataset
-    result = refined_of(kept, settings)
     calibration = last_calibration(project)
-    answer = None
-    if calibration and not staleness(calibration, dataset, form_values(project, dataset)):
-        answer = answer_of(project, calibration)
+    current = calibration
+    if calibration and staleness(calibration, dataset, form_values(project, dataset)):
+        current = None
+    answer = None if current is None else answer_when_ready(project, current)
+    if answer is None and is_long(dataset):
+        if current is None:
+            st.info("For a recording this long, press Calibrate first.")
+            st.page_link("app_pages/calibrate.py", label="Calibrate")
+        st.stop()
+    (screening,) = screenings_of([dataset], protocol.calibration, current)
+    kept = screening.dataset
+    result = answer.calibration.refined if answer else None
+    if result is None or (current is not None and len(current.held_out_frames)):
+        result = refined_of(kept, settings)
     if answer is None:
         found = replace(calibrated(dataset, protocol.calibration), refined=result)
         answer = answer_for(found, settings, None)

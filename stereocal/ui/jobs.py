@@ -30,12 +30,22 @@ from stereocal.ui.texts import escape_markdown
 P = ParamSpec("P")
 T = TypeVar("T")
 Kind = Literal[
-    "calibration", "evaluation", "photographs", "video", "lens_primary", "lens_secondary", "apply"
+    "calibration",
+    "evaluation",
+    "photographs",
+    "video",
+    "lens_primary",
+    "lens_secondary",
+    "apply",
+    "answer",
+    "trade_off",
 ]
 UNFORESEEN = (
     "Something unforeseen happened, and this could not be finished. What was there before is there "
     "still. The server's log says more."
 )
+UNEVEN = "steps"
+"""A stage whose parts take differently long: it has no time left to state."""
 _LOG = logging.getLogger(__name__)
 
 
@@ -293,7 +303,8 @@ def discard_finished(work: Work) -> None:
 def _show_progress(job: Job, kind: Kind) -> None:
     if job.state != "running":
         st.rerun()
-    left = f", about {job.seconds_left:.0f} s left" if job.done > job.begun_with else ""
+    known = job.done > job.begun_with and job.stages[job.at] != UNEVEN
+    left = f", about {job.seconds_left:.0f} s left" if known else ""
     _show_bars(job, left)
     st.button("Cancel", key=f"cancel_{kind}", on_click=_cancel, args=(job,))
 
@@ -312,7 +323,7 @@ def _show_bars(job: Job | Record, left: str) -> None:
     for number, stage in enumerate(job.stages):
         if number < job.at:
             st.progress(1.0, f"{stage.capitalize()}: all")
-        elif number == job.at and job.done:
+        elif number == job.at and (job.done or (job.total and stage == UNEVEN)):
             st.progress(job.done / max(job.total, 1), f"{job.done} of {job.total} {stage}{left}")
         else:
             st.progress(0.0, "Starting" if number == job.at else f"{stage.capitalize()}: not yet")

@@ -39,8 +39,9 @@ from stereocal.ui.downloads import on_demand
 from stereocal.ui.fields import number, one_of, setting, yes_or_no
 from stereocal.ui.figure import show_figure
 from stereocal.ui.intake import escape_markdown
+from stereocal.ui.long_answers import curves_when_ready
 from stereocal.ui.messages import fragment
-from stereocal.ui.refined import calibrated, curves_of, maps_of
+from stereocal.ui.refined import calibrated, maps_of
 from stereocal.ui.results import show_recommendation
 from stereocal.ui.validation import kept_protocol
 from stereocal.verdict.forecast import Outlook
@@ -149,7 +150,9 @@ def _show_trade_off(
     settings: RefineSettings,
     calibration: Calibration | None,
 ) -> None:
-    curves = curves_of(dataset, settings)
+    curves = curves_when_ready(project, dataset, settings)
+    if curves is None:
+        return
     if calibration is None or calibration.screening.dataset.sha256 != dataset.sha256:
         calibration = calibrated(dataset, kept_protocol(project, [dataset]).calibration)
     sets: dict[Method, tuple[Pose, Camera, Camera]] = {

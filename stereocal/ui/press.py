@@ -21,15 +21,15 @@ from stereocal.refined.results import Calibration
 from stereocal.rig.dataset import Dataset
 from stereocal.ui import jobs
 from stereocal.ui.intake import escape_markdown
-from stereocal.ui.refined import answer_for, answer_of
+from stereocal.ui.long_answers import answer_when_ready
+from stereocal.ui.refined import ANSWER_STEPS, answer_for, answer_of
+from stereocal.ui.screening import is_long
 from stereocal.ui.validation import INSTANT, kept_protocol
 from stereocal.workflow import Answer, calibrate
 
 KIND: jobs.Kind = "calibration"
 STAGES = ("steps", "runs")
-STEPS = ("screening", "essential", "2d", "3d")
-MOST_AT_ONCE = 1500
-"""Frames that calibrate in about a second, and so while the page is drawn."""
+STEPS = ("screening", "essential", "2d", "3d", *ANSWER_STEPS)
 FEWEST_TO_VALIDATE = 5
 
 
@@ -42,7 +42,7 @@ def work_of(
         StereocalError: settings that contradict each other.
     """
     protocol = kept_protocol(project, [dataset])
-    large = _frames(dataset) > MOST_AT_ONCE
+    large = is_long(dataset)
     about = {
         "dataset": [dataset.sha256, dataset.baseline_sigma_m, dataset.target_distance_sigma_m],
         "settings": [settings.to_json(), protocol.to_json()],
@@ -51,7 +51,10 @@ def work_of(
     def run(job: jobs.Job) -> bool:
         if large:
             job.begin("steps")
-            _calibrate(project, inputs, dataset, settings, job.progress)
+            step = _steps(job)
+            found = _calibrate(project, inputs, dataset, settings, step)
+            if protocol.refined is not None:
+                answer_for(found, protocol.refined, None, step)
         job.begin("runs")
         return _validate(project, protocol, job)
 
@@ -71,7 +74,7 @@ def press(
         StereocalError: the data do not determine the pose; the last result stays.
     """
     work = work_of(project, inputs, dataset, settings)
-    if _frames(dataset) > MOST_AT_ONCE:
+    if is_long(dataset):
         jobs.start(work)
         return
     with st.spinner("Calibrating."):
@@ -95,14 +98,20 @@ def _frames(dataset: Dataset) -> int:
 
 def _calibrate(
     project: Project, inputs: Inputs, dataset: Dataset, settings: CalibrationSettings,
-    progress: Callable[[int, int], None] | None = None,
-) -> None:  # fmt: skip
-    def step(name: str) -> None:
-        if progress is not None:
-            progress(STEPS.index(name), len(STEPS))
-
+    step: Callable[[str], None] | None = None,
+) -> Calibration:  # fmt: skip
     found = jobs.compute(calibrate, dataset, settings, trace=True, progress=step, refined=None)
     project.keep_calibration(found, inputs)
+    return found
+
+
+def _steps(job: jobs.Job) -> Callable[[str], None]:
+    """Reports each of `STEPS` when it starts."""
+
+    def step(name: str) -> None:
+        job.progress(STEPS.index(name), len(STEPS))
+
+    return step
 
 
 def _validate(project: Project, protocol: EvaluationSettings, job: jobs.Job) -> bool:
@@ -161,7 +170,7 @@ def show_progress(project: Project, work: jobs.Work | None) -> None:
 def answer_so_far(project: Project, calibration: Calibration) -> Answer | None:
     """What the result tells; while a job computes it, what there is, and the page follows."""
     if not jobs.is_running(project, KIND):
-        return answer_of(project, calibration)
+        return answer_when_ready(project, calibration)
     found = answer_of(project, calibration, made_only=True)
     if found is None:
         _wait_for_answer(project, calibration)

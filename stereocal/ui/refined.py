@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from typing import get_args
 
@@ -34,6 +35,7 @@ from stereocal.workflow import Answer, answer, calibrate
 MAP_SIZE = 45
 """Points of an accuracy map along each side; both maps take 0.1 s."""
 MOST_ANSWERS = 16
+ANSWER_STEPS = ("refined", "forecast")
 
 
 def refine_form(project: Project, dataset: Dataset) -> RefineSettings:
@@ -135,18 +137,22 @@ def answer_of(project: Project, calibration: Calibration, made_only: bool = Fals
 
 
 def answer_for(
-    calibration: Calibration, settings: RefineSettings, evaluation: Evaluation | None
-) -> Answer:
+    calibration: Calibration, settings: RefineSettings, evaluation: Evaluation | None,
+    step: Callable[[str], None] = lambda _: None,
+) -> Answer:  # fmt: skip
     """What a stored calibration and its validation tell, with the refined set of its frames.
 
     Args:
         settings: of the refined set.
         evaluation: made with the calibration; None if there is none yet.
+        step: called with the name of each of `ANSWER_STEPS` when it starts.
     """
     key = _answer_key(calibration, settings, evaluation)
     found = _answers().get(key)
     if found is None:
+        step("refined")
         whole = replace(calibration, refined=_refined_for(calibration, settings))
+        step("forecast")
         found = jobs.compute(answer, whole, outlook_for(whole), evaluation)
         _answers().keep(key, found)
     return found
@@ -176,9 +182,31 @@ def maps_of(dataset: Dataset, settings: RefineSettings) -> list[AccuracyMap]:
     return _maps(_key(dataset, settings), dataset, settings)
 
 
-def curves_of(dataset: Dataset, settings: RefineSettings) -> TradeOff:
-    """The trade-off. Raises as `trade_off`."""
-    return _curves(_key(dataset, settings), dataset, settings)
+def curves_of(
+    dataset: Dataset,
+    settings: RefineSettings,
+    progress: Callable[[int, int], None] | None = None,
+    cancelled: Callable[[], bool] | None = None,
+) -> TradeOff | None:
+    """The trade-off; None if cancelled. Arguments and errors as of `trade_off`."""
+    key = _key(dataset, settings)
+    found = _traced().get(key)
+    if found is None:
+        found = jobs.compute(trade_off, dataset, settings, progress=progress, cancelled=cancelled)
+        if found is not None:
+            _traced().keep(key, found)
+    return found
+
+
+def kept_curves(dataset: Dataset, settings: RefineSettings) -> TradeOff | None:
+    """The trade-off if it was computed already, else None."""
+    return _traced().get(_key(dataset, settings))
+
+
+@st.cache_resource(show_spinner=False)
+def _traced() -> Latest[TradeOff]:
+    """The last trade-offs; jobs make them too."""
+    return Latest(MOST_ANSWERS)
 
 
 def _key(dataset: Dataset, settings: RefineSettings | CalibrationSettings) -> str:
@@ -212,11 +240,3 @@ def _outlook(key: str, _calibration: Calibration) -> Outlook | None:
 def _maps(key: str, _dataset: Dataset, _settings: RefineSettings) -> list[AccuracyMap]:
     result = _refined(key, _dataset, _settings)
     return [jobs.compute(accuracy_map, result, MAP_SIZE, plane) for plane in get_args(Plane)]
-
-
-@st.cache_resource(show_spinner="Tracing the trade-off.", max_entries=16)
-def _curves(key: str, _dataset: Dataset, _settings: RefineSettings) -> TradeOff:
-    assert key
-    found = jobs.compute(trade_off, _dataset, _settings)
-    assert found is not None  # nobody cancels here
-    return found

@@ -25,15 +25,34 @@ MOST_BUTTONS = 6
 _AGAIN = "calibrate_again"
 
 
-def screenings_of(datasets: Sequence[Dataset], settings: CalibrationSettings) -> list[Screening]:
+MOST_AT_ONCE = 1500
+"""Frames that calibrate in about a second, and so while a page is drawn."""
+
+
+def is_long(dataset: Dataset) -> bool:
+    """Whether a recording takes seconds to calibrate, so that no draw of a page may wait for it."""
+    return len(dataset.correspondences.frames) > MOST_AT_ONCE
+
+
+def screenings_of(
+    datasets: Sequence[Dataset],
+    settings: CalibrationSettings,
+    calibration: Calibration | None = None,
+) -> list[Screening]:
     """The screenings of the project's data set, the first, and of further ones, cached.
 
     Frames put back and left out are those of the first.
+
+    Args:
+        calibration: the stored result: its screening is not made again.
     """
     others = replace(settings, frames_put_back=(), frames_left_out=())
     own = [settings, *[others] * (len(datasets) - 1)]
+    known = None if calibration is None else _key(calibration.dataset, calibration.settings)
     return [
-        _screened(_key(dataset, chosen), dataset, chosen)
+        calibration.screening
+        if calibration is not None and known == _key(dataset, chosen)
+        else _screened(_key(dataset, chosen), dataset, chosen)
         for dataset, chosen in zip(datasets, own, strict=True)
     ]
 

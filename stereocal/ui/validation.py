@@ -19,6 +19,7 @@ from stereocal.formats.evaluation_files import (
     unpack_runs,
 )
 from stereocal.projects.project import Project
+from stereocal.refined.results import Calibration
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
 from stereocal.system.resources import ROOT
@@ -28,7 +29,7 @@ from stereocal.ui.forms import search_form, search_values, settings_of
 from stereocal.ui.intake import check_uploads, escape_markdown, is_new, taking
 from stereocal.ui.messages import callback
 from stereocal.ui.refined import refine_settings
-from stereocal.ui.screening import screenings_of
+from stereocal.ui.screening import is_long, screenings_of
 from stereocal.workflow import usual_frames
 
 NINETEEN = ROOT / "sample_data" / "nineteen"
@@ -79,8 +80,11 @@ def choose_protocol(project: Project, datasets: Sequence[Dataset]) -> Evaluation
 
 def _protocol_fields(project: Project, datasets: Sequence[Dataset]) -> tuple[Field, Field, int]:
     """Fields of the runs and of the frames to calibrate with, and the maximum of the latter."""
-    screenings = screenings_of(datasets, settings_of(search_values(project)))
-    fewest = min(len(each.dataset.correspondences.frames) for each in screenings)
+    counted: Sequence[Dataset] = datasets
+    if not any(map(is_long, datasets)):
+        screenings = screenings_of(datasets, settings_of(search_values(project)))
+        counted = [each.dataset for each in screenings]
+    fewest = min(len(each.correspondences.frames) for each in counted)
     most = max(fewest - 2, 2)
     return (
         setting(project, "validate_runs", 100, number(10, 500)),
@@ -182,7 +186,8 @@ def _validate(
     project: Project, datasets: Sequence[Dataset], settings: EvaluationSettings, job: jobs.Job
 ) -> bool:
     """Evaluate and store the result; False if cancelled."""
-    kept = [screening.dataset for screening in screenings_of(datasets, settings.calibration)]
+    screenings = screenings_of(datasets, settings.calibration, _result(project))
+    kept = [screening.dataset for screening in screenings]
     runs: list[list[Run]] | None
     if job.kept is None:  # while the page is drawn
         runs = evaluate_with_kept_fits(kept, settings, job.executor, _FITS, _yield_to_clicks)
@@ -224,6 +229,14 @@ def _last(project: Project) -> Evaluation | None:
     """The last validation; None if damaged, so that it is computed again."""
     try:
         return project.evaluation
+    except StereocalError:
+        return None
+
+
+def _result(project: Project) -> Calibration | None:
+    """The last calibration; None if damaged."""
+    try:
+        return project.calibration
     except StereocalError:
         return None
 

@@ -90,7 +90,7 @@ def show_evaluation(
     bins = setting(project, "bin_width", USUAL_WIDTH, one_of(BIN_WIDTHS))
     refined = with_refined(project)
     pooled, by_dataset = _summaries(evaluation, bins.value(), refined.value())
-    screenings = _screenings(evaluation, datasets)
+    screenings = _screenings(evaluation, datasets, readable(lambda: project.calibration))
     _show_answer(pooled, screenings)
     columns, picture = _choose_view(project, refined)
     if len(columns) > 1:
@@ -145,13 +145,15 @@ def _saved_as(picture: str, name: str) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _screenings(evaluation: Evaluation, datasets: Sequence[Dataset]) -> list[Screening]:
+def _screenings(
+    evaluation: Evaluation, datasets: Sequence[Dataset], calibration: Calibration | None
+) -> list[Screening]:
     """The screenings of the validated data sets; empty if one was removed."""
     used = {dataset.sha256: dataset for dataset in datasets}
     if not all(digest in used for digest in evaluation.sha256):
         return []
     validated = [used[digest] for digest in evaluation.sha256]
-    return screenings_of(validated, evaluation.settings.calibration)
+    return screenings_of(validated, evaluation.settings.calibration, calibration)
 
 
 def _show_answer(
