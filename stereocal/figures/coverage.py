@@ -12,7 +12,9 @@ from stereocal.figures.style import (
     TARGET_COLOURS,
     TARGET_SYMBOLS,
     count,
+    evenly_drawn,
     finish,
+    n_drawn,
 )
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
@@ -78,26 +80,29 @@ def _add_image(figure: go.Figure, column: int, camera: Camera) -> None:
 
 def _add_points(figure: go.Figure, column: int, dataset: Dataset, points: FloatArray) -> None:
     rows = dataset.correspondences
-    bars = np.full((len(rows.bars), 3, 2), np.nan)  # A, B, gap
-    bars[:, :2] = points[rows.bars]
+    drawn = evenly_drawn(len(rows.frames))[np.searchsorted(rows.frames, rows.frame)]
+    ends = rows.bars[drawn[rows.bars[:, 0]]]
+    bars = np.full((len(ends), 3, 2), np.nan)  # A, B, gap
+    bars[:, :2] = points[ends]
     figure.add_trace(
         go.Scatter(
             x=bars[..., 0].ravel(), y=bars[..., 1].ravel(), mode="lines",
             line={"color": FAINT, "width": 1}, hoverinfo="skip", legendgroup="bars",
-            name=f"Bar A–B (n = {len(rows.bars)})", showlegend=column == 1,
+            name=f"Bar A–B ({n_drawn(len(rows.bars))})", showlegend=column == 1,
         ),
         row=1, col=column,
     )  # fmt: skip
     for number, target in enumerate(TARGETS):
         of_target = rows.target == number
+        shown = of_target & drawn
         figure.add_trace(
             go.Scatter(
-                x=points[of_target, 0], y=points[of_target, 1], mode="markers",
+                x=points[shown, 0], y=points[shown, 1], mode="markers",
                 marker={
                     "color": TARGET_COLOURS[target], "symbol": TARGET_SYMBOLS[target],
                     "size": 8 if len(rows.frames) <= 100 else 5,
                 },
-                customdata=rows.frame[of_target], legendgroup=target,
+                customdata=rows.frame[shown], legendgroup=target,
                 name=f"Target {target} (n = {of_target.sum()})", showlegend=column == 1,
                 hovertemplate=(
                     f"frame %{{customdata}}, target {target}<br>"

@@ -14,6 +14,7 @@ from stereocal.figures.style import (
     METHOD_COLOURS,
     METHOD_NAMES,
     METHOD_SYMBOLS,
+    MOST_DRAWN,
     NEUTRAL,
     count,
     finish,
@@ -28,7 +29,7 @@ from stereocal.refined.outliers import (
     reprojection_outliers,
 )
 from stereocal.refined.results import Calibration
-from stereocal.rig.compiled import FloatArray, IntArray
+from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 
 HEIGHT = 600
 LOG_BEYOND = 30.0
@@ -151,11 +152,13 @@ def _add_method(
     """Draw up to three traces: calibration frames filled, held-out open, left-out dotted."""
     left = held_out(calibration, panel.frames)
     without = left_out(calibration, panel.frames)
+    drawn = drawn_frames(panel)
     for chosen, kind, suffix in (
         (~(left | without), "calibrated with", ""),
         (left, "held out", "-open"),
         (without, "left out", "-open-dot"),
     ):
+        chosen = chosen & drawn
         if not chosen.any():
             continue
         figure.add_trace(
@@ -175,6 +178,24 @@ def _add_method(
             ),
             row=row, col=1,
         )  # fmt: skip
+
+
+def drawn_frames(panel: FramePanel) -> BoolArray:
+    """(n,): the frames that are drawn: all, or of many the worst of each run of neighbours.
+
+    Worst by any method, relative to its median, so that no large error is hidden.
+    """
+    n = len(panel.frames)
+    if n <= MOST_DRAWN:
+        return np.ones(n, dtype=np.bool_)
+    medians = [max(_median(values), 1e-300) for values in panel.values.values()]
+    relative = np.array(list(panel.values.values())) / np.array(medians)[:, None]
+    worst = np.nan_to_num(relative, nan=np.inf).max(axis=0)
+    of_run = np.arange(n) * MOST_DRAWN // n
+    order = np.lexsort((-worst, of_run))
+    drawn = np.zeros(n, dtype=np.bool_)
+    drawn[order[np.flatnonzero(np.diff(of_run[order], prepend=-1))]] = True
+    return drawn
 
 
 def _add_labels(figure: go.Figure, row: int, panel: FramePanel) -> None:
@@ -260,6 +281,9 @@ def _frame_title(calibration: Calibration, panels: tuple[FramePanel, ...]) -> st
     """The title of the frame axis, with notes on values that are not drawn."""
     title = f"Frame (n = {len(calibration.dataset.correspondences.frames)})"
     notes = _missing(panels)
+    most = max(len(panel.frames) for panel in panels)
+    if most > MOST_DRAWN:
+        notes.append(f"of each {-(-most // MOST_DRAWN)} neighbouring frames the worst is drawn")
     for panel in panels:
         if not len(panel.frames):
             notes.append("no frame has both targets, so there is no length")

@@ -22,7 +22,9 @@ from stereocal.figures.style import (
     TARGET_COLOURS,
     TARGET_SYMBOLS,
     count,
+    evenly_drawn,
     finish,
+    n_drawn,
 )
 from stereocal.refined.results import Calibration
 from stereocal.rig.compiled import FloatArray
@@ -74,13 +76,14 @@ class RigScene:
         return self.rig.pose.inverse().T
 
     @cached_property
-    def hover(self) -> list[str]:
-        """The hover text of each bar."""
+    def hover(self) -> dict[int, str]:
+        """The hover text of each bar with a length, of those in the figure, by its number."""
         frames = self.dataset.correspondences.frame[self.dataset.correspondences.bars[:, 0]]
-        return [
-            f"frame {frame}<br>length {length:.4f} m, error {100 * error:.2f} %"
-            for frame, length, error in zip(frames, self.lengths, self.errors.length, strict=True)
-        ]
+        return {
+            k: f"frame {frames[k]}<br>length {self.lengths[k]:.4f} m, "
+            f"error {100 * self.errors.length[k]:.2f} %"
+            for k in np.flatnonzero(evenly_drawn(len(frames))).tolist()
+        }
 
 
 def plot_rig(calibration: Calibration, method: str, view: str = VIEWS[0]) -> go.Figure:
@@ -154,16 +157,17 @@ def scene_of(calibration: Calibration, method: Method) -> RigScene:
 
 def _add_bars(figure: go.Figure, scene: RigScene, method: Method) -> None:
     """One trace for all bars: A, centre, B, gap; the centre is a hover point."""
-    bars = scene.bars[scene.drawn]
+    shown = [k for k in scene.hover if scene.drawn[k]]
+    bars = scene.bars[shown]
     path = np.full((len(bars), 4, 3), np.nan)
     path[:, 0], path[:, 1], path[:, 2] = bars[:, 0], bars.mean(axis=1), bars[:, 1]
-    texts = [text for text, keep in zip(scene.hover, scene.drawn, strict=True) if keep]
+    texts = [scene.hover[k] for k in shown]
     missing = int((~scene.drawn).sum())
     figure.add_trace(
         go.Scatter3d(
             **upright(path), mode="lines", line={"color": METHOD_COLOURS[method], "width": 4},
             text=np.repeat(texts, 4), hovertemplate="%{text}<extra></extra>",
-            name=f"Bars, {METHOD_NAMES[method]} (n = {len(bars)}"
+            name=f"Bars, {METHOD_NAMES[method]} ({n_drawn(int(scene.drawn.sum()))}"
             + (f", {missing} behind a camera)" if missing else ")"),
         )
     )  # fmt: skip
@@ -171,11 +175,18 @@ def _add_bars(figure: go.Figure, scene: RigScene, method: Method) -> None:
 
 def _add_targets(figure: go.Figure, scene: RigScene) -> None:
     rows = scene.dataset.correspondences
-    of_bar = dict.fromkeys(range(len(rows)), "no bar: the other target is missing")
-    for pair, text in zip(rows.bars, scene.hover, strict=True):
-        of_bar.update(dict.fromkeys(pair.tolist(), text))
+    alone = np.setdiff1d(np.arange(len(rows)), rows.bars)
+    of_bar = dict.fromkeys(
+        alone[evenly_drawn(len(alone))].tolist(), "no bar: the other target is missing"
+    )
+    for k, text in scene.hover.items():
+        of_bar.update(dict.fromkeys(rows.bars[k].tolist(), text))
+    drawn = np.zeros(len(rows), dtype=np.bool_)
+    drawn[list(of_bar)] = True
     for number, target in enumerate(TARGETS):
-        of_target = np.flatnonzero((rows.target == number) & np.isfinite(scene.points[:, 0]))
+        of_target = np.flatnonzero(
+            drawn & (rows.target == number) & np.isfinite(scene.points[:, 0])
+        )
         points = scene.points[of_target]
         figure.add_trace(
             go.Scatter3d(

@@ -9,10 +9,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
 import plotly.graph_objects as go
 
 from stereocal.calibration.methods import METHOD_NAMES as METHOD_NAMES
 from stereocal.calibration.methods import Method
+from stereocal.rig.compiled import BoolArray
 
 METHOD_COLOURS: Mapping[Method, str] = {
     "essential": "#7F7F7F",
@@ -37,6 +39,8 @@ FILLS: Mapping[str, str] = {
 """Colours of the area below a curve; the area of wrong pairs is hatched."""
 TARGET_COLOURS: Mapping[str, str] = {"A": "#009E73", "B": "#CC79A7"}
 TARGET_SYMBOLS: Mapping[str, str] = {"A": "circle", "B": "diamond"}
+MOST_DRAWN = 2000
+"""Frames or bars in one figure: the points of 20,000 were 5 MB for the browser."""
 NEUTRAL = "#7F7F7F"
 FAINT = "rgba(127,127,127,0.45)"
 GRID = "rgba(127,127,127,0.25)"
@@ -86,3 +90,15 @@ def sentence_only(text: str, height: int = 160) -> go.Figure:
 def count(n: int, what: str) -> str:
     """`1 frame`, `25 frames`."""
     return f"{n} {what}" if n == 1 else f"{n} {what}s"
+
+
+def evenly_drawn(n: int) -> BoolArray:
+    """(n,): which of n frames or bars a figure draws: all, or `MOST_DRAWN` spread evenly."""
+    drawn = np.zeros(n, dtype=np.bool_)
+    drawn[np.linspace(0, n - 1, min(n, MOST_DRAWN)).round().astype(int)] = True
+    return drawn
+
+
+def n_drawn(n: int) -> str:
+    """`n = 25`, for a legend; and how many are drawn, if fewer."""
+    return f"n = {n}" + (f", {MOST_DRAWN} drawn" if n > MOST_DRAWN else "")
