@@ -61,11 +61,12 @@ class Chosen:
 
 
 def choose_inputs(project: Project, store: ProjectApplication) -> Chosen | None:
-    """The inputs in one row, and uploaders for what comes from files; None if something is missing.
+    """Uploaders of points, and the inputs in one row; None if something is missing.
 
     Raises:
         StereocalError: the points or the project's results cannot be used.
     """
+    lacking = _take_point_files(project, store)
     row = st.columns([4, 3, 3, 3])
     with row[0]:
         points = _choose_points(project, store)
@@ -83,11 +84,12 @@ def choose_inputs(project: Project, store: ProjectApplication) -> Chosen | None:
         for rig, purpose in zip(sets, ("matching", "reconstruction"), strict=True):
             if warning := purpose_warning(rig, purpose):
                 st.warning(escape_markdown(warning))
-    _take_files(project, store, points is None or sets is None)
+    _take_sets(project, store, sets is None)
     world = None if sets is None else choose_world(project, store, sets[1])
     show_refusal()
-    if points is None:
-        st.info("Still missing: the points of both cameras.")
+    if lacking and (points is None or len(lacking) == 1):
+        which = "both cameras" if len(lacking) == 2 else f"the {lacking[0]} camera"
+        st.info(f"Still missing: the points of {which}.")
     if sets is None:
         st.info("Still missing: a parameter file to match with, and one to measure with.")
         st.page_link("app_pages/calibrate.py", label="Or calibrate on the Calibrate page")
@@ -113,10 +115,6 @@ def _choose_points(project: Project, store: ProjectApplication) -> tuple[Points,
             for which, table in zip(CAMERAS, unlabelled(dataset.correspondences), strict=True)
         )
         return primary, secondary
-    files = [file for side in CAMERAS if (file := store.point_file(side))]
-    if files:
-        names = [f"{escape_markdown(file.label)}, {file.rows:,} points" for file in files]
-        st.caption(f"In use: {'; '.join(names)}")
     first, second = (store.points(side) for side in CAMERAS)
     return None if first is None or second is None else (first, second)
 
@@ -158,19 +156,23 @@ def _given_set(store: ProjectApplication, use: Use) -> RigParameters | None:
     return None if kept is None else kept[1]
 
 
-def _take_files(project: Project, store: ProjectApplication, missing: bool) -> None:
+def _take_point_files(project: Project, store: ProjectApplication) -> list[CameraName]:
+    """Uploaders of points, and questions about them; returns the cameras without a file."""
+    for side, column in zip(CAMERAS, st.columns(2), strict=True):
+        with column:
+            _take_points(project, store, side)
+    given = store.set_of("matching")
+    for side, camera in zip(CAMERAS, project.cameras, strict=True):
+        if camera is None and given is not None:
+            camera = given[1].primary if side == "primary" else given[1].secondary
+        ask_about_points(store, side, None if camera is None else camera.image_size[1])
+    return [side for side in CAMERAS if store.point_file(side) is None]
+
+
+def _take_sets(project: Project, store: ProjectApplication, missing: bool) -> None:
     """Uploaders and questions; folded if nothing is missing and no question is open."""
-    asked = any(store.asking(each) for each in (*CAMERAS, *USES))
-    with st.expander("Points and parameters from files", expanded=missing or asked):
-        if _points_kind(project, store).value() == FILES:
-            for side, column in zip(CAMERAS, st.columns(2), strict=True):
-                with column:
-                    _take_points(store, side)
-            given = store.set_of("matching")
-            for side, camera in zip(CAMERAS, project.cameras, strict=True):
-                if camera is None and given is not None:
-                    camera = given[1].primary if side == "primary" else given[1].secondary
-                ask_about_points(store, side, None if camera is None else camera.image_size[1])
+    asked = any(store.asking(use) for use in USES)
+    with st.expander("Parameters from files", expanded=missing or asked):
         kind = _sets_kind(project)
         if readable(lambda: project.calibration):
             st.segmented_control("Parameters", [RESULTS, GIVEN], required=True, **kind.widget())
@@ -180,8 +182,11 @@ def _take_files(project: Project, store: ProjectApplication, missing: bool) -> N
                     upload_set(project, store, use)
 
 
-def _take_points(store: ProjectApplication, side: CameraName) -> None:
+def _take_points(project: Project, store: ProjectApplication, side: CameraName) -> None:
     file = store.point_file(side)
+    if file is not None:
+        used = "In use" if _points_kind(project, store).value() == FILES else "Not in use"
+        st.caption(f"{used}: {escape_markdown(file.label)}, {file.rows:,} points")
     if file is not None and file.answers is not None:
         again = callback(store.ask_again)
         st.button("Read it differently", key=f"again_{side}", on_click=again, args=(side,))
@@ -199,6 +204,8 @@ def _take_points(store: ProjectApplication, side: CameraName) -> None:
                 if upload.name.lower().endswith(PARQUET):
                     server_guard().check_content("table", content, upload.name, PARQUET[0])
                 store.offer_points(side, upload.name, content)
+            if all(store.point_file(each) for each in CAMERAS):
+                _points_kind(project, store).set(FILES)
             clear_refusal()
         st.rerun()
 

@@ -82,12 +82,13 @@ def _frame_field(
     project: Project, store: ProjectApplication, outcome: Outcome, frames: list[int]
 ) -> Field:
     """The frame shown; the bar's own points have the frame that is chosen on all pages."""
-    name = NAME if _are_own(store, outcome) else "apply_frame"
+    name = NAME if are_own(store, outcome) else "apply_frame"
     fit = number(frames[0], frames[-1])
     return setting(project, "apply_frame", frames[0], fit, name=name, tabs_own=True)
 
 
-def _are_own(store: ProjectApplication, outcome: Outcome) -> bool:
+def are_own(store: ProjectApplication, outcome: Outcome) -> bool:
+    """Whether a result is of the bar's own points."""
     given = store.points("primary")
     return given is None or given.name != outcome.tables[0]
 
@@ -149,7 +150,7 @@ def _photographs(
     project: Project, store: ProjectApplication, outcome: Outcome, frames: list[int], frame: int
 ) -> tuple[Photograph | None, Photograph | None]:
     """Photographs of the frame, if the points are of the photographed frames."""
-    if not _are_own(store, outcome) and not set(frames) <= frames_photographed(project):
+    if not are_own(store, outcome) and not set(frames) <= frames_photographed(project):
         return None, None
     sizes = [camera.image_size for camera in (outcome.rig.primary, outcome.rig.secondary)]
     first, second = (

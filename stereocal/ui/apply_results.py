@@ -30,7 +30,7 @@ from stereocal.projects.files import StoredFile
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
 from stereocal.ui.apply import Chosen
-from stereocal.ui.apply_frames import show_frames
+from stereocal.ui.apply_frames import are_own, show_frames
 from stereocal.ui.downloads import on_demand
 from stereocal.ui.fields import number, one_of, setting
 from stereocal.ui.figure import show_figure
@@ -62,7 +62,8 @@ def show_application(project: Project, store: ProjectApplication, chosen: Chosen
         tables = _show_result(project, store, *result, work)
     elif work is not None:
         st.info("No result yet.")
-    _show_looks(project, chosen, tables)
+    own = result is not None and are_own(store, result[0])
+    _show_looks(project, chosen, tables, project.inputs.target_distance_m if own else None)
     if result is not None:
         _show_words(store, result[0], tables)
 
@@ -94,11 +95,17 @@ def _show_result(
     return tables
 
 
-def _show_looks(project: Project, chosen: Chosen | None, tables: Tables | None) -> None:
-    """One closer look at a time, or none; only what is shown is computed."""
+def _show_looks(
+    project: Project, chosen: Chosen | None, tables: Tables | None, known_m: float | None
+) -> None:
+    """One closer look at a time, or none; only what is shown is computed.
+
+    Args:
+        known_m: a length that is known of the points, if they are the bar's.
+    """
     looks: dict[str, Callable[[], None]] = {}
     if tables is not None:
-        looks["A known length"] = partial(_show_lengths, project, tables.points)
+        looks["A known length"] = partial(_show_lengths, project, tables.points, known_m)
     if chosen is not None:
         looks["Threshold and depths"] = partial(chosen.form.show, chosen.threshold_px)
     if tables is not None:
@@ -118,7 +125,7 @@ def _download(file: StoredFile, name: str, kind: Literal["primary", "secondary"]
     )  # fmt: skip
 
 
-def _show_lengths(project: Project, points: pd.DataFrame) -> None:
+def _show_lengths(project: Project, points: pd.DataFrame, known_m: float | None) -> None:
     columns: list[str] = label_columns(points)
     ways = [*columns, *([TWO] if has_two_a_frame(points) else [])]
     if not ways:
@@ -132,8 +139,7 @@ def _show_lengths(project: Project, points: pd.DataFrame) -> None:
         "Points are told apart by", ways,
         **setting(project, "apply_way", ways[0], one_of(ways)).widget(),
     )  # fmt: skip
-    bar_m = project.inputs.target_distance_m
-    length = setting(project, "apply_known", bar_m, number(0.0, or_none=True))
+    length = setting(project, "apply_known", known_m, number(0.0, or_none=True))
     known = right.number_input(
         "Known length (m)", min_value=0.0, value=None, format="%.6g",
         placeholder="measured length", **length.widget(),

@@ -24,6 +24,7 @@ from stereocal.rig.parameters import RigParameters
 from stereocal.rig.volume import Volume
 from stereocal.ui import apply as apply_page
 from stereocal.ui import apply_frames
+from stereocal.ui.apply import FILES, OWN
 from tests.known_rig import PRIMARY, RIG, SECONDARY, bar_ends, images
 from tests.pages.waiting import ended
 
@@ -213,6 +214,31 @@ def test_the_files_are_those_of_the_command_line(app: AppTest, home: Path, tmp_p
             assert result[1][name].read_bytes() == (tmp_path / name).read_bytes()
 
 
+def test_point_files_are_given_in_plain_sight_and_used_once_both_are_there(app: AppTest) -> None:
+    calibrated(app)
+    assert app.selectbox(key="apply_points").value == OWN
+    folded = {each.key for expander in app.expander for each in expander.get("file_uploader")}
+    assert not {"upload_points_primary", "upload_points_secondary"} & folded
+    app.selectbox(key="apply_points").set_value(OWN).run()
+    content = csv(tables()["primary"])
+    app.file_uploader(key="upload_points_primary").upload("p.csv", content).run()
+    assert "Not in use: p.csv" in said(app, "caption")
+    assert "Still missing: the points of the secondary camera." in said(app, "info")
+    assert "50 pairs in 25 frames" in said(app, "success")
+    content = csv(tables()["secondary"])
+    app.file_uploader(key="upload_points_secondary").upload("s.csv", content).run()
+    assert app.selectbox(key="apply_points").value == FILES
+    assert "Still missing" not in said(app, "info")
+
+
+def test_the_bar_is_no_known_length_of_other_points(app: AppTest, home: Path) -> None:
+    with_files(app)
+    store_of(app, home).project.give({}, target_distance_m=0.9)
+    app.segmented_control(key="apply_view").set_value("A known length").run()
+    assert app.number_input(key="apply_known").value is None
+    assert "Give the known length." in said(app, "info")
+
+
 def test_points_outside_the_volume_of_the_bars_are_said_and_drawn(app: AppTest, home: Path) -> None:
     with_files(app)
     assert "volume" not in said(app)
@@ -250,7 +276,7 @@ def test_threshold_moves_the_result_and_is_kept(app: AppTest, home: Path) -> Non
     again.query_params["project"] = app.session_state["project_id"]
     again.run().switch_page("app_pages/apply.py").run()
     assert again.number_input(key="apply_threshold").value == chosen
-    assert "In use: p.csv, 90 points; s.csv, 90 points" in said(again, "caption")
+    assert "In use: p.csv, 90 points In use: s.csv, 90 points" in said(again, "caption")
     assert "90 pairs in 6 frames" in said(again, "success")
 
 

@@ -106,6 +106,6 @@ def test_of_photographs_the_review_exchanges_it(home: Path) -> None:
     before = read_review(store).frame(frames[0].frame)
     exchange(store.project, before.frame)
     review = read_review(store)
-    assert review.frame(before.frame) == replace(before.swapped(1), reviewed=True)
+    assert review.frame(before.frame) == replace(before.swapped(1), reviewed=True, corrected=True)
     assert len(review.edits) == 1
     assert store.project.inputs.exchanged == []
