@@ -1,10 +1,12 @@
 """Real recordings by quarters in time, whose frames follow each other.
 
-    python -m benchmarks.quarters {forecast,differences} RECORDING...
+    python -m benchmarks.quarters {forecast,differences,check} RECORDING...
 
 `forecast`: three quarters fitted, the fourth tested: how many of the 95 % intervals hold.
 `differences`: quarters fitted by themselves, lenses and baseline without priors: differences over
-their stated errors. A recording is a data set; or a pair of one with more cameras: ewand123:1-3.
+their stated errors. `check`: each quarter checked with the parameters of the other three, as it
+is, with the secondary turned by 0.2 degrees, and turned from the middle on. A recording is a data
+set; or a pair of one with more cameras: ewand123:1-3.
 """
 
 from __future__ import annotations
@@ -13,25 +15,32 @@ import argparse
 import csv
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from benchmarks.halves import figures_on
 from stereocal.calibration.methods import CalibrationSettings, Method
+from stereocal.field.checking.new_images import images_of_bars
+from stereocal.field.checking.prior import prior_of
+from stereocal.field.checking.recheck import recheck
 from stereocal.formats.camera_file import read_camera
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.refined.bar_fit import BAR
+from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import refine
 from stereocal.refined.screening import screen
 from stereocal.refined.unknowns import LensPrior, RefineSettings
-from stereocal.rig.compiled import IntArray
+from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.dataset import Correspondences, Dataset
 from stereocal.verdict.forecast import forecast_files
 from stereocal.workflow import calibrate
 
 QUARTERS = 4
+TURN_RAD = float(np.radians(0.2))
 METHODS: tuple[Method, ...] = ("2d", "3d", "refined")
 FIGURES = ("mean_reprojection_px", "median_error_3d", "p95_error_3d", "fcp_reprojection")
 FREE_LENS = LensPrior(np.inf, np.inf)
@@ -123,7 +132,38 @@ def differences(data: Dataset) -> None:
     print(f"rms {np.sqrt(np.mean(np.square(ratios))):.2f}; design effects {effects}")
 
 
-STUDIES = {"forecast": forecast, "differences": differences}
+def check(data: Dataset) -> None:
+    """Print what is said of each quarter by the parameters of the others."""
+    rng = np.random.default_rng(0)
+    for own, rest in quarters(data):
+        prior = prior_of(refined_parameters(refine(data.of_frames(rest))))
+        still = data.of_frames(own)
+        axis = rng.standard_normal(3)
+        turned = turned_secondary(still, TURN_RAD * axis / np.linalg.norm(axis), own)
+        late = turned_secondary(still, TURN_RAD * axis / np.linalg.norm(axis), own[len(own) // 2 :])
+        said = [recheck(prior, images_of_bars(each, prior.rig)) for each in (still, turned, late)]
+        effect, least = said[0].noise.design_effect, said[0].power.detectable_turn_rad
+        print(
+            f"  not moved: {said[0].verdict}; turned by 0.2 degrees: {said[1].verdict}; from "
+            f"halfway on: {said[2].verdict}; design effect {effect:.1f}, can be seen from "
+            f"{np.degrees(least):.2f} degrees on"
+        )
+    prior = prior_of(refined_parameters(refine(data)))
+    print(f"  against itself: {recheck(prior, images_of_bars(data, prior.rig)).verdict}")
+
+
+def turned_secondary(data: Dataset, vector: FloatArray, frames: IntArray) -> Dataset:
+    """The data set with the secondary turned in place in these frames; points outside are lost."""
+    rows, camera = data.correspondences, data.secondary
+    moved = np.isin(rows.frame, frames)
+    rays = np.column_stack([camera.undistort(rows.secondary), np.ones(len(rows))])
+    seen = camera.project(rays @ Rotation.from_rotvec(vector).as_matrix().T)
+    pixels = np.where(moved[:, None], seen, rows.secondary)
+    inside = ((pixels > 0) & (pixels < np.array(camera.image_size) - 1)).all(axis=1)
+    return replace(data, correspondences=replace(rows, secondary=pixels).where(np.asarray(inside)))
+
+
+STUDIES = {"forecast": forecast, "differences": differences, "check": check}
 
 
 def main() -> None:

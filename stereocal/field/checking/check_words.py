@@ -15,6 +15,8 @@ from stereocal.verdict.in_words import digits, listed
 CHECK_FORMAT = "stereocal-check/1"
 AXES = ("horizontal", "vertical", "optical")
 CERTAIN = 0.99
+ALIKE = 1.5
+"""Design effect from which on it is told."""
 NEAR_AXIS, MOSTLY = 0.94, 0.8
 """Cosines of 20 and 37 degrees."""
 
@@ -88,6 +90,13 @@ def notes(check: Recheck) -> list[str]:
         found.append(
             f"The noise is {digits(check.noise.sigma_px, 2)} px, at the calibration it was "
             f"{digits(check.prior.sigma_px, 2)} px; that of the new images was used."
+        )
+    if check.noise.design_effect >= ALIKE:
+        groups = int((~check.noise.outlying).sum())
+        found.append(
+            f"Errors of neighbouring frames are alike: {groups} "
+            f"{'bars' if check.scale else 'points'} tell as much as about "
+            f"{groups / check.noise.design_effect:.0f} independent ones."
         )
     if not check.scale:
         found.append(
@@ -181,7 +190,7 @@ def _since(check: Recheck) -> list[str]:
 
 
 def _repair(check: Recheck) -> list[str]:
-    error = length_error(check.best)
+    error = length_error(check.best, check.noise.sigma_px)
     if error is None:
         return []
     return [

@@ -139,7 +139,7 @@ class Recheck:
 
     def fit(self, change: Change) -> Fit:
         """The images since the movement, fitted with this change."""
-        return Fit(self.prior, self.after, change, self.noise.sigma_px).minimise(self.outlying)
+        return Fit(self.prior, self.after, change, self.noise.counted_px).minimise(self.outlying)
 
     @cached_property
     def explanations(self) -> tuple[Explanation, ...]:
@@ -281,7 +281,7 @@ class Recheck:
 
     def _from_pose(self, change: Change) -> Fit:
         """As `fit`, started at the pose that was found."""
-        fit = Fit(self.prior, self.after, change, self.noise.sigma_px)
+        fit = Fit(self.prior, self.after, change, self.noise.counted_px)
         fit.start_at(pose_of(self.pose.q))
         return fit.minimise(self.outlying)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import fdtrc
@@ -10,8 +10,11 @@ from scipy.special import fdtrc
 from stereocal.field.checking.fits import Change, Fit
 from stereocal.field.checking.new_images import NewImages
 from stereocal.field.checking.prior import Prior
+from stereocal.refined.design_effect import clusters_in, design_effect
 from stereocal.refined.refine import robust_start
+from stereocal.refined.unknowns import camera_of, pose_of
 from stereocal.rig.compiled import BoolArray, IntArray
+from stereocal.rig.rig import Rig
 
 MAXIMUM_OUTLYING = 1 / 3
 HIGHER_NOISE, LOWER_NOISE = 0.005, 1e-6
@@ -32,6 +35,13 @@ class Noise:
     """Whether it agrees with the file's noise."""
     outlying: BoolArray
     """(f,)."""
+    design_effect: float = 1.0
+    """How many times less the groups tell than independent ones."""
+
+    @property
+    def counted_px(self) -> float:
+        """The noise with which independent groups would tell as much."""
+        return self.sigma_px * float(np.sqrt(self.design_effect))
 
     def probability(self, gain: float, degrees: int) -> float:
         """Of such a cost difference by chance between hypotheses that differ by so many values."""
@@ -97,3 +107,38 @@ def robust_fit(prior: Prior, images: NewImages, change: Change, sigma_px: float)
         if best is not None and not best.outlying.any():
             break
     return best
+
+
+def with_design_effect(
+    prior: Prior, images: NewImages, noise: Noise, parts: list[tuple[IntArray, Change]]
+) -> Noise:
+    """The noise with the design effect: the file's or, if larger, that of a part of the images.
+
+    Errors of a lens or of a detector are alike in bars that lie close together, so that many frames
+    know less than their number says.
+
+    Args:
+        parts: groups before and after a movement, and what may have changed for each.
+    """
+    found = replace(noise, design_effect=prior.design_effect)
+    for groups, change in parts:
+        fit = Fit(prior, images.of_groups(groups), change, noise.sigma_px)
+        fit.minimise(noise.outlying[groups])
+        effect, clusters = _design_effect(fit)
+        if effect > found.design_effect:
+            degrees = min(noise.degrees, float(clusters * max(len(change), 1)))
+            found = replace(found, design_effect=effect, degrees=degrees)
+    return found
+
+
+def _design_effect(fit: Fit) -> tuple[float, int]:
+    """The design effect of the groups of a fit, and the number of clusters."""
+    used = np.flatnonzero(~fit.outlying)
+    if len(used) < 2 or not np.isfinite(fit.cost):
+        return 1.0, len(used)
+    data, q = fit.dataset, fit.q
+    rig = Rig(camera_of(data.primary, q, 0), camera_of(data.secondary, q, 1), pose_of(q))
+    frames = fit.frames[used]
+    rows = data.correspondences.of_frames(frames)
+    clusters = clusters_in(rows, rig, frames)
+    return design_effect(fit, q, used, clusters), clusters.count

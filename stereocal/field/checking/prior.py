@@ -40,6 +40,9 @@ class Prior:
     """Degrees of freedom behind `sigma_px`."""
     scatter_m: float
     """Scatter of the bar's length from frame to frame; 0 if unknown."""
+    design_effect: float = 1.0
+    """How many times less the frames of the calibration told than independent ones; it is in the
+    covariance."""
 
     @property
     def covariance(self) -> FloatArray:
@@ -83,16 +86,18 @@ def prior_of(rig: RigParameters, source: str = "parameters") -> Prior:
         bar = about.get("bar_length_m") or {"estimate": 1.0, "stated": 1.0}
         factor = float(bar["estimate"]) / float(bar["stated"])
         degrees = _degrees(rig, about["sigma_px"])
+        design_effect = float(about.get("design_effect", 1.0))
     except DAMAGED as error:
         raise StereocalError(f"{source}: the uncertainties are damaged ({error}).") from error
     root = _root(covariance)
     if root is None or not (covariance[:POSE, :POSE].any() and sigma_px > 0):
         raise StereocalError(f"{source}: the covariance is not symmetric and positive.")
-    if not (0 <= scatter < np.inf and 0 < factor < np.inf and sigma_px < np.inf):
+    numbers = np.array([scatter, factor, sigma_px, design_effect])
+    if not (np.isfinite(numbers).all() and scatter >= 0 and factor > 0 and design_effect >= 1):
         raise StereocalError(f"{source}: the uncertainties have an impossible noise or length.")
     q = shared_unknowns(rig)
     q[BAR] = factor
-    return Prior(rig, q, root, sigma_px, degrees, scatter)
+    return Prior(rig, q, root, sigma_px, degrees, scatter, design_effect)
 
 
 def _degrees(rig: RigParameters, noise: Mapping[str, Any]) -> float:

@@ -38,6 +38,7 @@ def repaired_parameters(check: Recheck, sha256: str | None) -> RigParameters:
         "bar_scatter_m": {"value": check.prior.scatter_m, "source": GIVEN},
         "standard_errors": {name: named[name] for name in kept},
         "covariance": covariance_entry(fit.covariance),
+        "design_effect": check.noise.design_effect,
     }
     if isinstance(bar, int | float):
         uncertainties["bar_length_m"] = {
@@ -71,7 +72,7 @@ def repaired_parameters(check: Recheck, sha256: str | None) -> RigParameters:
     )
 
 
-def length_error(fit: Fit) -> float | None:
+def length_error(fit: Fit, sigma_px: float) -> float | None:
     """Expected length error of bars like the new ones, as a fraction; None without bars.
 
     The mean of |error| of a normal error, from the noise and the covariance of the parameters.
@@ -81,5 +82,5 @@ def length_error(fit: Fit) -> float | None:
     bars = np.isfinite(fit.distances) & ~fit.outlying
     ends = fit.points[bars].reshape(-1, 3)
     a, b = ends[0::2], ends[1::2]
-    sigmas = length_sigmas(fit.q, fit.lenses, fit.sigma_px, fit.covariance, a, b)
+    sigmas = length_sigmas(fit.q, fit.lenses, sigma_px, fit.covariance, a, b)
     return MEAN_OF_NORMAL * float(np.mean(sigmas / np.linalg.norm(a - b, axis=1)))

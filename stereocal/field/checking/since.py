@@ -34,6 +34,8 @@ class Since:
     """Frames that may have been the first; a test of the best is a test of so many."""
     at: int
     """Index of the first group after the latest change point of the interval."""
+    lasts: bool
+    """Whether both halves of what follows fit better with the movement than without it."""
 
 
 def since_when(prior: Prior, images: NewImages, moved: Fit, outlying: BoolArray) -> Since:
@@ -54,10 +56,15 @@ def since_when(prior: Prior, images: NewImages, moved: Fit, outlying: BoolArray)
             break
         best = found
         moved = Fit(prior, images, change, sigma_px).minimise(outlying | (index < best))
-    return _interval(images.numbers, starts, costs, _cost_of_none(prior, same))
+    without = same.between(best, moved.before - prior.q)
+    lasts = without > _equations(moved, moved.q, outlying).between(best, moved.q - prior.q)
+    none = _cost_of_none(prior, same)
+    return _interval(images.numbers, starts, costs, none, bool(lasts.all()))
 
 
-def _interval(numbers: IntArray, starts: IntArray, costs: FloatArray, none: float) -> Since:
+def _interval(
+    numbers: IntArray, starts: IntArray, costs: FloatArray, none: float, lasts: bool
+) -> Since:
     best = int(np.argmin(costs))
     weights = np.exp(-0.5 * (costs - costs[best]))
     weights /= weights.sum()
@@ -71,6 +78,7 @@ def _interval(numbers: IntArray, starts: IntArray, costs: FloatArray, none: floa
         gain=float(none - costs[best]),
         candidates=len(starts),
         at=int(starts[high]),
+        lasts=lasts,
     )
 
 
@@ -87,6 +95,12 @@ class _Equations:
     """(f + 1, 25)."""
     c: FloatArray
     """(f + 1,)."""
+
+    def between(self, first: int, x: FloatArray) -> FloatArray:
+        """(2,): the costs at x of the two halves of the groups from the first on."""
+        ends = [first, (first + len(self.c)) // 2, len(self.c) - 1]
+        costs = self.c[ends] + 2.0 * self.g[ends] @ x + np.einsum("i,fij,j->f", x, self.H[ends], x)
+        return np.asarray(-np.diff(costs))
 
 
 def _equations(fit: Fit, q: FloatArray, outlying: BoolArray) -> _Equations:
