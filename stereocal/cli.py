@@ -21,6 +21,7 @@ from stereocal.commands import (
     print_files,
     reconstruct,
     reproduce,
+    sample,
     serve,
     simulate,
     world,
@@ -32,7 +33,8 @@ from stereocal.version import __version__
 
 COMMANDS = (
     calibrate, evaluate, import_archive, detect, intrinsics, match, reconstruct, convert, check,
-    world, simulate, plan, print_files, reproduce, serve, compiling,
+    world, simulate, plan, print_files, reproduce, sample, serve,
+    compiling,
 )  # fmt: skip
 
 

@@ -1,18 +1,25 @@
-"""Files that pages of the documentation name, and that no command of theirs makes."""
+"""Files that pages of the documentation name, and that no command of theirs makes.
+
+`python -m tests.docs.prepared` makes the samples `archives` and `world` again.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from benchmarks.world import known_places, plumb_lines, surveyed, thrown
+from benchmarks.world import common_view, known_places, plumb_lines, surveyed, thrown
 from stereocal.system.photograph import read_photograph
 from tests.archives import easywand_fields, kalibr_chain, mat, wand_csv
 from tests.field.world_tables import PIXELS, lines_csv, survey_csv, throw_csv
+from tests.terminal import ROOT
 from tests.videos import write_video
+
+SAMPLES = ROOT / "sample_data"
 
 
 def archives(folder: Path) -> None:
@@ -25,7 +32,7 @@ def archives(folder: Path) -> None:
 
 def videos(folder: Path) -> None:
     """A data set without points, and six seconds of two videos."""
-    sample = folder / "sample_data" / "photographs"
+    sample = SAMPLES / "photographs"
     (folder / "pond").mkdir()
     for name in ("dataset.json", "primary.json", "secondary.json"):
         (folder / "pond" / name).write_bytes((sample / name).read_bytes())
@@ -37,21 +44,26 @@ def videos(folder: Path) -> None:
 def world(folder: Path) -> None:
     """A survey, plumb lines and a throw of one place, its parameters, and pairs."""
     place = next(known_places(1, 21))
-    place.rig.save(folder / "parameters_3d.json")
+    replace(place.rig, method="3d").save(folder / "parameters_3d.json")
     (folder / "survey.csv").write_bytes(survey_csv(surveyed(place, 5)))
     (folder / "plumb.csv").write_bytes(lines_csv(plumb_lines(place)))
     (folder / "throw.csv").write_bytes(throw_csv(thrown(place)))
-    pairs = pd.DataFrame(place.images(np.array([[0.0, 0.0, 6.0]]), 0.0), columns=PIXELS)
-    pairs.insert(0, "frame", [1])
+    points = np.array([common_view(place, 6.0) for _ in range(10)])
+    pairs = pd.DataFrame(place.images(points, 0.3), columns=PIXELS)
+    pairs.insert(0, "frame", range(1, 11))
     pairs.to_csv(folder / "pairs.csv", index=False)
 
 
-FILES: Mapping[str, Callable[[Path], None]] = {
-    "docs/archives.md": archives, "docs/photographs.md": videos, "docs/world.md": world,
-}  # fmt: skip
+FILES: Mapping[str, Callable[[Path], None]] = {"docs/photographs.md": videos}
 
 
 def prepare(page: str, folder: Path) -> None:
     """Write the files of a page."""
     if page in FILES:
         FILES[page](folder)
+
+
+if __name__ == "__main__":
+    for make in (archives, world):
+        (SAMPLES / make.__name__).mkdir(exist_ok=True)
+        make(SAMPLES / make.__name__)

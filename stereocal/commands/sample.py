@@ -1,0 +1,47 @@
+"""`stereocal sample`: write sample data to try the commands with."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from stereocal.errors import StereocalError
+from stereocal.system.atomic_files import write_atomically
+from stereocal.system.resources import ROOT
+
+SAMPLES = {
+    "recording": "a real recording: a data set, and points to match",
+    "photographs": "photographs of a bar and of a chessboard",
+    "field": "a simulated data set",
+    "archives": "files of easyWand, Argus and Kalibr",
+    "world": "a survey, plumb lines and a throw, with parameters",
+}
+
+
+def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """The options of the command."""
+    command = commands.add_parser("sample", help="data to try the commands with")
+    command.set_defaults(run=run)
+    about = "; ".join(f"{name}: {what}" for name, what in SAMPLES.items())
+    command.add_argument("name", choices=SAMPLES, metavar="SAMPLE", help=about)
+    command.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for it")
+
+
+def run(parsed: argparse.Namespace) -> None:
+    """Copy the sample; files that are there already are kept if they are the same."""
+    source = ROOT / "sample_data" / parsed.name
+    files = {
+        parsed.out / path.relative_to(source): path.read_bytes()
+        for path in sorted(source.rglob("*"))
+        if path.is_file()
+    }
+    if not files:
+        raise StereocalError(f"This installation is incomplete: {source} is missing. Reinstall it.")
+    for path, content in files.items():
+        if path.exists() and not (path.is_file() and path.read_bytes() == content):
+            raise StereocalError(
+                f"{path} exists already, with other content: choose another --out."
+            )
+    for path, content in files.items():
+        write_atomically(path, content)
+    print(f"wrote {len(files)} files to {parsed.out}")
