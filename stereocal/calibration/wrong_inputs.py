@@ -21,6 +21,7 @@ from stereocal.errors import StereocalError
 from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose, reprojection_errors_of_rays
+from stereocal.system.numbers import rounded
 
 MINIMUM_BARS = 10
 """With five bars or five pairs, the five angles fit any cameras."""
@@ -116,7 +117,8 @@ def check_inputs(dataset: Dataset, nominal: Fit | None = None) -> list[str]:
         return []
     best = max(possible, key=lambda case: case.gain)
     return [
-        f"{best.claim}: the points would then fit {max(best.gains):.2g} times better, which is "
+        f"{best.claim}: the points would then fit {rounded(max(best.gains))} times better, which "
+        "is "
         "not enough to be certain. Check it."
     ]
 
@@ -161,8 +163,9 @@ def _message(tested: Sequence[_Tested]) -> str:
         case for case in certain if case is not best and case.gain * COMPARABLE_GAIN >= best.gain
     ]
     fits = (
-        f"the points would then fit {best.gains[0]:.2g} times better in the images and the bar "
-        f"lengths {best.gains[1]:.2g} times"
+        f"the points would then fit {rounded(best.gains[0])} times better in the images and the "
+        "bar "
+        f"lengths {rounded(best.gains[1])} times"
         if np.isfinite(best.gain)
         else "the points would then fit, and otherwise do not"
     )
@@ -241,7 +244,8 @@ def _hypotheses(dataset: Dataset) -> Iterator[_Hypothesis]:
             width, height = camera.image_size
             scaled = _scaled(camera, 1.0 / factor)
             yield _Hypothesis(
-                f"The {which} camera's matrix K seems to be that of an image {factor:.3g} times "
+                f"The {which} camera's matrix K seems to be that of an image "
+                f"{rounded(factor, 3)} times "
                 f"as large as {width}x{height} px",
                 "Provide K for the size of the images in which the points were measured.",
                 scaled if which == "primary" else one,
@@ -312,7 +316,7 @@ def _lengths_message(dataset: Dataset, scale: float) -> str:
     return (
         f"The distance between the targets is stated as {stated:g} m and the baseline as "
         f"{dataset.baseline_m:g} m, but with this baseline the images give a distance of "
-        f"{stated / scale:.3g} m. {hint}"
+        f"{rounded(stated / scale, 3)} m. {hint}"
     )
 
 

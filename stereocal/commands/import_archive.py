@@ -18,6 +18,7 @@ from stereocal.formats.units import UNITS
 from stereocal.rig.dataset import Dataset
 from stereocal.system.atomic_files import write_all
 from stereocal.system.limits import Limits
+from stereocal.system.numbers import rounded
 
 BAR_LAYOUTS = tuple(name for name in LAYOUTS if name in ("wand", "argus", "dltdv5", "dltdv8"))
 
@@ -92,12 +93,15 @@ def notes_on(found: Archive, dataset: Dataset) -> list[str]:
     notes = list(found.remarks)
     if found.baseline_m is not None and dataset.baseline_m == found.baseline_m:
         notes.append(
-            f"The baseline of {dataset.baseline_m:.4g} m is the other program's result, not a "
+            f"The baseline of {rounded(dataset.baseline_m, 4)} m is the other program's result, "
+            "not a "
             "measurement. If you have measured it, give --baseline B; else --baseline free lets "
             "the lengths alone give the scale."
         )
     if dataset.baseline_is_free:
-        notes.append(f"The lengths of the bars give a baseline of {dataset.baseline_m:.4g} m.")
+        notes.append(
+            f"The lengths of the bars give a baseline of {rounded(dataset.baseline_m, 4)} m."
+        )
     return notes
 
 

@@ -37,6 +37,7 @@ from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.compiled import BoolArray, CountArray, FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose
+from stereocal.system.numbers import rounded
 from stereocal.system.tasks import Pieces, Progress, StoppedError, Task, run_tasks
 
 MAXIMUM_PARTNERS = 99
@@ -66,7 +67,7 @@ class EvaluationSettings:
             )
         if self.runs > MOST_RUNS:
             raise StereocalError(
-                f"{self.runs:.4g} runs were requested: at most {MOST_RUNS:,} are made."
+                f"{rounded(self.runs, 4)} runs were requested: at most {MOST_RUNS:,} are made."
             )
 
     def to_json(self) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from stereocal.figures.style import AXIS, LAYOUT, NEUTRAL, sentence_only
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.uncertainty import AccuracyMap
 from stereocal.rig.compiled import FloatArray
+from stereocal.system.numbers import rounded
 
 WIDTH, LEAST_HEIGHT, MOST_HEIGHT = 860, 140, 420
 """Of a map in px: at this width of the page, equal axes fill their room."""
@@ -165,7 +166,7 @@ def _traces(
             "type": "heatmap", "x": found.z_m, "y": found.across_m, "z": np.log10(values),
             "customdata": values, "coloraxis": "coloraxis", "hoverongaps": False,
             "hovertemplate": f"%{{y:.1f}} m {towards}, %{{x:.1f}} m ahead<br>"
-            f"%{{customdata:.2g}}{UNITS[quantity]}<extra></extra>", **own,
+            f"%{{customdata:.2~r}}{UNITS[quantity]}<extra></extra>", **own,
         },
         {
             "type": "scatter", "x": [0.0, centre[2]], "y": [0.0, centre[axis]],
@@ -194,8 +195,9 @@ def describe_accuracy(maps: Sequence[AccuracyMap], quantity: Quantity = "distanc
     towards = "to the right of" if found.plane == "above" else "below"
     return (
         f"From above and from the side: {TITLES[quantity].lower().split(' (')[0]}, one standard "
-        f"error, is {middle:.2g}{unit} (median) where both cameras see, from {low:.2g} to "
-        f"{high:.2g}{unit} (5th to 95th percentile), and least {found.z_m[j]:.1f} m ahead and "
+        f"error, is {rounded(middle)}{unit} (median) where both cameras see, from {rounded(low)} "
+        "to "
+        f"{rounded(high)}{unit} (5th to 95th percentile), and least {found.z_m[j]:.1f} m ahead and "
         f"{found.across_m[i]:.1f} m {towards} the primary camera. Points: the targets of the bar."
     )
 

@@ -10,6 +10,7 @@ from stereocal.field.checking.residuals import Errors, Residuals
 from stereocal.field.checking.since import Since
 from stereocal.figures.style import CORRECT_COLOUR, NEUTRAL, WRONG_COLOUR, count, finish
 from stereocal.rig.compiled import FloatArray
+from stereocal.system.numbers import rounded
 
 HEIGHTS = {1: 340, 2: 520}
 LOG_BEYOND = 30.0
@@ -45,7 +46,7 @@ def plot_check(residuals: Residuals, since: Since | None = None) -> go.Figure:
                         "color": colour, "symbol": symbol, "size": size, "line": {"width": 1.5}
                     },
                     legendgroup=name, showlegend=row == 1,
-                    hovertemplate=f"frame %{{x}}: %{{y:.3g}} {unit}<extra>{name}</extra>",
+                    hovertemplate=f"frame %{{x}}: %{{y:.3~r}} {unit}<extra>{name}</extra>",
                 ),
                 row=row, col=1,
             )  # fmt: skip
@@ -98,4 +99,8 @@ def _scale(series: list[tuple[str, FloatArray]]) -> dict[str, object]:
 
 def _median_and_largest(errors: FloatArray) -> str:
     known = errors[np.isfinite(errors)]
-    return f"{np.median(known):.3g} and {known.max():.3g}" if len(known) else "none and none"
+    return (
+        f"{rounded(np.median(known), 3)} and {rounded(known.max(), 3)}"
+        if len(known)
+        else "none and none"
+    )

@@ -12,6 +12,7 @@ from stereocal.figures.style import FAINT, NEUTRAL, WRONG_COLOUR, finish
 from stereocal.refined.disagreement import ACCUSED
 from stereocal.refined.stated_inputs import Input, in_digits
 from stereocal.rig.compiled import FloatArray
+from stereocal.system.numbers import rounded
 from stereocal.verdict.in_words import digits
 
 ROW, FRAME = 44, 100
@@ -100,4 +101,4 @@ def _words(item: Input) -> str:
 
 
 def _numbers(values: FloatArray) -> str:
-    return " and ".join(f"{value:.6g}" for value in np.atleast_1d(values))
+    return " and ".join(f"{rounded(value, 6)}" for value in np.atleast_1d(values))

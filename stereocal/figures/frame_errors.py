@@ -30,6 +30,7 @@ from stereocal.refined.outliers import (
 )
 from stereocal.refined.results import Calibration
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
+from stereocal.system.numbers import rounded
 
 HEIGHT = 600
 LOG_BEYOND = 30.0
@@ -173,7 +174,7 @@ def _add_method(
                 showlegend=row == 1 and not suffix,
                 hovertemplate=(
                     f"{METHOD_NAMES[method]}, frame %{{x}} ({kind})<br>"
-                    f"{panel.title.lower()} %{{y:.3g}} {panel.unit}<extra></extra>"
+                    f"{panel.title.lower()} %{{y:.3~r}} {panel.unit}<extra></extra>"
                 ),
             ),
             row=row, col=1,
@@ -291,7 +292,7 @@ def _frame_title(calibration: Calibration, panels: tuple[FramePanel, ...]) -> st
         if below:
             notes.append(
                 f"{count(below, panel.title.lower())} below "
-                f"{lowest_drawn(panel):.1g} {panel.unit} out of view"
+                f"{rounded(lowest_drawn(panel), 1)} {panel.unit} out of view"
             )
     lines = [line for note in notes for line in textwrap.wrap(note[0].upper() + note[1:], 44)]
     return "<br>".join([title, *lines])
@@ -319,4 +320,4 @@ def _largest(values: FloatArray) -> float:
 
 
 def _number(value: float) -> str:
-    return f"{value:.3g}" if np.isfinite(value) else "none"
+    return f"{rounded(value, 3)}" if np.isfinite(value) else "none"

@@ -15,6 +15,7 @@ from stereocal.matching.lengths import LengthCheck
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
+from stereocal.system.numbers import rounded
 
 HEIGHT = 560
 MAXIMUM_DRAWN = 10_000
@@ -221,7 +222,8 @@ def describe_lengths(check: LengthCheck) -> str:
     """The figure in words."""
     errors = 100 * check.errors
     return (
-        f"Error of a known length of {check.known_m:.4g} m in {count(len(errors), 'frame')}: from "
+        f"Error of a known length of {rounded(check.known_m, 4)} m in "
+        f"{count(len(errors), 'frame')}: from "
         f"{errors.min():z.2f} to {errors.max():z.2f} %, median {np.median(errors):z.2f} %; the "
         "dashed line is no error."
     )

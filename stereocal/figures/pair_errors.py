@@ -17,6 +17,7 @@ from stereocal.figures.style import (
 from stereocal.matching.nearest import NearestErrors
 from stereocal.matching.threshold import ThresholdChoice
 from stereocal.rig.compiled import FloatArray
+from stereocal.system.numbers import rounded
 
 HEIGHT = 340
 BINS_PER_DECADE = 10
@@ -43,7 +44,7 @@ def plot_pair_errors(nearest: NearestErrors, threshold_px: float) -> go.Figure:
                 mode="lines", line={"color": colour, "width": 2}, fill="tozeroy",
                 **({"fillcolor": fill} if fill else {"fillpattern": pattern}),
                 name=f"{name} (n = {len(known)})",
-                hovertemplate=f"{name}: %{{y}} points at %{{x:.3g}} px<extra></extra>",
+                hovertemplate=f"{name}: %{{y}} points at %{{x:.3~r}} px<extra></extra>",
             )
         )  # fmt: skip
     _add_threshold(figure, threshold_px)
@@ -66,7 +67,8 @@ def describe_pair_errors(
     best, second = nearest.within(threshold_px)
     return (
         f"Of {count(len(nearest), 'point')} of the primary camera in "
-        f"{count(nearest.frames, 'frame')}, {best} have a partner within {threshold_px:.3g} px, "
+        f"{count(nearest.frames, 'frame')}, {best} have a partner within "
+        f"{rounded(threshold_px, 3)} px, "
         f"and {second} have a second one. {_advice(nearest, choice)}"
     )
 
@@ -80,7 +82,8 @@ def _advice(nearest: NearestErrors, choice: ThresholdChoice | None) -> str:
     if choice.apart:
         return "A good threshold lies between the two distributions."
     return (
-        f"The two distributions overlap: at the best threshold, {choice.threshold_px:.3g} px, "
+        "The two distributions overlap: at the best threshold, "
+        f"{rounded(choice.threshold_px, 3)} px, "
         f"about {100 * choice.lost:.0f} % of the correct pairs are lost, and "
         f"{100 * choice.wrong:.0f} % of the pairs are wrong."
     )
@@ -105,7 +108,7 @@ def _add_threshold(figure: go.Figure, threshold_px: float) -> None:
     figure.add_vline(
         x=threshold_px, line={"color": NEUTRAL, "width": 2, "dash": "dash"},
         annotation={
-            "text": f"<b>{threshold_px:.3g} px</b>", "font": {"size": 14},
+            "text": f"<b>{rounded(threshold_px, 3)} px</b>", "font": {"size": 14},
             "x": np.log10(threshold_px), "yanchor": "top",
         },
     )  # fmt: skip

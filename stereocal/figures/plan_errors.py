@@ -12,6 +12,7 @@ from stereocal.field.planning.forecast import PlanForecast
 from stereocal.figures.accuracy import Quantity, describe_accuracy, plot_accuracy
 from stereocal.figures.style import NEUTRAL, finish, sentence_only
 from stereocal.refined.uncertainty import AccuracyMap
+from stereocal.system.numbers import rounded
 from stereocal.verdict.in_words import percent
 
 PLAN_COLOURS = ("#1F83C4", "#D55E00", "#A1458A")
@@ -43,7 +44,7 @@ def plot_plan_depths(plans: Sequence[PlanForecast]) -> go.Figure:
             x=depths, y=100 * length, name=name, mode="lines+markers",
             line={"color": PLAN_COLOURS[at], "dash": PLAN_DASHES[at], "width": 2},
             marker={"symbol": PLAN_SYMBOLS[at], "size": 8},
-            hovertemplate="%{x:.3g} m<br>%{y:.2g} %<extra>" + "%{fullData.name}</extra>",
+            hovertemplate="%{x:.3~r} m<br>%{y:.2~r} %<extra>" + "%{fullData.name}</extra>",
         )  # fmt: skip
     finish(figure, HEIGHT)
     figure.update_layout(showlegend=len(plans) > 1)
@@ -60,8 +61,8 @@ def describe_plan_depths(plans: Sequence[PlanForecast]) -> str:
         known = np.flatnonzero(np.isfinite(length))
         first, last = known[0], known[-1]
         parts.append(
-            f"{found.plan.name}: {percent(length[first])} % at {depths[first]:.3g} m, "
-            f"{percent(length[last])} % at {depths[last]:.3g} m"
+            f"{found.plan.name}: {percent(length[first])} % at {rounded(depths[first], 3)} m, "
+            f"{percent(length[last])} % at {rounded(depths[last], 3)} m"
         )
     return f"Mean length error of the refined set against depth. {'; '.join(parts)}."
 
@@ -77,13 +78,13 @@ def plot_plan_baselines(found: PlanForecast) -> go.Figure:
     figure.add_scatter(
         x=baselines, y=errors, mode="lines+markers", name="other baselines",
         line={"color": NEUTRAL, "width": 2}, marker={"size": 8},
-        hovertemplate="%{x:.3g} m<br>%{y:.2g} %<extra></extra>",
+        hovertemplate="%{x:.3~r} m<br>%{y:.2~r} %<extra></extra>",
     )  # fmt: skip
     figure.add_scatter(
         x=[planned], y=[100 * advice.length_error], mode="markers+text", text=["planned"],
         textposition="top right", name="planned", cliponaxis=False,
         marker={"size": 13, "symbol": "diamond", "color": PLAN_COLOURS[0]},
-        hovertemplate="planned: %{x:.3g} m<br>%{y:.2g} %<extra></extra>",
+        hovertemplate="planned: %{x:.3~r} m<br>%{y:.2~r} %<extra></extra>",
     )  # fmt: skip
     finish(figure, HEIGHT)
     figure.update_layout(showlegend=False)
@@ -107,8 +108,10 @@ def describe_plan_baselines(found: PlanForecast) -> str:
     best = known[int(np.argmin(advice.baseline_errors[known]))]
     return (
         f"Mean length error against the baseline, the cameras aimed at the same place: "
-        f"{percent(advice.length_error)} % with {found.plan.baseline_m:.3g} m as planned, least "
-        f"with {advice.baselines_m[best]:.3g} m, {percent(advice.baseline_errors[best])} %. A "
+        f"{percent(advice.length_error)} % with {rounded(found.plan.baseline_m, 3)} m as "
+        "planned, least "
+        f"with {rounded(advice.baselines_m[best], 3)} m, {percent(advice.baseline_errors[best])} "
+        "%. A "
         "baseline is not tried where less than 60 % of the common view would be left."
     )
 

@@ -20,6 +20,7 @@ from stereocal.figures.plan_errors import (
     plot_plan_depths,
     plot_plan_map,
 )
+from stereocal.system.numbers import rounded
 from stereocal.verdict.in_words import digits, percent
 from stereocal.version import __version__
 
@@ -74,24 +75,25 @@ def contents_of_plan(plan: Plan) -> pd.DataFrame:
     lines = {
         "Primary camera": _lens(plan, 0),
         "Secondary camera": _lens(plan, 1),
-        "Baseline": f"{plan.baseline_m:.4g} m ± {1000 * own.baseline_m:.3g} mm",
-        "Volume": f"{plan.near_m:.4g} to {plan.far_m:.4g} m ahead of the primary camera",
-        "Bar": f"{plan.bar_m:.4g} m ± {1000 * own.bar_m:.3g} mm",
+        "Baseline": f"{rounded(plan.baseline_m, 4)} m ± {rounded(1000 * own.baseline_m, 3)} mm",
+        "Volume": f"{rounded(plan.near_m, 4)} to {rounded(plan.far_m, 4)} m ahead of the primary "
+        "camera",
+        "Bar": f"{rounded(plan.bar_m, 4)} m ± {rounded(1000 * own.bar_m, 3)} mm",
         "Frames": str(plan.frames),
         "Noise of a target in the image": f"{digits(plan.noise_px, 2)} px",
         "Focal lengths known to": f"{percent(own.focal)} %",
-        "Image centres known to": f"{own.centre_px:.3g} px",
+        "Image centres known to": f"{rounded(own.centre_px, 3)} px",
     }
     if isinstance(pose, AimedPose):
-        lines["Each camera turned in by"] = f"{pose.toe_in_deg:.3g}°"
-        lines["Secondary higher by"] = f"{pose.height_difference_m:.3g} m"
+        lines["Each camera turned in by"] = f"{rounded(pose.toe_in_deg, 3)}°"
+        lines["Secondary higher by"] = f"{rounded(pose.height_difference_m, 3)} m"
     else:
         angle = np.degrees(np.arccos(np.clip((np.trace(plan.pose.R) - 1) / 2, -1, 1)))
-        lines["Angle between the cameras"] = f"{angle:.3g}°"
+        lines["Angle between the cameras"] = f"{rounded(angle, 3)}°"
     return pd.DataFrame({"Value": lines}).rename_axis("Planned")
 
 
 def _lens(plan: Plan, number: int) -> str:
     camera = (plan.primary, plan.secondary)[number]
     width, height = camera.image_size
-    return f"{width} x {height} px, focal length {camera.K[0, 0]:.4g} px"
+    return f"{width} x {height} px, focal length {rounded(camera.K[0, 0], 4)} px"

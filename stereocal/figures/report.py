@@ -41,6 +41,7 @@ from stereocal.refined.screening import Screening
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles
+from stereocal.system.numbers import rounded
 from stereocal.verdict.in_words import left_out_line, listed
 from stereocal.verdict.recommendation import Recommendation
 from stereocal.version import __version__
@@ -224,7 +225,7 @@ def _settings(
         SETTING_NAMES.get(name, name): _setting(value) for name, value in settings.to_json().items()
     }
     edges = next(iter(summaries.values())).residual.correct.edges
-    lines["Width of the bins (decades)"] = f"{edges[1] - edges[0]:.3g}"
+    lines["Width of the bins (decades)"] = f"{rounded(edges[1] - edges[0], 3)}"
     return pd.DataFrame({"Value": lines}).rename_axis("Setting")
 
 

@@ -23,6 +23,7 @@ from stereocal.figures.style import (
     finish,
 )
 from stereocal.rig.compiled import FloatArray
+from stereocal.system.numbers import rounded
 
 HEIGHT = 264
 BEST = 0.98
@@ -108,7 +109,7 @@ def plot_story_lengths(story: Story) -> go.Figure:
         )  # fmt: skip
         figure.add_annotation(
             x=0, xref="paper", xanchor="left", y=-row + 0.13, yanchor="bottom", showarrow=False,
-            text=f"{name}: <b>{100 * found.length_error:.2g} %</b>", font={"size": 13},
+            text=f"{name}: <b>{rounded(100 * found.length_error)} %</b>", font={"size": 13},
         )  # fmt: skip
         _line(figure, np.array([[0.0, -row - 0.45], [0.0, -row + 0.11]]), NEUTRAL, 1.5)
     figure.update_xaxes(
@@ -124,7 +125,7 @@ def plot_story_lengths(story: Story) -> go.Figure:
 def describe_story_lengths(story: Story) -> str:
     """The figure in words."""
     parts = [
-        f"{name.lower()} {100 * story.sets[method].length_error:.2g} %"
+        f"{name.lower()} {rounded(100 * story.sets[method].length_error)} %"
         for method, name in ROWS.items()
     ]
     errors = np.array([story.sets[method].length_errors for method in ROWS])
@@ -146,7 +147,7 @@ def plot_story_lines(story: Story) -> go.Figure:
         story.sets.items(), ("solid", "dash", "solid", "dot"), strict=True
     ):
         start, along = np.array(found.line_px)
-        name = f"{METHOD_NAMES[method]}: {found.line_distance_px:.2g} px"
+        name = f"{METHOD_NAMES[method]}: {rounded(found.line_distance_px)} px"
         names.append(f'<span style="color:{METHOD_COLOURS[method]}">■</span> {name}')
         ends = start + np.outer([-4 * REACH_PX, 4 * REACH_PX], along)
         _line(figure, ends, METHOD_COLOURS[method], 3, dash, name)
@@ -174,11 +175,11 @@ def plot_story_lines(story: Story) -> go.Figure:
 def describe_story_lines(story: Story) -> str:
     """The figure in words."""
     parts = [
-        f"{METHOD_NAMES[method]} {found.line_distance_px:.2g} px"
+        f"{METHOD_NAMES[method]} {rounded(found.line_distance_px)} px"
         for method, found in story.sets.items()
     ]
     means = [
-        f"{METHOD_NAMES[method]} {found.reprojection_px:.2g} px"
+        f"{METHOD_NAMES[method]} {rounded(found.reprojection_px)} px"
         for method, found in story.sets.items()
     ]
     return (
@@ -227,8 +228,8 @@ def plot_two_rays(story: Story) -> go.Figure:
         )  # fmt: skip
     gaps = {name: 1000 * story.sets[name].gap_m for name in ("2d", "3d")}
     for x, y, text in (
-        (5.0, 7.2, f"gap {gaps['2d']:.2g} mm with the 2D set,<br>{gaps['3d']:.2g} mm with the 3D "
-                   "set;<br>its middle is the 3D point"),
+        (5.0, 7.2, f"gap {rounded(gaps['2d'])} mm with the 2D set,<br>"
+                   f"{rounded(gaps['3d'])} mm with the 3D set;<br>its middle is the 3D point"),
         (5.0, 2.6, "reprojection<br>error"),
     ):  # fmt: skip
         figure.add_annotation(x=x, y=y, text=text, showarrow=False, font={"size": 13})
@@ -245,8 +246,9 @@ def describe_two_rays(story: Story) -> str:
         "little wrong. The reconstructed point is the middle of the gap, and its images are the "
         "reprojection error away from the measured points. The 2D set makes that error small, so "
         "that it finds which points belong together; the 3D set makes the distances between the "
-        f"middles right, and widens the gap for it: {gaps['2d']:.2g} mm with the 2D set and "
-        f"{gaps['3d']:.2g} mm with the 3D set, for target {story.target} of frame {story.frame}."
+        f"middles right, and widens the gap for it: {rounded(gaps['2d'])} mm with the 2D set and "
+        f"{rounded(gaps['3d'])} mm with the 3D set, for target {story.target} of frame "
+        f"{story.frame}."
     )
 
 

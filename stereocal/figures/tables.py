@@ -18,6 +18,7 @@ from stereocal.refined.uncertainty import standard_errors
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
+from stereocal.system.numbers import rounded
 from stereocal.verdict.in_words import digits, interval, percent
 
 LENS_TITLES = {
@@ -135,7 +136,7 @@ def contents_table(dataset: Dataset) -> pd.DataFrame:
         f"{primary.K[0, 0]:.1f} px",
         "Secondary image": f"{secondary.image_size[0]} × {secondary.image_size[1]} px, focal "
         f"length {secondary.K[0, 0]:.1f} px",
-        "Baseline": f"{dataset.baseline_m:.4g} m, found from the lengths of the bars"
+        "Baseline": f"{rounded(dataset.baseline_m, 4)} m, found from the lengths of the bars"
         if dataset.baseline_is_free
         else f"{dataset.baseline_m:g} m",
         "Distance between the targets": _distances(dataset),

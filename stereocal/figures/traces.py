@@ -11,6 +11,7 @@ from stereocal.calibration.montecarlo import Trace
 from stereocal.figures.style import METHOD_COLOURS, METHOD_NAMES, NEUTRAL, finish, sentence_only
 from stereocal.refined.results import Calibration
 from stereocal.rig.compiled import FloatArray, IntArray
+from stereocal.system.numbers import rounded
 
 HEIGHT = 760
 MAXIMUM_DRAWN = 2000
@@ -55,9 +56,10 @@ def describe_traces(calibration: Calibration) -> str:
     if not traces:
         return "The course of the searches was not recorded."
     parts = [
-        f"the {method.upper()} cost falls from {trace.cost[0]:.4g} to {trace.cost[-1]:.4g} "
+        f"the {method.upper()} cost falls from {rounded(trace.cost[0], 4)} to "
+        f"{rounded(trace.cost[-1], 4)} "
         f"{COST_UNITS[method]} in {len(trace.cost)} moves while the step shrinks from "
-        f"{trace.delta[0]:.2g} to {trace.delta[-1]:.2g} rad"
+        f"{rounded(trace.delta[0])} to {rounded(trace.delta[-1])} rad"
         for method, trace in traces.items()
     ]
     return f"Course of the searches: {'; '.join(parts)}."

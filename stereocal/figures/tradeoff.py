@@ -43,7 +43,7 @@ def plot_trade_off(
                 y=[1000 * point.cost_3d_m for point in points],
                 mode="lines", name=NAMES[name],
                 line={"color": NEUTRAL, "dash": DASHES[name], "width": 2},
-                hovertemplate=f"{NAMES[name]}<br>2D cost %{{x:.4g}} px<br>3D cost %{{y:.4g}} mm"
+                hovertemplate=f"{NAMES[name]}<br>2D cost %{{x:.4~r}} px<br>3D cost %{{y:.4~r}} mm"
                 "<extra></extra>",
             )
         )  # fmt: skip
@@ -54,8 +54,8 @@ def plot_trade_off(
                 x=[px], y=[1000 * metres], mode="markers", name=METHOD_NAMES[method],
                 marker={"color": METHOD_COLOURS[method], "symbol": METHOD_SYMBOLS[method],
                         "size": 13},
-                hovertemplate=f"{METHOD_NAMES[method]}<br>2D cost %{{x:.4g}} px<br>"
-                "3D cost %{y:.4g} mm<extra></extra>",
+                hovertemplate=f"{METHOD_NAMES[method]}<br>2D cost %{{x:.4~r}} px<br>"
+                "3D cost %{y:.4~r} mm<extra></extra>",
             )
         )  # fmt: skip
     if chosen is not None:

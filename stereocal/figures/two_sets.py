@@ -28,6 +28,7 @@ from stereocal.figures.style import (
     finish,
 )
 from stereocal.rig.camera import CAMERAS
+from stereocal.system.numbers import rounded
 
 IMAGE_HEIGHT, SPACE_HEIGHT = 480, 480
 DOMAINS = (((0.0, 1.0), (0.478, 1.0)), ((0.0, 0.47), (0.0, 0.378)), ((0.53, 1.0), (0.0, 0.378)))
@@ -65,7 +66,7 @@ def plot_image(
             **AXIS, "showgrid": False, "nticks": 4, "constrain": "domain", "mirror": True,
             "showticklabels": at == 0, "ticks": "outside" if at == 0 else "",
         }  # fmt: skip
-        title = "" if at == 0 else f"{view.letters[at - 1]} ± {half:.2g} px"
+        title = "" if at == 0 else f"{view.letters[at - 1]} ± {rounded(half)} px"
         layout[f"xaxis{number}"] = {
             **axis, "domain": domain[0], "anchor": f"y{number}", "range": [left, right],
             "title": {**AXIS["title"], "text": title},
@@ -124,7 +125,7 @@ def plot_gap(views: Mapping[Method, FrameView], method: Method) -> go.Figure:
                 name=f"ray of the {name}", hoverinfo="name",
             )
         )  # fmt: skip
-    gap = f"gap {1000 * view.gaps_m[target]:.2g} mm"
+    gap = f"gap {rounded(1000 * view.gaps_m[target])} mm"
     figure.add_trace(
         go.Scatter3d(
             **upright(1000 * (ends - middle)), mode="lines+markers", name=gap, hoverinfo="name",
@@ -154,7 +155,7 @@ def _widest(views: Mapping[Method, FrameView]) -> int:
 def describe_gap(views: Mapping[Method, FrameView], method: Method) -> str:
     """The bar and the gap of one set."""
     view, target = views[method], _widest(views)
-    gap = f"The rays of {view.letters[target]} pass {1000 * view.gaps_m[target]:.2g} mm apart"
+    gap = f"The rays of {view.letters[target]} pass {rounded(1000 * view.gaps_m[target])} mm apart"
     if view.length_m is None or view.stated_m is None:
         return f"{gap}."
     return f"{gap}; the bar is {view.length_m:.4f} m long (measured: {view.stated_m:.4f} m)."
@@ -164,7 +165,7 @@ def describe_image(views: Mapping[Method, FrameView], method: Method, camera: in
     """How far the points of an image are from their lines."""
     view = views[method]
     found = " and ".join(
-        f"{letter} {px:.2g} px"
+        f"{letter} {rounded(px)} px"
         for letter, px in zip(view.letters, view.distances_px[:, camera], strict=True)
     )
     return f"Distance from the epipolar line: {found}."
@@ -177,14 +178,14 @@ def describe_two_sets(views: Mapping[Method, FrameView]) -> str:
         name = "the refined set" if method == "refined" else f"the {METHOD_NAMES[method]}"
         px, error = float(view.distances_px.mean()), view.length_error
         if not parts:
-            text = f"With {name} the epipolar lines pass {px:.2g} px from the points"
+            text = f"With {name} the epipolar lines pass {rounded(px)} px from the points"
             text += "" if error is None else f" and the bar is {_too_long(error)}"
         else:
-            text = f"with {name} {px:.2g} px"
+            text = f"with {name} {rounded(px)} px"
             text += "" if error is None else f" and {_too_long(error)}"
         parts.append(text)
     return f"{'; '.join(parts)}."
 
 
 def _too_long(error: float) -> str:
-    return f"{100 * abs(error):.2g} % too {'long' if error > 0 else 'short'}"
+    return f"{rounded(100 * abs(error))} % too {'long' if error > 0 else 'short'}"

@@ -190,8 +190,8 @@ def _pdf(panel: Panel, pdf: Pdf, kind: str) -> dict[str, Any]:
         "fillcolor": WRONG_COLOUR if wrong else FILLS[kind],
         **({"fillpattern": HATCH} if wrong else {}),
         "name": f"{METHOD_NAMES[panel.method]}, {what}",
-        "hovertemplate": f"{what}: %{{customdata[0]:.3g}} to %{{customdata[1]:.3g}}{unit}<br>"
-        "%{y:.3g} per decade<extra></extra>",
+        "hovertemplate": f"{what}: %{{customdata[0]:.3~r}} to %{{customdata[1]:.3~r}}{unit}<br>"
+        "%{y:.3~r} per decade<extra></extra>",
     }  # fmt: skip
 
 

@@ -30,6 +30,7 @@ from stereocal.rig.dataset import TARGETS, Correspondences
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
+from stereocal.system.numbers import rounded
 from stereocal.system.tasks import Pieces
 
 PAIRS, POINTS = "pairs.csv", "points.csv"
@@ -160,7 +161,8 @@ def apply_sets(
         return None
     if not matched.pairs:
         raise StereocalError(
-            f"No pair of points has an error of {work.threshold_px:.3g} px or less: raise the "
+            f"No pair of points has an error of {rounded(work.threshold_px, 3)} px or less: "
+            "raise the "
             "threshold, or make sure that points, parameters and the two cameras (primary, "
             "secondary) belong together."
         )
@@ -268,7 +270,7 @@ def _made_with(work: Application) -> str:
     depths = "" if work.depths_m == ANY_DEPTH else f", depths from {near:g} to {far:g} m"
     return (
         f"{work.primary.label} and {work.secondary.label}; matched with the {_name(work.matching)} "
-        f"set, threshold {work.threshold_px:.4g} px{depths}; measured with the "
+        f"set, threshold {rounded(work.threshold_px, 4)} px{depths}; measured with the "
         f"{_name(work.measuring)} set{frame}."
     )
 

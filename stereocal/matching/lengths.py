@@ -16,6 +16,7 @@ from stereocal.matching.reconstruction_files import (
 )
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.dataset import check_length
+from stereocal.system.numbers import rounded
 
 MAXIMUM_LABELS = 500
 """A column with more distinct values is a measurement, not a name."""
@@ -53,7 +54,7 @@ class LengthCheck:
         bias = float(self.errors.mean())
         return (
             f"The mean distance in {len(self.frames)} frames is {self.lengths_m.mean():.4f} m; the "
-            f"known length is {self.known_m:.4g} m. The mean error is "
+            f"known length is {rounded(self.known_m, 4)} m. The mean error is "
             f"{100 * self.mean_error:.2f} %, the mean is {100 * abs(bias):.2f} % too "
             f"{'long' if bias > 0 else 'short'}.{more}"
         )

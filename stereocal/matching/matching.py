@@ -25,6 +25,7 @@ from stereocal.matching.pair_candidates import pairs_within
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.parameters import RigParameters
+from stereocal.system.numbers import rounded
 
 ANY_DEPTH = (0.0, float("inf"))
 
@@ -242,8 +243,9 @@ def refuse_different_rigs(one: RigParameters, other: RigParameters) -> None:
     a, b = one.pose.baseline, other.pose.baseline
     if abs(a / b - 1) > LARGEST_RELATIVE_DIFFERENCE:
         raise StereocalError(
-            f"The two parameter files are of different rigs: the baseline is {a:.4g} m in one "
-            f"and {b:.4g} m in the other."
+            f"The two parameter files are of different rigs: the baseline is {rounded(a, 4)} m "
+            "in one "
+            f"and {rounded(b, 4)} m in the other."
         )
     turn = np.arccos(np.clip((np.trace(one.pose.R @ other.pose.R.T) - 1) / 2, -1, 1))
     swing = np.arccos(np.clip(one.pose.T @ other.pose.T / (a * b), -1, 1))

@@ -34,6 +34,7 @@ from stereocal.matching.table_writer import open_table
 from stereocal.matching.threshold import FramePixels, ThresholdChoice, choose_threshold, sample_of
 from stereocal.rig.camera import Camera
 from stereocal.rig.parameters import RigParameters
+from stereocal.system.numbers import rounded
 from stereocal.system.tasks import Pieces, Progress, StoppedError, Task, run_tasks
 
 LOST_COLUMNS = ("camera", "frame", "u", "v")
@@ -62,7 +63,8 @@ class MatchReport:
 
     def sentence(self) -> str:
         return (
-            f"{self.pairs} pairs in {self.frames} frames at a threshold of {self.threshold_px:.3g} "
+            f"{self.pairs} pairs in {self.frames} frames at a threshold of "
+            f"{rounded(self.threshold_px, 3)} "
             f"px; {self.ambiguous} of them ambiguous (another partner is within the threshold as "
             f"well); without partner: {self.unmatched_primary} points of the primary, "
             f"{self.unmatched_secondary} of the secondary."

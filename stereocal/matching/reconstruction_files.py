@@ -22,6 +22,7 @@ from stereocal.matching.table_writer import open_table
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.volume import Volume
+from stereocal.system.numbers import rounded
 from stereocal.system.tasks import Pieces, Progress, StoppedError, Task, run_tasks
 
 PIXELS = ("u_primary", "v_primary", "u_secondary", "v_secondary")
@@ -57,7 +58,10 @@ class ReconstructionReport:
     def sentence(self) -> str:
         lost = f"; {self.behind} pairs do not meet in front of both cameras" if self.behind else ""
         found = self.points - self.behind
-        text = f"{found} points, median reprojection error {self.median_error_px:.3g} px{lost}."
+        text = (
+            f"{found} points, median reprojection error {rounded(self.median_error_px, 3)} "
+            f"px{lost}."
+        )
         if self.volume is None:
             return text
         filled = f"outside the volume that the bars filled ({self.volume.depths})"

@@ -34,6 +34,7 @@ from stereocal.matching.matching import ANY_DEPTH, check_depths
 from stereocal.matching.pair_candidates import pairs_within
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.parameters import RigParameters
+from stereocal.system.numbers import rounded
 
 SAMPLE_FRAMES = 20
 SAMPLE_POINTS = 2000
@@ -79,8 +80,10 @@ class ThresholdChoice:
 
     def sentence(self) -> str:
         return (
-            f"Threshold chosen from the points: {self.threshold_px:.3g} px. Correct pairs have "
-            f"errors of about {self.sigma_px:.2g} px; a point has {self.wrong_per_point:.2g} wrong "
+            f"Threshold chosen from the points: {rounded(self.threshold_px, 3)} px. Correct "
+            "pairs have "
+            f"errors of about {rounded(self.sigma_px)} px; a point has "
+            f"{rounded(self.wrong_per_point)} wrong "
             f"candidates within the threshold on average; about {100 * self.lost:.1f} % of the "
             "correct pairs lie beyond it."
         )

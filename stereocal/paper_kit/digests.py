@@ -17,6 +17,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from stereocal.system.numbers import rounded
+
 NOT_COMPARED = ("created", "software")
 PARAMETERS = ("cameras", "R", "T", "E", "angles", "baseline_m")
 """Entries of a parameter file that give the pose and the lenses."""
@@ -59,7 +61,7 @@ class Difference:
             return f"{self.where}: other contents"
         by = ""
         if is_number(self.archived) and is_number(self.now):
-            by = f", a difference of {abs(self.now - self.archived):.2g}"
+            by = f", a difference of {rounded(abs(self.now - self.archived))}"
         return f"{self.where}: {_shown(self.archived)} in the archive, now {_shown(self.now)}{by}"
 
 

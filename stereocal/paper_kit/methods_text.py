@@ -19,6 +19,7 @@ from stereocal.refined.unknowns import (
 )
 from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import SOURCES, Dataset
+from stereocal.system.numbers import rounded
 from stereocal.verdict.in_words import digits, interval, listed, percent
 from stereocal.verdict.one_or_two_sets import sure
 from stereocal.verdict.recommendation import NAMES, FileFigures
@@ -54,13 +55,14 @@ def _recording(answer: Answer) -> Iterator[str]:
         f"{_camera(dataset.secondary)}."
     )
     yield (
-        f"A bar with two targets {dataset.target_distance_m:.6g} m apart"
+        f"A bar with two targets {rounded(dataset.target_distance_m, 6)} m apart"
         f"{_known(dataset.target_distance_sigma_m)} was recorded in "
         f"{count(len(rows.frames), 'frame')}, which gave {count(len(rows), 'pair')} of image "
         f"points and {count(len(rows.bars), 'bar')} with both targets."
     )
     yield (
-        f"The measured baseline was {dataset.baseline_m:.6g} m{_known(dataset.baseline_sigma_m)}."
+        f"The measured baseline was {rounded(dataset.baseline_m, 6)} "
+        f"m{_known(dataset.baseline_sigma_m)}."
     )
     yield from _points(dataset)
     if (volume := answer.sets["3d"].volume) is not None:

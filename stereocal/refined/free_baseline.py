@@ -13,6 +13,7 @@ import numpy as np
 from stereocal.errors import StereocalError
 from stereocal.refined.refine import refine, robust_start
 from stereocal.rig.dataset import Dataset
+from stereocal.system.numbers import rounded
 
 FEWEST_BARS = 5
 
@@ -55,7 +56,8 @@ def note_on_free_baseline(dataset: Dataset) -> str:
         return ""
     return (
         "The baseline was not measured: the refined method found "
-        f"{dataset.baseline_m:.4g} m from the lengths of the bars, which alone give the scale. "
+        f"{rounded(dataset.baseline_m, 4)} m from the lengths of the bars, which alone give the "
+        "scale. "
         "The essential, 2D and 3D methods cannot solve for a baseline; they hold this value, and "
         "an error of the bar's stated length scales all results."
     )

@@ -40,6 +40,7 @@ from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose, residuals
 from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import MeasuredOffset, TimeOffset
+from stereocal.system.numbers import rounded
 
 OUT_OF_STEPS = "the largest number of steps was reached"
 MAXIMUM_NOISE_PX = 30.0
@@ -249,7 +250,8 @@ def _check_lengths(result: RefinedResult) -> None:
         if np.isinf(sigma) or 1.0 / most < factor < most:
             continue
         raise StereocalError(
-            f"The refined method would change the {what} from {stated:g} to {factor * stated:.3g} "
+            f"The refined method would change the {what} from {stated:g} to "
+            f"{rounded(factor * stated, 3)} "
             "m: check both lengths and their uncertainties, in metres, and both camera files."
         )
 

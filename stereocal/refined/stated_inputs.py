@@ -9,6 +9,7 @@ import numpy as np
 
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.compiled import FloatArray
+from stereocal.system.numbers import rounded
 
 LENGTHS = {"baseline", "distance"}
 """The images determine only their ratio."""
@@ -191,7 +192,7 @@ def pair_advice(cases_of: Sequence[tuple[Input, FloatArray, FloatArray]]) -> str
         stated = "stated" if each.sigma_stated else "assumed"
         cases.append(
             f"{NAMES[each.key]} is {in_digits(say, sigma)} ± {in_digits(sigma, sigma)} m and not "
-            f"{in_digits(each.stated, sigma)} m, an error of {off:.2g} times its {stated} "
+            f"{in_digits(each.stated, sigma)} m, an error of {rounded(off)} times its {stated} "
             "uncertainty"
         )
     reason = (

@@ -23,6 +23,7 @@ from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose, residuals
 from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import MeasuredOffset, TimeOffset
+from stereocal.system.numbers import rounded
 
 LARGEST, STEP = 3.0, 0.25
 """Range and step of the search for a first value, in frames."""
@@ -94,7 +95,8 @@ def bring_into_step(dataset: Dataset, settings: RefineSettings) -> InStep:
     if not measured.sigma < MAXIMUM_SIGMA:
         return InStep(None, (
             "The motion is too slow to tell the time offset between the cameras: its standard "
-            f"error would be {measured.sigma:.2g} frames. The points are used as recorded. Move "
+            f"error would be {rounded(measured.sigma)} frames. The points are used as recorded. "
+            "Move "
             "the bar faster, or record fewer frames a second."
         ))  # fmt: skip
     if measured.is_claimed(CLAIMED):
@@ -120,7 +122,10 @@ def _effect(fit: RefinedResult) -> str:
         float(np.sqrt(np.mean(np.square(rig.epipolar_distances(rows.primary, points)[used]))))
         for points in (rows.recorded_secondary, rows.secondary)
     )
-    return f"Epipolar RMS: {recorded:.2g} px as recorded, {shifted:.2g} px when shifted by that."
+    return (
+        f"Epipolar RMS: {rounded(recorded)} px as recorded, {rounded(shifted)} px when "
+        "shifted by that."
+    )
 
 
 def _drift(dataset: Dataset, fit: RefinedResult) -> str:

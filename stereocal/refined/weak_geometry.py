@@ -7,6 +7,7 @@ import numpy as np
 from stereocal.refined.bar_fit import EPSILON
 from stereocal.refined.refine import RefinedResult
 from stereocal.rig.compiled import FloatArray
+from stereocal.system.numbers import rounded
 
 MAXIMUM_SIGMA = np.radians(3.0)
 """An angle with a larger standard error counts as undetermined."""
@@ -45,7 +46,8 @@ def geometry_warning(fit: RefinedResult) -> str:
         )
     if flat:
         return (
-            f"All bars lie close to one plane ({np.median(points[:, 2]):.3g} m away): {known}, "
+            f"All bars lie close to one plane ({rounded(np.median(points[:, 2]), 3)} m away): "
+            f"{known}, "
             "because two poses of the cameras give the same images of a plane. Record the bar at "
             "other depths too."
         )

@@ -17,6 +17,7 @@ from stereocal.rig.camera import CAMERAS, Camera, CameraName
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.geometry import Pose, stack_rays, triangulate_rays
 from stereocal.rig.tracks import TimeOffset, interpolate
+from stereocal.system.numbers import rounded
 
 TARGETS = ("A", "B")
 SOURCES = ("detected", "corrected", "manual")
@@ -284,7 +285,7 @@ class Dataset:
         )
         width, height = camera.image_size
         size = camera.size_factor
-        hint = f" K seems to belong to an image {size:.3g} times as large." if size else ""
+        hint = f" K seems to belong to an image {rounded(size, 3)} times as large." if size else ""
         return (
             f"The {which} camera's lens model cannot be inverted at "
             f"{self.correspondences.name_of(row)}: its focal length and distortion are impossible "
@@ -448,7 +449,8 @@ def check_uncertainty(what: str, sigma: float | None, length: float) -> None:
     if sigma < SMALLEST_UNCERTAINTY * length:
         raise StereocalError(
             f"The uncertainty of the {what} is {sigma:g} m, for a length of {length:g} m: no such "
-            f"length is known to better than {SMALLEST_UNCERTAINTY * length:.1g} m. State it in "
+            f"length is known to better than {rounded(SMALLEST_UNCERTAINTY * length, 1)} m. "
+            "State it in "
             "metres, as 0.002 for 2 mm."
         )
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 from stereocal.errors import StereocalError
 from stereocal.system.environment import number_given
+from stereocal.system.numbers import rounded
 
 MB = 1e6
 FREE_EXPANSION = 10_000_000
@@ -77,7 +78,8 @@ class Limits:
         """Raise a `StereocalError` for too large a photograph, by its header."""
         if width * height > self.megapixels * MB:
             message = (
-                f"{source}: the image has {width}x{height} px, {width * height / MB:.4g} megapixels"
+                f"{source}: the image has {width}x{height} px, "
+                f"{rounded(width * height / MB, 4)} megapixels"
             )
             raise self._refusal("megapixels", message, " megapixels")
 

@@ -20,6 +20,7 @@ from stereocal.matching.threshold import FramePixels, ThresholdChoice, choose_th
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.project import Project
 from stereocal.rig.parameters import RigParameters
+from stereocal.system.numbers import rounded
 from stereocal.ui import jobs
 from stereocal.ui.fields import Field, number, setting, yes_or_no
 from stereocal.ui.figure import show_figure
@@ -76,7 +77,9 @@ class ThresholdForm:
         form, figure = st.columns([2, 3], gap="large")
         with form:
             if self.rig.matching_threshold_px is not None:
-                st.caption(f"The parameter set's own: {self.rig.matching_threshold_px:.3g} px.")
+                st.caption(
+                    f"The parameter set's own: {rounded(self.rig.matching_threshold_px, 3)} px."
+                )
             st.button("Choose it from the points", key="apply_auto", on_click=self._take_choice)
             _show_depths(self.project)
         with figure:

@@ -17,6 +17,7 @@ from stereocal.projects.lens import ProjectLens
 from stereocal.projects.project import Project
 from stereocal.projects.sqlite_errors import DamagedError
 from stereocal.rig.camera import CAMERAS, CameraName
+from stereocal.system.numbers import rounded
 from stereocal.system.photograph import SUFFIXES
 from stereocal.ui import jobs
 from stereocal.ui.fields import number, one_of, setting, some_of, yes_or_no
@@ -59,7 +60,7 @@ def show_cameras_in_use(project: Project | None) -> None:
                 continue
             width, height = camera.image_size
             known = camera.uncertainty
-            sigma = f" ± {known.fx:.2g}" if known else ""
+            sigma = f" ± {rounded(known.fx)}" if known else ""
             st.markdown(
                 f"{escape_markdown(labels[which])}: fx {camera.K[0, 0]:.2f}{sigma} px, "
                 f"image {width} × {height} px"

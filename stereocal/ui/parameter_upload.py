@@ -18,6 +18,7 @@ from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.latest import read_once
+from stereocal.system.numbers import rounded
 from stereocal.system.zip_files import unzip
 from stereocal.ui.fields import number, one_of, setting
 from stereocal.ui.intake import (
@@ -88,7 +89,7 @@ def _ask_about_set(project: Project, store: ProjectApplication, use: Use) -> Non
         except StereocalError as error:
             st.error(escape_markdown(str(error)))
         if rig is not None:
-            st.caption(f"The cameras are {rig.pose.baseline:.4g} m apart.")
+            st.caption(f"The cameras are {rounded(rig.pose.baseline, 4)} m apart.")
             st.button(
                 "Use these parameters", type="primary", key=f"use_set_{use}", on_click=_use,
                 args=(store, use, label, rig),

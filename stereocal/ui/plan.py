@@ -27,6 +27,7 @@ from stereocal.formats.lens_model import FourCoefficientsError, LensModel
 from stereocal.formats.plan_file import parse_plan, write_plan
 from stereocal.projects.project import Project
 from stereocal.system.latest import Latest
+from stereocal.system.numbers import rounded
 from stereocal.ui.downloads import on_demand
 from stereocal.ui.fields import Field, one_of, setting
 from stereocal.ui.figure import show_figure
@@ -218,7 +219,7 @@ def _summary(found: PlanForecast, title: str) -> None:
     depths, length, position = found.fit.by_depth
     st.markdown(f"**{escape_markdown(title)}**")
     st.markdown(
-        f"Length {percent(length[-1])} % at {depths[-1]:.3g} m  \n"
+        f"Length {percent(length[-1])} % at {rounded(depths[-1], 3)} m  \n"
         f"Position {distance(float(position[-1]))} there  \n"
         f"{points_per_frame(found)} points a frame  \n"
         f"Limited by: {found.advice.limited_by}"

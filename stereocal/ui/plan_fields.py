@@ -24,6 +24,7 @@ from stereocal.formats.lens_model import FourCoefficientsError, LensModel
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS, Camera, CameraName
 from stereocal.rig.geometry import Pose
+from stereocal.system.numbers import rounded
 from stereocal.ui.fields import Field, Fit, number, one_of, setting, yes_or_no
 from stereocal.ui.intake import CAMERA_KINDS, check_uploads, clear_refusal, is_new, taking
 from stereocal.ui.messages import callback
@@ -168,7 +169,7 @@ def _from_file(project: Project | None, which: CameraName) -> Camera:
         raise StereocalError(f"Give the file of the {which} camera, or choose a camera above.")
     camera = read_camera(str(kept.value()).encode(), f"{which} camera")
     width, height = camera.image_size
-    st.caption(f"In use: {width} x {height} px, focal length {camera.K[0, 0]:.5g} px")
+    st.caption(f"In use: {width} x {height} px, focal length {rounded(camera.K[0, 0], 5)} px")
     return camera
 
 
@@ -192,7 +193,9 @@ def _pose(project: Project | None) -> Pose | AimedPose:
     if stated.value() is not None:
         pose = _pose_of(stated.value())
         left, right = st.columns([3, 2], vertical_alignment="center")
-        left.markdown(f"Pose of the cameras: R and T of the plan, baseline {pose.baseline:.4g} m.")
+        left.markdown(
+            f"Pose of the cameras: R and T of the plan, baseline {rounded(pose.baseline, 4)} m."
+        )
         right.button(
             "State baseline and toe-in instead",
             key="plan_aim",

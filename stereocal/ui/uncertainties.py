@@ -21,6 +21,7 @@ from stereocal.refined.unknowns import (
 )
 from stereocal.rig.camera import CAMERAS, Camera, CameraName
 from stereocal.rig.dataset import Dataset
+from stereocal.system.numbers import rounded
 from stereocal.ui.fields import Field
 from stereocal.ui.intake import clear_refusal, refuse
 from stereocal.ui.project import project_to_write
@@ -96,13 +97,13 @@ def _of_length(what: str, sigma_m: float | None, assumed_m: float) -> str:
     if sigma_m == math.inf:
         return f"{what} not measured, found from the lengths of the bars"
     if sigma_m is None:
-        return f"{what} ± {1000 * assumed_m:.3g} mm (not stated, assumed)"
-    return f"{what} ± {1000 * sigma_m:.3g} mm"
+        return f"{what} ± {rounded(1000 * assumed_m, 3)} mm (not stated, assumed)"
+    return f"{what} ± {rounded(1000 * sigma_m, 3)} mm"
 
 
 def _of_lens(camera: Camera) -> str:
     prior = lens_prior(camera, None)
-    return f"± {100 * prior.focal:.2g} % and ± {prior.centre_px:.2g} px"
+    return f"± {rounded(100 * prior.focal)} % and ± {rounded(prior.centre_px)} px"
 
 
 @dataclass

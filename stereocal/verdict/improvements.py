@@ -15,6 +15,7 @@ from stereocal.calibration.methods import Method
 from stereocal.refined.refine import RefinedResult
 from stereocal.rig.compiled import BoolArray
 from stereocal.rig.rig import Rig
+from stereocal.system.numbers import rounded
 from stereocal.verdict.predictive import predict
 
 DRAWS, BARS = 32, 100
@@ -57,12 +58,12 @@ def advice_on_improvements(model: RefinedResult, seed: int = 0) -> str:
     found = improvements(model, seed)
     now, limit = found.pop("").length, found.pop("everything known exactly").length
     name, best = min(found.items(), key=lambda item: item[1].length)
-    noise = f"the noise of the image points alone makes {100 * limit:.2g} %"
+    noise = f"the noise of the image points alone makes {rounded(100 * limit)} %"
     if best.length > WORTH_IT * now:
         return f"Better lenses, a better baseline or more frames would change little: {noise}."
     return (
         f"What would help most: {name}. The refined set would measure with an error of "
-        f"{100 * best.length:.2g} % instead of {100 * now:.2g} %; {noise}."
+        f"{rounded(100 * best.length)} % instead of {rounded(100 * now)} %; {noise}."
     )
 
 

@@ -11,6 +11,7 @@ from stereocal.evaluation.summary import Estimate, MethodSummary
 from stereocal.refined.results import Calibration
 from stereocal.refined.screening import MAXIMUM_LEFT_OUT, Screening
 from stereocal.rig.compiled import IntArray
+from stereocal.system.numbers import digits as digits
 
 
 def left_out_line(screening: Screening) -> str:
@@ -99,16 +100,6 @@ def percent(fraction: float, significant: int = 2) -> str:
 def interval(estimate: Estimate) -> str:
     """The interval of a fraction, in percent: `0.18 to 0.51`."""
     return f"{percent(estimate.low)} to {percent(estimate.high)}"
-
-
-def digits(value: float, significant: int = 3) -> str:
-    """A number with `significant` digits, with an exponent only from 1e5 or below 1e-4."""
-    if not math.isfinite(value):
-        return "none"
-    if value == 0 or 1e-4 <= abs(value) < 1e5:
-        decimals = 0 if value == 0 else significant - 1 - math.floor(math.log10(abs(value)))
-        return f"{value:.{max(0, decimals)}f}"
-    return f"{value:.{significant - 1}e}"
 
 
 def distance(metres: float) -> str:

@@ -22,6 +22,7 @@ from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.compiled import BoolArray, FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
+from stereocal.system.numbers import rounded
 from stereocal.verdict.predictive import Predictive, image_radii
 
 FOLDS = 5
@@ -246,7 +247,8 @@ def notes_on_noise(model: RefinedResult, bars: Innovations) -> list[str]:
     cause = cause_of_scatter(model, bars)
     if cause:
         found.append(
-            f"The lengths of the bar vary by {1000 * model.scatter_m.value:.2g} mm more than the "
+            f"The lengths of the bar vary by {rounded(1000 * model.scatter_m.value)} mm more "
+            "than the "
             f"noise of the images explains: {cause}."
         )
     table, rows = model.dataset.correspondences, model.used_rows
@@ -254,8 +256,9 @@ def notes_on_noise(model: RefinedResult, bars: Innovations) -> list[str]:
     stated = float(np.sqrt(np.nanmean(np.square(sigmas)))) if np.isfinite(sigmas).any() else np.nan
     if model.sigma_px.source == ESTIMATED and model.sigma_px.value > NOISE_EXCESS * stated:
         found.append(
-            f"The points scatter by {model.sigma_px.value:.2g} px, detection states "
-            f"{stated:.2g} px: the rest is what the model lacks (distortion, vibration, cameras "
+            f"The points scatter by {rounded(model.sigma_px.value)} px, detection states "
+            f"{rounded(stated)} px: the rest is what the model lacks (distortion, vibration, "
+            "cameras "
             "out of step)."
         )
     return found

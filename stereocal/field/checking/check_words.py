@@ -10,6 +10,7 @@ from stereocal.evaluation.summary import Estimate
 from stereocal.field.checking.findings import LARGEST_NOISE_RATIO, Recheck
 from stereocal.field.checking.repair import length_error
 from stereocal.rig.compiled import FloatArray
+from stereocal.system.numbers import rounded
 from stereocal.verdict.in_words import digits, listed
 
 CHECK_FORMAT = "stereocal-check/1"
@@ -121,7 +122,8 @@ def _what_changed(check: Recheck) -> str:
     if change is not None and baseline is not None and change.low * change.high > 0:
         word = "longer" if change.value > 0 else "shorter"
         found += (
-            f" The baseline is {_range(abs_of(change), 100, ' %')} {word}: {baseline.value:.4g} m."
+            f" The baseline is {_range(abs_of(change), 100, ' %')} {word}: "
+            f"{rounded(baseline.value, 4)} m."
         )
     if lenses:
         found += f" Besides, {lenses}."
@@ -228,7 +230,7 @@ def _cannot_tell(check: Recheck) -> str:
     if power.detectable_baseline is not None:
         percent = digits(100 * power.detectable_baseline, 2)
         sizes += f", or a change of the baseline of {percent} % or more"
-        asked += f" and {100 * check.smallest.baseline:.2g} %"
+        asked += f" and {rounded(100 * check.smallest.baseline)} %"
     return (
         f"Cannot tell with {images.described}: no movement is seen, but only {sizes} would be "
         f"found (with a probability of 80 %). What matters is {asked}: more of them, near and far "
@@ -240,7 +242,7 @@ def _smallest(check: Recheck) -> str:
     turn = f"a turn of one camera by {_degrees(check.smallest.turn_rad)}°"
     if check.power.baseline is None:
         return turn
-    return f"{turn} or a change of the baseline by {100 * check.smallest.baseline:.2g} %"
+    return f"{turn} or a change of the baseline by {rounded(100 * check.smallest.baseline)} %"
 
 
 def abs_of(change: Estimate) -> Estimate:
@@ -251,7 +253,7 @@ def abs_of(change: Estimate) -> Estimate:
 
 
 def _degrees(angle_rad: float) -> str:
-    return f"{np.degrees(angle_rad):.2g}"
+    return f"{rounded(np.degrees(angle_rad))}"
 
 
 def _range(found: Estimate, factor: float, unit: str) -> str:

@@ -13,6 +13,7 @@ from stereocal.field.planning.plan import LARGEST_TOE_IN_DEG, AimedPose, Plan
 from stereocal.refined.uncertainty import point_covariances
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
+from stereocal.system.numbers import rounded
 from stereocal.verdict.in_words import digits, distance, percent
 
 BASELINES = 2.0 ** np.arange(-1.5, 2.01, 0.5)
@@ -165,10 +166,10 @@ def _another_baseline(plan: Plan, baselines: FloatArray, errors: FloatArray) -> 
     if not np.isfinite(errors).any():
         return []
     at = int(np.flatnonzero(errors <= NEARLY_LEAST * np.nanmin(errors))[0])
-    text = f"A baseline of {baselines[at]:.2g} m instead of {plan.baseline_m:.3g} m"
+    text = f"A baseline of {rounded(baselines[at])} m instead of {rounded(plan.baseline_m, 3)} m"
     stated = with_baseline(plan, float(baselines[at])).stated_pose
     if isinstance(stated, AimedPose):
-        text += f", each camera turned in by {stated.toe_in_deg:.2g}°"
+        text += f", each camera turned in by {rounded(stated.toe_in_deg)}°"
     return [Variant(text, float(errors[at]))]
 
 
@@ -180,8 +181,8 @@ def _more_bars(fit: ExpectedFit) -> Variant:
     third, two_thirds = np.quantile(depths, [1 / 3, 2 / 3])
     places = {
         "all over the volume": np.ones(len(depths), dtype=np.bool_),
-        f"nearer than {third:.2g} m": np.asarray(depths <= third),
-        f"farther than {two_thirds:.2g} m": np.asarray(depths >= two_thirds),
+        f"nearer than {rounded(third)} m": np.asarray(depths <= third),
+        f"farther than {rounded(two_thirds)} m": np.asarray(depths >= two_thirds),
         "towards the edges of the images": np.asarray(away >= np.median(away)),
     }
     errors = {
@@ -237,4 +238,4 @@ def _longer_bar(fit: ExpectedFit) -> list[Variant]:
     except StereocalError:
         return []
     error = fit.error_with(other.result.information, other.result.unknowns.precision)
-    return [Variant(f"A bar of {longer:.2g} m instead of {fit.plan.bar_m:.2g} m", error)]
+    return [Variant(f"A bar of {rounded(longer)} m instead of {rounded(fit.plan.bar_m)} m", error)]

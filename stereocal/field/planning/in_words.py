@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from stereocal.field.planning.forecast import PlanForecast
+from stereocal.system.numbers import rounded
 from stereocal.verdict.in_words import distance, percent
 
 LIMITS = {
@@ -21,8 +22,8 @@ def answer(found: PlanForecast) -> str:
     known = np.flatnonzero(np.isfinite(length))
     middle, far = known[len(known) // 2], known[-1]
     return (
-        f"Lengths to {percent(length[middle])} % at {depths[middle]:.3g} m and "
-        f"{percent(length[far])} % at {depths[far]:.3g} m, positions to "
+        f"Lengths to {percent(length[middle])} % at {rounded(depths[middle], 3)} m and "
+        f"{percent(length[far])} % at {rounded(depths[far], 3)} m, positions to "
         f"{distance(float(position[middle]))} and {distance(float(position[far]))} (mean errors of "
         f"the refined set). About {points_per_frame(found)} points of a frame can be told apart. "
         f"Limited by {LIMITS[found.advice.limited_by]}."

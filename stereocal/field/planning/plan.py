@@ -18,6 +18,7 @@ from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import check_length, check_uncertainty
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
+from stereocal.system.numbers import rounded
 
 FEWEST_FRAMES, MOST_FRAMES = 5, 2000
 LARGEST_NOISE_PX = 20.0
@@ -254,7 +255,8 @@ class Plan:
         if self.bar_m >= largest:
             raise StereocalError(
                 f"The bar of {self.bar_m:g} m is larger than what both cameras see from "
-                f"{self.near_m:g} to {self.far_m:g} m (about {largest:.2g} m): take a shorter bar, "
+                f"{self.near_m:g} to {self.far_m:g} m (about {rounded(largest)} m): take a "
+                "shorter bar, "
                 "or go farther away."
             )
 

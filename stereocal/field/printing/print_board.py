@@ -22,6 +22,7 @@ from stereocal.field.printing.paper import (
 )
 from stereocal.intrinsics.board_pattern import BoardPattern
 from stereocal.rig.compiled import BoolArray
+from stereocal.system.numbers import rounded
 
 GAP_MM = 3.0
 """White paper between the board and the text below it."""
@@ -81,7 +82,9 @@ def fitted(pattern: BoardPattern, paper: Paper) -> BoardPattern:
 def _texts(pattern: BoardPattern) -> list[str]:
     width, height = _size_mm(pattern)
     kind = f"ChArUco board, {pattern.dictionary}" if pattern.dictionary else "Chessboard"
-    marker = f", side of a marker {1e3 * pattern.marker_m:.4g} mm" if pattern.marker_m else ""
+    marker = (
+        f", side of a marker {rounded(1e3 * pattern.marker_m, 4)} mm" if pattern.marker_m else ""
+    )
     return [
         f"{kind}. Enter: {pattern.columns} and {pattern.rows} inner corners, side of a square "
         f"{_square(pattern)}{marker}.",
@@ -91,7 +94,7 @@ def _texts(pattern: BoardPattern) -> list[str]:
 
 
 def _square(pattern: BoardPattern) -> str:
-    return f"{1e3 * pattern.square_m:.4g} mm"
+    return f"{rounded(1e3 * pattern.square_m, 4)} mm"
 
 
 def _size_mm(pattern: BoardPattern) -> tuple[float, float]:
@@ -114,7 +117,7 @@ def _too_large(pattern: BoardPattern, paper: Paper) -> str:
     advice += [f"print it on {fits[0]}, in a copy shop if need be"] if fits else []
     return (
         f"A board of {pattern.columns + 1}x{pattern.rows + 1} squares of {_square(pattern)} is "
-        f"{width:.4g} x {height:.4g} mm and does not fit on {paper.name}: "
+        f"{rounded(width, 4)} x {rounded(height, 4)} mm and does not fit on {paper.name}: "
         f"{', or '.join(advice) or 'use fewer squares'}."
     )
 

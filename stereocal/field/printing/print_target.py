@@ -22,6 +22,7 @@ from stereocal.field.printing.paper import (
     stroke,
 )
 from stereocal.simulation.photographs import SEPARATION
+from stereocal.system.numbers import rounded
 
 GOOD_PX = 50.0
 """A target of this width or more is located well also when it is tilted by 60 degrees."""
@@ -62,8 +63,9 @@ class TargetSize:
         """How large the target appears, and what to do if that is too large or too small."""
         near, far = self.widths_px
         seen = (
-            f"A target of {1e3 * self.side_m:.4g} mm is {far:.0f} px across at {self.far_m:.4g} m "
-            f"and {near:.0f} px at {self.near_m:.4g} m."
+            f"A target of {rounded(1e3 * self.side_m, 4)} mm is {far:.0f} px across at "
+            f"{rounded(self.far_m, 4)} m "
+            f"and {near:.0f} px at {rounded(self.near_m, 4)} m."
         )
         return " ".join([seen, *self.advice])
 
@@ -78,12 +80,13 @@ class TargetSize:
         if near > most:
             found.append(
                 f"Detection finds targets of up to {most:.0f} px: keep the bar beyond "
-                f"{self.focal_px * self.side_m / most:.3g} m, or print smaller targets."
+                f"{rounded(self.focal_px * self.side_m / most, 3)} m, or print smaller targets."
             )
         if self.bar_m is not None and self.bar_m < SEPARATION * self.side_m:
             found.append(
-                f"On a bar of {self.bar_m:.4g} m they hide each other: take a bar of at least "
-                f"{SEPARATION * self.side_m:.2g} m, or smaller targets."
+                f"On a bar of {rounded(self.bar_m, 4)} m they hide each other: take a bar of at "
+                "least "
+                f"{rounded(SEPARATION * self.side_m)} m, or smaller targets."
             )
         return found
 
@@ -125,8 +128,10 @@ def describe_target(side_m: float, focal_px: float) -> str:
     least, most = DETECTED_PX
     near, good, far = (focal_px * side_m / px for px in (most, GOOD_PX, least))
     return (
-        f"With these lenses a target of {1e3 * side_m:.4g} mm is found from {near:.3g} m (there "
-        f"{most:.0f} px across) to {far:.3g} m ({least:.0f} px), and found well up to {good:.3g} m "
+        f"With these lenses a target of {rounded(1e3 * side_m, 4)} mm is found from "
+        f"{rounded(near, 3)} m (there "
+        f"{most:.0f} px across) to {rounded(far, 3)} m ({least:.0f} px), and found well up to "
+        f"{rounded(good, 3)} m "
         f"({GOOD_PX:.0f} px)."
     )
 
@@ -158,7 +163,7 @@ def print_targets(side_m: float, paper: Paper) -> Sheet:
                 shapes = Group(footer(texts, turned.width_mm))
                 for x, y in itertools.product(across, up):
                     shapes.add(_target(MARGIN_MM + x, bottom + y, side))
-                return Sheet(f"Target of {side:.4g} mm", turned, shapes)
+                return Sheet(f"Target of {rounded(side, 4)} mm", turned, shapes)
     raise StereocalError(_too_large(side, paper))
 
 
@@ -177,7 +182,7 @@ def _too_large(side: float, paper: Paper) -> str:
         else "paint it on a board, with edges that meet in one point"
     )
     return (
-        f"A target of {side:.4g} mm does not fit on {paper.name}, which holds "
+        f"A target of {rounded(side, 4)} mm does not fit on {paper.name}, which holds "
         f"{1e3 * largest_side(paper):.0f} mm: {what}."
     )
 
@@ -189,10 +194,10 @@ def _texts(side: float, count: int) -> list[str]:
         else "Print this sheet twice: one target for each end of the bar"
     )
     return [
-        f"stereocal target, {side:.4g} mm. {often}.",
+        f"stereocal target, {rounded(side, 4)} mm. {often}.",
         "Cut at the corner marks, and glue it to something flat and matt. The distance A-B of the "
         "bar is measured between the middles of the targets, where the four squares meet.",
-        f"{ACTUAL_SIZE}, and the target {side:.4g} mm wide and high.",
+        f"{ACTUAL_SIZE}, and the target {rounded(side, 4)} mm wide and high.",
     ]
 
 

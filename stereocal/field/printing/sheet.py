@@ -27,6 +27,7 @@ from stereocal.field.printing.bar_places import (
 from stereocal.field.printing.paper import FONT, FONT_BOLD, MARGIN_MM, PAPERS, Paper
 from stereocal.field.printing.sheet_drawing import draw_from_above
 from stereocal.field.printing.sheet_words import camera_notes, measurements, records
+from stereocal.system.numbers import rounded
 
 TEXT = ParagraphStyle("text", fontName=FONT, fontSize=8.5, leading=10.4)
 LISTED = ParagraphStyle("listed", parent=TEXT, leftIndent=7, bulletIndent=0, spaceAfter=1.5)
@@ -61,7 +62,7 @@ def field_sheet(plan: Plan, paper: Paper = PAPERS["A4"]) -> bytes:
             [[draw_from_above(plan, places, *DRAWING_MM), beside]],
             [DRAWING_MM[0], width - DRAWING_MM[0]], lines=False,
         ),
-        Paragraph(f"Bar: {plan.frames} frames of a bar of {plan.bar_m:.4g} m", HEADING),
+        Paragraph(f"Bar: {plan.frames} frames of a bar of {rounded(plan.bar_m, 4)} m", HEADING),
         Paragraph(
             "Tick a box for each frame. Distances are from the point midway between the cameras, "
             "heights from the lens of the primary. Leave out places below the ground or out of "

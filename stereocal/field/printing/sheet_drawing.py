@@ -15,6 +15,7 @@ from stereocal.field.planning.plan import Plan
 from stereocal.field.printing.bar_places import BarPlace, ground_from_primary
 from stereocal.field.printing.paper import FONT
 from stereocal.rig.compiled import FloatArray
+from stereocal.system.numbers import rounded
 
 BORDER_MM, LABEL_MM = 6.0, 2.6
 CAMERA_MM = 4.0
@@ -46,12 +47,12 @@ def draw_from_above(
         if np.linalg.norm(ends[1] - ends[0]) < 1.0:  # upright, or small at this scale
             ends = ends.mean(axis=0) + np.array([[-0.5, 0.0], [0.5, 0.0]])
         shapes.add(_line(ends[0], ends[1], BAR_COLOUR, 0.7))
-    _draw_cameras(shapes, to_mm(cameras), axes, f"{plan.baseline_m:.4g} m")
+    _draw_cameras(shapes, to_mm(cameras), axes, f"{rounded(plan.baseline_m, 4)} m")
     depths = plan.common_points[:, 2]
     for depth in (depths.min(), depths.max()):
         there = common[depths == depth]
         right, up = to_mm(there[there[:, 0].argmax()])
-        shapes.add(_label((right + 1.5, up - 0.8), f"{depth:.3g} m", "start"))
+        shapes.add(_label((right + 1.5, up - 0.8), f"{rounded(depth, 3)} m", "start"))
     drawing = Drawing(width_mm * mm, height_mm * mm)
     drawing.add(Group(shapes, transform=(mm, 0, 0, mm, 0, 0)))
     return drawing

@@ -8,6 +8,7 @@ from stereocal.field.planning.plan import Plan
 from stereocal.field.printing.bar_places import ground_from_primary
 from stereocal.field.printing.print_target import planned_target
 from stereocal.rig.compiled import FloatArray
+from stereocal.system.numbers import rounded
 
 HAND_SPEED_M_S = 0.5
 """Of a target on a bar that is carried."""
@@ -39,7 +40,8 @@ def measurements(plan: Plan) -> list[tuple[str, str, str]]:
     wanted = plan.uncertainty
     return [
         (
-            f"<b>Baseline</b>, planned<br/>{plan.baseline_m:.4g} m, to {_mm(wanted.baseline_m)}",
+            f"<b>Baseline</b>, planned<br/>{rounded(plan.baseline_m, 4)} m, to "
+            f"{_mm(wanted.baseline_m)}",
             "Between the entrance pupils: there the aperture appears to be when you look into a "
             "lens from the front. With two cameras of one kind, measure between like points, such "
             "as the middles of the front rings: the laser range finder with its rear edge at "
@@ -47,7 +49,7 @@ def measurements(plan: Plan) -> list[tuple[str, str, str]]:
             f"1 {BLANK} m<br/>2 {BLANK} m<br/>3 {BLANK} m",
         ),
         (
-            f"<b>Distance A-B</b>, planned<br/>{plan.bar_m:.4g} m, to {_mm(wanted.bar_m)}",
+            f"<b>Distance A-B</b>, planned<br/>{rounded(plan.bar_m, 4)} m, to {_mm(wanted.bar_m)}",
             "Between the middles of the targets, where the four squares meet: with a steel tape or "
             "the laser, before and after, with the bar held as in the recording.",
             f"before {BLANK} m<br/>after {BLANK} m",
@@ -84,12 +86,14 @@ def _placed(plan: Plan) -> str:
     if abs(right) > BESIDE * plan.baseline_m:
         parts.append(f"to the {'right' if right > 0 else 'left'}, seen from behind the cameras")
     if abs(down) > SMALL * plan.baseline_m:
-        parts.append(f"<b>{abs(down):.3g} m {'higher' if down < 0 else 'lower'}</b>")
+        parts.append(f"<b>{rounded(abs(down), 3)} m {'higher' if down < 0 else 'lower'}</b>")
     if abs(ahead) > SMALL * plan.baseline_m:
-        parts.append(f"<b>{abs(ahead):.3g} m farther {'forward' if ahead > 0 else 'back'}</b>")
+        parts.append(
+            f"<b>{rounded(abs(ahead), 3)} m farther {'forward' if ahead > 0 else 'back'}</b>"
+        )
     level = [] if abs(down) > SMALL * plan.baseline_m else ["at the same height"]
     return (
-        f"Secondary (S) <b>{plan.baseline_m:.4g} m</b> from the primary (P), "
+        f"Secondary (S) <b>{rounded(plan.baseline_m, 4)} m</b> from the primary (P), "
         f"{', '.join([*parts, *level])}."
     )
 
@@ -100,14 +104,16 @@ def _aimed(plan: Plan) -> str:
     if np.abs(turned).max() < PARALLEL_DEG:
         return (
             "Both look straight ahead, at right angles to the line P-S: aim them at two marks "
-            f"{plan.baseline_m:.4g} m apart."
+            f"{rounded(plan.baseline_m, 4)} m apart."
         )
     how = [f"{name} {abs(angle):.1f}° {'in' if angle >= 0 else 'out'}"
            for name, angle in zip("PS", turned, strict=True)]  # fmt: skip
     aim = ""
     if turned.sum() > PARALLEL_DEG:
         meeting = plan.baseline_m / float(np.sum(np.tan(np.radians(turned))))
-        aim = f" The axes meet about <b>{meeting:.3g} m</b> ahead: aim both at a mark there."
+        aim = (
+            f" The axes meet about <b>{rounded(meeting, 3)} m</b> ahead: aim both at a mark there."
+        )
     return f"Turned from straight ahead: <b>{', '.join(how)}</b>.{aim}{_tilted(plan)}"
 
 
@@ -127,7 +133,7 @@ def _seen(plan: Plan) -> str:
     sizes = []
     for depth in (points[:, 2].min(), points[:, 2].max()):
         across, up = np.ptp(points[points[:, 2] == depth], axis=0)[:2]
-        sizes.append(f"{across:.2g} x {up:.2g} m at {depth:.3g} m")
+        sizes.append(f"{rounded(across)} x {rounded(up)} m at {rounded(depth, 3)} m")
     return f"Both see in common (grey): {sizes[0]}, {sizes[1]}."
 
 
@@ -136,9 +142,10 @@ def _timed(plan: Plan) -> str:
     px_per_ms = 1e-3 * HAND_SPEED_M_S * largest / plan.near_m
     return (
         "One trigger for both cameras; without it hold the bar at rest. Carried at "
-        f"{HAND_SPEED_M_S:g} m/s at {plan.near_m:.4g} m it moves {px_per_ms:.2g} px per ms: expose "
-        f"for at most <b>{BLUR_PX / px_per_ms:.2g} ms</b>, with both cameras in step to "
-        f"<b>{plan.noise_px / px_per_ms:.2g} ms</b>."
+        f"{HAND_SPEED_M_S:g} m/s at {rounded(plan.near_m, 4)} m it moves {rounded(px_per_ms)} px "
+        "per ms: expose "
+        f"for at most <b>{rounded(BLUR_PX / px_per_ms)} ms</b>, with both cameras in step to "
+        f"<b>{rounded(plan.noise_px / px_per_ms)} ms</b>."
     )
 
 
@@ -146,8 +153,9 @@ def _targets(plan: Plan) -> str:
     size = planned_target(plan)
     near, far = size.widths_px
     return (
-        f"Targets of <b>{1e3 * size.side_m:.4g} mm</b>: {far:.0f} px across at {plan.far_m:.4g} m, "
-        f"{' '.join([f'{near:.0f} px at {plan.near_m:.4g} m.', *size.advice])}"
+        f"Targets of <b>{rounded(1e3 * size.side_m, 4)} mm</b>: {far:.0f} px across at "
+        f"{rounded(plan.far_m, 4)} m, "
+        f"{' '.join([f'{near:.0f} px at {rounded(plan.near_m, 4)} m.', *size.advice])}"
     )
 
 
@@ -165,4 +173,4 @@ def _turned_correction(plan: Plan) -> str:
 
 
 def _mm(sigma_m: float) -> str:
-    return f"{1e3 * sigma_m:.2g} mm"
+    return f"{rounded(1e3 * sigma_m)} mm"

@@ -14,6 +14,7 @@ from stereocal.field.world.observed import Source
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
+from stereocal.system.numbers import rounded
 
 CAMERA, VIEW, BASELINE = "camera", "view", "baseline"
 SURVEY, FIRST = "survey", "first"
@@ -146,4 +147,4 @@ def how_cameras_stand(pose: Pose) -> str:
 
 def degrees(radians: float) -> str:
     """An angle for people: 0.03°."""
-    return f"{np.degrees(radians):.2g}°"
+    return f"{rounded(np.degrees(radians))}°"

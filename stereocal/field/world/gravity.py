@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from stereocal.system.numbers import rounded
+
 STANDARD = 9.81
 ON_EARTH = (9.764, 9.834)
 """Lowest and highest on the ground: on a high mountain near the equator, and at the poles."""
@@ -67,7 +69,7 @@ def drag_words(found: Gravity) -> tuple[str, ...]:
     if found.drag is None:
         return ()
     value, low, high = found.drag
-    figure = f"{value:.2g} per metre ({low:.2g} to {high:.2g})"
+    figure = f"{rounded(value)} per metre ({rounded(low)} to {rounded(high)})"
     if high < 0:
         return (
             f"The object gains speed along its way (drag {figure}), which no free flight does: "
@@ -96,12 +98,12 @@ def difference_words(found: Gravity) -> tuple[str, ...]:
     rate = found.frame_rate / np.sqrt(ratio)
     text = (
         f"Either lengths are {100 * abs(ratio - 1):.1f} % too {'long' if ratio > 1 else 'short'} "
-        f"(bar or baseline), or the cameras took {rate:.4g} frames per second instead of "
-        f"{found.frame_rate:.4g}"
+        f"(bar or baseline), or the cameras took {rounded(rate, 4)} frames per second instead of "
+        f"{rounded(found.frame_rate, 4)}"
     )
     if found.per_frame:
         late = (found.value - STANDARD) / found.per_frame
         if abs(late) <= MOST_FRAMES_LATE:
             when = "later" if late > 0 else "earlier"
-            text += f", or the secondary took each frame {abs(late):.2g} frames {when}"
+            text += f", or the secondary took each frame {rounded(abs(late))} frames {when}"
     return (text + "; gravity alone cannot tell which.",)

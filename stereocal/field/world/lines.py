@@ -42,6 +42,7 @@ from stereocal.rig.camera import CAMERAS
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
+from stereocal.system.numbers import rounded
 
 CONTRADICTION = 10.0
 """Residuals over the image noise, above which the lines contradict each other."""
@@ -311,7 +312,7 @@ def _refuse_contradiction(
     )
     raise StereocalError(
         f"The lines contradict each other: their points are {fit.solution.widening:.0f} times the "
-        f"image noise of {noise.sigma_px:.2g} px off any common vertical; {where}."
+        f"image noise of {rounded(noise.sigma_px)} px off any common vertical; {where}."
     )
 
 
@@ -322,7 +323,7 @@ def _notes(lines: Sequence[Line], noise: Noise, fit: LineFit) -> tuple[str, ...]
     if fit.solution.widening > 2:
         notes.append(
             f"The points are {fit.solution.widening:.1f} times as far off as an image noise of "
-            f"{noise.sigma_px:.2g} px explains; the stated error is larger by that factor."
+            f"{rounded(noise.sigma_px)} px explains; the stated error is larger by that factor."
         )
     if any(line.kind == "horizon" for line in lines):
         notes.append(

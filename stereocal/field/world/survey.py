@@ -32,6 +32,7 @@ from stereocal.field.world.observed import Survey
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
+from stereocal.system.numbers import rounded
 
 SURVEY_SIGMA_M = 0.005
 FEWEST_POINTS = 3
@@ -211,7 +212,8 @@ def _refuse_scale(with_scale: RigidFit) -> None:
     if 1 / LARGEST_SCALE < scale < LARGEST_SCALE or not with_scale.is_close:
         return
     raise StereocalError(
-        f"The survey's distances are {scale:.3g} times those measured with these parameters: "
+        f"The survey's distances are {rounded(scale, 3)} times those measured with these "
+        "parameters: "
         "write the survey in metres, or make sure that the parameters are of these cameras."
     )
 
@@ -243,7 +245,7 @@ def _refuse_contradiction(fit: RigidFit, survey: Survey) -> None:
     )
     raise StereocalError(
         f"The surveyed and the measured points contradict each other by "
-        f"{_rms(fit.residuals_m):.3g} m "
+        f"{rounded(_rms(fit.residuals_m), 3)} m "
         f"(root mean square): {where}."
     )
 
@@ -292,9 +294,11 @@ def _found(
     x, y, z = pose.T.tolist()
     rms = float(np.sqrt(np.mean(np.square(list(sizes.values())))))
     sentence = (
-        f"World frame of {len(residuals)} surveyed points: residuals {rms:.2g} m (root mean "
-        f"square), largest {sizes[worst]:.2g} m at {worst}; axes within {degrees(tilt)}, position "
-        f"within {position:.2g} m (95 %). The primary stands at x {x:.2f}, y {y:.2f}, z {z:.2f} m."
+        f"World frame of {len(residuals)} surveyed points: residuals {rounded(rms)} m (root mean "
+        f"square), largest {rounded(sizes[worst])} m at {worst}; axes within {degrees(tilt)}, "
+        "position "
+        f"within {rounded(position)} m (95 %). The primary stands at x {x:.2f}, y {y:.2f}, z "
+        f"{z:.2f} m."
     )
     return WorldFrame(
         pose,
@@ -327,8 +331,9 @@ def _notes(
     if abs(off) > half and abs(off) > 0.001:
         low, high = sorted(100 * abs(np.expm1(off + each)) for each in (-half, half))
         notes.append(
-            f"Distances of the survey are {100 * abs(np.expm1(off)):.2g} % "
-            f"({low:.2g} to {high:.2g}) {'longer' if off > 0 else 'shorter'} than measured: the "
+            f"Distances of the survey are {rounded(100 * abs(np.expm1(off)))} % "
+            f"({rounded(low)} to {rounded(high)}) {'longer' if off > 0 else 'shorter'} than "
+            "measured: the "
             "survey, or the scale of the parameters (bar, baseline), is wrong. The scale was not "
             "changed."
         )
@@ -340,7 +345,8 @@ def _notes(
         )
         notes.append(
             f"The residuals are {fit.solution.widening:.1f} times as large as "
-            f"{fit.noise.sigma_px:.2g} px and {1000 * fit.sigma_m:.2g} mm of survey explain; the "
+            f"{rounded(fit.noise.sigma_px)} px and {rounded(1000 * fit.sigma_m)} mm of survey "
+            "explain; the "
             f"errors stated are larger by that factor. {why}"
         )
     if not hand_is_known:

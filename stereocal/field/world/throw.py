@@ -45,6 +45,7 @@ from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import interpolate
+from stereocal.system.numbers import rounded
 
 FEWEST_FRAMES = 6
 """Of one throw; fewer leave drag and noise undetermined."""
@@ -283,7 +284,8 @@ def _refuse_contradiction(fit: FlightFit, noise: Noise) -> None:
     widening = fit.solution.widening * fit.noise.sigma_px / noise.sigma_px
     if widening > CONTRADICTION or (widening > 3 and not fit.bound < LARGEST_TILT):
         raise StereocalError(
-            f"The points are {widening:.0f} times the image noise of {noise.sigma_px:.2g} px off "
+            f"The points are {widening:.0f} times the image noise of {rounded(noise.sigma_px)} "
+            "px off "
             "the path of a free flight. Leave out frames in which the object was held, caught or "
             "bounced, and make sure that both cameras number the frames alike."
         )

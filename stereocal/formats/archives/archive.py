@@ -17,6 +17,7 @@ from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import TARGETS, Correspondences, Dataset
 from stereocal.rig.geometry import Pose
+from stereocal.system.numbers import rounded
 
 NOMINAL_SIGMA = 0.02
 """Standard error of a baseline that is another program's result and not measured, relative."""
@@ -140,7 +141,7 @@ class Archive:
 
 def baseline_taken(baseline_m: float, origin: str) -> Taken:
     """The line of the report on a baseline that is a result and not a measurement."""
-    words = f"{baseline_m:.4g} m ± {100 * NOMINAL_SIGMA:g} %, nominal: not a measurement"
+    words = f"{rounded(baseline_m, 4)} m ± {100 * NOMINAL_SIGMA:g} %, nominal: not a measurement"
     return Taken("baseline", words, origin)
 
 
@@ -154,9 +155,12 @@ def lens_taken(which: str, camera: Camera, origin: str) -> Taken:
     """The line of the report on a lens."""
     width, height = camera.image_size
     K = camera.K
-    distortion = f"k1 {camera.distortion[0]:.3g}" if camera.distortion.any() else "no distortion"
+    distortion = (
+        f"k1 {rounded(camera.distortion[0], 3)}" if camera.distortion.any() else "no distortion"
+    )
     words = (
-        f"f {K[0, 0]:.5g} px, centre ({K[0, 2]:.5g}, {K[1, 2]:.5g}), {width}x{height} px, "
+        f"f {rounded(K[0, 0], 5)} px, centre ({rounded(K[0, 2], 5)}, {rounded(K[1, 2], 5)}), "
+        f"{width}x{height} px, "
         f"{distortion}"
     )
     return Taken(f"{which} lens", words, origin)

@@ -24,6 +24,7 @@ from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
 from stereocal.system.atomic_files import write_all
+from stereocal.system.numbers import rounded
 
 Files = Mapping[str, bytes]
 
@@ -117,7 +118,8 @@ def export_notes(rig: Rig, name: str) -> list[str]:
         if count is not None and camera.distortion[count:].any():
             notes.append(
                 f"The format has {count} distortion coefficients: those of the {which} camera were "
-                f"refitted, which moves pixels by {fewer_coefficients(camera, count)[1]:.2g} px at "
+                "refitted, which moves pixels by "
+                f"{rounded(fewer_coefficients(camera, count)[1])} px at "
                 "most."
             )
     return notes

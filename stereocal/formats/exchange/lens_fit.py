@@ -7,6 +7,7 @@ import numpy as np
 from stereocal.errors import StereocalError
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
+from stereocal.system.numbers import rounded
 
 COEFFICIENT_NAMES = (
     "k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tx", "ty",
@@ -36,7 +37,7 @@ def lens(camera: Camera, count: int, which: str, where: str) -> FloatArray:
         fitted, worst = fewer_coefficients(camera, count)
         if worst <= NEGLIGIBLE_PX:
             return fitted
-        difference = f", and without it points would move by up to {worst:.2g} px"
+        difference = f", and without it points would move by up to {rounded(worst)} px"
     raise StereocalError(
         f"{where} supports only {' '.join(COEFFICIENT_NAMES[:count])} of a lens; that of the "
         f"{which} camera also has {name} = {padded[further[0]]:g}{difference}. Calibrate the lens "

@@ -10,6 +10,7 @@ import numpy as np
 from stereocal.errors import StereocalError
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.compiled import FloatArray, IntArray
+from stereocal.system.numbers import rounded
 
 GAP = 1.5
 """A step between time stamps above so many frame periods is a gap."""
@@ -139,7 +140,7 @@ def describe_times(primary: FloatArray, secondary: FloatArray, pairs: VideoPairs
     for which, seconds in zip(CAMERAS, (primary, secondary), strict=True):
         period, steps = period_of(seconds), np.diff(seconds)
         low, high = np.percentile(steps, [5, 95])
-        rate = f"{1 / period:.4g} frames a second"
+        rate = f"{rounded(1 / period, 4)} frames a second"
         if high > 1.1 * low:
             rate = f"a variable rate, about {rate}"
         gaps = gaps_of(seconds)
@@ -153,6 +154,6 @@ def describe_times(primary: FloatArray, secondary: FloatArray, pairs: VideoPairs
     largest = 1000 * float(np.abs(pairs.apart_s).max())
     sentences.append(
         f"{len(pairs.frames)} frames of both belong together; their time stamps differ by at most "
-        f"{largest:.2g} ms."
+        f"{rounded(largest)} ms."
     )
     return sentences

@@ -1,0 +1,23 @@
+"""Numbers in sentences and tables."""
+
+from __future__ import annotations
+
+import math
+
+
+def digits(value: float, significant: int = 3) -> str:
+    """A number with `significant` digits, with an exponent only from 1e5 or below 1e-4."""
+    if not math.isfinite(value):
+        return "none"
+    if value == 0 or 1e-4 <= abs(value) < 1e5:
+        decimals = 0 if value == 0 else significant - 1 - math.floor(math.log10(abs(value)))
+        return f"{value:.{max(0, decimals)}f}"
+    return f"{value:.{significant - 1}e}"
+
+
+def rounded(value: float, significant: int = 2) -> str:
+    """As `digits`, without zeros at the end: `4.5`, not `4.500`; 238 is `238`, not `2.4e+02`."""
+    text = digits(value, significant)
+    mantissa, exponent, power = text.partition("e")
+    mantissa = mantissa.rstrip("0").rstrip(".") if "." in mantissa else mantissa
+    return mantissa + exponent + power
