@@ -74,4 +74,4 @@ show_figure(
 st.caption("A click on a point opens its frame.")
 st.table(contents_table(dataset))
 dataset_download(dataset)
-st.button("Start again with nothing", on_click=forget_project, key="forget")
+st.button("Start a new project", on_click=forget_project, key="forget")

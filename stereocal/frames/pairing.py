@@ -166,8 +166,8 @@ def _read(names: Sequence[str], reading: Reading) -> _Read:
 def _sentence(best: _Read, alone: Sequence[Alone], others: Sequence[_Read]) -> str:
     first, second = best.words
     sentences = [
-        f"{_count(len(best.pairs), 'pair')} by name: {first} is the primary camera, {second} the "
-        "secondary."
+        f'{_count(len(best.pairs), "pair")} by name: "{first}" marks the primary camera\'s '
+        f'photographs, "{second}" the secondary\'s.'
     ]
     if alone:
         missing = "; ".join(map(str, alone[:3]))

@@ -40,10 +40,7 @@ Kind = Literal[
     "answer",
     "trade_off",
 ]
-UNFORESEEN = (
-    "Something unforeseen happened, and this could not be finished. What was there before is there "
-    "still. The server's log says more."
-)
+UNFORESEEN = "Unexpected error. Earlier results are unchanged; the server's log says more."
 UNEVEN = "steps"
 """A stage whose parts take differently long: it has no time left to state."""
 _LOG = logging.getLogger(__name__)

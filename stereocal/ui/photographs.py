@@ -86,8 +86,8 @@ def photographs_in(project: Project | None) -> None:
         uploads = st.file_uploader(
             "Photographs of both cameras, or a zip of them", type=KINDS,
             accept_multiple_files=True, key=key,
-            help="Name the two photographs of a frame alike but for the camera: left07.png and "
-            "right07.png, or cam0/07.png and cam1/07.png in a zip.",
+            help="Give both photographs of a frame the same name, apart from the camera: left07.png"
+            " and right07.png, or cam0/07.png and cam1/07.png in a zip.",
         )  # fmt: skip
         _take(uploads)
     targets_to_print(project, _focal_px(project) if project else None)
@@ -155,8 +155,8 @@ def _find_targets(store: ProjectPhotographs) -> None:
     lacking = [name for name, camera in zip(CAMERAS, project.cameras, strict=True) if not camera]
     if lacking:
         st.info(
-            f"Give the camera file of the {' and the '.join(lacking)} camera too: how the lenses "
-            "see tells which target is A in both."
+            f"Give the camera file of the {' and the '.join(lacking)} camera too: lenses are needed"
+            " to tell A from B."
         )
     work = _work(store, [row.pair for row in rows])
     st.button(

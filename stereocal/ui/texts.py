@@ -7,8 +7,8 @@ import re
 import pandas as pd
 
 PURPOSE = (
-    "The pose of your cameras, and which numbers to use for what: one set to match and one to "
-    "measure, or one for both."
+    "Film a bar with two cameras; get the files that turn image points into 3D: one to match "
+    "points and one to measure, or one for both."
 )
 
 NEEDED = """
@@ -18,7 +18,7 @@ NEEDED = """
    chessboard by each camera, for the Lenses page.
 3. **The baseline**: the distance between the two cameras, measured with a laser range finder.
 4. **The distance between the two targets** on the bar, centre to centre.
-5. Nothing else: all is computed by the stereocal server that you started, and nothing leaves it.
+5. Nothing else: the stereocal server computes everything, and nothing is sent elsewhere.
 """
 
 VALIDATE = """

@@ -32,7 +32,10 @@ CHOICES: dict[Choice, str] = {
 }
 KINDS = [suffix.removeprefix(".") for suffix in SUFFIXES]
 REPORT = "video_report"
-MISSING = 'To read videos, the server needs the package av: pip install "stereocal[video]".'
+MISSING = (
+    "To read videos, stereocal needs the package av. Stop stereocal, run "
+    '`pip install "stereocal[video]"`, and start it again.'
+)
 
 
 def videos_in(project: Project | None) -> None:

@@ -166,11 +166,11 @@ def test_an_unforeseen_error_is_a_calm_sentence_and_stands_in_the_log(
     ended(project, "evaluation")
     app.run()
     said = messages(app)
-    assert "Something unforeseen happened" in said and "secret" not in said
+    assert "Unexpected error. Earlier results are unchanged" in said and "secret" not in said
     assert "the secret reason" in caplog.text
     # Also to a server that has been started since.
     jobs._jobs().clear()
-    assert "Something unforeseen happened" in messages(app.run())
+    assert "Unexpected error. Earlier results are unchanged" in messages(app.run())
 
 
 @pytest.mark.parametrize("kept", [True, False])

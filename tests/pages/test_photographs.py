@@ -76,7 +76,7 @@ def give_cameras_and_lengths(app: AppTest) -> None:
 
 def test_from_photographs_to_a_complete_data_set(app: AppTest, tmp_path: Path) -> None:
     upload_zip(app, FILES)
-    assert "14 photographs. 7 pairs by name: primary with left is the primary" in messages(app)
+    assert '14 photographs. 7 pairs by name: "primary with left" marks the primary' in messages(app)
     assert app.button(key="find_targets").disabled
     assert "Give the camera file of the primary and the secondary camera" in messages(app)
     give_cameras_and_lengths(app)
@@ -125,7 +125,7 @@ def test_one_camera_after_the_other(app: AppTest) -> None:
         for i, name in enumerate(own):
             widget.upload(f"DSC{i}.png", FILES[name])
         app.run()
-    assert "7 pairs by name: primary is the primary camera" in messages(app)
+    assert '7 pairs by name: "primary" marks the primary camera' in messages(app)
 
 
 def test_bad_photographs_refuse_their_own_frame_only(app: AppTest, tmp_path: Path) -> None:
@@ -257,5 +257,5 @@ def test_a_search_that_fails_is_said(
     app.button(key="find_targets").click().run()
     ended(store_of(app, tmp_path).project, "photographs")
     app.run()
-    assert "Something unforeseen happened" in messages(app)
+    assert "Unexpected error. Earlier results are unchanged" in messages(app)
     assert store_of(app, tmp_path).frames is None
