@@ -24,9 +24,10 @@ from stereocal.ui.apply_threshold import Depths, ThresholdForm, chosen_depths, t
 from stereocal.ui.decoding import server_guard
 from stereocal.ui.fields import Field, one_of, setting
 from stereocal.ui.intake import check_uploads, clear_refusal, is_new, show_refusal, taking
+from stereocal.ui.long_answers import answer_when_ready
 from stereocal.ui.messages import callback, readable
 from stereocal.ui.parameter_upload import PURPOSES, upload_set
-from stereocal.ui.refined import answer_of, replaced_by_refined
+from stereocal.ui.refined import replaced_by_refined
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.wizard import ask_about_points
 from stereocal.ui.world import choose_world
@@ -131,7 +132,7 @@ def _choose_sets(
     found: list[RigParameters | None] = []
     own: Mapping[Method, RigParameters] = {}
     if calibration is not None and _sets_kind(project).value() == RESULTS:
-        answer = answer_of(project, calibration)
+        answer = answer_when_ready(project, calibration)
         own = answer.sets if answer else {}
     for use, place in zip(USES, places, strict=True):
         with place:

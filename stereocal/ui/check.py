@@ -31,8 +31,8 @@ from stereocal.ui.downloads import on_demand
 from stereocal.ui.fields import Field, number, one_of, setting
 from stereocal.ui.figure import show_figure
 from stereocal.ui.intake import check_uploads, clear_refusal, is_new, show_refusal, taking
+from stereocal.ui.long_answers import answer_when_ready
 from stereocal.ui.messages import readable
-from stereocal.ui.refined import answer_of
 from stereocal.ui.texts import escape_markdown
 
 MATCHED, FILE = "The pairs of Apply", "A file"
@@ -112,7 +112,7 @@ def _choose_parameters(
     """The parameters to check, and their file unless they are the project's."""
     calibration = readable(lambda: project.calibration)
     if calibration is not None and _kind(project).value() == RESULTS:
-        answer = answer_of(project, calibration)
+        answer = answer_when_ready(project, calibration)
         sets = answer.sets if answer else {}
         if sets:
             # Of one calibration, the refined set knows the rig best; if it moved, none holds.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -123,3 +124,21 @@ def acts(project: Project) -> dict[str, list[Callable[[AppTest], AppTest]]]:
         ],
         "apply": [lambda app: app.number_input(key="apply_threshold").set_value(2.0)],
     }
+
+
+def test_a_read_only_home_is_called_read_only(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It was called a disk that servers cannot share, as a network disk."""
+    monkeypatch.setenv("STEREOCAL_HOME", str(tmp_path))
+    (tmp_path / "projects").mkdir()
+    access = os.access  # of every file: the tests may run as root
+
+    def no_writing(path: str | Path, mode: int) -> bool:
+        return access(path, mode) and not (mode & os.W_OK and str(path).startswith(str(tmp_path)))
+
+    monkeypatch.setattr(os, "access", no_writing)
+    monkeypatch.setattr("stereocal.ui.projects.journal_of", lambda _: "delete")
+    app = fresh()
+    assert "read-only" in told(app, "warning")
+    assert "shared safely" not in told(app, "info") and not app.exception

@@ -74,7 +74,7 @@ def test_the_press_and_a_restart(
             long.switch_page(f"app_pages/{name}.py").run()
             assert not long.exception
             assert "Use the refined set for both" in messages(long) or name == "validate"
-    for name in ("calibrate", "one_set"):
+    for name in ("calibrate", "one_set", "apply", "check"):
         forget()  # the server starts again
         begun: list[jobs.Work] = []
         with monkeypatch.context() as patch:
@@ -86,4 +86,5 @@ def test_the_press_and_a_restart(
         jobs.start(begun[0])
         assert ended(project, "answer").state == "done"
         long.run()
-        assert "Use the refined set for both" in messages(long)
+        assert not long.exception
+        assert "Use the refined set for both" in messages(long) or name in ("apply", "check")
