@@ -42,6 +42,8 @@ from stereocal.system.tasks import Pieces, Progress, StoppedError, Task, run_tas
 
 MAXIMUM_PARTNERS = 99
 MINIMUM_VALIDATION_FRAMES = 2
+MOST_RUNS_AT_ONCE, FRAMES_AT_ONCE = 10, 5000
+"""Of one task, which holds a worker; 10 runs of 20,000 frames held it for minutes."""
 MOST_RUNS = 100_000
 """More would tell nothing new, and each run is kept in memory, 6 kB."""
 
@@ -313,7 +315,7 @@ def evaluate(
     executor: Executor,
     progress: Progress | None = None,
     cancelled: Callable[[], bool] | None = None,
-    chunk: int = 10,
+    chunk: int | None = None,
     pieces: Pieces[list[Run]] | None = None,
 ) -> list[list[Run]] | None:
     """All runs of all data sets, by data set, on any `concurrent.futures` executor.
@@ -321,6 +323,7 @@ def evaluate(
     Args:
         progress: called with the runs done and the runs in all.
         cancelled: asked while they are computed; if true, what is left is dropped.
+        chunk: runs of one task; None: `runs_at_once`.
         pieces: chunks that were finished before, and where more are kept.
 
     Returns:
@@ -345,15 +348,21 @@ def evaluate(
 
 
 def _tasks(
-    datasets: Sequence[Dataset], settings: EvaluationSettings, chunk: int
+    datasets: Sequence[Dataset], settings: EvaluationSettings, chunk: int | None
 ) -> Iterator[Task[list[Run]]]:
     for number, dataset in enumerate(datasets):
         of_dataset = _key(dataset, settings, number)
         whole = WholeFit(dataset, settings.refined)
-        for first in range(0, settings.runs, chunk):
-            runs = range(first, min(first + chunk, settings.runs))
+        size = chunk or runs_at_once(dataset)
+        for first in range(0, settings.runs, size):
+            runs = range(first, min(first + size, settings.runs))
             key = f"{of_dataset} {runs.start}-{runs.stop}"
             yield Task(key, evaluate_runs, (dataset, settings, number, runs, whole), len(runs))
+
+
+def runs_at_once(dataset: Dataset) -> int:
+    """Runs of one task: few of a long recording, so that progress is told and others get a turn."""
+    return max(1, min(MOST_RUNS_AT_ONCE, FRAMES_AT_ONCE // len(dataset.correspondences.frames)))
 
 
 def _key(dataset: Dataset, settings: EvaluationSettings, number: int) -> str:

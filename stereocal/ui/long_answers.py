@@ -38,6 +38,11 @@ def answer_when_ready(project: Project, calibration: Calibration) -> Answer | No
     """
     if not is_long(calibration.dataset):
         return answer_of(project, calibration)
+    if jobs.is_running(project, "calibration"):  # the press makes it
+        found = answer_of(project, calibration, made_only=True)
+        if found is None:
+            jobs.show_job(project, "calibration", "", None)
+        return found
     evaluation = readable(lambda: project.calibration_evaluation)
     settings = refine_settings(project, calibration.dataset)
 

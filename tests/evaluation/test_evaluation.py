@@ -426,3 +426,17 @@ def test_refined_runs_are_the_same_on_every_engine(field: Dataset) -> None:
 def test_no_more_runs_than_can_be_kept() -> None:
     with pytest.raises(StereocalError, match=r"1e\+12 runs were requested: at most 100,000"):
         EvaluationSettings(runs=10**12)
+
+
+@pytest.mark.parametrize(
+    ("frames_at_once", "told"), [(5000, [5]), (50, [2, 4, 5]), (1, [1, 2, 3, 4, 5])]
+)
+def test_a_task_has_fewer_runs_of_more_frames(
+    frames_at_once: int, told: list[int], field: Dataset, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Ten runs of 20,000 frames held a worker for minutes, without progress."""
+    monkeypatch.setattr("stereocal.evaluation.evaluate.FRAMES_AT_ONCE", frames_at_once)
+    settings, seen = replace(FEW, runs=5), list[int]()
+    with ThreadPoolExecutor(1) as executor:
+        evaluate([field], settings, executor, lambda done, _: seen.append(done))
+    assert [done for done in seen if done] == told
