@@ -10,7 +10,7 @@ from stereocal.figures.tables import contents_table
 from stereocal.ui.closer_looks import COVERAGE, open_clicked_frame
 from stereocal.ui.figure import show_figure
 from stereocal.ui.intake import escape_markdown, show_refusal, take_dataset
-from stereocal.ui.lengths import ask_if_measured, length_field
+from stereocal.ui.lengths import ask_if_measured, length_field, show_rig
 from stereocal.ui.photographs import choose_kind, has_photographs, photographs_in
 from stereocal.ui.prerequisites import missing_of
 from stereocal.ui.project import current_project, forget_project
@@ -67,6 +67,7 @@ st.success(
     f"Complete: {len(dataset.correspondences)} pairs of points in "
     f"{len(dataset.correspondences.frames)} frames."
 )
+show_rig(project, dataset)
 show_figure(
     plot_coverage(dataset), describe_coverage(dataset), COVERAGE,
     on_select=partial(open_clicked_frame, project), selection_mode="points",

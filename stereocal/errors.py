@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-LONGEST = 500
-"""Maximum length of a message, in characters."""
+LONGEST = 900
+"""Maximum length of a message, in characters: four sentences of suspects with a remedy."""
 KEPT_TAIL = 160
 """Characters kept at the end of a message that is shortened."""
 
@@ -27,7 +27,9 @@ class StereocalError(ValueError):
     def __init__(self, text: str = "") -> None:
         text = "".join(character if character.isprintable() else " " for character in text)
         if len(text) > LONGEST:
-            text = f"{text[: LONGEST - KEPT_TAIL - 5]} ... {text[-KEPT_TAIL:]}"
+            start, end = text[: LONGEST - KEPT_TAIL - 5], text[-KEPT_TAIL:]
+            # Between words, unless a quoted file has none.
+            text = f"{start.rsplit(' ', 1)[0]} ... {end.split(' ', 1)[-1]}"
         super().__init__(text)
 
 

@@ -16,12 +16,13 @@ from stereocal.calibration import checks
 from stereocal.calibration.essential import EssentialResult, calibrate_essential
 from stereocal.calibration.methods import CalibrationSettings, Method
 from stereocal.calibration.montecarlo import Problem, minimise
+from stereocal.calibration.pose_fit import pose_fit
 from stereocal.calibration.problems import reconstruction_problem, reprojection_problem
 from stereocal.calibration.results import POOR_LENGTH, MethodResult, errors_of
-from stereocal.calibration.wrong_inputs import check_inputs, pose_fit
+from stereocal.calibration.wrong_inputs import check_inputs
 from stereocal.errors import StereocalError
 from stereocal.formats.evaluation_files import Evaluation, validation_figures
-from stereocal.refined.diagnosis import explain_failure, warnings_about_fit
+from stereocal.refined.diagnosis import explain_failure, offer_time_offset, warnings_about_fit
 from stereocal.refined.disagreement import what_disagrees
 from stereocal.refined.free_baseline import note_on_free_baseline
 from stereocal.refined.parameter_file import refined_parameters
@@ -87,7 +88,9 @@ def calibrate(
 
     report("essential")
     start = _essential(chosen, settings, reconstruction, screening)
-    warnings += check_inputs(chosen, pose_fit(chosen, start.pose))
+    # Points of a moving bar that are out of step fit exchanged or otherwise wrong cameras better.
+    offer = offer_time_offset(screening)
+    warnings += [] if offer else check_inputs(chosen, pose_fit(chosen, start.pose))
     results: dict[Method, MethodResult] = {
         "essential": MethodResult(
             "essential", start.pose, start.cost, start.evaluations, start.stop_reason, start.seconds
@@ -101,7 +104,7 @@ def calibrate(
             found.trace,
         )  # fmt: skip
     poor = errors_of(chosen, results["3d"].pose).p95_length > POOR_LENGTH
-    warnings += warnings_about_fit(chosen, screening, poor)
+    warnings += warnings_about_fit(chosen, screening, poor, offer)
     refined_result = None
     if refined is not None:
         report("refined")

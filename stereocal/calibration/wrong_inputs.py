@@ -9,18 +9,18 @@ that contradict the others are left out before.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from stereocal.calibration.essential import calibrate_essential
+from stereocal.calibration.pose_fit import Fit, essential_fit
 from stereocal.errors import StereocalError
-from stereocal.rig.camera import Camera
+from stereocal.rig.camera import Camera, CameraName
+from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
-from stereocal.rig.geometry import Pose, reprojection_errors_of_rays
 from stereocal.system.numbers import rounded
 
 MINIMUM_BARS = 10
@@ -37,63 +37,19 @@ COMPARABLE_GAIN = 4.0
 """Explanations whose gains differ by less than this factor are both reported: for instance one
 camera's focal length is too long, or the other's too short."""
 
-MAXIMUM_BEHIND = 0.2
-"""Fraction of the points behind a camera above which a pose counts as no fit."""
-
 FOCAL_RANGE = np.geomspace(0.3, 12.0, 17)
 """Focal lengths to try, in image widths: from fisheye to long telephoto."""
 
+SIZE_FACTORS = np.geomspace(0.2, 5.0, 17)
+"""Sizes of the images in which points were measured to try, over that of the camera file."""
+SMALLEST_RESIZE = 0.05
+"""Sizes that differ by less are not named: nobody resizes images by so little."""
+
 NO_FIT_COST = 1e3
-"""Cost of a focal length with which nothing fits; larger than any other cost."""
+"""Cost of an input with which nothing fits; larger than any other cost."""
 
-LENGTH_TOLERANCE = 0.05
-"""Relative difference up to which lengths count as equal."""
-
-
-@dataclass(frozen=True)
-class Fit:
-    """How well a data set fits the pose of an essential matrix."""
-
-    px: float
-    """Median reprojection error."""
-    spread: float
-    """Median absolute deviation of the bar lengths, relative."""
-    scale: float
-    """Median of stated over reconstructed bar length; 1 if baseline and bar agree."""
-
-    @property
-    def only_scale_is_wrong(self) -> bool:
-        """Whether all bar lengths are wrong by the same factor."""
-        return bool(self.spread < LENGTH_TOLERANCE < abs(np.log(self.scale)))
-
-    def gains_of(self, other: Fit) -> tuple[float, float]:
-        """By what factors another fit is better, in the images and in the lengths."""
-        if not np.isfinite(other.px):
-            return 0.0, 0.0
-        return self.px / max(other.px, 1e-9), self.spread / max(other.spread, 1e-9)
-
-
-NO_FIT = Fit(np.inf, np.inf, np.nan)
-
-
-def essential_fit(dataset: Dataset) -> Fit:
-    """The fit of the constrained essential matrix; `NO_FIT` if there is no solution."""
-    try:
-        return pose_fit(dataset, calibrate_essential(dataset.rays, dataset.baseline_m).pose)
-    except StereocalError:
-        return NO_FIT
-
-
-def pose_fit(dataset: Dataset, pose: Pose) -> Fit:
-    """The fit of a pose; `NO_FIT` if too many points are behind a camera."""
-    px = reprojection_errors_of_rays(pose.R, pose.T, dataset.rays, dataset.pixel_scale).mean(axis=1)
-    logs = np.log(dataset.bar_distances_m / dataset.reconstructed_lengths_m(pose))
-    known = logs[np.isfinite(logs)]
-    if np.isnan(px).mean() > MAXIMUM_BEHIND or not len(known):
-        return NO_FIT
-    median = float(np.median(known))
-    spread = float(np.median(np.abs(known - median)))
-    return Fit(float(np.nanmedian(px)), spread, float(np.exp(median)))
+MOST_ALTERNATIVES = 3
+"""Comparable explanations in one message."""
 
 
 def check_inputs(dataset: Dataset, nominal: Fit | None = None) -> list[str]:
@@ -126,7 +82,8 @@ def check_inputs(dataset: Dataset, nominal: Fit | None = None) -> list[str]:
 def find_wrong_input(dataset: Dataset, nominal: Fit | None = None) -> str:
     """A message that names the wrong input if one explains the data; else empty.
 
-    For data that do not fit: wrong focal lengths, which take longer to test, are considered too.
+    For data that do not fit: wrong focal lengths and points measured in images of another size,
+    which take longer to test, are considered too.
 
     Args:
         nominal: as for `check_inputs`.
@@ -134,7 +91,15 @@ def find_wrong_input(dataset: Dataset, nominal: Fit | None = None) -> str:
     if len(dataset.correspondences.bars) < MINIMUM_BARS:
         return ""
     nominal = nominal or essential_fit(dataset)
-    return _message([*_test_hypotheses(dataset, nominal), *_test_focal_lengths(dataset, nominal)])
+    return _message(
+        [
+            *_test_hypotheses(dataset, nominal),
+            *_test_factors(
+                dataset, nominal, _with_focal_factor, _focal_factors, _focal_length_message
+            ),
+            *_test_factors(dataset, nominal, _with_size_factor, _size_factors, _size_message),
+        ]
+    )
 
 
 @dataclass(frozen=True)
@@ -159,9 +124,10 @@ def _message(tested: Sequence[_Tested]) -> str:
     if not certain:
         return ""
     best = max(certain, key=lambda case: case.gain)
-    others = [
-        case for case in certain if case is not best and case.gain * COMPARABLE_GAIN >= best.gain
-    ]
+    others = sorted(
+        (case for case in certain if case is not best and case.gain * COMPARABLE_GAIN >= best.gain),
+        key=lambda case: -case.gain,
+    )[:MOST_ALTERNATIVES]
     fits = (
         f"the points would then fit {rounded(best.gains[0])} times better in the images and the "
         "bar "
@@ -169,7 +135,7 @@ def _message(tested: Sequence[_Tested]) -> str:
         if np.isfinite(best.gain)
         else "the points would then fit, and otherwise do not"
     )
-    alternatives = "".join(f" These frames could also mean: {case.claim}." for case in others)
+    alternatives = f" Or: {'. Or: '.join(case.claim for case in others)}." if others else ""
     return f"{best.claim}: {fits}. {best.remedy}{alternatives}"
 
 
@@ -182,13 +148,29 @@ def _test_hypotheses(dataset: Dataset, nominal: Fit) -> list[_Tested]:
     return tested
 
 
-def _test_focal_lengths(dataset: Dataset, nominal: Fit) -> list[_Tested]:
+def _test_factors(
+    dataset: Dataset,
+    nominal: Fit,
+    apply: Callable[[Dataset, tuple[CameraName, ...], float], Dataset],
+    to_try: Callable[[Camera], FloatArray],
+    message: Callable[[Dataset, tuple[CameraName, ...], float], tuple[str, str]],
+) -> list[_Tested]:
+    """Test a factor of one camera, of the other, and of both, at its best value.
+
+    Args:
+        apply: the data set with that factor.
+        to_try: ascending factors of a camera, between which the best one lies; may be empty.
+        message: the claim that the factor is wrong, and the remedy.
+    """
     tested = []
-    for cameras in (("primary",), ("secondary",), ("primary", "secondary")):
-        factor = _best_focal_factor(dataset, cameras)
-        if factor is not None:
-            gains = nominal.gains_of(essential_fit(_with_focal_factor(dataset, cameras, factor)))
-            tested.append(_Tested(*_focal_length_message(dataset, cameras, factor), gains))
+    both: list[tuple[CameraName, ...]] = [("primary",), ("secondary",), ("primary", "secondary")]
+    for cameras in both:
+        factor = _best_factor(dataset, cameras, apply, to_try(getattr(dataset, cameras[0])))
+        if factor is not None and not (
+            apply is _with_size_factor and abs(factor - 1.0) < SMALLEST_RESIZE
+        ):
+            gains = nominal.gains_of(essential_fit(apply(dataset, cameras, factor)))
+            tested.append(_Tested(*message(dataset, cameras, factor), gains))
     return tested
 
 
@@ -276,8 +258,23 @@ def inconsistency_message(dataset: Dataset, nominal: Fit | None = None) -> str:
     )
 
 
+def _size_message(
+    dataset: Dataset, cameras: tuple[CameraName, ...], factor: float
+) -> tuple[str, str]:
+    """The claim that points were measured in images of another size, and the remedy."""
+    width, height = getattr(dataset, cameras[0]).image_size
+    whose = f"{cameras[0]} camera's" if len(cameras) == 1 else "cameras'"
+    return (
+        f"The {whose} points seem to be measured in images of about {width * factor:.0f}x"
+        f"{height * factor:.0f} px, {factor:.2g} times the size in the camera file, "
+        f"{width}x{height} px",
+        "Give the points in pixels of the images that the lens was calibrated for, or the camera "
+        "file for the images in which they were measured.",
+    )
+
+
 def _focal_length_message(
-    dataset: Dataset, cameras: tuple[str, ...], factor: float
+    dataset: Dataset, cameras: tuple[CameraName, ...], factor: float
 ) -> tuple[str, str]:
     """The claim that focal lengths are wrong, and the remedy."""
     stated, fitting = (
@@ -320,33 +317,45 @@ def _lengths_message(dataset: Dataset, scale: float) -> str:
     )
 
 
-def _best_focal_factor(dataset: Dataset, cameras: tuple[str, ...]) -> float | None:
-    """The factor of the focal lengths with the best fit of images and lengths; None if none fits.
+def _best_factor(
+    dataset: Dataset,
+    cameras: tuple[CameraName, ...],
+    apply: Callable[[Dataset, tuple[CameraName, ...], float], Dataset],
+    factors: FloatArray,
+) -> float | None:
+    """The factor with the best fit of images and lengths; None if none fits.
 
     A wrong scale counts like a spread of the lengths.
     """
 
     def cost(log_factor: float) -> float:
         try:
-            fit = essential_fit(_with_focal_factor(dataset, cameras, float(np.exp(log_factor))))
+            fit = essential_fit(apply(dataset, cameras, float(np.exp(log_factor))))
         except StereocalError:
             return NO_FIT_COST
         if not np.isfinite(fit.px):
             return NO_FIT_COST
         return float(np.log(max(fit.px, 1e-9)) + np.log(np.hypot(fit.spread, np.log(fit.scale))))
 
-    camera: Camera = getattr(dataset, cameras[0])
-    tried = np.log(FOCAL_RANGE * camera.image_size[0] / camera.K[0, 0])
+    tried = np.log(factors)
     values = [cost(each) for each in tried]
-    at = int(np.argmin(values))
-    if values[at] >= NO_FIT_COST:
+    if not values or min(values) >= NO_FIT_COST:
         return None
-    step = tried[1] - tried[0]
+    at, step = int(np.argmin(values)), tried[1] - tried[0]
     best = minimize_scalar(
         cost, bounds=(tried[at] - step, tried[at] + step), method="bounded",
         options={"xatol": 1e-3},
     )  # fmt: skip
     return float(np.exp(best.x))
+
+
+def _focal_factors(camera: Camera) -> FloatArray:
+    return np.asarray(FOCAL_RANGE * camera.image_size[0] / camera.K[0, 0])
+
+
+def _size_factors(camera: Camera) -> FloatArray:
+    """None where K contradicts the image size, which is a hypothesis of its own."""
+    return SIZE_FACTORS if camera.size_factor is None else np.empty(0)
 
 
 def _same_lens(one: Camera, other: Camera) -> bool:
@@ -363,7 +372,7 @@ def _scaled(camera: Camera, factor: float) -> Camera:
     return replace(camera, K=K)
 
 
-def _with_focal_factor(dataset: Dataset, cameras: tuple[str, ...], factor: float) -> Dataset:
+def _with_focal_factor(dataset: Dataset, cameras: tuple[CameraName, ...], factor: float) -> Dataset:
     """The data set with the focal lengths of some cameras multiplied by `factor`."""
     changed = {}
     for which in cameras:
@@ -372,3 +381,10 @@ def _with_focal_factor(dataset: Dataset, cameras: tuple[str, ...], factor: float
         K[[0, 0, 1], [0, 1, 1]] *= factor
         changed[which] = replace(camera, K=K)
     return replace(dataset, **changed)
+
+
+def _with_size_factor(dataset: Dataset, cameras: tuple[CameraName, ...], factor: float) -> Dataset:
+    """The data set with some cameras for images `factor` times as large."""
+    return replace(
+        dataset, **{which: _scaled(getattr(dataset, which), factor) for which in cameras}
+    )

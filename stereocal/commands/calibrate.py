@@ -19,6 +19,7 @@ from stereocal.commands.options import (
 from stereocal.commands.progress import ProgressBar
 from stereocal.errors import StereocalError
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
+from stereocal.formats.dataset_files import DESCRIPTION
 from stereocal.formats.evaluation_files import Evaluation, validation_in_summary
 from stereocal.projects.archive import read_input
 from stereocal.refined.refine import RefinedResult
@@ -27,6 +28,7 @@ from stereocal.refined.stated_inputs import Input, undetectable_errors
 from stereocal.refined.uncertainty import standard_errors
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import CAMERAS
+from stereocal.rig.lengths_in_words import question_about_units, rig_in_words
 from stereocal.system.atomic_files import write_all
 from stereocal.system.executors import engine
 from stereocal.verdict.forecast import outlook_of
@@ -125,6 +127,8 @@ def run(parsed: argparse.Namespace) -> None:
         f"{dataset.name}: {len(rows)} pairs, {len(rows.bars)} bars in {len(rows.frames)} frames; "
         f"calibrated with {len(calibration.frames)} frames; errors are of all frames not left out."
     )
+    pose = found.sets[found.recommendation.measure.method].pose
+    print(rig_in_words(dataset, pose))
     print(table_of(calibration))
     if (volume := found.sets["3d"].volume) is not None:
         print(volume.sentence())
@@ -132,7 +136,7 @@ def run(parsed: argparse.Namespace) -> None:
         print(refined_lines(calibration.refined))
     if found.outlook:
         print(forecast_lines(found.outlook.predictive))
-    print_notes(calibration, found.inputs)
+    print_notes(calibration, found.inputs, question_about_units(dataset, pose))
     if found.outlook and (seeds := conclusions_of_seeds(calibration, found.outlook)):
         print(f"Note: {seeds}")
     if found.outlook:
@@ -173,11 +177,17 @@ def evaluation_of(calibration: Calibration, settings: EvaluationSettings) -> Eva
     return Evaluation(found, settings, [kept.name], [calibration.dataset.sha256])
 
 
-def print_notes(calibration: Calibration, inputs: list[Input]) -> None:
-    """Warnings, inputs that disagree, and errors that cannot be detected."""
+def print_notes(calibration: Calibration, inputs: list[Input], question: str) -> None:
+    """Warnings, inputs that disagree, and errors that cannot be detected.
+
+    Args:
+        question: whether the lengths are in metres; or empty. A script cannot answer: it is a note.
+    """
+    if question:
+        question += f" If not, correct {DESCRIPTION}: no residual shows a wrong unit."
     accused = [item.advice for item in inputs if item.accused]
     timing = calibration.screening.time_note
-    for note in [timing, *calibration.warnings, *accused, undetectable_errors(inputs)]:
+    for note in [question, timing, *calibration.warnings, *accused, undetectable_errors(inputs)]:
         if note:
             print(f"Note: {note}")
 

@@ -8,12 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from stereocal.calibration.wrong_inputs import (
-    essential_fit,
-    find_wrong_input,
-    inconsistency_message,
-    pose_fit,
-)
+from stereocal.calibration.pose_fit import essential_fit, pose_fit
+from stereocal.calibration.wrong_inputs import find_wrong_input, inconsistency_message
 from stereocal.errors import StereocalError
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.screening import (
@@ -37,6 +33,9 @@ MAXIMUM_NAMED = 10
 EXPLAINED = 0.05
 """An offset that explains less of the residuals is not offered. Measured on the real recording:
 0.02 with a distortion of the wrong sign, 0.5 with an offset of 0.02 frames."""
+SMALLEST_CLAIM = 0.01
+"""In frames. A smaller offset is not offered: with frames that do not follow each other, misfit of
+another cause gave offsets of 0.001 frames with far smaller standard errors."""
 OUT_OF_STEP = "The cameras seem to be out of step"
 
 
@@ -69,22 +68,23 @@ def explain_failure(dataset: Dataset, screening: Screening) -> str:
     )
 
 
-def warnings_about_fit(dataset: Dataset, screening: Screening, poor: bool) -> list[str]:
+def warnings_about_fit(dataset: Dataset, screening: Screening, poor: bool, offer: str) -> list[str]:
     """Warnings about a calibration that succeeded but may be wrong.
 
     Args:
         poor: whether the length errors of the 3D set are large.
+        offer: the message of `offer_time_offset`; no input is blamed where it explains the fit.
     """
     found = []
     if screening.failure:
         found.append(f"The frames could not be screened: {screening.failure}")
-    if offer := offer_time_offset(screening):
+    if offer:
         found.append(offer)
     if screening.together:
         found.append(screening.together)
     if screening.fit is not None and (warning := geometry_warning(screening.fit)):
         found.append(warning)
-    elif poor:
+    elif poor and not offer:
         found.append(find_wrong_input(dataset) or inconsistency_message(dataset))
     return found
 
@@ -99,6 +99,8 @@ def offer_time_offset(screening: Screening) -> str:
         return ""
     found = _seen_offset(screening) if screening.fit is None else _following(screening.fit)
     if found is None or not found.is_claimed(CLAIMED) or found.sigma > MAXIMUM_SIGMA:
+        return ""
+    if abs(found.frames) < SMALLEST_CLAIM:
         return ""
     return (
         f"{OUT_OF_STEP}: the residuals follow the motion in the images, as if "

@@ -5,17 +5,31 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import streamlit as st
 
 from stereocal.errors import StereocalError
 from stereocal.projects.inputs import LENGTHS
 from stereocal.projects.project import Project
+from stereocal.refined.refine import robust_start
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.lengths_in_words import (
+    METRES_PER,
+    question_about_units,
+    rig_in_words,
+    units_that_fit,
+)
 from stereocal.ui.fields import Field, one_of, setting
 from stereocal.ui.intake import clear_refusal, refuse
 from stereocal.ui.messages import callback
 from stereocal.ui.project import own_change, project_to_write
+from stereocal.ui.texts import escape_markdown
 
-UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
+KEPT_ANSWER = "lengths_in_metres"
+"""Setting: the baseline and the bar that the user has said to be in metres."""
+
+PAIRS = 500
+"""Pairs of points from which the depths are estimated."""
 
 
 def length_field(project: Project | None, name: str, label: str) -> None:
@@ -26,7 +40,7 @@ def length_field(project: Project | None, name: str, label: str) -> None:
         label, min_value=0.0, value=None, step=None, format="%.10g",
         placeholder="measured length", **length.number.widget(),
     )  # fmt: skip
-    choice.selectbox("Unit", list(UNITS), **length.unit.widget())
+    choice.selectbox("Unit", list(METRES_PER), **length.unit.widget())
 
 
 def ask_if_measured(project: Project) -> None:
@@ -46,20 +60,56 @@ def ask_if_measured(project: Project) -> None:
     )
 
 
+def show_rig(project: Project, dataset: Dataset) -> None:
+    """The rig in words to check, and a question if its lengths may be in another unit."""
+    step = len(dataset.correspondences) // PAIRS + 1
+    pose = robust_start(dataset, np.ascontiguousarray(dataset.rays[:, ::step]))
+    question = question_about_units(dataset, pose)
+    stated = [dataset.baseline_m, dataset.target_distance_m]
+    if not question or project.settings.get(KEPT_ANSWER) == stated:
+        st.markdown(escape_markdown(rig_in_words(dataset, pose)))
+        return
+    st.warning(escape_markdown(question))
+    with st.container(horizontal=True):
+        st.button(
+            "They are in metres", key="in_metres",
+            on_click=callback(project.keep_settings), args=({KEPT_ANSWER: stated},),
+        )  # fmt: skip
+        own = dataset.baseline_is_free or np.isfinite(dataset.correspondences.distance_m).any()
+        for unit in () if own else units_that_fit(dataset):
+            st.button(
+                f"They are in {unit}", key=f"in_{unit}",
+                on_click=callback(take_unit), args=(project, unit),
+            )  # fmt: skip
+
+
+def take_unit(project: Project, unit: str) -> None:
+    """Both lengths are in this unit; their uncertainties are as stated.
+
+    Raises:
+        StereocalError: a length or its uncertainty would be impossible; nothing is changed.
+    """
+    lengths = {
+        name: getattr(project.inputs, name) * METRES_PER[unit]
+        for name in ("baseline_m", "target_distance_m")
+    }
+    project.give({}, **lengths)
+
+
 class _Length:
     """The two fields of a length: the number and its unit."""
 
     def __init__(self, project: Project | None, name: str) -> None:
         self.project, self.name = project, name
         # Each tab may show the length in its own unit.
-        kept = setting(project, f"{name}_unit", "m", one_of(list(UNITS)), tabs_own=True)
+        kept = setting(project, f"{name}_unit", "m", one_of(list(METRES_PER)), tabs_own=True)
         self.unit = replace(kept, write=self._take_unit)
         key = f"{name}_value"
         self.number = Field(key, key, self._read, self._take_number, tells=False)
 
     def _read(self) -> float | None:
         metres = getattr(self.project.inputs, self.name) if self.project else None
-        return None if metres is None else float(f"{metres / UNITS[self.unit.value()]:.12g}")
+        return None if metres is None else float(f"{metres / METRES_PER[self.unit.value()]:.12g}")
 
     def _take_number(self, number: float | None) -> None:
         self._take(number, self.unit.value())
@@ -73,7 +123,7 @@ class _Length:
             project_to_write().keep_settings({self.unit.key: unit})
 
     def _take(self, number: float | None, unit: str) -> None:
-        metres = None if number is None else float(number) * UNITS[unit]
+        metres = None if number is None else float(number) * METRES_PER[unit]
         try:
             self.project = project_to_write()
             with own_change(self.project):

@@ -9,8 +9,9 @@ import pytest
 
 from benchmarks.ordinary_path import WRONG, flipped, said_of, scaled
 from benchmarks.ordinary_path import rig as random_rig
-from stereocal.calibration.wrong_inputs import check_inputs, essential_fit, find_wrong_input
-from stereocal.errors import StereocalError
+from stereocal.calibration.pose_fit import essential_fit
+from stereocal.calibration.wrong_inputs import check_inputs, find_wrong_input
+from stereocal.errors import LONGEST, StereocalError
 from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import Dataset
 from stereocal.workflow import calibrate
@@ -106,3 +107,30 @@ def test_ten_sound_rigs_are_not_accused() -> None:
         data = random_rig(number)[1]
         assert check_inputs(data) == []
         assert calibrate(data).warnings == ()
+
+
+@pytest.mark.parametrize("factor", [0.5, 0.75])
+@pytest.mark.parametrize("sides", [("primary",), ("secondary",), ("primary", "secondary")])
+def test_points_of_resized_images_are_named_with_both_sizes(
+    sides: tuple[str, ...], factor: float
+) -> None:
+    """Measured: within 2 % of the true size, and first of the explanations."""
+    rows = SOUND.correspondences
+    resized = {side: factor * getattr(rows, side) for side in sides}
+    said = find_wrong_input(replace(SOUND, correspondences=replace(rows, **resized)))
+    whose = f"The {sides[0]} camera's" if len(sides) == 1 else "The cameras'"
+    assert said.startswith(f"{whose} points seem to be measured in images of about ")
+    width, height = getattr(SOUND, sides[0]).image_size
+    assert f"in the camera file, {width}x{height} px" in said
+    about = float(said.split("about ")[1].split("x")[0])
+    assert about == pytest.approx(factor * width, rel=0.03)
+
+
+def test_a_message_ends_between_words() -> None:
+    """Its middle is left out where it is too long."""
+    words = "suspect " * 300
+    text = str(StereocalError(f"It is wrong: {words}. Check the files."))
+    assert len(text) <= LONGEST and text.endswith("Check the files.")
+    assert set(text.replace(":", "").replace(".", "").split()) <= {
+        "It", "is", "wrong", "suspect", "Check", "the", "files", "",
+    }  # fmt: skip

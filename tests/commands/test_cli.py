@@ -57,6 +57,23 @@ def test_calibrate_prints_the_methods_and_writes_three_files(
     assert json.loads((out / "parameters_3d.json").read_text())["settings"]["delta"] == 1e-3
 
 
+def test_calibrate_tells_the_rig_and_asks_about_its_units(
+    field: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    common = ["calibrate", str(field), "--out", str(field / "out"), "--runs", "0"]
+    assert main(common) == 0
+    printed = capsys.readouterr().out
+    assert "The cameras are 4.5 m apart; a bar of 0.9 m was seen from " in printed
+    assert "in metres?" not in printed
+    about = json.loads((field / "dataset.json").read_text())
+    about |= {"baseline_m": 450.0, "target_distance_m": 90.0}
+    (field / "dataset.json").write_text(json.dumps(about))
+    assert main(common) == 0
+    assert "in metres? The two lengths would be 4.5 and 0.9 m if they are in cm" in (
+        capsys.readouterr().out
+    )
+
+
 def test_calibrate_without_the_refined_set(
     field: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

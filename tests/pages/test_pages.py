@@ -186,6 +186,25 @@ def test_length_typed_before_anything_else(app: AppTest, home: Path) -> None:
     assert app.selectbox(key="baseline_m_unit").value == "cm"
 
 
+def test_lengths_in_another_unit_are_asked_about_once(app: AppTest, home: Path) -> None:
+    open_sample(app)
+    project = project_of(app, home)
+    assert any("The cameras are 4.5 m apart" in item.value for item in app.markdown)
+    project.give({}, baseline_m=450.0, target_distance_m=90.0)
+    app.run()
+    (asked,) = (item.value for item in app.warning if "in metres?" in item.value)
+    assert "4.5 and 0.9 m if they are in cm" in asked
+    app.button(key="in_metres").click().run()
+    assert not app.warning and project.inputs.baseline_m == 450.0
+    project.give({}, baseline_m=460.0)
+    app.run()
+    app.button(key="in_cm").click().run()
+    assert not app.warning and not app.exception
+    assert project.inputs.baseline_m == pytest.approx(4.6)
+    assert project.inputs.target_distance_m == pytest.approx(0.9)
+    assert app.number_input(key="baseline_m_value").value == pytest.approx(4.6)
+
+
 def test_length_can_be_taken_back(app: AppTest, home: Path) -> None:
     open_sample(app)
     app.number_input(key="baseline_m_value").set_value(None).run()

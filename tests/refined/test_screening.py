@@ -13,7 +13,7 @@ from benchmarks.ordinary_path import rig as random_rig
 from benchmarks.ordinary_path import with_frames_exchanged, with_points_off
 from benchmarks.refined_truth import turned
 from stereocal.calibration.methods import CalibrationSettings
-from stereocal.calibration.wrong_inputs import LENGTH_TOLERANCE, essential_fit
+from stereocal.calibration.pose_fit import LENGTH_TOLERANCE, essential_fit
 from stereocal.cli import main
 from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import pack_dataset, read_dataset

@@ -3,23 +3,29 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from stereocal.calibration.methods import CalibrationSettings
+from stereocal.calibration.wrong_inputs import check_inputs
 from stereocal.errors import StereocalError
+from stereocal.formats.dataset_files import read_dataset
 from stereocal.projects.calibration_files import pack_calibration, unpack_calibration
 from stereocal.refined import time_offset
+from stereocal.refined.diagnosis import OUT_OF_STEP
 from stereocal.refined.screening import screen
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import TimeOffset
 from stereocal.simulation.moving_bar import move_bar, record
+from stereocal.simulation.simulate import field_rig
 from stereocal.workflow import answer, calibrate
 from tests import known_rig as rig
 
+FIELD = Path(__file__).parents[2] / "sample_data" / "field"
 FRAMES = 120
 TIMED = CalibrationSettings(time_offset=True)
 TIMED_REFINED = RefineSettings(time_offset=True)
@@ -128,3 +134,24 @@ def test_a_stored_calibration_is_shifted_again() -> None:
 def test_no_pose_fits_without_the_offset() -> None:
     with pytest.raises(StereocalError, match="out of step"):
         calibrate(moving(1.9, between=5))
+
+
+def test_a_late_camera_is_not_taken_for_exchanged_files() -> None:
+    """A fast bar: by themselves, the points fit exchanged cameras better."""
+    rng = np.random.default_rng(11)
+    bar = move_bar(field_rig(4.5), rng, 120, 0.9, frames_between=20)
+    data = record(bar, rng, 0.15, "late", TimeOffset(0.3))
+    with pytest.raises(StereocalError, match="exchanged"):
+        check_inputs(data)
+    found = calibrate(data)
+    assert [text for text in found.warnings if text.startswith(OUT_OF_STEP)]
+    assert not [text for text in found.warnings if "exchanged" in text]
+
+
+def test_no_offset_is_claimed_without_a_size() -> None:
+    """Single frames, the primary's points at 75 %: an offset of 0.001 frames was claimed."""
+    data = read_dataset(FIELD)
+    rows = data.correspondences
+    wrong = replace(data, correspondences=replace(rows, primary=0.75 * rows.primary))
+    with pytest.raises(StereocalError, match="points seem to be measured in images"):
+        calibrate(wrong)

@@ -1,0 +1,91 @@
+"""The rig in words that a person can check, and the question whether its lengths are in metres.
+
+A rig whose lengths are all in another unit is consistent: no residual shows it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.geometry import Pose, triangulate_rays
+
+METRES_PER: Mapping[str, float] = {
+    "m": 1.0, "cm": 0.01, "mm": 0.001, "inches": 0.0254, "feet": 0.3048,
+}  # fmt: skip
+"""Metres per unit in which lengths are measured."""
+LONG_M, LONG_BAR_M = 50.0, 20.0
+"""A longer baseline or depth, and a longer bar, are asked about: rare, but not impossible."""
+PLAUSIBLE_BASELINE_M = (0.02, LONG_M)
+"""Of the units that are offered."""
+TAILS = (2.0, 98.0)
+"""Percentiles of the depths; single wrong pairs give any depth."""
+
+
+def rig_in_words(dataset: Dataset, pose: Pose | None) -> str:
+    """Such as `The cameras are 4.5 m apart; a bar of 0.90 m was seen from 8.2 to 25 m away.`.
+
+    Args:
+        pose: of any calibration; without one, the depths are left out.
+    """
+    found = ", found from the bars" if dataset.baseline_is_free else ""
+    apart = f"The cameras are {_metres(dataset.baseline_m)} m apart{found}"
+    bar, depths = _metres(_bar_m(dataset)), _depths_m(dataset, pose)
+    if depths is None:
+        return f"{apart}; the bar is {bar} m long."
+    near, far = map(_metres, depths)
+    return f"{apart}; a bar of {bar} m was seen from {near} to {far} m away."
+
+
+def question_about_units(dataset: Dataset, pose: Pose | None) -> str:
+    """The question whether lengths that are unusually long are in metres; empty if none is.
+
+    Args:
+        pose: as in `rig_in_words`.
+    """
+    depths, bar = _depths_m(dataset, pose), _bar_m(dataset)
+    farthest = depths[1] if depths else 0.0
+    if max(dataset.baseline_m, farthest) <= LONG_M and bar <= LONG_BAR_M:
+        return ""
+    others = [
+        f"{_metres(dataset.baseline_m * per)} and {_metres(bar * per)} m if they are in {unit}"
+        for unit, per in units_that_fit(dataset).items()
+    ]
+    or_else = f" The two lengths would be {', '.join(others)}." if others else ""
+    return f"{rig_in_words(dataset, pose)} Are these lengths in metres?{or_else}"
+
+
+def units_that_fit(dataset: Dataset) -> dict[str, float]:
+    """The other units in which baseline and bar would be usual, with their metres."""
+    low, high = PLAUSIBLE_BASELINE_M
+    return {
+        unit: per
+        for unit, per in METRES_PER.items()
+        if unit != "m"
+        and low <= dataset.baseline_m * per <= high
+        and _bar_m(dataset) * per <= LONG_BAR_M
+    }
+
+
+def _bar_m(dataset: Dataset) -> float:
+    own = dataset.bar_distances_m
+    return float(np.median(own)) if len(own) else dataset.target_distance_m
+
+
+def _depths_m(dataset: Dataset, pose: Pose | None) -> tuple[float, float] | None:
+    """The depths of nearly all points from the primary camera; None if there are none."""
+    if pose is None:
+        return None
+    z = triangulate_rays(pose.R, pose.T, dataset.rays)[:, 2]
+    z = z[np.isfinite(z)]
+    if not len(z):
+        return None
+    near, far = np.percentile(z, TAILS)
+    return float(near), float(far)
+
+
+def _metres(value: float) -> str:
+    """Three digits, without an exponent."""
+    return np.format_float_positional(value, 3, fractional=False, trim="-")

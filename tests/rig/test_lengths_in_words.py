@@ -1,0 +1,45 @@
+"""The rig in words, and the question whether its lengths are in metres."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.geometry import Pose
+from stereocal.rig.lengths_in_words import METRES_PER, question_about_units, rig_in_words
+from tests.known_rig import BAR_M, BASELINE_M, RIG, dataset
+
+DATA = dataset(12)
+
+
+def in_unit(unit: str) -> tuple[Dataset, Pose]:
+    """The lengths and the pose of who types numbers of another unit as metres."""
+    per = METRES_PER[unit]
+    wrong = replace(DATA, baseline_m=BASELINE_M / per, target_distance_m=BAR_M / per)
+    return wrong, Pose(RIG.R, RIG.T / per)
+
+
+def test_a_person_can_check_it() -> None:
+    text = rig_in_words(DATA, RIG)
+    assert text.startswith("The cameras are 2.37 m apart; a bar of 0.87 m was seen from ")
+    near, far = (float(each) for each in text.split("from ")[1].split(" m away")[0].split(" to "))
+    assert 5.5 < near < 8 < far < 11  # the bars lie 6 to 10.5 m away
+    assert rig_in_words(DATA, None) == "The cameras are 2.37 m apart; the bar is 0.87 m long."
+    assert question_about_units(DATA, RIG) == ""
+
+
+@pytest.mark.parametrize("unit", ["cm", "inches"])  # 2370 "m" is refused as millimetres
+def test_another_unit_is_asked_about_with_what_the_lengths_would_be(unit: str) -> None:
+    question = question_about_units(*in_unit(unit))
+    assert f"2.37 and 0.87 m if they are in {unit}" in question
+    assert "Are these lengths in metres?" in question
+
+
+def test_each_length_and_the_depth_is_enough() -> None:
+    far = Pose(RIG.R, 8 * RIG.T)
+    assert question_about_units(replace(DATA, baseline_m=49.0), None) == ""
+    assert question_about_units(replace(DATA, baseline_m=51.0), None)
+    assert question_about_units(replace(DATA, target_distance_m=21.0), None)
+    assert question_about_units(DATA, far)  # up to 80 m away
