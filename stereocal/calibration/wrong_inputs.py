@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -385,6 +386,7 @@ def _with_focal_factor(dataset: Dataset, cameras: tuple[CameraName, ...], factor
 
 def _with_size_factor(dataset: Dataset, cameras: tuple[CameraName, ...], factor: float) -> Dataset:
     """The data set with some cameras for images `factor` times as large."""
-    return replace(
-        dataset, **{which: _scaled(getattr(dataset, which), factor) for which in cameras}
-    )
+    changed: dict[str, Any] = {}
+    for which in cameras:
+        changed[which] = _scaled(getattr(dataset, which), factor)
+    return replace(dataset, **changed)
