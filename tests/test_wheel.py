@@ -13,6 +13,7 @@ import stereocal
 from tests.wheel import ROOT, installed_in
 
 BESIDE = ("app_pages", "assets", "sample_data")
+MOST_BYTES = 12_000_000
 
 
 @pytest.fixture(scope="module")
@@ -42,6 +43,17 @@ def test_it_has_every_file_of_the_program(environment: dict[str, str]) -> None:
     for name in listed.stdout.splitlines():
         at = site / name if name.startswith("stereocal/") else site / "stereocal/dashboard" / name
         assert at.is_file(), name
+
+
+def test_it_is_small_and_has_the_documentation(environment: dict[str, str]) -> None:
+    site = Path(environment["PYTHONPATH"])
+    packed = sum(path.stat().st_size for path in site.parent.glob("*.whl"))
+    assert 0 < packed < MOST_BYTES  # measured: 11.1 MB, of which 10.8 are photographs
+    found = run(environment, "-c", "from stereocal.ui.help import *; print(len(topics()), DOCS)")
+    number, folder = found.split()
+    assert int(number) > 25
+    assert Path(folder).is_relative_to(site)
+    assert (Path(folder) / "pictures" / "guide" / "bar.svg").is_file()
 
 
 def test_its_metadata_are_those_of_the_program(environment: dict[str, str]) -> None:

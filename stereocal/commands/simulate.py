@@ -21,7 +21,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     command.add_argument(
         "--images",
         action="store_true",
-        help="also photographs of the bar and of a chessboard (23 MB, about a minute)",
+        help="also photographs of the bar and of a chessboard (11 MB, about a minute)",
     )
 
 

@@ -13,7 +13,7 @@ from stereocal.simulation.board_series import LENS_PHOTOGRAPHS
 from stereocal.simulation.nineteen import DATASETS, FRAMES, NOISE_PX, simulate_nineteen
 from stereocal.simulation.sample_photographs import (
     JPEG_QUALITY,
-    JPEG_QUALITY_BOARDS,
+    JPEG_QUALITY_HIDDEN,
     PhotographedField,
     jpeg,
     prepare_photographs,
@@ -83,15 +83,16 @@ def write_photographs(
     total = 2 * (frames + boards)
     done = 0
     for pair in field.pairs():
+        quality = JPEG_QUALITY_HIDDEN if field.is_hidden(pair.frame) else JPEG_QUALITY
         for which, image in (("primary", pair.primary), ("secondary", pair.secondary)):
             name = f"{pair.frame:04d}.jpg"
-            write_atomically(folder / which / name, jpeg(image, JPEG_QUALITY))
+            write_atomically(folder / which / name, jpeg(image, quality))
         done += 2
         progress(done, total)
     for which in field.cameras:
         for number, image in enumerate(field.board_photographs(which), start=1):
             name = f"{number:04d}.jpg"
-            write_atomically(folder / f"boards_{which}" / name, jpeg(image, JPEG_QUALITY_BOARDS))
+            write_atomically(folder / f"boards_{which}" / name, jpeg(image, JPEG_QUALITY))
             done += 1
             progress(done, total)
 

@@ -25,7 +25,7 @@ from stereocal.simulation.rendering import (
 LENS_SQUARES = (19, 13)
 """Columns and rows of squares (paper, Section 5: 18x12 inner corners)."""
 LENS_SQUARE_M = 0.03
-LENS_PHOTOGRAPHS = 30
+LENS_PHOTOGRAPHS = 25
 BOARD_SHARE = (0.55, 0.95)
 """Width of the untilted board over the width of the image."""
 TILT_RAD = (0.15, 0.85)

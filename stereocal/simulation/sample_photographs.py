@@ -21,7 +21,7 @@ from stereocal.simulation.board_series import (
     draw_board_poses,
     photograph_boards,
 )
-from stereocal.simulation.flaws import SAMPLE_FLAWS, Flaw
+from stereocal.simulation.flaws import NO_FLAW, SAMPLE_FLAWS, Flaw
 from stereocal.simulation.photographs import (
     BarSettings,
     PhotographPair,
@@ -38,10 +38,11 @@ from stereocal.simulation.simulate import (
     truth_of,
 )
 
-JPEG_QUALITY = 80
-"""For the photographs of the bar; its effect on accuracy is in sample_data/README.md."""
-JPEG_QUALITY_BOARDS = 75
-"""For the chessboards, whose many corners average the errors."""
+JPEG_QUALITY = 50
+"""Its effect on accuracy is in sample_data/README.md."""
+JPEG_QUALITY_HIDDEN = 80
+"""Where a leaf hides a target: below 80, blocks of the background look more like a target than what
+is left of it."""
 POSE_SPREAD_RAD = 0.01
 FOCAL_SPREAD = 0.005
 CENTRE_SPREAD_PX = 15.0
@@ -65,6 +66,10 @@ class PhotographedField:
     def cameras(self) -> dict[str, Camera]:
         """The two cameras by name."""
         return {"primary": self.scene.rig.primary, "secondary": self.scene.rig.secondary}
+
+    def is_hidden(self, frame: int) -> bool:
+        """Whether a leaf hides a target of a frame."""
+        return self.flaws.get(frame, NO_FLAW).leaf > 0
 
     def pairs(self) -> Iterator[PhotographPair]:
         """Render the photographs of the bar, one pair at a time."""

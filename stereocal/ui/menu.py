@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from stereocal.ui.page_states import PageState
 
 SECTIONS: Mapping[str, Mapping[str, str]] = {
-    "": {"start": "Start"},
+    "": {"start": "Start", "help": "Help"},
     "Before": {"plan": "Plan", "cameras": "Lenses"},
     "Calibrate": {
         "data": "Data",

@@ -32,7 +32,7 @@ from stereocal.ui.texts import escape_markdown
 from stereocal.ui.uploads import check_dropped
 from stereocal.ui.warm_up import compiling_shown
 
-_ORDER = list(TITLES)
+_ORDER = [name for name in TITLES if name != "help"]
 
 FITS = """<style>
 [data-testid=stFileUploaderDropzoneInstructions] span { white-space: normal; }

@@ -25,7 +25,7 @@ DESCRIPTION = ("dataset.json", "primary.json", "secondary.json")
 
 
 def has_sample_photographs() -> bool:
-    """Whether they are installed; they are optional, 22 MB."""
+    """Whether they are installed; they are optional, 11 MB."""
     return PHOTOGRAPHS.is_dir()
 
 

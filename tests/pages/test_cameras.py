@@ -161,4 +161,4 @@ def test_camera_file(app: AppTest, home: Path) -> None:
 def test_sample_photographs(app: AppTest, home: Path) -> None:
     app.button(key="sample_boards").click().run()
     for which in CAMERAS:
-        assert len(store_of(app, home, which).photographs) == 30
+        assert len(store_of(app, home, which).photographs) == 25

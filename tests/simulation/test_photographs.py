@@ -208,9 +208,9 @@ def test_shipped_truth_is_what_the_code_makes() -> None:
     assert {file.name for file in (SHIPPED / "primary").iterdir()} == names
     assert {file.name for file in (SHIPPED / "secondary").iterdir()} == names
     for which in ("primary", "secondary"):
-        assert len(list((SHIPPED / f"boards_{which}").iterdir())) == 30
+        assert len(list((SHIPPED / f"boards_{which}").iterdir())) == 25
     size = sum(file.stat().st_size for file in SHIPPED.parent.rglob("*") if file.is_file())
-    assert size < 30_000_000
+    assert size < 12_000_000
 
 
 def test_shipped_photographs_show_what_the_code_makes() -> None:
