@@ -18,6 +18,7 @@ from stereocal.refined.results import Calibration
 from stereocal.rig.dataset import Dataset
 from stereocal.system.zip_files import pack_zip
 from stereocal.ui.closer_looks import look_at_frame, show_closer_looks
+from stereocal.ui.downloads import on_demand
 from stereocal.ui.fields import one_of, setting
 from stereocal.ui.figure import show_figure
 from stereocal.ui.messages import fragment
@@ -128,14 +129,11 @@ def _tile(
 
 def dataset_download(dataset: Dataset) -> None:
     """Download of the data set as a zip, which can be uploaded again."""
+    name, mime = "dataset.zip", "application/zip"
     st.download_button(
-        "Download this data set",
-        pack_zip(pack_dataset(dataset)),
-        "dataset.zip",
-        "application/zip",
-        on_click="ignore",
-        icon=":material/download:",
-    )
+        "Download this data set", on_demand(lambda: pack_zip(pack_dataset(dataset)), name, mime),
+        name, mime, on_click="ignore", icon=":material/download:", key="download_dataset",
+    )  # fmt: skip
 
 
 @fragment

@@ -8,14 +8,14 @@ from typing import Any
 import pytest
 from streamlit.testing.v1 import AppTest
 
-from stereocal.ui import jobs, refined, screening
+from stereocal.ui import jobs, refined, results, screening
 from tests.pages.stored_projects import messages
 from tests.pages.test_pages import open_sample, project_of
 from tests.pages.waiting import ended
 
 COMPUTING = (
     (screening, "screened"), (refined, "refine"), (refined, "trade_off"), (refined, "calibrate"),
-    (refined, "outlook_of"), (refined, "answer"),
+    (refined, "outlook_of"), (refined, "answer"), (results, "pack_dataset"),
 )  # fmt: skip
 
 
