@@ -38,7 +38,8 @@ def answer_when_ready(project: Project, calibration: Calibration) -> Answer | No
     """
     if not is_long(calibration.dataset):
         return answer_of(project, calibration)
-    if jobs.is_running(project, "calibration"):  # the press makes it
+    press = jobs.job_of(project, "calibration")
+    if press is not None and press.state == "running":  # it makes the answer, here in memory
         found = answer_of(project, calibration, made_only=True)
         if found is None:
             jobs.show_job(project, "calibration", "", None)
