@@ -5,9 +5,10 @@ import streamlit as st
 from stereocal.errors import StereocalError
 from stereocal.ui.forms import settings_form, settings_of
 from stereocal.ui.intake import escape_markdown
+from stereocal.ui.long_answers import answer_when_ready
 from stereocal.ui.plan_project import show_planned
 from stereocal.ui.prerequisites import project_with_data
-from stereocal.ui.press import answer_so_far, press, show_progress, work_of
+from stereocal.ui.press import press, show_progress, work_of
 from stereocal.ui.project import last_calibration
 from stereocal.ui.results import show_result
 from stereocal.ui.screening import calibrate_again, show_exchanged
@@ -38,4 +39,4 @@ if result is None:
 if stale := staleness(result, dataset, values):
     st.warning(stale)
 show_planned(project)
-show_result(project, result, answer_so_far(project, result))
+show_result(project, result, answer_when_ready(project, result))

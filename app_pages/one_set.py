@@ -21,7 +21,13 @@ from stereocal.ui.one_set import (
 )
 from stereocal.ui.prerequisites import project_with_data
 from stereocal.ui.project import last_calibration
-from stereocal.ui.refined import answer_for, calibrated, refine_form, refined_of
+from stereocal.ui.refined import (
+    answer_for,
+    calibrated,
+    refine_form,
+    refined_of,
+    wait_for_answer,
+)
 from stereocal.ui.screening import is_long, screenings_of
 from stereocal.ui.status import staleness
 from stereocal.ui.texts import ONE_SET
@@ -41,10 +47,12 @@ try:
     if calibration and staleness(calibration, dataset, form_values(project, dataset)):
         current = None
     answer = None if current is None else answer_when_ready(project, current)
-    if answer is None and is_long(dataset):
+    calibrated_now = answer is not None
+    if answer is None and (current is not None or is_long(dataset)):
         if current is None:
             st.info("For a recording this long, press Calibrate first.")
             st.page_link("app_pages/calibrate.py", label="Calibrate")
+        wait_for_answer(project)
         st.stop()
     (screening,) = screenings_of([dataset], protocol.calibration, current)
     kept = screening.dataset
@@ -61,7 +69,7 @@ except StereocalError as error:
 try:
     show_verdict(answer)
     place = st.container()
-    show_download(project, answer)
+    show_download(project, answer, calibrated_now)
     st.header("What disagrees", divider="gray")
     show_disagreement(inputs)
     show_frames_left_out(screening, result)

@@ -233,6 +233,11 @@ class Answer:
         about = self.recommendation.to_json()
         return {method: replace(rig, recommendation=about) for method, rig in found.items()}
 
+    @property
+    def thresholds_px(self) -> dict[Method, float | None]:
+        """The matching threshold in each file."""
+        return {method: rig.matching_threshold_px for method, rig in self.sets.items()}
+
 
 def answer(
     calibration: Calibration,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -135,7 +136,7 @@ def run(parsed: argparse.Namespace) -> None:
     if calibration.refined is not None:
         print(refined_lines(calibration.refined))
     if found.outlook:
-        print(forecast_lines(found.outlook.predictive))
+        print(forecast_lines(found.outlook.predictive, found.thresholds_px))
     print_notes(calibration, found.inputs, question_about_units(dataset, pose))
     if found.outlook and (seeds := conclusions_of_seeds(calibration, found.outlook)):
         print(f"Note: {seeds}")
@@ -205,15 +206,19 @@ def refined_lines(result: RefinedResult) -> str:
     return "\n".join(lines)
 
 
-def forecast_lines(predictive: Predictive) -> str:
-    """What each file will do on frames to come."""
+def forecast_lines(predictive: Predictive, thresholds: Mapping[Method, float | None]) -> str:
+    """What each file will do on frames to come.
+
+    Args:
+        thresholds: of the files, px.
+    """
     lines = ["On frames to come with bars like these (95 % intervals):"]
     for method, found in predictive.forecasts.items():
         fcp, length = found.fcp_reprojection, found.median_error_3d
         lines.append(
             f"{method:<10} wrong pairs that look right {percent(fcp.value)} % ({interval(fcp)}), "
-            f"length error (median) {percent(length.value)} % ({interval(length)}), "
-            f"threshold {digits(found.threshold_px.value, 2)} px"
+            f"length error (median) {percent(length.value)} % ({interval(length)})"
+            + (f", threshold {digits(own, 2)} px" if (own := thresholds.get(method)) else "")
         )
     return "\n".join(lines)
 
@@ -231,12 +236,11 @@ def table_of(calibration: Calibration) -> str:
             f"{_percent(errors.mean_length):>14} {_percent(errors.p95_length):>12} "
             f"{found.evaluations:>12} {found.seconds:>8.3f}  {found.stop_reason}"
         )
-    refined, errors_of_refined = calibration.refined, calibration.refined_errors
-    if refined is not None and errors_of_refined is not None:
+    if (refined := calibration.refined) is not None:
+        errors = calibration.errors["refined"]
         lines.append(
-            f"{'refined':<10} {errors_of_refined.mean_reprojection_px:>15.4f} "
-            f"{_percent(errors_of_refined.mean_length):>14} "
-            f"{_percent(errors_of_refined.p95_length):>12} "
+            f"{'refined':<10} {errors.mean_reprojection_px:>15.4f} "
+            f"{_percent(errors.mean_length):>14} {_percent(errors.p95_length):>12} "
             f"{refined.steps:>12} {refined.seconds:>8.3f}  {refined.stop_reason}"
         )
     return "\n".join(lines)

@@ -2,35 +2,50 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import pandas as pd
 
-from stereocal.calibration.methods import METHOD_NAMES
+from stereocal.calibration.methods import METHOD_NAMES, Method
 from stereocal.evaluation.summary import Estimate
 from stereocal.field.planning.drawn_rigs import FILES
 from stereocal.field.planning.forecast import PlanForecast
 from stereocal.verdict.in_words import digits, interval, percent
-from stereocal.verdict.predictive import Predictive
+from stereocal.verdict.predictive import Forecast, Predictive
 
 PLAN_COLUMN = "Mean over field days (95 % of them)"
 COLUMN = "On frames to come (95 % intervals)"
 
 
+THRESHOLD = "threshold_px"
 ROWS = {
     "Wrong pairs that look right, FCP (%)": "fcp_reprojection",
     "Reprojection error, mean (px)": "mean_reprojection_px",
-    "Matching threshold (px)": "threshold_px",
+    "Matching threshold (px)": THRESHOLD,
     "Length error, median (%)": "median_error_3d",
     "95 % of lengths within (%)": "p95_error_3d",
 }
 
 
-def forecast_table(predictive: Predictive) -> pd.DataFrame:
-    """What each file will do on frames to come; a row for each figure."""
-    found = predictive.forecasts
+def forecast_table(
+    predictive: Predictive, thresholds: Mapping[Method, float | None]
+) -> pd.DataFrame:
+    """What each file will do on frames to come; a row for each figure.
+
+    Args:
+        thresholds: of the files, px: a file has one, and the forecast has no other.
+    """
+
+    def cell(method: Method, own: Forecast, name: str) -> str:
+        if name != THRESHOLD:
+            return _cell(getattr(own, name), name)
+        in_file = thresholds.get(method)
+        return "" if in_file is None else digits(in_file, 2)
+
     return pd.DataFrame(
         {
-            METHOD_NAMES[method]: [_cell(getattr(own, name), name) for name in ROWS.values()]
-            for method, own in found.items()
+            METHOD_NAMES[method]: [cell(method, own, name) for name in ROWS.values()]
+            for method, own in predictive.forecasts.items()
         },
         index=pd.Index(list(ROWS), name=COLUMN),
     )

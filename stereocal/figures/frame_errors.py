@@ -9,7 +9,7 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from stereocal.calibration.methods import METHODS, Method
+from stereocal.calibration.methods import Method
 from stereocal.figures.style import (
     METHOD_COLOURS,
     METHOD_NAMES,
@@ -41,7 +41,7 @@ LOWEST_OF_MEDIAN = 0.01
 MAXIMUM_LABELS = 12
 LABEL_WIDTH, LABEL_HEIGHT = 0.09, 0.12
 """Size of a frame number, as fractions of a panel on a narrow screen."""
-SIZES = {"essential": 9, "2d": 7, "3d": 8}
+SIZES: dict[Method, int] = {"essential": 9, "2d": 7, "3d": 8, "refined": 7}
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +87,7 @@ def plot_frame_errors(calibration: Calibration, chosen: int | None = None) -> go
     finish(figure, HEIGHT)
     panels = frame_panels(calibration)
     for row, panel in enumerate(panels, start=1):
-        for method in METHODS:
+        for method in panel.values:
             _add_method(figure, row, calibration, panel, method)
         _add_labels(figure, row, panel)
         figure.update_yaxes(
@@ -132,16 +132,16 @@ def describe_frame_errors(calibration: Calibration) -> str:
 
 
 def frame_panels(calibration: Calibration) -> tuple[FramePanel, FramePanel]:
-    """Reprojection errors and length errors of the paper's methods."""
+    """Reprojection errors and length errors of all sets."""
     return (
         FramePanel(
             "Reprojection error", "px", calibration.dataset.correspondences.frames,
-            {method: frame_reprojection_px(calibration, method) for method in METHODS},
+            {method: frame_reprojection_px(calibration, method) for method in calibration.errors},
             "2d", reprojection_outliers(calibration),
         ),
         FramePanel(
             "Length error", "%", bar_frames(calibration),
-            {method: 100 * calibration.errors[method].length for method in METHODS},
+            {method: 100 * errors.length for method, errors in calibration.errors.items()},
             "3d", length_outliers(calibration),
         ),
     )  # fmt: skip

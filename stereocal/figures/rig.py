@@ -148,11 +148,11 @@ def scene_of(calibration: Calibration, method: Method) -> RigScene:
     if method != "refined":
         rig = Rig(dataset.primary, dataset.secondary, calibration.methods[method].pose)
         return RigScene(dataset, rig, calibration.errors[method])
-    refined, errors = calibration.refined, calibration.refined_errors
-    if refined is None or errors is None:
+    refined = calibration.refined
+    if refined is None:
         raise StereocalError("There is no refined set.")
     rig = Rig(refined.primary, refined.secondary, refined.pose)
-    return RigScene(refined.apply(dataset), rig, errors)
+    return RigScene(refined.apply(dataset), rig, calibration.errors["refined"])
 
 
 def _add_bars(figure: go.Figure, scene: RigScene, method: Method) -> None:

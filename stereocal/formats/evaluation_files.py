@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import io
 import json
 from collections.abc import Mapping, Sequence
@@ -137,6 +138,11 @@ class Evaluation:
     """Of the data sets, in order."""
     sha256: Sequence[str]
     """Of the data sets, in order."""
+
+    @cached_property
+    def digest(self) -> str:
+        """SHA-256 of the content: equal for an evaluation that was read again."""
+        return hashlib.sha256(pack_evaluation(self)).hexdigest()
 
     @cached_property
     def summaries(self) -> dict[Method, MethodSummary]:

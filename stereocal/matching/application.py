@@ -9,7 +9,7 @@ import hashlib
 import json
 from collections.abc import Callable
 from concurrent.futures import Executor
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -104,6 +104,9 @@ class Outcome:
     """Names of the primary's and the secondary's table in the project."""
     measured_with: dict[str, Any]
     """Cameras and pose of the measuring set, and the world frame of the points, as JSON."""
+    used: dict[str, Any] = field(default_factory=dict)
+    """`points`: the labels of both files; `matching`, `measuring`: method and digest of the sets.
+    Empty in results of version 1.0."""
 
     @property
     def rig(self) -> Rig:
@@ -192,6 +195,11 @@ def apply_sets(
             "world_from_primary": None
             if work.world is None
             else np.column_stack([work.world.R, work.world.T]).tolist(),
+        },
+        used={
+            "points": [work.primary.label, work.secondary.label],
+            "matching": [work.matching.method, digest_of(work.matching)],
+            "measuring": [work.measuring.method, digest_of(work.measuring)],
         },
     )
 

@@ -2,30 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from functools import partial
 
-from stereocal.calibration.methods import METHODS, Method
+from stereocal.calibration.methods import METHODS
 from stereocal.figures.journal import page
 from stereocal.figures.journal.frame_errors import draw_frame_errors
 from stereocal.figures.journal.rig import draw_rig
 from stereocal.figures.journal.validation import draw_validation
+from stereocal.matching.application import Outcome
 from stereocal.paper_kit.methods_text import captions_md, methods_md
 from stereocal.paper_kit.references import references_bib
 from stereocal.paper_kit.reproduction import ARCHIVE, archive_files
 from stereocal.paper_kit.table import table_csv
-from stereocal.rig.parameters import RigParameters
 from stereocal.system.zip_files import pack_zip
 from stereocal.workflow import Answer
 
 WIDTHS = (page.COLUMN_MM, page.PAGE_MM)
 
 
-def paper_kit(answer: Answer, sets: Mapping[Method, RigParameters] | None = None) -> bytes:
+def paper_kit(answer: Answer, applied: Outcome | None = None) -> bytes:
     """The kit of a result as a zip.
 
     Args:
-        sets: the parameter files by the method of their names, if they are not the usual ones.
+        applied: how points of the project were matched and measured, if they were.
     """
     drawn = {
         f"figures/{name}_{width:.0f}mm.{form}": content
@@ -34,11 +34,11 @@ def paper_kit(answer: Answer, sets: Mapping[Method, RigParameters] | None = None
         for form, content in page.rendered(draw, width).items()
     }
     return pack_zip({
-        "methods.md": f"{methods_md(answer)}\n{captions_md(answer)}".encode(),
+        "methods.md": f"{methods_md(answer, applied)}\n{captions_md(answer)}".encode(),
         "references.bib": references_bib(),
         **drawn,
         "table.csv": table_csv(answer),
-        ARCHIVE: pack_zip(archive_files(answer, sets or answer.sets)),
+        ARCHIVE: pack_zip(archive_files(answer, answer.sets)),
     })  # fmt: skip
 
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Iterator
+from functools import partial
 
 import numpy as np
 
 from stereocal.calibration.methods import ALL_METHODS, CalibrationSettings, Method
 from stereocal.evaluation.summary import BOOTSTRAPS, MethodSummary
 from stereocal.figures.style import count
+from stereocal.matching.application import Outcome, digest_of
 from stereocal.paper_kit.references import PAPER, PROGRAM
 from stereocal.refined.unknowns import (
     DEFAULT_BASELINE,
@@ -31,14 +33,18 @@ MOST_FRAMES = 40
 """Frames left out that are named one by one."""
 
 
-def methods_md(answer: Answer) -> str:
+def methods_md(answer: Answer, applied: Outcome | None = None) -> str:
     """What was recorded, left out, computed and found, and which set serves what.
 
     Without a validation there are no held-out figures; without a forecast either, none at all.
+
+    Args:
+        applied: how points were matched and measured; None: it says what is recommended.
     """
     caution = answer.recommendation.caution
     warning = [f"**Do not rely on this result: {caution}**"] if caution else []
-    parts = (_recording, _left_out, _sets, _validation, _held_out, _use, _again)
+    use = partial(_applied, applied) if applied is not None and applied.used else _recommended
+    parts = (_recording, _left_out, _sets, _validation, _held_out, use, _verdict, _again)
     paragraphs = (" ".join(filter(None, part(answer))) for part in parts)
     return "\n\n".join(["# Calibration", *warning, *filter(None, paragraphs)]) + "\n"
 
@@ -220,21 +226,35 @@ def _figures(method: Method, summary: MethodSummary) -> str:
     )
 
 
-def _use(answer: Answer) -> Iterator[str]:
-    """Which set matched and which measured, as the recommendation says."""
+def _applied(applied: Outcome, answer: Answer) -> Iterator[str]:
+    """Which set matched and which measured the points of the project."""
+    used = applied.used
+    names = " and ".join(f"`{label}`" for label in used["points"])
+    match, measure = (_named(answer, *used[purpose]) for purpose in ("matching", "measuring"))
+    yield f"The points of {names} were matched with {match} below {applied.threshold_px:.4g} px."
+    yield f"Their positions were reconstructed with {measure}."
+
+
+def _named(answer: Answer, method: Method, digest: str) -> str:
+    """A set that points were matched or measured with."""
+    own = answer.sets.get(method)
+    another = "" if own is not None and digest_of(own) == digest else " of another calibration"
+    return NAMES[method] + another
+
+
+def _recommended(answer: Answer) -> Iterator[str]:
+    """Which set is recommended for what; no points of the project were matched."""
     found = answer.recommendation
     match, measure = found.match, found.measure
-    if match.threshold_px is None:
-        same = match.method == measure.method
-        rest = "" if same else f" and measured with {NAMES[measure.method]}"
-        both = "and measured " if same else ""
-        yield f"Points were matched {both}with {NAMES[match.method]}{rest}."
-        return
-    yield f"Points were matched with {NAMES[match.method]}{match.below}{_let_in(match)}."
+    yield f"To match points, {NAMES[match.method]}{match.below} is recommended{_let_in(match)}."
     yield (
-        f"Positions and lengths were reconstructed with {NAMES[measure.method]}"
+        f"To reconstruct positions and lengths, {NAMES[measure.method]} is recommended"
         f"{_within(measure, found.forecast_holds)}."
     )
+
+
+def _verdict(answer: Answer) -> Iterator[str]:
+    found = answer.recommendation
     if found.verdict is not None and found.forecast_holds:
         if found.verdict.kind == "one":
             yield f"One set serves both purposes here ({sure(found.verdict.chance_of_one)} sure)."

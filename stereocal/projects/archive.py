@@ -47,6 +47,7 @@ FOLDERS = {
 RESULTS = {
     "calibration": "calibration.json", "evaluation": "evaluation.npz", "frames": "frames.json",
     "calibration_evaluation": "calibration_evaluation.npz",
+    "recommended": "recommended.json",
     APPLIED: "applied.json", **{boards: f"{boards}.npz" for boards in BOARDS},
     **{f"lens_{which}": f"lens_{which}.npz" for which in CAMERAS},
 }  # fmt: skip

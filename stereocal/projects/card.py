@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
-from stereocal.calibration.methods import Method
+from stereocal.calibration.methods import METHOD_NAMES, Method
 from stereocal.formats.evaluation_files import validation_figures
 from stereocal.projects.files import about_files
 from stereocal.projects.photographs import TABLE_LABEL, ProjectPhotographs
@@ -15,7 +15,7 @@ from stereocal.projects.project import Project
 from stereocal.verdict.in_words import percent
 from stereocal.verdict.recommendation import figures_of
 
-PAPER: tuple[Method, Method] = ("2d", "3d")
+PAPERS: tuple[Method, Method] = ("2d", "3d")
 
 
 @dataclass(frozen=True)
@@ -74,16 +74,18 @@ def _photographs_of(project: Project) -> str:
 
 
 def _result_of(project: Project) -> str:
-    """The errors of each of the paper's two sets at its own job, on held-out frames."""
+    """The errors of the sets to use, each at its own job, on held-out frames."""
     if project.calibration is None:
         return "not calibrated"
     evaluation = project.calibration_evaluation
     if evaluation is None:
         return "calibrated, not validated"
     held_out = validation_figures(evaluation.summaries, evaluation.settings)
-    match, measure = (figures_of(method, None, held_out) for method in PAPER)
+    to_use = project.recommended or PAPERS
+    match, measure = (figures_of(method, None, held_out) for method in to_use)
     lengths, wrong = measure.length_median.held_out, match.wrong_let_in.held_out
-    return f"held out: lengths {_percent(lengths)}, wrong pairs {_percent(wrong)}"
+    names = " and ".join(dict.fromkeys(METHOD_NAMES[each.method] for each in (match, measure)))
+    return f"{names}, held out: lengths {_percent(lengths)}, wrong pairs {_percent(wrong)}"
 
 
 def _percent(value: float | None) -> str:

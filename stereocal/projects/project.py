@@ -6,10 +6,13 @@ The id is unguessable and is the only key to the project.
 from __future__ import annotations
 
 import dataclasses
+import hashlib
+import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from stereocal.calibration.methods import ALL_METHODS, Method
 from stereocal.errors import DAMAGED, RefusedRowsError, StereocalError
 from stereocal.formats.dataset_files import parse_zip
 from stereocal.formats.evaluation_files import Evaluation, pack_evaluation
@@ -42,6 +45,7 @@ INPUT, SETTING, FURTHER, CALIBRATED = "input", "setting", "dataset", "calibrated
 VALUES = tuple(
     each.name for each in dataclasses.fields(Inputs) if each.name not in ("files", "labels")
 )
+METHOD_OF: Mapping[str, Method] = {method: method for method in ALL_METHODS}
 OF_TABLE = ("exchanged", "put_back", "left_out")
 """Corrections of frames, valid for one table of points."""
 
@@ -243,6 +247,7 @@ class Project:
         with self.database.transaction():
             replace_files(self.database, CALIBRATED, files)
             keep_result(self.database, "calibration", content)
+            keep_result(self.database, "recommended", None)
 
     @property
     def calibration(self) -> Calibration | None:
@@ -251,6 +256,31 @@ class Project:
         if content is None:
             return None
         return parsed_files.calibration_of(parsed_files.PackedResult(content, self.database))
+
+    @property
+    def calibration_digest(self) -> str | None:
+        """SHA-256 of the last result as stored; None before the first.
+
+        It tells whether a result is current. The object does not: the same content is another one
+        once the cache of `calibration` has dropped it.
+        """
+        content = result_of(self.database, "calibration")
+        return None if content is None else hashlib.sha256(content).hexdigest()
+
+    def keep_recommended(self, match_with: Method, measure_with: Method) -> None:
+        """Store which sets the last result recommends."""
+        content = json.dumps([match_with, measure_with]).encode()
+        keep_result(self.database, "recommended", content)
+
+    @property
+    def recommended(self) -> tuple[Method, Method] | None:
+        """The sets to match and to measure with; None before the last result is validated."""
+        content = result_of(self.database, "recommended")
+        try:
+            match, measure = (METHOD_OF[name] for name in json.loads(content or b"[]"))
+        except DAMAGED:  # a calibration stores it again
+            return None
+        return match, measure
 
     def keep_evaluation(self, evaluation: Evaluation, of_calibration: bool = False) -> None:
         """Replace the last evaluation.

@@ -46,20 +46,16 @@ class Calibration:
 
     @cached_property
     def errors(self) -> Mapping[Method, Errors]:
-        """Errors of each of the paper's methods on all frames."""
+        """Errors of each set on all frames, of the refined one with its own lenses."""
         left_out = self.screening.left_out
-        return {
+        found = {
             name: errors_of(self.dataset, found.pose, left_out)
             for name, found in self.methods.items()
         }
-
-    @cached_property
-    def refined_errors(self) -> Errors | None:
-        """Errors of the refined set with its own lenses, on all frames."""
-        if self.refined is None:
-            return None
-        left_out = self.screening.left_out
-        return errors_of(self.refined.apply(self.dataset), self.refined.pose, left_out)
+        if self.refined is not None:
+            seen = self.refined.apply(self.dataset)
+            found["refined"] = errors_of(seen, self.refined.pose, left_out)
+        return found
 
     @property
     def noise_px(self) -> float | None:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
-from stereocal.calibration.methods import Method
 from stereocal.errors import StereocalError
 from stereocal.matching.application import STAGES, Application, Outcome, Points, unlabelled
 from stereocal.matching.blocks import pack_block, unpack_block
@@ -27,14 +26,15 @@ from stereocal.ui.intake import check_uploads, clear_refusal, is_new, show_refus
 from stereocal.ui.long_answers import answer_when_ready
 from stereocal.ui.messages import callback, readable
 from stereocal.ui.parameter_upload import PURPOSES, upload_set
-from stereocal.ui.refined import replaced_by_refined
+from stereocal.ui.refined import wait_for_answer
+from stereocal.ui.sets_in_use import set_in_use, title_in_use
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.wizard import ask_about_points
 from stereocal.ui.world import choose_world
+from stereocal.workflow import Answer
 
 OWN, FILES = "The bar's own points", "Two point files"
 RESULTS, GIVEN = "This project's results", "Parameter files"
-SET_TITLES = {"2d": "2D set", "3d": "3D set", "refined": "Refined set"}
 INSTANT_S = 2.0
 """Shorter computations run as the controls move."""
 
@@ -91,7 +91,9 @@ def choose_inputs(project: Project, store: ProjectApplication) -> Chosen | None:
     if lacking and (points is None or len(lacking) == 1):
         which = "both cameras" if len(lacking) == 2 else f"the {lacking[0]} camera"
         st.info(f"Still missing: the points of {which}.")
-    if sets is None:
+    if sets is None and _sets_kind(project).value() == RESULTS:
+        wait_for_answer(project)
+    elif sets is None:
         st.info("Still missing: a parameter file to match with, and one to measure with.")
         st.page_link("app_pages/calibrate.py", label="Or calibrate on the Calibrate page")
     if points is None or sets is None or form is None:
@@ -130,30 +132,29 @@ def _choose_sets(
 ) -> tuple[RigParameters, RigParameters] | None:
     calibration = readable(lambda: project.calibration)
     found: list[RigParameters | None] = []
-    own: Mapping[Method, RigParameters] = {}
+    answer = None
     if calibration is not None and _sets_kind(project).value() == RESULTS:
         answer = answer_when_ready(project, calibration)
-        own = answer.sets if answer else {}
+        if answer is None:
+            return None
     for use, place in zip(USES, places, strict=True):
         with place:
-            found.append(_own_set(project, use, own) if own else _given_set(store, use))
+            found.append(_own_set(project, use, answer) if answer else _given_set(store, use))
     matching, measuring = found
     return None if matching is None or measuring is None else (matching, measuring)
 
 
-def _own_set(project: Project, use: Use, sets: Mapping[Method, RigParameters]) -> RigParameters:
-    title, default = PURPOSES[use]
-    instead = replaced_by_refined(project)
-    default = "refined" if default in instead and "refined" in sets else default
-    chosen = setting(project, f"apply_{use}", default, one_of(list(sets)))
-    st.selectbox(title, list(sets), format_func=SET_TITLES.__getitem__, **chosen.widget())
-    return sets[chosen.value()]
+def _own_set(project: Project, use: Use, answer: Answer) -> RigParameters:
+    chosen = set_in_use(project, use, answer)
+    named = partial(title_in_use, use, answer)
+    st.selectbox(PURPOSES[use], list(answer.sets), format_func=named, **chosen.widget())
+    return answer.sets[chosen.value()]
 
 
 def _given_set(store: ProjectApplication, use: Use) -> RigParameters | None:
     kept = store.set_of(use)
     if kept is not None:
-        st.caption(f"{PURPOSES[use][0]}  \nIn use: {escape_markdown(kept[0])}")
+        st.caption(f"{PURPOSES[use]}  \nIn use: {escape_markdown(kept[0])}")
     return None if kept is None else kept[1]
 
 

@@ -25,7 +25,7 @@ from stereocal.matching.application import (
 )
 from stereocal.matching.lengths import check_lengths, has_two_a_frame, label_columns
 from stereocal.matching.reconstruction_files import COORDINATES
-from stereocal.projects.application import ProjectApplication
+from stereocal.projects.application import USES, ProjectApplication
 from stereocal.projects.files import StoredFile
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
@@ -35,6 +35,7 @@ from stereocal.ui.downloads import on_demand
 from stereocal.ui.fields import number, one_of, setting
 from stereocal.ui.figure import show_figure
 from stereocal.ui.messages import callback
+from stereocal.ui.sets_in_use import PAPERS
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.world import WORLD_FILE
 
@@ -187,10 +188,13 @@ def _show_words(store: ProjectApplication, outcome: Outcome, tables: Tables | No
         depths = "" if far is None and not near else f" --depth {near:g} {far or 'inf'}"
         suffixes = [Path(name).suffix for name in outcome.tables]
         names = [f"{which}{end}" for which, end in zip(CAMERAS, suffixes, strict=True)]
+        match_with, measure_with = (
+            f"parameters_{outcome.used.get(use, [PAPERS[use]])[0]}.json" for use in USES
+        )
         st.code(
-            f"python -m stereocal match {names[0]} {names[1]} --parameters parameters_2d.json "
+            f"python -m stereocal match {names[0]} {names[1]} --parameters {match_with} "
             f"--threshold {outcome.threshold_px!r}{depths} --out {PAIRS}\n"
-            f"python -m stereocal reconstruct {PAIRS} --parameters parameters_3d.json "
+            f"python -m stereocal reconstruct {PAIRS} --parameters {measure_with} "
             f"{'' if outcome.world is None else f'--world {WORLD_FILE} '}--out {POINTS}",
             language="shell", wrap_lines=True,
         )  # fmt: skip

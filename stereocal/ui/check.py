@@ -10,7 +10,7 @@ import numpy as np
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
-from stereocal.calibration.methods import Method
+from stereocal.calibration.methods import METHOD_NAMES, Method
 from stereocal.field.checking.check_words import notes, sentence
 from stereocal.field.checking.findings import Recheck
 from stereocal.field.checking.power import Smallest
@@ -25,7 +25,7 @@ from stereocal.projects.check import IMAGES, PARAMETERS, ProjectCheck, images_in
 from stereocal.projects.project import Project
 from stereocal.rig.parameters import RigParameters
 from stereocal.ui import jobs
-from stereocal.ui.apply import GIVEN, RESULTS, SET_TITLES
+from stereocal.ui.apply import GIVEN, RESULTS
 from stereocal.ui.decoding import server_guard
 from stereocal.ui.downloads import on_demand
 from stereocal.ui.fields import Field, number, one_of, setting
@@ -33,6 +33,7 @@ from stereocal.ui.figure import show_figure
 from stereocal.ui.intake import check_uploads, clear_refusal, is_new, show_refusal, taking
 from stereocal.ui.long_answers import answer_when_ready
 from stereocal.ui.messages import readable
+from stereocal.ui.refined import wait_for_answer
 from stereocal.ui.texts import escape_markdown
 
 MATCHED, FILE = "The pairs of Apply", "A file"
@@ -68,7 +69,9 @@ def choose_inputs(project: Project, store: ProjectCheck) -> Chosen | None:
     smallest = _smallest(project, *sizes)
     _take_files(project, store, None if found is None else found[0], found is None or not given)
     show_refusal()
-    if found is None:
+    if found is None and _kind(project).value() == RESULTS:
+        wait_for_answer(project)
+    elif found is None:
         st.info("Still missing: the parameters of the rig.")
         st.page_link("app_pages/calibrate.py", label="Or calibrate on the Calibrate page")
     if given is None:
@@ -113,12 +116,12 @@ def _choose_parameters(
     calibration = readable(lambda: project.calibration)
     if calibration is not None and _kind(project).value() == RESULTS:
         answer = answer_when_ready(project, calibration)
-        sets = answer.sets if answer else {}
-        if sets:
-            # Of one calibration, the refined set knows the rig best; if it moved, none holds.
-            method: Method = "refined" if "refined" in sets else "2d"
-            st.caption(f"Parameters  \nIn use: this project's {SET_TITLES[method].lower()}")
-            return sets[method], None
+        if answer is None:
+            return None
+        # Of one calibration, the refined set knows the rig best; if it moved, none holds.
+        method: Method = "refined" if "refined" in answer.sets else "2d"
+        st.caption(f"Parameters  \nIn use: this project's {METHOD_NAMES[method].lower()}")
+        return answer.sets[method], None
     given = store.file(PARAMETERS)
     label = escape_markdown(given[0]) if given else "none yet"
     st.caption(f"Parameters  \nIn use: {label}")

@@ -101,7 +101,7 @@ def show_closer_looks(project: Project, found: Calibration, answer: Answer | Non
     VIEWS[view](project, found, answer)
 
 
-def _show_frames(project: Project, found: Calibration, _answer: Answer | None) -> None:
+def _show_frames(project: Project, found: Calibration, answer: Answer | None) -> None:
     chosen = frame_field(project, found)
     st.caption("Click on a point to open its frame below.")
     show_figure(
@@ -112,7 +112,7 @@ def _show_frames(project: Project, found: Calibration, _answer: Answer | None) -
         frame = choose_frame(project, found)
         views = views_of(found, frame)
         st.markdown(escape_markdown(f"{state_of(found, frame)} {describe_two_sets(views)}"))
-        _show_images(project, views, "2d")
+        _show_images(project, views, answer.recommendation.match.method if answer else "2d")
 
 
 @callback
@@ -165,14 +165,14 @@ def _show_searches(_project: Project, found: Calibration, _answer: Answer | None
 
 def _show_parameters(project: Project, found: Calibration, answer: Answer | None) -> None:
     if answer is not None and answer.outlook is not None:
-        st.table(forecast_table(answer.outlook.predictive))
+        st.table(forecast_table(answer.outlook.predictive, answer.thresholds_px))
     else:
         st.table(errors_table(found))
     st.table(angles_table(found))
     st.caption(describe_settings(found))
     if answer is not None:
         st.markdown("**In the format of another program**")
-        other_formats(project, answer.sets)
+        other_formats(project, answer)
 
 
 VIEWS = {

@@ -18,6 +18,7 @@ from stereocal.ui.refined import (
     answer_for,
     answer_of,
     curves_of,
+    kept_answer,
     kept_curves,
     refine_settings,
 )
@@ -36,21 +37,10 @@ def answer_when_ready(project: Project, calibration: Calibration) -> Answer | No
     Returns:
         None while the job runs, or if it did not come to its end.
     """
-    if not is_long(calibration.dataset):
+    if not is_long(calibration.dataset) or jobs.is_running(project, "calibration"):
         return answer_of(project, calibration)
-    press = jobs.job_of(project, "calibration")
-    if press is not None and press.state == "running":  # it makes the answer, here in memory
-        found = answer_of(project, calibration, made_only=True)
-        if found is None:
-            jobs.show_job(project, "calibration", "", None)
-        return found
     evaluation = readable(lambda: project.calibration_evaluation)
     settings = refine_settings(project, calibration.dataset)
-
-    def made() -> Answer | None:
-        found = answer_of(project, calibration, made_only=True)
-        complete = found is not None and (found.evaluation is not None or evaluation is None)
-        return found if complete else None
 
     def run(job: jobs.Job) -> bool:
         def step(name: str) -> None:
@@ -61,7 +51,8 @@ def answer_when_ready(project: Project, calibration: Calibration) -> Answer | No
 
     digest = None if evaluation is None else evaluation.settings.to_json()
     about = {**_about(calibration.dataset, settings), "evaluation": digest}
-    return _made(made, jobs.Work(project, ANSWER, ("steps",), about, run))
+    work = jobs.Work(project, ANSWER, ("steps",), about, run)
+    return _made(lambda: kept_answer(calibration, settings, evaluation), work)
 
 
 def curves_when_ready(

@@ -5,7 +5,6 @@ from __future__ import annotations
 from concurrent.futures import Future
 from dataclasses import replace
 from typing import Any
-from weakref import WeakKeyDictionary
 
 import streamlit as st
 
@@ -25,6 +24,7 @@ from stereocal.figures.accuracy import Quantity
 from stereocal.figures.disagreement import disagreement_table
 from stereocal.figures.style import count
 from stereocal.figures.tables import parameters_table, refined_table
+from stereocal.projects.application import USES
 from stereocal.projects.project import Project
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.results import Calibration
@@ -34,23 +34,25 @@ from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
+from stereocal.system.latest import Latest
 from stereocal.ui import jobs
 from stereocal.ui.downloads import on_demand
-from stereocal.ui.fields import number, one_of, setting, yes_or_no
+from stereocal.ui.fields import number, one_of, setting
 from stereocal.ui.figure import show_figure
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.long_answers import curves_when_ready
 from stereocal.ui.messages import fragment
-from stereocal.ui.refined import calibrated, maps_of
+from stereocal.ui.parameter_upload import PURPOSES
+from stereocal.ui.refined import calibrated, key_of, maps_of
 from stereocal.ui.results import show_recommendation
+from stereocal.ui.sets_in_use import refined_switch
 from stereocal.ui.validation import kept_protocol
-from stereocal.verdict.forecast import Outlook
 from stereocal.verdict.in_words import digits, left_out_line, percent
 from stereocal.verdict.tradeoff import TradeOff, costs_of
 from stereocal.workflow import Answer, conclusions_of_seeds
 
-_SEEDS: WeakKeyDictionary[Outlook, Future[str]] = WeakKeyDictionary()
-"""Of outlooks, which the server keeps for one content: other seeds are tried once."""
+_SEEDS: Latest[Future[str]] = Latest(500)
+"""What other seeds give, by all that it depends on: a sentence each."""
 FIXED, FREED = "As given", "Freed"
 MOST_NAMED = 12
 """Maximum number of left-out frames listed on the page."""
@@ -90,11 +92,11 @@ def show_seeds(answer: Answer) -> None:
     outlook = answer.outlook
     if outlook is None:
         return
-    tried = _SEEDS.get(outlook)
+    key = key_of(answer.calibration)
+    tried = _SEEDS.get(key)
     if tried is None:
-        tried = _SEEDS[outlook] = jobs.pool().submit(
-            conclusions_of_seeds, answer.calibration, outlook
-        )
+        tried = jobs.pool().submit(conclusions_of_seeds, answer.calibration, outlook)
+        _SEEDS.keep(key, tried)
     if not tried.done():
         _wait_for_seeds(tried)
     elif sentence := tried.result():
@@ -208,24 +210,31 @@ def show_accuracy(
     )
 
 
-def show_download(project: Project, answer: Answer) -> None:
-    """The refined set's file, and what to use it for."""
+def show_download(project: Project, answer: Answer, calibrated_now: bool) -> None:
+    """The refined set's file, and what to use it for.
+
+    Args:
+        calibrated_now: whether the answer is of the last calibration, and its threshold final.
+    """
 
     def content() -> str:
         return answer.sets["refined"].dumps()
 
     name, mime = "parameters_refined.json", "application/json"
+    to_use = "refined" in answer.recommendation.use.values()
     with st.container(horizontal=True, vertical_alignment="center"):
         st.download_button(
             f"Download {name}", on_demand(content, name, mime), name, mime, on_click="ignore",
-            type="primary", icon=":material/download:", key="download_refined",
+            type="primary" if to_use else "secondary", icon=":material/download:",
+            key="download_refined", disabled=not calibrated_now,
+            help=None if calibrated_now else "Calibrate first: the validation gives its threshold.",
         )  # fmt: skip
-        for key, job in (("refined_2d", "match"), ("refined_3d", "measure")):
+        for use in USES:
             st.toggle(
-                f"Also {job} with the refined set",
-                **setting(project, key, False, yes_or_no).widget(),
-                help="The download on the Calibrate page is then the refined set.",
-            )  # fmt: skip
+                f"{PURPOSES[use]} the refined set",
+                **refined_switch(project, use, answer).widget(),
+                help="On the Apply page. The recommendation holds until you choose.",
+            )
 
 
 def show_parameters(result: RefinedResult) -> None:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import streamlit as st
 
+from stereocal.projects.application import ProjectApplication
 from stereocal.projects.project import Project
 from stereocal.ui.downloads import on_demand
-from stereocal.ui.parameter_files import chosen_sets
-from stereocal.ui.refined import replaced_by_refined
+from stereocal.ui.messages import readable
 from stereocal.workflow import Answer
 
 LABEL = "Paper kit · methods, figures, table, archive"
@@ -16,12 +16,13 @@ NAME, MIME = "paper_kit.zip", "application/zip"
 
 def offer_paper_kit(project: Project, answer: Answer) -> None:
     """A download that is made when it is pressed."""
-    sets = chosen_sets(answer.sets, replaced_by_refined(project))
+    result = readable(lambda: ProjectApplication(project).result)
+    applied = None if result is None else result[0]
 
     def make() -> bytes:
         from stereocal.paper_kit.kit import paper_kit  # Matplotlib: 0.4 s
 
-        return paper_kit(answer, sets)
+        return paper_kit(answer, applied)
 
     st.download_button(
         LABEL, on_demand(make, NAME, MIME), NAME, MIME, on_click="ignore",

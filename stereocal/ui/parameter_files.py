@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
 from functools import partial
 
 import streamlit as st
@@ -18,6 +17,7 @@ from stereocal.system.zip_files import pack_zip
 from stereocal.ui.downloads import on_demand
 from stereocal.ui.fields import number, one_of, setting
 from stereocal.ui.texts import escape_markdown
+from stereocal.workflow import Answer
 
 CORNER_TITLES = {"upper-left": "upper left", "lower-left": "lower left"}
 
@@ -30,37 +30,18 @@ FILES: dict[Method, tuple[str, str]] = {
 """Name and purpose of each file, the paper's two first."""
 
 
-def chosen_sets(
-    sets: Mapping[Method, RigParameters], replaced: Collection[Method]
-) -> dict[Method, RigParameters]:
-    """What each file holds, by its name.
-
-    Args:
-        replaced: which of "2d" and "3d" hold the refined set instead.
-    """
-    found: dict[Method, RigParameters] = {}
-    for method in FILES:
-        chosen = "refined" if method in replaced and "refined" in sets else method
-        if chosen in sets:
-            found[method] = sets[chosen]
-    return found
-
-
-def parameter_downloads(sets: Mapping[Method, RigParameters], replaced: Collection[Method]) -> None:
-    """A download button for each file; `replaced` as in `chosen_sets`."""
+def parameter_downloads(answer: Answer) -> None:
+    """A download button for each file; those to use stand out."""
+    to_use = answer.recommendation.use.values()
     with st.container(horizontal=True):
-        for method, rig in chosen_sets(sets, replaced).items():
+        for method, rig in answer.sets.items():
             name, purpose = FILES[method]
             made = partial(RigParameters.dumps, rig)
             st.download_button(
                 f"{name} · {purpose}", on_demand(made, name, _mime(name)), name, _mime(name),
-                on_click="ignore", type="secondary" if method == "refined" else "primary",
+                on_click="ignore", type="primary" if method in to_use else "secondary",
                 icon=":material/download:", key=f"download_{method}",
             )  # fmt: skip
-    both = [FILES[method][0] for method in replaced if "refined" in sets]
-    if both:
-        verb = "holds" if len(both) == 1 else "hold"
-        st.caption(f"{' and '.join(both)} {verb} the refined set, as chosen on One set or two.")
 
 
 def hold_downloads() -> None:
@@ -73,11 +54,12 @@ def hold_downloads() -> None:
             )  # fmt: skip
 
 
-def other_formats(project: Project, sets: Mapping[Method, RigParameters]) -> None:
+def other_formats(project: Project, answer: Answer) -> None:
     """A file in the format of another program."""
     left, right = st.columns(2)
+    sets, usual = answer.sets, answer.recommendation.match.method
     files, formats = list(sets), list(FORMATS)
-    of_file = setting(project, "format_file", files[0], one_of(files), tabs_own=True)
+    of_file = setting(project, "format_file", usual, one_of(files), tabs_own=True)
     method = left.selectbox("File", files, format_func=METHOD_NAMES.__getitem__, **of_file.widget())
     form = setting(project, "format", formats[0], one_of(formats), tabs_own=True)
     chosen = right.selectbox(

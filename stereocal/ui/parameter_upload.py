@@ -30,12 +30,10 @@ from stereocal.ui.intake import (
     taking,
 )
 from stereocal.ui.messages import callback
-from stereocal.ui.parameter_files import dlt_options
+from stereocal.ui.parameter_files import FILES, dlt_options
+from stereocal.ui.sets_in_use import PAPERS
 
-PURPOSES: Mapping[Use, tuple[str, str]] = {
-    "matching": ("Match with", "2d"),
-    "measuring": ("Measure with", "3d"),
-}
+PURPOSES: Mapping[Use, str] = {"matching": "Match with", "measuring": "Measure with"}
 KINDS = ["json", "zip", "yml", "yaml", "xml", "toml", "m", "csv", "txt", "ini", "conf", "mat"]
 STATED = "as the file says"
 UNIT_TITLES: Mapping[Unit | None, str] = {None: STATED, **{unit: unit for unit in UNITS}}
@@ -48,9 +46,8 @@ LENS_TITLES: Mapping[LensModel | None, str] = {
 
 def upload_set(project: Project, store: ProjectApplication, use: Use) -> None:
     """Uploader of a parameter file, and questions about it."""
-    title, default = PURPOSES[use]
     uploads = st.file_uploader(
-        f"{title}: parameters_{default}.json", type=KINDS, key=f"upload_set_{use}",
+        f"{PURPOSES[use]}: {FILES[PAPERS[use]][0]}", type=KINDS, key=f"upload_set_{use}",
         accept_multiple_files=True,
         help="Or parameters_refined.json, which serves both; or the files of another program, all "
         "of them at once or as a zip.",

@@ -21,11 +21,10 @@ from stereocal.refined.results import Calibration
 from stereocal.rig.dataset import Dataset
 from stereocal.ui import jobs
 from stereocal.ui.intake import escape_markdown
-from stereocal.ui.long_answers import answer_when_ready
-from stereocal.ui.refined import ANSWER_STEPS, answer_for, answer_of
+from stereocal.ui.refined import ANSWER_STEPS, answer_for
 from stereocal.ui.screening import is_long
 from stereocal.ui.validation import INSTANT, kept_protocol
-from stereocal.workflow import Answer, calibrate
+from stereocal.workflow import calibrate
 
 KIND: jobs.Kind = "calibration"
 STAGES = ("steps", "runs")
@@ -79,9 +78,10 @@ def press(
         return
     with st.spinner("Calibrating."):
         _calibrate(project, inputs, dataset, settings)
-    if _frames(dataset) < FEWEST_TO_VALIDATE:
-        return
     protocol = kept_protocol(project, [dataset])
+    if _frames(dataset) < FEWEST_TO_VALIDATE:
+        _conclude(project, protocol)
+        return
     if errors_first or protocol.runs * _frames(dataset) / 25 > INSTANT:
         jobs.start(work)
         return
@@ -116,27 +116,38 @@ def _steps(job: jobs.Job) -> Callable[[str], None]:
 
 def _validate(project: Project, protocol: EvaluationSettings, job: jobs.Job) -> bool:
     """Evaluate the stored calibration and store the result; False if cancelled."""
-    while (calibration := project.calibration) is not None:
+    while True:
+        digest, calibration = project.calibration_digest, project.calibration
+        if calibration is None:
+            return False
         if project.calibration_evaluation is None:
-            if job.kept is not None and protocol.refined is not None:
-                answer_for(calibration, protocol.refined, None)  # the page shows it meanwhile
-            found = _evaluation(project, calibration, protocol, job)
+            found = _evaluation(project, calibration, digest, protocol, job)
             if found is None and job.cancelled:
+                _conclude(project, protocol)
                 return False
             if found is not None:
                 project.keep_evaluation(found, of_calibration=True)
-        elif project.calibration is calibration:
-            assert protocol.refined is not None
-            # Now, so that the page has it at once.
-            answer_for(calibration, protocol.refined, project.calibration_evaluation)
+        elif project.calibration_digest == digest:
+            _conclude(project, protocol)
             return True
-    return False
+
+
+def _conclude(project: Project, protocol: EvaluationSettings) -> None:
+    """Make the answer, so that the page has it at once, and store what it recommends."""
+    calibration = project.calibration
+    assert calibration is not None and protocol.refined is not None
+    found = answer_for(calibration, protocol.refined, project.calibration_evaluation)
+    project.keep_recommended(found.recommendation.match.method, found.recommendation.measure.method)
 
 
 def _evaluation(
-    project: Project, calibration: Calibration, protocol: EvaluationSettings, job: jobs.Job
+    project: Project,
+    calibration: Calibration,
+    digest: str | None,
+    protocol: EvaluationSettings,
+    job: jobs.Job,
 ) -> Evaluation | None:
-    """None if cancelled, or if another calibration was stored meanwhile."""
+    """None if cancelled, or if a calibration of another digest was stored meanwhile."""
     kept = calibration.screening.dataset
     fitted = min(protocol.calibration_frames, max(_frames(kept) - 2, 1))
     settings = replace(
@@ -146,7 +157,7 @@ def _evaluation(
     )
     runs = evaluate(
         [kept], settings, job.executor, job.progress,
-        lambda: job.cancelled or project.calibration is not calibration,
+        lambda: job.cancelled or project.calibration_digest != digest,
         pieces=job.checkpoints("runs", pack_runs, unpack_runs),
     )  # fmt: skip
     if runs is None:
@@ -165,19 +176,3 @@ def show_progress(project: Project, work: jobs.Work | None) -> None:
     if work is not None and done and project.calibration and not project.calibration_evaluation:
         jobs.start(work)
     jobs.show_job(project, KIND, "Cancelled: the result has no validation.", work)
-
-
-def answer_so_far(project: Project, calibration: Calibration) -> Answer | None:
-    """What the result tells; while a job computes it, what there is, and the page follows."""
-    if not jobs.is_running(project, KIND):
-        return answer_when_ready(project, calibration)
-    found = answer_of(project, calibration, made_only=True)
-    if found is None:
-        _wait_for_answer(project, calibration)
-    return found
-
-
-@st.fragment(run_every=0.5)
-def _wait_for_answer(project: Project, calibration: Calibration) -> None:
-    if answer_of(project, calibration, made_only=True) is not None:
-        st.rerun()

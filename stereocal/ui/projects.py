@@ -32,7 +32,6 @@ from stereocal.system.limits import MB
 from stereocal.ui.decoding import server_guard
 from stereocal.ui.fields import number, setting
 from stereocal.ui.intake import check_uploads, escape_markdown, is_new, taking
-from stereocal.ui.parameter_files import chosen_sets
 from stereocal.ui.project import (
     bring_project_back,
     current_project,
@@ -41,7 +40,7 @@ from stereocal.ui.project import (
     open_project,
 )
 from stereocal.ui.project_cards import FAILED, OPENED, REMOVED, date_of, show_cards, try_action
-from stereocal.ui.refined import answer_of, replaced_by_refined
+from stereocal.ui.refined import answer_of
 
 ON_A_PAGE = 9
 T = TypeVar("T")
@@ -242,7 +241,7 @@ def _result(project: Project) -> dict[str, bytes]:
     answer = None if calibration is None else answer_of(project, calibration)
     if answer is None:
         return {}
-    return archive_files(answer, chosen_sets(answer.sets, replaced_by_refined(project)))
+    return archive_files(answer, answer.sets)
 
 
 def _size(count: int) -> str:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import get_args
 
 import streamlit as st
 
-from stereocal.calibration.methods import CalibrationSettings, Method
+from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
 from stereocal.formats.evaluation_files import Evaluation
 from stereocal.projects.project import Project
@@ -34,7 +35,8 @@ from stereocal.workflow import Answer, answer, calibrate
 
 MAP_SIZE = 45
 """Points of an accuracy map along each side; both maps take 0.1 s."""
-MOST_ANSWERS = 16
+MOST_ANSWERS = 32
+"""More than people at work at once; one takes 12 to 18 MB."""
 ANSWER_STEPS = ("refined", "forecast")
 
 
@@ -98,13 +100,6 @@ def _refined_for(calibration: Calibration, settings: RefineSettings) -> RefinedR
         return None
 
 
-def replaced_by_refined(project: Project) -> list[Method]:
-    """Which of "2d" and "3d" the user replaces by the refined set."""
-    kept = project.settings
-    purposes: tuple[Method, ...] = ("2d", "3d")
-    return [purpose for purpose in purposes if kept.get(f"refined_{purpose}")]
-
-
 def calibrated(dataset: Dataset, settings: CalibrationSettings) -> Calibration:
     """The paper's sets, for data not calibrated yet. Raises as `calibrate`."""
     return _calibrated(_key(dataset, settings), dataset, settings)
@@ -112,28 +107,43 @@ def calibrated(dataset: Dataset, settings: CalibrationSettings) -> Calibration:
 
 def outlook_for(calibration: Calibration) -> Outlook | None:
     """What the files of a calibration will do on frames to come; None if that cannot be said."""
-    if calibration.refined is None:
-        return None
+    return None if calibration.refined is None else _outlook(key_of(calibration), calibration)
+
+
+def key_of(calibration: Calibration) -> str:
+    """Identifies a calibration with its refined set: equal for equal content."""
     refined = calibration.refined
+    assert refined is not None
     key = [_key(calibration.dataset, refined.settings), refined.q.tolist(), _poses(calibration)]
-    return _outlook(json.dumps(key), calibration)
+    return json.dumps(key)
 
 
-def answer_of(project: Project, calibration: Calibration, made_only: bool = False) -> Answer | None:
-    """What the last result of a project tells.
+def answer_of(project: Project, calibration: Calibration) -> Answer | None:
+    """What the last result of a project tells; None while a job validates it.
 
-    Args:
-        made_only: None instead of computing it; without its validation if that is all there is.
+    The validation gives the threshold: what is shown or downloaded before would be of another one.
     """
+    make = answer_maker(project, calibration)
+    with st.spinner("Forecasting."):
+        return None if make is None else make()
+
+
+def wait_for_answer(project: Project) -> bool:
+    """Show the job that validates the last result; False if none runs."""
+    if not jobs.is_running(project, "calibration"):
+        return False
+    st.info("The calibration is being validated: its files come with their thresholds.")
+    jobs.show_job(project, "calibration", "Cancelled: the result has no validation.", None)
+    return True
+
+
+def answer_maker(project: Project, calibration: Calibration) -> Callable[[], Answer] | None:
+    """As `answer_of`, for a download: without a page when it is called."""
+    if jobs.is_running(project, "calibration"):
+        return None
     settings = refine_settings(project, calibration.dataset)
     evaluation = readable(lambda: project.calibration_evaluation)
-    if made_only:
-        made = (
-            _answers().get(_answer_key(calibration, settings, one)) for one in (evaluation, None)
-        )
-        return next(filter(None, made), None)
-    with st.spinner("Forecasting."):
-        return answer_for(calibration, settings, evaluation)
+    return partial(answer_for, calibration, settings, evaluation)
 
 
 def answer_for(
@@ -144,7 +154,7 @@ def answer_for(
 
     Args:
         settings: of the refined set.
-        evaluation: made with the calibration; None if there is none yet.
+        evaluation: made with the calibration; None if there is none.
         step: called with the name of each of `ANSWER_STEPS` when it starts.
     """
     key = _answer_key(calibration, settings, evaluation)
@@ -156,6 +166,13 @@ def answer_for(
         found = jobs.compute(answer, whole, outlook_for(whole), evaluation)
         _answers().keep(key, found)
     return found
+
+
+def kept_answer(
+    calibration: Calibration, settings: RefineSettings, evaluation: Evaluation | None
+) -> Answer | None:
+    """The answer if it was made already, else None."""
+    return _answers().get(_answer_key(calibration, settings, evaluation))
 
 
 def _answer_key(
@@ -230,7 +247,7 @@ def _calibrated(key: str, _dataset: Dataset, _settings: CalibrationSettings) -> 
     return jobs.compute(calibrate, _dataset, _settings, refined=None)
 
 
-@st.cache_resource(show_spinner="Forecasting.", max_entries=16)
+@st.cache_resource(show_spinner="Forecasting.", max_entries=MOST_ANSWERS)
 def _outlook(key: str, _calibration: Calibration) -> Outlook | None:
     assert key
     return jobs.compute(outlook_of, _calibration)

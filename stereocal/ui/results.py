@@ -23,8 +23,7 @@ from stereocal.ui.fields import one_of, setting
 from stereocal.ui.figure import show_figure
 from stereocal.ui.messages import fragment
 from stereocal.ui.paper_kit import hold_paper_kit, offer_paper_kit
-from stereocal.ui.parameter_files import hold_downloads, parameter_downloads
-from stereocal.ui.refined import replaced_by_refined
+from stereocal.ui.parameter_files import FILES, hold_downloads, parameter_downloads
 from stereocal.ui.screening import offer_to_bring_into_step, show_left_out
 from stereocal.ui.texts import escape_markdown
 from stereocal.verdict.in_words import digits, interval, percent
@@ -53,11 +52,11 @@ def show_result(project: Project, result: Calibration, answer: Answer | None) ->
     show_left_out(project, found, partial(look_at_frame, project, found))
     if answer:
         show_tiles(answer)
-        parameter_downloads(answer.sets, replaced_by_refined(project))
+        parameter_downloads(answer)
         offer_paper_kit(project, answer)
     else:
         _hold_places()
-    _show_rig(project, found)
+    _show_rig(project, found, answer)
     show_closer_looks(project, found, answer)
 
 
@@ -84,14 +83,12 @@ def show_tiles(answer: Answer) -> None:
     with threshold, st.container(border=True):
         value = match.threshold_px
         st.metric(TILES[2], "unknown" if value is None else f"{digits(value, 2)} px")
-        ahead = match.threshold.forecast
+        source = "from held-out frames" if answer.validation else "forecast"
         left_out = len(answer.calibration.screening.left_out)
         frames = len(answer.calibration.dataset.correspondences.frames)
         st.caption(
-            (f"forecast: {digits(ahead.value, 2)} px ({digits(ahead.low, 2)} to "
-             f"{digits(ahead.high, 2)})  \n" if ahead else "")
-            + f"{left_out} of {frames} frames left out"
-        )  # fmt: skip
+            f"of {FILES[match.method][0]}, {source}  \n{left_out} of {frames} frames left out"
+        )
 
 
 def _hold_places() -> None:
@@ -137,12 +134,13 @@ def dataset_download(dataset: Dataset) -> None:
 
 
 @fragment
-def _show_rig(project: Project, found: Calibration) -> None:
+def _show_rig(project: Project, found: Calibration, answer: Answer | None) -> None:
     methods = [name for name in found.methods if name != "essential"]
     methods += ["refined"] if found.refined else []
     st.subheader("The rig in 3D")
     left, right = st.columns(2)
-    seen = setting(project, "rig_method", "3d", one_of(methods), tabs_own=True)
+    usual = answer.recommendation.measure.method if answer else "3d"
+    seen = setting(project, "rig_method", usual, one_of(methods), tabs_own=True)
     method = left.segmented_control(
         "Set", methods, format_func=METHOD_NAMES.__getitem__, required=True, **seen.widget()
     )

@@ -28,7 +28,7 @@ from stereocal.ui.fields import Field, number, one_of, setting
 from stereocal.ui.forms import search_form, search_values, settings_of
 from stereocal.ui.intake import check_uploads, escape_markdown, is_new, taking
 from stereocal.ui.messages import callback
-from stereocal.ui.refined import refine_settings
+from stereocal.ui.refined import refine_settings, wait_for_answer
 from stereocal.ui.screening import is_long, screenings_of
 from stereocal.workflow import usual_frames
 
@@ -149,8 +149,7 @@ def bring_up_to_date(
                 _validate(project, datasets, settings, jobs.on_page(STAGES))
         except StereocalError as error:
             st.error(escape_markdown(str(error)))
-    elif jobs.is_running(project, "calibration"):  # the press on Calibrate ends in a validation
-        jobs.show_job(project, "calibration", "Cancelled: the result has no validation.", None)
+    elif wait_for_answer(project):  # the press on Calibrate ends in a validation
         return
     elif not (jobs.is_running(project, "evaluation") or jobs.can_go_on(work)):
         label = f"Validate ({settings.runs * len(datasets)} runs)"

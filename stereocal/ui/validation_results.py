@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from functools import lru_cache, partial
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import streamlit as st
@@ -29,11 +28,11 @@ from stereocal.ui.fields import Field, one_of, setting, yes_or_no
 from stereocal.ui.figure import show_figure
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.messages import readable
-from stereocal.ui.refined import answer_of
+from stereocal.ui.refined import answer_maker
 from stereocal.ui.screening import screenings_of
 from stereocal.ui.validation import is_current
 from stereocal.verdict.in_words import left_out_line, why_validation_not_trusted
-from stereocal.verdict.recommendation import Recommendation
+from stereocal.workflow import Answer
 
 BIN_WIDTHS, USUAL_WIDTH = (0.02, 0.04, 0.1, 0.2, 0.5), 0.1
 SCROLLS = """<style>
@@ -51,15 +50,18 @@ Summaries = dict[Method, MethodSummary]
 
 
 def with_refined(project: Project) -> Field:
-    """Whether the figure has a row of the refined method; the paper's has none."""
-    return setting(project, "with_refined", False, yes_or_no, tabs_own=True)
+    """Whether the figure has a row of the refined method: where that is to be used, or chosen."""
+    usual = "refined" in (project.recommended or ())
+    return setting(project, "with_refined", usual, yes_or_no, tabs_own=True)
 
 
-@lru_cache(maxsize=8)
+@st.cache_resource(show_spinner=False, max_entries=32)
 def _summaries(
-    evaluation: Evaluation, bin_width: float, refined: bool
+    digest: str, bin_width: float, refined: bool, _evaluation: Evaluation
 ) -> tuple[Summaries, dict[str, Summaries]]:
-    """Pooled and by data set; of one object, which a project gives for one content."""
+    """Pooled and by data set."""
+    assert digest
+    evaluation = _evaluation
     if bin_width == USUAL_WIDTH and len(evaluation.names) == 1:
         pooled = dict(evaluation.summaries)  # made once for all pages
         by_dataset = {evaluation.names[0]: pooled}
@@ -89,7 +91,7 @@ def show_evaluation(
         )
     bins = setting(project, "bin_width", USUAL_WIDTH, one_of(BIN_WIDTHS))
     refined = with_refined(project)
-    pooled, by_dataset = _summaries(evaluation, bins.value(), refined.value())
+    pooled, by_dataset = _summaries(evaluation.digest, bins.value(), refined.value(), evaluation)
     screenings = _screenings(evaluation, datasets, readable(lambda: project.calibration))
     _show_answer(pooled, screenings)
     columns, picture = _choose_view(project, refined)
@@ -186,15 +188,12 @@ def describe_protocol(evaluation: Evaluation) -> str:
     )
 
 
-def _recommended(
-    project: Project, evaluation: Evaluation
-) -> tuple[Calibration, Recommendation] | None:
-    """The result of Calibrate of the same data, with its recommendation, if it is there."""
+def _answer(project: Project, evaluation: Evaluation) -> Callable[[], Answer] | None:
+    """What makes the answer of Calibrate, if that is of the same data and final."""
     calibration = readable(lambda: project.calibration)
     if calibration is None or list(evaluation.sha256) != [calibration.dataset.sha256]:
         return None
-    found = answer_of(project, calibration, made_only=True)
-    return None if found is None else (found.calibration, found.recommendation)
+    return answer_maker(project, calibration)
 
 
 def _downloads(
@@ -203,8 +202,13 @@ def _downloads(
 ) -> None:  # fmt: skip
     left, right = st.columns(2)
     about = ([each.full_dataset for each in screenings], evaluation.settings, screenings)
-    recommended = _recommended(project, evaluation)
-    report = partial(report_html, pooled, by_dataset, *about, recommended)
+    make = _answer(project, evaluation)
+
+    def report() -> str:
+        found = None if make is None else make()
+        recommended = None if found is None else (found.calibration, found.recommendation)
+        return report_html(pooled, by_dataset, *about, recommended)
+
     left.download_button(
         "Download report.html", on_demand(report, "report.html", "text/html"), "report.html",
         "text/html", on_click="ignore", icon=":material/download:", key="download_report",

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 from stereocal.calibration.methods import Method
 from stereocal.evaluation.summary import Estimate
@@ -62,7 +62,6 @@ class FileFigures:
     method: Method
     threshold_px: float | None
     """Matching threshold in the file: of the validation, else of the forecast."""
-    threshold: Figure
     wrong_let_in: Figure
     """Share of the wrong pairs below `threshold_px`."""
     wrong_pairs: int
@@ -89,6 +88,11 @@ class Recommendation:
     """For the user: what to use, how sure that is, and what was left out."""
     caution: str
     """Why the result is not to be relied on; else empty."""
+
+    @property
+    def use(self) -> Mapping[Literal["matching", "measuring"], Method]:
+        """The set for each purpose."""
+        return {"matching": self.match.method, "measuring": self.measure.method}
 
     @property
     def forecast_holds(self) -> bool:
@@ -176,7 +180,6 @@ def figures_of(
     return FileFigures(
         method,
         limit,
-        threshold=figure("threshold_px", usual, "threshold_px"),
         wrong_let_in=figure("wrong_let_in_at_threshold", at_limit, "wrong_let_in_at_threshold"),
         wrong_pairs=int(own.get("wrong_pairs", 0)),
         length_median=figure("median_error_3d", usual, "median_error_3d"),

@@ -133,12 +133,12 @@ def settled() -> Callable[[Page], None]:
     return wait
 
 
-def results_shown(page: Page) -> None:
+def results_shown(page: Page, longest_ms: int = LONGEST_MS) -> None:
     """Wait for all that *Calibrate* computes; the page is drawn anew at the end, menus closed."""
-    expect(page.locator(".st-key-download_2d button").first).to_be_visible(timeout=LONGEST_MS)
-    expect(page.get_by_text("held out: not yet")).to_have_count(0, timeout=LONGEST_MS)
+    expect(page.locator(".st-key-download_2d button").first).to_be_visible(timeout=longest_ms)
+    expect(page.get_by_text("held out: not yet")).to_have_count(0, timeout=longest_ms)
     # Two while the page is drawn anew.
-    expect(page.locator(".st-key-download_2d button")).to_have_count(1, timeout=LONGEST_MS)
+    expect(page.locator(".st-key-download_2d button")).to_have_count(1, timeout=longest_ms)
 
 
 def download(page: Page, key: str, folder: Path) -> Path:

@@ -9,7 +9,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from stereocal.rig.parameters import RigParameters
-from tests.browser.conftest import LONGEST_MS, download
+from tests.browser.conftest import LONGEST_MS, download, results_shown
 
 pytestmark = pytest.mark.browser
 Settled = Callable[[Page], None]
@@ -22,6 +22,9 @@ def test_verdict_slider_and_files(
     settled(page)
     page.locator(".st-key-demo button").click()
     expect(page.get_by_text("50 pairs of points in 25 frames")).to_be_visible()
+    page.get_by_role("button", name="Next: Calibrate").click()
+    page.locator(".st-key-run button").click()
+    results_shown(page)
     page.get_by_test_id("stSidebar").get_by_role("link", name="One set or two").click()
     expect(page.get_by_text("One set does both jobs here")).to_be_visible(timeout=LONGEST_MS)
     settled(page)
@@ -55,12 +58,8 @@ def test_verdict_slider_and_files(
     page.reload()
     expect(page.get_by_text("One set does both jobs here")).to_be_visible()
     assert at_the_point() == after  # a refresh loses nothing
-    page.locator(".st-key-refined_2d label").click()
+    page.locator(".st-key-refined_2d label").click()  # as recommended until now
     settled(page)
-    page.get_by_test_id("stSidebar").get_by_role("link", name="Calibrate").click()
-    page.locator(".st-key-run button").click()
-    expect(page.get_by_text("holds the refined set")).to_be_visible(timeout=LONGEST_MS)
-    settled(page)
-    instead = RigParameters.load(download(page, "download_2d", tmp_path))
-    assert instead.method == "refined"
-    assert RigParameters.load(download(page, "download_3d", tmp_path)).method == "3d"
+    page.get_by_test_id("stSidebar").get_by_role("link", name="Apply").click()
+    expect(page.locator(".st-key-apply_matching input")).to_have_value("2D set")
+    expect(page.locator(".st-key-apply_measuring input")).to_have_value("Refined set · recommended")

@@ -47,7 +47,7 @@ SET: dict[str, dict[str, Any]] = {
         "seed": 5, "essential": "linear", "validate_runs": 40, "validate_frames": 9,
         "bin_width": 0.2, "with_refined": False, "columns": "Residual",
     },
-    "one_set": {"curve": "As given", "along": 30, "refined_3d": True},
+    "one_set": {"curve": "As given", "along": 30},
     "apply": {
         "apply_matching": "3d", "apply_measuring": "2d", "apply_only_depths": True,
         "apply_near": 1.5, "apply_far": 60.0, "apply_threshold": 2.5,
@@ -60,7 +60,7 @@ SHOWN = {
     **{key: value for values in SET.values() for key, value in values.items()},
     **{key: "true" if value else "false" for key, value in (
         ("review_raw", True), ("lens_fix_k3", True), ("lens_zero_tangential", True),
-        ("with_refined", False), ("refined_3d", True), ("apply_only_depths", True),
+        ("with_refined", False), ("apply_only_depths", True),
         ("plan_alike", False),
     )},
     "plan_toe_in_deg": "11.50",

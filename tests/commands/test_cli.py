@@ -15,6 +15,7 @@ import pytest
 from stereocal.cli import main
 from stereocal.formats.dataset_files import pack_dataset
 from stereocal.rig.parameters import RigParameters
+from stereocal.verdict.in_words import digits
 from tests.refined.test_time_offset import moving
 from tests.terminal import sentences
 
@@ -55,6 +56,14 @@ def test_calibrate_prints_the_methods_and_writes_three_files(
         path = out / f"parameters_{method}.json"
         assert RigParameters.load(path).purpose == purpose
     assert json.loads((out / "parameters_3d.json").read_text())["settings"]["delta"] == 1e-3
+    in_files = {}
+    for method in ("2d", "3d", "refined"):
+        threshold = RigParameters.load(out / f"parameters_{method}.json").matching_threshold_px
+        assert threshold is not None
+        in_files[method] = digits(threshold, 2)
+    told = dict(re.findall(r"^(\w+) .*, threshold ([\d.]+) px$", printed, re.MULTILINE))
+    assert told == in_files  # and no other threshold of a file
+    assert f"for both: match below {in_files['refined']} px" in printed
 
 
 def test_calibrate_tells_the_rig_and_asks_about_its_units(

@@ -55,7 +55,7 @@ before = compiled()
 assert len(before) > 20
 dataset = read_dataset(data / "nineteen" / "03")
 found = calibrate(dataset, CalibrationSettings(essential="linear"), True, refined=RefineSettings())
-found.errors, found.refined_errors
+found.errors
 calibrate(dataset.of_frames(dataset.correspondences.frames[:3]))
 evaluate_runs(dataset, EvaluationSettings(refined=RefineSettings()), 0, [0])
 evaluate_runs(dataset, EvaluationSettings(), 0, [0])

@@ -9,6 +9,7 @@ import pytest
 
 from stereocal.calibration.methods import METHODS, CalibrationSettings
 from stereocal.calibration.montecarlo import Trace
+from stereocal.calibration.results import errors_of
 from stereocal.errors import StereocalError
 from stereocal.figures import (
     METHOD_COLOURS,
@@ -26,7 +27,9 @@ from stereocal.figures import (
 )
 from stereocal.figures.traces import MAXIMUM_DRAWN, drawn_moves
 from stereocal.refined.outliers import frame_reprojection_px
+from stereocal.refined.refine import refine
 from stereocal.refined.results import Calibration
+from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.geometry import Pose, triangulate_rays
 from stereocal.workflow import calibrate
 from tests import known_rig as rig
@@ -183,6 +186,17 @@ def test_frame_errors_are_those_of_the_result(calibration: Calibration) -> None:
             assert shown == dict(zip(frames, values, strict=True))
             assert {t.marker.color for t in traces} == {METHOD_COLOURS[method]}
             assert {t.name for t in traces} == {METHOD_NAMES[method]}
+
+
+def test_the_refined_set_stands_among_the_errors_by_frame(calibration: Calibration) -> None:
+    refined = refine(calibration.screening.dataset, RefineSettings())
+    found = replace(calibration, refined=refined)
+    own = errors_of(refined.apply(found.dataset), refined.pose).length
+    shown = traces_of(plot_frame_errors(found), legendgroup="refined", yaxis="y2")
+    values = np.concatenate([trace.y for trace in shown])
+    assert sorted(values) == pytest.approx(sorted(100 * own), rel=1e-12)
+    assert "Refined set" in describe_frame_errors(found)
+    assert "Refined set" not in describe_frame_errors(calibration)
 
 
 def test_held_out_frames_have_open_symbols(calibration: Calibration) -> None:

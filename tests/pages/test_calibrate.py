@@ -2,25 +2,31 @@
 
 from __future__ import annotations
 
+import re
+import threading
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereocal.cli import main
+from stereocal.evaluation.evaluate import evaluate
 from stereocal.formats.dataset_files import pack_dataset, read_dataset
 from stereocal.paper_kit.reproduction import archive_files
+from stereocal.projects import parsed_files
 from stereocal.projects.archive import pack_project
 from stereocal.projects.project import Project
 from stereocal.rig.dataset import Dataset
 from stereocal.ui import press
 from stereocal.ui.closer_looks import VIEWS
 from stereocal.ui.refined import answer_of
+from stereocal.verdict.in_words import digits
 from stereocal.workflow import calibrate
-from tests.pages.stored_projects import messages
+from tests.pages.stored_projects import go, messages
 from tests.pages.test_pages import FIELD, open_sample, project_of, zipped
-from tests.pages.waiting import ended
+from tests.pages.waiting import SLOW, ended
 
 
 def captions(app: AppTest) -> str:
@@ -198,6 +204,98 @@ def test_a_calibration_made_meanwhile_is_validated_too(home: Path, app: AppTest)
     evaluation = project.calibration_evaluation
     assert calibration is not None and evaluation is not None
     assert evaluation.settings.calibration.frames_left_out == calibration.screening.by_user
+
+
+@pytest.mark.parametrize("at_once", [True, False])
+def test_a_result_read_again_as_another_object_is_no_newer_one(
+    app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch, at_once: bool
+) -> None:
+    """With more projects at work than the cache of results has places, each read gives another."""
+    begun: list[object] = []
+
+    def once(*given: Any, **named: Any) -> Any:
+        begun.append(given)
+        assert len(begun) < 3, "the validation begins again for ever"
+        return evaluate(*given, **named)
+
+    monkeypatch.setattr(parsed_files, "calibration_of", parsed_files.calibration_of.__wrapped__)
+    monkeypatch.setattr(press, "evaluate", once)
+    monkeypatch.setattr(press, "INSTANT", 1000 if at_once else 0)
+    open_sample(app)
+    app.switch_page("app_pages/calibrate.py").run()
+    app.button(key="run").click().run()
+    project = project_of(app, home)
+    assert project.calibration is not None
+    if not at_once:
+        assert ended(project, "calibration").state == "done"
+        app.run()
+    assert len(begun) == 1
+    assert "held out: not yet" not in captions(app) and "of wrong pairs" in messages(app)
+
+
+def test_the_recommendation_is_followed(pressed: AppTest, home: Path) -> None:
+    project = project_of(pressed, home)
+    assert project.recommended == ("refined", "refined")
+    assert pressed.segmented_control(key="rig_method").value == "refined"
+    offered = [button.proto for button in pressed.get("download_button")][:3]
+    assert [re.sub(" .*", "", each.label) for each in offered] == [
+        "parameters_2d.json", "parameters_3d.json", "parameters_refined.json",
+    ]  # fmt: skip
+    assert [each.type for each in offered] == ["secondary", "secondary", "primary"]
+    pressed.segmented_control(key="view").set_value("Parameters").run()
+    assert pressed.selectbox(key="format_file").value == "refined"
+    go(pressed, "validate")
+    assert pressed.toggle(key="with_refined").value
+    go(pressed, "one_set")
+    assert pressed.toggle(key="refined_2d").value and pressed.toggle(key="refined_3d").value
+    go(pressed, "apply")
+    for use in ("matching", "measuring"):
+        box = pressed.selectbox(key=f"apply_{use}")
+        assert box.value == "refined" and "Refined set · recommended" in box.options
+    assert "--parameters parameters_refined.json" in pressed.code[0].value
+    go(pressed, "calibrate")
+    pressed.number_input(key="seed").set_value(3).run()
+    assert project.recommended is not None  # of the result that is still there
+    project.keep_calibration(calibrate(read_dataset(FIELD)), project.inputs)
+    assert project.recommended is None
+
+
+def test_nothing_is_offered_before_its_threshold_is_final(
+    app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    may_end = threading.Event()
+
+    def waiting(*given: Any, **named: Any) -> Any:
+        assert may_end.wait(SLOW)
+        return evaluate(*given, **named)
+
+    monkeypatch.setattr(press, "INSTANT", 0)
+    monkeypatch.setattr(press, "evaluate", waiting)
+    open_sample(app).switch_page("app_pages/calibrate.py").run()
+    app.button(key="run").click().run()
+    project = project_of(app, home)
+    try:
+        assert {metric.value for metric in app.metric} == {"…"}
+        for page in ("calibrate", "one_set", "apply", "check"):
+            go(app, page)
+            assert not app.get("download_button"), page
+            assert " px" not in messages(app), page
+            assert page == "calibrate" or "is being validated" in messages(app)
+    finally:
+        may_end.set()
+    assert ended(project, "calibration").state == "done"
+    go(app, "calibrate")
+    assert project.calibration is not None
+    found = answer_of(project, project.calibration)
+    assert found is not None
+    (tile,) = [metric.value for metric in app.metric if metric.label == "Threshold"]
+    in_file = found.sets["refined"].matching_threshold_px
+    assert in_file is not None and tile == f"{digits(in_file, 2)} px"
+    assert f"match below {tile}, where" in messages(app)
+    assert "of parameters_refined.json, from held-out frames" in captions(app)
+    app.segmented_control(key="view").set_value("Parameters").run()
+    (row,) = [each.value for each in app.table if "Matching threshold (px)" in each.value.index]
+    assert str(row.loc["Matching threshold (px)", "Refined set"]) + " px" == tile
 
 
 def test_validate_waits_for_the_validation_of_the_press(

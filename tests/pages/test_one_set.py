@@ -11,8 +11,12 @@ from streamlit.testing.v1 import AppTest
 
 from stereocal.formats.dataset_files import pack_dataset, read_dataset
 from stereocal.projects.project import Project
+from stereocal.refined.results import Calibration
+from stereocal.system.latest import Latest
 from stereocal.ui import one_set as page
-from stereocal.workflow import calibrate
+from stereocal.ui import refined
+from stereocal.verdict.forecast import Outlook, outlook_of
+from stereocal.workflow import calibrate, conclusions_of_seeds
 from tests.pages.stored_projects import messages
 from tests.pages.test_pages import FIELD, open_sample, project_of, zipped
 from tests.pages.waiting import wait_until
@@ -84,13 +88,24 @@ def test_only_what_is_looked_at_is_computed(
     assert not app.exception
 
 
-def test_other_seeds_are_tried_beside_the_page(app: AppTest, home: Path) -> None:
+def test_other_seeds_are_tried_beside_the_page_and_once(
+    app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Once also where the caches are full of other projects, so that each look reads it anew."""
+    tried = []
+
+    def conclusions(calibration: Calibration, outlook: Outlook) -> str:
+        tried.append(outlook)
+        return conclusions_of_seeds(calibration, outlook, seeds=(1,)) or "Another seed, the same."
+
+    monkeypatch.setattr(page, "conclusions_of_seeds", conclusions)
+    monkeypatch.setattr(page, "_SEEDS", Latest(500))
+    monkeypatch.setattr(refined, "_answers", lambda: Latest(0))
+    monkeypatch.setattr(refined, "_outlook", lambda _key, calibration: outlook_of(calibration))
     few_runs(open_sample(app), home)
     one_set(app)
-    (tried,) = list(page._SEEDS.values())[-1:]
-    wait_until(tried.done)
-    assert "Trying other seeds" not in text(app.run())
-    assert ("Another seed" in messages(app)) == bool(tried.result())
+    wait_until(lambda: "Trying other seeds" not in text(app.run()))
+    assert "Another seed" in messages(app) and len(tried) == 1
 
 
 def test_a_baseline_typed_wrong_is_named(app: AppTest, home: Path) -> None:
@@ -113,11 +128,15 @@ def test_the_refined_set_can_serve_a_purpose(app: AppTest, home: Path) -> None:
     assert dataset is not None
     project.keep_calibration(calibrate(dataset), project.inputs)
     one_set(app)
+    assert app.toggle(key="refined_2d").value and app.toggle(key="refined_3d").value  # recommended
+    app.toggle(key="refined_3d").set_value(False).run()
+    assert Project.open(home, project.id).settings["apply_measuring"] == "3d"
+    app.switch_page("app_pages/apply.py").run()
+    used = [app.selectbox(key=f"apply_{use}").value for use in ("matching", "measuring")]
+    assert used == ["refined", "3d"]
+    app.selectbox(key="apply_matching").set_value("2d").run()
+    one_set(app)
     assert not app.toggle(key="refined_2d").value and not app.toggle(key="refined_3d").value
-    app.toggle(key="refined_3d").set_value(True).run()
-    assert Project.open(home, project.id).settings["refined_3d"] is True
-    app.switch_page("app_pages/calibrate.py").run()
-    assert "parameters_3d.json holds the refined set" in text(app)
 
 
 def test_what_a_data_set_states_of_its_lengths_is_taken(app: AppTest, home: Path) -> None:

@@ -9,10 +9,12 @@ from pathlib import Path
 import pytest
 from streamlit.testing.v1 import AppTest
 
+from stereocal.calibration.methods import Method
 from stereocal.projects.archive import pack_project
 from stereocal.projects.home import DAY_S, delete, recent_projects, remove
 from stereocal.projects.project import Project
 from stereocal.rig.parameters import RigParameters
+from stereocal.verdict.in_words import percent
 from tests.pages.stored_projects import ROOT, SLOW, messages
 from tests.pages.test_pages import open_sample, project_of
 
@@ -47,8 +49,15 @@ def test_a_card_says_what_a_project_holds_and_its_key_result(app: AppTest, home:
     app.button(key="run").click().run()
     found = project.calibration_evaluation
     assert found is not None
-    length = 100 * found.summaries["3d"].to_json()["median_error_3d"]
-    assert f"lengths {length:.2g} %, wrong pairs " in card()
+
+    def said(name: str, measuring: Method) -> bool:
+        length = found.summaries[measuring].to_json()["median_error_3d"]
+        words = f"{name}, held out: lengths {percent(length)} %, wrong pairs "
+        return words in card().replace("\\", "")
+
+    assert said("Refined set", "refined")  # as Calibrate recommends
+    project.keep_recommended("2d", "3d")
+    assert said("2D set and 3D set", "3d")
     project.give({}, drop=["correspondences"])
     assert "no points yet" in card()
 
@@ -254,7 +263,7 @@ def test_a_project_goes_out_as_a_zip_and_comes_in_again(
 
 
 def test_the_zip_has_the_parameter_files_that_are_offered(
-    app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch
+    app: AppTest, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     packed: list[list[RigParameters]] = []
 
@@ -264,16 +273,14 @@ def test_the_zip_has_the_parameter_files_that_are_offered(
         target.write_bytes(b"zip")
 
     monkeypatch.setattr("stereocal.ui.projects.pack_project", pack)
-    project = project_of(open_sample(app), home)
+    open_sample(app)
     app.switch_page("app_pages/calibrate.py").run()
     app.button(key="run").click().run()
     start(app).button(key="pack").click().run()
-    project.keep_settings({"refined_3d": True})
-    start(app).button(key="pack").click().run()
-    first, second = packed
-    for rig in (*first, *second):
+    (rigs,) = packed
+    for rig in rigs:
         assert rig.matching_threshold_px and rig.validation and rig.recommendation
-    assert [rig.method for rig in second] == ["2d", "refined", "refined"]
+    assert [rig.method for rig in rigs] == ["2d", "3d", "refined"]
 
 
 def test_a_zip_without_a_project_is_said(app: AppTest, home: Path) -> None:

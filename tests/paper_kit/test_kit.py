@@ -17,6 +17,7 @@ import yaml
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.cli import main
 from stereocal.formats.dataset_files import read_dataset
+from stereocal.matching.application import Outcome, digest_of
 from stereocal.paper_kit.kit import paper_kit
 from stereocal.paper_kit.methods_text import methods_md
 from stereocal.paper_kit.references import PAPER, PROGRAM, references_bib
@@ -63,7 +64,8 @@ def test_the_methods_say_the_figures_of_the_result() -> None:
     use = found.recommendation.match
     assert use.threshold_px is not None
     assert use.method == "refined"
-    assert f"matched with the refined set below {digits(use.threshold_px, 2)} px" in text
+    assert f"the refined set below {digits(use.threshold_px, 2)} px is recommended" in text
+    assert "points were matched" not in text and "were reconstructed" not in text
     for words in (
         "25 frames", "50 pairs", "25 bars", "0.9 m apart", "baseline was 4.5 m", "seed 0",
         "In each of 8 runs, 20 frames drawn at random calibrated the system and the other 5",
@@ -86,14 +88,39 @@ def test_without_a_validation_it_says_less() -> None:
     assert all(str(frame) in text for frame in left_out)
 
 
-def test_without_a_forecast_it_says_what_was_used() -> None:
+def test_without_a_forecast_it_says_what_is_recommended() -> None:
     settings = CalibrationSettings(frames_left_out=(3, 4), frames_put_back=(5,), essential="linear")
     text = methods_md(answer_of(detected(read_dataset(FIELD)), settings, runs=0))
     assert "Frames 3 and 4 were left out by hand. Frame 5 was kept by hand." in text
-    assert "Points were matched with the 2D set and measured with the 3D set." in text
+    assert "To match points, the 2D set is recommended." in text
+    assert "To reconstruct positions and lengths, the 3D set is recommended." in text
     assert "eight-point algorithm" in text
     assert "refined" not in text
     assert "detected in the photographs; 2 pairs were corrected or set by hand." in text
+
+
+def test_what_was_done_with_the_points_is_said_and_nothing_else() -> None:
+    found = of_field()
+    used = {
+        "points": ["bats_left.csv", "bats_right.csv"],
+        "matching": ["2d", digest_of(found.sets["2d"])],
+        "measuring": ["3d", digest_of(found.sets["3d"])],
+    }
+    done = Outcome("", 0.955, [0.0, None], 600, 0, [], [], "", [], {}, used)
+    text = methods_md(found, done)
+    assert (
+        "The points of `bats_left.csv` and `bats_right.csv` were matched with the 2D set below "
+        "0.955 px. Their positions were reconstructed with the 3D set." in text
+    )
+    assert "recommended" not in text
+    threshold = found.recommendation.match.threshold_px
+    assert threshold is not None and f"{digits(threshold, 2)} px" not in text
+    elsewhere = replace(done, used=used | {"matching": ["2d", "0" * 64]})
+    assert "matched with the 2D set of another calibration" in methods_md(found, elsewhere)
+    with zipfile.ZipFile(io.BytesIO(paper_kit(found, done))) as kit:
+        assert kit.read("methods.md").decode().startswith(text)
+    # A result of version 1.0 does not say with which sets it was made.
+    assert methods_md(found, replace(done, used={})) == methods_md(found)
 
 
 def test_a_caution_stands_first() -> None:

@@ -118,7 +118,7 @@ def test_the_papers_files_have_no_such_key() -> None:
     found = calibrate(rig.dataset(20, 0.2), refined=None)
     assert "uncertainties" not in found.parameters("2d").to_json()
     assert found.refined is None
-    assert found.refined_errors is None
+    assert "refined" not in found.errors
 
 
 @pytest.mark.parametrize(
@@ -145,8 +145,7 @@ def test_calibrate_runs_it_beside_the_papers_three() -> None:
     assert said == ["screening", "essential", "2d", "3d", "refined"]
     assert list(found.methods) == ["essential", "2d", "3d"]
     assert found.refined is not None
-    assert found.refined_errors is not None
-    assert found.refined_errors.mean_reprojection_px < found.errors["3d"].mean_reprojection_px
+    assert found.errors["refined"].mean_reprojection_px < found.errors["3d"].mean_reprojection_px
     hopeless = RefineSettings(baseline_sigma_m=np.inf, distance_sigma_m=np.inf)
     without = calibrate(data, refined=hopeless)
     assert without.refined is None

@@ -208,10 +208,10 @@ def test_calibration_of_the_shipped_field_shows_the_need_of_two_sets() -> None:
         assert rotation_between(pose, true_pose) < bound, method
         assert np.linalg.norm(pose.T - true_pose.T) / FIELD_BASELINE_M < bound, method
         assert pose.baseline == pytest.approx(FIELD_BASELINE_M, rel=1e-12)
-    matching, measuring, refined = found.errors["2d"], found.errors["3d"], found.refined_errors
+    matching, measuring, refined = (found.errors[method] for method in ("2d", "3d", "refined"))
     assert matching.mean_reprojection_px < 0.13 < 10 * 0.13 < measuring.mean_reprojection_px
     assert measuring.mean_length < 0.0015 < 0.02 < matching.mean_length
-    assert refined is not None and refined.mean_reprojection_px < matching.mean_reprojection_px
+    assert refined.mean_reprojection_px < matching.mean_reprojection_px
     assert refined.mean_length < 0.0015
     assert matching.mean_reprojection_px <= found.errors["essential"].mean_reprojection_px
 

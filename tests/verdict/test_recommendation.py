@@ -101,7 +101,8 @@ def test_figures_and_threshold_are_those_of_the_file(
     assert found.match.wrong_let_in.held_out == 0.004
     assert found.measure.length_median.held_out == 0.002
     without = recommend(calibration, outlook)
-    assert without.match.threshold_px == without.match.threshold.forecast.value  # type: ignore[union-attr]
+    forecast = outlook.predictive.forecasts[without.match.method]
+    assert without.match.threshold_px == forecast.threshold_px.value
     assert without.match.wrong_let_in.held_out is None
 
 

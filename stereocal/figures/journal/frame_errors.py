@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter
 
-from stereocal.calibration.methods import METHODS, Method
+from stereocal.calibration.methods import Method
 from stereocal.figures.frame_errors import FramePanel, frame_panels, lowest_drawn
 from stereocal.figures.journal.page import PAGE_MM, sheet
 from stereocal.figures.style import METHOD_COLOURS, METHOD_NAMES, NEUTRAL
@@ -18,7 +20,7 @@ from stereocal.rig.compiled import BoolArray
 
 HEIGHT_MM = 90.0
 MARKERS: dict[Method, str] = {"essential": "s", "2d": "o", "3d": "^", "refined": "D"}
-LARGER: dict[Method, float] = {"essential": 1.4, "2d": 1.0, "3d": 1.1}
+LARGER: dict[Method, float] = {"essential": 1.4, "2d": 1.0, "3d": 1.1, "refined": 0.9}
 """Sizes of the symbols: the essential matrix and the 2D set often have the same errors."""
 MANY = 100
 """Frames above which symbols are smaller."""
@@ -33,7 +35,9 @@ def draw_frame_errors(calibration: Calibration, width_mm: float) -> Figure:
         kinds |= _draw_panel(axes, calibration, panel)
     grid[1].set_xlabel(f"Frame (n = {len(calibration.dataset.correspondences.frames)})")
     figure.legend(
-        handles=_key(kinds), loc="outside upper left", ncols=5 if width_mm >= PAGE_MM else 3
+        handles=_key(kinds, calibration.errors),
+        loc="outside upper left",
+        ncols=6 if width_mm >= PAGE_MM else 3,
     )
     return figure
 
@@ -45,7 +49,7 @@ def _draw_panel(axes: Axes, calibration: Calibration, panel: FramePanel) -> set[
         ("used", ~(held | out)), ("held out", held), ("left out", out)
     ]  # fmt: skip
     size = 1.6 if len(panel.frames) > MANY else 3.0
-    for method in METHODS:
+    for method in panel.values:
         for kind, chosen in kinds:
             crossed = kind == "left out"
             axes.plot(
@@ -64,11 +68,11 @@ def _draw_panel(axes: Axes, calibration: Calibration, panel: FramePanel) -> set[
     return {kind for kind, chosen in kinds if chosen.any()}
 
 
-def _key(kinds: set[str]) -> list[Line2D]:
+def _key(kinds: set[str], methods: Iterable[Method]) -> list[Line2D]:
     shown = [
         Line2D([], [], color=METHOD_COLOURS[method], marker=MARKERS[method], markersize=3,
                linestyle="none", label=METHOD_NAMES[method])
-        for method in METHODS
+        for method in methods
     ]  # fmt: skip
     if "held out" in kinds:
         shown.append(
