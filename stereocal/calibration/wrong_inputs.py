@@ -267,7 +267,7 @@ def _size_message(
     whose = f"{cameras[0]} camera's" if len(cameras) == 1 else "cameras'"
     return (
         f"The {whose} points seem to be measured in images of about {width * factor:.0f}x"
-        f"{height * factor:.0f} px, {factor:.2g} times the size in the camera file, "
+        f"{height * factor:.0f} px, {rounded(factor)} times the size in the camera file, "
         f"{width}x{height} px",
         "Give the points in pixels of the images that the lens was calibrated for, or the camera "
         "file for the images in which they were measured.",

@@ -41,7 +41,13 @@ LOWEST_OF_MEDIAN = 0.01
 MAXIMUM_LABELS = 12
 LABEL_WIDTH, LABEL_HEIGHT = 0.09, 0.12
 """Size of a frame number, as fractions of a panel on a narrow screen."""
+<<<<<<< HEAD
 SIZES: dict[Method, int] = {"essential": 9, "2d": 7, "3d": 8, "refined": 7}
+=======
+BESIDE = 0.2
+"""Distance between the symbols of two methods, over that of two frames."""
+SIZES = {"essential": 9, "2d": 7, "3d": 8}
+>>>>>>> 10599c4 (Narrow screens: Validate whole, 3D views whole; errors by frame beside each other)
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,7 +170,8 @@ def _add_method(
             continue
         figure.add_trace(
             go.Scatter(
-                x=panel.frames[chosen], y=panel.values[method][chosen], mode="markers",
+                x=_beside(panel, method)[chosen], y=panel.values[method][chosen], mode="markers",
+                customdata=panel.frames[chosen],
                 marker={
                     "color": METHOD_COLOURS[method], "symbol": METHOD_SYMBOLS[method] + suffix,
                     "size": SIZES[method] - (2 if len(panel.frames) > 100 else 0), "opacity": 0.85,
@@ -173,12 +180,24 @@ def _add_method(
                 name=METHOD_NAMES[method], legendgroup=method,
                 showlegend=row == 1 and not suffix,
                 hovertemplate=(
-                    f"{METHOD_NAMES[method]}, frame %{{x}} ({kind})<br>"
+                    f"{METHOD_NAMES[method]}, frame %{{customdata}} ({kind})<br>"
                     f"{panel.title.lower()} %{{y:.3~r}} {panel.unit}<extra></extra>"
                 ),
             ),
             row=row, col=1,
         )  # fmt: skip
+
+
+def _beside(panel: FramePanel, method: Method) -> FloatArray:
+    """(n,): where the symbols of a method stand on the axis of frames.
+
+    Beside each other: the errors of the essential matrix and of the 2D set may agree to a pixel of
+    the screen, and one symbol hid the other.
+    """
+    steps = np.diff(np.unique(panel.frames))
+    step = float(steps.min()) if len(steps) else 1.0
+    at = [*panel.values].index(method) - 0.5 * (len(panel.values) - 1)
+    return np.asarray(panel.frames + BESIDE * step * at, dtype=np.float64)
 
 
 def drawn_frames(panel: FramePanel) -> BoolArray:
@@ -269,7 +288,12 @@ def _scale(panel: FramePanel) -> dict[str, object]:
         top = 1.15 * panel.known.max(initial=0.0)
         return {"type": "linear", "range": [0.0, top or 1.0]}
     low, high = lowest_drawn(panel) / 1.3, panel.known.max() * 3
-    return {"type": "log", "range": [np.log10(low), np.log10(high)], "dtick": 1}
+    return {
+        "type": "log",
+        "exponentformat": "none",
+        "range": [np.log10(low), np.log10(high)],
+        "dtick": 1,
+    }
 
 
 def lowest_drawn(panel: FramePanel) -> float:

@@ -115,7 +115,8 @@ def plot_points(
             )
         )  # fmt: skip
     add_cameras(figure, rig, depth, scene)
-    set_scene(figure, eye_of(view, rig, target, scene), scene)
+    # Else tracks far from the cameras are a dot in a corner.
+    set_scene(figure, eye_of(view, rig, target, scene, xyz[seen]), scene)
     return figure
 
 

@@ -19,8 +19,14 @@ VIEWS = ("Behind", "Above", "Side", "Camera 1", "Camera 2")
 FRUSTUM_OF_DEPTH = 0.15
 """Depth of a drawn camera over the depth of the scene; at its true size it would be a dot."""
 
-EYE_OF_DIAGONAL = 1.25
-"""Distance of the eye over the scene's diagonal; also suitable for narrow screens."""
+HALF_VIEW = 0.414
+"""Tangent of half of Plotly's angle of view, from top to bottom."""
+NARROWEST = 0.75
+"""Width over height of a scene on a screen of 420 px."""
+FILLED = 0.66
+"""Part of the view that what is seen may fill: titles of axes and names stand around it."""
+CLOSEST = 0.2
+"""Least distance of the eye over the scene's diagonal: a single point has no size."""
 BEHIND = (0.5, -0.42, -0.76)
 """Behind, right of and above the primary camera."""
 AXIS_TITLES = {"xaxis": "x (m)", "yaxis": "z (m), depth", "zaxis": "−y (m), up"}
@@ -72,30 +78,39 @@ def upright(points: FloatArray) -> dict[str, FloatArray]:
 class Eye:
     """From where a scene is seen, in the primary's frame, metres."""
 
-    towards: FloatArray
-    """(3,): what is in the middle of the view."""
     direction: tuple[float, float, float] = BEHIND
-    """From `towards` to the eye, which is as far away as needed to see everything."""
+    """Towards the eye, which is as far away as needed to see everything."""
     at: FloatArray | None = None
     """(3,): the eye itself, instead of a direction."""
+    towards: FloatArray | None = None
+    """(3,): what it then looks at."""
     up: tuple[float, float, float] = (0.0, -1.0, 0.0)
     """What is up in the view."""
+    whole: FloatArray | None = None
+    """(n, 3): what to see whole; None: everything."""
 
 
-def eye_of(view: str, rig: Rig, target: FloatArray, scene: Scene = IN_CAMERA) -> Eye:
+def eye_of(
+    view: str,
+    rig: Rig,
+    target: FloatArray,
+    scene: Scene = IN_CAMERA,
+    whole: FloatArray | None = None,
+) -> Eye:
     """One of `VIEWS` of a scene around a point (3,), metres.
 
     Args:
         scene: in whose frame `target` is given.
+        whole: (n, 3): what the first view shows whole; None: everything.
     """
-    first = scene.from_primary.T
-    second = scene.from_primary.apply(rig.pose.inverse().T)
     if view.startswith("Camera"):
-        return Eye(target, at=first if view == "Camera 1" else second)
-    middle = 0.5 * (0.5 * (first + second) + target)
+        second = scene.from_primary.apply(rig.pose.inverse().T)
+        return Eye(at=scene.from_primary.T if view == "Camera 1" else second, towards=target)
     if view == "Above":  # depth to the right, since figures are wide
-        return Eye(middle, (0.0, -1.0, 0.0), up=_turned(scene, (-1.0, 0.0, 0.0)))
-    return Eye(middle, _turned(scene, (1.0, 0.0, 0.0) if view == "Side" else BEHIND))
+        return Eye((0.0, -1.0, 0.0), up=_turned(scene, (-1.0, 0.0, 0.0)))
+    if view == "Side":
+        return Eye(_turned(scene, (1.0, 0.0, 0.0)))
+    return Eye(_turned(scene, BEHIND), whole=whole)
 
 
 def _turned(scene: Scene, direction: tuple[float, float, float]) -> tuple[float, float, float]:
@@ -205,19 +220,46 @@ def _bounds(figure: go.Figure) -> tuple[FloatArray, FloatArray]:
 def _view(low: FloatArray, high: FloatArray, eye: Eye | None) -> dict[str, dict[str, float]]:
     """Plotly's camera. Its unit is the geometric mean of the axes, its origin their middle."""
     middle, unit = 0.5 * (low + high), float(np.cbrt(np.prod(high - low)))
-    if eye is None:
-        eye = Eye(np.array([middle[0], -middle[2], middle[1]]))
-    distance = EYE_OF_DIAGONAL * float(np.linalg.norm(high - low))
-    towards = _upright(eye.towards)
-    at = towards + distance * _upright(np.array(eye.direction))
-    if eye.at is not None:
-        at = _upright(eye.at)
+    eye = eye or Eye()
+    if eye.at is not None and eye.towards is not None:
+        at, towards = _upright(eye.at), _upright(eye.towards)
+    else:
+        box = (low, high)
+        if eye.whole is not None:
+            some = upright(eye.whole)
+            box = (
+                np.array([some[axis].min() for axis in "xyz"]),
+                np.array([some[axis].max() for axis in "xyz"]),
+            )
+        direction, up = (_upright(np.array(each)) for each in (eye.direction, eye.up))
+        at, towards = _seen_whole(box, direction, up, CLOSEST * float(np.linalg.norm(high - low)))
     names = ("x", "y", "z")
     return {
         "eye": dict(zip(names, ((at - middle) / unit).tolist(), strict=True)),
         "up": dict(zip(names, _upright(np.array(eye.up)).tolist(), strict=True)),
         "center": dict(zip(names, ((towards - middle) / unit).tolist(), strict=True)),
     }
+
+
+def _seen_whole(
+    box: tuple[FloatArray, FloatArray], direction: FloatArray, up: FloatArray, closest_m: float
+) -> tuple[FloatArray, FloatArray]:
+    """The eye (3,) and the point (3,) it looks at, from which a box is seen whole in the middle.
+
+    Also on a narrow screen, and with room for what is written around the box.
+    """
+    corners = np.array(np.meshgrid(*zip(*box, strict=True))).reshape(3, -1).T
+    away = direction / np.linalg.norm(direction)
+    across = np.cross(up, away)
+    across /= np.linalg.norm(across)
+    axes = np.array([across, np.cross(away, across), away])
+    seen = corners @ axes.T
+    middle = 0.5 * (seen.min(axis=0) + seen.max(axis=0))
+    aside, above, nearer = (seen - middle).T
+    reach = np.maximum(np.abs(aside) / NARROWEST, np.abs(above)) / (HALF_VIEW * FILLED)
+    distance = max(float((reach + nearer).max()), closest_m)
+    towards = middle @ axes
+    return towards + distance * away, towards
 
 
 def _upright(point: FloatArray) -> FloatArray:

@@ -120,7 +120,7 @@ def _clicked(project: Project, calibration: Calibration) -> None:
     """Open the frame of a clicked point."""
     points = st.session_state[CHART]["selection"]["points"]
     if points:
-        frame_field(project, calibration).set(int(points[0]["x"]))
+        frame_field(project, calibration).set(int(np.ravel(points[0]["customdata"])[0]))
 
 
 def _show_images(project: Project, views: dict[Method, FrameView], method: Method) -> None:

@@ -35,11 +35,11 @@ from stereocal.verdict.in_words import left_out_line, why_validation_not_trusted
 from stereocal.workflow import Answer
 
 BIN_WIDTHS, USUAL_WIDTH = (0.02, 0.04, 0.1, 0.2, 0.5), 0.1
-SCROLLS = """<style>
-.st-key-scrolls { overflow-x: auto; }
-.st-key-scrolls > div { min-width: 54rem; }
+WIDE_OR_NARROW = """<style>
+.st-key-narrow { display: none; }
+@media (max-width: 640px) { .st-key-wide { display: none; } .st-key-narrow { display: flex; } }
 </style>"""
-"""On a narrow screen the three panels scroll sideways."""
+"""Side by side, or on a narrow screen below each other, each with its legend."""
 COLUMNS = {
     "residual": "Residual",
     "reprojection": "Reprojection error",
@@ -96,12 +96,20 @@ def show_evaluation(
     _show_answer(pooled, screenings)
     columns, picture = _choose_view(project, refined)
     if len(columns) > 1:
-        st.html(SCROLLS)
-    with st.container(key="scrolls" if len(columns) > 1 else "fits"):
-        show_figure(
-            plot_validation(pooled, columns), describe_validation(pooled, columns), "validation",
+        st.html(WIDE_OR_NARROW)
+        with st.container(key="narrow"):
+            for column in columns:
+                st.plotly_chart(
+                    plot_validation(pooled, [column]), key=f"validation_{column}",
+                    config=_saved_as(picture, f"validation_{column}"),
+                )  # fmt: skip
+    with st.container(key="wide" if len(columns) > 1 else "fits"):
+        st.plotly_chart(
+            plot_validation(pooled, columns), key="validation",
             config=_saved_as(picture, "validation"),
         )  # fmt: skip
+    with st.expander("In words"):
+        st.caption(escape_markdown(describe_validation(pooled, columns)))
     if screenings:
         _downloads(project, screenings, evaluation, pooled, by_dataset)
     with st.expander("Figures as a table, and the width of the bins"):

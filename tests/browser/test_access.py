@@ -27,7 +27,7 @@ CUT = """() => {
         const own = [...element.childNodes].some(
             (node) => node.nodeType === 3 && node.textContent.trim())
         if (!own || !element.clientWidth || style.display === 'inline') continue
-        if (element.closest('.js-plotly-plot, [data-testid=stDataFrame], .st-key-scrolls')) continue
+        if (element.closest('.js-plotly-plot, [data-testid=stDataFrame]')) continue
         if (element.closest('[data-testid=stCode], pre')) continue
         const box = element.getBoundingClientRect()
         if (!box.height || style.visibility === 'hidden' || style.opacity === '0') continue
@@ -291,6 +291,27 @@ def test_tab_goes_through_every_page_and_out(
         pickers = [now for now in through if now["text"].startswith("Photograph of the")]
         assert len(pickers) == 2 and any(now["tag"] == "CANVAS" for now in through)
         assert {"Pair by name again", "Zoom in", "Go to target A"} <= words
+
+
+def test_a_narrow_screen_shows_all_of_the_validation(
+    browser: Browser, app_url: str, finished: str
+) -> None:
+    """Three panels scrolled sideways there, out of sight, and the legend with them."""
+    context = browser.new_context(viewport={"width": 420, "height": 900})
+    page = context.new_page()
+    page.goto(f"{app_url}/validate?project={finished}")
+    expect(page.get_by_text("Made with: ")).to_be_visible(timeout=LONGEST_MS)
+    for column in ("residual", "reprojection", "reconstruction"):
+        figure = page.locator(f".st-key-validation_{column}")
+        expect(figure.locator(".legend text").first).to_be_visible()
+        for text in figure.locator(".legend text").all():
+            box = text.bounding_box()
+            assert box is not None and box["x"] >= 0 and box["x"] + box["width"] <= 420
+    expect(page.locator(".st-key-wide")).to_be_hidden()
+    page.set_viewport_size({"width": 1400, "height": 900})
+    expect(page.locator(".st-key-wide .legend").first).to_be_visible()
+    expect(page.locator(".st-key-narrow")).to_be_hidden()
+    context.close()
 
 
 MOST_STOPS = 4
