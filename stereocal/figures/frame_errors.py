@@ -41,13 +41,9 @@ LOWEST_OF_MEDIAN = 0.01
 MAXIMUM_LABELS = 12
 LABEL_WIDTH, LABEL_HEIGHT = 0.09, 0.12
 """Size of a frame number, as fractions of a panel on a narrow screen."""
-<<<<<<< HEAD
-SIZES: dict[Method, int] = {"essential": 9, "2d": 7, "3d": 8, "refined": 7}
-=======
 BESIDE = 0.2
 """Distance between the symbols of two methods, over that of two frames."""
-SIZES = {"essential": 9, "2d": 7, "3d": 8}
->>>>>>> 10599c4 (Narrow screens: Validate whole, 3D views whole; errors by frame beside each other)
+SIZES: dict[Method, int] = {"essential": 9, "2d": 7, "3d": 8, "refined": 7}
 
 
 @dataclass(frozen=True, eq=False)

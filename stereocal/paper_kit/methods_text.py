@@ -231,7 +231,8 @@ def _applied(applied: Outcome, answer: Answer) -> Iterator[str]:
     used = applied.used
     names = " and ".join(f"`{label}`" for label in used["points"])
     match, measure = (_named(answer, *used[purpose]) for purpose in ("matching", "measuring"))
-    yield f"The points of {names} were matched with {match} below {rounded(applied.threshold_px, 4)} px."
+    below = rounded(applied.threshold_px, 4)
+    yield f"The points of {names} were matched with {match} below {below} px."
     yield f"Their positions were reconstructed with {measure}."
 
 

@@ -188,7 +188,6 @@ def test_frame_errors_are_those_of_the_result(calibration: Calibration) -> None:
             assert {t.name for t in traces} == {METHOD_NAMES[method]}
 
 
-<<<<<<< HEAD
 def test_the_refined_set_stands_among_the_errors_by_frame(calibration: Calibration) -> None:
     refined = refine(calibration.screening.dataset, RefineSettings())
     found = replace(calibration, refined=refined)
@@ -198,7 +197,8 @@ def test_the_refined_set_stands_among_the_errors_by_frame(calibration: Calibrati
     assert sorted(values) == pytest.approx(sorted(100 * own), rel=1e-12)
     assert "Refined set" in describe_frame_errors(found)
     assert "Refined set" not in describe_frame_errors(calibration)
-=======
+
+
 def test_the_symbols_of_a_frame_stand_beside_each_other(calibration: Calibration) -> None:
     """Those of the essential matrix and of the 2D set had hidden each other."""
     figure = plot_frame_errors(calibration)
@@ -209,7 +209,6 @@ def test_the_symbols_of_a_frame_stand_beside_each_other(calibration: Calibration
         for trace in traces:
             if trace.customdata is not None:  # the key has none
                 assert np.abs(trace.x - trace.customdata).max() < 0.45
->>>>>>> 10599c4 (Narrow screens: Validate whole, 3D views whole; errors by frame beside each other)
 
 
 def test_held_out_frames_have_open_symbols(calibration: Calibration) -> None:
