@@ -70,10 +70,10 @@ def run(parsed: argparse.Namespace) -> None:
     images = _images(parsed, prior.rig)
     smallest = Smallest(float(np.radians(parsed.turn)), parsed.baseline_change)
     found = recheck(prior, images, smallest)
-    name = REPAIRED if found.changed else None
+    name = REPAIRED if found.offers_repair else None
     answer = {**to_json(found, name), "parameters": str(path), "dataset": str(parsed.dataset)}
     files = {parsed.out / ANSWER: (json.dumps(answer, indent=2, allow_nan=False) + "\n").encode()}
-    if found.changed:
+    if found.offers_repair:
         sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
         files[parsed.out / REPAIRED] = repaired_parameters(found, sha256).dumps().encode()
     write_all(files)

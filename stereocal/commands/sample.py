@@ -14,6 +14,7 @@ SAMPLES = {
     "photographs": "photographs of a bar and of a chessboard",
     "field": "a simulated data set",
     "archives": "files of easyWand, Argus and Kalibr",
+    "bump": "bars of the real recording after a camera turned by 0.2 degrees",
     "world": "a survey, plumb lines and a throw, with parameters",
 }
 

@@ -201,7 +201,7 @@ def show_check(chosen: Chosen) -> None:
     VERDICTS[found.verdict](escape_markdown(sentence(found)))
     since = found.since if found.changed else None
     show_figure(plot_check(residuals, since), describe_check(residuals, since), "check_residuals")
-    if found.changed:
+    if found.offers_repair:
         given = chosen.parameters
         sha256 = None if given is None else hashlib.sha256(given).hexdigest()
         st.download_button(

@@ -1,6 +1,6 @@
 """Files that pages of the documentation name, and that no command of theirs makes.
 
-`python -m tests.docs.prepared` makes the samples `archives` and `world` again.
+`python -m tests.docs.prepared` makes the samples `archives`, `bump` and `world` again.
 """
 
 from __future__ import annotations
@@ -11,8 +11,10 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from scipy.spatial.transform import Rotation
 
 from benchmarks.world import common_view, known_places, plumb_lines, surveyed, thrown
+from stereocal.formats.dataset_files import pack_dataset, read_dataset
 from stereocal.system.photograph import read_photograph
 from tests.archives import easywand_fields, kalibr_chain, mat, wand_csv
 from tests.field.world_tables import PIXELS, lines_csv, survey_csv, throw_csv
@@ -54,6 +56,22 @@ def world(folder: Path) -> None:
     pairs.to_csv(folder / "pairs.csv", index=False)
 
 
+def bump(folder: Path) -> None:
+    """40 bars of the real recording, after the secondary camera turned by 0.2° in place."""
+    whole = read_dataset(SAMPLES / "recording")
+    some = whole.of_frames(whole.correspondences.frames[200::5][:40])
+    camera, rows = some.secondary, some.correspondences
+    turn = Rotation.from_rotvec([0.0, np.radians(0.2), 0.0]).as_matrix()
+    rays = np.column_stack([camera.undistort(rows.secondary), np.ones(len(rows))]) @ turn.T
+    secondary = np.round(camera.distort(rays[:, :2] / rays[:, 2:]), 4)
+    moved = replace(
+        some, name="After a bump", correspondences=replace(rows, secondary=secondary),
+        notes="40 bars of the real recording, its secondary camera turned by 0.2 degrees.",
+    )  # fmt: skip
+    for name, content in pack_dataset(moved).items():
+        (folder / name).write_bytes(content)
+
+
 FILES: Mapping[str, Callable[[Path], None]] = {"docs/photographs.md": videos}
 
 
@@ -64,6 +82,6 @@ def prepare(page: str, folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    for make in (archives, world):
+    for make in (archives, bump, world):
         (SAMPLES / make.__name__).mkdir(exist_ok=True)
         make(SAMPLES / make.__name__)

@@ -192,6 +192,19 @@ def _since(check: Recheck) -> list[str]:
 
 
 def _repair(check: Recheck) -> list[str]:
+    if check.images.own:
+        return [
+            "These are the images that the parameters come from, so no repaired parameters are "
+            "offered: they would hold no better for others. Check with new images."
+        ]
+    if not check.offers_repair:
+        was, now = check.held_out.length or check.held_out.px
+        unit, per = (" %", 100.0) if check.held_out.length else (" px", 1.0)
+        return [
+            f"No repaired parameters are offered: held-out {'bars' if unit == ' %' else 'points'} "
+            f"are measured no better with them ({digits(per * now, 2)}{unit} instead of "
+            f"{digits(per * was, 2)}{unit}). Calibrate again."
+        ]
     error = length_error(check.best, check.noise.sigma_px)
     if error is None:
         return []

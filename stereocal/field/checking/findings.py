@@ -21,6 +21,7 @@ from stereocal.field.checking.fits import (
     pose_change,
     turn_in_place,
 )
+from stereocal.field.checking.held_out import HeldOut, measured_held_out
 from stereocal.field.checking.new_images import NewImages
 from stereocal.field.checking.noise import Noise
 from stereocal.field.checking.power import Power, Smallest
@@ -205,6 +206,20 @@ class Recheck:
         if self.either_lens:
             return self.both if self.pose_moved else self.fit(focal_changes(self.prior))
         return self.explanations[0].fit if self.refocused else self.pose
+
+    @cached_property
+    def held_out(self) -> HeldOut:
+        """The errors of held-out groups with the old and with repaired parameters."""
+        return measured_held_out(self.prior, self.after, self.best)
+
+    @cached_property
+    def offers_repair(self) -> bool:
+        """Whether the repaired parameters are to be used.
+
+        Never for the images that the parameters come from, nor where held-out groups are measured
+        no better with them.
+        """
+        return self.changed and not self.images.own and self.held_out.better
 
     @property
     def repaired(self) -> Rig:

@@ -32,6 +32,8 @@ class NewImages:
     """How many bars there are; 0 for matched points alone, which do not determine lengths."""
     notes: tuple[str, ...] = ()
     """Messages for the user."""
+    own: bool = False
+    """Whether they are the images that the parameters come from."""
 
     @property
     def described(self) -> str:
@@ -63,6 +65,8 @@ def images_of_bars(dataset: Dataset, rig: RigParameters) -> NewImages:
                 f"parameters are of {wanted[0]}x{wanted[1]} px: they are not of the same cameras, "
                 "or the images were scaled."
             )
+    used = dataset.of_frames(rig.inputs.get("frames") or [])
+    own = rig.inputs.get("sha256") in (dataset.sha256, used.sha256)
     seen = replace(dataset, primary=rig.primary, secondary=rig.secondary)
     rows = seen.correspondences
     if not len(rows.bars):
@@ -78,7 +82,7 @@ def images_of_bars(dataset: Dataset, rig: RigParameters) -> NewImages:
         notes += (f"{LARGEST} of {len(rows.frames)} frames were used, evenly spaced.",)
         seen = seen.of_frames(rows.frames[kept])
     rows = seen.correspondences
-    return NewImages(seen, rows.frames, len(rows.bars), notes)
+    return NewImages(seen, rows.frames, len(rows.bars), notes, own)
 
 
 def _step_note(late: float, left: int, total: int) -> str:

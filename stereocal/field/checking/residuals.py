@@ -31,15 +31,15 @@ class Residuals:
     before: Errors
     """With the old parameters."""
     after: Errors | None
-    """With the repaired ones; None if nothing has changed."""
+    """With the repaired ones; None if none are offered."""
 
 
 def residuals_of(check: Recheck) -> Residuals:
-    """The errors with the old and, if the rig has changed, the repaired parameters."""
+    """The errors with the old and, if they are offered, the repaired parameters."""
     return Residuals(
         np.unique(check.images.numbers),
         _errors(check, check.prior.rig),
-        _errors(check, check.repaired) if check.changed else None,
+        _errors(check, check.repaired) if check.offers_repair else None,
     )
 
 
