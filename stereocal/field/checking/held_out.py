@@ -45,10 +45,13 @@ def measured_held_out(prior: Prior, images: NewImages, best: Fit) -> HeldOut:
     """The errors of each run of groups with the old parameters, and repaired by the other runs.
 
     Args:
-        best: the fit of all groups; those outlying there are not used.
+        best: the fit of all groups; those outlying there are not used. If fewer than two are left,
+            nothing is better.
     """
     kept = np.flatnonzero(~best.outlying)
     errors = []
+    if len(kept) < 2:
+        return HeldOut((0.0, 0.0), None)
     for held in np.array_split(kept, min(FOLDS, len(kept))):
         fit = Fit(prior, images, best.change, best.sigma_px)
         fit.p[:] = best.p
