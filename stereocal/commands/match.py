@@ -15,7 +15,6 @@ from stereocal.commands.progress import ProgressBar
 from stereocal.errors import StereocalError
 from stereocal.matching.matching import match_points
 from stereocal.matching.matching_files import match_tables
-from stereocal.matching.pairs import Threshold
 from stereocal.rig.parameters import RigParameters
 
 A_POINT = np.zeros((1, 2))
@@ -38,8 +37,15 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     command.add_argument(
         "--threshold",
         metavar="PX",
-        help='largest reprojection error of a pair in pixels, or "auto": chosen from the points '
-        "(default: from the parameter file, or auto if it has none)",
+        help='largest reprojection error of a pair in pixels, or "auto" (default): by the noise '
+        "of the points",
+    )
+    command.add_argument(
+        "--sigma-px",
+        type=float,
+        metavar="PX",
+        help="noise of the points, one standard deviation of a coordinate (default: of their "
+        "column sigma_px, or estimated from their epipolar errors)",
     )
     command.add_argument(
         "--depth",
@@ -68,11 +74,10 @@ def run(parsed: argparse.Namespace) -> None:
         with workers_from(parsed, compile_first) as executor, ProgressBar("frames") as bar:
             report = match_tables(
                 rig, primary, secondary, parsed.out, threshold, tuple(parsed.depth),
-                parsed.unmatched, bar.show, executor=executor,
+                parsed.unmatched, bar.show, executor=executor, sigma_px=parsed.sigma_px,
             )  # fmt: skip
     assert report is not None  # nobody cancels here
-    if report.chosen is not None:
-        print(report.chosen.sentence())
+    print(report.chosen.sentence())
     print(report.sentence())
     for note in report.notes:
         print(f"Note: {note}")
@@ -81,9 +86,10 @@ def run(parsed: argparse.Namespace) -> None:
             print(f"wrote {path}")
 
 
-def _threshold(text: str | None) -> Threshold:
+def _threshold(text: str | None) -> float | None:
+    """None: by the noise of the points."""
     if text is None or text == "auto":
-        return text  # type: ignore[return-value]  # the literal "auto"
+        return None
     try:
         return float(text)
     except ValueError:

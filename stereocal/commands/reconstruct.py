@@ -40,7 +40,8 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
         "--sigma-px",
         type=float,
         metavar="PX",
-        help="noise of a pixel coordinate: adds columns with the standard errors in metres",
+        help="noise of the points, for the standard errors in metres (default: of the columns "
+        "that match writes, or estimated from the pairs)",
     )
     command.add_argument(
         "--matched-with",
@@ -65,6 +66,7 @@ def run(parsed: argparse.Namespace) -> None:
         )
     assert report is not None  # nobody cancels here
     print(report.sentence())
+    print(report.about_errors)
     for note in report.notes:
         print(f"Note: {note}")
     print(f"wrote {parsed.out}")

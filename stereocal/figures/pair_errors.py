@@ -62,7 +62,7 @@ def describe_pair_errors(
     """The figure in words.
 
     Args:
-        choice: the threshold chosen from the points; None if there is none.
+        choice: the threshold, and what it does; None if there is none.
     """
     best, second = nearest.within(threshold_px)
     return (
@@ -77,15 +77,15 @@ def _advice(nearest: NearestErrors, choice: ThresholdChoice | None) -> str:
     """Where a good threshold is, if there is one."""
     if not np.isfinite(nearest.runner_up_px).any():
         return "No point has a second candidate, so the threshold only leaves out poor pairs."
-    if choice is None:
+    shares = None if choice is None else choice.shares
+    if choice is None or shares is None:
         return "The two distributions cannot be told apart: no threshold separates them."
-    if choice.apart:
+    if shares.apart:
         return "A good threshold lies between the two distributions."
     return (
-        "The two distributions overlap: at the best threshold, "
-        f"{rounded(choice.threshold_px, 3)} px, "
-        f"about {100 * choice.lost:.0f} % of the correct pairs are lost, and "
-        f"{100 * choice.wrong:.0f} % of the pairs are wrong."
+        f"The two distributions overlap: at {choice.threshold_px:.3g} px, about "
+        f"{100 * shares.lost:.0f} % of the correct pairs are lost, and "
+        f"{100 * shares.wrong:.0f} % of the pairs are wrong."
     )
 
 

@@ -20,7 +20,7 @@ from stereocal.errors import StereocalError
 from stereocal.matching.blocks import TableBlock
 from stereocal.matching.matching import ANY_DEPTH, refuse_different_rigs
 from stereocal.matching.matching_files import match_tables
-from stereocal.matching.pairs import POINT, pixels_of
+from stereocal.matching.pairs import POINT, sample_pixels
 from stereocal.matching.point_table import PointTable
 from stereocal.matching.reconstruction import name_of_world
 from stereocal.matching.reconstruction_files import OUTSIDE_VOLUME, PIXELS, reconstruct_table
@@ -60,19 +60,29 @@ class Application:
     secondary: Points
     matching: RigParameters
     measuring: RigParameters
-    threshold_px: float
+    threshold_px: float | None = None
+    """None: by the noise of the points."""
     depths_m: tuple[float, float] = ANY_DEPTH
     world: Pose | None = None
     """`world_from_primary` of the points; None: points in the primary's frame."""
+    sigma_px: float | None = None
+    """Noise of the points; None: by their columns, or estimated."""
 
     @property
     def digest(self) -> str:
         """Digest of the input, independent of dates."""
         of_sets = [digest_of(each) for each in (self.matching, self.measuring)]
         points = [self.primary.name, self.secondary.name]
-        content = [points, of_sets, self.threshold_px, [repr(depth) for depth in self.depths_m]]
+        content: list[Any] = [
+            points,
+            of_sets,
+            self.threshold_px,
+            [repr(depth) for depth in self.depths_m],
+        ]
         if self.world is not None:
             content.append(name_of_world(self.world))
+        if self.sigma_px is not None:
+            content.append(["sigma_px", self.sigma_px])
         return hashlib.sha256(json.dumps(content).encode()).hexdigest()
 
     @property
@@ -107,6 +117,8 @@ class Outcome:
     used: dict[str, Any] = field(default_factory=dict)
     """`points`: the labels of both files; `matching`, `measuring`: method and digest of the sets.
     Empty in results of version 1.0."""
+    sigma_px: float | None = None
+    """Noise of the points, if it was stated."""
 
     @property
     def rig(self) -> Rig:
@@ -158,14 +170,14 @@ def apply_sets(
     matched = match_tables(
         work.matching, first, second, folder / PAIRS,
         work.threshold_px, work.depths_m, progress=progress, cancelled=cancelled,
-        executor=executor, pieces=pieces,
+        executor=executor, pieces=pieces, sigma_px=work.sigma_px,
     )  # fmt: skip
     if matched is None:
         return None
+    chosen = matched.chosen
     if not matched.pairs:
         raise StereocalError(
-            f"No pair of points has an error of {rounded(work.threshold_px, 3)} px or less: "
-            "raise the "
+            f"No pair of points has an error of {chosen.threshold_px:.3g} px or less: raise the "
             "threshold, or make sure that points, parameters and the two cameras (primary, "
             "secondary) belong together."
         )
@@ -179,13 +191,18 @@ def apply_sets(
         return None
     return Outcome(
         digest=work.digest,
-        threshold_px=work.threshold_px,
+        threshold_px=chosen.threshold_px,
         depths_m=[depth if np.isfinite(depth) else None for depth in work.depths_m],
         pairs=matched.pairs,
         behind=measured.behind,
-        sentences=[matched.sentence(), measured.sentence() + _about(work.measuring)],
+        sentences=[
+            chosen.sentence(),
+            matched.sentence(),
+            measured.sentence() + _about(work.measuring),
+            measured.about_errors,
+        ],
         notes=[*matched.notes, *measured.notes],
-        made_with=_made_with(work),
+        made_with=_made_with(work, chosen.threshold_px),
         tables=[work.primary.name, work.secondary.name],
         measured_with={
             "primary": work.measuring.primary.to_json(),
@@ -201,6 +218,7 @@ def apply_sets(
             "matching": [work.matching.method, digest_of(work.matching)],
             "measuring": [work.measuring.method, digest_of(work.measuring)],
         },
+        sigma_px=work.sigma_px,
     )
 
 
@@ -214,7 +232,7 @@ def sample_frames(primary: pd.DataFrame, secondary: pd.DataFrame) -> list[FrameP
     if not common:
         return []
     wanted = sample_of(common, len(primary) / len(both[0]))
-    return [(pixels_of(both[0][f]), pixels_of(both[1][f])) for f in common if f in wanted]
+    return [sample_pixels(both[0][f], both[1][f]) for f in common if f in wanted]
 
 
 def unlabelled(rows: Correspondences) -> tuple[pd.DataFrame, pd.DataFrame]:
@@ -272,13 +290,13 @@ def digest_of(rig: RigParameters) -> str:
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
-def _made_with(work: Application) -> str:
+def _made_with(work: Application, threshold_px: float) -> str:
     near, far = work.depths_m
     frame = "" if work.world is None else f", in the world frame {name_of_world(work.world)}"
     depths = "" if work.depths_m == ANY_DEPTH else f", depths from {near:g} to {far:g} m"
     return (
         f"{work.primary.label} and {work.secondary.label}; matched with the {_name(work.matching)} "
-        f"set, threshold {rounded(work.threshold_px, 4)} px{depths}; measured with the "
+        f"set, threshold {threshold_px:.4g} px{depths}; measured with the "
         f"{_name(work.measuring)} set{frame}."
     )
 

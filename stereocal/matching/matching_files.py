@@ -18,20 +18,21 @@ from stereocal.matching.matching import (
     ANY_DEPTH,
     check_depths,
     purpose_warning,
-    threshold_of,
 )
 from stereocal.matching.pairs import (
     PAIR_COLUMNS,
     POINT,
     FurtherNames,
-    Threshold,
     further_names,
     match_frame,
     pixels_of,
+    sample_pixels,
+    sigma_columns,
 )
+from stereocal.matching.point_noise import PointNoise
 from stereocal.matching.point_table import Contents, PointTable
 from stereocal.matching.table_writer import open_table
-from stereocal.matching.threshold import FramePixels, ThresholdChoice, choose_threshold, sample_of
+from stereocal.matching.threshold import ThresholdChoice, choose_threshold, sample_of
 from stereocal.rig.camera import Camera
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.numbers import rounded
@@ -40,7 +41,7 @@ from stereocal.system.tasks import Pieces, Progress, StoppedError, Task, run_tas
 LOST_COLUMNS = ("camera", "frame", "u", "v")
 OTHER_IMAGES = 0.2
 """With a larger fraction of points outside the image, the parameters are of other images."""
-FEW_MATCHED = 0.1
+FEW_MATCHED, MANY_LOST = 0.1, 0.1
 MANY_POINTS = 100
 BLOCK_FRAMES, BLOCK_ROWS, AHEAD = 25, 2000, 6
 Frame = tuple[int, pd.DataFrame, pd.DataFrame]
@@ -52,8 +53,7 @@ Frames = list[Frame]
 class MatchReport:
     """The result of a matching in numbers."""
 
-    threshold_px: float
-    chosen: ThresholdChoice | None
+    chosen: ThresholdChoice
     frames: int
     pairs: int
     ambiguous: int
@@ -64,10 +64,9 @@ class MatchReport:
     def sentence(self) -> str:
         return (
             f"{self.pairs} pairs in {self.frames} frames at a threshold of "
-            f"{rounded(self.threshold_px, 3)} "
-            f"px; {self.ambiguous} of them ambiguous (another partner is within the threshold as "
-            f"well); without partner: {self.unmatched_primary} points of the primary, "
-            f"{self.unmatched_secondary} of the secondary."
+            f"{self.chosen.threshold_px:.3g} px; {self.ambiguous} of them ambiguous (another "
+            f"partner is within the threshold as well); without partner: {self.unmatched_primary} "
+            f"points of the primary, {self.unmatched_secondary} of the secondary."
         )
 
 
@@ -76,17 +75,19 @@ def match_tables(
     primary: PointTable,
     secondary: PointTable,
     out: Path,
-    threshold_px: Threshold = None,
+    threshold_px: float | None = None,
     depths_m: tuple[float, float] = ANY_DEPTH,
     unmatched: Path | None = None,
     progress: Progress | None = None,
     cancelled: Callable[[], bool] | None = None,
     executor: Executor | None = None,
     pieces: Pieces[TableBlock] | None = None,
+    sigma_px: float | None = None,
 ) -> MatchReport | None:
     """Match two tables (`frame,u,v` and further columns) and write the pairs; None if cancelled.
 
     Args:
+        threshold_px, sigma_px: as of `threshold.choose_threshold`.
         depths_m: nearest and farthest depth in the primary's frame.
         unmatched: file for the points without a partner (`camera,frame,u,v` and further columns).
         progress: called with the number of frames done and the total.
@@ -106,18 +107,18 @@ def match_tables(
     ]
     check_depths(depths_m)
     tables = (primary, secondary)
-    notes = [*filter(None, [timing]), *_notes(rig, tables, contents, threshold_px)]
-    threshold, chosen = _settle(rig, tables, contents, threshold_px, depths_m)
+    notes = [*filter(None, [timing]), *_notes(rig, tables, contents)]
+    chosen = _settle(rig, tables, contents, threshold_px, depths_m, sigma_px)
     names = further_names(primary.further, secondary.further)
     total = len(np.union1d(contents[0].frames, contents[1].frames))
-    columns = [*PAIR_COLUMNS, *names.columns]
+    columns = [*PAIR_COLUMNS, *sigma_columns(chosen.noise), *names.columns]
 
     lines_of = None if pieces is None else columns
     tasks = (
         Task(
             f"matched {block[0][0]} to {block[-1][0]}",
             _match_block,
-            (rig, block, threshold, depths_m, names, lines_of),
+            (rig, block, chosen.threshold_px, depths_m, names, chosen.noise, lines_of),
             len(block),
         )
         for block in _blocks(_side_by_side(primary, secondary))
@@ -139,14 +140,25 @@ def match_tables(
     except StoppedError:
         return None
     count, ambiguous, left_primary, left_secondary = counts.tolist()
-    if count < FEW_MATCHED * min(each.rows for each in contents):
-        notes.append(
-            "Few points found a partner: make sure that points, parameters and the two cameras "
-            "(primary, secondary) belong together."
-        )
+    shares = chosen.shares
+    loses_many = chosen.is_forced and shares is not None and shares.lost > MANY_LOST
+    if loses_many or count < FEW_MATCHED * min(each.rows for each in contents):
+        notes.append(_few_partners(chosen))
     common = len(np.intersect1d(contents[0].frames, contents[1].frames))
-    return MatchReport(
-        threshold, chosen, common, count, ambiguous, left_primary, left_secondary, notes
+    return MatchReport(chosen, common, count, ambiguous, left_primary, left_secondary, notes)
+
+
+def _few_partners(chosen: ThresholdChoice) -> str:
+    """What to do where few points found a partner."""
+    few = f"Few partners within {chosen.threshold_px:.3g} px."
+    noise = chosen.noise
+    if chosen.is_forced and noise is not None and noise.source == "estimated":
+        return (
+            f"{few} Your points scatter by {noise.in_words}: have the threshold chosen from them."
+        )
+    return (
+        f"{few} Make sure that points, parameters and the two cameras (primary, secondary) belong "
+        "together; if your points are less exact than the targets, state their noise."
     )
 
 
@@ -214,6 +226,7 @@ def _match_block(
     threshold: float,
     depths_m: tuple[float, float],
     names: FurtherNames,
+    noise: PointNoise | None,
     lines_of: Sequence[str] | None,
 ) -> TableBlock:
     """The pairs of a block; numbers: pairs, ambiguous pairs, unmatched points of each camera.
@@ -222,7 +235,8 @@ def _match_block(
         lines_of: columns to return as lines of CSV; None: a table.
     """
     found, lonely = zip(
-        *(match_frame(rig, *frame, threshold, depths_m, names) for frame in block), strict=True
+        *(match_frame(rig, *frame, threshold, depths_m, names, noise) for frame in block),
+        strict=True,
     )
     pairs = [len(table) for table in found]
     numbers = [
@@ -248,7 +262,7 @@ def _side_by_side(
     sides = [primary.frames(), secondary.frames()]
     here = [next(side, None) for side in sides]
     empty = [
-        pd.DataFrame({name: [] for name in ("frame", *POINT, *table.further)})
+        pd.DataFrame({name: [] for name in ("frame", *POINT, *table.sigmas, *table.further)})
         for table in (primary, secondary)
     ]
     while any(one is not None for one in here):
@@ -268,10 +282,11 @@ def _settle(
     rig: RigParameters,
     tables: tuple[PointTable, PointTable],
     contents: list[Contents],
-    threshold_px: Threshold,
+    threshold_px: float | None,
     depths_m: tuple[float, float],
-) -> tuple[float, ThresholdChoice | None]:
-    """The threshold, and how it was chosen if automatic.
+    sigma_px: float | None,
+) -> ThresholdChoice:
+    """The threshold, and what it rests on.
 
     Raises:
         StereocalError: the tables share no frame, or no threshold can be chosen.
@@ -283,34 +298,24 @@ def _settle(
             f"The two tables have no frame in common: {tables[0].label} has frames {a}, "
             f"{tables[1].label} has frames {b}. Use the same frame numbers in both."
         )
-    automatic = threshold_px == "auto" or (
-        threshold_px is None and rig.matching_threshold_px is None
-    )
-    if not automatic:
-        assert threshold_px != "auto"
-        return threshold_of(rig, threshold_px), None
     wanted = sample_of(common.tolist(), contents[0].rows / len(contents[0].frames))
-    sample: list[FramePixels] = [
-        (pixels_of(first), pixels_of(second))
+    sample = [
+        sample_pixels(first, second)
         for frame, first, second in _side_by_side(*tables)
         if frame in wanted
     ]
-    chosen = choose_threshold(rig, sample, depths_m)
-    return chosen.threshold_px, chosen
+    return choose_threshold(rig, sample, depths_m, sigma_px, threshold_px)
 
 
 def _notes(
     rig: RigParameters,
     tables: tuple[PointTable, PointTable],
     contents: list[Contents],
-    threshold_px: Threshold,
 ) -> list[str]:
     """Warnings, a sentence each."""
     notes = []
     if warning := purpose_warning(rig, "matching"):
         notes.append(warning)
-    if threshold_px is None and rig.matching_threshold_px is None:
-        notes.append("The parameter file contains no matching threshold: one was chosen.")
     for table, own, other, camera, which in (
         (tables[0], contents[0], contents[1], rig.primary, "primary"),
         (tables[1], contents[1], contents[0], rig.secondary, "secondary"),

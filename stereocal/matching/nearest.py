@@ -52,7 +52,8 @@ def nearest_errors(
     for primary, secondary in frames:
         if not len(primary):
             continue
-        first, second = rig.primary.undistort(primary), rig.secondary.undistort(secondary)
+        first = rig.primary.undistort(primary[:, :2])
+        second = rig.secondary.undistort(secondary[:, :2])
         _, _, _, least, _ = pairs_within(
             rig.pose.R, rig.pose.T, first, second, scale, 0.0, near, far
         )

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from stereocal.errors import StereocalError
 from stereocal.matching.in_step import shift_pixels
-from stereocal.matching.matching import ANY_DEPTH, match_points, threshold_of
-from stereocal.matching.threshold import choose_threshold, sample_of
+from stereocal.matching.matching import ANY_DEPTH, match_points
+from stereocal.matching.point_noise import PointNoise
+from stereocal.matching.point_table import PAIR_SIGMAS, SIGMA, SIGMAS
+from stereocal.matching.threshold import FramePixels, choose_threshold, sample_of
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.parameters import RigParameters
 
@@ -23,18 +25,21 @@ PAIR_COLUMNS = (
 )  # fmt: skip
 ERROR_DECIMALS = 6
 
-Threshold = float | Literal["auto"] | None
-"""Pixels; "auto": chosen from the points; None: that of the parameter file, else auto."""
-
 
 def match(
     rig: RigParameters,
     primary: pd.DataFrame,
     secondary: pd.DataFrame,
-    threshold_px: Threshold = None,
+    threshold_px: float | None = None,
     depths_m: tuple[float, float] = ANY_DEPTH,
+    sigma_px: float | None = None,
 ) -> pd.DataFrame:
     """Match two tables in memory: columns `frame`, `u`, `v` (raw pixels), and any further ones.
+
+    Args:
+        threshold_px: None: by the noise of the points.
+        sigma_px: the noise of the points, if it is known; None: that of the column `sigma_px`,
+            else estimated.
 
     Returns:
         The pairs, with the columns of `pairs.csv`, ordered by frame.
@@ -56,18 +61,18 @@ def match(
     frames = sorted(both[0].keys() & both[1].keys())
     names = further_names(
         *(
-            tuple(str(c) for c in table.columns if c not in ("frame", *POINT))
+            tuple(str(c) for c in table.columns if c not in ("frame", *POINT, *SIGMAS))
             for table in (primary, secondary)
         )
     )
-    threshold = None if threshold_px == "auto" else threshold_px
-    if threshold_px == "auto" or (threshold is None and rig.matching_threshold_px is None):
-        wanted = sample_of(frames, len(primary) / max(len(both[0]), 1))
-        sample = [(pixels_of(both[0][f]), pixels_of(both[1][f])) for f in sorted(wanted)]
-        threshold = choose_threshold(rig, sample, depths_m).threshold_px
-    threshold = threshold_of(rig, threshold)
+    wanted = sample_of(frames, len(primary) / max(len(both[0]), 1))
+    sample = [sample_pixels(both[0][f], both[1][f]) for f in sorted(wanted)]
+    chosen = choose_threshold(rig, sample, depths_m, sigma_px, threshold_px)
     found = [
-        match_frame(rig, f, both[0][f], both[1][f], threshold, depths_m, names)[0] for f in frames
+        match_frame(
+            rig, f, both[0][f], both[1][f], chosen.threshold_px, depths_m, names, chosen.noise
+        )[0]
+        for f in frames
     ]
     if not found:
         return pd.DataFrame(columns=[*PAIR_COLUMNS, *names.columns])
@@ -103,8 +108,9 @@ def match_frame(
     threshold: float,
     depths_m: tuple[float, float],
     names: FurtherNames,
+    noise: PointNoise | None = None,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Pairs and points without a partner of one frame."""
+    """Pairs and points without a partner of one frame; with `PAIR_SIGMAS` if the noise is known."""
     primary, secondary = pixels_of(first), pixels_of(second)
     found = match_points(rig, primary, secondary, threshold, depths_m)
     i, j = found.primary, found.secondary
@@ -118,6 +124,10 @@ def match_frame(
         "runner_up_px": found.runner_up_px.round(ERROR_DECIMALS),
         "ambiguous": found.ambiguous,
     }
+    for name, table, at in zip(sigma_columns(noise), (first, second), (i, j), strict=False):
+        assert noise is not None
+        by_column = noise.source == "columns" and SIGMA in table
+        columns[name] = table[SIGMA].array[at] if by_column else np.full(len(at), noise.sigma_px)
     for name, new in names.primary.items():
         columns[new] = first[name].array[i]
     for name, new in names.secondary.items():
@@ -131,6 +141,18 @@ def match_frame(
         table.insert(0, "camera", which)
         lonely.append(table)
     return pd.DataFrame(columns), pd.concat(lonely)
+
+
+def sigma_columns(noise: PointNoise | None) -> tuple[str, ...]:
+    """`PAIR_SIGMAS`, if the noise is that of the points."""
+    return PAIR_SIGMAS if noise is not None and noise.source != "calibration" else ()
+
+
+def sample_pixels(first: pd.DataFrame, second: pd.DataFrame) -> FramePixels:
+    """Pixels of one frame, with standard deviations if both cameras' tables have them."""
+    names = [*POINT, *([SIGMA] if SIGMA in first and SIGMA in second else [])]
+    sides = (table[names].to_numpy(dtype=np.float64) for table in (first, second))
+    return next(sides), next(sides)
 
 
 def pixels_of(table: pd.DataFrame) -> FloatArray:

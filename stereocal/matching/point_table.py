@@ -5,9 +5,10 @@
     for frame, rows in table.frames():
         ...
 
-A table has a column `frame` and columns of numbers; all further columns are passed through. Rows
-without any of the numbers (empty or NaN) are left out. If the rows are in the order of the frames,
-only a block of whole frames is in memory at a time; otherwise the table is read whole and sorted.
+A table has a column `frame` and columns of numbers, perhaps `SIGMAS`; all further columns are
+passed through. Rows without any of the numbers (empty or NaN) are left out. If the rows are in the
+order of the frames, only a block of whole frames is in memory at a time; otherwise the table is
+read whole and sorted.
 """
 
 from __future__ import annotations
@@ -37,6 +38,10 @@ from stereocal.system.tables import (
 )
 
 LONGEST_HEADER = 1_000_000
+SIGMA = "sigma_px"
+PAIR_SIGMAS = ("sigma_primary_px", "sigma_secondary_px")
+SIGMAS = (SIGMA, *PAIR_SIGMAS)
+"""Columns for the standard deviation of a point's coordinates, of one camera and of pairs."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +85,9 @@ class PointTable:
             raise StereocalError(f"{self.label}: the file cannot be read ({reason}).") from error
         self.names = tuple(name.strip() for name in names)
         check_names(self.names, ("frame", *self.numbers), self.names, self.label)
-        self.further = tuple(n for n in self.names if n != "frame" and n not in self.numbers)
+        self.sigmas = tuple(n for n in self.names if n in SIGMAS)
+        own = ("frame", *self.numbers, *self.sigmas)
+        self.further = tuple(n for n in self.names if n not in own)
         self._left_out = 0
         self._in_order: bool | None = None
 
@@ -198,6 +205,7 @@ class PointTable:
         """
         raw.columns = pd.Index(self.names)
         columns = [Column("frame", is_whole=True), *map(Column, self.numbers)]
+        columns += [Column(name, may_be_empty=True, is_positive=True) for name in self.sigmas]
         unseen = np.logical_and.reduce([is_missing(raw[name]) for name in self.numbers])
         # Blank lines do not count.
         self._left_out += int((unseen & ~is_missing(raw["frame"])).sum())
@@ -208,7 +216,7 @@ class PointTable:
             problems = [RowProblem(int(lines[row]), reasons[row]) for row in sorted(reasons)]
             raise RefusedRowsError(f"{self.label}: ", problems, "cannot be used")
         table = pd.DataFrame({"frame": values["frame"].astype(np.int64)}, index=raw.index)
-        for name in self.numbers:
+        for name in (*self.numbers, *self.sigmas):
             table[name] = values[name]
         for name in self.further:
             table[name] = raw[name]

@@ -46,7 +46,7 @@ def reconstruct_points(
     primary_px: npt.ArrayLike,
     secondary_px: npt.ArrayLike,
     world: Pose | None = None,
-    sigma_px: float | None = None,
+    sigma_px: float | FloatArray | None = None,
     pose_covariance: npt.ArrayLike | None = None,
 ) -> Points:
     """Reconstruct matched pairs by midpoint triangulation.
@@ -54,12 +54,12 @@ def reconstruct_points(
     Args:
         primary_px: (n, 2) raw pixels; `secondary_px`: (n, 2), their partners row by row.
         world: `world_from_primary`; None: points in the primary's frame.
-        sigma_px: standard deviation of one pixel coordinate, for the standard errors. If this and
-            `pose_covariance` are None, those of the file are used.
+        sigma_px: standard deviation of one pixel coordinate, of all points or (n, 2) of each point
+            in both cameras, for the standard errors; None: that of the file's targets.
         pose_covariance: (6, 6) of yaw, pitch, roll, delta, epsilon (rad) and baseline (m), or
-            (25, 25) of all shared unknowns of `bar_fit`, added to the effect of image noise. Its
-            part is common to all points: distances between points are more precise than their
-            positions.
+            (25, 25) of all shared unknowns of `bar_fit`, added to the effect of image noise; None:
+            that of the file. Its part is common to all points: distances between points are more
+            precise than their positions.
 
     Raises:
         StereocalError: an invalid noise or covariance.
@@ -69,10 +69,13 @@ def reconstruct_points(
     scale = np.array([rig.primary.pixel_scale, rig.secondary.pixel_scale])
     error = reprojection_errors_of_rays(rig.pose.R, rig.pose.T, rays, scale).mean(axis=1)
     sigma = None
+    of_targets, of_file = noise_of_file(rig)
     if sigma_px is None and pose_covariance is None:
-        sigma_px, pose_covariance = noise_of_file(rig)
+        sigma_px = of_targets
+    pose_covariance = of_file if pose_covariance is None else pose_covariance
     if sigma_px is not None or pose_covariance is not None:
-        covariance = point_covariances(rig, xyz, sigma_px or 0.0, pose_covariance)
+        noise = 0.0 if sigma_px is None else sigma_px
+        covariance = point_covariances(rig, xyz, noise, pose_covariance)
         if world is not None:
             covariance = world.R @ covariance @ world.R.T
         sigma = np.sqrt(np.einsum("nii->ni", covariance))
@@ -109,19 +112,20 @@ def noise_of_file(rig: RigParameters) -> tuple[float | None, FloatArray | None]:
 def point_covariances(
     rig: RigParameters,
     points_m: FloatArray,
-    sigma_px: float,
+    sigma_px: float | FloatArray,
     covariance: npt.ArrayLike | None = None,
 ) -> FloatArray:
     """Covariances (n, 3, 3) of points (n, 3), m^2 in the primary's frame, first order.
 
     Args:
+        sigma_px: of all points, or (n, 2).
         covariance: of the shared unknowns (25, 25), or of the pose alone (6, 6).
 
     Raises:
         StereocalError: a negative noise, or a covariance that is not a symmetric table of this
             size.
     """
-    if not (np.isfinite(sigma_px) and sigma_px >= 0):
+    if not (np.isfinite(sigma_px).all() and np.min(sigma_px, initial=0.0) >= 0):
         raise StereocalError(f"The image noise is {sigma_px} px: it must be 0 or more.")
     lenses = lenses_of_cameras(rig.primary, rig.secondary)
     own, jacobian = point_errors(shared_unknowns(rig), lenses, sigma_px, points_m)

@@ -16,9 +16,18 @@ from stereocal.matching.blocks import TableBlock
 from stereocal.matching.in_step import bring_into_step, shift_pixels
 from stereocal.matching.matching import purpose_warning
 from stereocal.matching.pairs import ERROR_DECIMALS
-from stereocal.matching.point_table import PointTable
-from stereocal.matching.reconstruction import name_of_world, noise_of_file, reconstruct_points
+from stereocal.matching.point_noise import (
+    FEWEST_PAIRS,
+    PointNoise,
+    check_sigma,
+    fit_noise,
+    noise_of_calibration,
+    pair_errors,
+)
+from stereocal.matching.point_table import PAIR_SIGMAS, SIGMAS, PointTable
+from stereocal.matching.reconstruction import name_of_world, reconstruct_points
 from stereocal.matching.table_writer import open_table
+from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.volume import Volume
@@ -39,6 +48,8 @@ FAR_OFF = 0.05
 
 AHEAD = 2
 """Blocks in memory: each may have 100,000 rows."""
+SAMPLE_PAIRS = 4000
+"""Pairs that show the noise."""
 
 
 @dataclass(frozen=True)
@@ -54,6 +65,21 @@ class ReconstructionReport:
     """Points outside the volume of the bars."""
     volume: Volume | None = None
     """The volume of the bars, if the parameter file has one."""
+    noise: PointNoise | None = None
+    """Of the points' coordinates; None if unknown, then the points have no standard errors."""
+
+    @property
+    def about_errors(self) -> str:
+        """What the standard errors rest on."""
+        if self.noise is None:
+            return "No standard errors: the noise of the points is unknown. State it in pixels."
+        words = f"The standard errors are for points known to {self.noise.in_words}"
+        if self.noise.source != "calibration":
+            return f"{words}.{self.noise.disagreement}"
+        return (
+            f"{words}: that of the targets, because the pairs do not show their own. If your "
+            "points are less exact, state their noise."
+        )
 
     def sentence(self) -> str:
         lost = f"; {self.behind} pairs do not meet in front of both cameras" if self.behind else ""
@@ -83,8 +109,9 @@ def reconstruct(
 
     Args:
         world: `world_from_primary`; None: points in the primary's frame, in metres.
-        sigma_px: standard deviation of a pixel coordinate; adds `sigma_x`, `sigma_y`, `sigma_z`.
-            None: that of a refined file, if any.
+        sigma_px: standard deviation of a pixel coordinate, for `sigma_x`, `sigma_y`, `sigma_z`.
+            None: by the columns `sigma_primary_px` and `sigma_secondary_px`, else estimated from
+            the pairs, else that of the calibration's targets.
 
     Returns:
         `frame,x,y,z,error_px`, then any standard errors, then `outside_volume` if the parameters
@@ -99,8 +126,49 @@ def reconstruct(
     if missing:
         raise StereocalError(f"The table of pairs has no column {missing[0]}.")
     pairs = shift_pixels(rig, pairs, PIXELS[2:])
+    return _measured(rig, pairs, world, noise_of_pairs(rig, pairs, sigma_px))
+
+
+def noise_of_pairs(
+    rig: RigParameters, pairs: pd.DataFrame, sigma_px: float | None = None
+) -> PointNoise | None:
+    """The noise of matched points; None if nothing is known of it.
+
+    Pairs were matched below some threshold, and what lies beyond it is missing: the estimate takes
+    the largest error for the threshold.
+
+    Args:
+        sigma_px: the noise, if it is known; None: by their columns, else by their errors, else that
+            of the calibration.
+
+    Raises:
+        StereocalError: a noise that is not above 0.
+    """
+    check_sigma(sigma_px)
+    if sigma_px is not None:
+        return PointNoise(sigma_px, "stated")
+    if set(PAIR_SIGMAS) <= set(pairs):
+        stated = pairs[list(PAIR_SIGMAS)].to_numpy(dtype=np.float64)
+        if np.isfinite(stated).any():
+            return PointNoise(float(np.sqrt(np.nanmean(stated**2))), "columns")
+    thin = pairs.iloc[:: max(len(pairs) // SAMPLE_PAIRS, 1)]
+    pixels = thin[list(PIXELS)].to_numpy(dtype=np.float64)
+    errors = pair_errors(rig, pixels[:, :2], pixels[:, 2:], thin["frame"].to_numpy())
+    if len(errors) >= FEWEST_PAIRS:
+        limit = errors.error_px.max() / np.quantile(errors.relative, 0.99)
+        found = fit_noise(errors, float(limit))
+        if found is not None and found.is_clear:
+            return PointNoise(found.deviation, "estimated", found.relative_error)
+    return noise_of_calibration(rig)
+
+
+def _measured(
+    rig: RigParameters, pairs: pd.DataFrame, world: Pose | None, noise: PointNoise | None
+) -> pd.DataFrame:
+    """As `reconstruct`, of pairs in step and with their noise."""
     pixels = pairs[list(PIXELS)].to_numpy(dtype=np.float64)
-    found = reconstruct_points(rig, pixels[:, :2], pixels[:, 2:], world, sigma_px)
+    sigmas = None if noise is None else _sigmas(pairs, noise)
+    found = reconstruct_points(rig, pixels[:, :2], pixels[:, 2:], world, sigmas)
     columns = {"frame": pairs["frame"].to_numpy()}
     for k, name in enumerate("xyz"):
         columns[name] = found.xyz[:, k]
@@ -143,9 +211,15 @@ def reconstruct_table(
         StereocalError: bad input; no file is written then.
     """
     pairs, timing = bring_into_step(pairs, PIXELS[2:], rig)
-    contents = pairs.check(lambda block: points_outside_images(rig, block))
-    has_errors = sigma_px is not None or noise_of_file(rig)[0] is not None
-    columns = [*POINT_COLUMNS, *(SIGMA_COLUMNS if has_errors else ())]
+    sample: list[pd.DataFrame] = []
+
+    def look(block: pd.DataFrame) -> list[RowProblem]:
+        sample.append(block.iloc[:: max(len(block) // SAMPLE_PAIRS, 1)])
+        return points_outside_images(rig, block)
+
+    contents = pairs.check(look)
+    noise = noise_of_pairs(rig, pd.concat(sample), sigma_px)
+    columns = [*POINT_COLUMNS, *(SIGMA_COLUMNS if noise is not None else ())]
     columns += [] if rig.volume is None else [OUTSIDE_VOLUME]
     columns += [] if world is None else [COORDINATES]
     columns += list(_passed_on((*pairs.numbers, *pairs.further)).values())
@@ -155,7 +229,7 @@ def reconstruct_table(
         Task(
             f"measured {block.index[0]} to {block.index[-1]}",
             _measure_block,
-            (rig, block, world, sigma_px, lines_of),
+            (rig, block, world, noise, lines_of),
             len(block),
         )
         for block in pairs.blocks()
@@ -180,21 +254,21 @@ def reconstruct_table(
             "Most pairs do not fit these parameters at all: make sure that both are of the same "
             "rig, and that primary and secondary are not exchanged."
         )
-    return ReconstructionReport(len(pooled), behind, median, notes, outside, rig.volume)
+    return ReconstructionReport(len(pooled), behind, median, notes, outside, rig.volume, noise)
 
 
 def _measure_block(
     rig: RigParameters,
     block: pd.DataFrame,
     world: Pose | None,
-    sigma_px: float | None,
+    noise: PointNoise | None,
     lines_of: Sequence[str] | None,
 ) -> TableBlock:
     """The points of a block, as lines of CSV if `lines_of` names columns.
 
     numbers: how many points lie outside the volume of the bars, then the errors.
     """
-    table = reconstruct(rig, block, world, sigma_px)
+    table = _measured(rig, block, world, noise)
     errors = table["error_px"].to_numpy(dtype=np.float32)
     outside = 0
     if OUTSIDE_VOLUME in table:
@@ -203,13 +277,22 @@ def _measure_block(
     return measured if lines_of is None else measured.as_lines(lines_of)
 
 
+def _sigmas(pairs: pd.DataFrame, noise: PointNoise) -> FloatArray:
+    """(n, 2): standard deviations of the points of both cameras."""
+    every = np.full((len(pairs), 2), noise.sigma_px)
+    if noise.source != "columns":
+        return every
+    own = pairs[list(PAIR_SIGMAS)].to_numpy(dtype=np.float64)
+    return np.where(np.isfinite(own), own, every)
+
+
 def _passed_on(names: tuple[str, ...]) -> dict[str, str]:
     """The further columns of pairs, and their names in the table of points."""
     own = {*POINT_COLUMNS, *SIGMA_COLUMNS, OUTSIDE_VOLUME, COORDINATES}
     return {
         name: f"{name}_of_pair" if name in own else name
         for name in names
-        if name not in ("frame", *PIXELS, *OF_MATCHING)
+        if name not in ("frame", *PIXELS, *OF_MATCHING, *SIGMAS)
     }
 
 

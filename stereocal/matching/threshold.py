@@ -1,4 +1,4 @@
-"""Choose a matching threshold from the points themselves: `--threshold auto`.
+"""Choose a matching threshold from the points themselves.
 
 Let a frame have `n` correct pairs whose error e has density f and distribution F. Wrong partners
 lie at any distance from the epipolar line, so near e = 0 the density of wrong pairs is uniform: `s`
@@ -10,14 +10,13 @@ per pixel. With a threshold t
 
 u and v are the fractions of points without their partner within e: since the assignment is
 one-to-one, a wrong pair is taken only if both its points lack their own partner (missing, spurious
-or lost). Without these factors half of the pairs of a dense flock would be lost. Pairs that
-exchange partners are not counted: their number hardly depends on the threshold. The chosen
-threshold minimises lost + wrong.
+or lost). Without these factors half of the pairs of a dense flock would be lost. The chosen
+threshold minimises lost + wrong. Two points that are nearer to each other's epipolar line than their errors
+exchange partners: about s times the mean error, of the points with partners. That hardly depends
+on the threshold, but is part of the stated share of wrong pairs.
 
-n, s and f are estimated from the errors of all pairs of a sample of frames, up to an error with
-about four pairs per point: a mixture of a peak (correct pairs) and a uniform (wrong pairs), fitted
-by maximum likelihood. The peak is half-normal, with a tail of 5 % of the pairs at three times the
-scale, as real detections have.
+n, s and f are those of `point_noise`, from the pairs of a sample of frames. Where correct pairs do
+not stand out, the threshold is that of the parameter file, which is for points like the targets.
 """
 
 from __future__ import annotations
@@ -26,12 +25,23 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
-from scipy.special import erf
 
 from stereocal.errors import StereocalError
-from stereocal.matching.matching import ANY_DEPTH, check_depths
+from stereocal.matching.matching import ANY_DEPTH, check_depths, threshold_of
 from stereocal.matching.pair_candidates import pairs_within
+from stereocal.matching.point_noise import (
+    FEWEST_PAIRS,
+    Mixture,
+    PairErrors,
+    PointNoise,
+    check_sigma,
+    fit_noise,
+    fit_pairs,
+    found_within,
+    noise_of_calibration,
+    pair_errors,
+    stated_noise,
+)
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.numbers import rounded
@@ -39,35 +49,34 @@ from stereocal.system.numbers import rounded
 SAMPLE_FRAMES = 20
 SAMPLE_POINTS = 2000
 """A sample has at least this many frames, and more until it has this many points."""
-PAIRS_PER_POINT = 4
+SAMPLE_PAIRS = 6000
+PAIRS_PER_POINT = 3
 """Enough wrong pairs to estimate their density, and close enough to 0 for it to be uniform."""
-BINS = 400
-TAIL = 0.05
-TAIL_SCALE = 3.0
-EVIDENCE = 30.0
-"""Required value of twice the gain in log likelihood by the peak; chance gives 10 at most."""
+NEAREST = 10 * PAIRS_PER_POINT
+"""Pairs of each point that are looked at: enough for frames of different density."""
+TAIL, TAIL_SCALE = 0.05, 3.0
+"""Correct pairs of real detections that a sample may not show, and their scale over the others':
+without them, 2 % of the pairs of the real recording were beyond the threshold."""
 MAXIMUM_LOST = 0.5
 """A threshold that loses a larger fraction of the correct pairs is rejected."""
 CLEAR = 0.05
 """The distributions are apart if at most this fraction of the pairs is lost, and of them wrong."""
 MINIMUM_UNPARTNERED = 0.01
 """Lower limit of the fraction of points without a partner."""
+LEAST_WRONG = 0.5
+"""Number of wrong pairs assumed where none is seen."""
+SHAPES = 100
+"""Pairs whose errors stand for those of all correct pairs."""
 
 FramePixels = tuple[FloatArray, FloatArray]
-"""Raw pixels (n, 2) of the primary and (m, 2) of the secondary in one frame."""
+"""Raw pixels (n, 2) of the primary and (m, 2) of the secondary in one frame; or (n, 3) and (m, 3),
+with the standard deviation of each point."""
 
 
 @dataclass(frozen=True)
-class ThresholdChoice:
-    """A threshold, and the estimates behind it."""
+class Shares:
+    """What a threshold does, by the estimate of correct and wrong pairs."""
 
-    threshold_px: float
-    sigma_px: float
-    """Scale of the half-normal of correct pairs, without the tail."""
-    wrong_per_point: float
-    """Expected wrong candidates of a primary point within the threshold."""
-    partnered: float
-    """Estimated fraction of primary points whose partner is among the secondary's points."""
     lost: float
     """Expected fraction of correct pairs beyond the threshold."""
     wrong: float
@@ -78,15 +87,48 @@ class ThresholdChoice:
         """Whether a threshold lies between the distributions of correct and of wrong pairs."""
         return max(self.lost, self.wrong) <= CLEAR
 
+
+@dataclass(frozen=True)
+class ThresholdChoice:
+    """A threshold, and what it rests on."""
+
+    threshold_px: float
+    noise: PointNoise | None
+    """Of the points; None if nothing is known."""
+    targets: PointNoise | None
+    """Noise of the calibration's targets, if known."""
+    shares: Shares | None = None
+    """None if correct and wrong pairs could not be told apart."""
+    is_forced: bool = False
+
     def sentence(self) -> str:
+        """Noise, threshold, and what it does."""
+        of_file = ", that of the parameter file" * (self.shares is None and not self.is_forced)
+        text = f"{self._about_noise} Threshold {self.threshold_px:.3g} px{of_file}"
+        if self.shares is None:
+            return f"{text}."
         return (
-            f"Threshold chosen from the points: {rounded(self.threshold_px, 3)} px. Correct "
-            "pairs have "
-            f"errors of about {rounded(self.sigma_px)} px; a point has "
-            f"{rounded(self.wrong_per_point)} wrong "
-            f"candidates within the threshold on average; about {100 * self.lost:.1f} % of the "
-            "correct pairs lie beyond it."
+            f"{text}: {_percent(1 - self.shares.lost)} of correct pairs are below it; about "
+            f"{_percent(self.shares.wrong)} of the pairs found will be wrong."
         )
+
+    @property
+    def _about_noise(self) -> str:
+        own, targets = self.noise, self.targets
+        if own is not None and own.source != "calibration":
+            others = "" if targets is None else f" (the targets: {targets.sigma_px:.2g} px)"
+            return f"Your points scatter by {own.in_words}{others}.{own.disagreement}"
+        instead = "" if own is None else f", so that of the targets is used, {own.sigma_px:.2g} px"
+        return (
+            "The noise of your points cannot be estimated (fewer than "
+            f"{FEWEST_PAIRS} pairs stand out){instead}."
+        )
+
+
+def _percent(share: float) -> str:
+    """With a digit more near 0 and 100."""
+    percent = 100 * share
+    return f"{percent:.1f} %" if percent < 9.95 or percent > 90 else f"{percent:.0f} %"
 
 
 def sample_of(frames: Sequence[int], points_per_frame: float) -> set[int]:
@@ -100,96 +142,141 @@ def choose_threshold(
     rig: RigParameters,
     frames: Sequence[FramePixels],
     depths_m: tuple[float, float] = ANY_DEPTH,
+    sigma_px: float | None = None,
+    threshold_px: float | None = None,
 ) -> ThresholdChoice:
-    """The threshold that minimises lost plus wrong pairs (see the module).
+    """The threshold that minimises lost plus wrong pairs, and the noise of the points.
 
     Args:
         frames: 20 frames are enough if they have many points; see `sample_of`.
+        sigma_px: noise of the points, if it is known; None: by the points, if they state it, else
+            estimated, else that of the calibration.
+        threshold_px: the threshold, if it is given.
 
     Raises:
-        StereocalError: no pairs at all, or correct and wrong pairs cannot be separated.
+        StereocalError: no threshold can be chosen, and the file has none; or an invalid one.
     """
-    pooled, limit = _pooled_errors(rig, frames, depths_m)
-    if not len(pooled):
+    if threshold_px is not None:
+        threshold_of(rig, threshold_px)
+    check_sigma(sigma_px)
+    sample = _sample(rig, frames, depths_m)
+    found, noise = _fits(rig, sample, sigma_px)
+    targets = noise_of_calibration(rig)
+    if found is not None:
+        chosen, shares = _choose(found, sample, threshold_px)
+        if threshold_px is not None or shares.lost <= MAXIMUM_LOST:
+            is_forced = threshold_px is not None
+            return ThresholdChoice(chosen, noise, targets, shares, is_forced)
+    if threshold_px is not None:
+        return ThresholdChoice(threshold_px, noise, targets, is_forced=True)
+    if rig.matching_threshold_px is None:
         raise StereocalError(
-            "No threshold can be chosen: no pair of points meets in front of both cameras."
+            "No threshold can be chosen: "
+            + (
+                "correct and wrong pairs cannot be separated, because there are too few points, "
+                "they are too dense for this parameter set, or it does not fit them. Match with "
+                "the 2D or the refined set, narrow the depth range, or state a threshold in pixels."
+                if len(sample.errors)
+                else "no pair of points meets in front of both cameras."
+            )
         )
-    edges = np.concatenate([[0.0], np.geomspace(1e-4 * limit, limit, BINS)])
-    counts, _ = np.histogram(pooled, edges)
-    sigma, share, gain = _fit(counts.astype(np.float64), edges)
-    points = np.array([[len(p), len(s)] for p, s in frames], dtype=np.float64).sum(axis=0)
-    wrong_per_px = (1 - share) * len(pooled) / limit
-    chosen = _choose(sigma, share * len(pooled), wrong_per_px, points, limit)
-    if gain < EVIDENCE or chosen.lost > MAXIMUM_LOST:
-        raise StereocalError(
-            "No threshold can be chosen: correct and wrong pairs cannot be separated, because the "
-            "points are too dense for this parameter set, or it does not fit them. Match with the "
-            "2D set, narrow the depth range, or state a threshold in pixels."
-        )
-    return chosen
+    return ThresholdChoice(rig.matching_threshold_px, noise, targets)
 
 
-def _pooled_errors(
+@dataclass(frozen=True, eq=False)
+class _Sample:
+    """The errors of all pairs up to a limit."""
+
+    errors: PairErrors
+    limit_px: float
+    points: FloatArray
+    """(2,): of either camera."""
+    thinning: float
+    """Pairs up to the limit over those in `errors`."""
+    has_sigmas: bool
+
+
+def _sample(
     rig: RigParameters, frames: Sequence[FramePixels], depths_m: tuple[float, float]
-) -> tuple[FloatArray, float]:
-    """The errors of all pairs of all frames up to a limit, and the limit."""
+) -> _Sample:
     near, far = check_depths(depths_m)
     scale = np.array([rig.primary.pixel_scale, rig.secondary.pixel_scale])
-    found, wanted = [np.empty(0)], 0
-    for primary, secondary in frames:
-        first, second = rig.primary.undistort(primary), rig.secondary.undistort(secondary)
-        _, _, errors, _, _ = pairs_within(
-            rig.pose.R, rig.pose.T, first, second, scale, np.inf, near, far
-        )
+    sides: tuple[list[FloatArray], list[FloatArray]] = ([], [])
+    numbers, errors, wanted, cut = [], [np.empty(0)], 0, False
+    for number, (primary, secondary) in enumerate(frames):
+        first, second, found, _, _ = pairs_within(
+            rig.pose.R, rig.pose.T, rig.primary.undistort(primary[:, :2]),
+            rig.secondary.undistort(secondary[:, :2]), scale, np.inf, near, far,
+        )  # fmt: skip
         few = min(len(primary), len(secondary))
-        wanted += max(few, min(PAIRS_PER_POINT * few, 3 * len(primary) * len(secondary) // 4))
-        # Enough for frames of different density, and still far fewer than all.
-        most = 10 * PAIRS_PER_POINT * few
-        found.append(errors if len(errors) <= most else np.partition(errors, most)[:most])
-    pooled = np.sort(np.concatenate(found))[:wanted]
-    return pooled, float(pooled[-1]) if len(pooled) else 0.0
+        wanted += min(PAIRS_PER_POINT * few, max(len(found) // 2, few))
+        nearest = np.argsort(found, kind="stable")[: NEAREST * few]
+        cut |= len(nearest) < len(found)
+        sides[0].append(primary[first[nearest]])
+        sides[1].append(secondary[second[nearest]])
+        errors.append(found[nearest])
+        numbers.append(np.full(len(nearest), number))
+    points = np.array([[len(p), len(s)] for p, s in frames] or [[0, 0]], dtype=np.float64)
+    pooled = np.concatenate(errors)
+    order = np.argsort(pooled, kind="stable")[:wanted]
+    cut |= len(order) < len(pooled)
+    thinning = max(len(order) // SAMPLE_PAIRS, 1)
+    if not len(order):
+        return _Sample(PairErrors.none(), 0.0, points.sum(axis=0), 1.0, False)
+    largest = float(pooled[order[-1]])
+    order = order[::thinning]
+    first, second, frame = (np.concatenate(each)[order] for each in (*sides, numbers))
+    kept = pair_errors(rig, first, second, frame)
+    limit = float(np.hypot(*rig.primary.image_size))
+    if cut:
+        # All pairs up to this distance have an error up to the largest.
+        limit = largest / float(np.quantile(kept.relative, 0.99))
+    kept = kept.where(kept.off_px <= limit)
+    states = all(np.isfinite(np.concatenate(side)[:, 2:]).any() for side in sides)
+    return _Sample(kept, limit, points.sum(axis=0), thinning, states and len(kept) > 0)
 
 
-def _fit(counts: FloatArray, edges: FloatArray) -> tuple[float, float, float]:
-    """Scale of the half-normal, its fraction, and twice the log likelihood gain over no peak."""
-    limit = edges[-1]
-    scales = np.geomspace(3e-4 * limit, 0.5 * limit, 150)[:, None]
-    peak = np.diff(_found(edges, scales), axis=1) / _found(limit, scales)
-    flat = np.diff(edges) / limit
-    share = np.full((len(scales), 1), 0.1)
-    total = counts.sum()
-    for _ in range(200):
-        mixed = share * peak + (1 - share) * flat
-        share = (counts * share * peak / mixed).sum(axis=1, keepdims=True) / total
-    likelihood = (counts * np.log(share * peak + (1 - share) * flat)).sum(axis=1)
-    best = int(np.argmax(likelihood))
-    gain = 2 * (likelihood[best] - (counts * np.log(flat)).sum())
-    return float(scales[best, 0]), float(share[best, 0]), float(gain)
+def _fits(
+    rig: RigParameters, sample: _Sample, sigma_px: float | None
+) -> tuple[Mixture | None, PointNoise | None]:
+    """Correct and wrong pairs, if they can be told apart, and the noise, if it is known."""
+    errors = sample.errors if sigma_px is None else sample.errors.with_sigma(sigma_px)
+    found = fit_pairs(errors, sample.limit_px)
+    is_clear = found is not None and found.is_clear
+    limit = found.limit_px if found is not None and is_clear else sample.limit_px
+    if sigma_px is not None or sample.has_sigmas:
+        known = fit_noise(errors, limit, 1.0)
+        typical = sigma_px or float(np.sqrt(np.mean(errors.stated**2)))
+        noise = stated_noise(typical, sigma_px is None, found if is_clear else None)
+        return (known if known is not None and known.stands_out else None), noise
+    own = fit_noise(errors, limit) if is_clear else None
+    if own is not None and own.is_clear:
+        return found, PointNoise(own.deviation, "estimated", own.relative_error)
+    return (found if is_clear else None), noise_of_calibration(rig)
 
 
-def _found(error: npt.ArrayLike, scale: npt.ArrayLike) -> FloatArray:
-    """F: the fraction of correct pairs up to an error."""
-    relative = np.asarray(error) / (np.sqrt(2.0) * np.asarray(scale))
-    share: FloatArray = (1 - TAIL) * erf(relative) + TAIL * erf(relative / TAIL_SCALE)
-    return share
-
-
-def _choose(
-    sigma: float, correct: float, wrong_per_px: float, points: FloatArray, limit: float
-) -> ThresholdChoice:
-    """Minimise lost + wrong over all frames together."""
-    partnered = np.minimum(correct / points, 1 - MINIMUM_UNPARTNERED)
-    errors = np.concatenate([[0.0], np.geomspace(1e-2 * sigma, limit, 4000)])
-    found = _found(errors, sigma)
-    free = (1 - partnered[0] * found) * (1 - partnered[1] * found)
-    taken = np.concatenate([[0.0], np.cumsum(0.5 * (free[1:] + free[:-1]) * np.diff(errors))])
-    at = int(np.argmin(correct * (1 - found) + wrong_per_px * taken))
-    wrong = wrong_per_px * taken[at]
-    return ThresholdChoice(
-        threshold_px=float(errors[at]),
-        sigma_px=sigma,
-        wrong_per_point=float(wrong_per_px * errors[at] / points[0]),
-        partnered=float(partnered[0]),
-        lost=float(1 - found[at]),
-        wrong=float(wrong / max(wrong + correct * found[at], 1e-300)),
-    )
+def _choose(found: Mixture, sample: _Sample, threshold: float | None) -> tuple[float, Shares]:
+    """The threshold of least lost + wrong, over all frames together, unless it is given."""
+    errors = found.errors
+    near = np.flatnonzero(errors.off_px <= 3 * found.scales)
+    near = near[np.linspace(0, len(near) - 1, min(SHAPES, len(near))).round().astype(int)]
+    scales = (errors.relative * found.scales)[near]
+    limit = found.limit_px * float(np.median(errors.relative[near]))
+    edges = np.concatenate([[0.0], np.geomspace(1e-2 * scales.min(), limit, 2000)])
+    if threshold is not None:
+        edges = np.unique(np.append(edges, threshold))
+    within = edges[:, None] / scales
+    inside = (1 - TAIL) * found_within(within, found.degrees).mean(axis=1)
+    inside += TAIL * found_within(within / TAIL_SCALE, found.degrees).mean(axis=1)
+    correct = found.correct * sample.thinning
+    others = (1 - found.share) * len(errors) * sample.thinning
+    per_px = max(others, LEAST_WRONG) / limit
+    partnered = np.minimum(correct / sample.points, 1 - MINIMUM_UNPARTNERED)
+    free = (1 - partnered[0] * inside) * (1 - partnered[1] * inside)
+    taken = np.concatenate([[0.0], np.cumsum(0.5 * (free[1:] + free[:-1]) * np.diff(edges))])
+    cost = correct * (1 - inside) + per_px * taken
+    at = int(np.argmin(cost)) if threshold is None else int(np.searchsorted(edges, threshold))
+    mean_error = float(np.sum((1 - 0.5 * (inside[1:] + inside[:-1])) * np.diff(edges)))
+    wrong = per_px * (taken[at] + float(np.prod(partnered)) * min(mean_error, edges[at]))
+    shares = Shares(float(1 - inside[at]), float(wrong / max(wrong + correct * inside[at], 1e-300)))
+    return float(edges[at]), shares

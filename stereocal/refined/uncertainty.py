@@ -179,13 +179,15 @@ def in_view(camera: Camera, points_m: FloatArray) -> BoolArray:
 
 
 def point_errors(
-    q: FloatArray, lenses: FloatArray, sigma_px: float, points_m: npt.ArrayLike
+    q: FloatArray, lenses: FloatArray, sigma_px: float | FloatArray, points_m: npt.ArrayLike
 ) -> tuple[FloatArray, FloatArray]:
     """Covariances (n, 3, 3) of points from the noise of their pixels, and derivatives (n, 3, 25)
     of the points by the shared unknowns; NaN behind a camera.
 
     Args:
         q: (25,), and `lenses` (2, 23): as in `bar_fit`.
+        sigma_px: standard deviation of a pixel coordinate, of all points or (n, 2) of each point in
+            both cameras.
         points_m: (n, 3), in the primary's frame.
     """
     points = np.ascontiguousarray(points_m, dtype=np.float64).reshape(-1, 3)
@@ -198,6 +200,8 @@ def point_errors(
     J = by_point[usable]
     shifts = np.concatenate([np.linalg.pinv(J[:, :2]), np.linalg.pinv(J[:, 2:])], axis=2)
     gain = np.linalg.solve(shifts @ J, shifts)
-    own[usable] = sigma_px**2 * gain @ gain.transpose(0, 2, 1)
+    sigmas = np.broadcast_to(np.asarray(sigma_px, dtype=np.float64), (len(points), 2))[usable]
+    weighted = gain * np.repeat(sigmas, 2, axis=1)[:, None, :]
+    own[usable] = weighted @ weighted.transpose(0, 2, 1)
     jacobian[usable] = -gain @ by_shared[usable]
     return own, jacobian

@@ -13,6 +13,7 @@ from stereocal.matching.application import STAGES, Application, Outcome, Points,
 from stereocal.matching.blocks import pack_block, unpack_block
 from stereocal.matching.matching import ANY_DEPTH, purpose_warning
 from stereocal.matching.parquet import PARQUET
+from stereocal.matching.threshold import ThresholdChoice
 from stereocal.projects.application import USES, ProjectApplication, Use
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS, CameraName
@@ -46,19 +47,25 @@ class Chosen:
     points: tuple[Points, Points]
     sets: tuple[RigParameters, RigParameters]
     """To match and to measure with."""
-    threshold_px: float | None
+    threshold: ThresholdChoice | None
+    """None: none can be chosen."""
     depths_m: Depths | None
     """None: they are invalid."""
     form: ThresholdForm
     world: Pose | None = None
     """`world_from_primary` of the points; None: they are in the primary's frame."""
+    sigma_px: float | None = None
+    """Noise of the points, if it is stated."""
 
     @property
     def work(self) -> Application | None:
         """What is to be computed; None without a threshold or with invalid depths."""
-        if self.threshold_px is None or self.depths_m is None:
+        if self.threshold is None or self.depths_m is None:
             return None
-        return Application(*self.points, *self.sets, self.threshold_px, self.depths_m, self.world)
+        stated = self.threshold.threshold_px if self.threshold.is_forced else None
+        return Application(
+            *self.points, *self.sets, stated, self.depths_m, self.world, self.sigma_px
+        )
 
 
 def choose_inputs(project: Project, store: ProjectApplication) -> Chosen | None:
@@ -72,7 +79,7 @@ def choose_inputs(project: Project, store: ProjectApplication) -> Chosen | None:
     with row[0]:
         points = _choose_points(project, store)
     sets = _choose_sets(project, store, (row[1], row[3]))
-    form = threshold = depths = None
+    form = threshold = depths = sigma_px = None
     if points is not None and sets is not None:
         try:
             depths = chosen_depths(project)
@@ -80,7 +87,7 @@ def choose_inputs(project: Project, store: ProjectApplication) -> Chosen | None:
             st.error(escape_markdown(str(error)))
         form = threshold_form(store, points, sets[0], depths or ANY_DEPTH)
         with row[2]:
-            threshold = form.choose()
+            threshold, sigma_px = form.choose()
         form.report(threshold)
         for rig, purpose in zip(sets, ("matching", "reconstruction"), strict=True):
             if warning := purpose_warning(rig, purpose):
@@ -98,7 +105,7 @@ def choose_inputs(project: Project, store: ProjectApplication) -> Chosen | None:
         st.page_link("app_pages/calibrate.py", label="Or calibrate on the Calibrate page")
     if points is None or sets is None or form is None:
         return None
-    return Chosen(points, sets, threshold, depths, form, world)
+    return Chosen(points, sets, threshold, depths, form, world, sigma_px)
 
 
 def _points_kind(project: Project, store: ProjectApplication) -> Field:

@@ -108,7 +108,7 @@ def _show_looks(
     if tables is not None:
         looks["A known length"] = partial(_show_lengths, project, tables.points, known_m)
     if chosen is not None:
-        looks["Threshold and depths"] = partial(chosen.form.show, chosen.threshold_px)
+        looks["Threshold and depths"] = partial(chosen.form.show, chosen.threshold)
     if tables is not None:
         looks["Tables"] = partial(_show_tables, tables)
     if not looks:
@@ -186,6 +186,7 @@ def _show_words(store: ProjectApplication, outcome: Outcome, tables: Tables | No
                 st.caption(escape_markdown(sentence))
         near, far = outcome.depths_m
         depths = "" if far is None and not near else f" --depth {near:g} {far or 'inf'}"
+        sigma = "" if outcome.sigma_px is None else f" --sigma-px {outcome.sigma_px!r}"
         suffixes = [Path(name).suffix for name in outcome.tables]
         names = [f"{which}{end}" for which, end in zip(CAMERAS, suffixes, strict=True)]
         match_with, measure_with = (
@@ -193,7 +194,7 @@ def _show_words(store: ProjectApplication, outcome: Outcome, tables: Tables | No
         )
         st.code(
             f"python -m stereocal match {names[0]} {names[1]} --parameters {match_with} "
-            f"--threshold {outcome.threshold_px!r}{depths} --out {PAIRS}\n"
+            f"--threshold {outcome.threshold_px!r}{sigma}{depths} --out {PAIRS}\n"
             f"python -m stereocal reconstruct {PAIRS} --parameters {measure_with} "
             f"{'' if outcome.world is None else f'--world {WORLD_FILE} '}--out {POINTS}",
             language="shell", wrap_lines=True,

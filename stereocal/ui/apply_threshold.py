@@ -1,4 +1,4 @@
-"""The threshold of the Apply page: stated, of the parameter set, or chosen from the points."""
+"""The threshold of the Apply page: by the noise of the points, or stated."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import streamlit as st
 
 from stereocal.errors import StereocalError
 from stereocal.figures import describe_pair_errors, plot_pair_errors
-from stereocal.matching.application import Points, sample_frames
+from stereocal.matching.application import Points, digest_of, sample_frames
 from stereocal.matching.in_step import shift_pixels
 from stereocal.matching.matching import ANY_DEPTH, check_depths
 from stereocal.matching.nearest import nearest_errors
@@ -24,12 +24,15 @@ from stereocal.system.numbers import rounded
 from stereocal.ui import jobs
 from stereocal.ui.fields import Field, number, setting, yes_or_no
 from stereocal.ui.figure import show_figure
-from stereocal.ui.messages import callback
 from stereocal.ui.texts import escape_markdown
 
 Depths = tuple[float, float]
-_THRESHOLD = "apply_threshold"
-_ASKED = "apply_asked"
+SOURCES = {
+    "estimated": "estimated",
+    "stated": "as stated",
+    "columns": "by their columns",
+    "calibration": "as the targets",
+}
 
 
 @dataclass(frozen=True)
@@ -44,76 +47,79 @@ class ThresholdForm:
     """A sample of the points of both cameras."""
     depths: Depths
 
-    def choose(self) -> float | None:
-        """The threshold (px) in a field, which starts with that of the parameter set."""
-        usual = self.rig.matching_threshold_px
-        if usual is None and _THRESHOLD not in self.project.settings:
-            chosen = self._choice()[0]
-            usual = None if chosen is None else chosen.threshold_px
-        field = self._field(usual)
+    def choose(self) -> tuple[ThresholdChoice | None, float | None]:
+        """The threshold, and the noise of the points as stated, each in a field that is empty where
+        the points decide.
+        """
+        stated, sigma = self._fields
+        found, _ = self._choice(stated.value(), sigma.value())
+        usual, _ = self._choice(None, sigma.value())
+        noise = None if usual is None else usual.noise
         st.number_input(
             "below (px)", min_value=0.0, value=None, step=0.1, format="%.4g",
-            placeholder="largest error of a pair",
-            help="Threshold: largest reprojection error of a pair, mean over both cameras.",
-            **field.widget(),
+            placeholder="none" if usual is None else f"{usual.threshold_px:.3g}, by the points",
+            help="Threshold: largest reprojection error of a pair, mean over both cameras. Empty: "
+            "by the noise of your points.",
+            **stated.widget(),
         )  # fmt: skip
-        threshold: float | None = field.value()
-        return threshold
+        st.number_input(
+            "My points are known to (px)", min_value=0.001, value=None, step=0.1, format="%.4g",
+            placeholder="" if noise is None else f"{noise.sigma_px:.2g}, {SOURCES[noise.source]}",
+            help="One standard deviation of an image coordinate of your points. Empty: by their "
+            "column sigma_px, or estimated from their epipolar errors.",
+            **sigma.widget(),
+        )  # fmt: skip
+        return found, sigma.value()
 
-    def report(self, threshold: float | None) -> None:
-        """How the threshold was chosen, or why none could be if the user asked for it."""
-        asked = st.session_state.get(_ASKED)
-        if asked or self.rig.matching_threshold_px is None:
-            found, sentence = self._choice()
-            if found is None and (asked or threshold is None):
-                st.warning(escape_markdown(sentence))
-            elif found is not None and found.threshold_px == threshold:
-                st.caption(escape_markdown(sentence))
-        if threshold is None:
-            st.info("Give a threshold in pixels.")
+    def report(self, found: ThresholdChoice | None) -> None:
+        """The noise of the points, and the threshold with what it does."""
+        if found is not None:
+            st.caption(escape_markdown(found.sentence()))
+            return
+        st.warning(escape_markdown(self._choice(*(field.value() for field in self._fields))[1]))
+        st.info("Give a threshold in pixels.")
 
-    def show(self, threshold: float | None) -> None:
+    def show(self, found: ThresholdChoice | None) -> None:
         """The errors of the best and second-best pairs, and the depth range."""
         form, figure = st.columns([2, 3], gap="large")
         with form:
             if self.rig.matching_threshold_px is not None:
-                st.caption(
-                    f"The parameter set's own: {rounded(self.rig.matching_threshold_px, 3)} px."
-                )
-            st.button("Choose it from the points", key="apply_auto", on_click=self._take_choice)
+                st.caption(f"For points like the targets: {self.rig.matching_threshold_px:.3g} px.")
             _show_depths(self.project)
         with figure:
+            threshold = 0.0 if found is None else found.threshold_px
             nearest = jobs.compute(nearest_errors, self.rig, self.sample(), self.depths)
-            words = describe_pair_errors(nearest, threshold or 0.0, self._choice()[0])
-            figure = plot_pair_errors(nearest, threshold or 0.0)
-            show_figure(figure, words, "pair_errors", fold=False)
-
-    def _field(self, usual: float | None) -> Field:
-        return setting(self.project, _THRESHOLD, usual, number(0.0, or_none=True))
+            words = describe_pair_errors(nearest, threshold, found)
+            show_figure(plot_pair_errors(nearest, threshold), words, "pair_errors", fold=False)
 
     @property
-    def _take_choice(self) -> Callable[[], None]:
-        @callback
-        def take() -> None:
-            st.session_state[_ASKED] = True
-            if (found := self._choice()[0]) is not None:
-                self._field(None).set(found.threshold_px)
+    def _fields(self) -> tuple[Field, Field]:
+        """Threshold and noise."""
+        return (
+            setting(self.project, "apply_threshold", None, number(0.0, or_none=True)),
+            setting(self.project, "apply_sigma_px", None, number(0.001, or_none=True)),
+        )
 
-        return take
-
-    def _choice(self) -> tuple[ThresholdChoice | None, str]:
-        """The threshold chosen from the points, or None, and the reason."""
-        return _chosen(self.rig.dumps(), self.key, self.depths, self)
+    def _choice(
+        self, threshold: float | None, sigma_px: float | None
+    ) -> tuple[ThresholdChoice | None, str]:
+        """The threshold, or None, and the reason."""
+        return _chosen(digest_of(self.rig), self.key, self.depths, threshold, sigma_px, self)
 
 
 @st.cache_resource(show_spinner=False, max_entries=16)
 def _chosen(
-    key: str, points: str, depths: Depths, _form: ThresholdForm
+    key: str,
+    points: str,
+    depths: Depths,
+    threshold: float | None,
+    sigma_px: float | None,
+    _form: ThresholdForm,
 ) -> tuple[ThresholdChoice | None, str]:
     assert key and points
     try:
-        choice = jobs.compute(choose_threshold, _form.rig, _form.sample(), depths)
-        return choice, choice.sentence()
+        sample = _form.sample()
+        return jobs.compute(choose_threshold, _form.rig, sample, depths, sigma_px, threshold), ""
     except StereocalError as error:
         return None, str(error)
 

@@ -27,7 +27,7 @@ from stereocal.matching.lengths import check_lengths
 from stereocal.matching.nearest import NearestErrors, nearest_errors
 from stereocal.matching.pairs import match, pixels_of
 from stereocal.matching.reconstruction_files import reconstruct
-from stereocal.matching.threshold import ThresholdChoice
+from stereocal.matching.threshold import Shares, ThresholdChoice
 from stereocal.matching.tracks import tracks_by
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.geometry import Pose
@@ -62,7 +62,7 @@ NEAREST = nearest_errors(
         for frame in range(1, FRAMES + 1)
     ],
 )
-CHOICE = ThresholdChoice(0.5, 0.1, 0.2, 0.9, 0.01, 0.02)
+CHOICE = ThresholdChoice(0.5, None, None, Shares(0.01, 0.02))
 
 
 def traces(figure: go.Figure, name: str) -> list[go.Scatter]:
@@ -269,10 +269,8 @@ def test_many_tracks_are_thinned_and_keep_their_ends() -> None:
 def test_advice_on_the_threshold_says_what_holds() -> None:
     apart = describe_pair_errors(NEAREST, 0.8, CHOICE)
     assert "A good threshold lies between the two distributions." in apart
-    overlapping = replace(CHOICE, wrong=0.3)
-    assert "overlap: at the best threshold, 0.5 px, about 1 %" in describe_pair_errors(
-        NEAREST, 0.8, overlapping
-    )
+    overlapping = replace(CHOICE, shares=Shares(0.01, 0.3))
+    assert "overlap: at 0.5 px, about 1 %" in describe_pair_errors(NEAREST, 0.8, overlapping)
     assert "no threshold separates them" in describe_pair_errors(NEAREST, 0.8, None)
     single = NearestErrors(np.array([0.2, 0.3]), np.array([np.inf, np.inf]), 2)
     assert "only leaves out poor pairs" in describe_pair_errors(single, 0.8, CHOICE)

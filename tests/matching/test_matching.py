@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -184,18 +185,19 @@ class TestMatches:
 class TestThresholdFromThePoints:
     @pytest.mark.parametrize(("points", "frames"), [(3, 300), (30, 40), (200, 10)])
     def test_it_loses_few_pairs_and_lets_few_in(self, points: int, frames: int) -> None:
-        """0.3 px noise: half-normal of 0.21 px; a tenth of the points missing in each camera."""
+        """0.3 px noise; a tenth of the points missing in each camera."""
         data = []
         for k in range(frames):
             first, second = cloud(points, k, noise_px=0.3)
             keep = np.random.default_rng(k).random((2, points)) > 0.1
             data.append((first[keep[0]], second[keep[1]]))
         chosen = choose_threshold(RIG_2D, data)
-        assert chosen.sigma_px == pytest.approx(0.3 / np.sqrt(2), rel=0.12)  # within 7 %
-        assert chosen.partnered == pytest.approx(0.9, abs=0.06)
-        assert chosen.lost < 0.02
-        # Measured: 10, 8 and 5 standard deviations, fewer the denser the points.
-        assert 4 < chosen.threshold_px / chosen.sigma_px < 12
+        assert chosen.noise is not None and chosen.shares is not None
+        assert chosen.noise.source == "estimated"
+        assert chosen.noise.sigma_px == pytest.approx(0.3, rel=0.12)
+        assert chosen.shares.lost < 0.03
+        # Errors of correct pairs are a half-normal of 0.21 px.
+        assert 3 < chosen.threshold_px / 0.21 < 14
 
     def test_denser_points_take_a_smaller_threshold(self) -> None:
         chosen = [
@@ -205,14 +207,21 @@ class TestThresholdFromThePoints:
         thresholds = [each.threshold_px for each in chosen]
         assert thresholds == sorted(thresholds, reverse=True)
 
-    def test_parameters_that_fit_nothing_are_refused(self) -> None:
+    def test_parameters_that_fit_nothing(self) -> None:
+        """The threshold is that of the file, and without one there is none."""
         rng = np.random.default_rng(0)
         sizes = np.array(PRIMARY.image_size), np.array(SECONDARY.image_size)
-        data = [tuple(rng.uniform(0, size - 1, (300, 2)) for size in sizes) for _ in range(5)]
+        frames = [tuple(rng.uniform(0, size - 1, (300, 2)) for size in sizes) for _ in range(5)]
+        data: Any = frames
+        found = choose_threshold(RIG_2D, data)
+        assert found.threshold_px == 0.8
+        assert found.noise is None and found.shares is None
+        assert "cannot be estimated" in found.sentence()
+        without = replace(RIG_2D, matching_threshold_px=None)
         with pytest.raises(StereocalError, match="cannot be separated"):
-            choose_threshold(RIG_2D, data)  # type: ignore[arg-type]
+            choose_threshold(without, data)
         with pytest.raises(StereocalError, match="No threshold can be chosen"):
-            choose_threshold(RIG_2D, [])
+            choose_threshold(without, [])
 
     def test_the_sample_is_spread_evenly(self) -> None:
         assert sample_of(range(1000), 1000.0) == {round(k * 999 / 19) for k in range(20)}

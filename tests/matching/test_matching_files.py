@@ -19,7 +19,7 @@ from stereocal.matching import parquet
 from stereocal.matching.lengths import further_columns
 from stereocal.matching.matching_files import match_tables
 from stereocal.matching.pairs import PAIR_COLUMNS, match
-from stereocal.matching.point_table import PointTable
+from stereocal.matching.point_table import PAIR_SIGMAS, PointTable
 from stereocal.matching.reconstruction import name_of_world
 from stereocal.matching.reconstruction_files import (
     COORDINATES,
@@ -81,7 +81,9 @@ class TestMatch:
     ) -> None:
         assert run_match(folder) == 0
         pairs = pd.read_csv(folder / "pairs.csv")
-        assert list(pairs) == [*PAIR_COLUMNS, "bird_primary", "size", "bird_secondary"]
+        assert list(pairs) == [
+            *PAIR_COLUMNS, *PAIR_SIGMAS, "bird_primary", "size", "bird_secondary",
+        ]  # fmt: skip
         assert (pairs["bird_primary"] == pairs["bird_secondary"]).mean() > 0.97
         assert len(pairs) > 0.97 * FRAMES * POINTS
         assert (pairs["error_px"] <= 0.8).all()
@@ -90,7 +92,8 @@ class TestMatch:
         row = pairs.iloc[7]
         assert given.loc[(row["frame"], row["bird_primary"]), "u"] == row["u_primary"]
         printed = capsys.readouterr()
-        assert f"{len(pairs)} pairs in {FRAMES} frames at a threshold of 0.8 px" in printed.out
+        assert f"{len(pairs)} pairs in {FRAMES} frames at a threshold of" in printed.out
+        assert "Your points scatter by 0.1" in printed.out
         assert f"{FRAMES}/{FRAMES} frames" in printed.err
 
     def test_parquet_says_the_same(self, folder: Path) -> None:
@@ -103,7 +106,7 @@ class TestMatch:
 
     def test_the_library_says_the_same(self, folder: Path) -> None:
         assert run_match(folder, "--threshold", "auto") == 0
-        pairs = match(RIG_2D, *tables(), threshold_px="auto")
+        pairs = match(RIG_2D, *tables())
         written = pd.read_csv(folder / "pairs.csv").drop(columns="size")
         pd.testing.assert_frame_equal(pairs, written, check_dtype=False)
 
@@ -144,13 +147,12 @@ class TestMatch:
             birds += pairs[["frame", f"bird_{which}"]].to_numpy().tolist()
             assert len(birds) == FRAMES * POINTS == len({tuple(each) for each in birds})
 
-    def test_without_a_threshold_one_is_chosen_and_said(
+    def test_a_file_without_a_threshold(
         self, folder: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
         assert run_match(folder, parameters="3d") == 0
         printed = capsys.readouterr().out
-        assert "Threshold chosen from the points" in printed
-        assert "contains no matching threshold" in printed
+        assert "Your points scatter by" in printed
         assert "This is the 3D set" in printed
 
     def test_depth(self, folder: Path) -> None:
@@ -219,8 +221,8 @@ class TestReconstruct:
         read = pd.read_csv if ending == "csv" else pd.read_parquet
         pairs, points = (read(folder / f"{name}.{ending}") for name in ("pairs", "points"))
         assert list(points) == [
-            "frame", "x", "y", "z", "error_px", "ambiguous", "bird_primary", "size",
-            "bird_secondary",
+            "frame", "x", "y", "z", "error_px", "sigma_x", "sigma_y", "sigma_z", "ambiguous",
+            "bird_primary", "size", "bird_secondary",
         ]  # fmt: skip
         pixels = pairs[list(PAIR_COLUMNS[1:5])].to_numpy()
         np.testing.assert_allclose(
@@ -327,8 +329,8 @@ class TestReconstruct:
         capsys.readouterr()
         lines = (folder / "pairs.csv").read_text().splitlines()
         for change, says in (
-            ("3,5000,1,1,1,0,0,False,1,large,1", "line 5: the primary point"),
-            ("3,1,1,,1,0,0,False,1,large,1", "line 5: u_secondary"),
+            ("3,5000,1,1,1,0,0,False,0.1,0.1,1,large,1", "line 5: the primary point"),
+            ("3,1,1,,1,0,0,False,0.1,0.1,1,large,1", "line 5: u_secondary"),
             ("3,1,1", "line 5: u_secondary"),
         ):
             spoilt = [*lines[:4], change, *lines[5:]]

@@ -124,8 +124,14 @@ def test_a_file_with_uncertainties_brings_standard_errors() -> None:
         RIG_3D, *PIXELS, sigma_px=0.2, pose_covariance=covariance[1:, 1:]
     ).sigma_m
     np.testing.assert_allclose(np.asarray(found), np.asarray(expected), rtol=1e-12)
-    assert not np.allclose(
-        np.asarray(found), np.asarray(reconstruct_points(rig, *PIXELS, sigma_px=0.2).sigma_m)
+    # Another noise of these points keeps the errors of the parameters.
+    noisier = reconstruct_points(rig, *PIXELS, sigma_px=0.3).sigma_m
+    more, less = (
+        np.square(np.asarray(reconstruct_points(RIG_3D, *PIXELS, sigma_px=noise).sigma_m))
+        for noise in (0.3, 0.2)
+    )
+    np.testing.assert_allclose(
+        np.square(np.asarray(noisier)), np.square(np.asarray(found)) + more - less, rtol=1e-9
     )
     carried["covariance"] = {"of": ["yaw"], "matrix": [[1.0]]}
     with pytest.raises(StereocalError, match="cannot be read"):

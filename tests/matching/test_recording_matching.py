@@ -12,7 +12,7 @@ import pytest
 
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.calibration.montecarlo import SearchSettings
-from stereocal.matching.pairs import Threshold, match
+from stereocal.matching.pairs import match
 from stereocal.matching.reconstruction_files import reconstruct
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import RigParameters
@@ -52,7 +52,7 @@ def sets(request: pytest.FixtureRequest) -> dict[str, RigParameters]:
 
 
 def share_right(
-    rig: RigParameters, markers: tuple[pd.DataFrame, pd.DataFrame], threshold: Threshold
+    rig: RigParameters, markers: tuple[pd.DataFrame, pd.DataFrame], threshold: float
 ) -> float:
     """Right pairs over all pairs that there are."""
     pairs = match(rig, *markers, threshold_px=threshold)
@@ -71,7 +71,7 @@ def test_the_2d_set_finds_the_pairs(
 def test_a_threshold_from_the_points(
     markers: tuple[pd.DataFrame, pd.DataFrame], sets: dict[str, RigParameters]
 ) -> None:
-    pairs = match(sets["2d"], *markers, threshold_px="auto")
+    pairs = match(sets["2d"], *markers)
     right = pairs["marker_primary"] == pairs["marker_secondary"]
     # Measured: 100 % found, 100 % of those right, at 2.5 px.
     assert right.sum() / len(markers[0]) >= 0.995

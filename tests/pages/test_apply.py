@@ -259,7 +259,10 @@ def test_points_outside_the_volume_of_the_bars_are_said_and_drawn(app: AppTest, 
 
 def test_threshold_moves_the_result_and_is_kept(app: AppTest, home: Path) -> None:
     with_files(app)
-    assert app.number_input(key="apply_threshold").value == 0.8  # the file's own
+    field = app.number_input(key="apply_threshold")
+    assert field.value is None
+    assert "by the points" in field.placeholder
+    assert "Your points scatter by" in said(app, "caption")
     before, _ = written(app, home)
     assert len(before) == 90  # exact points: none is lost, however small the threshold
     app.number_input(key="apply_threshold").set_value(40.0).run()
@@ -267,15 +270,16 @@ def test_threshold_moves_the_result_and_is_kept(app: AppTest, home: Path) -> Non
     assert after["ambiguous"].sum() > before["ambiguous"].sum()
     app.segmented_control(key="apply_view").set_value("Threshold and depths").run()
     assert "90 have a partner within 40 px" in said(app, "caption")
-    app.button(key="apply_auto").click().run()
-    chosen = app.number_input(key="apply_threshold").value
-    assert chosen is not None and chosen < 0.8
-    assert "Threshold chosen from the points" in said(app, "caption")
+    assert "Threshold 40 px" in said(app, "caption")
+    app.number_input(key="apply_sigma_px").set_value(0.5).run()
+    assert "scatter by 0.5 px, as stated. Their epipolar errors show 0.001" in said(app, "caption")
+    assert written(app, home)[0]["sigma_primary_px"].eq(0.5).all()
 
     again = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW)
     again.query_params["project"] = app.session_state["project_id"]
     again.run().switch_page("app_pages/apply.py").run()
-    assert again.number_input(key="apply_threshold").value == chosen
+    assert again.number_input(key="apply_threshold").value == 40.0
+    assert again.number_input(key="apply_sigma_px").value == 0.5
     assert "In use: p.csv, 90 points In use: s.csv, 90 points" in said(again, "caption")
     assert "90 pairs in 6 frames" in said(again, "success")
 
