@@ -83,7 +83,7 @@ def _advice(nearest: NearestErrors, choice: ThresholdChoice | None) -> str:
     if shares.apart:
         return "A good threshold lies between the two distributions."
     return (
-        f"The two distributions overlap: at {choice.threshold_px:.3g} px, about "
+        f"The two distributions overlap: at {rounded(choice.threshold_px, 3)} px, about "
         f"{100 * shares.lost:.0f} % of the correct pairs are lost, and "
         f"{100 * shares.wrong:.0f} % of the pairs are wrong."
     )

@@ -177,8 +177,8 @@ def apply_sets(
     chosen = matched.chosen
     if not matched.pairs:
         raise StereocalError(
-            f"No pair of points has an error of {chosen.threshold_px:.3g} px or less: raise the "
-            "threshold, or make sure that points, parameters and the two cameras (primary, "
+            f"No pair of points has an error of {rounded(chosen.threshold_px, 3)} px or less: "
+            "raise the threshold, or make sure that points, parameters and the two cameras (primary, "
             "secondary) belong together."
         )
     if begin is not None:
@@ -296,7 +296,7 @@ def _made_with(work: Application, threshold_px: float) -> str:
     depths = "" if work.depths_m == ANY_DEPTH else f", depths from {near:g} to {far:g} m"
     return (
         f"{work.primary.label} and {work.secondary.label}; matched with the {_name(work.matching)} "
-        f"set, threshold {threshold_px:.4g} px{depths}; measured with the "
+        f"set, threshold {rounded(threshold_px, 4)} px{depths}; measured with the "
         f"{_name(work.measuring)} set{frame}."
     )
 

@@ -64,9 +64,9 @@ class MatchReport:
     def sentence(self) -> str:
         return (
             f"{self.pairs} pairs in {self.frames} frames at a threshold of "
-            f"{self.chosen.threshold_px:.3g} px; {self.ambiguous} of them ambiguous (another "
-            f"partner is within the threshold as well); without partner: {self.unmatched_primary} "
-            f"points of the primary, {self.unmatched_secondary} of the secondary."
+            f"{rounded(self.chosen.threshold_px, 3)} px; {self.ambiguous} of them ambiguous "
+            "(another partner is within the threshold as well); without partner: "
+            f"{self.unmatched_primary} points of the primary, {self.unmatched_secondary} of the secondary."
         )
 
 
@@ -150,7 +150,7 @@ def match_tables(
 
 def _few_partners(chosen: ThresholdChoice) -> str:
     """What to do where few points found a partner."""
-    few = f"Few partners within {chosen.threshold_px:.3g} px."
+    few = f"Few partners within {rounded(chosen.threshold_px, 3)} px."
     noise = chosen.noise
     if chosen.is_forced and noise is not None and noise.source == "estimated":
         return (

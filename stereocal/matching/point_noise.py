@@ -31,6 +31,7 @@ from stereocal.refined.solve import lenses_of_cameras
 from stereocal.refined.unknowns import shared_unknowns
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.parameters import RigParameters
+from stereocal.system.numbers import rounded
 
 EXACT_PX = 1e-3
 """Errors of exact points count as this."""
@@ -73,14 +74,14 @@ class PointNoise:
             places = int(np.clip(1 - np.floor(np.log10(max(error, 1e-9))), 0, 6))
             return f"{self.sigma_px:.{places}f} ± {error:.{places}f} px"
         where = "stated" if self.source == "stated" else "their columns state"
-        return f"{self.sigma_px:.2g} px, as {where}"
+        return f"{rounded(self.sigma_px)} px, as {where}"
 
     @property
     def disagreement(self) -> str:
         """A sentence where the errors of the pairs contradict what is stated, or nothing."""
         if self.seen_px is None:
             return ""
-        return f" Their epipolar errors show {self.seen_px:.2g} px."
+        return f" Their epipolar errors show {rounded(self.seen_px)} px."
 
 
 def check_sigma(sigma_px: float | None) -> None:
@@ -233,8 +234,9 @@ class Mixture:
         frames = np.unique(self.errors.frame, return_inverse=True)[1]
         of_frames = np.stack([np.bincount(frames, each) for each in scores])
         robust = information @ of_frames @ of_frames.T @ information
-        variance = max(float(information[0, 0]), float(robust[0, 0]))
-        return float(np.sqrt(variance)) if variance > 0 else np.inf
+        own = self.factor * self.errors.stated
+        of_normal = float(np.median((self.scales / own) ** 4)) / max(2 * self.correct, 1e-300)
+        return float(np.sqrt(max(information[0, 0], robust[0, 0], of_normal)))
 
     @property
     def stands_out(self) -> bool:

@@ -11,9 +11,9 @@ per pixel. With a threshold t
 u and v are the fractions of points without their partner within e: since the assignment is
 one-to-one, a wrong pair is taken only if both its points lack their own partner (missing, spurious
 or lost). Without these factors half of the pairs of a dense flock would be lost. The chosen
-threshold minimises lost + wrong. Two points that are nearer to each other's epipolar line than their errors
-exchange partners: about s times the mean error, of the points with partners. That hardly depends
-on the threshold, but is part of the stated share of wrong pairs.
+threshold minimises lost + wrong. Two points that are nearer to each other's epipolar line than
+their errors exchange partners: about s times the mean error, of the points with partners. That
+hardly depends on the threshold, but is part of the stated share of wrong pairs.
 
 n, s and f are those of `point_noise`, from the pairs of a sample of frames. Where correct pairs do
 not stand out, the threshold is that of the parameter file, which is for points like the targets.
@@ -104,7 +104,7 @@ class ThresholdChoice:
     def sentence(self) -> str:
         """Noise, threshold, and what it does."""
         of_file = ", that of the parameter file" * (self.shares is None and not self.is_forced)
-        text = f"{self._about_noise} Threshold {self.threshold_px:.3g} px{of_file}"
+        text = f"{self._about_noise} Threshold {rounded(self.threshold_px, 3)} px{of_file}"
         if self.shares is None:
             return f"{text}."
         return (
@@ -116,12 +116,14 @@ class ThresholdChoice:
     def _about_noise(self) -> str:
         own, targets = self.noise, self.targets
         if own is not None and own.source != "calibration":
-            others = "" if targets is None else f" (the targets: {targets.sigma_px:.2g} px)"
+            others = "" if targets is None else f" (the targets: {rounded(targets.sigma_px)} px)"
             return f"Your points scatter by {own.in_words}{others}.{own.disagreement}"
-        instead = "" if own is None else f", so that of the targets is used, {own.sigma_px:.2g} px"
+        instead = ""
+        if own is not None:
+            instead = f", so that of the targets is used, {rounded(own.sigma_px)} px"
         return (
-            "The noise of your points cannot be estimated (fewer than "
-            f"{FEWEST_PAIRS} pairs stand out){instead}."
+            f"The noise of your points cannot be estimated (fewer than {FEWEST_PAIRS} pairs stand "
+            f"out, or they are exact){instead}."
         )
 
 
@@ -225,8 +227,8 @@ def _sample(
         return _Sample(PairErrors.none(), 0.0, points.sum(axis=0), 1.0, False)
     largest = float(pooled[order[-1]])
     order = order[::thinning]
-    first, second, frame = (np.concatenate(each)[order] for each in (*sides, numbers))
-    kept = pair_errors(rig, first, second, frame)
+    one, two = (np.concatenate(side)[order] for side in sides)
+    kept = pair_errors(rig, one, two, np.concatenate(numbers)[order])
     limit = float(np.hypot(*rig.primary.image_size))
     if cut:
         # All pairs up to this distance have an error up to the largest.

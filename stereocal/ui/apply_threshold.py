@@ -57,14 +57,14 @@ class ThresholdForm:
         noise = None if usual is None else usual.noise
         st.number_input(
             "below (px)", min_value=0.0, value=None, step=0.1, format="%.4g",
-            placeholder="none" if usual is None else f"{usual.threshold_px:.3g}, by the points",
+            placeholder=f"{rounded(usual.threshold_px, 3)}, by the points" if usual else "none",
             help="Threshold: largest reprojection error of a pair, mean over both cameras. Empty: "
             "by the noise of your points.",
             **stated.widget(),
         )  # fmt: skip
         st.number_input(
             "My points are known to (px)", min_value=0.001, value=None, step=0.1, format="%.4g",
-            placeholder="" if noise is None else f"{noise.sigma_px:.2g}, {SOURCES[noise.source]}",
+            placeholder=f"{rounded(noise.sigma_px)}, {SOURCES[noise.source]}" if noise else "",
             help="One standard deviation of an image coordinate of your points. Empty: by their "
             "column sigma_px, or estimated from their epipolar errors.",
             **sigma.widget(),
@@ -84,7 +84,8 @@ class ThresholdForm:
         form, figure = st.columns([2, 3], gap="large")
         with form:
             if self.rig.matching_threshold_px is not None:
-                st.caption(f"For points like the targets: {self.rig.matching_threshold_px:.3g} px.")
+                own = rounded(self.rig.matching_threshold_px, 3)
+                st.caption(f"For points like the targets: {own} px.")
             _show_depths(self.project)
         with figure:
             threshold = 0.0 if found is None else found.threshold_px
