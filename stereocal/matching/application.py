@@ -178,8 +178,8 @@ def apply_sets(
     if not matched.pairs:
         raise StereocalError(
             f"No pair of points has an error of {rounded(chosen.threshold_px, 3)} px or less: "
-            "raise the threshold, or make sure that points, parameters and the two cameras (primary, "
-            "secondary) belong together."
+            "raise the threshold, or make sure that points, parameters and the two cameras "
+            "(primary, secondary) belong together."
         )
     if begin is not None:
         begin(STAGES[1])

@@ -66,7 +66,8 @@ class MatchReport:
             f"{self.pairs} pairs in {self.frames} frames at a threshold of "
             f"{rounded(self.chosen.threshold_px, 3)} px; {self.ambiguous} of them ambiguous "
             "(another partner is within the threshold as well); without partner: "
-            f"{self.unmatched_primary} points of the primary, {self.unmatched_secondary} of the secondary."
+            f"{self.unmatched_primary} points of the primary, {self.unmatched_secondary} of the "
+            "secondary."
         )
 
 

@@ -279,6 +279,9 @@ def _choose(found: Mixture, sample: _Sample, threshold: float | None) -> tuple[f
     cost = correct * (1 - inside) + per_px * taken
     at = int(np.argmin(cost)) if threshold is None else int(np.searchsorted(edges, threshold))
     mean_error = float(np.sum((1 - 0.5 * (inside[1:] + inside[:-1])) * np.diff(edges)))
-    wrong = per_px * (taken[at] + float(np.prod(partnered)) * min(mean_error, edges[at]))
+    # Points without a partner are taken once.
+    alone = float(np.min((1 - partnered) * sample.points))
+    wrong = alone * -np.expm1(-per_px * taken[at] / alone)
+    wrong += per_px * float(np.prod(partnered)) * min(mean_error, edges[at])
     shares = Shares(float(1 - inside[at]), float(wrong / max(wrong + correct * inside[at], 1e-300)))
     return float(edges[at]), shares
