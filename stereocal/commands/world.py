@@ -60,8 +60,8 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
         "--sigma-px",
         type=float,
         metavar="PX",
-        help="noise of a pixel coordinate (default: of the parameter file, or of the residuals "
-        "of a throw)",
+        help="noise of a pixel coordinate (default: of the residuals of lines or a throw, else "
+        "of the parameter file)",
     )
     command.add_argument(
         "--survey-sigma",

@@ -108,7 +108,8 @@ class ThresholdChoice:
         if self.shares is None:
             return f"{text}."
         return (
-            f"{text}: {_percent(1 - self.shares.lost)} of correct pairs are below it; about "
+            f"{text}: {_percent(1 - self.shares.lost)} of correct pairs are below it; at "
+            "most about "
             f"{_percent(self.shares.wrong)} of the pairs found will be wrong."
         )
 

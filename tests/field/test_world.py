@@ -147,11 +147,23 @@ class TestLines:
         exact = world_of_lines(place.rig, lines)
         assert little.uncertainty["vertical_deg"] > 1.5 * exact.uncertainty["vertical_deg"]
 
+    def test_lines_clicked_less_exactly_than_targets(self, calibrated: Place) -> None:
+        """0.3 px after a calibration of targets of 0.02 px: found, with the error of the clicks."""
+        exact = replace(calibrated.rig, noise_px=0.02, uncertainties=None)
+        lines = plumb_lines(calibrated)
+        found = world_of_lines(exact, lines)
+        noise = found.uncertainty["noise_px"]
+        assert noise["source"] == "residuals"
+        assert noise["value"] == pytest.approx(CLICK_PX, rel=0.5)
+        stated = world_of_lines(exact, lines, sigma_px=CLICK_PX)
+        ratio = found.uncertainty["vertical_deg"] / stated.uncertainty["vertical_deg"]
+        assert 0.6 < ratio < 1.7
+
     def test_a_bent_line_and_points_elsewhere(self, place: Place) -> None:
         (line,) = plumb_lines(place, 1)
         bent = line.pixels[0].copy()
         bent[0, 0] += 60.0
-        with pytest.raises(StereocalError, match=r"line 0: its points in the primary are .* px"):
+        with pytest.raises(StereocalError, match=r"line 0: its points in the primary scatter by .* px"):
             world_of_lines(place.rig, [replace(line, pixels=(bent, line.pixels[1]))])
         bent[0] = [1e9, 0]
         with pytest.raises(StereocalError, match=r"outside the .* px"):

@@ -9,12 +9,12 @@ point to the image of that plane. So the two images of a line need not show the 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.field.world.adjustment import Blocks, Solution, solve
+from stereocal.field.world.adjustment import FEWEST_DEGREES, Blocks, Solution, solve
 from stereocal.field.world.frame import (
     CAMERA,
     FEWEST_UPRIGHT,
@@ -97,14 +97,14 @@ def world_of_lines(
     """The world frame with the vertical of plumb lines, level lines and horizons.
 
     Args:
-        sigma_px: noise of an image coordinate; None: that of the parameters.
+        sigma_px: noise of an image coordinate; None: as the points scatter about their lines.
         upside_down: whether the cameras hang upside down.
 
     Raises:
         StereocalError: the lines leave the vertical undetermined, contradict each other, or are
             not straight.
     """
-    axes, noise = axes or Axes(), noise_of(rig, sigma_px)
+    axes, noise = axes or Axes(), _noise_of_clicks(lines, rig, noise_of(rig, sigma_px))
     images = list(_images(rig, lines, noise))
     fit = _fit(rig, lines, images, noise)
     if fit.solution.widening > CONTRADICTION:
@@ -138,6 +138,35 @@ def world_of_lines(
     )
 
 
+def _noise_of_clicks(lines: Sequence[Line], rig: Rig, known: Noise) -> Noise:
+    """The noise of the points by their scatter about straight lines, unless it is stated: clicks
+    are not as exact as the targets of the calibration.
+
+    The median over the images, so that a bent line does not hide itself. Too few points can only
+    show that the noise is larger than that of the targets.
+    """
+    if known.source == "stated":
+        return known
+    scatter = []
+    for line in lines:
+        for camera, pixels in zip((rig.primary, rig.secondary), line.pixels, strict=True):
+            if len(pixels) > 2:
+                flat = camera.undistort_to_pixels(pixels)
+                spread = np.linalg.svd(flat - flat.mean(axis=0), compute_uv=False)[1]
+                scatter.append((spread**2, len(pixels) - 2))
+    if not scatter:
+        return known
+    squares, degrees_of = np.array(scatter).T
+    order = np.argsort(squares / degrees_of)
+    middle = order[np.searchsorted(np.cumsum(degrees_of[order]), 0.5 * degrees_of.sum())]
+    # The median of chi-square is below its mean.
+    typical = degrees_of[middle] * (1 - 2 / (9 * degrees_of[middle])) ** 3
+    seen = float(np.sqrt(squares[middle] / typical))
+    if degrees_of.sum() < FEWEST_DEGREES and seen <= known.sigma_px:
+        return known
+    return replace(known, sigma_px=seen, source="residuals") if seen > 0 else known
+
+
 def _counted(lines: Sequence[Line]) -> str:
     counts = {kind: sum(line.kind == kind for line in lines) for kind in ("plumb", "level")}
     parts = [f"{n} {kind} line{'s' * (n != 1)}" for kind, n in counts.items() if n]
@@ -167,8 +196,10 @@ def _images(rig: Rig, lines: Sequence[Line], noise: Noise) -> Iterator[Image]:
             off = spread[1] / np.sqrt(max(len(pixels) - 2, 1))
             if len(pixels) > 2 and off > BENT * noise.sigma_px:
                 raise StereocalError(
-                    f"{line.name}: its points in the {CAMERAS[number]} are {off:.1f} px off a "
-                    "straight line: a point was mistaken, or the line is bent."
+                    f"{line.name}: its points in the {CAMERAS[number]} scatter by {off:.1f} px "
+                    f"about a straight line, and {noise.sigma_px:.2g} px are expected. How exactly "
+                    "were they clicked? If to that, state it as their noise; else a point was "
+                    "mistaken, or the line is bent."
                 )
             image_line = np.array([*axes[1], -axes[1] @ centre])
             normal = camera.K.T @ image_line
