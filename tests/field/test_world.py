@@ -163,7 +163,7 @@ class TestLines:
         (line,) = plumb_lines(place, 1)
         bent = line.pixels[0].copy()
         bent[0, 0] += 60.0
-        with pytest.raises(StereocalError, match=r"line 0: its points in the primary scatter by .* px"):
+        with pytest.raises(StereocalError, match=r"line 0: .* primary scatter by .* px"):
             world_of_lines(place.rig, [replace(line, pixels=(bent, line.pixels[1]))])
         bent[0] = [1e9, 0]
         with pytest.raises(StereocalError, match=r"outside the .* px"):
@@ -277,7 +277,7 @@ class TestSurvey:
 
     def test_units_lines_and_few_points(self, place: Place) -> None:
         survey = surveyed(place, 6)
-        for factor, says in ((1000.0, "1e[+]03 times"), (3.281, r"3\.28 times")):
+        for factor, says in ((1000.0, "1000 times"), (3.281, r"3\.28 times")):
             with pytest.raises(StereocalError, match=f"{says}.*in metres"):
                 world_of_survey(place.rig, replace(survey, world_m=factor * survey.world_m))
         slightly = world_of_survey(place.rig, replace(survey, world_m=1.05 * survey.world_m))

@@ -104,6 +104,11 @@ def world_of_lines(
         StereocalError: the lines leave the vertical undetermined, contradict each other, or are
             not straight.
     """
+    for line in lines:
+        for side, camera, at in zip(
+            CAMERAS, (rig.primary, rig.secondary), line.pixels, strict=True
+        ):
+            check_inside(at, camera.image_size, side, (line.name,) * len(at))
     axes, noise = axes or Axes(), _noise_of_clicks(lines, rig, noise_of(rig, sigma_px))
     images = list(_images(rig, lines, noise))
     fit = _fit(rig, lines, images, noise)
@@ -179,13 +184,12 @@ def _images(rig: Rig, lines: Sequence[Line], noise: Noise) -> Iterator[Image]:
     """The lines' images with two points or more.
 
     Raises:
-        StereocalError: a point outside its image, or points that are not on a straight line.
+        StereocalError: points that are not on a straight line.
     """
     for k, line in enumerate(lines):
         for number, (camera, pixels) in enumerate(
             zip((rig.primary, rig.secondary), line.pixels, strict=True)
         ):
-            check_inside(pixels, camera.image_size, CAMERAS[number], (line.name,) * len(pixels))
             if len(pixels) < 2:
                 continue
             flat = camera.undistort_to_pixels(pixels)
