@@ -6,6 +6,7 @@ import argparse
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
+from typing import get_args
 
 from stereocal.calibration.methods import Method
 from stereocal.commands.options import (
@@ -19,7 +20,7 @@ from stereocal.commands.options import (
 )
 from stereocal.commands.progress import ProgressBar
 from stereocal.errors import StereocalError
-from stereocal.evaluation.evaluate import EvaluationSettings, evaluate, evaluate_runs
+from stereocal.evaluation.evaluate import EvaluationSettings, Splits, evaluate, evaluate_runs
 from stereocal.evaluation.summary import MethodSummary, summarise_all
 from stereocal.figures.report import report_html
 from stereocal.figures.tables import validation_answer
@@ -45,6 +46,12 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     command.add_argument(
         "--calibration-frames", type=int, default=20, metavar="K", help="of each run (default: 20)"
     )
+    command.add_argument(
+        "--splits",
+        choices=get_args(Splits),
+        default="runs",
+        help="leave out runs of frames that follow each other whole (default), or frame by frame",
+    )
     command.add_argument("--known-points", action="store_true", help="as for calibrate")
     command.add_argument(
         "--no-refined",
@@ -65,6 +72,7 @@ def run(parsed: argparse.Namespace) -> None:
         parsed.runs,
         parsed.calibration_frames,
         refine_settings_from(parsed) if parsed.refined else None,
+        parsed.splits,
     )
     screenings = [screened(dataset, settings.calibration) for dataset in datasets]
     kept = [screening.dataset for screening in screenings]

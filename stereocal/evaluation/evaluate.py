@@ -19,7 +19,7 @@ from concurrent.futures import Executor
 from contextlib import closing
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -37,6 +37,7 @@ from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.compiled import BoolArray, CountArray, FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose
+from stereocal.system.latest import Latest
 from stereocal.system.numbers import rounded
 from stereocal.system.tasks import Pieces, Progress, StoppedError, Task, run_tasks
 
@@ -44,6 +45,7 @@ MAXIMUM_PARTNERS = 99
 MINIMUM_VALIDATION_FRAMES = 2
 MOST_RUNS_AT_ONCE, FRAMES_AT_ONCE = 10, 5000
 """Of one task, which holds a worker; 10 runs of 20,000 frames held it for minutes."""
+Splits = Literal["runs", "frames"]
 MOST_RUNS = 100_000
 """More would tell nothing new, and each run is kept in memory, 6 kB."""
 
@@ -61,12 +63,17 @@ class EvaluationSettings:
     calibration_frames: int = 20
     refined: RefineSettings | None = None
     """Settings of the refined method; None to validate only the paper's methods."""
+    splits: Splits = "runs"
+    """Whether frames that follow each other are left out together or, as in the paper, one by one;
+    the same for frames taken one by one."""
 
     def __post_init__(self) -> None:
         if self.runs < 1 or self.calibration_frames < 1:
             raise StereocalError(
                 "The number of runs and the number of calibration frames must be at least 1."
             )
+        if self.splits not in get_args(Splits):
+            raise StereocalError(f'The splits "{self.splits}" are unknown: runs or frames.')
         if self.runs > MOST_RUNS:
             raise StereocalError(
                 f"{rounded(self.runs, 4)} runs were requested: at most {MOST_RUNS:,} are made."
@@ -79,6 +86,7 @@ class EvaluationSettings:
             "runs": self.runs,
             "calibration_frames": self.calibration_frames,
             "refined": self.refined.to_json() if self.refined else None,
+            "splits": self.splits,
         }
 
     @classmethod
@@ -92,9 +100,9 @@ class EvaluationSettings:
         own = {name: rest.pop(name) for name in ("runs", "calibration_frames") if name in rest}
         if not all(isinstance(value, int) for value in own.values()):
             raise StereocalError("The settings cannot be read: a count is not a whole number.")
-        of_refined = rest.pop("refined", None)
+        of_refined, splits = rest.pop("refined", None), rest.pop("splits", "frames")
         refined = RefineSettings.from_json(of_refined) if of_refined else None
-        return cls(CalibrationSettings.from_json(rest), refined=refined, **own)
+        return cls(CalibrationSettings.from_json(rest), refined=refined, splits=splits, **own)
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +141,8 @@ def evaluate_run(
     """
     own = settings.calibration
     seeds = np.random.SeedSequence([own.search.seed, number, run]).spawn(4)
-    fit = split(dataset, settings.calibration_frames, seeds[0])
+    clusters = clusters_to_split(dataset) if settings.splits == "runs" else None
+    fit = split(dataset, settings.calibration_frames, seeds[0], clusters)
     check_points(dataset, fit)
     angles = paper_angles(dataset, fit, own, seeds[1], seeds[2])
     rng = np.random.Generator(np.random.PCG64(seeds[3]))
@@ -163,6 +172,35 @@ class WholeFit:
             return refine(self.dataset, self.settings) if self.settings else None
         except StereocalError:
             return None
+
+
+_CLUSTERS: Latest[tuple[IntArray | None]] = Latest(100)
+
+
+def clusters_to_split(dataset: Dataset) -> IntArray | None:
+    """(f,): the cluster of each frame; None for frames taken one by one.
+
+    By a fit with the default settings, so that those of an evaluation do not change its splits.
+    """
+    sigmas = dataset.baseline_sigma_m, dataset.target_distance_sigma_m
+    key = f"{dataset.sha256} {sigmas} {dataset.time_offset}"
+    known = _CLUSTERS.get(key)
+    if known is None:
+        known = (_clusters_of_fit(dataset),)
+        _CLUSTERS.keep(key, known)
+    return known[0]
+
+
+def _clusters_of_fit(dataset: Dataset) -> IntArray | None:
+    try:
+        found = refine(dataset)
+    except StereocalError:
+        return None
+    if not found.clusters.has_runs:
+        return None
+    # Frames that this fit leaves out belong to the frame before them.
+    at = np.cumsum(~found.outlying) - 1
+    return np.asarray(found.clusters.of_frames[np.maximum(at, 0)])
 
 
 def paper_angles(
@@ -195,8 +233,17 @@ def paper_angles(
     return angles
 
 
-def split(dataset: Dataset, calibration_frames: int, seed: np.random.SeedSequence) -> BoolArray:
+def split(
+    dataset: Dataset,
+    calibration_frames: int,
+    seed: np.random.SeedSequence,
+    clusters: IntArray | None = None,
+) -> BoolArray:
     """Mask (n,) of the rows of randomly drawn calibration frames; the other rows are the test.
+
+    Args:
+        calibration_frames: with clusters, at most so many, in whole clusters and at least one.
+        clusters: (f,): of the frames, which are drawn together; None to draw frame by frame.
 
     Raises:
         StereocalError: fewer than 2 frames are left for the test.
@@ -205,8 +252,15 @@ def split(dataset: Dataset, calibration_frames: int, seed: np.random.SeedSequenc
     rows = dataset.correspondences
     frames = len(rows.frames)
     chosen = np.zeros(frames, dtype=np.bool_)
-    order = np.random.Generator(np.random.PCG64(seed)).permutation(frames)
-    chosen[order[:calibration_frames]] = True
+    rng = np.random.Generator(np.random.PCG64(seed))
+    if clusters is None:
+        chosen[rng.permutation(frames)[:calibration_frames]] = True
+    else:
+        sizes = np.bincount(clusters)
+        order = rng.permutation(len(sizes))
+        fitting = np.cumsum(sizes[order]) <= calibration_frames
+        fitting[0] = True
+        chosen = np.isin(clusters, order[fitting])
     return chosen[np.searchsorted(rows.frames, rows.frame)]
 
 

@@ -64,6 +64,7 @@ SETTING_NAMES = {
     "frames_left_out": "Frames that the user left out",
     "runs": "Runs for each data set",
     "refined": "Settings of the refined method",
+    "splits": "Left out together (runs: frames that follow each other)",
 }
 
 
@@ -119,7 +120,9 @@ def _procedure(datasets: Sequence[Dataset], settings: EvaluationSettings) -> str
         f"In each of {settings.runs} runs for each data set, {settings.calibration_frames} frames "
         "drawn at random calibrated the rig in three ways: by the essential matrix, by a search "
         "for the smallest reprojection error (2D set), and by a search for the smallest error of "
-        "the bar's length (3D set). The other frames tested the result.",
+        "the bar's length (3D set). The other frames tested the result."
+        + " Frames that follow each other and have alike errors were drawn together."
+        * (settings.splits == "runs"),
         "Matching: each point of the primary camera was paired with points of the secondary. Pairs "
         "of the same target in the same frame are correct, all others wrong. The probability "
         "densities of log10 of the residual and of the reprojection error were compared: the area "

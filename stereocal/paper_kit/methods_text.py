@@ -189,10 +189,15 @@ def _validation(answer: Answer) -> Iterator[str]:
         return
     settings = evaluation.settings
     frames = len(answer.calibration.screening.dataset.correspondences.frames)
+    refined = answer.calibration.refined
+    follow = refined is not None and refined.clusters.has_runs
+    drawn_together = follow and settings.splits == "runs"
     yield (
         f"In each of {settings.runs} runs, {settings.calibration_frames} frames drawn at random "
         f"calibrated the system and the other {frames - settings.calibration_frames} tested it "
         f"(seed {settings.calibration.search.seed})."
+        + " Frames that follow each other were drawn together."
+        * drawn_together
     )
     yield (
         "Each point of the primary camera was paired with its own and with other points of the "

@@ -100,6 +100,7 @@ def _validate(project: Project) -> PageState:
     same = (
         dataset.sha256 in evaluation.sha256
         and made_with.calibration == settings_of(search_values(project))
+        and made_with.splits == kept.get("validate_splits", made_with.splits)
         and made_with.runs == kept.get("validate_runs", made_with.runs)
         and made_with.calibration_frames
         == kept.get("validate_frames", made_with.calibration_frames)

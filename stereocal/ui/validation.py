@@ -9,7 +9,7 @@ from functools import cache
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.evaluation.evaluate import EvaluationSettings, Run, evaluate
+from stereocal.evaluation.evaluate import EvaluationSettings, Run, Splits, evaluate
 from stereocal.evaluation.kept_fits import KeptFits, evaluate_with_kept_fits
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.formats.evaluation_files import (
@@ -34,6 +34,7 @@ from stereocal.workflow import usual_frames
 
 NINETEEN = ROOT / "sample_data" / "nineteen"
 MINE, ALL, PAPER = "My data set", "All my data sets", "Nineteen synthetic rigs"
+SPLITS: dict[Splits, str] = {"runs": "Whole runs of frames", "frames": "Single frames (paper)"}
 STAGES = ("runs",)
 INSTANT = 120
 """Runs of 25 frames that take under a second, and so are computed as the controls move."""
@@ -74,8 +75,18 @@ def choose_protocol(project: Project, datasets: Sequence[Dataset]) -> Evaluation
         "Frames to calibrate with; the others test", 1, most, help="Paper: 20 of 25.",
         **frames.widget(),
     )  # fmt: skip
+    st.segmented_control(
+        "Left out together", SPLITS, format_func=SPLITS.__getitem__, required=True,
+        help="Neighbouring frames of a moving bar have alike errors: tested on one, a fit of the "
+        "other looks better than it is. For frames taken one by one both are the same.",
+        **_splits(project).widget(),
+    )  # fmt: skip
     search_form(project)
     return kept_protocol(project, datasets)
+
+
+def _splits(project: Project) -> Field:
+    return setting(project, "validate_splits", "runs", one_of(list(SPLITS)))
 
 
 def _protocol_fields(project: Project, datasets: Sequence[Dataset]) -> tuple[Field, Field, int]:
@@ -108,6 +119,7 @@ def kept_protocol(project: Project, datasets: Sequence[Dataset]) -> EvaluationSe
         own if len(datasets) == 1 else RefineSettings(
             time_offset=own.time_offset, time_drift=own.time_drift
         ),
+        _splits(project).value(),
     )  # fmt: skip
 
 

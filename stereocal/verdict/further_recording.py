@@ -3,8 +3,9 @@
 A further recording has other places, and other noise where blur or detection change. How much that
 matters shows between runs of the recording at hand: the variance of the logarithm of a figure
 between ten of them, beyond that of as many groups of frames drawn at random. A further recording in
-the same volume, at least a third as long as this one, differs by so much from the forecast. Frames
-taken one by one have no such excess.
+the same volume, a third as long as this one, differs by so much from the forecast, and by what its
+finite number of frames makes. Frames follow each other where their errors are alike, or where their
+bars lie close together.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from stereocal.calibration.methods import Method
 from stereocal.calibration.results import errors_of
 from stereocal.evaluation.summary import Estimate
 from stereocal.refined.refine import RefinedResult
+from stereocal.rig.clusters import clusters_of
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.rig import Rig
 
@@ -54,16 +56,16 @@ class Further:
 def further_recordings(
     model: RefinedResult, files: Mapping[Method, Rig], seed: int = 0
 ) -> dict[Method, Further]:
-    """Of each file how its figures differ on a further recording; empty without runs.
+    """Of each file how its figures differ on a further recording; empty for single frames.
 
     Args:
         model: the fit whose frames are compared.
         files: the sets that were written, of the same data set.
         seed: of the groups of frames drawn at random.
     """
-    if not model.clusters.has_runs:
-        return {}
     table = model.dataset.correspondences
+    if not (model.clusters.has_runs or _moves(model)):
+        return {}
     order = np.argsort(table.time_frame, kind="stable")
     used = order[model.used_rows[order]]
     bars = np.flatnonzero(model.used_rows[table.bars].all(axis=1))
@@ -85,6 +87,17 @@ def further_recordings(
     return found
 
 
+def _moves(model: RefinedResult) -> bool:
+    """Whether bars lie closer to those of neighbouring frames than to others."""
+    table, frames = model.dataset.correspondences, model.frames[~model.outlying]
+    first = np.unique(table.frame, return_index=True)
+    times = table.time_frame[first[1][np.searchsorted(first[0], frames)]]
+    middles = model.points_m[~model.outlying].mean(axis=1)
+    places = np.column_stack([middles[:, :2] / middles[:, 2:], np.log(middles[:, 2])])
+    order = np.argsort(times)
+    return clusters_of(times[order], (places - np.nanmean(places, axis=0))[order]).length > 1
+
+
 def half_width(
     errors: FloatArray, figure: Callable[[FloatArray], FloatArray], rng: np.random.Generator
 ) -> float:
@@ -101,9 +114,11 @@ def half_width(
         return np.asarray(np.log(np.maximum(parts, 1e-300)).var(axis=-1, ddof=1))
 
     shuffled = rng.permuted(np.broadcast_to(known, (SHUFFLES, len(known))), axis=1)
-    excess = max(float(between(known) - between(shuffled).mean()), 0.0)
-    spread = excess * (1 / (runs * LENGTH) + 1 / runs)
-    return min(float(stdtrit(runs - 1, 0.975) * np.sqrt(spread)), LARGEST)
+    of_frames = float(between(shuffled).mean())
+    excess = max(float(between(known)) - of_frames, 0.0)
+    recordings = 1 / (runs * LENGTH)
+    squares = stdtrit(runs - 1, 0.975) ** 2 * excess * (recordings + 1 / runs)
+    return min(float(np.sqrt(squares + 1.96**2 * of_frames * recordings)), LARGEST)
 
 
 def widened(estimate: Estimate, half: float) -> Estimate:

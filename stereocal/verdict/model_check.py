@@ -1,9 +1,10 @@
 """Hold a forecast against errors on held-out frames, overall and by place.
 
 The refined method is repeated on five parts of the recording, each time without one fifth of the
-frames, so that every frame is held out once. Its errors there are compared with the forecast of
-the refined file: all frames, near and far ones, and those in the inner and the outer half of the
-images. Where they are larger than chance explains, the model lacks something.
+frames, whole runs where frames follow each other, so that every frame is held out once. Its errors
+there are compared with the forecast of the refined file: all frames, near and far ones, and those
+in the inner and the outer half of the images. Where they are larger than chance explains, the model
+lacks something.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from stereocal.refined.innovations import Innovations, bar_innovations
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.solve import ESTIMATED, SMALLEST_SCATTER
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.rig.compiled import BoolArray, FloatArray
+from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
 from stereocal.system.numbers import rounded
@@ -133,7 +134,8 @@ def check_model(
         seed: of the division into parts.
     """
     data = refined.dataset.of_frames(refined.frames[~refined.outlying])
-    errors = _held_out_errors(data, refined.settings, refined.pose, seed)
+    clusters = refined.clusters
+    errors = _held_out_errors(data, clusters.of_frames, refined.settings, refined.pose, seed)
     if errors is None:
         return None
     px, lengths = errors
@@ -142,12 +144,15 @@ def check_model(
     bends = model.scatter_m.value if cause_of_scatter(model, innovations) == BENDS else 0.0
 
     of_bar = 0.8 * bends / data.target_distance_m  # the mean of |N| is 0.8
+    of_pairs = np.arange(len(table))
+    if clusters.has_runs:
+        of_pairs = clusters.of_frames[np.searchsorted(table.frames, table.frame)]
 
     def errors_over_forecast(pairs: BoolArray, bars: BoolArray, drawn: BoolArray) -> list[_Ratio]:
         length = float(np.hypot(predictive.mean_length_error("refined", drawn), of_bar))
         return [
-            _Ratio.of(px[pairs], forecast.mean_reprojection_px.value),
-            _Ratio.of(lengths[bars], length),
+            _Ratio.of(px[pairs], forecast.mean_reprojection_px.value, of_pairs[pairs]),
+            _Ratio.of(lengths[bars], length, of_pairs[table.bars[:, 0]][bars]),
         ]
 
     everywhere = errors_over_forecast(
@@ -177,14 +182,18 @@ def check_model(
 
 
 def _held_out_errors(
-    data: Dataset, settings: RefineSettings, start: Pose, seed: int
+    data: Dataset, clusters: IntArray, settings: RefineSettings, start: Pose, seed: int
 ) -> tuple[FloatArray, FloatArray] | None:
-    """Reprojection errors (n,) of the pairs and length errors (m,) of the bars, each held out."""
+    """Reprojection errors (n,) of the pairs and length errors (m,) of the bars, each held out.
+
+    Args:
+        clusters: (f,): of the frames, each of which is held out whole.
+    """
     table = data.correspondences
     if len(table.frames) < MINIMUM_FRAMES:
         return None
-    order = np.random.default_rng([seed, 0xF01D]).permutation(len(table.frames)) % FOLDS
-    part = order[np.searchsorted(table.frames, table.frame)]
+    order = np.random.default_rng([seed, 0xF01D]).permutation(clusters.max() + 1) % FOLDS
+    part = order[clusters][np.searchsorted(table.frames, table.frame)]
     px, lengths = np.empty(len(table)), np.empty(len(table.bars))
     for fold in range(FOLDS):
         try:
@@ -206,12 +215,17 @@ class _Ratio:
     spread: float
 
     @classmethod
-    def of(cls, errors: FloatArray, forecast: float) -> _Ratio:
-        known = errors[np.isfinite(errors)]
-        if len(known) < MINIMUM_ERRORS:
+    def of(cls, errors: FloatArray, forecast: float, clusters: IntArray) -> _Ratio:
+        """Errors (n,) with the numbers (n,) of their clusters, whose sums are independent."""
+        finite = np.isfinite(errors)
+        known, at = errors[finite], np.unique(clusters[finite], return_inverse=True)[1]
+        count = int(at.max(initial=-1)) + 1
+        if count < MINIMUM_ERRORS:
             return cls(float("nan"), float("nan"))
         mean = float(known.mean())
-        return cls(mean / forecast, float(known.std(ddof=1)) / mean / len(known) ** 0.5)
+        sums = np.bincount(at, known - mean)
+        variance = float(np.sum(np.square(sums))) * count / (count - 1)
+        return cls(mean / forecast, variance**0.5 / mean / len(known))
 
 
 def _log_sigma(interval: Estimate) -> float:

@@ -149,12 +149,13 @@ def recommend(
 
 def _frames_in_runs(outlook: Outlook | None) -> str:
     """What the figures are of, if frames follow each other."""
-    clusters = None if outlook is None else outlook.refined.clusters
-    if clusters is None or not clusters.has_runs:
+    if outlook is None or not outlook.predictive.further:
         return ""
+    text = outlook.refined.clusters.text
+    alike = f", and neighbours have alike errors ({text})" if text else ""
     return (
-        f"Neighbouring frames have alike errors: {clusters.text}. The intervals are for a further "
-        "recording in the same volume, at least a third as long."
+        f"The frames follow each other{alike}: the intervals are for a further recording in the "
+        "same volume, at least a third as long."
     )
 
 
