@@ -6,6 +6,7 @@ from stereocal.errors import StereocalError
 from stereocal.projects.application import ProjectApplication
 from stereocal.ui.apply import bring_up_to_date, choose_inputs
 from stereocal.ui.apply_results import show_application
+from stereocal.ui.messages import end_here
 from stereocal.ui.project import begin_project, current_project
 from stereocal.ui.texts import escape_markdown
 
@@ -17,7 +18,7 @@ if project is None:
     st.info("Before this page can answer, it needs points of both cameras and parameter files.")
     st.page_link("app_pages/data.py", label="Calibrate first: give points on the Data page")
     st.button("I have both as files", on_click=begin_project, key="apply_begin")
-    st.stop()
+    end_here()
 
 store = ProjectApplication(project)
 chosen = None

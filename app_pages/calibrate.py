@@ -6,6 +6,7 @@ from stereocal.errors import StereocalError
 from stereocal.ui.forms import settings_form, settings_of
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.long_answers import answer_when_ready
+from stereocal.ui.messages import end_here
 from stereocal.ui.plan_project import show_planned
 from stereocal.ui.prerequisites import project_with_data
 from stereocal.ui.press import press, show_progress, work_of
@@ -35,7 +36,7 @@ show_progress(project, work)
 
 if result is None:
     st.info("No result yet. The settings are good as they are: press Calibrate.")
-    st.stop()
+    end_here()
 if stale := staleness(result, dataset, values):
     st.warning(stale)
 show_planned(project)

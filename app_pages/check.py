@@ -5,6 +5,7 @@ import streamlit as st
 from stereocal.errors import StereocalError
 from stereocal.projects.check import ProjectCheck
 from stereocal.ui.check import choose_inputs, show_check
+from stereocal.ui.messages import end_here
 from stereocal.ui.project import begin_project, current_project
 from stereocal.ui.texts import escape_markdown
 
@@ -19,7 +20,7 @@ if project is None:
     )
     st.page_link("app_pages/data.py", label="Calibrate first: give points on the Data page")
     st.button("I have both as files", on_click=begin_project, key="check_begin")
-    st.stop()
+    end_here()
 
 try:
     chosen = choose_inputs(project, ProjectCheck(project))

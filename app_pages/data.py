@@ -11,6 +11,7 @@ from stereocal.ui.closer_looks import COVERAGE, open_clicked_frame
 from stereocal.ui.figure import show_figure
 from stereocal.ui.intake import escape_markdown, show_refusal, take_dataset
 from stereocal.ui.lengths import ask_if_measured, length_field, show_rig
+from stereocal.ui.messages import end_here
 from stereocal.ui.photographs import choose_kind, has_photographs, photographs_in
 from stereocal.ui.prerequisites import missing_of
 from stereocal.ui.project import current_project, forget_project
@@ -52,17 +53,17 @@ project = current_project()
 if project is None or not (project.inputs.files or has_photographs(project)):
     st.info("Nothing is loaded yet. Give files above, or try the sample data on the Start page.")
     st.page_link("app_pages/start.py", label="Back to Start")
-    st.stop()
+    end_here()
 
 st.header("What was read", divider="gray")
 try:
     dataset = project.dataset
 except StereocalError as error:
     st.error(escape_markdown(str(error)))
-    st.stop()
+    end_here()
 if dataset is None:
     st.warning(f"Still missing: {missing_of(project)}.")
-    st.stop()
+    end_here()
 st.success(
     f"Complete: {len(dataset.correspondences)} pairs of points in "
     f"{len(dataset.correspondences.frames)} frames."

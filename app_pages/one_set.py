@@ -9,6 +9,7 @@ from stereocal.ui.fields import one_of, setting
 from stereocal.ui.forms import form_values
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.long_answers import answer_when_ready
+from stereocal.ui.messages import end_here
 from stereocal.ui.one_set import (
     show_accuracy,
     show_disagreement,
@@ -53,7 +54,7 @@ try:
             st.info("For a recording this long, press Calibrate first.")
             st.page_link("app_pages/calibrate.py", label="Calibrate")
         wait_for_answer(project)
-        st.stop()
+        end_here()
     (screening,) = screenings_of([dataset], protocol.calibration, current)
     kept = screening.dataset
     result = answer.calibration.refined if answer else None
@@ -65,7 +66,7 @@ try:
     inputs = answer.inputs
 except StereocalError as error:
     st.error(escape_markdown(str(error)))
-    st.stop()
+    end_here()
 try:
     show_verdict(answer)
     place = st.container()

@@ -4,6 +4,7 @@ import streamlit as st
 
 from stereocal.errors import StereocalError
 from stereocal.ui.intake import escape_markdown
+from stereocal.ui.messages import end_here
 from stereocal.ui.prerequisites import project_with_data
 from stereocal.ui.project import last_evaluation
 from stereocal.ui.texts import VALIDATE
@@ -24,7 +25,7 @@ try:
     settings = choose_protocol(project, datasets)
 except StereocalError as error:
     st.error(escape_markdown(str(error)))
-    st.stop()
+    end_here()
 # The paper's figure at once; the refined sets, which other pages need too, after it.
 first = None if with_refined(project).value() else without_refined(project, datasets, settings)
 if first is None:
@@ -32,7 +33,7 @@ if first is None:
 evaluation = first or last_evaluation(project)
 if evaluation is None:
     st.info("No validation yet.")
-    st.stop()
+    end_here()
 show_evaluation(project, evaluation, datasets, first.settings if first else settings)
 if first is not None:
     bring_up_to_date(project, datasets, settings)

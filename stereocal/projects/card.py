@@ -65,7 +65,8 @@ def _data_of(project: Project) -> str:
     dataset = project.dataset
     if dataset is not None:
         return f"{len(dataset.correspondences.frames)} frames"
-    return _photographs_of(project) or "no points yet"
+    given = "correspondences" in project.inputs.files
+    return _photographs_of(project) or ("points, data incomplete" if given else "no points yet")
 
 
 def _photographs_of(project: Project) -> str:

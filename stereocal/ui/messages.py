@@ -7,10 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import wraps
-from typing import Literal, ParamSpec, TypeVar
+from typing import Literal, NoReturn, ParamSpec, TypeVar
 
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
+from streamlit.runtime.scriptrunner import StopException
 
 from stereocal.errors import StereocalError
 from stereocal.ui.texts import escape_markdown
@@ -20,6 +21,14 @@ T = TypeVar("T")
 Kind = Literal["error", "info"]
 Message = tuple[Kind, str]
 _MESSAGES = "messages"
+
+
+def end_here() -> NoReturn:
+    """End a page early; its state in the menu and its messages are still drawn.
+
+    `st.stop` would end the run at the next element, so that they would not be.
+    """
+    raise StopException
 
 
 def tell(sentence: str, kind: Kind = "error") -> None:

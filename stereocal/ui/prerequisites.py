@@ -10,6 +10,7 @@ from stereocal.projects.project import Project
 from stereocal.rig.dataset import Dataset
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.lengths import ask_if_measured
+from stereocal.ui.messages import end_here
 from stereocal.ui.photographs import has_photographs
 from stereocal.ui.project import current_project
 
@@ -33,12 +34,12 @@ def project_with_data() -> tuple[Project, Inputs, Dataset]:
         dataset = project.dataset_of(inputs) if project and inputs else None
     except StereocalError as error:
         st.error(escape_markdown(str(error)))
-        st.stop()
+        end_here()
     if project is None or inputs is None or dataset is None:
         if project is not None:
             ask_if_measured(project)
         missing = missing_of(project) if project else "points, cameras and two lengths"
         st.info(f"Before this page can answer, it needs {missing}.")
         st.page_link("app_pages/data.py", label="Give them on the Data page")
-        st.stop()
+        end_here()
     return project, inputs, dataset

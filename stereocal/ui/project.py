@@ -20,7 +20,7 @@ from stereocal.projects.photographs import TABLE_LABEL
 from stereocal.projects.project import Project
 from stereocal.refined.results import Calibration
 from stereocal.ui.fields import Field
-from stereocal.ui.messages import attempt, callback, readable, tell
+from stereocal.ui.messages import attempt, callback, end_here, readable, tell
 from stereocal.ui.texts import escape_markdown
 
 SLOT_TITLES: Mapping[str, Slot] = {
@@ -54,7 +54,7 @@ def current_project() -> Project | None:
         if not offer_removed():
             st.error(escape_markdown(str(error)))
             st.button("Start a new project", on_click=forget_project, type="primary")
-        st.stop()
+        end_here()
 
 
 def open_or_none() -> Project | None:

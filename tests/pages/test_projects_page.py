@@ -58,6 +58,8 @@ def test_a_card_says_what_a_project_holds_and_its_key_result(app: AppTest, home:
     assert said("Refined set", "refined")  # as Calibrate recommends
     project.keep_recommended("2d", "3d")
     assert said("2D set and 3D set", "3d")
+    project.give({}, baseline_m=None)
+    assert "points, data incomplete" in card()
     project.give({}, drop=["correspondences"])
     assert "no points yet" in card()
 
