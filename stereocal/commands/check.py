@@ -6,6 +6,7 @@ import argparse
 import hashlib
 import json
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,7 @@ from stereocal.field.checking.power import Smallest
 from stereocal.field.checking.prior import Prior, prior_of
 from stereocal.field.checking.recheck import recheck
 from stereocal.field.checking.repair import REPAIRED, repaired_parameters
+from stereocal.matching.point_noise import check_sigma
 from stereocal.projects.archive import read_input
 from stereocal.projects.check import images_in_table
 from stereocal.projects.data_folder import SUFFIX
@@ -57,6 +59,13 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
         metavar="FRACTION",
         help="smallest change of the baseline that matters (default: %(default)g)",
     )
+    command.add_argument(
+        "--sigma-px",
+        type=float,
+        metavar="PX",
+        help="noise of matched points, if they are less exact than the targets (default: of the "
+        "columns that match writes)",
+    )
     add_lens_model(command)
 
 
@@ -66,6 +75,7 @@ def run(parsed: argparse.Namespace) -> None:
         raise StereocalError(
             "--turn must be between 0 and 180 degrees, --baseline-change between 0 and 1."
         )
+    check_sigma(parsed.sigma_px)
     path, prior = _prior(parsed.parameters)
     images = _images(parsed, prior.rig)
     smallest = Smallest(float(np.radians(parsed.turn)), parsed.baseline_change)
@@ -109,5 +119,6 @@ def _images(parsed: argparse.Namespace, rig: RigParameters) -> NewImages:
     path = parsed.dataset
     is_table = path.is_file() and path.suffix != SUFFIX and not zipfile.is_zipfile(path)
     if is_table:
-        return images_in_table(path, str(path), rig)
+        images = images_in_table(path, str(path), rig)
+        return replace(images, stated_px=parsed.sigma_px or images.stated_px)
     return images_of_bars(with_sigmas(read_input(path, parsed.lens_model), parsed), rig)

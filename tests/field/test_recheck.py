@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -31,13 +33,15 @@ from stereocal.field.checking.fits import (
     turned,
 )
 from stereocal.field.checking.held_out import HeldOut
-from stereocal.field.checking.new_images import images_of_bars, images_of_matches
+from stereocal.field.checking.new_images import images_of_bars, images_of_matches, images_of_pairs
 from stereocal.field.checking.power import Smallest
 from stereocal.field.checking.prior import prior_of
 from stereocal.field.checking.recheck import recheck
 from stereocal.field.checking.repair import repaired_parameters
 from stereocal.field.checking.residuals import residuals_of
 from stereocal.formats.dataset_files import read_dataset
+from stereocal.matching.point_table import PAIR_SIGMAS, PointTable
+from stereocal.matching.reconstruction_files import PIXELS
 from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.unknowns import RefineSettings, pose_of
 from stereocal.rig.compiled import FloatArray
@@ -138,6 +142,25 @@ def test_matched_points_find_a_turn_and_keep_the_baseline(case: Case) -> None:
     assert any("do not show the baseline" in note for note in notes(found))
     true_turn = angle_between(rig, case.truth)
     assert found.turn[0].low < true_turn < found.turn[0].high
+
+
+def test_matched_points_less_exact_than_targets(case: Case, tmp_path: Path) -> None:
+    """2 px after targets of 0.2 px: they fit a pose, within the noise that they state."""
+    rows = matched(case, case.truth, 200).dataset.correspondences
+    sides = (rows.primary, rows.secondary)
+    first, second = (side + 2.0 * case.rng.standard_normal(side.shape) for side in sides)
+    table = pd.DataFrame(np.column_stack([first, second]), columns=list(PIXELS)).clip(lower=0.0)
+    table.insert(0, "frame", np.arange(len(table)))
+    path = tmp_path / "pairs.csv"
+    table.to_csv(path, index=False)
+    unstated = recheck(case.prior, images_of_pairs(PointTable(path, PIXELS), case.prior.rig))
+    assert not unstated.usable
+    for name in PAIR_SIGMAS:
+        table[name] = 2.0
+    table.to_csv(path, index=False)
+    stated = recheck(case.prior, images_of_pairs(PointTable(path, PIXELS), case.prior.rig))
+    assert stated.usable and stated.verdict != "moved"
+    assert stated.noise.sigma_px == pytest.approx(2.0, rel=0.2)
 
 
 def test_a_refocused_lens_is_named() -> None:

@@ -92,7 +92,8 @@ class Recheck:
     @property
     def usable(self) -> bool:
         """Whether the images fit any pose of these cameras."""
-        return self.noise.sigma_px <= LARGEST_NOISE_RATIO * self.prior.sigma_px
+        expected = max(self.prior.sigma_px, self.images.stated_px)
+        return self.noise.sigma_px <= LARGEST_NOISE_RATIO * expected
 
     @property
     def seen(self) -> bool:

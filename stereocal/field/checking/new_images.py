@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.matching.point_table import PointTable
+from stereocal.matching.point_table import PAIR_SIGMAS, PointTable
 from stereocal.matching.reconstruction_files import PIXELS, points_outside_images
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.compiled import FloatArray, IntArray
@@ -32,6 +32,8 @@ class NewImages:
     """How many bars there are; 0 for matched points alone, which do not determine lengths."""
     notes: tuple[str, ...] = ()
     """Messages for the user."""
+    stated_px: float = 0.0
+    """Noise of the points, if they state it: they need not be as exact as targets."""
     own: bool = False
     """Whether they are the images that the parameters come from."""
 
@@ -104,6 +106,7 @@ def images_of_pairs(table: PointTable, rig: RigParameters) -> NewImages:
     """
     table.check(lambda block: points_outside_images(rig, block))
     frames, pixels, ambiguous, truncated = [], [], 0, THRESHOLDED in table.names
+    sigmas = [np.empty(0)]
     for frame, rows in table.frames():
         if AMBIGUOUS in rows:
             unsure = rows[AMBIGUOUS].astype(str).str.strip().str.lower().isin(("true", "1"))
@@ -111,6 +114,8 @@ def images_of_pairs(table: PointTable, rig: RigParameters) -> NewImages:
             rows = rows[~unsure.to_numpy()]
         frames.append(np.full(len(rows), frame, dtype=np.int64))
         pixels.append(rows[list(PIXELS)].to_numpy(dtype=np.float64))
+        if set(PAIR_SIGMAS) <= set(rows):
+            sigmas.append(rows[list(PAIR_SIGMAS)].to_numpy(dtype=np.float64).ravel())
     notes = []
     if ambiguous:
         notes.append(f"{ambiguous} ambiguous pairs were not used.")
@@ -120,9 +125,12 @@ def images_of_pairs(table: PointTable, rig: RigParameters) -> NewImages:
             "the threshold put apart: where that may be, match with a larger threshold."
         )
     whole = np.concatenate(pixels)
-    return images_of_matches(
+    found = images_of_matches(
         np.concatenate(frames), whole[:, :2], whole[:, 2:], rig, table.label, tuple(notes)
     )
+    stated = np.concatenate(sigmas)
+    stated = stated[np.isfinite(stated)]
+    return replace(found, stated_px=float(np.sqrt(np.mean(stated**2))) if len(stated) else 0.0)
 
 
 def images_of_matches(
