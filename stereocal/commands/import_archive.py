@@ -42,7 +42,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
         "--distance", type=float, metavar="D", help="measured distance between A and B in m"
     )
     command.add_argument(
-        "--image-size", metavar="WxH", help="of both cameras, if the files are wrong or silent"
+        "--image-size", metavar="WxH", help="of both cameras, if wrong or missing in the files"
     )
     command.add_argument(
         "--layout", type=str.lower, choices=BAR_LAYOUTS, help="which program wrote the table"

@@ -220,7 +220,8 @@ def validation_answer(summaries: Mapping[Method, MethodSummary]) -> str:
         refined = summaries["refined"]
         answer += (
             f" The one refined set does both: at {digits(refined.reprojection.threshold, 2)} px "
-            f"{percent(refined.reprojection.wrong_let_in)} % of wrong pairs pass, and 95 % of bars "
+            f"{percent(refined.reprojection.wrong_let_in)} % of wrong pairs are accepted, and 95 "
+            "% of bars "
             f"are within {percent(refined.reconstruction.p95)} %."
         )
     return answer
@@ -234,7 +235,7 @@ def _answer_of(summaries: Mapping[Method, MethodSummary]) -> str:
     matching = summaries[match].reprojection
     first = (
         f"Match with {_name(match)} at {digits(matching.threshold, 2)} px: "
-        f"{percent(matching.wrong_let_in)} % of wrong pairs pass and "
+        f"{percent(matching.wrong_let_in)} % of wrong pairs are accepted and "
         f"{percent(matching.correct_lost)} % of correct ones are lost"
         f"{_level(fcps, match, 'FCP')}."
     )

@@ -112,7 +112,7 @@ def _tile(
     with st.container(border=True):
         if ahead is not None and (forecast_holds or held_out is None):
             st.metric(title, f"{percent(ahead.value)} %")
-            st.caption(f"for bars like these ({interval(ahead)} %)  \nheld out: {tested}")
+            st.caption(f"expected for similar bars ({interval(ahead)} %)  \nheld out: {tested}")
         elif held_out is not None:
             st.metric(title, f"{percent(held_out)} %")
             doubted = (

@@ -58,7 +58,7 @@ def advice_on_improvements(model: RefinedResult, seed: int = 0) -> str:
     found = improvements(model, seed)
     now, limit = found.pop("").length, found.pop("everything known exactly").length
     name, best = min(found.items(), key=lambda item: item[1].length)
-    noise = f"the noise of the image points alone makes {rounded(100 * limit)} %"
+    noise = f"image noise alone causes a length error of {rounded(100 * limit)} %"
     if best.length > WORTH_IT * now:
         return f"Better lenses, a better baseline or more frames would change little: {noise}."
     return (

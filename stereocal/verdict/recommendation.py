@@ -200,7 +200,7 @@ def _holds(found: Verdict | None) -> bool:
 def _use(match: FileFigures, measure: FileFigures, holds: bool) -> str:
     """What to use, with its figures: forecast, or those of held-out frames if that is doubted."""
     wrong, within = match.wrong_let_in.percents(holds), measure.length_p95.percents(holds)
-    let_in = f", where {wrong} of wrong pairs pass" if wrong else ""
+    let_in = f", where {wrong} of wrong pairs are accepted" if wrong else ""
     lengths = f": 95 % of lengths are within {within}" if within else ""
     held_out = " (on held-out frames)" if (wrong or within) and not holds else ""
     if match.method == measure.method:

@@ -53,7 +53,7 @@ def test_one_press_gives_everything(pressed: AppTest, home: Path) -> None:
     labels = [metric.label for metric in pressed.metric]
     assert labels == ["Wrong pairs let in", "Length error, median", "Threshold"]
     assert all(metric.value.endswith(("%", "px")) for metric in pressed.metric)
-    assert "for bars like these" in captions(pressed)
+    assert "expected for similar bars" in captions(pressed)
     assert "held out: " in captions(pressed) and "not yet" not in captions(pressed)
     pressed.switch_page("app_pages/validate.py").run()
     assert project.evaluation is not None

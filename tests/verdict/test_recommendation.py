@@ -59,7 +59,7 @@ def test_one_set(calibration: Calibration, outlook: Outlook) -> None:
     assert (found.match.method, found.measure.method) == ("refined", "refined")
     first, second = found.sentences
     assert first.startswith("Use the refined set for both: match below ")
-    assert "of wrong pairs pass, and measure: 95 % of lengths are within" in first
+    assert "of wrong pairs are accepted, and measure: 95 % of lengths are within" in first
     assert "One set does both jobs here (more than 99 % sure)." in second
     assert "Or the paper's two: match with the 2D set below" in second
     assert found.forecast_holds and not found.caution
@@ -138,7 +138,8 @@ def test_without_a_forecast_the_papers_two(calibration: Calibration) -> None:
     found = recommend(calibration, None, VALIDATION)
     assert (found.match.method, found.measure.method) == ("2d", "3d")
     assert found.sentences[0] == (
-        "Match with the 2D set below 0.40 px, where 0.40 % of wrong pairs pass, and measure with "
+        "Match with the 2D set below 0.40 px, where 0.40 % of wrong pairs are accepted, and "
+        "measure with "
         "the 3D set: 95 % of lengths are within 0.60 % (on held-out frames)."
     )
     assert found.sentences[1] == NO_FORECAST

@@ -151,9 +151,9 @@ def _turn(check: Recheck) -> str:
     if causes == ("secondary",):
         return f"the secondary turned in place by {angle} {_about(vector)}"
     which = (
-        "one camera turned against the other"
+        "one camera turned relative to the other"
         if causes
-        else "the cameras turned against each other and changed places,"
+        else "one camera turned and moved relative to the other,"
     )
     tail = "; which one, images cannot tell" if causes else ""
     about = _about(vector, "the secondary's")

@@ -121,8 +121,8 @@ def images_of_pairs(table: PointTable, rig: RigParameters) -> NewImages:
         notes.append(f"{ambiguous} ambiguous pairs were not used.")
     if truncated:
         notes.append(
-            "These pairs were matched by parameters, which leaves out pairs that a movement beyond "
-            "the threshold put apart: where that may be, match with a larger threshold."
+            "These pairs were matched by parameters. A large movement may have removed pairs: "
+            "match again with a larger threshold."
         )
     whole = np.concatenate(pixels)
     found = images_of_matches(

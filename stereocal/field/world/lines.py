@@ -201,7 +201,8 @@ def _images(rig: Rig, lines: Sequence[Line], noise: Noise) -> Iterator[Image]:
             if len(pixels) > 2 and off > BENT * noise.sigma_px:
                 raise StereocalError(
                     f"{line.name}: its points in the {CAMERAS[number]} scatter by {off:.1f} px "
-                    f"about a straight line, and {noise.sigma_px:.2g} px are expected. How exactly "
+                    f"about a straight line, and {rounded(noise.sigma_px)} px are expected. How "
+                    "exactly "
                     "were they clicked? If to that, state it as their noise; else a point was "
                     "mistaken, or the line is bent."
                 )
