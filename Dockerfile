@@ -12,7 +12,7 @@ RUN pip install --no-cache-dir --requirement requirements.txt
 COPY app.py LICENSE ./
 COPY .streamlit .streamlit
 COPY assets assets
-COPY app_pages app_pages
+COPY pages pages
 COPY sample_data sample_data
 COPY stereocal stereocal
 

@@ -62,16 +62,16 @@ def finished() -> AppTest:
     """The field sample, calibrated; all that a first page of a server loads has been loaded."""
     app = AppTest.from_file(str(ROOT / "app.py"), default_timeout=LONGEST_S).run()
     app.button(key="demo").click().run()
-    app.switch_page("app_pages/calibrate.py").run()
+    app.switch_page("pages/calibrate.py").run()
     app.button(key="run").click().run()
     for page in PAGES:
-        app.switch_page(f"app_pages/{page}.py").run()
+        app.switch_page(f"pages/{page}.py").run()
     return app
 
 
 def new_result(app: AppTest, seed: int) -> tuple[float, float]:
     """Press Calibrate with another seed."""
-    app.switch_page("app_pages/calibrate.py").run()
+    app.switch_page("pages/calibrate.py").run()
     app.number_input(key="seed").set_value(seed).run()
     return timed(app.button(key="run").click().run)
 
@@ -115,11 +115,11 @@ def main() -> None:
         app = finished()
         presses = [new_result(app, seed) for seed in (1, 2, 3)]
         for page in PAGES:
-            first = timed(app.switch_page(f"app_pages/{page}.py").run)
+            first = timed(app.switch_page(f"pages/{page}.py").run)
             again = [timed(app.run) for _ in range(7)]
             assert not app.exception
             show(page, first, median(again))
-        app.switch_page("app_pages/validate.py").run()
+        app.switch_page("pages/validate.py").run()
         moves = [
             timed(app.slider(key="acceptance").set_value(value).run)
             for value in (0.3, 0.25, 0.35, 0.4, 0.15)

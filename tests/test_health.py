@@ -58,7 +58,7 @@ def status(url: str) -> int | None:
 
 
 def copy_of_the_program(folder: Path) -> Path:
-    for name in ("stereocal", "app_pages", "assets", ".streamlit"):
+    for name in ("stereocal", "pages", "assets", ".streamlit"):
         shutil.copytree(ROOT / name, folder / name)
     shutil.copy(ROOT / "app.py", folder)
     return folder

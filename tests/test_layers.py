@@ -1,6 +1,6 @@
 """Imports of the package run one way, the science imports no Streamlit, the pages compute nothing.
 
-The contracts stand in pyproject.toml and app_pages/ruff.toml: seen here to hold and to fail.
+The contracts stand in pyproject.toml and pages/ruff.toml: seen here to hold and to fail.
 """
 
 from __future__ import annotations
@@ -67,10 +67,10 @@ def test_a_new_folder_needs_a_place(tmp_path: Path) -> None:
     ("name", "module", "caught"),
     [
         ("stereocal/x.py", "streamlit", True),
-        ("app_pages/x.py", "streamlit", False),
+        ("pages/x.py", "streamlit", False),
         ("app.py", "streamlit", False),
         ("stereocal/x.py", "numpy", False),
-        *(("app_pages/x.py", module, True) for module in ("numpy", "scipy", "cv2", "numba")),
+        *(("pages/x.py", module, True) for module in ("numpy", "scipy", "cv2", "numba")),
     ],
 )
 def test_the_linter_knows_pages_from_science(name: str, module: str, caught: bool) -> None:

@@ -12,7 +12,7 @@ import yaml
 import stereocal
 from tests.wheel import ROOT, installed_in
 
-BESIDE = ("app_pages", "assets", "sample_data")
+BESIDE = ("pages", "assets", "sample_data")
 MOST_BYTES = 12_000_000
 
 

@@ -1,4 +1,4 @@
-"""Where `app.py`, `app_pages/`, `assets/` and `sample_data/` are, installed or not."""
+"""Where `app.py`, `pages/`, `assets/` and `sample_data/` are, installed or not."""
 
 from __future__ import annotations
 

@@ -102,7 +102,7 @@ def choose_inputs(project: Project, store: ProjectApplication) -> Chosen | None:
         wait_for_answer(project)
     elif sets is None:
         st.info("Still missing: a parameter file to match with, and one to measure with.")
-        st.page_link("app_pages/calibrate.py", label="Or calibrate on the Calibrate page")
+        st.page_link("pages/calibrate.py", label="Or calibrate on the Calibrate page")
     if points is None or sets is None or form is None:
         return None
     return Chosen(points, sets, threshold, depths, form, world, sigma_px)

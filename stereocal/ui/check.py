@@ -73,7 +73,7 @@ def choose_inputs(project: Project, store: ProjectCheck) -> Chosen | None:
         wait_for_answer(project)
     elif found is None:
         st.info("Still missing: the parameters of the rig.")
-        st.page_link("app_pages/calibrate.py", label="Or calibrate on the Calibrate page")
+        st.page_link("pages/calibrate.py", label="Or calibrate on the Calibrate page")
     if given is None:
         st.info(
             "Still missing: new bars (five are a good start), or matched points without lengths "

@@ -83,7 +83,7 @@ def _actions(project: Project, calibration: Calibration, frame: int) -> None:
         on_click=look_closely, args=(ProjectPhotographs(project), frame),
         help="Its photographs on the Data page.",
     ):  # fmt: skip
-        st.switch_page("app_pages/data.py")
+        st.switch_page("pages/data.py")
 
 
 def state_of(calibration: Calibration, frame: int) -> str:

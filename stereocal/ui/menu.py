@@ -27,32 +27,47 @@ SECTIONS: Mapping[str, Mapping[str, str]] = {
     },
     "Use": {"apply": "Apply", "check": "Check"},
 }
-"""Titles of the pages by group and by the name of their file in `app_pages/`, in the order of the
+"""Titles of the pages by group and by the name of their file in `pages/`, in the order of the
 work. The name is the last part of the address too."""
 FORMER_ADDRESSES = {"one-set": "one_set"}
 """In bookmarks."""
 TITLES = {name: title for group in SECTIONS.values() for name, title in group.items()}
+_DRAWN = "menu_drawn"
 STATES = "page_states"
 """Where the session keeps the state of each page as it was last."""
 
 
 def show_menu() -> StreamlitPage:
     """The menu with the state of each page as it was last; returns the chosen page."""
+    st.session_state[_DRAWN] = True
+    # The configuration hides Streamlit's own list of the files in `pages/`.
+    st.set_option("client.showSidebarNavigation", True)
     states: Mapping[str, PageState] = st.session_state.get(STATES, {})
     sections = {
         group: [_page(name, title, states.get(name)) for name, title in titles.items()]
         for group, titles in SECTIONS.items()
     }
     sections["Use"] += [
-        st.Page(f"app_pages/{name}.py", title=TITLES[name], url_path=address, visibility="hidden")
+        st.Page(f"pages/{name}.py", title=TITLES[name], url_path=address, visibility="hidden")
         for address, name in FORMER_ADDRESSES.items()
     ]
     return st.navigation(sections, expanded=True)
 
 
+def ensure_navigation() -> None:
+    """Run `app.py` instead, if Streamlit has started a page by itself.
+
+    If the first request to a new server is for a bookmarked page, Streamlit runs that file of
+    `pages/` alone. One call of `st.navigation` ends that mode.
+    """
+    if _DRAWN not in st.session_state:
+        show_menu()
+        st.rerun()
+
+
 def _page(name: str, title: str, state: PageState | None) -> StreamlitPage:
     return st.Page(
-        f"app_pages/{name}.py",
+        f"pages/{name}.py",
         title=title,
         icon=state.icon if state else None,
         help=state.words if state else None,

@@ -95,7 +95,7 @@ def run_page(page: StreamlitPage) -> None:
     if chosen := st.session_state.pop(_NEXT, None):
         st.switch_page(chosen)
     if open_created() and page.url_path == "":
-        st.switch_page("app_pages/data.py")
+        st.switch_page("pages/data.py")
     top = st.container()
     shown = show_messages(top)
     _take_focus(page)
@@ -151,7 +151,7 @@ def _show_next(page: StreamlitPage) -> None:
 
 def go_to(name: str) -> None:
     """Open a page (for callbacks)."""
-    st.session_state[_NEXT] = f"app_pages/{name}.py"
+    st.session_state[_NEXT] = f"pages/{name}.py"
 
 
 def _draw(page: StreamlitPage) -> None:

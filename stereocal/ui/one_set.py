@@ -77,7 +77,7 @@ def show_disagreement(inputs: list[Input]) -> None:
     unknown = undetectable_errors(inputs)
     if unknown:
         st.info(escape_markdown(unknown))
-        st.page_link("app_pages/data.py", label="State it on the Data page")
+        st.page_link("pages/data.py", label="State it on the Data page")
     elif inputs and not accused:
         st.success("Nothing that was typed or measured disagrees with the images.")
     if accused:

@@ -126,7 +126,7 @@ def _camera_files(project: Project) -> None:
             key = f"upload_{slot}"
             with column:
                 take_camera(slot, st.file_uploader(TITLES[slot], type=CAMERA_KINDS, key=key))
-        st.page_link("app_pages/cameras.py", label="Or make them from photographs of a board")
+        st.page_link("pages/cameras.py", label="Or make them from photographs of a board")
     ask_about_archive(ProjectApplication(project))
 
 

@@ -40,6 +40,6 @@ def project_with_data() -> tuple[Project, Inputs, Dataset]:
             ask_if_measured(project)
         missing = missing_of(project) if project else "points, cameras and two lengths"
         st.info(f"Before this page can answer, it needs {missing}.")
-        st.page_link("app_pages/data.py", label="Give them on the Data page")
+        st.page_link("pages/data.py", label="Give them on the Data page")
         end_here()
     return project, inputs, dataset

@@ -57,7 +57,7 @@ def show_projects() -> Project | None:
         The open project.
     """
     if st.session_state.pop(OPENED, False):
-        st.switch_page("app_pages/data.py")
+        st.switch_page("pages/data.py")
     settings = ServerSettings.from_environment()
     folder = default_home() / "projects"
     if folder.is_dir() and not os.access(folder, os.W_OK):
@@ -198,7 +198,7 @@ def _pack_and_unpack(project: Project | None) -> None:
             st.error(escape_markdown(str(error)))
             return
         open_project(unpacked[upload.file_id])
-    st.switch_page("app_pages/data.py")
+    st.switch_page("pages/data.py")
 
 
 def _offer_packed(project: Project, name: str) -> None:

@@ -43,7 +43,7 @@ ANSWER_STEPS = ("refined", "forecast")
 def refine_form(project: Project, dataset: Dataset) -> RefineSettings:
     """The form of the refined method: uncertainties from the Data page, and the image noise."""
     st.caption(escape_markdown(describe_uncertainties(dataset)))
-    st.page_link("app_pages/data.py", label="State it on the Data page")
+    st.page_link("pages/data.py", label="State it on the Data page")
     free = _free(project)
     st.multiselect(
         "Estimate the distortion of", CAMERAS, placeholder="no camera: as its file says",

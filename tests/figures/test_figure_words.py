@@ -229,7 +229,7 @@ def test_text_is_made_of_the_same_inputs(name: str) -> None:
 def test_no_figure_stands_on_a_page_without_its_text() -> None:
     """`st.plotly_chart` is in `show_figure`, which takes both, or beside its own sentence."""
     seen = 0
-    for path in [*(ROOT / "stereocal/ui").glob("*.py"), *(ROOT / "app_pages").glob("*.py")]:
+    for path in [*(ROOT / "stereocal/ui").glob("*.py"), *(ROOT / "pages").glob("*.py")]:
         source = path.read_text(encoding="utf-8")
         for function in ast.walk(ast.parse(source)):
             if not isinstance(function, ast.FunctionDef | ast.Module):
@@ -244,6 +244,6 @@ def test_no_figure_stands_on_a_page_without_its_text() -> None:
                 assert "st.caption(" in own and "describe_" in own, path.name
     assert seen >= len(PLOTS)
     for name in PLOTS:
-        files = [*(ROOT / "stereocal").rglob("*.py"), *(ROOT / "app_pages").glob("*.py")]
+        files = [*(ROOT / "stereocal").rglob("*.py"), *(ROOT / "pages").glob("*.py")]
         uses = [path for path in files if f"plot_{name}(" in path.read_text(encoding="utf-8")]
         assert len(uses) > 1, f"plot_{name} stands nowhere"

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from streamlit.components.v2.component_manager import BidiComponentManager
+from streamlit.runtime.pages_manager import PagesManager
 from streamlit.runtime.scriptrunner.script_cache import ScriptCache
 from streamlit.testing.v1 import AppTest, local_script_runner
 
@@ -49,6 +50,16 @@ def done_once(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def as_in_a_server(patch: pytest.MonkeyPatch) -> None:
-    """Do once what a server does once, and AppTest before every run."""
+    """Do once what a server does once, and AppTest before every run.
+
+    A server that has run `app.py` once does not look for a folder `pages/` any more.
+    """
+    begin = PagesManager.__init__
+
+    def begin_with_navigation(self: PagesManager, *given: object, **named: object) -> None:
+        begin(self, *given, **named)  # type: ignore[arg-type]
+        PagesManager.uses_pages_directory = False
+
+    patch.setattr(PagesManager, "__init__", begin_with_navigation)
     patch.setattr(local_script_runner, "ScriptCache", lambda: SCRIPTS)
     patch.setattr(BidiComponentManager, "discover_and_register_components", lambda *_, **__: None)

@@ -17,7 +17,7 @@ from tests.soak.readers import readers
 
 APP = str(Path(__file__).parents[2] / "app.py")
 SLOW_S = 120
-PAGES = [f"app_pages/{name}.py" for name in TITLES]
+PAGES = [f"pages/{name}.py" for name in TITLES]
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,7 @@ def give(door: Door, content: bytes, project: Project) -> str:
     """Upload a file; the tracebacks that a page shows then, or nothing."""
     app = AppTest.from_file(APP, default_timeout=SLOW_S)
     app.query_params["project"] = project.id
-    app.run().switch_page(f"app_pages/{door.page}.py").run()
+    app.run().switch_page(f"pages/{door.page}.py").run()
     if door.choose:
         choose(app, *door.choose)
     app.file_uploader(key=door.uploader).upload(door.name, content)

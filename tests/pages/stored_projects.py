@@ -32,7 +32,7 @@ def session(project: Project, **state: object) -> AppTest:
 
 
 def go(app: AppTest, page: str) -> AppTest:
-    return app.switch_page(f"app_pages/{page}.py").run()
+    return app.switch_page(f"pages/{page}.py").run()
 
 
 def told(app: AppTest, *kinds: str) -> str:

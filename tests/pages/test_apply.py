@@ -74,13 +74,13 @@ def said(app: AppTest, *kinds: str) -> str:
 
 def calibrated(app: AppTest) -> AppTest:
     app.button(key="demo").click().run()
-    app.switch_page("app_pages/calibrate.py").run()
+    app.switch_page("pages/calibrate.py").run()
     app.button(key="run").click().run()
-    return app.switch_page("app_pages/apply.py").run()
+    return app.switch_page("pages/apply.py").run()
 
 
 def begun(app: AppTest) -> AppTest:
-    app.switch_page("app_pages/apply.py").run()
+    app.switch_page("pages/apply.py").run()
     app.button(key="apply_begin").click().run()
     return app
 
@@ -116,7 +116,7 @@ def written(app: AppTest, home: Path) -> tuple[pd.DataFrame, pd.DataFrame]:
 
 
 def test_nothing_yet_is_said(app: AppTest) -> None:
-    app.switch_page("app_pages/apply.py").run()
+    app.switch_page("pages/apply.py").run()
     assert "it needs points of both cameras" in said(app)
     begun(app)
     assert "Still missing: the points of both cameras" in said(app)
@@ -277,7 +277,7 @@ def test_threshold_moves_the_result_and_is_kept(app: AppTest, home: Path) -> Non
 
     again = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW)
     again.query_params["project"] = app.session_state["project_id"]
-    again.run().switch_page("app_pages/apply.py").run()
+    again.run().switch_page("pages/apply.py").run()
     assert again.number_input(key="apply_threshold").value == 40.0
     assert again.number_input(key="apply_sigma_px").value == 0.5
     assert "In use: p.csv, 90 points In use: s.csv, 90 points" in said(again, "caption")
@@ -456,7 +456,7 @@ def test_wizard_of_a_table_with_unknown_columns(app: AppTest, home: Path) -> Non
 
 
 def test_wand_file_on_the_data_page(app: AppTest, home: Path) -> None:
-    app.switch_page("app_pages/data.py").run()
+    app.switch_page("pages/data.py").run()
     first, second = images(bar_ends(6))
     rows = [
         [*second[2 * k], *first[2 * k], *second[2 * k + 1], *first[2 * k + 1]] for k in range(6)
@@ -483,7 +483,7 @@ def test_wand_file_on_the_data_page(app: AppTest, home: Path) -> None:
 
 
 def test_our_own_table_needs_no_wizard(app: AppTest) -> None:
-    app.switch_page("app_pages/data.py").run()
+    app.switch_page("pages/data.py").run()
     content = (ROOT / "sample_data/field/correspondences.csv").read_bytes()
     app.file_uploader(key="upload_correspondences").upload("points.csv", content).run()
     assert "In use: points.csv" in said(app, "caption")
@@ -492,7 +492,7 @@ def test_our_own_table_needs_no_wizard(app: AppTest) -> None:
 
 def test_menu_of_formats(app: AppTest) -> None:
     app.button(key="demo").click().run()
-    app.switch_page("app_pages/calibrate.py").run()
+    app.switch_page("pages/calibrate.py").run()
     app.button(key="run").click().run()
     app.segmented_control(key="view").set_value("Parameters").run()
     app.selectbox(key="format_file").set_value("3d").run()

@@ -21,7 +21,7 @@ EASYWAND = mat({"easyWandData": easywand_fields(more_cameras=1)})
 
 
 def give_easywand(app: AppTest, content: bytes = EASYWAND) -> AppTest:
-    app.switch_page("app_pages/data.py").run()
+    app.switch_page("pages/data.py").run()
     return app.file_uploader(key="upload_correspondences").upload("calib.mat", content).run()
 
 
@@ -42,7 +42,7 @@ def test_easywand_becomes_a_data_set(app: AppTest, home: Path) -> None:
 
 
 def test_lengths_that_were_entered_stay(app: AppTest, home: Path) -> None:
-    app.switch_page("app_pages/data.py").run()
+    app.switch_page("pages/data.py").run()
     app.number_input(key="baseline_m_value").set_value(2.5).run()
     give_easywand(app)
     app.button(key="use_archive").click().run()
@@ -78,7 +78,7 @@ def test_a_contradicted_image_height_is_asked_for(app: AppTest) -> None:
 def test_cameras_of_another_program_and_a_damaged_file(app: AppTest, home: Path) -> None:
     rig = Rig(PRIMARY, SECONDARY, RIG)
     toml = export_files(rig, "aniposelib")["calibration.toml"]
-    app.switch_page("app_pages/data.py").run()
+    app.switch_page("pages/data.py").run()
     app.file_uploader(key="upload_primary").upload("calibration.toml", toml).run()
     assert "state the unit" in said(app, "error")
     app.selectbox(key="archive_unit").select("m").run()
@@ -96,6 +96,6 @@ def test_cameras_of_another_program_and_a_damaged_file(app: AppTest, home: Path)
 
 
 def test_a_wand_table_is_still_asked_about(app: AppTest) -> None:
-    app.switch_page("app_pages/data.py").run()
+    app.switch_page("pages/data.py").run()
     app.file_uploader(key="upload_correspondences").upload("wand.csv", wand_csv()).run()
     assert any("looks like a wand file" in item.value for item in app.markdown)

@@ -42,7 +42,7 @@ def project_of(app: AppTest, home: Path) -> Project:
 
 
 def test_four_coefficients_of_a_camera_file(app: AppTest, home: Path) -> None:
-    app.switch_page("app_pages/data.py").run()
+    app.switch_page("pages/data.py").run()
     app.file_uploader(key="upload_secondary").upload("right.yml", opencv_camera(FOUR)).run()
     assert "k1 k2 p1 p2" in said(app, "error") and "fisheye" in said(app, "error")
     assert "--lens-model" not in said(app, "error")  # nobody types that on a page
@@ -65,7 +65,7 @@ def test_four_coefficients_in_a_data_set(app: AppTest, home: Path) -> None:
     description = json.loads(files["dataset.json"])
     description["cameras"]["secondary"] = "right.yml"
     files |= {"dataset.json": json.dumps(description).encode(), "right.yml": opencv_camera(FOUR)}
-    app.switch_page("app_pages/data.py").run()
+    app.switch_page("pages/data.py").run()
     app.segmented_control(key="data_how").set_value("A zip").run()
     app.file_uploader(key="upload_zip").upload("rig.zip", pack_zip(files)).run()
     assert "right.yml" in said(app, "error") and "Which are they?" in said(app, "error")
@@ -79,7 +79,7 @@ def test_four_coefficients_in_a_data_set(app: AppTest, home: Path) -> None:
     ("left.ini", INI, "INI file"), ("left.mat", MAT, "MATLAB"),
 ])  # fmt: skip
 def test_other_kinds_are_named(app: AppTest, name: str, content: bytes, says: str) -> None:
-    app.switch_page("app_pages/data.py").run()
+    app.switch_page("pages/data.py").run()
     app.file_uploader(key="upload_primary").upload(name, content).run()
     assert f"{name}: this" in said(app, "error") and says in said(app, "error")
 
@@ -104,14 +104,14 @@ def test_a_file_of_deeplabcut_is_named(app: AppTest, home: Path) -> None:
     uploader.upload("dlc.h5", hdf5_bytes_of_deeplabcut()).run()
     assert "DeepLabCut" in said(app, "error") and "CSV" in said(app, "error")
     assert store_of(app, home).asking("primary") is None
-    app.switch_page("app_pages/data.py").run()
+    app.switch_page("pages/data.py").run()
     uploader = app.file_uploader(key="upload_correspondences")
     uploader.upload("dlc.h5", hdf5_bytes_of_deeplabcut()).run()
     assert "DeepLabCut" in said(app, "error")
 
 
 def test_a_table_that_is_no_wand_file_is_not_asked_about_as_one(app: AppTest) -> None:
-    app.switch_page("app_pages/data.py").run()
+    app.switch_page("pages/data.py").run()
     app.file_uploader(key="upload_correspondences").upload("t.csv", tracktor(0)).run()
     assert not any("looks like" in item.value for item in app.markdown)
     assert "columns" in said(app, "error") and "missing" in said(app, "error")

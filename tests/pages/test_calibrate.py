@@ -39,7 +39,7 @@ def text(app: AppTest) -> str:
 
 @pytest.fixture
 def pressed(app: AppTest) -> AppTest:
-    open_sample(app).switch_page("app_pages/calibrate.py").run()
+    open_sample(app).switch_page("pages/calibrate.py").run()
     return app.button(key="run").click().run()
 
 
@@ -55,7 +55,7 @@ def test_one_press_gives_everything(pressed: AppTest, home: Path) -> None:
     assert all(metric.value.endswith(("%", "px")) for metric in pressed.metric)
     assert "expected for similar bars" in captions(pressed)
     assert "held out: " in captions(pressed) and "not yet" not in captions(pressed)
-    pressed.switch_page("app_pages/validate.py").run()
+    pressed.switch_page("pages/validate.py").run()
     assert project.evaluation is not None
     assert not pressed.exception and not pressed.error
 
@@ -140,7 +140,7 @@ def test_a_new_validation_elsewhere_leaves_the_files_alone(pressed: AppTest, hom
 
 def give(app: AppTest, dataset: Dataset) -> None:
     packed = zipped({name: bytes(content) for name, content in pack_dataset(dataset).items()})
-    app.switch_page("app_pages/data.py").run()
+    app.switch_page("pages/data.py").run()
     app.segmented_control(key="data_how").set_value("A zip").run()
     app.file_uploader(key="upload_zip").upload("given.zip", packed, "application/zip").run()
 
@@ -150,7 +150,7 @@ def test_two_bars_give_files_without_forecast(app: AppTest, home: Path) -> None:
     rows = dataset.correspondences
     single = rows.where((rows.target == 0) | (rows.frame < 3))
     give(app, replace(dataset, correspondences=single))
-    app.switch_page("app_pages/calibrate.py").run()
+    app.switch_page("pages/calibrate.py").run()
     app.button(key="run").click().run()
     assert project_of(app, home).calibration is not None
     assert "There is no forecast" in messages(app)
@@ -162,7 +162,7 @@ def test_long_work_shows_progress_and_ends(
     app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(press, "INSTANT", 0)
-    open_sample(app).switch_page("app_pages/calibrate.py").run()
+    open_sample(app).switch_page("pages/calibrate.py").run()
     project = project_of(app, home)
     project.keep_settings({"validate_runs": 10})
     app.button(key="run").click().run()
@@ -191,7 +191,7 @@ def test_a_calibration_that_came_as_the_job_ended_is_validated_too(
 def test_a_calibration_made_meanwhile_is_validated_too(home: Path, app: AppTest) -> None:
     """The job of a press validates what is stored when it ends."""
     project = project_of(open_sample(app), home)
-    app.switch_page("app_pages/calibrate.py").run()
+    app.switch_page("pages/calibrate.py").run()
     app.button(key="run").click().run()
     app.selectbox(key="chosen_frame").set_value(9).run()
     app.button(key="frame_leave_out").click().run()
@@ -222,7 +222,7 @@ def test_a_result_read_again_as_another_object_is_no_newer_one(
     monkeypatch.setattr(press, "evaluate", once)
     monkeypatch.setattr(press, "INSTANT", 1000 if at_once else 0)
     open_sample(app)
-    app.switch_page("app_pages/calibrate.py").run()
+    app.switch_page("pages/calibrate.py").run()
     app.button(key="run").click().run()
     project = project_of(app, home)
     assert project.calibration is not None
@@ -271,7 +271,7 @@ def test_nothing_is_offered_before_its_threshold_is_final(
 
     monkeypatch.setattr(press, "INSTANT", 0)
     monkeypatch.setattr(press, "evaluate", waiting)
-    open_sample(app).switch_page("app_pages/calibrate.py").run()
+    open_sample(app).switch_page("pages/calibrate.py").run()
     app.button(key="run").click().run()
     project = project_of(app, home)
     try:
@@ -302,7 +302,7 @@ def test_validate_waits_for_the_validation_of_the_press(
     app: AppTest, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     app.button(key="recording").click().run()
-    app.switch_page("app_pages/validate.py").run()
+    app.switch_page("pages/validate.py").run()
     assert any(button.key == "validate" for button in app.button)
     monkeypatch.setattr("stereocal.ui.jobs.is_running", lambda _, kind: kind == "calibration")
     app.run()

@@ -83,12 +83,12 @@ def test_photographs_to_the_projects_camera(
     assert abs(camera.K[0, 0] - SMALL.K[0, 0]) < 3
     assert app.button(key="use_lens_primary").disabled
 
-    app.switch_page("app_pages/data.py").run()
+    app.switch_page("pages/data.py").run()
     assert any("lens from 7 board photographs" in item.value for item in app.caption)
 
     again = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW)
     again.query_params["project"] = app.session_state["project_id"]
-    again.run().switch_page("app_pages/cameras.py").run()
+    again.run().switch_page("pages/cameras.py").run()
     assert "6 draws of 5 out of 7 photographs" in messages(again)
     assert again.number_input(key="board_columns").value == 8
 

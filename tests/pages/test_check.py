@@ -50,7 +50,7 @@ def files() -> Files:
 
 @pytest.fixture
 def begun(app: AppTest) -> AppTest:
-    app.switch_page("app_pages/check.py").run()
+    app.switch_page("pages/check.py").run()
     assert "it needs the parameters of the rig" in said(app)
     app.button(key="check_begin").click().run()
     return app
@@ -75,7 +75,7 @@ def test_files_alone_give_the_answer(begun: AppTest, files: Files) -> None:
     # The next session shows the same.
     again = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW)
     again.query_params["project"] = begun.session_state["project_id"]
-    again.run().switch_page("app_pages/check.py").run()
+    again.run().switch_page("pages/check.py").run()
     assert said(again, "warning") == said(begun, "warning")
     give(begun, "images", "same.zip", files.same)
     assert "Cannot tell with 5 bars" in said(begun, "info")
@@ -122,7 +122,7 @@ def test_parameters_without_covariance_are_one_message(begun: AppTest, files: Fi
 
 def test_the_results_of_the_project_are_checked(app: AppTest, home: Path) -> None:
     calibrated(app)
-    app.switch_page("app_pages/check.py").run()
+    app.switch_page("pages/check.py").run()
     assert "this project's refined set" in said(app, "caption")
     app.selectbox(key="check_images").set_value("A file").run()
     dataset = project_of(app, home).dataset

@@ -50,7 +50,7 @@ def test_unforeseen_error_tells_its_kind_and_no_more(
         raise RuntimeError(f"{SECRET} is gone")
 
     monkeypatch.setattr("streamlit.title", fails)
-    app.switch_page(f"app_pages/{page}.py").run()
+    app.switch_page(f"pages/{page}.py").run()
     (shown,) = app.exception
     proto = shown.proto
     assert proto.type == "RuntimeError"

@@ -75,7 +75,7 @@ def said(app: AppTest) -> str:
 
 def test_sample_photographs_fill_all_pages(app: AppTest, home: Path) -> None:
     app.button(key="demo_photographs").click().run()
-    app.switch_page("app_pages/data.py").run()
+    app.switch_page("pages/data.py").run()
     assert app.segmented_control(key="data_how").value == "Photographs"
     assert "50 photographs. 25 pairs by name" in said(app)
     assert app.number_input(key="baseline_m_value").value == 4.5
@@ -86,13 +86,13 @@ def test_sample_photographs_fill_all_pages(app: AppTest, home: Path) -> None:
     assert "Still missing: the targets in the photographs (press *Find the targets*)" in said(app)
     for which in CAMERAS:
         assert len(ProjectLens(project, which).photographs) == 25
-    app.switch_page("app_pages/cameras.py").run()
+    app.switch_page("pages/cameras.py").run()
     assert "25 photographs of the primary camera are here" in said(app)
     assert app.number_input(key="board_columns").value == 18
 
 
 def data_page(app: AppTest) -> AppTest:
-    app.switch_page("app_pages/data.py").run()
+    app.switch_page("pages/data.py").run()
     return app.segmented_control(key="data_how").set_value("Photographs").run()
 
 
@@ -139,7 +139,7 @@ def test_a_file_that_is_no_photograph_at_all(app: AppTest, home: Path) -> None:
 
 
 def cameras_page(app: AppTest) -> AppTest:
-    return app.switch_page("app_pages/cameras.py").run()
+    return app.switch_page("pages/cameras.py").run()
 
 
 def test_bad_photographs_of_the_board_are_left_aside(

@@ -47,7 +47,7 @@ def test_the_page_shows_what_the_address_asks_for(
 ) -> None:
     monkeypatch.setenv("STEREOCAL_HOME", str(tmp_path))
     app = AppTest.from_file(str(ROOT / "app.py"), default_timeout=60).run()
-    app.switch_page("app_pages/help.py").run()
+    app.switch_page("pages/help.py").run()
     assert not app.exception
     assert app.selectbox[0].value == "tutorial"
     app.selectbox[0].set_value("world").run()

@@ -71,7 +71,7 @@ def test_a_file_that_crashes_its_decoder(number: int, home: Path, deadly: None) 
 
     app = AppTest.from_file(APP, default_timeout=SLOW_S)
     app.query_params["project"] = project.id
-    app.run().switch_page(f"app_pages/{door.page}.py").run()
+    app.run().switch_page(f"pages/{door.page}.py").run()
     if door.choose:
         choose(app, *door.choose)
     app.file_uploader(key=door.uploader).upload(door.name, readers()[door.reader].seeds()[0])
@@ -92,7 +92,7 @@ def test_limits_hold_on_the_pages(
     monkeypatch.setenv(f"STEREOCAL_{variable}", "1")
     app = AppTest.from_file(APP, default_timeout=SLOW_S)
     app.query_params["project"] = begun(home).id
-    app.run().switch_page("app_pages/data.py").run()
+    app.run().switch_page("pages/data.py").run()
     app.segmented_control(key="data_how").set_value("Photographs").run()
     widget = app.file_uploader(key="upload_photographs_0")
     for name in ("left1.png", "right1.png"):

@@ -27,7 +27,7 @@ def few_runs_are_a_job(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def long_validation(app: AppTest) -> AppTest:
-    open_sample(app).switch_page("app_pages/validate.py").run()
+    open_sample(app).switch_page("pages/validate.py").run()
     return app.slider(key="validate_runs").set_value(40).run()
 
 
@@ -99,9 +99,9 @@ def test_with_changed_settings_it_can_only_start_anew(interrupted: AppTest, home
     assert {"validate", "discard_evaluation"} <= keys(app)
     app.slider(key="validate_runs").set_value(40).run()
     assert "go_on_evaluation" in keys(app)
-    app.switch_page("app_pages/data.py").run()
+    app.switch_page("pages/data.py").run()
     app.number_input(key="baseline_m_value").set_value(4.6).run()
-    app.switch_page("app_pages/validate.py").run()
+    app.switch_page("pages/validate.py").run()
     assert "can only be started again" in messages(app)
     assert "go_on_evaluation" not in keys(app)
     app.button(key="discard_evaluation").click().run()
@@ -114,11 +114,11 @@ def test_start_says_it_in_the_list_and_a_new_session_finds_it(
     interrupted: AppTest, home: Path
 ) -> None:
     project = project_of(interrupted, home)
-    interrupted.switch_page("app_pages/start.py").run()
+    interrupted.switch_page("pages/start.py").run()
     assert any(each.value.endswith(", interrupted") for each in interrupted.caption)
     again = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW)
     again.query_params["project"] = project.id
-    again.run().switch_page("app_pages/validate.py").run()
+    again.run().switch_page("pages/validate.py").run()
     assert STOPPED in messages(again)
     assert "go_on_evaluation" in keys(again)
 
@@ -131,7 +131,7 @@ def test_a_job_whose_tab_was_closed_is_there_when_the_page_is_opened_again(
     again = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW)
     again.query_params["project"] = project.id
     assert ended(project, "evaluation").state == "done"
-    again.run().switch_page("app_pages/validate.py").run()
+    again.run().switch_page("pages/validate.py").run()
     assert any("40 runs" in str(caption.value) for caption in again.caption)
     assert "validate" not in keys(again) and not again.error
 
@@ -183,7 +183,7 @@ def test_a_search_whose_result_was_kept_is_not_offered_again(kept: bool, home: P
     assert stored_jobs.begin(project.database, "photographs", work.stages, work.about) is not None
     store.keep_found(frames, store.photographs, work.digest if kept else "another")
     stored_jobs._HERE.clear()  # its server died just then
-    app = session(project).switch_page("app_pages/data.py").run()
+    app = session(project).switch_page("pages/data.py").run()
     assert not app.exception
     assert ("go_on_photographs" in keys(app)) != kept and (STOPPED in messages(app)) != kept
     assert (stored_jobs.find(project.database, "photographs") is None) == kept

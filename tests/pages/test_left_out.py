@@ -25,10 +25,10 @@ def project(app: AppTest, home: Path) -> Project:
     """The field's data with A and B exchanged in the secondary image of one frame."""
     dataset = read_dataset(FIELD).with_targets_exchanged([BAD])
     packed = zipped({name: bytes(content) for name, content in pack_dataset(dataset).items()})
-    app.switch_page("app_pages/data.py").run()
+    app.switch_page("pages/data.py").run()
     app.segmented_control(key="data_how").set_value("A zip").run()
     app.file_uploader(key="upload_zip").upload("field.zip", packed, "application/zip").run()
-    app.switch_page("app_pages/calibrate.py").run()
+    app.switch_page("pages/calibrate.py").run()
     app.button(key="run").click().run()
     return project_of(app, home)
 
@@ -59,9 +59,9 @@ def test_exchanging_it_brings_it_back_at_once(app: AppTest, project: Project) ->
         sound.correspondences.secondary.tolist()
     )
     # The other pages go by it too, and it can be taken back.
-    app.switch_page("app_pages/validate.py").run()
+    app.switch_page("pages/validate.py").run()
     assert f"frame {BAD}" not in messages(app)
-    app.switch_page("app_pages/calibrate.py").run()
+    app.switch_page("pages/calibrate.py").run()
     app.button(key=f"unexchange_{BAD}").click().run()
     assert ended(project, "calibration").state == "done"
     assert project.inputs.exchanged == []
@@ -91,7 +91,7 @@ def test_a_frame_put_back_is_used_and_what_it_does_is_said(app: AppTest, project
 
 
 def test_validation_is_without_it(app: AppTest, project: Project) -> None:
-    app.switch_page("app_pages/validate.py").run()
+    app.switch_page("pages/validate.py").run()
     evaluation = project.evaluation
     assert evaluation is not None
     assert f"frame {BAD}" in messages(app)

@@ -52,7 +52,7 @@ def test_no_page_computes_before_the_press(
 ) -> None:
     project_of(long, home).keep_settings({"validate_runs": 500})  # as long as of many frames
     forbid(monkeypatch)
-    long.switch_page(f"app_pages/{name}.py").run()
+    long.switch_page(f"pages/{name}.py").run()
     assert not long.exception
     if name == "one_set":
         assert "press Calibrate first" in messages(long)
@@ -63,7 +63,7 @@ def test_the_press_and_a_restart(
 ) -> None:
     project = project_of(long, home)
     project.keep_settings({"validate_runs": 10, "one_set_view": "The refined set"})
-    long.switch_page("app_pages/calibrate.py").run()
+    long.switch_page("pages/calibrate.py").run()
     long.button(key="run").click().run()
     assert ended(project, "calibration").state == "done"
     with monkeypatch.context() as patch:
@@ -71,7 +71,7 @@ def test_the_press_and_a_restart(
         long.run()
         assert "Use the refined set for both" in messages(long)
         for name in ("validate", "one_set"):
-            long.switch_page(f"app_pages/{name}.py").run()
+            long.switch_page(f"pages/{name}.py").run()
             assert not long.exception
             assert "Use the refined set for both" in messages(long) or name == "validate"
     for name in ("calibrate", "one_set", "apply", "check"):
@@ -80,7 +80,7 @@ def test_the_press_and_a_restart(
         with monkeypatch.context() as patch:
             patch.setattr(jobs, "start", begun.append)
             forbid(patch)
-            long.switch_page(f"app_pages/{name}.py").run()
+            long.switch_page(f"pages/{name}.py").run()
             assert not long.exception
             assert [work.kind for work in begun] == ["answer"]
         jobs.start(begun[0])

@@ -64,7 +64,7 @@ def test_what_a_page_has_taken_is_let_go(app: AppTest, monkeypatch: pytest.Monke
     monkeypatch.setattr(
         intake, "free_memory", lambda uploads: gone.extend(upload.name for upload in uploads)
     )
-    app.switch_page("app_pages/data.py").run()
+    app.switch_page("pages/data.py").run()
     app.segmented_control(key="data_how").set_value("A zip").run()
     packed = zipped({k: bytes(v) for k, v in pack_dataset(read_dataset(FIELD)).items()})
     app.file_uploader(key="upload_zip").upload("rig.zip", packed, "application/zip").run()

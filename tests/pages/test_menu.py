@@ -24,7 +24,7 @@ def states(app: AppTest) -> dict[str, str]:
 
 
 def test_every_file_of_pages_is_in_one_group() -> None:
-    files = sorted(path.stem for path in (Path(__file__).parents[2] / "app_pages").glob("*.py"))
+    files = sorted(path.stem for path in (Path(__file__).parents[2] / "pages").glob("*.py"))
     assert sorted(TITLES) == files
     assert list(SECTIONS) == ["", "Before", "Calibrate", "Use"]
 

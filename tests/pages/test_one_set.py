@@ -23,7 +23,7 @@ from tests.pages.waiting import wait_until
 
 
 def one_set(app: AppTest) -> AppTest:
-    return app.switch_page("app_pages/one_set.py").run()
+    return app.switch_page("pages/one_set.py").run()
 
 
 def few_runs(app: AppTest, home: Path) -> Project:
@@ -55,7 +55,7 @@ def test_answers_and_follows_the_form(app: AppTest, home: Path) -> None:
     assert "cannot be detected" in messages(app)
     assert "errors on held-out frames are" in text(app)
     assert parameters(app).loc["Baseline (m)", "Standard error"] == "± 0.0052"
-    app.switch_page("app_pages/data.py").run()
+    app.switch_page("pages/data.py").run()
     for which in ("primary", "secondary"):
         app.selectbox(key=f"lens_{which}_known").set_value("Typed").run()
         app.number_input(key=f"lens_{which}_focal_percent").set_value(0.0)
@@ -111,7 +111,7 @@ def test_other_seeds_are_tried_beside_the_page_and_once(
 def test_a_baseline_typed_wrong_is_named(app: AppTest, home: Path) -> None:
     dataset = replace(read_dataset(FIELD), baseline_m=4.7)
     packed = zipped({name: bytes(content) for name, content in pack_dataset(dataset).items()})
-    app.switch_page("app_pages/data.py").run()
+    app.switch_page("pages/data.py").run()
     app.segmented_control(key="data_how").set_value("A zip").run()
     app.file_uploader(key="upload_zip").upload("field.zip", packed, "application/zip").run()
     assert few_runs(app, home).inputs.baseline_m == 4.7
@@ -131,7 +131,7 @@ def test_the_refined_set_can_serve_a_purpose(app: AppTest, home: Path) -> None:
     assert app.toggle(key="refined_2d").value and app.toggle(key="refined_3d").value  # recommended
     app.toggle(key="refined_3d").set_value(False).run()
     assert Project.open(home, project.id).settings["apply_measuring"] == "3d"
-    app.switch_page("app_pages/apply.py").run()
+    app.switch_page("pages/apply.py").run()
     used = [app.selectbox(key=f"apply_{use}").value for use in ("matching", "measuring")]
     assert used == ["refined", "3d"]
     app.selectbox(key="apply_matching").set_value("2d").run()
@@ -142,7 +142,7 @@ def test_the_refined_set_can_serve_a_purpose(app: AppTest, home: Path) -> None:
 def test_what_a_data_set_states_of_its_lengths_is_taken(app: AppTest, home: Path) -> None:
     dataset = replace(read_dataset(FIELD), baseline_sigma_m=0.007, target_distance_sigma_m=0.0003)
     packed = zipped({name: bytes(content) for name, content in pack_dataset(dataset).items()})
-    app.switch_page("app_pages/data.py").run()
+    app.switch_page("pages/data.py").run()
     app.segmented_control(key="data_how").set_value("A zip").run()
     app.file_uploader(key="upload_zip").upload("field.zip", packed, "application/zip").run()
     read = few_runs(app, home).dataset

@@ -23,7 +23,7 @@ SLOW = 120
 
 def open_sample(app: AppTest) -> AppTest:
     app.button(key="demo").click().run()
-    return app.switch_page("app_pages/data.py").run()
+    return app.switch_page("pages/data.py").run()
 
 
 def project_of(app: AppTest, home: Path) -> Project:
@@ -39,14 +39,14 @@ def zipped(files: dict[str, bytes]) -> bytes:
 
 
 def test_every_page_says_what_it_lacks(app: AppTest) -> None:
-    assert "Nothing is loaded yet" in messages(app.switch_page("app_pages/data.py").run())
-    assert "it needs points, cameras" in messages(app.switch_page("app_pages/calibrate.py").run())
+    assert "Nothing is loaded yet" in messages(app.switch_page("pages/data.py").run())
+    assert "it needs points, cameras" in messages(app.switch_page("pages/calibrate.py").run())
 
 
 def test_sample_to_result_and_back_in_a_new_session(app: AppTest, home: Path) -> None:
     open_sample(app)
     assert "50 pairs of points in 25 frames" in messages(app)
-    app.switch_page("app_pages/calibrate.py").run()
+    app.switch_page("pages/calibrate.py").run()
     assert "No result yet" in messages(app)
     app.slider(key="calibration_frames").set_value(20).run()
     app.button(key="run").click().run()
@@ -56,14 +56,14 @@ def test_sample_to_result_and_back_in_a_new_session(app: AppTest, home: Path) ->
 
     again = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW)
     again.query_params["project"] = app.session_state["project_id"]
-    again.run().switch_page("app_pages/calibrate.py").run()
+    again.run().switch_page("pages/calibrate.py").run()
     assert "Use the refined set for both" in messages(again)
     assert again.slider(key="calibration_frames").value == 20
 
 
 def test_real_recording_with_its_middle_marker_to_apply(app: AppTest, home: Path) -> None:
     app.button(key="recording").click().run()
-    app.switch_page("app_pages/data.py").run()
+    app.switch_page("pages/data.py").run()
     assert "818 pairs of points in 409 frames" in messages(app)
     project = project_of(app, home)
     read = read_dataset(FIELD.parent / "recording")
@@ -76,20 +76,20 @@ def test_real_recording_with_its_middle_marker_to_apply(app: AppTest, home: Path
 
 
 def test_form_that_moved_on_is_said_and_the_result_stays(app: AppTest) -> None:
-    open_sample(app).switch_page("app_pages/calibrate.py").run()
+    open_sample(app).switch_page("pages/calibrate.py").run()
     app.button(key="run").click().run()
     app.number_input(key="delta").set_value(2e-3).run()
     assert "The form has changed since this result (Δ)" in messages(app)
     assert "Use the refined set for both" in messages(app)
-    app.switch_page("app_pages/data.py").run()
+    app.switch_page("pages/data.py").run()
     app.number_input(key="baseline_m_value").set_value(4.6).run()
-    app.switch_page("app_pages/calibrate.py").run()
+    app.switch_page("pages/calibrate.py").run()
     assert "The data have changed since this result" in messages(app)
     assert app.number_input(key="delta").value == 2e-3
 
 
 def test_settings_that_contradict_are_said_and_the_last_result_stays(app: AppTest) -> None:
-    open_sample(app).switch_page("app_pages/calibrate.py").run()
+    open_sample(app).switch_page("pages/calibrate.py").run()
     app.button(key="run").click().run()
     app.number_input(key="delta_min").set_value(0.1).run()
     app.button(key="run").click().run()
@@ -120,7 +120,7 @@ def test_bad_zip_is_said_and_nothing_is_lost(
 
 
 def test_good_zip_with_a_folder_inside(app: AppTest, home: Path) -> None:
-    app.switch_page("app_pages/data.py").run()
+    app.switch_page("pages/data.py").run()
     app.segmented_control(key="data_how").set_value("A zip").run()
     dataset = read_dataset(FIELD)
     packed = zipped({f"my rig/{k}": v for k, v in pack_dataset(dataset).items()})
@@ -177,7 +177,7 @@ def test_bad_length_is_said_and_the_old_one_stays(
 
 def test_length_typed_before_anything_else(app: AppTest, home: Path) -> None:
     app.button(key="begin").click().run()
-    app.switch_page("app_pages/data.py").run()
+    app.switch_page("pages/data.py").run()
     app.selectbox(key="baseline_m_unit").set_value("cm").run()
     app.number_input(key="baseline_m_value").set_value(450.0).run()
     assert not app.exception and not app.error
@@ -213,7 +213,7 @@ def test_length_can_be_taken_back(app: AppTest, home: Path) -> None:
 
 
 def test_bad_point_is_listed_when_its_camera_comes(app: AppTest) -> None:
-    app.switch_page("app_pages/data.py").run()
+    app.switch_page("pages/data.py").run()
     rows = (FIELD / "correspondences.csv").read_text().splitlines()
     cells = rows[5].split(",")
     rows[5] = ",".join([*cells[:2], "2337", *cells[3:]])
@@ -232,8 +232,8 @@ def test_length_in_millimetres(app: AppTest, home: Path) -> None:
     app.selectbox(key="target_distance_m_unit").set_value("mm").run()
     app.number_input(key="target_distance_m_value").set_value(900.0).run()
     assert project_of(app, home).inputs.target_distance_m == pytest.approx(0.9)
-    app.switch_page("app_pages/calibrate.py").run()
-    app.switch_page("app_pages/data.py").run()
+    app.switch_page("pages/calibrate.py").run()
+    app.switch_page("pages/data.py").run()
     assert app.selectbox(key="target_distance_m_unit").value == "mm"
     assert app.number_input(key="target_distance_m_value").value == 900.0
 
@@ -241,7 +241,7 @@ def test_length_in_millimetres(app: AppTest, home: Path) -> None:
 def test_distance_in_wrong_unit_is_said_when_calibrating(app: AppTest) -> None:
     open_sample(app)
     app.number_input(key="target_distance_m_value").set_value(900.0).run()
-    app.switch_page("app_pages/calibrate.py").run()
+    app.switch_page("pages/calibrate.py").run()
     app.button(key="run").click().run()
     assert "The distance looks like millimetres" in messages(app)
 
@@ -250,7 +250,7 @@ def test_distance_in_wrong_unit_is_said_when_calibrating(app: AppTest) -> None:
 def test_address_of_no_project(address: str, home: Path) -> None:
     app = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW)
     app.query_params["project"] = address
-    app.run().switch_page("app_pages/data.py").run()
+    app.run().switch_page("pages/data.py").run()
     assert not app.exception
     assert "project" in app.error[0].value
     assert not (home / "projects").exists()

@@ -97,7 +97,7 @@ def test_from_photographs_to_a_complete_data_set(app: AppTest, tmp_path: Path) -
     assert "12 pairs of points in 6 frames" in messages(app)
     again = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW)
     again.query_params["project"] = app.session_state["project_id"]
-    again.run().switch_page("app_pages/data.py").run()
+    again.run().switch_page("pages/data.py").run()
     assert again.segmented_control(key="data_how").value == "Photographs"
     assert "12 pairs of points in 6 frames" in messages(again)
     assert again.checkbox(key="use_frame_2").value is False

@@ -49,8 +49,8 @@ def test_the_answer_follows_the_controls(app: AppTest) -> None:
     app.select_slider(key="plan_far_m").set_value(20.0).run()
     assert "at 20 m" in messages(app)
     # Values stay when the page is left.
-    app.switch_page("app_pages/start.py").run()
-    app.switch_page("app_pages/plan.py").run()
+    app.switch_page("pages/start.py").run()
+    app.switch_page("pages/plan.py").run()
     assert app.number_input(key="plan_noise_px").value == 0.4
     assert "at 20 m" in messages(app)
 
@@ -125,7 +125,7 @@ def test_damaged_settings_do_no_harm(app: AppTest, home: Path) -> None:
         "plan_primary_camera": "none", "plan_frames": 2.5, "plan_toe_in_deg": 1e9,
         "plan_near_m": [1], "plan_forecast": {"methods": 3},
     })  # fmt: skip
-    app.switch_page("app_pages/plan.py").run()
+    app.switch_page("pages/plan.py").run()
     assert not app.error and "Limited by" in messages(app)
 
 
@@ -176,7 +176,7 @@ def test_a_project_from_a_plan(app: AppTest, home: Path) -> None:
     kept = parse_plan(project.settings["plan"].encode(), "plan", str.encode)
     assert write_plan(kept) == write_plan(one)
     assert "2D" in planned_line(project.settings["plan_forecast"])
-    app.switch_page("app_pages/plan.py").run()
+    app.switch_page("pages/plan.py").run()
     assert app.select_slider(key="plan_near_m").value == 9.0
     assert not app.error, messages(app)
 

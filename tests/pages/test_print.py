@@ -24,7 +24,7 @@ def shown(app: AppTest) -> str:
 
 
 def test_the_board_is_as_large_as_the_paper_allows(app: AppTest) -> None:
-    app.switch_page("app_pages/cameras.py").run()
+    app.switch_page("pages/cameras.py").run()
     assert "Squares of **13 mm**, the largest on A4" in shown(app)
     app.selectbox(key="print_paper_board").set_value("A3").run()
     assert "Squares of **20 mm**, the largest on A3" in shown(app)
@@ -36,7 +36,7 @@ def test_the_board_is_as_large_as_the_paper_allows(app: AppTest) -> None:
 
 
 def test_targets_are_offered_with_photographs(app: AppTest) -> None:
-    app.switch_page("app_pages/data.py").run()
+    app.switch_page("pages/data.py").run()
     app.segmented_control(key="data_how").set_value("Photographs").run()
     assert "Print at 100 %" in shown(app)
     app.number_input(key="print_side_mm").set_value(300.0).run()
@@ -44,7 +44,7 @@ def test_targets_are_offered_with_photographs(app: AppTest) -> None:
 
 
 def test_a_plan_offers_targets_of_the_size_it_needs(app: AppTest) -> None:
-    app.switch_page("app_pages/plan.py").run()
+    app.switch_page("pages/plan.py").run()
     assert "A target of 175 mm is 50 px across at 25 m and 156 px at 8 m." in shown(app)
     app.select_slider(key="plan_far_m").set_value(50.0).run()
     assert "A target of 350 mm does not fit on A4" in shown(app)

@@ -20,7 +20,7 @@ from tests.pages.test_pages import open_sample, project_of
 
 
 def start(app: AppTest) -> AppTest:
-    return app.switch_page("app_pages/start.py").run()
+    return app.switch_page("pages/start.py").run()
 
 
 def keys_in_order(app: AppTest) -> list[str]:
@@ -45,7 +45,7 @@ def test_a_card_says_what_a_project_holds_and_its_key_result(app: AppTest, home:
 
     project = project_of(open_sample(app), home)
     assert "25 frames" in card() and "not calibrated" in card()
-    app.switch_page("app_pages/calibrate.py").run()
+    app.switch_page("pages/calibrate.py").run()
     app.button(key="run").click().run()
     found = project.calibration_evaluation
     assert found is not None
@@ -238,14 +238,14 @@ def test_who_has_the_address_brings_a_removed_project_back(
 
     owner = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW)
     owner.query_params["project"] = project.id
-    owner.run().switch_page(f"app_pages/{page}.py").run()
+    owner.run().switch_page(f"pages/{page}.py").run()
     assert "This project was removed on 2026-03-14." in messages(owner)
     assert "Start a new project" in [button.label for button in owner.button]
     owner.button(key="bring_it_back").click().run()
     assert not owner.exception
     assert project.dataset is not None
     assert "was removed" not in messages(owner)
-    assert "50 pairs of points" in messages(owner.switch_page("app_pages/data.py").run())
+    assert "50 pairs of points" in messages(owner.switch_page("pages/data.py").run())
 
 
 def test_a_project_goes_out_as_a_zip_and_comes_in_again(
@@ -276,7 +276,7 @@ def test_the_zip_has_the_parameter_files_that_are_offered(
 
     monkeypatch.setattr("stereocal.ui.projects.pack_project", pack)
     open_sample(app)
-    app.switch_page("app_pages/calibrate.py").run()
+    app.switch_page("pages/calibrate.py").run()
     app.button(key="run").click().run()
     start(app).button(key="pack").click().run()
     (rigs,) = packed

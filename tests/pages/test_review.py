@@ -79,7 +79,7 @@ def store(
 def app(store: ProjectPhotographs) -> Iterator[AppTest]:
     started = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW)
     started.query_params["project"] = store.project.id
-    started.run().switch_page("app_pages/data.py").run()
+    started.run().switch_page("pages/data.py").run()
     started.segmented_control(key="frames_view").set_value("One frame").run()
     yield started
     assert not started.exception
@@ -121,11 +121,11 @@ def test_the_choice_outlives_the_page_and_a_refresh(
     app: AppTest, store: ProjectPhotographs
 ) -> None:
     app.selectbox(key="review_frame").set_value(4).run()
-    app.switch_page("app_pages/start.py").run().switch_page("app_pages/data.py").run()
+    app.switch_page("pages/start.py").run().switch_page("pages/data.py").run()
     assert app.selectbox(key="review_frame").value == 4
     again = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW)
     again.query_params["project"] = store.project.id
-    again.run().switch_page("app_pages/data.py").run()
+    again.run().switch_page("pages/data.py").run()
     assert again.selectbox(key="review_frame").value == 4
 
 

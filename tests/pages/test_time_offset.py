@@ -19,10 +19,10 @@ from tests.refined.test_time_offset import moving
 def project(app: AppTest, home: Path) -> Project:
     """A recording whose secondary camera is 0.1 frames late, calibrated."""
     packed = zipped({name: bytes(own) for name, own in pack_dataset(moving(0.1)).items()})
-    app.switch_page("app_pages/data.py").run()
+    app.switch_page("pages/data.py").run()
     app.segmented_control(key="data_how").set_value("A zip").run()
     app.file_uploader(key="upload_zip").upload("late.zip", packed, "application/zip").run()
-    app.switch_page("app_pages/calibrate.py").run()
+    app.switch_page("pages/calibrate.py").run()
     app.button(key="run").click().run()
     return project_of(app, home)
 
@@ -39,6 +39,6 @@ def test_it_is_offered_and_then_in_every_page(app: AppTest, project: Project) ->
     assert calibration is not None and calibration.screening.shift is not None
     assert calibration.screening.shift.frames == pytest.approx(0.1, abs=0.02)
     for page in ("validate", "one_set", "apply", "calibrate"):
-        app.switch_page(f"app_pages/{page}.py").run()
+        app.switch_page(f"pages/{page}.py").run()
         assert not app.exception and not app.error, page
     assert not any("have changed" in warning.value for warning in app.warning)

@@ -48,7 +48,7 @@ def test_nothing_is_stated_until_somebody_does(app: AppTest, home: Path) -> None
     dataset = read(project)
     assert dataset.baseline_sigma_m is None and dataset.target_distance_sigma_m is None
     assert dataset.primary.uncertainty is None and dataset.secondary.uncertainty is None
-    app.switch_page("app_pages/one_set.py").run()
+    app.switch_page("pages/one_set.py").run()
     said = " ".join(item.value for item in app.caption)
     assert said.count("(not stated, assumed)") == 4
 
@@ -99,7 +99,7 @@ def test_typed_numbers_stand_after_f5_and_reach_the_refined_method(
 
     again = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW)
     again.query_params["project"] = project.id
-    again.run().switch_page("app_pages/data.py").run()
+    again.run().switch_page("pages/data.py").run()
     assert again.selectbox(key="baseline_m_known").value == "Typed"
     assert again.number_input(key="baseline_m_sigma_mm").value == 3.5
     assert again.number_input(key="lens_secondary_focal_percent").value == 0.4
@@ -145,12 +145,12 @@ def test_a_lens_with_standard_errors_states_itself(app: AppTest, home: Path) -> 
 
 
 def test_a_result_made_with_other_statements_is_said_to_be_old(app: AppTest) -> None:
-    open_sample(app).switch_page("app_pages/calibrate.py").run()
+    open_sample(app).switch_page("pages/calibrate.py").run()
     app.button(key="run").click().run()
     assert not app.warning
-    app.switch_page("app_pages/data.py").run()
+    app.switch_page("pages/data.py").run()
     choose(app, "baseline_m", "Tape")
-    app.switch_page("app_pages/calibrate.py").run()
+    app.switch_page("pages/calibrate.py").run()
     assert "uncertainties of the lengths" in app.warning[0].value
     app.button(key="run").click().run()
     assert not app.warning

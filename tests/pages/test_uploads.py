@@ -45,7 +45,7 @@ def upload(app: AppTest, key: str, name: str, content: bytes, calls: list[object
 
 @pytest.mark.parametrize("place", ["give_dataset", "clear_refusal", "unzip"])
 def test_data_set(app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch, place: str) -> None:
-    app.switch_page("app_pages/data.py").run()
+    app.switch_page("pages/data.py").run()
     app.segmented_control(key="data_how").set_value("A zip").run()
     calls = click_meanwhile(monkeypatch, f"stereocal.ui.intake.{place}")
     upload(app, "upload_zip", "rig.zip", zipped(pack_dataset(read_dataset(FIELD))), calls)
@@ -56,7 +56,7 @@ def test_a_search_for_targets_of_the_data_set_before_is_stopped(app: AppTest, ho
     project = project_of(open_sample(app), home)
     searching = stored_jobs.begin(project.database, "photographs", ["photographs"], {})
     assert searching is not None and searching.progress(0, 1, 9)
-    app.switch_page("app_pages/data.py").run()
+    app.switch_page("pages/data.py").run()
     app.segmented_control(key="data_how").set_value("A zip").run()
     content = zipped(pack_dataset(read_dataset(FIELD)))
     app.file_uploader(key="upload_zip").upload("rig.zip", content).run()
@@ -66,7 +66,7 @@ def test_a_search_for_targets_of_the_data_set_before_is_stopped(app: AppTest, ho
 
 
 def test_refusal_is_said(app: AppTest, monkeypatch: pytest.MonkeyPatch) -> None:
-    app.switch_page("app_pages/data.py").run()
+    app.switch_page("pages/data.py").run()
     app.segmented_control(key="data_how").set_value("A zip").run()
     calls = click_meanwhile(monkeypatch, "stereocal.ui.intake.refuse")
     upload(app, "upload_zip", "bad.zip", b"no zip", calls)
@@ -74,7 +74,7 @@ def test_refusal_is_said(app: AppTest, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_camera_file(app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    app.switch_page("app_pages/data.py").run()
+    app.switch_page("pages/data.py").run()
     calls = click_meanwhile(monkeypatch, "stereocal.ui.intake.clear_refusal")
     upload(app, "upload_primary", "p.json", (FIELD / "primary.json").read_bytes(), calls)
     assert project_of(app, home).inputs.labels["primary"] == "p.json"
@@ -82,7 +82,7 @@ def test_camera_file(app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch) 
 
 def test_points(app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     project = project_of(open_sample(app), home)
-    app.switch_page("app_pages/apply.py").run()
+    app.switch_page("pages/apply.py").run()
     app.selectbox(key="apply_points").set_value("Two point files").run()
     calls = click_meanwhile(
         monkeypatch, "stereocal.projects.application.ProjectApplication.offer_points"
@@ -92,7 +92,7 @@ def test_points(app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch) -> No
 
 
 def test_wand_file(app: AppTest, monkeypatch: pytest.MonkeyPatch) -> None:
-    app.switch_page("app_pages/data.py").run()
+    app.switch_page("pages/data.py").run()
     calls = click_meanwhile(monkeypatch, "stereocal.ui.single_files.clear_refusal")
     rows = "\n".join(f"{k}.5,2.5,3.5,4.5,5.5,6.5,7.5,8.5" for k in range(6))
     upload(app, "upload_correspondences", "wand.csv", rows.encode(), calls)
@@ -101,7 +101,7 @@ def test_wand_file(app: AppTest, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_parameter_set(app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     project = project_of(open_sample(app), home)
-    app.switch_page("app_pages/apply.py").run()
+    app.switch_page("pages/apply.py").run()
     calls = click_meanwhile(
         monkeypatch, "stereocal.projects.application.ProjectApplication.keep_set"
     )
@@ -111,7 +111,7 @@ def test_parameter_set(app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch
 
 def test_further_data_set(app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     project = project_of(open_sample(app), home)
-    app.switch_page("app_pages/validate.py").run()
+    app.switch_page("pages/validate.py").run()
     calls = click_meanwhile(monkeypatch, "stereocal.projects.project.Project.add_dataset")
     upload(app, "upload_more", "rig.zip", zipped(pack_dataset(read_dataset(FIELD))), calls)
     assert len(project.more_datasets) == 1
@@ -126,7 +126,7 @@ def test_project_is_unpacked_once(
     project = project_of(open_sample(app), home)
     packed = tmp_path_factory.mktemp("elsewhere") / "field.zip"
     pack_project(project, packed)
-    app.switch_page("app_pages/start.py").run()
+    app.switch_page("pages/start.py").run()
     calls = click_meanwhile(monkeypatch, "stereocal.ui.projects.open_project")
     upload(app, "upload_project", "field.zip", packed.read_bytes(), calls)
     assert {one.id for one in recent_projects(home)} == {project.id, project_of(app, home).id}

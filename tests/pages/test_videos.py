@@ -21,7 +21,7 @@ pytest.importorskip("av")
 
 
 def give(app: AppTest, primary: bytes, secondary: bytes) -> AppTest:
-    app.switch_page("app_pages/data.py").run()
+    app.switch_page("pages/data.py").run()
     app.segmented_control(key="data_how").set_value("Photographs").run()
     app.segmented_control(key="photographs_how").set_value("Two videos").run()
     for which, content in (("primary", primary), ("secondary", secondary)):
@@ -63,7 +63,7 @@ def test_a_damaged_video(app: AppTest, home: Path, tmp_path: Path) -> None:
 
 def test_without_av(app: AppTest, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(videos, "find_spec", lambda _name: None)
-    app.switch_page("app_pages/data.py").run()
+    app.switch_page("pages/data.py").run()
     app.segmented_control(key="data_how").set_value("Photographs").run()
     app.segmented_control(key="photographs_how").set_value("Two videos").run()
     assert "stereocal[video]" in said(app, "info")

@@ -39,7 +39,7 @@ def test_no_sentence_formats_a_number_so_that_100_becomes_1e2() -> None:
     """`f"{100:.2g}"` is 1e+02; only numbers that are read back, and costs and steps, may be so."""
     found = [
         f"{path.name}: {line.strip()}"
-        for folder in ("stereocal", "app_pages")
+        for folder in ("stereocal", "pages")
         for path in (ROOT / folder).rglob("*.py")
         for line in path.read_text(encoding="utf-8").splitlines()
         if re.search(r":\.\dg\}", line) and not re.search(r"float\(f\"|cost %|step %", line)

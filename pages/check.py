@@ -1,5 +1,10 @@
 """Check: has a camera moved since the parameters were found?"""
 
+from stereocal.ui.menu import ensure_navigation
+
+ensure_navigation()
+
+
 import streamlit as st
 
 from stereocal.errors import StereocalError
@@ -18,7 +23,7 @@ if project is None:
         "Before this page can answer, it needs the parameters of the rig, and a few new bars or "
         "matched points."
     )
-    st.page_link("app_pages/data.py", label="Calibrate first: give points on the Data page")
+    st.page_link("pages/data.py", label="Calibrate first: give points on the Data page")
     st.button("I have both as files", on_click=begin_project, key="check_begin")
     end_here()
 

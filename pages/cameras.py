@@ -1,5 +1,10 @@
 """Lenses: the lens of each camera, from photographs of a board or from a camera file."""
 
+from stereocal.ui.menu import ensure_navigation
+
+ensure_navigation()
+
+
 import streamlit as st
 
 from stereocal.ui.intake import show_refusal

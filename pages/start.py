@@ -1,5 +1,10 @@
 """Start: the story on a real recording, data to begin with, recent projects, what you need."""
 
+from stereocal.ui.menu import ensure_navigation
+
+ensure_navigation()
+
+
 import streamlit as st
 
 from stereocal.ui.project import forget_project, projects_in_creation
@@ -30,10 +35,10 @@ with st.container(horizontal=True):
         )  # fmt: skip
     if st.button("Start with my own data", key="begin"):
         forget_project()
-        st.switch_page("app_pages/data.py")
+        st.switch_page("pages/data.py")
     if st.button("Plan a field day", key="begin_plan"):
         forget_project()
-        st.switch_page("app_pages/plan.py")
+        st.switch_page("pages/plan.py")
 
 project = show_projects()
 

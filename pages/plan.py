@@ -1,5 +1,10 @@
 """Plan: will a rig measure what is needed, before anybody drives to the field?"""
 
+from stereocal.ui.menu import ensure_navigation
+
+ensure_navigation()
+
+
 import streamlit as st
 
 from stereocal.errors import StereocalError

@@ -1,5 +1,10 @@
 """Apply: match points and reconstruct them in 3D."""
 
+from stereocal.ui.menu import ensure_navigation
+
+ensure_navigation()
+
+
 import streamlit as st
 
 from stereocal.errors import StereocalError
@@ -16,7 +21,7 @@ st.subheader("Which points belong together, and where are they?")
 project = current_project()
 if project is None:
     st.info("Before this page can answer, it needs points of both cameras and parameter files.")
-    st.page_link("app_pages/data.py", label="Calibrate first: give points on the Data page")
+    st.page_link("pages/data.py", label="Calibrate first: give points on the Data page")
     st.button("I have both as files", on_click=begin_project, key="apply_begin")
     end_here()
 

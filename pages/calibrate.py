@@ -1,5 +1,10 @@
 """Calibrate: one press to the recommendation and the parameter files."""
 
+from stereocal.ui.menu import ensure_navigation
+
+ensure_navigation()
+
+
 import streamlit as st
 
 from stereocal.errors import StereocalError

@@ -1,5 +1,10 @@
 """Data: upload of points, cameras and two lengths."""
 
+from stereocal.ui.menu import ensure_navigation
+
+ensure_navigation()
+
+
 from functools import partial
 
 import streamlit as st
@@ -52,7 +57,7 @@ show_refusal()
 project = current_project()
 if project is None or not (project.inputs.files or has_photographs(project)):
     st.info("Nothing is loaded yet. Give files above, or try the sample data on the Start page.")
-    st.page_link("app_pages/start.py", label="Back to Start")
+    st.page_link("pages/start.py", label="Back to Start")
     end_here()
 
 st.header("What was read", divider="gray")

@@ -1,5 +1,10 @@
 """One set or two: does this rig need two sets, and which input disagrees?"""
 
+from stereocal.ui.menu import ensure_navigation
+
+ensure_navigation()
+
+
 from dataclasses import replace
 
 import streamlit as st
@@ -52,7 +57,7 @@ try:
     if answer is None and (current is not None or is_long(dataset)):
         if current is None:
             st.info("For a recording this long, press Calibrate first.")
-            st.page_link("app_pages/calibrate.py", label="Calibrate")
+            st.page_link("pages/calibrate.py", label="Calibrate")
         wait_for_answer(project)
         end_here()
     (screening,) = screenings_of([dataset], protocol.calibration, current)

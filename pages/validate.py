@@ -1,5 +1,10 @@
 """Validate: errors of the parameter sets on held-out frames."""
 
+from stereocal.ui.menu import ensure_navigation
+
+ensure_navigation()
+
+
 import streamlit as st
 
 from stereocal.errors import StereocalError
