@@ -393,6 +393,12 @@ class Dataset:
             content["sigmas_px"] = [sigma.tolist() for sigma in sigmas]
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
+    @property
+    def identity(self) -> list[Any]:
+        """The digest, the stated uncertainties and the words: all that its results tell."""
+        sigmas = [self.baseline_sigma_m, self.target_distance_sigma_m]
+        return [self.sha256, *sigmas, self.name, self.notes]
+
 
 def _numbers_of(camera: Camera) -> dict[str, Any]:
     known = camera.uncertainty

@@ -228,7 +228,7 @@ def _traced() -> Latest[TradeOff]:
 
 def _key(dataset: Dataset, settings: RefineSettings | CalibrationSettings) -> str:
     """Includes name and notes: another project with equal numbers must not show them."""
-    words = [dataset.sha256, dataset.name, dataset.notes, settings.to_json()]
+    words = [*dataset.identity, settings.to_json()]
     return json.dumps(words, sort_keys=True)
 
 

@@ -157,10 +157,9 @@ def exchange(project: Project, frame: int) -> None:
 
 def _key(dataset: Dataset, settings: CalibrationSettings) -> str:
     """Includes name and notes, because messages show them."""
-    about = [dataset.sha256, dataset.name, dataset.notes]
     return json.dumps(
         [
-            *about, settings.all_frames, settings.frames_put_back, settings.frames_left_out,
+            *dataset.identity, settings.all_frames, settings.frames_put_back, settings.frames_left_out,
             settings.time_offset, settings.time_drift,
         ]
     )  # fmt: skip

@@ -20,6 +20,7 @@ from stereocal.projects.project import Project
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.ui.menu import TITLES
 from stereocal.ui.refined import calibrated, refined_of
+from stereocal.ui.screening import screenings_of
 from tests.browser.work import finished_project
 
 ROOT = Path(__file__).parents[2]
@@ -91,11 +92,21 @@ def test_same_numbers_under_another_name_are_not_shared() -> None:
         assert calibrated(dataset, CalibrationSettings()).dataset.name == dataset.name
 
 
+def test_stated_uncertainties_belong_to_a_screening() -> None:
+    data = read_dataset(ROOT / "sample_data/field")
+    settings = CalibrationSettings()
+    for sigma in (None, 0.001, 0.01):
+        stated = replace(data, baseline_sigma_m=sigma)
+        (found,) = screenings_of([stated], settings)
+        assert found.dataset.baseline_sigma_m == sigma
+
+
 CACHES = {
     "jobs.pool": "threads, which know no project",
     "jobs._cluster": "threads of a cluster, which know no project",
     "jobs._jobs": "by the project's id",
     "project_cards._card": "by the project's id",
+    "validation_results._summaries": "by the digest of the evaluation",
     "story._story": "a file of the program, which knows no project",
     "screening._screened": "by all numbers, the name, the notes and the settings",
     "uploads.watch_uploads": "by the session's id, which the server gives out",
@@ -120,7 +131,7 @@ CACHES = {
             "_answers",
             "_outlook",
             "_maps",
-            "_curves",
+            "_traced",
         )
     },
 }

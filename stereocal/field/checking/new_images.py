@@ -84,7 +84,7 @@ def images_of_bars(dataset: Dataset, rig: RigParameters) -> NewImages:
         notes += (f"{LARGEST} of {len(rows.frames)} frames were used, evenly spaced.",)
         seen = seen.of_frames(rows.frames[kept])
     rows = seen.correspondences
-    return NewImages(seen, rows.frames, len(rows.bars), notes, own)
+    return NewImages(seen, rows.frames, len(rows.bars), notes, own=own)
 
 
 def _step_note(late: float, left: int, total: int) -> str:
