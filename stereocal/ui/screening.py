@@ -157,12 +157,15 @@ def exchange(project: Project, frame: int) -> None:
 
 def _key(dataset: Dataset, settings: CalibrationSettings) -> str:
     """Includes name and notes, because messages show them."""
-    return json.dumps(
-        [
-            *dataset.identity, settings.all_frames, settings.frames_put_back, settings.frames_left_out,
-            settings.time_offset, settings.time_drift,
-        ]
-    )  # fmt: skip
+    words = [
+        *dataset.identity,
+        settings.all_frames,
+        settings.frames_put_back,
+        settings.frames_left_out,
+        settings.time_offset,
+        settings.time_drift,
+    ]
+    return json.dumps(words)
 
 
 @st.cache_resource(show_spinner="Looking for frames that contradict the others.", max_entries=64)
