@@ -5,7 +5,7 @@ Drawn in the primary camera's frame with its up direction upwards: (x, z, -y).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -15,7 +15,7 @@ import plotly.graph_objects as go
 from stereocal.calibration.methods import ALL_METHODS, Method
 from stereocal.calibration.results import Errors
 from stereocal.errors import StereocalError
-from stereocal.figures.space import VIEWS, add_cameras, eye_of, set_scene, upright
+from stereocal.figures.space import NARROW, VIEWS, WIDE, add_cameras, eye_of, set_scene, upright
 from stereocal.figures.style import (
     METHOD_COLOURS,
     METHOD_NAMES,
@@ -86,11 +86,14 @@ class RigScene:
         }
 
 
-def plot_rig(calibration: Calibration, method: str, view: str = VIEWS[0]) -> go.Figure:
+def plot_rig(
+    calibration: Calibration, method: str, view: str = VIEWS[0], narrow: bool = False
+) -> go.Figure:
     """The rig and the bars reconstructed by one method; equal axes, metres.
 
     Args:
         view: one of `VIEWS`.
+        narrow: for a screen of 420 px.
 
     Raises:
         StereocalError: an unknown method, or there is no refined set.
@@ -103,7 +106,8 @@ def plot_rig(calibration: Calibration, method: str, view: str = VIEWS[0]) -> go.
     add_cameras(figure, scene.rig, scene.depth)
     bars = scene.bars[scene.drawn].reshape(-1, 3)
     target = bars.mean(axis=0) if len(bars) else np.array([0.0, 0.0, scene.depth])
-    set_scene(figure, eye_of(view, scene.rig, target))
+    eye = eye_of(view, scene.rig, target)
+    set_scene(figure, replace(eye, shape=NARROW if narrow else WIDE))
     return figure
 
 

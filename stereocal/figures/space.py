@@ -21,8 +21,8 @@ FRUSTUM_OF_DEPTH = 0.15
 
 HALF_VIEW = 0.414
 """Tangent of half of Plotly's angle of view, from top to bottom."""
-NARROWEST = 0.75
-"""Width over height of a scene on a screen of 420 px."""
+WIDE, NARROW = 1.2, 0.75
+"""Width over height of a scene across a page, and on a screen of 420 px."""
 FILLED = 0.66
 """Part of the view that what is seen may fill: titles of axes and names stand around it."""
 CLOSEST = 0.2
@@ -88,6 +88,8 @@ class Eye:
     """What is up in the view."""
     whole: FloatArray | None = None
     """(n, 3): what to see whole; None: everything."""
+    shape: float = NARROW
+    """Width over height of the view that everything has to fit into."""
 
 
 def eye_of(
@@ -232,7 +234,8 @@ def _view(low: FloatArray, high: FloatArray, eye: Eye | None) -> dict[str, dict[
                 np.array([some[axis].max() for axis in "xyz"]),
             )
         direction, up = (_upright(np.array(each)) for each in (eye.direction, eye.up))
-        at, towards = _seen_whole(box, direction, up, CLOSEST * float(np.linalg.norm(high - low)))
+        closest_m = CLOSEST * float(np.linalg.norm(high - low))
+        at, towards = _seen_whole(box, direction, up, closest_m, eye.shape)
     names = ("x", "y", "z")
     return {
         "eye": dict(zip(names, ((at - middle) / unit).tolist(), strict=True)),
@@ -242,11 +245,18 @@ def _view(low: FloatArray, high: FloatArray, eye: Eye | None) -> dict[str, dict[
 
 
 def _seen_whole(
-    box: tuple[FloatArray, FloatArray], direction: FloatArray, up: FloatArray, closest_m: float
+    box: tuple[FloatArray, FloatArray],
+    direction: FloatArray,
+    up: FloatArray,
+    closest_m: float,
+    shape: float,
 ) -> tuple[FloatArray, FloatArray]:
     """The eye (3,) and the point (3,) it looks at, from which a box is seen whole in the middle.
 
-    Also on a narrow screen, and with room for what is written around the box.
+    With room for what is written around the box.
+
+    Args:
+        shape: width over height of the view.
     """
     corners = np.array(np.meshgrid(*zip(*box, strict=True))).reshape(3, -1).T
     away = direction / np.linalg.norm(direction)
@@ -256,7 +266,7 @@ def _seen_whole(
     seen = corners @ axes.T
     middle = 0.5 * (seen.min(axis=0) + seen.max(axis=0))
     aside, above, nearer = (seen - middle).T
-    reach = np.maximum(np.abs(aside) / NARROWEST, np.abs(above)) / (HALF_VIEW * FILLED)
+    reach = np.maximum(np.abs(aside) / shape, np.abs(above)) / (HALF_VIEW * FILLED)
     distance = max(float((reach + nearer).max()), closest_m)
     towards = middle @ axes
     return towards + distance * away, towards

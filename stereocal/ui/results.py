@@ -147,4 +147,5 @@ def _show_rig(project: Project, found: Calibration, answer: Answer | None) -> No
     views = list(VIEWS)
     from_where = setting(project, "rig_view", views[0], one_of(views), tabs_own=True)
     view = right.segmented_control("Seen from", views, required=True, **from_where.widget())
-    show_figure(plot_rig(found, method, view), describe_rig(found, method), "rig")
+    wide, narrow = (plot_rig(found, method, view, small) for small in (False, True))
+    show_figure(wide, describe_rig(found, method), "rig", narrow=narrow)

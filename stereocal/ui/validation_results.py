@@ -25,7 +25,7 @@ from stereocal.refined.screening import Screening
 from stereocal.rig.dataset import Dataset
 from stereocal.ui.downloads import on_demand
 from stereocal.ui.fields import Field, one_of, setting, yes_or_no
-from stereocal.ui.figure import show_figure
+from stereocal.ui.figure import WIDE_OR_NARROW, show_figure
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.messages import readable
 from stereocal.ui.refined import answer_maker
@@ -35,11 +35,6 @@ from stereocal.verdict.in_words import left_out_line, why_validation_not_trusted
 from stereocal.workflow import Answer
 
 BIN_WIDTHS, USUAL_WIDTH = (0.02, 0.04, 0.1, 0.2, 0.5), 0.1
-WIDE_OR_NARROW = """<style>
-.st-key-narrow { display: none; }
-@media (max-width: 640px) { .st-key-wide { display: none; } .st-key-narrow { display: flex; } }
-</style>"""
-"""Side by side, or on a narrow screen below each other, each with its legend."""
 COLUMNS = {
     "residual": "Residual",
     "reprojection": "Reprojection error",
