@@ -6,7 +6,6 @@ import argparse
 import hashlib
 import json
 import zipfile
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -119,6 +118,5 @@ def _images(parsed: argparse.Namespace, rig: RigParameters) -> NewImages:
     path = parsed.dataset
     is_table = path.is_file() and path.suffix != SUFFIX and not zipfile.is_zipfile(path)
     if is_table:
-        images = images_in_table(path, str(path), rig)
-        return replace(images, stated_px=parsed.sigma_px or images.stated_px)
+        return images_in_table(path, str(path), rig).stating(parsed.sigma_px)
     return images_of_bars(with_sigmas(read_input(path, parsed.lens_model), parsed), rig)

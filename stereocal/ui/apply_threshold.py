@@ -24,15 +24,10 @@ from stereocal.system.numbers import rounded
 from stereocal.ui import jobs
 from stereocal.ui.fields import Field, number, setting, yes_or_no
 from stereocal.ui.figure import show_figure
+from stereocal.ui.point_noise import ask_noise, noise_field
 from stereocal.ui.texts import escape_markdown
 
 Depths = tuple[float, float]
-SOURCES = {
-    "estimated": "estimated",
-    "stated": "as stated",
-    "columns": "by their columns",
-    "calibration": "as the targets",
-}
 
 
 @dataclass(frozen=True)
@@ -62,14 +57,8 @@ class ThresholdForm:
             "by the noise of your points.",
             **stated.widget(),
         )  # fmt: skip
-        st.number_input(
-            "My points are known to (px)", min_value=0.001, value=None, step=0.1, format="%.4g",
-            placeholder=f"{rounded(noise.sigma_px)}, {SOURCES[noise.source]}" if noise else "",
-            help="One standard deviation of an image coordinate of your points. Empty: by their "
-            "column sigma_px, or estimated from their epipolar errors.",
-            **sigma.widget(),
-        )  # fmt: skip
-        return found, sigma.value()
+        otherwise = "by their column sigma_px, or estimated from their epipolar errors"
+        return found, ask_noise(sigma, noise or "", otherwise)
 
     def report(self, found: ThresholdChoice | None) -> None:
         """The noise of the points, and the threshold with what it does."""
@@ -98,7 +87,7 @@ class ThresholdForm:
         """Threshold and noise."""
         return (
             setting(self.project, "apply_threshold", None, number(0.0, or_none=True)),
-            setting(self.project, "apply_sigma_px", None, number(0.001, or_none=True)),
+            noise_field(self.project, "apply_sigma_px"),
         )
 
     def _choice(

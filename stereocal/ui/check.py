@@ -13,6 +13,7 @@ from streamlit.delta_generator import DeltaGenerator
 from stereocal.calibration.methods import METHOD_NAMES, Method
 from stereocal.field.checking.check_words import notes, sentence
 from stereocal.field.checking.findings import Recheck
+from stereocal.field.checking.new_images import NewImages
 from stereocal.field.checking.power import Smallest
 from stereocal.field.checking.prior import prior_of
 from stereocal.field.checking.recheck import recheck
@@ -20,6 +21,7 @@ from stereocal.field.checking.repair import REPAIRED, repaired_parameters
 from stereocal.field.checking.residuals import Residuals, residuals_of
 from stereocal.figures import describe_check, plot_check
 from stereocal.matching.application import PAIRS
+from stereocal.matching.point_noise import PointNoise, noise_of_calibration
 from stereocal.projects.application import ProjectApplication, parameters_in
 from stereocal.projects.check import IMAGES, PARAMETERS, ProjectCheck, images_in
 from stereocal.projects.project import Project
@@ -33,6 +35,7 @@ from stereocal.ui.figure import show_figure
 from stereocal.ui.intake import check_uploads, clear_refusal, is_new, show_refusal, taking
 from stereocal.ui.long_answers import answer_when_ready
 from stereocal.ui.messages import readable
+from stereocal.ui.point_noise import ask_noise, noise_field
 from stereocal.ui.refined import wait_for_answer
 from stereocal.ui.texts import escape_markdown
 
@@ -49,9 +52,9 @@ class Chosen:
     rig: RigParameters
     parameters: bytes | None
     """The parameter file as given; None for a set of the project."""
-    label: str
-    """Name of the file with the new images."""
-    images: bytes
+    images: NewImages
+    digest: str
+    """Of parameters and images, as given."""
     smallest: Smallest
 
 
@@ -66,6 +69,7 @@ def choose_inputs(project: Project, store: ProjectCheck) -> Chosen | None:
         found = _choose_parameters(project, store)
     with middle:
         given = _choose_images(project, store)
+        noise = st.container()
     smallest = _smallest(project, *sizes)
     _take_files(project, store, None if found is None else found[0], found is None or not given)
     show_refusal()
@@ -81,7 +85,12 @@ def choose_inputs(project: Project, store: ProjectCheck) -> Chosen | None:
         )
     if found is None or given is None:
         return None
-    return Chosen(*found, *given, smallest)
+    rig, parameters = found
+    digest, images = _read_images(rig, *given)
+    if not images.bars:
+        with noise:
+            images = images.stating(_noise_of_points(project, images, rig))
+    return Chosen(rig, parameters, images, digest, smallest)
 
 
 def _images_kind(project: Project, store: ProjectCheck) -> Field:
@@ -102,6 +111,15 @@ def _choose_images(project: Project, store: ProjectCheck) -> tuple[str, bytes] |
     title = "" if result else "New bars or matched points  \n"
     st.caption(f"{title}In use: {escape_markdown(given[0]) if given else 'none yet'}")
     return None if given is None else (given[0], given[1].read_bytes())
+
+
+def _noise_of_points(project: Project, images: NewImages, rig: RigParameters) -> float | None:
+    """The noise of matched points, if it is stated."""
+    known = PointNoise(images.stated_px, "columns") if images.stated_px else None
+    otherwise = "by the columns that Apply writes, else as exact as the targets of the calibration"
+    return ask_noise(
+        noise_field(project, "check_sigma_px"), known or noise_of_calibration(rig) or "", otherwise
+    )
 
 
 def _kind(project: Project) -> Field:
@@ -220,18 +238,31 @@ def show_check(chosen: Chosen) -> None:
 
 def checked(chosen: Chosen) -> tuple[Recheck, Residuals]:
     """The check, and the errors frame by frame."""
-    # `created` differs from draw to draw.
-    of_rig = json.dumps({**chosen.rig.to_json(), "created": ""}, sort_keys=True)
-    digest = hashlib.sha256(of_rig.encode() + chosen.images).hexdigest()
-    return _checked(digest, chosen.label, chosen.smallest, chosen)
+    return _checked(chosen.digest, chosen.images.stated_px, chosen.smallest, chosen)
 
 
 @st.cache_resource(show_spinner="Checking.", max_entries=16)
 def _checked(
-    key: str, label: str, smallest: Smallest, _chosen: Chosen
+    key: str, stated_px: float, smallest: Smallest, _chosen: Chosen
 ) -> tuple[Recheck, Residuals]:
-    assert key
-    prior = prior_of(_chosen.rig)
-    images = images_in(_chosen.images, label, _chosen.rig)
-    found = jobs.compute(recheck, prior, images, smallest)
+    assert key and stated_px >= 0
+    found = jobs.compute(recheck, prior_of(_chosen.rig), _chosen.images, smallest)
     return found, residuals_of(found)
+
+
+def _read_images(rig: RigParameters, label: str, content: bytes) -> tuple[str, NewImages]:
+    """A digest of the inputs, and the new images.
+
+    Raises:
+        StereocalError: they cannot be read, or are not of this rig.
+    """
+    # `created` differs from draw to draw.
+    of_rig = json.dumps({**rig.to_json(), "created": ""}, sort_keys=True)
+    digest = hashlib.sha256(of_rig.encode() + label.encode() + content).hexdigest()
+    return digest, _images_of(digest, rig, label, content)
+
+
+@st.cache_resource(show_spinner="Reading.", max_entries=16)
+def _images_of(key: str, _rig: RigParameters, _label: str, _content: bytes) -> NewImages:
+    assert key
+    return images_in(_content, _label, _rig)

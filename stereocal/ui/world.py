@@ -24,6 +24,7 @@ from stereocal.ui.downloads import on_demand
 from stereocal.ui.fields import Field, number, one_of, setting, yes_or_no
 from stereocal.ui.intake import check_uploads, clear_refusal, is_new, taking
 from stereocal.ui.messages import callback
+from stereocal.ui.point_noise import ask_noise, noise_field
 from stereocal.ui.texts import escape_markdown
 
 WORLD_FILE = "world.json"
@@ -190,7 +191,7 @@ def _settings(project: Project, observed: Observed) -> WorldSettings:
         origins[FIRST] = "the first point of the throw"
     else:
         directions |= {line.name: line.name for line in observed if line.kind == "level"}
-    left, middle, right = st.columns(3)
+    left, middle, right, last = st.columns(4)
     with left:
         origin = _choice(project, "Origin", "world_origin", origins)
     with middle:
@@ -201,12 +202,15 @@ def _settings(project: Project, observed: Observed) -> WorldSettings:
             "Turned by (°)", -360.0, 360.0, step=1.0, format="%.4g",
             help="Counter-clockwise, as seen from above.", **heading.widget(),
         )  # fmt: skip
+    with last:
+        usual = "as the targets" if isinstance(observed, Survey) else "by their scatter"
+        sigma_px = ask_noise(noise_field(project, "world_sigma_px"), usual, usual)
     if isinstance(observed, Throw):
         drag = not _switch(project, "A heavy object, which the air does not slow", "world_no_drag")
     elif not isinstance(observed, Survey):
         upside_down = _switch(project, "The cameras hang upside down", "world_upside_down")
     axes = Axes(origin, x_axis, heading.value())
-    return WorldSettings(axes, drag=drag, upside_down=upside_down)
+    return WorldSettings(axes, sigma_px, drag=drag, upside_down=upside_down)
 
 
 def _choice(project: Project, title: str, key: str, options: dict[str, str]) -> str:

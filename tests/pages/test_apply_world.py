@@ -68,6 +68,11 @@ def test_points_in_the_frame_of_plumb_lines(
     turned = points(app, home)[1]
     assert turned is not None
     assert turned.apply(SET_3D.pose.inverse().T)[1] == pytest.approx(0, abs=1e-9)
+    own = said(app, "success")
+    app.number_input(key="world_sigma_px").set_value(3.0).run()
+    assert said(app, "success") != own  # other bounds, by the noise as stated
+    app.number_input(key="world_sigma_px").set_value(None).run()
+    assert said(app, "success") == own
     app.button(key="forget_world").click().run()
     assert points(app, home)[1] is None
     assert "Points are in the world frame." not in said(app, "success")

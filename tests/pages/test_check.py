@@ -6,13 +6,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from streamlit.testing.v1 import AppTest
 
-from benchmarks.bumps import Case, bumped, cases, seen_by
+from benchmarks.bumps import Case, bumped, cases, matched, seen_by
 from benchmarks.refined_rigs import BAR_M, DEPTHS_M
 from stereocal.formats.correspondences_csv import write_table
 from stereocal.formats.dataset_files import pack_dataset
+from stereocal.matching.reconstruction_files import PIXELS
 from stereocal.projects.archive import pack_project, unpack_project
 from stereocal.projects.check import IMAGES, PARAMETERS, ProjectCheck
 from stereocal.projects.project import Project
@@ -32,6 +34,8 @@ class Files:
     same: bytes
     moved: bytes
     table: bytes
+    points: bytes
+    """200 matched points of the unmoved rig, 2 px less exact than its targets."""
 
 
 @pytest.fixture(scope="module")
@@ -42,9 +46,13 @@ def files() -> Files:
         return pack_dataset(seen_by(case, place_bars(rig, case.rng, 5, BAR_M, DEPTHS_M)))
 
     moved = five(bumped(case, np.radians(0.5)))
+    rows = matched(case, case.truth, 200).dataset.correspondences
+    sides = (rows.primary, rows.secondary)
+    pairs = np.column_stack([a + 2.0 * case.rng.standard_normal(a.shape) for a in sides])
+    points = pd.DataFrame(pairs, columns=list(PIXELS)).clip(lower=0.0).rename_axis("frame")
     return Files(
         case.prior.rig.dumps().encode(), pack_zip(five(case.truth)), pack_zip(moved),
-        moved["correspondences.csv"],
+        moved["correspondences.csv"], points.to_csv().encode(),
     )  # fmt: skip
 
 
@@ -118,6 +126,25 @@ def test_parameters_without_covariance_are_one_message(begun: AppTest, files: Fi
     bare = files.parameters.replace(b'"uncertainties"', b'"something"')
     give(begun, "parameters", "p.json", bare)
     assert "does not state the covariance" in said(begun, "error")
+
+
+def test_the_noise_of_matched_points_reaches_the_check(begun: AppTest, files: Files) -> None:
+    give(begun, "parameters", "p.json", files.parameters)
+    give(begun, "images", "same.zip", files.same)
+    assert "check_sigma_px" not in {field.key for field in begun.number_input}
+    give(begun, "images", "pairs.csv", files.points)
+    assert "the points fit no pose" in said(begun, "info")
+    assert "as the targets" in begun.number_input(key="check_sigma_px").placeholder
+    begun.number_input(key="check_sigma_px").set_value(2.0).run()
+    assert "fit no pose" not in said(begun)
+    assert not begun.warning
+    again = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW)
+    again.query_params["project"] = begun.session_state["project_id"]
+    again.run().switch_page("pages/check.py").run()
+    assert again.number_input(key="check_sigma_px").value == 2.0
+    assert "fit no pose" not in said(again)
+    begun.number_input(key="check_sigma_px").set_value(0.1).run()
+    assert "the points fit no pose" in said(begun, "info")
 
 
 def test_the_results_of_the_project_are_checked(app: AppTest, home: Path) -> None:

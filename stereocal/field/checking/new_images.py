@@ -44,6 +44,10 @@ class NewImages:
             return f"{self.bars} bar{'s' * (self.bars > 1)}"
         return f"{len(self.numbers)} matched points"
 
+    def stating(self, sigma_px: float | None) -> NewImages:
+        """The same with the noise of the points as stated (px); None: as they state it."""
+        return self if sigma_px is None else replace(self, stated_px=sigma_px)
+
     def of_groups(self, kept: IntArray) -> NewImages:
         """Some of the groups, by their indices."""
         frames = self.dataset.correspondences.frames[kept]
