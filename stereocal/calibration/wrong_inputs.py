@@ -217,7 +217,7 @@ def _hypotheses(dataset: Dataset) -> Iterator[_Hypothesis]:
     ):
         yield _Hypothesis(
             f"The {names} distortion coefficients seem to have the wrong sign",
-            "Some programs write the coefficients of the undistortion instead: export the lens in "
+            "Some programs write the inverse (undistorting) coefficients: export the lens in "
             "OpenCV's convention, or change the signs.",
             first, second,
         )  # fmt: skip

@@ -212,7 +212,7 @@ def forecast_lines(predictive: Predictive, thresholds: Mapping[Method, float | N
     Args:
         thresholds: of the files, px.
     """
-    lines = ["On frames to come with bars like these (95 % intervals):"]
+    lines = ["Expected on new frames with similar bars (95 % intervals):"]
     for method, found in predictive.forecasts.items():
         fcp, length = found.fcp_reprojection, found.median_error_3d
         lines.append(

@@ -48,7 +48,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
         type=float,
         default=float(np.degrees(smallest.turn_rad)),
         metavar="DEG",
-        help='smallest turn that matters; "same" is said only if it would be seen '
+        help='smallest turn that matters; "same" is reported only if it would be seen '
         "(default: %(default).3g)",
     )
     command.add_argument(

@@ -19,7 +19,7 @@ from stereocal.system.limits import Limits
 def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """The options of the command."""
     command = commands.add_parser(
-        "world", help="a frame with an up: from surveyed points, plumb lines, or a throw"
+        "world", help="a world frame with a known vertical: from surveyed points, lines, or a throw"
     )
     command.set_defaults(run=run)
     command.add_argument(
@@ -71,7 +71,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
         help="standard error of a surveyed coordinate in metres (default: %(default)g)",
     )
     command.add_argument(
-        "--no-drag", action="store_true", help="the thrown object is heavy: the air slows it not"
+        "--no-drag", action="store_true", help="ignore air drag (for a heavy thrown object)"
     )
     command.add_argument(
         "--upside-down", action="store_true", help="the cameras hang upside down (for lines)"

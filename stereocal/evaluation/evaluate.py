@@ -167,7 +167,7 @@ class WholeFit:
 
     @cached_property
     def result(self) -> RefinedResult | None:
-        """None if there is none."""
+        """None without settings, or if the fit failed."""
         try:
             return refine(self.dataset, self.settings) if self.settings else None
         except StereocalError:
@@ -242,7 +242,7 @@ def split(
     """Mask (n,) of the rows of randomly drawn calibration frames; the other rows are the test.
 
     Args:
-        calibration_frames: with clusters, at most so many, in whole clusters and at least one.
+        calibration_frames: with clusters, an upper limit: whole clusters, at least one.
         clusters: (f,): of the frames, which are drawn together; None to draw frame by frame.
 
     Raises:
@@ -415,7 +415,7 @@ def _tasks(
 
 
 def runs_at_once(dataset: Dataset) -> int:
-    """Runs of one task: few of a long recording, so that progress is told and others get a turn."""
+    """Runs of one task: few of a long recording, for progress and so that others get a turn."""
     return max(1, min(MOST_RUNS_AT_ONCE, FRAMES_AT_ONCE // len(dataset.correspondences.frames)))
 
 

@@ -136,5 +136,5 @@ def _add_pairs(
 
 
 def thinned(points: int) -> int:
-    """Every so many points are drawn."""
+    """Every n-th point is drawn."""
     return -(-points // MAXIMUM_DRAWN) or 1

@@ -79,7 +79,7 @@ def _advice(nearest: NearestErrors, choice: ThresholdChoice | None) -> str:
         return "No point has a second candidate, so the threshold only leaves out poor pairs."
     shares = None if choice is None else choice.shares
     if choice is None or shares is None:
-        return "The two distributions cannot be told apart: no threshold separates them."
+        return "The two distributions overlap too much: no threshold separates them."
     if shares.apart:
         return "A good threshold lies between the two distributions."
     return (

@@ -11,6 +11,7 @@ import pandas as pd
 from stereocal.calibration.methods import ALL_METHODS, COST_UNITS, METHOD_NAMES, METHODS, Method
 from stereocal.calibration.results import MethodResult
 from stereocal.evaluation.summary import Estimate, MethodSummary, best_methods
+from stereocal.figures.validation_panels import COLUMNS, Standing, standings
 from stereocal.refined.bar_fit import BAR
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.results import Calibration
@@ -153,25 +154,32 @@ def _distances(dataset: Dataset) -> str:
 
 def validation_table(summaries: Mapping[Method, MethodSummary]) -> pd.DataFrame:
     """The validation figures as text: one column per method, one row per quantity."""
+    standing = {quantity: standings(summaries, quantity) for quantity in COLUMNS}
     return pd.DataFrame(
         {
             METHOD_NAMES[method]: {
-                **_matching_column(summaries[method]),
-                **_measuring_column(summaries[method]),
+                **_matching_column(
+                    summaries[method],
+                    standing["residual"].get(method, ""),
+                    standing["reprojection"].get(method, ""),
+                ),
+                **_measuring_column(summaries[method], standing["reconstruction"].get(method, "")),
                 **_counts_column(summaries[method]),
             }
             for method in ALL_METHODS
             if method in summaries
         }
-    ).rename_axis("Held-out frames; in brackets 95 % intervals")
+    ).rename_axis("Held-out frames; in brackets 95 % intervals; level: they overlap")
 
 
-def _matching_column(summary: MethodSummary) -> dict[str, str]:
+def _matching_column(
+    summary: MethodSummary, by_residual: Standing, by_reprojection: Standing
+) -> dict[str, str]:
     looks_right = "How often a wrong pair looks right (FCP)"
     residual, matching = summary.residual, summary.reprojection
     return {
-        f"{looks_right}, residual (%)": _with_interval(residual.fcp),
-        f"{looks_right}, reprojection error (%)": _with_interval(matching.fcp),
+        f"{looks_right}, residual (%)": _with_interval(residual.fcp, by_residual),
+        f"{looks_right}, reprojection error (%)": _with_interval(matching.fcp, by_reprojection),
         "Recommended threshold, residual (no unit)": digits(residual.threshold),
         "Recommended threshold, reprojection error (px)": digits(matching.threshold),
         "Correct pairs lost at that many px (%)": percent(matching.correct_lost),
@@ -179,10 +187,10 @@ def _matching_column(summary: MethodSummary) -> dict[str, str]:
     }
 
 
-def _measuring_column(summary: MethodSummary) -> dict[str, str]:
+def _measuring_column(summary: MethodSummary, standing: Standing) -> dict[str, str]:
     lengths = summary.reconstruction
     return {
-        "3D error of the bars, median (%)": _with_interval(lengths.median),
+        "3D error of the bars, median (%)": _with_interval(lengths.median, standing),
         "95 % of bars within (%)": percent(lengths.p95),
         "3D error of the bars, mean (%)": percent(lengths.mean),
         "Bars with a 3D error above 1 % (%)": percent(lengths.fraction_above_1_percent),
@@ -211,8 +219,7 @@ def validation_answer(summaries: Mapping[Method, MethodSummary]) -> str:
     """Which set to match with, at which threshold, and which to measure with, with their errors.
 
     The 2D set is recommended for matching and the 3D set for measuring if they are best, or if
-    their intervals overlap that of the best; methods with overlapping intervals are listed. The
-    refined set has a separate sentence.
+    their intervals overlap that of the best. The refined set has a separate sentence.
     """
     paper = {method: summaries[method] for method in METHODS if method in summaries}
     answer = _answer_of(paper)
@@ -236,38 +243,19 @@ def _answer_of(summaries: Mapping[Method, MethodSummary]) -> str:
     first = (
         f"Match with {_name(match)} at {digits(matching.threshold, 2)} px: "
         f"{percent(matching.wrong_let_in)} % of wrong pairs are accepted and "
-        f"{percent(matching.correct_lost)} % of correct ones are lost"
-        f"{_level(fcps, match, 'FCP')}."
+        f"{percent(matching.correct_lost)} % of correct ones are lost."
     )
     measure = _recommended(medians, best["reconstruction"], "3d")
     if not math.isfinite(medians[measure].value):
         return f"{first} No bar could be measured."
     lengths = summaries[measure].reconstruction
-    return (
-        f"{first} Measure with {_name(measure)}: 95 % of bars within {percent(lengths.p95)} %"
-        f"{_level(medians, measure, 'median error')}."
-    )
+    return f"{first} Measure with {_name(measure)}: 95 % of bars within {percent(lengths.p95)} %."
 
 
 def _recommended(found: Mapping[Method, Estimate], best: Method, made_for_it: Method) -> Method:
     if made_for_it in found and _overlap(found[made_for_it], found[best]):
         return made_for_it
     return best
-
-
-def _level(found: Mapping[Method, Estimate], chosen: Method, what: str) -> str:
-    """A clause that lists the methods whose intervals overlap that of the chosen one; or empty."""
-    level = [
-        f"{_name(method)} with {percent(estimate.value)} %"
-        for method, estimate in found.items()
-        if method != chosen and _overlap(estimate, found[chosen])
-    ]
-    if not level:
-        return ""
-    return (
-        f" (not significantly different: {' and '.join(level)}; its own {what} is "
-        f"{percent(found[chosen].value)} %)"
-    )
 
 
 def _overlap(a: Estimate, b: Estimate) -> bool:
@@ -278,7 +266,7 @@ def _name(method: Method) -> str:
     return "the essential matrix" if method == "essential" else f"the {METHOD_NAMES[method]}"
 
 
-def _with_interval(estimate: Estimate) -> str:
+def _with_interval(estimate: Estimate, standing: Standing) -> str:
     if not math.isfinite(estimate.value):
         return "none"
-    return f"{percent(estimate.value)} ({interval(estimate)})"
+    return ", ".join(filter(None, [f"{percent(estimate.value)} ({interval(estimate)})", standing]))

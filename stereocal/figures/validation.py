@@ -43,7 +43,7 @@ def plot_validation(
     """PDFs of residual, reprojection error and 3D error; one row per method.
 
     In each column the best panel is framed if it is apart from the others beyond the 95 %
-    intervals; otherwise those that cannot be told from it are marked as level.
+    intervals; otherwise those whose intervals overlap its own are marked as level.
 
     Args:
         columns: the quantities to draw, of `COLUMNS`; on a narrow screen one at a time.

@@ -120,18 +120,18 @@ def panels_of(summaries: Mapping[Method, MethodSummary], columns: Sequence[str])
     for quantity in columns:
         if quantity not in COLUMNS:
             raise StereocalError(f'The column "{quantity}" is not known: {", ".join(COLUMNS)}.')
-    standings = {quantity: _standings(summaries, quantity) for quantity in columns}
+    by_column = {quantity: standings(summaries, quantity) for quantity in columns}
     found: list[Panel] = []
     for row, method in enumerate(method for method in ALL_METHODS if method in summaries):
         for column, quantity in enumerate(columns):
             axis = str(len(found) + 1) if found else ""
-            standing = standings[quantity].get(method, "")
+            standing = by_column[quantity].get(method, "")
             found.append(Panel(method, quantity, summaries[method], standing, row, column, axis))
     return found
 
 
-def _standings(summaries: Mapping[Method, MethodSummary], quantity: str) -> dict[Method, Standing]:
-    """Of the methods that cannot be told from the lowest one, by their 95 % intervals."""
+def standings(summaries: Mapping[Method, MethodSummary], quantity: str) -> dict[Method, Standing]:
+    """`best`, or `level` where 95 % intervals overlap that of the lowest; others are not in it."""
     estimates = {method: _estimate(own, quantity) for method, own in summaries.items()}
     lowest = estimates[best_methods(summaries)[quantity]]
     # NaN, where no bar could be measured, is not below anything.

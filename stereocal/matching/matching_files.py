@@ -167,8 +167,8 @@ def check_points(table: PointTable, camera: Camera, which: str) -> Contents:
     """Read a table once and check its points.
 
     Raises:
-        StereocalError: duplicate points or points outside the image, with their rows; or so many
-            outside that the parameters are of other images.
+        StereocalError: duplicate points or points outside the image, with their rows; or more
+            than `OTHER_IMAGES` of them outside: the parameters are of other images.
     """
     outside = 0
     rows = 0

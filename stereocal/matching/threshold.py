@@ -98,7 +98,7 @@ class ThresholdChoice:
     targets: PointNoise | None
     """Noise of the calibration's targets, if known."""
     shares: Shares | None = None
-    """None if correct and wrong pairs could not be told apart."""
+    """None if correct and wrong pairs could not be separated."""
     is_forced: bool = False
 
     def sentence(self) -> str:
@@ -242,7 +242,7 @@ def _sample(
 def _fits(
     rig: RigParameters, sample: _Sample, sigma_px: float | None
 ) -> tuple[Mixture | None, PointNoise | None]:
-    """Correct and wrong pairs, if they can be told apart, and the noise, if it is known."""
+    """Correct and wrong pairs, if they can be separated, and the noise, if it is known."""
     errors = sample.errors if sigma_px is None else sample.errors.with_sigma(sigma_px)
     found = fit_pairs(errors, sample.limit_px)
     is_clear = found is not None and found.is_clear

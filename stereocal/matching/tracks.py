@@ -80,6 +80,6 @@ def usual_tracks(points: pd.DataFrame) -> str | None:
 
 
 def _apart(xyz: FloatArray, rows: int) -> FloatArray:
-    """Distances of points so many rows apart."""
+    """Distances of points `rows` rows apart."""
     distances: FloatArray = np.linalg.norm(xyz[rows:] - xyz[:-rows], axis=1)
     return distances

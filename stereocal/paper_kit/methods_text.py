@@ -302,7 +302,7 @@ def captions_md(answer: Answer) -> str:
         "each frame, for the sets calibrated with all frames not left out.",
         f"**rig** Cameras and reconstructed bars, with {measure}, from above and from the side.",
         "**table.csv** All figures of each method, with 95 % intervals (`_low`, `_high`); errors "
-        "are fractions, `predicted_` figures are forecasts for bars like these.",
+        "are fractions, `predicted_` figures are forecasts for similar bars.",
     ]
     if answer.evaluation is not None:
         shown = " (also with the refined set)" if len(answer.evaluation.summaries) > 3 else ""

@@ -34,8 +34,8 @@ EXPLAINED = 0.05
 """An offset that explains less of the residuals is not offered. Measured on the real recording:
 0.02 with a distortion of the wrong sign, 0.5 with an offset of 0.02 frames."""
 SMALLEST_CLAIM = 0.01
-"""In frames. A smaller offset is not offered: with frames that do not follow each other, misfit of
-another cause gave offsets of 0.001 frames with far smaller standard errors."""
+"""In frames. A smaller offset is not offered: with frames that do not follow each other, other
+errors gave offsets of 0.001 frames with far smaller standard errors."""
 OUT_OF_STEP = "The cameras seem to be out of step"
 
 

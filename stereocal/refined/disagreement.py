@@ -16,9 +16,9 @@ is reported first, and the others are its rivals. The baseline may have twice th
 ends at invisible points inside the lenses.
 
 A distortion without a stated uncertainty is held fixed and has no prior to test. It is tested by
-the misfit that is lost when it is free (F test of four coefficients, k1, k2, p1 and p2). The F test
-measures the gain by the misfit that remains, so that a noise that is estimated too large because
-of the wrong distortion does not hide it.
+how much chi-square falls when it is free (F test of k1, k2, p1 and p2). The F test divides by the
+chi-square that remains, so that a noise that is estimated too large because of the wrong distortion
+does not hide it.
 """
 
 from __future__ import annotations

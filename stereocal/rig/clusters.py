@@ -32,7 +32,7 @@ class Clusters:
     of_frames: IntArray
     """(f,): number of the cluster of each frame, from 0, ascending with time."""
     length: int
-    """Over so many frames errors are alike; 1 for frames taken one by one."""
+    """Number of frames over which errors are alike; 1 for frames taken one by one."""
 
     @property
     def count(self) -> int:

@@ -53,7 +53,7 @@ def read_once(
     reader long to reject would otherwise take that long on every draw.
 
     Args:
-        arguments: of the reader, after the content; told apart by their `repr`.
+        arguments: of the reader, after the content; distinguished by their `repr`.
 
     Raises:
         StereocalError: as the reader.

@@ -158,12 +158,12 @@ def _smallest(project: Project, left: DeltaGenerator, right: DeltaGenerator) -> 
     with left:
         st.number_input(
             "Turn that matters (°)", 0.001, 90.0, step=0.05, format="%.4g",
-            help="“Same” is said only if such a turn would have been found.", **turn.widget(),
+            help="“Same” is reported only if such a turn would have been found.", **turn.widget(),
         )  # fmt: skip
     with right:
         st.number_input(
             "Baseline change (%)", 0.001, 50.0, step=0.1, format="%.4g",
-            help="“Same” is said only if such a change of the baseline would have been found. "
+            help="“Same” is reported only if such a change of the baseline would have been found. "
             "Matched points alone do not show it.", **baseline.widget(),
         )  # fmt: skip
     return Smallest(float(np.radians(turn.value())), baseline.value() / 100)

@@ -199,12 +199,12 @@ def lens_form(project: Project) -> LensSettings:
         left, right = st.columns(2)
         fix_k3 = left.checkbox(
             "Hold k3 at 0", **setting(project, "lens_fix_k3", paper.fix_k3, yes_or_no).widget(),
-            help="Steadier for long lenses, which bend little. Paper: not held.",
+            help="Steadier for long lenses, which distort little. Paper: not held.",
         )  # fmt: skip
         zero_tangential = right.checkbox(
             "Hold p1 and p2 at 0",
             **setting(project, "lens_zero_tangential", paper.zero_tangential, yes_or_no).widget(),
-            help="If the lens surely stands square to the sensor. Paper: not held.",
+            help="If the lens is known to be perpendicular to the sensor. Paper: not held.",
         )  # fmt: skip
     return LensSettings(subset, repeats, seed, fix_k3, zero_tangential)
 

@@ -62,8 +62,8 @@ def show_lens(store: ProjectLens) -> None:
     st.table(lens_table(lens))
     st.caption(
         "The median of the draws is the result. Its standard error comes from how much the results "
-        "differ (delete-d jackknife); it knows nothing of what all photographs share, such as a "
-        "bent board. The last column is one calibration with all photographs."
+        "differ (delete-d jackknife); errors that all photographs share, such as a bent board, are "
+        "not in it. The last column is one calibration with all photographs."
     )
 
 

@@ -42,7 +42,7 @@ from stereocal.verdict.in_words import distance, percent
 KEPT_FORECASTS = 24
 MOST_PLANS = 3
 INSTANT_FRAMES = 60
-"""Up to so many, the forecast takes about a second and shows no progress."""
+"""Up to this number, the forecast takes about a second and shows no progress."""
 QUANTITIES = {"Length error": "distance", "Position error": "point"}
 
 
@@ -200,7 +200,7 @@ def show_comparison(
         st.button(
             "Keep it to compare", key="plan_keep", on_click=callback(_keep),
             args=(project, [*texts, own]), disabled=len(texts) >= MOST_PLANS - 1 or own in texts,
-            help="Then change the plan: up to three stand side by side.",
+            help="Then change the plan: up to three are shown side by side.",
         )  # fmt: skip
 
 

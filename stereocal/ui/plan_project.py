@@ -30,7 +30,7 @@ def start_button(found: PlanForecast) -> None:
         "Start a project from it", type="primary", key="plan_start", on_click=start_project,
         args=(found,),
         help="A new project with these cameras and uncertainties, and with these lengths until "
-        "they are measured. The forecast then stands beside what comes out.",
+        "they are measured. The forecast is then shown beside the result.",
     )  # fmt: skip
 
 

@@ -59,7 +59,7 @@ def choose_world(project: Project, store: ProjectApplication, rig: RigParameters
             elif store.world_file is None:
                 st.caption(
                     "Points are in the primary camera's frame. A table of surveyed points, plumb "
-                    "lines or a throw gives them a frame with an up."
+                    "lines or a throw gives them a world frame with a known vertical."
                 )
         except StereocalError as error:
             refused = error

@@ -87,7 +87,7 @@ def _drawn(recorded: int, draws: int, bars: int, rng: np.random.Generator) -> In
     """(draws, bars): indices of recorded bars, each draw with its own weights.
 
     Within `GROUP` bars in turn none is drawn twice (Gumbel's maxima): two copies of a bar would be
-    closer together than any two that were recorded, and wrong pairs of them look right.
+    closer together than any two that were recorded, and wrong pairs of them are accepted.
     """
     weights = np.log(np.maximum(rng.dirichlet(np.ones(recorded), draws), 1e-300))
     groups = -(-bars // GROUP)

@@ -41,7 +41,7 @@ class Verdict:
 
     kind: Kind
     figures: str
-    """The errors of the sets on bars like these, for the user."""
+    """The expected errors of the sets on similar bars, for the user."""
     matching: Estimate
     """Refined over 2D set, mean reprojection error."""
     measuring: Estimate
@@ -102,7 +102,7 @@ def _figures(predictive: Predictive, matching: Estimate, measuring: Estimate) ->
     px = {name: of[name].mean_reprojection_px.value for name in SETS}
     length = {name: of[name].mean_error_3d.value for name in SETS}
     return (
-        f"On bars like these, the refined set matches with an error of {px['refined']:.2f} px, the "
+        f"On similar bars, the refined set matches with an error of {px['refined']:.2f} px, the "
         f"2D set with {px['2d']:.2f} px ({_in_words(matching)}); it measures with an error of "
         f"{_percent(length['refined'])}, the 3D set with {_percent(length['3d'])} "
         f"({_in_words(measuring)})."

@@ -40,7 +40,7 @@ Validated = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class Figure:
-    """One figure of a file: forecast for bars like these, and on held-out frames."""
+    """One figure of a file: forecast for similar bars, and on held-out frames."""
 
     forecast: Estimate | None
     held_out: float | None

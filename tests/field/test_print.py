@@ -119,6 +119,8 @@ def test_the_size_of_a_target_follows_from_the_distance() -> None:
     size = target_size(7120.0, 8.0, 25.0)
     assert size.side_m == pytest.approx(0.18)
     assert size.sentence == "A target of 180 mm is 51 px across at 25 m and 160 px at 8 m."
+    alone = target_size(7120.0, 25.0, 25.0)
+    assert "51 px across at 25 m." in alone.sentence
     near = target_size(7120.0, 2.0, 25.0)
     assert "keep the bar beyond 3.2 m, or print smaller targets" in near.sentence
     far = target_size(7120.0, 8.0, 25.0, 15.0)

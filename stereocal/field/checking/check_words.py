@@ -17,7 +17,7 @@ CHECK_FORMAT = "stereocal-check/1"
 AXES = ("horizontal", "vertical", "optical")
 CERTAIN = 0.99
 ALIKE = 1.5
-"""Design effect from which on it is told."""
+"""Design effect from which on it is reported."""
 NEAR_AXIS, MOSTLY = 0.94, 0.8
 """Cosines of 20 and 37 degrees."""
 
@@ -209,7 +209,7 @@ def _repair(check: Recheck) -> list[str]:
     if error is None:
         return []
     return [
-        "The repaired parameters measure bars like these with an expected error of "
+        "The repaired parameters measure similar bars with an expected error of "
         f"{digits(100 * error, 2)} %."
     ]
 

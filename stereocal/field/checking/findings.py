@@ -41,7 +41,7 @@ CONSISTENT = 0.05
 AS_LIKELY = 6.0
 """Difference of two explanations' scores below which neither is ruled out: odds of 20 to 1."""
 LARGEST_NOISE_RATIO = 5.0
-"""With more than so many times the noise of the calibration, the images fit no pose."""
+"""Above this multiple of the calibration's noise, the images fit no pose."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,7 +230,7 @@ class Recheck:
 
     @property
     def _with_pose(self) -> Fit:
-        """The fit that tells how the pose has changed."""
+        """The fit from which the change of the pose is computed."""
         return self.both if self.refocused or self.ambiguous else self.pose
 
     @cached_property

@@ -21,7 +21,7 @@ HIGHER_NOISE, LOWER_NOISE = 0.005, 1e-6
 """Probabilities of residuals by the file's noise below which the noise has changed."""
 NOISE_STEP, LARGEST_NOISE = 2.0, 30.0
 """Where more groups than a third contradict the others, the noise is assumed larger by a factor,
-at most so many px."""
+up to a limit, px."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,15 +36,15 @@ class Noise:
     outlying: BoolArray
     """(f,)."""
     design_effect: float = 1.0
-    """How many times less the groups tell than independent ones."""
+    """Variance over that with independent groups."""
 
     @property
     def counted_px(self) -> float:
-        """The noise with which independent groups would tell as much."""
+        """The noise with which independent groups would have the same information."""
         return self.sigma_px * float(np.sqrt(self.design_effect))
 
     def probability(self, gain: float, degrees: int) -> float:
-        """Of such a cost difference by chance between hypotheses that differ by so many values."""
+        """p-value of this cost difference, for hypotheses that differ by `degrees` values."""
         return float(fdtrc(degrees, self.degrees, max(gain, 0.0) / degrees))
 
 

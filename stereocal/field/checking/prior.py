@@ -41,8 +41,7 @@ class Prior:
     scatter_m: float
     """Scatter of the bar's length from frame to frame; 0 if unknown."""
     design_effect: float = 1.0
-    """How many times less the frames of the calibration told than independent ones; it is in the
-    covariance."""
+    """Variance of the parameters over that with independent frames; in the covariance."""
 
     @property
     def covariance(self) -> FloatArray:
@@ -77,7 +76,7 @@ def prior_of(rig: RigParameters, source: str = "parameters") -> Prior:
     if sigma_px is None or covariance is None:
         raise StereocalError(
             f"{source}: the file does not state the covariance of its parameters, so a movement "
-            "cannot be told from their errors. Use the refined file of the same calibration "
+            "cannot be separated from their errors. Use the refined file of the same calibration "
             "(parameters_refined.json), or calibrate again."
         )
     about = rig.uncertainties or {}

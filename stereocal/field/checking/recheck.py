@@ -2,7 +2,7 @@
 
 New bars, or matched points alone, are fitted with the old parameters as prior: with nothing
 changed, with the pose free, and with the focal lengths free. Nested hypotheses are compared by F
-tests. A lens that shifted sideways cannot be told from a turn, and counts as one.
+tests. A lens that shifted sideways cannot be distinguished from a turn, and counts as one.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def recheck(prior: Prior, images: NewImages, smallest: Smallest | None = None) -
     """Check whether a camera has moved or a lens was refocused.
 
     Args:
-        smallest: the smallest movement that matters; "same" is said only where it would be seen.
+        smallest: the smallest movement that matters; "same" is reported only if it would be seen.
 
     Raises:
         StereocalError: no pose of these cameras fits the new images at all.

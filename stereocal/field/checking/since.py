@@ -31,7 +31,7 @@ class Since:
     gain: float
     """Cost difference to no movement at all."""
     candidates: int
-    """Frames that may have been the first; a test of the best is a test of so many."""
+    """Frames that may have been the first; a test of the best is corrected for their number."""
     at: int
     """Index of the first group after the latest change point of the interval."""
     lasts: bool

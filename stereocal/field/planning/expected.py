@@ -202,7 +202,7 @@ def planned_dataset(plan: Plan, pixels: FloatArray) -> Dataset:
 
 
 def refine_settings(plan: Plan) -> RefineSettings:
-    """The settings of who knows the uncertainties of the plan."""
+    """Settings with the plan's uncertainties as priors."""
     own = plan.uncertainty
     lens = LensPrior(own.focal, own.centre_px)
     return RefineSettings(

@@ -29,7 +29,7 @@ from stereocal.system.tasks import Progress, Task, run_tasks
 FORECAST_FORMAT = "stereocal-forecast/1"
 RIGS, FEWEST_RIGS, MOST_RIGS = 128, 64, 10_000
 FRAMES_OF_RIGS = 50
-"""With more frames than this, fewer rigs are drawn; each then tells more."""
+"""With more frames than this, fewer rigs are drawn; each then gives more information."""
 CHUNK = 16
 LEVEL = (2.5, 97.5)
 TOLD_APART = 0.05
@@ -78,9 +78,9 @@ class PlanForecast:
 
     @cached_property
     def points_per_frame(self) -> Estimate:
-        """How many points of a frame can be told apart, spread over the common view.
+        """How many points of a frame can be matched, spread over the common view.
 
-        Of so many, on average 5 % have a wrong partner within the matching threshold.
+        With that many, on average 5 % have a wrong partner within the matching threshold.
         """
         wrong = self.estimate(self.match_with, "wrong_let_in_at_threshold")
         with np.errstate(divide="ignore"):

@@ -25,7 +25,7 @@ def answer(found: PlanForecast) -> str:
         f"Lengths to {percent(length[middle])} % at {rounded(depths[middle], 3)} m and "
         f"{percent(length[far])} % at {rounded(depths[far], 3)} m, positions to "
         f"{distance(float(position[middle]))} and {distance(float(position[far]))} (mean errors of "
-        f"the refined set). About {points_per_frame(found)} points of a frame can be told apart. "
+        f"the refined set). About {points_per_frame(found)} points of a frame can be matched. "
         f"Limited by {LIMITS[found.advice.limited_by]}."
     )
 
@@ -36,7 +36,7 @@ def first_advice(found: PlanForecast) -> str:
 
 
 def points_per_frame(found: PlanForecast) -> str:
-    """How many points of a frame can be told apart, with two digits at most."""
+    """How many points of a frame can be matched, with two digits at most."""
     value = found.points_per_frame.value
     if not value < 10_000:
         return "more than 10,000"

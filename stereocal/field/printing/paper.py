@@ -130,7 +130,7 @@ def block(left: float, bottom: float, width: float, height: float) -> Rect:
 
 
 def stroke(x1: float, y1: float, x2: float, y2: float, width: float = 0.2) -> Line:
-    """A line that ends where it is said to end."""
+    """A line of exact length (butt caps)."""
     return Line(x1, y1, x2, y2, strokeColor=black, strokeWidth=width, strokeLineCap=0)
 
 

@@ -61,13 +61,17 @@ class TargetSize:
     @property
     def sentence(self) -> str:
         """How large the target appears, and what to do if that is too large or too small."""
-        near, far = self.widths_px
-        seen = (
-            f"A target of {rounded(1e3 * self.side_m, 4)} mm is {far:.0f} px across at "
-            f"{rounded(self.far_m, 4)} m "
-            f"and {near:.0f} px at {rounded(self.near_m, 4)} m."
-        )
+        seen = f"A target of {rounded(1e3 * self.side_m, 4)} mm is {' and '.join(self.widths)}."
         return " ".join([seen, *self.advice])
+
+    @property
+    def widths(self) -> list[str]:
+        """Width and distance in words, at the far end and, if it is another, at the near end."""
+        near, far = self.widths_px
+        found = [f"{far:.0f} px across at {rounded(self.far_m, 4)} m"]
+        if self.near_m < self.far_m:
+            found.append(f"{near:.0f} px at {rounded(self.near_m, 4)} m")
+        return found
 
     @property
     def advice(self) -> list[str]:

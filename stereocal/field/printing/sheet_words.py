@@ -1,4 +1,4 @@
-"""What the field sheet says: how the cameras stand, what to measure, what to write down."""
+"""What the field sheet says: the pose of the cameras, what to measure, what to write down."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ PARALLEL_DEG, TILT_DEG, SMALL = 0.05, 0.7, 0.002
 
 
 def camera_notes(plan: Plan) -> list[str]:
-    """How the cameras stand, and what holds for both; Paragraph markup."""
+    """The pose of the cameras, and what holds for both; Paragraph markup."""
     return [
         _placed(plan),
         _aimed(plan),
@@ -151,12 +151,8 @@ def _timed(plan: Plan) -> str:
 
 def _targets(plan: Plan) -> str:
     size = planned_target(plan)
-    near, far = size.widths_px
-    return (
-        f"Targets of <b>{rounded(1e3 * size.side_m, 4)} mm</b>: {far:.0f} px across at "
-        f"{rounded(plan.far_m, 4)} m, "
-        f"{' '.join([f'{near:.0f} px at {rounded(plan.near_m, 4)} m.', *size.advice])}"
-    )
+    seen = f"Targets of <b>{rounded(1e3 * size.side_m, 4)} mm</b>: {', '.join(size.widths)}."
+    return " ".join([seen, *size.advice])
 
 
 def _turned_correction(plan: Plan) -> str:

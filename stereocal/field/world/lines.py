@@ -201,10 +201,9 @@ def _images(rig: Rig, lines: Sequence[Line], noise: Noise) -> Iterator[Image]:
             if len(pixels) > 2 and off > BENT * noise.sigma_px:
                 raise StereocalError(
                     f"{line.name}: its points in the {CAMERAS[number]} scatter by {off:.1f} px "
-                    f"about a straight line, and {rounded(noise.sigma_px)} px are expected. How "
-                    "exactly "
-                    "were they clicked? If to that, state it as their noise; else a point was "
-                    "mistaken, or the line is bent."
+                    f"about a straight line; {rounded(noise.sigma_px)} px are expected. How "
+                    "exactly were they clicked? State that as their noise. If it is less than the "
+                    "scatter, correct the wrong point, or leave out a line that is not straight."
                 )
             image_line = np.array([*axes[1], -axes[1] @ centre])
             normal = camera.K.T @ image_line

@@ -207,7 +207,7 @@ def _hand(fit: RigidFit, mirrored: RigidFit) -> int:
 
 
 def _refuse_scale(with_scale: RigidFit) -> None:
-    """Refuse another unit; where the points do not fit with any, their contradiction is told."""
+    """Refuse another unit; where the points do not fit with any, that is the error."""
     scale = with_scale.scale
     if 1 / LARGEST_SCALE < scale < LARGEST_SCALE or not with_scale.is_close:
         return
@@ -222,7 +222,7 @@ def _refuse_contradiction(fit: RigidFit, survey: Survey) -> None:
     """Refuse residuals that no noise explains; name the point where one alone contradicts.
 
     Args:
-        fit: with its scale, whose difference is told rather than refused.
+        fit: with its scale, whose difference is reported, not an error.
     """
     if fit.is_close:
         return

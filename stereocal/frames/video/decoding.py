@@ -105,7 +105,7 @@ def encoded_frames(path: Path, seconds: Sequence[float], lossless: bool) -> list
 
 
 def _runs(seconds: Sequence[float], apart: float = 2.0) -> Iterator[tuple[int, int]]:
-    """Ranges of times with no larger step than `apart`, over which the file is searched anew."""
+    """Ranges of times with no larger step than `apart`, over which the file is searched again."""
     steps = np.flatnonzero(np.diff(np.asarray(seconds)) > apart) + 1
     ends = [0, *steps.tolist(), len(seconds)]
     yield from pairwise(ends)

@@ -13,11 +13,11 @@ from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.system.numbers import rounded
 
 GAP = 1.5
-"""A step between time stamps above so many frame periods is a gap."""
+"""Frame periods above which a step between time stamps is a gap."""
 NEIGHBOURS = 11
 """Steps whose median is the frame period at a place: a variable rate is no gap."""
 NEAREST = 0.5
-"""Frames of a pair are at most so many frame periods apart."""
+"""Most frame periods between the frames of a pair."""
 FEWEST_FRAMES_A_SECOND = 3
 Choice = Literal["every", "still"]
 
