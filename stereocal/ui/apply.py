@@ -69,16 +69,17 @@ class Chosen:
 
 
 def choose_inputs(project: Project, store: ProjectApplication) -> Chosen | None:
-    """Uploaders of points, and the inputs in one row; None if something is missing.
+    """Uploaders of points, and the inputs in two rows; None if something is missing.
 
     Raises:
         StereocalError: the points or the project's results cannot be used.
     """
     lacking = _take_point_files(project, store)
-    row = st.columns([4, 3, 3, 3])
-    with row[0]:
+    points_at, noise_at = st.columns([2, 1])
+    matching_at, threshold_at, measuring_at = st.columns(3)
+    with points_at:
         points = _choose_points(project, store)
-    sets = _choose_sets(project, store, (row[1], row[3]))
+    sets = _choose_sets(project, store, (matching_at, measuring_at))
     form = threshold = depths = sigma_px = None
     if points is not None and sets is not None:
         try:
@@ -86,8 +87,7 @@ def choose_inputs(project: Project, store: ProjectApplication) -> Chosen | None:
         except StereocalError as error:
             st.error(escape_markdown(str(error)))
         form = threshold_form(store, points, sets[0], depths or ANY_DEPTH)
-        with row[2]:
-            threshold, sigma_px = form.choose()
+        threshold, sigma_px = form.choose(noise_at, threshold_at)
         form.report(threshold)
         for rig, purpose in zip(sets, ("matching", "reconstruction"), strict=True):
             if warning := purpose_warning(rig, purpose):

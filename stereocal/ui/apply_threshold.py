@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import pandas as pd
 import streamlit as st
+from streamlit.delta_generator import DeltaGenerator
 
 from stereocal.errors import StereocalError
 from stereocal.figures import describe_pair_errors, plot_pair_errors
@@ -42,7 +43,9 @@ class ThresholdForm:
     """A sample of the points of both cameras."""
     depths: Depths
 
-    def choose(self) -> tuple[ThresholdChoice | None, float | None]:
+    def choose(
+        self, noise_at: DeltaGenerator, threshold_at: DeltaGenerator
+    ) -> tuple[ThresholdChoice | None, float | None]:
         """The threshold, and the noise of the points as stated, each in a field that is empty where
         the points decide.
         """
@@ -50,15 +53,17 @@ class ThresholdForm:
         found, _ = self._choice(stated.value(), sigma.value())
         usual, _ = self._choice(None, sigma.value())
         noise = None if usual is None else usual.noise
-        st.number_input(
+        by = "for targets" if noise is None or noise.source == "calibration" else "by the points"
+        threshold_at.number_input(
             "below (px)", min_value=0.0, value=None, step=0.1, format="%.4g",
-            placeholder=f"{rounded(usual.threshold_px, 3)}, by the points" if usual else "none",
+            placeholder=f"{rounded(usual.threshold_px, 3)}, {by}" if usual else "none",
             help="Threshold: largest reprojection error of a pair, mean over both cameras. Empty: "
             "by the noise of your points.",
             **stated.widget(),
         )  # fmt: skip
         otherwise = "by their column sigma_px, or estimated from their epipolar errors"
-        return found, ask_noise(sigma, noise or "", otherwise)
+        with noise_at:
+            return found, ask_noise(sigma, noise or "", otherwise)
 
     def report(self, found: ThresholdChoice | None) -> None:
         """The noise of the points, and the threshold with what it does."""
