@@ -374,6 +374,13 @@ def shared_unknowns(rig: Rig) -> FloatArray:
     )
 
 
+def unknowns_between(one: FloatArray, other: FloatArray) -> FloatArray:
+    """(25,): one minus the other; angles within half a revolution."""
+    found = one - other
+    found[: EPSILON + 1] = (found[: EPSILON + 1] + np.pi) % (2 * np.pi) - np.pi
+    return found
+
+
 def pose_of(q: FloatArray) -> Pose:
     """The pose of the shared unknowns."""
     return Pose.from_angles(Angles(*q[: EPSILON + 1].tolist()), float(q[BASELINE]))

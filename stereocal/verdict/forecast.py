@@ -16,7 +16,7 @@ from stereocal.refined.disagreement import Comparison, compare_inputs
 from stereocal.refined.parameter_file import covariance_entry
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.results import Calibration
-from stereocal.refined.unknowns import shared_unknowns
+from stereocal.refined.unknowns import shared_unknowns, unknowns_between
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.parameters import FileForecast
 from stereocal.rig.rig import Rig
@@ -84,7 +84,7 @@ class Outlook:
         That of the model about the truth, and the deviation of the file from the model.
         """
         model = self.comparison.model
-        away = shared_unknowns(self.files[method]) - model.q
+        away = unknowns_between(shared_unknowns(self.files[method]), model.q)
         away[BAR] = 0.0
         return np.asarray(model.covariance + np.outer(away, away))
 

@@ -18,7 +18,7 @@ from stereocal.errors import StereocalError
 from stereocal.evaluation.evaluate import count_set
 from stereocal.evaluation.summary import figures_of_set
 from stereocal.matching.reconstruction import reconstruct_points
-from stereocal.refined.bar_fit import BASELINE
+from stereocal.refined.bar_fit import BASELINE, EPSILON
 from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import refine
 from stereocal.refined.unknowns import RefineSettings
@@ -246,6 +246,17 @@ def test_the_covariance_of_a_file_contains_its_distance_from_the_model() -> None
     at = (BASELINE, BASELINE)
     expected = found.comparison.model.covariance[at] + away**2
     assert found.covariance("3d")[at] == pytest.approx(expected)
+
+
+def test_a_whole_revolution_is_no_distance() -> None:
+    """With the secondary at the primary's right, epsilon is near 180 or near -180 degrees."""
+    found = outlook()
+    model = found.comparison.model
+    origin = model.unknowns.origin.copy()
+    origin[EPSILON] += 2 * np.pi
+    model = replace(model, unknowns=replace(model.unknowns, origin=origin))
+    other = replace(found, comparison=replace(found.comparison, model=model))
+    assert_allclose(other.covariance("3d"), found.covariance("3d"), rtol=1e-6, atol=1e-15)
 
 
 def test_too_few_bars() -> None:

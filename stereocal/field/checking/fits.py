@@ -17,7 +17,7 @@ from stereocal.field.checking.new_images import NewImages
 from stereocal.field.checking.prior import Prior
 from stereocal.refined.bar_fit import BASELINE, EPSILON, PRIMARY, SECONDARY, SHARED
 from stereocal.refined.solve import Solve, limits_of
-from stereocal.refined.unknowns import FIXED_LENS, RefineSettings, Unknowns
+from stereocal.refined.unknowns import FIXED_LENS, RefineSettings, Unknowns, unknowns_between
 from stereocal.rig.compiled import BoolArray, FloatArray
 from stereocal.rig.geometry import Pose
 
@@ -89,11 +89,8 @@ def turned(pose: Pose, camera: int, vector: FloatArray) -> Pose:
 
 def pose_difference(one: Pose, other: Pose) -> FloatArray:
     """(25,): one minus the other in the shared unknowns; angles within half a revolution."""
-    found = np.zeros(SHARED)
-    turn = np.array(one.angles) - np.array(other.angles)
-    found[: EPSILON + 1] = (turn + np.pi) % (2 * np.pi) - np.pi
-    found[BASELINE] = one.baseline - other.baseline
-    return found
+    rest = np.zeros(SHARED - BASELINE - 1)
+    return unknowns_between(*(np.array([*it.angles, it.baseline, *rest]) for it in (one, other)))
 
 
 class Fit(Solve):
