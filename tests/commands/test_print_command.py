@@ -63,7 +63,7 @@ def test_the_field_sheet_of_a_plan_is_written(tmp_path: Path) -> None:
         ("target --side 0.4 --out print.pdf", "does not fit on A4, which holds 185 mm"),
         ("target --focal 7120 --out print.pdf", "State --far, the largest distance"),
         ("target --camera no.json --far 9 --out print.pdf", "no.json cannot be read"),
-        ("sheet no.json --out sheet.pdf", "no.json: the file cannot be read"),
+        ("sheet no.json --out sheet.pdf", "no.json: there is no such file"),
         ("sheet no.json --out sheet.svg", '"sheet.svg" must end in .pdf'),
         ("board --board 18 --square 0.02 --out print.pdf", 'The size of the board is "18"'),
         ("board --board 18x12 --square 0.03 --out print.pdf", "at most 13 mm, or print it on A2"),
