@@ -75,9 +75,8 @@ def undetectable_errors(inputs: Sequence[Input]) -> str:
     if not hidden:
         return ""
     return (
-        f"Errors {', '.join(hidden)} cannot be detected: the uncertainties of these inputs were "
-        f"not stated, and {', '.join(assumed)} {'was' if len(assumed) == 1 else 'were'} assumed. "
-        f"To detect them, state {'; '.join(remedies)}."
+        f"State {'; '.join(remedies)}: otherwise errors {', '.join(hidden)} go unnoticed "
+        f"(assumed: {', '.join(assumed)})."
     )
 
 
@@ -126,8 +125,8 @@ def advice_on(key: str, stated: FloatArray, say: FloatArray, sigma: FloatArray) 
         return (
             f"The {camera} camera's distortion (k1, k2, p1, p2) is stated as {given}; images and "
             f"lengths say {found}. Was the lens calibrated with another focus, or with few points "
-            "near the edges? Calibrate it again, or have it estimated: on the page One set or "
-            "two, or with --free-distortion."
+            "near the edges? Calibrate it again, or let this fit estimate it (Estimate the "
+            "distortion of, on One set or two; or --free-distortion)."
         )
     if part == "focal":
         return (

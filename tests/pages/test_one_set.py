@@ -52,7 +52,7 @@ def test_answers_and_follows_the_form(app: AppTest, home: Path) -> None:
     one_set(app)
     assert "One set does both jobs here" in messages(app)
     assert "Nothing that was typed or measured disagrees" not in messages(app)
-    assert "cannot be detected" in messages(app)
+    assert "go unnoticed" in messages(app)
     assert "errors on held-out frames are" in text(app)
     assert parameters(app).loc["Baseline (m)", "Standard error"] == "± 0.0052"
     app.switch_page("pages/data.py").run()
