@@ -65,7 +65,7 @@ def test_camera_files_stand_beside_the_plan(tmp_path: Path) -> None:
     read = read_plan(tmp_path / "plan.json")
     assert np.array_equal(read.primary.K, known_rig.PRIMARY.K)
     (tmp_path / "lens.json").unlink()
-    with pytest.raises(StereocalError, match=r"lens.json: the file cannot be read"):
+    with pytest.raises(StereocalError, match=r"lens.json: there is no such file"):
         read_plan(tmp_path / "plan.json")
 
 
