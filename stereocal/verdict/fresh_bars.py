@@ -29,6 +29,8 @@ EVEN_TRIES = 6
 GROUP = 5
 """Frames within which wrong pairs are formed, as in the paper."""
 MINIMUM_BARS = 3
+MANY_BARS = 1000
+"""With more recorded bars, a number for each of them and each group is too much to draw."""
 
 
 def fresh_bars(model: RefinedResult, draws: int, bars: int, rng: np.random.Generator) -> FloatArray:
@@ -89,12 +91,28 @@ def _drawn(recorded: int, draws: int, bars: int, rng: np.random.Generator) -> In
     Within `GROUP` bars in turn none is drawn twice (Gumbel's maxima): two copies of a bar would be
     closer together than any two that were recorded, and wrong pairs of them are accepted.
     """
-    weights = np.log(np.maximum(rng.dirichlet(np.ones(recorded), draws), 1e-300))
-    groups = -(-bars // GROUP)
-    keys = weights[:, None] + rng.gumbel(size=(draws, groups, recorded))
+    weights, groups = rng.dirichlet(np.ones(recorded), draws), -(-bars // GROUP)
+    if recorded > MANY_BARS:
+        drawn = np.array([_distinct(own, groups, rng) for own in weights])
+        return np.asarray(drawn.reshape(draws, -1)[:, :bars])
+    keys = np.log(np.maximum(weights, 1e-300))[:, None] + rng.gumbel(size=(draws, groups, recorded))
     size = min(GROUP, recorded)
     drawn = np.argpartition(-keys, size - 1, axis=-1)[..., :size]
     return np.asarray(drawn.reshape(draws, -1)[:, np.arange(bars) % (groups * size)])
+
+
+def _distinct(weights: FloatArray, groups: int, rng: np.random.Generator) -> IntArray:
+    """(groups, GROUP): indices by weights (n,), drawn again where they repeat one of their group.
+
+    That is the same distribution as Gumbel's maxima.
+    """
+    up_to = np.cumsum(weights)
+    found = np.empty((groups, GROUP), dtype=np.int64)
+    again = np.ones(found.shape, dtype=np.bool_)
+    while again.any():
+        found[again] = np.searchsorted(up_to, up_to[-1] * rng.random(int(again.sum())))
+        again = np.tril(found[:, :, None] == found[:, None, :], -1).any(axis=2)
+    return found
 
 
 def _seen(model: RefinedResult, volume: Volume, bars: FloatArray) -> BoolArray:
