@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 LONGEST = 900
 """Maximum length of a message, in characters: four sentences of suspects with a remedy."""
+LONGEST_WORD = 40
 KEPT_TAIL = 160
 """Characters kept at the end of a message that is shortened."""
 
@@ -28,8 +29,10 @@ class StereocalError(ValueError):
         text = "".join(character if character.isprintable() else " " for character in text)
         if len(text) > LONGEST:
             start, end = text[: LONGEST - KEPT_TAIL - 5], text[-KEPT_TAIL:]
-            # Between words, unless a quoted file has none.
-            text = f"{start.rsplit(' ', 1)[0]} ... {end.split(' ', 1)[-1]}"
+            # Between words, unless a quoted file has too long ones.
+            start = start[: max(start.rfind(" "), len(start) - LONGEST_WORD)]
+            begin = end.find(" ") + 1
+            text = f"{start} ... {end[begin if begin <= LONGEST_WORD else 0 :]}"
         super().__init__(text)
 
 

@@ -36,6 +36,7 @@ from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import FileForecast, RigParameters
 from stereocal.rig.rig import Rig
 from stereocal.verdict.forecast import Outlook
+from stereocal.verdict.in_words import left_out_line
 from stereocal.verdict.one_or_two_sets import verdict
 from stereocal.verdict.predictive import predict
 from stereocal.verdict.recommendation import Recommendation, Validated, recommend
@@ -78,7 +79,10 @@ def calibrate(
     dataset, kept = screening.full_dataset, screening.dataset
     frames = _draw_frames(screening, settings.calibration_frames, split_seed)
     chosen = _only(kept, frames)
-    checks.check_points(chosen)
+    try:
+        checks.check_points(chosen)
+    except StereocalError as error:
+        raise StereocalError(f"{error} {left_out_line(screening)}".rstrip()) from error
     reconstruction = reconstruction_problem(chosen, settings.known_points)
     warnings = [
         *filter(None, [note_on_free_baseline(chosen)]),

@@ -70,8 +70,8 @@ def detect_frames(
 def keep_corrections(found: Sequence[Frame], before: Sequence[Frame]) -> list[Frame]:
     """The new frames, with the user's decisions about the old ones.
 
-    A frame that the user reviewed or corrected stays as it was. Of the others, `use` is kept if the
-    state is unchanged.
+    A frame that the user reviewed or corrected, or in which the user placed a target, stays as it
+    was. Of the others, `use` is kept if the state is unchanged.
     """
     old = {(frame.frame, frame.files): frame for frame in before}
     kept = []
@@ -79,7 +79,11 @@ def keep_corrections(found: Sequence[Frame], before: Sequence[Frame]) -> list[Fr
         last = old.get((frame.frame, frame.files))
         if last is None:
             kept.append(frame)
-        elif last.reviewed or last.corrected:
+        elif (
+            last.reviewed
+            or last.corrected
+            or any(c and c.source != "detected" for pair in last.centres for c in pair)
+        ):
             kept.append(last)
         elif last.state == frame.state:
             kept.append(frame.used(last.use))

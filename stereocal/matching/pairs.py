@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
@@ -30,14 +30,14 @@ def match(
     rig: RigParameters,
     primary: pd.DataFrame,
     secondary: pd.DataFrame,
-    threshold_px: float | None = None,
+    threshold_px: float | Literal["auto"] | None = "auto",
     depths_m: tuple[float, float] = ANY_DEPTH,
     sigma_px: float | None = None,
 ) -> pd.DataFrame:
     """Match two tables in memory: columns `frame`, `u`, `v` (raw pixels), and any further ones.
 
     Args:
-        threshold_px: None: by the noise of the points.
+        threshold_px: "auto" or None: by the noise of the points.
         sigma_px: the noise of the points, if it is known; None: that of the column `sigma_px`,
             else estimated.
 
@@ -67,7 +67,8 @@ def match(
     )
     wanted = sample_of(frames, len(primary) / max(len(both[0]), 1))
     sample = [sample_pixels(both[0][f], both[1][f]) for f in sorted(wanted)]
-    chosen = choose_threshold(rig, sample, depths_m, sigma_px, threshold_px)
+    given_px = None if threshold_px == "auto" else threshold_px
+    chosen = choose_threshold(rig, sample, depths_m, sigma_px, given_px)
     found = [
         match_frame(
             rig, f, both[0][f], both[1][f], chosen.threshold_px, depths_m, names, chosen.noise

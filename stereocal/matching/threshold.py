@@ -212,7 +212,7 @@ def _sample(
             rig.secondary.undistort(secondary[:, :2]), scale, np.inf, near, far,
         )  # fmt: skip
         few = min(len(primary), len(secondary))
-        wanted += min(PAIRS_PER_POINT * few, max(len(found) // 2, few))
+        wanted += min(PAIRS_PER_POINT * few, max(len(found) // 2, few + 1))
         nearest = np.argsort(found, kind="stable")[: NEAREST * few]
         cut |= len(nearest) < len(found)
         sides[0].append(primary[first[nearest]])

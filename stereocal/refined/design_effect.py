@@ -37,12 +37,19 @@ def clusters_in(rows: Correspondences, rig: Rig, frames: IntArray) -> Clusters:
     return Clusters(found.of_frames[np.argsort(order)], found.length)
 
 
-def design_effect(solve: Solve, q: FloatArray, used: IntArray, clusters: Clusters) -> float:
+def design_effect(
+    solve: Solve,
+    q: FloatArray,
+    used: IntArray,
+    clusters: Clusters,
+    step: FloatArray | None = None,
+) -> float:
     """How many times the clusters scatter more than independent frames would; at least 1.
 
     Args:
         solve: whose minimum is at q.
         used: (f,): indices of the frames of the clusters among those of the solve.
+        step: (k,): from q to the minimum, in the free parameters, if q is not it.
     """
     if not clusters.has_runs:
         return 1.0
@@ -51,6 +58,9 @@ def design_effect(solve: Solve, q: FloatArray, used: IntArray, clusters: Cluster
     H, g, _ = solve.equations(q, groups)
     M = solve.unknowns.M
     C = solve.unknowns.covariance(H.sum(axis=0))
-    g, CH = g @ M, C @ (M.T @ H @ M)
+    H = M.T @ H @ M
+    g, CH = g @ M, C @ H
+    if step is not None:
+        g += H @ step
     expected = np.trace(CH.sum(axis=0)) - np.einsum("cij,cji->", CH, CH)
     return max(float(np.einsum("ci,ij,cj->", g, C, g) / expected), 1.0)

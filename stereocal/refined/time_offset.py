@@ -15,6 +15,7 @@ import numpy as np
 
 from stereocal.refined.adjustment import sum_normal_equations
 from stereocal.refined.bar_fit import SHARED
+from stereocal.refined.design_effect import design_effect
 from stereocal.refined.refine import RefinedResult, refine, robust_start
 from stereocal.refined.solve import Solve
 from stereocal.refined.unknowns import RefineSettings
@@ -208,6 +209,10 @@ def apparent_offset(fit: RefinedResult) -> MeasuredOffset | None:
     )  # fmt: skip
     C = unknowns.covariance(solve.H)
     step = -C @ (unknowns.M.T @ g + unknowns.precision @ p)
-    sigma = np.sqrt(unknowns.covariance(solve.H / fit.design_effect)[-1, -1])
+    # Of what the offset does not explain: bars that are waved by cameras out of step have errors
+    # that follow each other for that reason alone.
+    H, used = solve.H.copy(), np.flatnonzero(~fit.outlying)
+    effect = design_effect(solve, q, used, fit.clusters, step)
+    sigma = np.sqrt(unknowns.covariance(H / effect)[-1, -1])
     assert recorded.time_offset is not None
     return MeasuredOffset(float(step[-1]), 0.0, recorded.time_offset.reference, float(sigma))

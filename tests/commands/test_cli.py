@@ -45,7 +45,7 @@ def test_calibrate_prints_the_methods_and_writes_three_files(
     assert "refined: noise 0.1" in printed
     assert "Recommendation: Use the refined set for both: match below" in printed
     assert "One set does both jobs here (more than 99 % sure)" in printed
-    assert "On frames to come" in printed
+    assert "Expected on new frames with similar bars" in printed
     assert "Checked on held-out frames" not in printed  # said where it does not hold
     assert sorted(path.name for path in out.iterdir()) == [
         "parameters_2d.json",
@@ -178,7 +178,18 @@ def described(**values: Any) -> Callable[[Path], None]:
 
 
 def one_place(lines: list[str]) -> list[str]:
-    return [lines[0]] + [",".join([*row.split(",")[:2], "900,800,700,600"]) for row in lines[1:]]
+    rows = [row.split(",")[:2] for row in lines[1:]]
+    return [
+        lines[0],
+        *(f"{frame},{target},900.{at:02d},800,700,600" for at, (frame, target) in enumerate(rows)),
+    ]
+
+
+def copied(lines: list[str]) -> list[str]:
+    """The first frame under all numbers."""
+    first = [row.split(",")[2:] for row in lines[1:3]]
+    rows = [row.split(",")[:2] for row in lines[1:]]
+    return [lines[0], *(",".join([*row, *first[at % 2]]) for at, row in enumerate(rows))]
 
 
 def ends_exchanged(lines: list[str]) -> list[str]:
@@ -219,6 +230,7 @@ BAD: dict[str, tuple[Callable[[Path], None], str]] = {
     ),
     "too few pairs": (table(lambda lines: lines[:5]), "4 pairs"),
     "one place": (table(one_place), "lie within"),
+    "copies": (table(copied), "2 pairs of points.* copy adds no information"),
     "no bar": (
         table(lambda lines: [row for row in lines if ",B," not in row]),
         "both targets",

@@ -49,7 +49,7 @@ def test_tables_in_memory(late: RigParameters, points: tuple[pd.DataFrame, pd.Da
     assert moved.mean() > 0.9
     assert (pairs["target_primary"] == pairs["target_secondary"]).mean() > 0.95
     assert pairs["error_px"][moved].mean() < 0.3
-    without = match(replace(late, time_offset=None), *points)
+    without = match(replace(late, time_offset=None), *points, threshold_px=1.5)
     assert SHIFT not in without
     assert len(without) < 0.8 * len(pairs)
     # Pairs that were shifted already are not shifted again.

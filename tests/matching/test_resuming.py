@@ -256,7 +256,7 @@ def test_matching_and_measuring(
     assert executor.tasks == every - finished
     assert plain is not None and plain == whole == again
     outside = pd.read_csv(folders[0] / POINTS)["outside_volume"]
-    assert f"{outside.sum()} of 960 points lie outside the volume" in plain.sentences[1]
+    assert f"{outside.sum()} of 960 points lie outside the volume" in " ".join(plain.sentences)
     for name in (PAIRS, POINTS):
         contents = {(folder / name).read_bytes() for folder in (*folders[:2], folders[3])}
         assert len(contents) == 1

@@ -169,8 +169,8 @@ def test_bad_photographs_of_the_board_are_left_aside(
 @pytest.mark.parametrize(
     ("count", "sentence"),
     [
-        (1, "The board was found in 1 photograph, and each draw takes 20: at least 21 are needed"),
-        (3, "The board was found in 3 photographs, and each draw takes 20"),
+        (1, "The board was found in 1 photograph: at least 8 are needed"),
+        (3, "The board was found in 3 photographs: at least 8 are needed"),
     ],
 )
 def test_too_few_boards(
