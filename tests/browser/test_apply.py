@@ -45,7 +45,7 @@ def test_demo_to_files_of_the_command_line(
     page.get_by_role("button", name="Calibrate", exact=True).click()
     results_shown(page)
     settled(page)
-    sets = [download(page, f"download_{method}", tmp_path) for method in ("2d", "3d")]
+    recommended = download(page, "download_refined", tmp_path)  # for both, so Apply takes it
     page.locator(".st-key-view").get_by_text("Parameters", exact=True).click()
     expect(page.locator(".st-key-format_file")).to_be_visible()
     settled(page)
@@ -79,11 +79,11 @@ def test_demo_to_files_of_the_command_line(
     mine = [download(page, f"download_{name}", tmp_path / "page") for name in ("pairs", "points")]
 
     assert main(
-        ["match", *map(str, tables), "--parameters", str(sets[0]), "--threshold", "25",
+        ["match", *map(str, tables), "--parameters", str(recommended), "--threshold", "25",
          "--out", str(tmp_path / "pairs.csv")]
     ) == 0  # fmt: skip
     assert main(
-        ["reconstruct", str(tmp_path / "pairs.csv"), "--parameters", str(sets[1]),
+        ["reconstruct", str(tmp_path / "pairs.csv"), "--parameters", str(recommended),
          "--out", str(tmp_path / "points.csv")]
     ) == 0  # fmt: skip
     for path in mine:
