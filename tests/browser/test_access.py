@@ -285,7 +285,7 @@ def test_tab_goes_through_every_page_and_out(
     ours = [now for now in through if now["tag"] != "CANVAS" or not now["key"].startswith("pairs_")]
     lost = [now for now in ours if not (now["visible"] and now["inside"])]
     assert not lost, json.dumps(lost)
-    words = {now["text"] for now in through}
+    words = {now["text"] for now in seen if now}
     assert {"Start", "Data", "Apply"} <= words  # the menu, and with it a way to every page
     if path == "data":
         pickers = [now for now in through if now["text"].startswith("Photograph of the")]
@@ -303,7 +303,7 @@ def test_a_narrow_screen_shows_all_of_the_validation(
     expect(page.get_by_text("Made with: ")).to_be_visible(timeout=LONGEST_MS)
     for column in ("residual", "reprojection", "reconstruction"):
         figure = page.locator(f".st-key-validation_{column}")
-        expect(figure.locator(".legend text").first).to_be_visible()
+        expect(figure.locator(".legend text").first).to_be_visible(timeout=LONGEST_MS)
         for text in figure.locator(".legend text").all():
             box = text.bounding_box()
             assert box is not None and box["x"] >= 0 and box["x"] + box["width"] <= 420
