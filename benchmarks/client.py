@@ -304,7 +304,7 @@ class Session:
             if not self._fragments:
                 self._timers.clear()
         elif kind == "navigation":
-            self._pages = {p.url_pathname: p.page_script_hash for p in message.navigation.pages}
+            self._pages = {p.url_pathname: p.page_script_hash for p in message.navigation.app_pages}
             current = message.navigation.page_script_hash
             self.page = next((n for n, h in self._pages.items() if h == current), self.page)
         elif kind == "page_info_changed":

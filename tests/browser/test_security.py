@@ -45,7 +45,7 @@ def visit(page: Page, url: str, path: str, project: str, settled: Settled) -> No
     """Open a page and look at everything on it."""
     page.goto(f"{url}/{path}?project={project}")
     settled(page)
-    figures = page.locator(".js-plotly-plot")
+    figures = page.locator(".js-plotly-plot:visible")
     if path in FIGURES:
         expect(figures.nth(FIGURES[path] - 1)).to_be_visible(timeout=LONGEST_MS)
     for view in VIEWS.get(path, []):
