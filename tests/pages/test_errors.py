@@ -122,6 +122,7 @@ CACHES = {
     "plan._forecasts": "by the whole plan, as its file",
     "world._world": "by all numbers of the set, the digest of the file and all settings",
     "check._checked": "by all numbers of both files, and their name",
+    "check._images_of": "by the digest of the whole set, the name and the content of the file",
     "chosen_frame._decoded": "by the digest of the photograph",
     **{
         f"refined.{name}": "by all numbers, the name, the notes and the settings"
