@@ -177,20 +177,27 @@ def print_repaired(trials: int) -> None:
         result = recheck(case.prior, images)
         exact = true_fit(case, images)
         error = Rotation.from_matrix(pose_of(result.best.q).R @ rig.pose.R.T).as_rotvec()
-        axes = np.column_stack([[0, 1, 0], [np.cos(exact.q[0]), 0, -np.sin(exact.q[0])],
-                                rig.pose.R[:, 2]])  # fmt: skip
+        axes = np.column_stack(
+            [[0, 1, 0], [np.cos(exact.q[0]), 0, -np.sin(exact.q[0])], rig.pose.R[:, 2]]
+        )
         C = exact.covariance
         rows.append(
-            [float(error @ error), np.trace(axes @ C[:3, :3] @ axes.T),
-             (result.repaired.pose.baseline - rig.pose.baseline) ** 2, C[5, 5]]
-        )  # fmt: skip
+            [
+                float(error @ error),
+                np.trace(axes @ C[:3, :3] @ axes.T),
+                (result.repaired.pose.baseline - rig.pose.baseline) ** 2,
+                C[5, 5],
+            ]
+        )
         true_turn = Rotation.from_matrix(rig.pose.R @ case.truth.pose.R.T).magnitude()
         turn, baseline = result.turn[0], result.baseline_m
         assert baseline is not None
-        covered.append([
-            bool(turn.low <= true_turn <= turn.high),
-            baseline.low <= rig.pose.baseline <= baseline.high,
-        ])  # fmt: skip
+        covered.append(
+            [
+                bool(turn.low <= true_turn <= turn.high),
+                baseline.low <= rig.pose.baseline <= baseline.high,
+            ]
+        )
     mean, shares = np.mean(rows, axis=0), np.mean(covered, axis=0)
     print(
         f"repaired after 0.5 degrees: rotation {np.sqrt(mean[0] / mean[1]):.3f}, baseline "
@@ -228,9 +235,12 @@ def print_focus(trials: int) -> None:
             ]
             result = recheck(case.prior, new_bars(case, Rig(lenses[0], lenses[1], rig.pose)))
             counts += [
-                result.changed, bool(result.refocused), result.refocused == (which,),
-                result.pose_moved == (angle > 0), result.ambiguous,
-            ]  # fmt: skip
+                result.changed,
+                bool(result.refocused),
+                result.refocused == (which,),
+                result.pose_moved == (angle > 0),
+                result.ambiguous,
+            ]
         print(
             f"focus 0.5 % longer, turned by {angle} degrees: found {counts[0]}, as a refocus "
             f"{counts[1]}, of the right lens alone {counts[2]}, the movement right {counts[3]}, "

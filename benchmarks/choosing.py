@@ -136,9 +136,7 @@ def _is_at(placed: Placed, point: FloatArray) -> bool:
 def _places(rig: Rig, rng: np.random.Generator) -> Iterator[FloatArray]:
     """Places that both cameras see, as bars have them."""
     while True:
-        yield place_visible_bars(
-            rig, rng, 1, BAR_M, BOARD_M, DEPTHS_M, margin_px=40.0
-        ).ends_m[0, 0]  # fmt: skip
+        yield place_visible_bars(rig, rng, 1, BAR_M, BOARD_M, DEPTHS_M, margin_px=40.0).ends_m[0, 0]
 
 
 def _on_the_line(rig: Rig, ends: FloatArray, rng: np.random.Generator) -> FloatArray:

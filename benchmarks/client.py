@@ -75,9 +75,12 @@ class Session:
             origin=Origin(self.url),
             subprotocols=[Subprotocol("streamlit"), Subprotocol(self.token)],
             additional_headers={"Cookie": f"_streamlit_xsrf={self.token}"},
-            compression=None, max_size=None, open_timeout=60, close_timeout=1,
+            compression=None,
+            max_size=None,
+            open_timeout=60,
+            close_timeout=1,
             ping_interval=None,
-        )  # fmt: skip
+        )
         self._socket = self._leave.enter_context(connection)
 
     def close(self) -> None:
@@ -137,9 +140,11 @@ class Session:
         state = WidgetState(id=identity)
         for (name, content), place in zip(files, places, strict=True):
             self._http.put(
-                self.url + place.upload_url, files={"file": (name, content)}, timeout=LONGEST_S,
+                self.url + place.upload_url,
+                files={"file": (name, content)},
+                timeout=LONGEST_S,
                 headers={"X-Xsrftoken": self.token},
-            ).raise_for_status()  # fmt: skip
+            ).raise_for_status()
             info = state.file_uploader_state_value.uploaded_file_info.add(
                 name=name, size=len(content), file_id=place.file_id
             )
@@ -265,9 +270,7 @@ class Session:
         rerun.widget_states.widgets.extend(self._states.values())
         self._socket.send(message.SerializeToString())
 
-    def _until(
-        self, done: Callable[[], bool], what: str, longest_s: float = LONGEST_S
-    ) -> None:  # fmt: skip
+    def _until(self, done: Callable[[], bool], what: str, longest_s: float = LONGEST_S) -> None:
         end = time.monotonic() + longest_s
         while not done():
             now = time.monotonic()

@@ -54,9 +54,12 @@ def measure(work: str, cache: str) -> tuple[float, int, float | None]:
         command = ["perf", "stat", "-x,", "-e", "instructions:u", *command]
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     run = subprocess.run(
-        command, capture_output=True, text=True, check=True,
+        command,
+        capture_output=True,
+        text=True,
+        check=True,
         env={**os.environ, "NUMBA_CACHE_DIR": cache},
-    )  # fmt: skip
+    )
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     seconds = after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime
     instructions = float(run.stderr.splitlines()[-1].split(",")[0]) / 1e9 if counting else None

@@ -84,24 +84,26 @@ def main() -> None:
                 lambda progress, parts: evaluate(
                     [dataset], settings, threads, progress, pieces=parts
                 ),
-                pack_runs, unpack_runs,
+                pack_runs,
+                unpack_runs,
             )
             for _ in range(REPEATS)
-        ]  # fmt: skip
+        ]
         found = [
             overhead(
-                lambda progress, parts: detect_series(
-                    photographs, threads, progress, pieces=parts
-                ),
-                pack_detection, unpack_detection,
+                lambda progress, parts: detect_series(photographs, threads, progress, pieces=parts),
+                pack_detection,
+                unpack_detection,
             )
             for _ in range(REPEATS)
-        ]  # fmt: skip
+        ]
     for what, figures in (("500 runs", runs), (f"{len(photographs)} photographs", found)):
         whole, more = np.array(figures).T
         share = 100 * more / whole
-        print(f"{what}: {whole.mean():.2f} s of CPU time, keeping them "
-              f"{share.min():.2f} to {share.max():.2f} % more")  # fmt: skip
+        print(
+            f"{what}: {whole.mean():.2f} s of CPU time, keeping them "
+            f"{share.min():.2f} to {share.max():.2f} % more"
+        )
     for name in ("alone", "beside 500"):
         seconds = []
         for _ in range(REPEATS):

@@ -234,9 +234,7 @@ class _Edit:
     change: Callable[[Review], Review]
 
 
-def _edits(
-    store: ProjectPhotographs, session: Session, number: int, turn: int
-) -> Iterator[_Edit]:  # fmt: skip
+def _edits(store: ProjectPhotographs, session: Session, number: int, turn: int) -> Iterator[_Edit]:
     u, v = 100.0 + turn / 8, 60.0
     raw = Centre(u, v, None, "manual")
     (name, _) = read_review(store).frame(number).files

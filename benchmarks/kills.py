@@ -42,10 +42,17 @@ from tests.bar_photographs import BAR_M, bar_set
 
 WRONG = ("cannot be read", "damaged", "another version", "no project at this address", "unforeseen")
 COLUMNS = (
-    "kills", "acknowledged", "lost", "not opening", "page errors", "shown as interrupted",
-    "of them with parts", "gone on to the end",
-    "offered though done", "processes left",
-)  # fmt: skip
+    "kills",
+    "acknowledged",
+    "lost",
+    "not opening",
+    "page errors",
+    "shown as interrupted",
+    "of them with parts",
+    "gone on to the end",
+    "offered though done",
+    "processes left",
+)
 
 
 class Trial:

@@ -43,8 +43,10 @@ def opencv_errors(search: BoardSearch) -> FloatArray:
     found = cv2.calibrateCameraExtended(
         [points] * len(search.views),
         [view.corners.astype(np.float32) for view in search.views],
-        search.image_size, np.eye(3), np.zeros(5),
-    )  # fmt: skip
+        search.image_size,
+        np.eye(3),
+        np.zeros(5),
+    )
     return np.asarray(found[5], dtype=np.float64).ravel()[:9]
 
 

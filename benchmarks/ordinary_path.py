@@ -110,15 +110,14 @@ class Mistake:
 
 
 WRONG: dict[str, Mistake] = {
-    "baseline 3 %": Mistake(
-        lambda d: replace(d, baseline_m=1.03 * d.baseline_m), ("baseline",), 9
-    ),
+    "baseline 3 %": Mistake(lambda d: replace(d, baseline_m=1.03 * d.baseline_m), ("baseline",), 9),
     "bar 2 %": Mistake(
         lambda d: replace(d, target_distance_m=1.02 * d.target_distance_m), ("distance",), 9
     ),
     "focal length 2 %": Mistake(
         lambda d: _with_lens(d, "primary", lambda c: lens_off_by(c, 0.02, (0.0, 0.0))),
-        ("primary focal",), 9,
+        ("primary focal",),
+        9,
     ),
     "distortion sign, primary": Mistake(
         lambda d: _with_lens(d, "primary", flipped), ("primary camera's distortion",), 9
@@ -131,9 +130,10 @@ WRONG: dict[str, Mistake] = {
     ),
     "K of twice the image": Mistake(
         lambda d: _with_lens(d, "secondary", lambda c: scaled(c, 2.0)),
-        ("secondary camera's matrix K",), 9,
+        ("secondary camera's matrix K",),
+        9,
     ),
-}  # fmt: skip
+}
 
 
 @dataclass(frozen=True)

@@ -127,10 +127,15 @@ def searched(problem: Problem, start: Pose, variant: str, seed: int) -> tuple[Po
         return found.pose, found.evaluations
     angles = np.array(start.angles)
     evaluations = one_count_search(
-        problem.kind, angles, start.baseline, problem.rays, problem.reference,
-        problem.pixel_scale, np.random.Generator(np.random.PCG64(seed)),
+        problem.kind,
+        angles,
+        start.baseline,
+        problem.rays,
+        problem.reference,
+        problem.pixel_scale,
+        np.random.Generator(np.random.PCG64(seed)),
         1 if variant == VARIANTS[2] else 20,
-    )  # fmt: skip
+    )
     return Pose.from_angles(Angles(*angles.tolist()), start.baseline), evaluations
 
 

@@ -50,8 +50,13 @@ from tests import known_rig
 
 TEST_BARS = 1000
 DRAWS = 400
-FIGURES = ("mean_length_error", "median_error_3d", "p95_error_3d", "fcp_reprojection",
-           "mean_reprojection_px")  # fmt: skip
+FIGURES = (
+    "mean_length_error",
+    "median_error_3d",
+    "p95_error_3d",
+    "fcp_reprojection",
+    "mean_reprojection_px",
+)
 NAMES = {"mean_length_error": "mean_error_3d"}
 """The names of `population` where they differ."""
 EXACT = Uncertainty(0.0005, 0.5, 0.002, 0.0002)
@@ -60,15 +65,52 @@ WEBCAM = SensorLens(4.0, (5.376, 3.024), (1920, 1080))
 OUTDOORS = SensorLens(35.0, (23.5, 15.6), (6000, 4000))
 PLANS = (
     Plan("field day of the paper", FIELD.primary, FIELD.secondary, FIELD.pose, 8, 25, 0.9),
-    Plan("the same, lenses well known", FIELD.primary, FIELD.secondary, FIELD.pose, 8, 25, 0.9,
-         uncertainty=EXACT),
-    Plan("unlike cameras with distortion", known_rig.PRIMARY, known_rig.SECONDARY,
-         Pose.from_angles(Angles(0.24, -0.07, 0.11, 0.13, 3.02), 2.37), 4, 10, 0.87, 50, 0.3),
-    Plan("two webcams over a tank", WEBCAM, WEBCAM, AimedPose(0.5, 14.0), 0.6, 1.5, 0.2, 25, 0.15,
-         Uncertainty(0.004, 6.0, 0.002, 0.0002)),
-    Plan("birds far away", OUTDOORS, OUTDOORS, AimedPose(8.0, 5.0, 0.5), 30, 70, 2.0, 40, 0.25,
-         Uncertainty(0.002, 8.0, 0.02, 0.002)),
-)  # fmt: skip
+    Plan(
+        "the same, lenses well known",
+        FIELD.primary,
+        FIELD.secondary,
+        FIELD.pose,
+        8,
+        25,
+        0.9,
+        uncertainty=EXACT,
+    ),
+    Plan(
+        "unlike cameras with distortion",
+        known_rig.PRIMARY,
+        known_rig.SECONDARY,
+        Pose.from_angles(Angles(0.24, -0.07, 0.11, 0.13, 3.02), 2.37),
+        4,
+        10,
+        0.87,
+        50,
+        0.3,
+    ),
+    Plan(
+        "two webcams over a tank",
+        WEBCAM,
+        WEBCAM,
+        AimedPose(0.5, 14.0),
+        0.6,
+        1.5,
+        0.2,
+        25,
+        0.15,
+        Uncertainty(0.004, 6.0, 0.002, 0.0002),
+    ),
+    Plan(
+        "birds far away",
+        OUTDOORS,
+        OUTDOORS,
+        AimedPose(8.0, 5.0, 0.5),
+        30,
+        70,
+        2.0,
+        40,
+        0.25,
+        Uncertainty(0.002, 8.0, 0.02, 0.002),
+    ),
+)
 
 
 def observed(plan: Plan, seed: int) -> dict[tuple[Method, str], float]:
@@ -151,10 +193,17 @@ def plan_of(fitted: Dataset, uncertainty: Uncertainty) -> Plan:
     noise = found.sigma_px.value * np.sqrt(np.median((draws.across**2 + 3 * along**2) / 4))
     depths = found.points_m[~found.outlying][..., 2]
     return Plan(
-        fitted.name, fitted.primary, fitted.secondary, found.pose, float(np.nanmin(depths)),
-        float(np.nanmax(depths)), fitted.target_distance_m, int((~found.outlying).sum()),
-        float(noise), uncertainty,
-    )  # fmt: skip
+        fitted.name,
+        fitted.primary,
+        fitted.secondary,
+        found.pose,
+        float(np.nanmin(depths)),
+        float(np.nanmax(depths)),
+        fitted.target_distance_m,
+        int((~found.outlying).sum()),
+        float(noise),
+        uncertainty,
+    )
 
 
 def real_recording(path: Path, uncertainty: Uncertainty) -> None:

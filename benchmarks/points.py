@@ -112,8 +112,10 @@ def main() -> None:
     parser.add_argument("--points", type=int, nargs="+", default=[4, 40])
     asked = parser.parse_args()
     rigs = [calibrated(seed) for seed in range(asked.rigs)]
-    print("| points | noise, px | match, measure | estimated | threshold | found | wrong | "
-          "wrong, as stated | rms of z: x, y, z |")  # fmt: skip
+    print(
+        "| points | noise, px | match, measure | estimated | threshold | found | wrong | "
+        "wrong, as stated | rms of z: x, y, z |"
+    )
     print("|---|---|---|---|---|---|---|---|---|")
     for points, noise in ((p, n) for p in asked.points for n in asked.noise):
         rng = np.random.default_rng([points, round(1000 * noise)])

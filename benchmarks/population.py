@@ -51,11 +51,15 @@ def population(
     judge(
         np.array([shared_unknowns(files[method]) for method in methods]),
         lenses_of_cameras(any_file.primary, any_file.secondary),
-        pixels, np.ascontiguousarray(start.T),
+        pixels,
+        np.ascontiguousarray(start.T),
         np.linalg.norm(ends_m[:, 0] - ends_m[:, 1], axis=1) / bar_factor,
         partners_in_groups(bars, rng, 2 * GROUP - 1),
-        counts, nans, lengths, correct_px,
-    )  # fmt: skip
+        counts,
+        nans,
+        lengths,
+        correct_px,
+    )
     found = {}
     for at, method in enumerate(methods):
         merged = overlap(merge_bins(counts[at].astype(np.int64), MERGE))

@@ -33,11 +33,23 @@ class Server:
         self.url = f"http://127.0.0.1:{port}"
         output = subprocess.DEVNULL if log is None else log.open("ab")
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "streamlit", "run", "app.py", "--server.headless", "true",
-             "--server.port", str(port)],
-            cwd=ROOT, env={**os.environ, "STEREOCAL_HOME": str(home), **(environment or {})},
-            stdout=output, stderr=subprocess.STDOUT, start_new_session=True,
-        )  # fmt: skip
+            [
+                sys.executable,
+                "-m",
+                "streamlit",
+                "run",
+                "app.py",
+                "--server.headless",
+                "true",
+                "--server.port",
+                str(port),
+            ],
+            cwd=ROOT,
+            env={**os.environ, "STEREOCAL_HOME": str(home), **(environment or {})},
+            stdout=output,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+        )
         end = time.monotonic() + START_S
         while True:
             try:

@@ -135,11 +135,13 @@ class Person:
     def _dataset(self) -> Dataset:
         table = self._found() if self.has_photographs else self.table
         return Dataset(
-            self.name, read_camera(self.cameras["primary"], "primary"),
+            self.name,
+            read_camera(self.cameras["primary"], "primary"),
             read_camera(self.cameras["secondary"], "secondary"),
             read_table(table, self.name).strict(self.name),
-            self.rig.pose.baseline, self.bar_m,
-        )  # fmt: skip
+            self.rig.pose.baseline,
+            self.bar_m,
+        )
 
     def _found(self) -> bytes:
         with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(1) as executor:
@@ -147,9 +149,13 @@ class Person:
             for name, content in self.photographs:
                 paths[name].write_bytes(content)
             frames = detect_frames(
-                pair_names(paths).pairs, paths, (self.rig.primary, self.rig.secondary), executor,
-                lambda _stage: None, lambda _done, _total: None,
-            )  # fmt: skip
+                pair_names(paths).pairs,
+                paths,
+                (self.rig.primary, self.rig.secondary),
+                executor,
+                lambda _stage: None,
+                lambda _done, _total: None,
+            )
         assert frames is not None
         return write_table(correspondences_of(frames))
 

@@ -36,9 +36,14 @@ CASES: Mapping[str, Misjudged] = {
 NOISE_PX = (0.1, 0.5)
 TEST_BARS = 2000
 FIGURES = (
-    "fcp_residual", "fcp_reprojection", "correct_lost_at_threshold", "wrong_let_in_at_threshold",
-    "mean_reprojection_px", "median_error_3d", "p95_error_3d",
-)  # fmt: skip
+    "fcp_residual",
+    "fcp_reprojection",
+    "correct_lost_at_threshold",
+    "wrong_let_in_at_threshold",
+    "mean_reprojection_px",
+    "median_error_3d",
+    "p95_error_3d",
+)
 
 
 def one_rig(off: Misjudged, frames: int, seed: int) -> dict[Method, dict[str, tuple[float, ...]]]:

@@ -48,9 +48,13 @@ MARGIN_PX = 10.0
 RIGS = 100
 """Calibrated rigs; trials beyond their number use them again with other observations."""
 MIRRORS = (
-    np.eye(3)[[1, 0, 2]], np.eye(3)[[0, 2, 1]], np.eye(3)[[2, 1, 0]],
-    np.diag([-1.0, 1, 1]), np.diag([1.0, -1, 1]), np.diag([1.0, 1, -1]),
-)  # fmt: skip
+    np.eye(3)[[1, 0, 2]],
+    np.eye(3)[[0, 2, 1]],
+    np.eye(3)[[2, 1, 0]],
+    np.diag([-1.0, 1, 1]),
+    np.diag([1.0, -1, 1]),
+    np.diag([1.0, 1, -1]),
+)
 """Two axes exchanged, or one sign wrong."""
 
 
@@ -71,9 +75,10 @@ class Place:
 
     def images(self, points: FloatArray, noise_px: float) -> FloatArray:
         """Raw pixels (n, 4) of points in the primary's frame."""
-        seen = self.truth.primary.project(points), self.truth.secondary.project(
-            self.truth.pose.apply(points)
-        )  # fmt: skip
+        seen = (
+            self.truth.primary.project(points),
+            self.truth.secondary.project(self.truth.pose.apply(points)),
+        )
         exact = np.hstack(seen)
         return np.asarray(exact + noise_px * self.rng.standard_normal(exact.shape))
 

@@ -75,9 +75,12 @@ st.success(
 )
 show_rig(project, dataset)
 show_figure(
-    plot_coverage(dataset), describe_coverage(dataset), COVERAGE,
-    on_select=partial(open_clicked_frame, project), selection_mode="points",
-)  # fmt: skip
+    plot_coverage(dataset),
+    describe_coverage(dataset),
+    COVERAGE,
+    on_select=partial(open_clicked_frame, project),
+    selection_mode="points",
+)
 st.caption("A click on a point opens its frame.")
 st.table(contents_table(dataset))
 dataset_download(dataset)

@@ -30,9 +30,12 @@ samples["demo"] = ("Simulated rig", sample_points)
 with st.container(horizontal=True):
     for key, (label, make) in samples.items():
         st.button(
-            label, type="primary" if key == "recording" else "secondary", key=key,
-            on_click=begin_sample, args=(projects_in_creation(), make),
-        )  # fmt: skip
+            label,
+            type="primary" if key == "recording" else "secondary",
+            key=key,
+            on_click=begin_sample,
+            args=(projects_in_creation(), make),
+        )
     if st.button("Start with my own data", key="begin"):
         forget_project()
         st.switch_page("pages/data.py")

@@ -32,10 +32,24 @@ from stereocal.rig.compilations import compilations
 from stereocal.version import __version__
 
 COMMANDS = (
-    calibrate, evaluate, import_archive, detect, intrinsics, match, reconstruct, convert, check,
-    world, simulate, plan, print_files, reproduce, sample, serve,
+    calibrate,
+    evaluate,
+    import_archive,
+    detect,
+    intrinsics,
+    match,
+    reconstruct,
+    convert,
+    check,
+    world,
+    simulate,
+    plan,
+    print_files,
+    reproduce,
+    sample,
+    serve,
     compiling,
-)  # fmt: skip
+)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -12,9 +12,16 @@ KEPT_TAIL = 160
 """Characters kept at the end of a message that is shortened."""
 
 DAMAGED = (
-    ArithmeticError, AttributeError, EOFError, LookupError, MemoryError, OSError, RecursionError,
-    TypeError, ValueError,
-)  # fmt: skip
+    ArithmeticError,
+    AttributeError,
+    EOFError,
+    LookupError,
+    MemoryError,
+    OSError,
+    RecursionError,
+    TypeError,
+    ValueError,
+)
 """Exceptions that Python raises while a damaged file is parsed."""
 
 

@@ -104,9 +104,14 @@ def calibrate(
         report(method)
         found = minimise(problem, start.pose, settings.search, seed, trace)
         results[method] = MethodResult(
-            method, found.pose, found.cost, found.evaluations, found.stop_reason, found.seconds,
+            method,
+            found.pose,
+            found.cost,
+            found.evaluations,
+            found.stop_reason,
+            found.seconds,
             found.trace,
-        )  # fmt: skip
+        )
     poor = errors_of(chosen, results["3d"].pose).p95_length > POOR_LENGTH
     warnings += warnings_about_fit(chosen, screening, poor, offer)
     refined_result = None
@@ -231,9 +236,12 @@ class Answer:
         }
         if calibration.refined is not None:
             found["refined"] = refined_parameters(
-                calibration.refined, self.inputs, validation.get("refined"),
-                calibration.screening.left_out, forecasts.get("refined"),
-            )  # fmt: skip
+                calibration.refined,
+                self.inputs,
+                validation.get("refined"),
+                calibration.screening.left_out,
+                forecasts.get("refined"),
+            )
         about = self.recommendation.to_json()
         return {method: replace(rig, recommendation=about) for method, rig in found.items()}
 

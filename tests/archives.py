@@ -132,10 +132,11 @@ PLAIN = Rig(
     Camera(PRIMARY.K, PRIMARY.distortion[:4], PRIMARY.image_size),
     Camera(
         SECONDARY.K - [[0, SECONDARY.K[0, 1], 0], [0, 0, 0], [0, 0, 0]],
-        SECONDARY.distortion[:4], SECONDARY.image_size,
+        SECONDARY.distortion[:4],
+        SECONDARY.image_size,
     ),
     RIG,
-)  # fmt: skip
+)
 """Without skew and k3, which Kalibr has not."""
 
 

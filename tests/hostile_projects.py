@@ -215,11 +215,17 @@ def _give_photographs(project: Project) -> None:
     store.add(found)
     store.keep_rows(store.rows)
     frames = [
-        Frame(k, (f"left{k}.png", f"right{k}.png"),
-              ((Centre(800, 600, 0.1), Centre(900, 610, 0.1)),
-               (Centre(600, 500, 0.1), Centre(700, 520, 0.1))), "found")
+        Frame(
+            k,
+            (f"left{k}.png", f"right{k}.png"),
+            (
+                (Centre(800, 600, 0.1), Centre(900, 610, 0.1)),
+                (Centre(600, 500, 0.1), Centre(700, 520, 0.1)),
+            ),
+            "found",
+        )
         for k in (1, 2)
-    ]  # fmt: skip
+    ]
     table = project.table
     assert table is not None
     store.keep_frames(frames)

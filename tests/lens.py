@@ -51,9 +51,12 @@ class AtOnce(Executor):
 
 
 def views(
-    count: int, seed: int, noise_px: float = 0.1, camera: Camera = SMALL,
+    count: int,
+    seed: int,
+    noise_px: float = 0.1,
+    camera: Camera = SMALL,
     pattern: BoardPattern = PATTERN,
-) -> tuple[BoardView, ...]:  # fmt: skip
+) -> tuple[BoardView, ...]:
     """Corners of boards in random poses, by projection, with normal noise."""
     rng = np.random.default_rng(seed)
     squares = (pattern.columns + 1, pattern.rows + 1)
@@ -77,9 +80,13 @@ def search(count: int, seed: int, noise_px: float = 0.1) -> BoardSearch:
 
 
 def photographed(
-    pose: Pose, squares: tuple[int, int] = SQUARES, board: Board | None = None, bits: int = 8,
-    blur_px: float = 0.7, camera: Camera = SMALL,
-) -> Photograph:  # fmt: skip
+    pose: Pose,
+    squares: tuple[int, int] = SQUARES,
+    board: Board | None = None,
+    bits: int = 8,
+    blur_px: float = 0.7,
+    camera: Camera = SMALL,
+) -> Photograph:
     """A photograph of a chessboard, or of another board."""
     board = board or chessboard(squares, PATTERN.square_m)
     settings = PhotographSettings(blur_px=blur_px, bits=bits)

@@ -51,11 +51,13 @@ class PhotographedRig:
         """The `dataset.json`."""
         return json.dumps(
             {
-                "format": "stereocal-dataset/1", "name": "photographed rig",
-                "baseline_m": BASELINE_M, "target_distance_m": BAR_M,
+                "format": "stereocal-dataset/1",
+                "name": "photographed rig",
+                "baseline_m": BASELINE_M,
+                "target_distance_m": BAR_M,
                 "cameras": {"primary": "primary.json", "secondary": "secondary.json"},
             }
-        ).encode()  # fmt: skip
+        ).encode()
 
 
 @lru_cache(maxsize=2)

@@ -30,12 +30,26 @@ def server(folder: Path, home: Path) -> Iterator[str]:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
     process = subprocess.Popen(
-        [sys.executable, "-m", "streamlit", "run", "app.py", "--server.headless", "true",
-         "--server.port", str(port)],
-        cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-        env={**os.environ, "STEREOCAL_HOME": str(home),
-             "STREAMLIT_SERVER_SCRIPT_HEALTH_CHECK_ENABLED": setting},
-    )  # fmt: skip
+        [
+            sys.executable,
+            "-m",
+            "streamlit",
+            "run",
+            "app.py",
+            "--server.headless",
+            "true",
+            "--server.port",
+            str(port),
+        ],
+        cwd=folder,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        env={
+            **os.environ,
+            "STEREOCAL_HOME": str(home),
+            "STREAMLIT_SERVER_SCRIPT_HEALTH_CHECK_ENABLED": setting,
+        },
+    )
     try:
         while status(f"http://127.0.0.1:{port}/_stcore/health") != 200:
             assert process.poll() is None, "the server has ended"

@@ -40,9 +40,13 @@ def steps(clone: Path) -> tuple[list[str], str]:
     notes = clone / "notes"
     notes.write_text("")
     run = subprocess.run(
-        ["make", "run", f"PYTHON={clone / 'python'}"], cwd=clone, capture_output=True, text=True,
-        check=True, env={**os.environ, "NOTES": str(notes)},
-    )  # fmt: skip
+        ["make", "run", f"PYTHON={clone / 'python'}"],
+        cwd=clone,
+        capture_output=True,
+        text=True,
+        check=True,
+        env={**os.environ, "NOTES": str(notes)},
+    )
     return [line for line in notes.read_text().splitlines() if " -c " not in line], run.stdout
 
 
@@ -70,9 +74,12 @@ def test_a_python_that_is_too_old_is_said(clone: Path) -> None:
         f"#!/bin/sh\nexec {sys.executable} -c 'import sys; sys.version_info = (3, 10); '\"$2\"\n"
     )
     run = subprocess.run(
-        ["make", "run", f"PYTHON={clone / 'python'}"], cwd=clone, capture_output=True, text=True,
+        ["make", "run", f"PYTHON={clone / 'python'}"],
+        cwd=clone,
+        capture_output=True,
+        text=True,
         check=False,
-    )  # fmt: skip
+    )
     assert run.returncode != 0
     assert "3.11" in run.stderr
     assert not (clone / ".venv").exists()

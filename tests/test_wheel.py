@@ -25,9 +25,13 @@ def run(environment: dict[str, str], *command: str) -> str:
     """What Python says, in a folder that is no checkout."""
     site = Path(environment["PYTHONPATH"])
     done = subprocess.run(
-        [sys.executable, *command], cwd=site.parent, env=environment, check=False,
-        capture_output=True, text=True,
-    )  # fmt: skip
+        [sys.executable, *command],
+        cwd=site.parent,
+        env=environment,
+        check=False,
+        capture_output=True,
+        text=True,
+    )
     assert done.returncode == 0, done.stderr
     return done.stdout
 
@@ -36,8 +40,11 @@ def test_it_has_every_file_of_the_program(environment: dict[str, str]) -> None:
     site = Path(environment["PYTHONPATH"])
     listed = subprocess.run(
         ["git", "ls-files", "stereocal", "app.py", ".streamlit", *BESIDE],
-        cwd=ROOT, check=False, capture_output=True, text=True,
-    )  # fmt: skip
+        cwd=ROOT,
+        check=False,
+        capture_output=True,
+        text=True,
+    )
     if listed.returncode:
         pytest.skip("not a clone")
     for name in listed.stdout.splitlines():

@@ -21,9 +21,13 @@ def estimate(dataset: Dataset) -> tuple[Solution, npt.NDArray[np.bool_]]:
     secondary = np.ascontiguousarray(dataset.rays[2:].T)
     focal = float(np.sqrt(np.prod(dataset.pixel_scale[:, 0])))
     E, mask = cv2.findEssentialMat(
-        primary, secondary, np.eye(3),
-        method=cv2.USAC_MAGSAC, prob=0.9999, threshold=THRESHOLD_PX / focal,
-    )  # fmt: skip
+        primary,
+        secondary,
+        np.eye(3),
+        method=cv2.USAC_MAGSAC,
+        prob=0.9999,
+        threshold=THRESHOLD_PX / focal,
+    )
     if E is None or np.shape(E) != (3, 3):
         raise NoSolutionError("OpenCV found no essential matrix")
     inliers = np.asarray(mask, dtype=bool).ravel()

@@ -208,8 +208,10 @@ def _hypotheses(dataset: Dataset) -> Iterator[_Hypothesis]:
     yield _Hypothesis(
         "A and B seem to be exchanged in one of the cameras, in all frames",
         "Exchange the two targets of one camera.",
-        one, two, targets_exchanged=True,
-    )  # fmt: skip
+        one,
+        two,
+        targets_exchanged=True,
+    )
     for names, first, second in (
         ("primary camera's", _negated(one), two),
         ("secondary camera's", one, _negated(two)),
@@ -219,8 +221,9 @@ def _hypotheses(dataset: Dataset) -> Iterator[_Hypothesis]:
             f"The {names} distortion coefficients seem to have the wrong sign",
             "Some programs write the inverse (undistorting) coefficients: export the lens in "
             "OpenCV's convention, or change the signs.",
-            first, second,
-        )  # fmt: skip
+            first,
+            second,
+        )
     for which, camera in (("primary", one), ("secondary", two)):
         factor = camera.size_factor
         if factor is not None:
@@ -344,9 +347,11 @@ def _best_factor(
         return None
     at, step = int(np.argmin(values)), tried[1] - tried[0]
     best = minimize_scalar(
-        cost, bounds=(tried[at] - step, tried[at] + step), method="bounded",
+        cost,
+        bounds=(tried[at] - step, tried[at] + step),
+        method="bounded",
         options={"xatol": 1e-3},
-    )  # fmt: skip
+    )
     return float(np.exp(best.x))
 
 

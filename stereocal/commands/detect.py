@@ -70,10 +70,13 @@ def run(parsed: argparse.Namespace) -> None:
         with workers_from(parsed, compile_detection) as executor, ExitStack() as stack:
             bars: list[ProgressBar] = []
             frames = detect_frames(
-                pairing.pairs, photographs_of_bar, (survey.primary, survey.secondary), executor,
+                pairing.pairs,
+                photographs_of_bar,
+                (survey.primary, survey.secondary),
+                executor,
                 begin=lambda stage: bars.append(stack.enter_context(ProgressBar(stage))),
                 progress=lambda done, total: bars[-1].show(done, total),
-            )  # fmt: skip
+            )
     assert frames is not None  # nobody cancels here
     for frame in frames:
         say(report_line(frame))

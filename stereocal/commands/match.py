@@ -73,9 +73,17 @@ def run(parsed: argparse.Namespace) -> None:
         compile_first = partial(match_points, rig, A_POINT, A_POINT, 1.0)
         with workers_from(parsed, compile_first) as executor, ProgressBar("frames") as bar:
             report = match_tables(
-                rig, primary, secondary, parsed.out, threshold, tuple(parsed.depth),
-                parsed.unmatched, bar.show, executor=executor, sigma_px=parsed.sigma_px,
-            )  # fmt: skip
+                rig,
+                primary,
+                secondary,
+                parsed.out,
+                threshold,
+                tuple(parsed.depth),
+                parsed.unmatched,
+                bar.show,
+                executor=executor,
+                sigma_px=parsed.sigma_px,
+            )
     assert report is not None  # nobody cancels here
     print(report.chosen.sentence())
     print(report.sentence())

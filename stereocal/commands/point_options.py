@@ -28,8 +28,14 @@ from stereocal.rig.parameters import RigParameters
 BY_HAND = "columns"
 COUNTED = "-"
 OPTIONS = (
-    "cameras", "columns", "image_origin", "first_pixel", "flip", "px_per_unit", "least_likelihood",
-)  # fmt: skip
+    "cameras",
+    "columns",
+    "image_origin",
+    "first_pixel",
+    "flip",
+    "px_per_unit",
+    "least_likelihood",
+)
 
 
 def add_point_options(parser: argparse.ArgumentParser) -> None:
@@ -161,11 +167,14 @@ def _answers(
         raise StereocalError(f"{source}: {layout.questions[0]} Give --px-per-unit.")
     first = first_answers(layout, which, camera.image_size[1])
     values = {
-        "corner": parsed.image_origin, "first_pixel": parsed.first_pixel, "flip": parsed.flip,
-        "px_per_unit": parsed.px_per_unit, "least_likelihood": parsed.least_likelihood,
+        "corner": parsed.image_origin,
+        "first_pixel": parsed.first_pixel,
+        "flip": parsed.flip,
+        "px_per_unit": parsed.px_per_unit,
+        "least_likelihood": parsed.least_likelihood,
         "camera": _camera(parsed.cameras, layout, which, source),
         "columns": _columns(parsed.columns, layout, content, source),
-    }  # fmt: skip
+    }
     return replace(first, **{name: value for name, value in values.items() if value is not None})
 
 

@@ -30,9 +30,12 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     target.add_argument("--far", type=float, metavar="M", help="largest distance of the bar")
     target.add_argument("--near", type=float, metavar="M", help="least distance (default: --far)")
     target.add_argument(
-        "--px", type=float, default=GOOD_PX, metavar="N",
+        "--px",
+        type=float,
+        default=GOOD_PX,
+        metavar="N",
         help=f"width in the photographs at the largest distance (default: {GOOD_PX:g})",
-    )  # fmt: skip
+    )
     board = kinds.add_parser("board", help="the board for the lens calibration")
     board.set_defaults(run=_board)
     board.add_argument(

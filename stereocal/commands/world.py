@@ -30,9 +30,12 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
         "and horizons (line,kind and pixels), or a throw (frame and pixels)",
     )
     command.add_argument(
-        "--parameters", type=Path, required=True, metavar="FILE", help="the parameters to measure "
-        "with: parameters_3d.json or parameters_refined.json",
-    )  # fmt: skip
+        "--parameters",
+        type=Path,
+        required=True,
+        metavar="FILE",
+        help="the parameters to measure with: parameters_3d.json or parameters_refined.json",
+    )
     command.add_argument("--out", type=Path, required=True, help="world.json")
     command.add_argument(
         "--frame-rate", type=float, metavar="FPS", help="frames per second, for a throw"

@@ -80,11 +80,21 @@ def calibrate_rays(
         fill_angles(R, T, angles[method])
         if method > 0:
             cost, _, _ = search(
-                costs.REPROJECTION if method == 1 else kind, angles[method], baseline,
-                rays if method == 1 else measured_rays, reference, pixel_scale,
+                costs.REPROJECTION if method == 1 else kind,
+                angles[method],
+                baseline,
+                rays if method == 1 else measured_rays,
+                reference,
+                pixel_scale,
                 of_2d if method == 1 else of_3d,
-                steps[0], steps[1], steps[2], steps[3], moves[0], moves[1], no_trace,
-            )  # fmt: skip
+                steps[0],
+                steps[1],
+                steps[2],
+                steps[3],
+                moves[0],
+                moves[1],
+                no_trace,
+            )
             if not np.isfinite(cost):
                 return False
     return True

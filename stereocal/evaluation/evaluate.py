@@ -216,12 +216,19 @@ def paper_angles(
     search = settings.search
     angles = np.empty((len(METHODS), 5))
     if calibrate_rays(
-        angles, dataset.baseline_m, dataset.pixel_scale, settings.essential == "constrained",
-        matching.rays, measuring.kind, measuring.rays, measuring.reference,
-        np.random.Generator(np.random.PCG64(of_2d)), np.random.Generator(np.random.PCG64(of_3d)),
+        angles,
+        dataset.baseline_m,
+        dataset.pixel_scale,
+        settings.essential == "constrained",
+        matching.rays,
+        measuring.kind,
+        measuring.rays,
+        measuring.reference,
+        np.random.Generator(np.random.PCG64(of_2d)),
+        np.random.Generator(np.random.PCG64(of_3d)),
         (search.delta, search.delta_min, search.acceptance, search.shrink),
         (search.minimum_moves, search.maximum_moves),
-    ):  # fmt: skip
+    ):
         return angles
     # Fewer than 8 pairs, or a failure: the functions that raise errors with the reason.
     start = calibrate_essential(
@@ -347,10 +354,18 @@ def _test(
     lengths = np.empty((len(angles), np.count_nonzero(bars)))
     ends = dataset.correspondences.bars[bars].T.ravel()
     validate_rays(
-        angles, baseline_m, pixel_scale, np.ascontiguousarray(seen[:, rows]), partners,
-        np.ascontiguousarray(seen[:, ends]), dataset.bar_distances_m[bars],
-        counts, nans, lengths, correct_px,
-    )  # fmt: skip
+        angles,
+        baseline_m,
+        pixel_scale,
+        np.ascontiguousarray(seen[:, rows]),
+        partners,
+        np.ascontiguousarray(seen[:, ends]),
+        dataset.bar_distances_m[bars],
+        counts,
+        nans,
+        lengths,
+        correct_px,
+    )
     return Run(counts, nans, lengths, angles, correct_px)
 
 

@@ -52,16 +52,26 @@ def plot_accuracy(
     ]
     inside = sum(heights) + GAP * (len(maps) - 1)
     layout: dict[str, Any] = {
-        **LAYOUT, "height": inside + TOP + FOOT, "showlegend": False,
+        **LAYOUT,
+        "height": inside + TOP + FOOT,
+        "showlegend": False,
         "margin": {**LAYOUT["margin"], "t": TOP, "b": FOOT},
         "coloraxis": {
-            "colorscale": "Cividis", "cmin": low, "cmax": high,
-            "colorbar": {"title": {"text": TITLES[quantity], "side": "top"}, "orientation": "h",
-                         "y": 1 + (TITLE + 6) / inside, "yanchor": "bottom", "thickness": 14,
-                         "tickvals": np.log10(ticks), "ticktext": [f"{t:g}" for t in ticks]},
+            "colorscale": "Cividis",
+            "cmin": low,
+            "cmax": high,
+            "colorbar": {
+                "title": {"text": TITLES[quantity], "side": "top"},
+                "orientation": "h",
+                "y": 1 + (TITLE + 6) / inside,
+                "yanchor": "bottom",
+                "thickness": 14,
+                "tickvals": np.log10(ticks),
+                "ticktext": [f"{t:g}" for t in ticks],
+            },
         },
         "annotations": [*(_title(found, at) for at, found in enumerate(maps)), _depth(len(maps))],
-    }  # fmt: skip
+    }
     traces: list[dict[str, Any]] = []
     top = 1.0
     for at, (found, height) in enumerate(zip(maps, heights, strict=True)):
@@ -90,10 +100,12 @@ def _bounds(found: AccuracyMap, result: RefinedResult) -> FloatArray:
     values = np.isfinite(found.point_m)
     across, depth = found.across_m[values.any(axis=0)], found.z_m[values.any(axis=1)]
     axis, centre = AXIS_OF[found.plane], -result.pose.R.T @ result.pose.T
-    ends = np.array([
-        [min([*across, 0.0, centre[axis]]), max([*across, 0.0, centre[axis]])],
-        [min([*depth, 0.0, centre[2]]), max([*depth, 0.0, centre[2]])],
-    ])  # fmt: skip
+    ends = np.array(
+        [
+            [min([*across, 0.0, centre[axis]]), max([*across, 0.0, centre[axis]])],
+            [min([*depth, 0.0, centre[2]]), max([*depth, 0.0, centre[2]])],
+        ]
+    )
     margin = 0.03 * np.ptp(ends[1])
     return np.asarray(ends + np.array([[-margin, margin], [-margin, 0.0]]))
 
@@ -109,15 +121,23 @@ def _axes(
     number, title = str(at + 1) if at else "", AXIS["title"]
     return {
         f"xaxis{number}": {
-            **AXIS, "anchor": f"y{number}", "range": list(depth), "showgrid": False,
+            **AXIS,
+            "anchor": f"y{number}",
+            "range": list(depth),
+            "showgrid": False,
             "constrain": "domain",
         },
         f"yaxis{number}": {
-            **AXIS, "anchor": f"x{number}", "range": [across[1], across[0]], "domain": domain,
-            "scaleanchor": f"x{number}", "constrain": "domain", "showgrid": False,
+            **AXIS,
+            "anchor": f"x{number}",
+            "range": [across[1], across[0]],
+            "domain": domain,
+            "scaleanchor": f"x{number}",
+            "constrain": "domain",
+            "showgrid": False,
             "title": {**title, "text": ACROSS[found.plane]},
         },
-    }  # fmt: skip
+    }
 
 
 def _title(found: AccuracyMap, at: int) -> dict[str, Any]:
@@ -133,10 +153,17 @@ def _title(found: AccuracyMap, at: int) -> dict[str, Any]:
         )
         text = f"<b>From above</b>, {where} {primary}"
     return {
-        "text": text, "xref": f"x{number} domain", "yref": f"y{number} domain", "x": 0, "y": 1,
-        "xanchor": "left", "yanchor": "bottom", "yshift": 4, "showarrow": False,
+        "text": text,
+        "xref": f"x{number} domain",
+        "yref": f"y{number} domain",
+        "x": 0,
+        "y": 1,
+        "xanchor": "left",
+        "yanchor": "bottom",
+        "yshift": 4,
+        "showarrow": False,
         "font": {"size": 13},
-    }  # fmt: skip
+    }
 
 
 def _depth(maps: int) -> dict[str, Any]:
@@ -145,10 +172,17 @@ def _depth(maps: int) -> dict[str, Any]:
     """
     number = str(maps) if maps > 1 else ""
     return {
-        "text": "Ahead of the primary camera (m)", "xref": f"x{number} domain",
-        "yref": f"y{number} domain", "x": 0.5, "y": 0, "xanchor": "center", "yanchor": "top",
-        "yshift": -30, "showarrow": False, "font": AXIS["title"]["font"],
-    }  # fmt: skip
+        "text": "Ahead of the primary camera (m)",
+        "xref": f"x{number} domain",
+        "yref": f"y{number} domain",
+        "x": 0.5,
+        "y": 0,
+        "xanchor": "center",
+        "yanchor": "top",
+        "yshift": -30,
+        "showarrow": False,
+        "font": AXIS["title"]["font"],
+    }
 
 
 def _traces(
@@ -163,25 +197,41 @@ def _traces(
     towards = "to the right" if found.plane == "above" else "down"
     return [
         {
-            "type": "heatmap", "x": found.z_m, "y": found.across_m, "z": np.log10(values),
-            "customdata": values, "coloraxis": "coloraxis", "hoverongaps": False,
+            "type": "heatmap",
+            "x": found.z_m,
+            "y": found.across_m,
+            "z": np.log10(values),
+            "customdata": values,
+            "coloraxis": "coloraxis",
+            "hoverongaps": False,
             "hovertemplate": f"%{{y:.1f}} m {towards}, %{{x:.1f}} m ahead<br>"
-            f"%{{customdata:.2~r}}{UNITS[quantity]}<extra></extra>", **own,
+            f"%{{customdata:.2~r}}{UNITS[quantity]}<extra></extra>",
+            **own,
         },
         {
-            "type": "scatter", "x": [0.0, centre[2]], "y": [0.0, centre[axis]],
+            "type": "scatter",
+            "x": [0.0, centre[2]],
+            "y": [0.0, centre[axis]],
             "mode": "markers+text" if found.plane == "above" else "markers",
-            "text": ["primary", "secondary"], "textposition": "middle right",
-            "cliponaxis": False, "marker": {"symbol": "square", "size": 11, "color": NEUTRAL},
-            "hovertemplate": "%{text} camera<extra></extra>", "name": "Cameras", **own,
+            "text": ["primary", "secondary"],
+            "textposition": "middle right",
+            "cliponaxis": False,
+            "marker": {"symbol": "square", "size": 11, "color": NEUTRAL},
+            "hovertemplate": "%{text} camera<extra></extra>",
+            "name": "Cameras",
+            **own,
         },
         {
-            "type": "scatter", "x": ends[:, 2], "y": ends[:, axis], "mode": "markers",
+            "type": "scatter",
+            "x": ends[:, 2],
+            "y": ends[:, axis],
+            "mode": "markers",
             "name": "Targets of the bar",
             "marker": {"size": 4, "color": "white", "line": {"color": "black", "width": 1}},
-            "hovertemplate": "a target of the bar<extra></extra>", **own,
+            "hovertemplate": "a target of the bar<extra></extra>",
+            **own,
         },
-    ]  # fmt: skip
+    ]
 
 
 def describe_accuracy(maps: Sequence[AccuracyMap], quantity: Quantity = "distance") -> str:

@@ -41,21 +41,36 @@ def plot_check(residuals: Residuals, since: Since | None = None) -> go.Figure:
             )
             figure.add_trace(
                 go.Scatter(
-                    x=residuals.frames, y=errors, mode="markers", name=name, cliponaxis=False,
+                    x=residuals.frames,
+                    y=errors,
+                    mode="markers",
+                    name=name,
+                    cliponaxis=False,
                     marker={
-                        "color": colour, "symbol": symbol, "size": size, "line": {"width": 1.5}
+                        "color": colour,
+                        "symbol": symbol,
+                        "size": size,
+                        "line": {"width": 1.5},
                     },
-                    legendgroup=name, showlegend=row == 1,
+                    legendgroup=name,
+                    showlegend=row == 1,
                     hovertemplate=f"frame %{{x}}: %{{y:.3~r}} {unit}<extra>{name}</extra>",
                 ),
-                row=row, col=1,
-            )  # fmt: skip
+                row=row,
+                col=1,
+            )
         figure.update_yaxes(title_text=f"{title} ({unit})", row=row, col=1, **_scale(series))
     if since is not None:
         figure.add_vrect(
-            x0=since.low - 0.5, x1=since.high + 0.5, line_width=0, fillcolor=NEUTRAL, opacity=0.25,
-            layer="below", row="all", col=1,
-        )  # fmt: skip
+            x0=since.low - 0.5,
+            x1=since.high + 0.5,
+            line_width=0,
+            fillcolor=NEUTRAL,
+            opacity=0.25,
+            layer="below",
+            row="all",
+            col=1,
+        )
     few = int(np.ptp(residuals.frames)) < FEW_FRAMES
     figure.update_xaxes(tickformat="d", dtick=1 if few else None)
     figure.update_xaxes(title_text="Frame", row=len(panels), col=1)

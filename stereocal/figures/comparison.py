@@ -40,14 +40,20 @@ def plot_comparison(by_dataset: Mapping[str, Mapping[Method, MethodSummary]]) ->
             _add_comparison(figure, row, method, names, values, floor)
         zeros = sum(e.value == 0 for of_method in estimates.values() for e in of_method)
         figure.update_yaxes(
-            row=row, col=1, type="log", exponentformat="none", dtick="D2",
+            row=row,
+            col=1,
+            type="log",
+            exponentformat="none",
+            dtick="D2",
             title_text=title + (f"<br>↧: upper limit, none counted (n = {zeros})" if zeros else ""),
-        )  # fmt: skip
+        )
     short = [n if len(n) <= LONGEST_NAME else f"{n[: LONGEST_NAME - 1]}…" for n in names]
     figure.update_xaxes(
-        tickvals=list(range(len(names))), ticktext=[html.escape(name) for name in short],
-        range=[-0.5, len(names) - 0.5], showgrid=False,
-    )  # fmt: skip
+        tickvals=list(range(len(names))),
+        ticktext=[html.escape(name) for name in short],
+        range=[-0.5, len(names) - 0.5],
+        showgrid=False,
+    )
     figure.update_xaxes(row=2, col=1, title_text=f"Data set (n = {len(names)})")
     return figure
 
@@ -89,12 +95,17 @@ def _floor(estimates: Sequence[Estimate]) -> float:
 
 
 def _add_comparison(
-    figure: go.Figure, row: int, method: Method, names: Sequence[str],
-    estimates: Sequence[Estimate], floor: float,
-) -> None:  # fmt: skip
+    figure: go.Figure,
+    row: int,
+    method: Method,
+    names: Sequence[str],
+    estimates: Sequence[Estimate],
+    floor: float,
+) -> None:
     # Where nothing was counted, the upper limit alone.
-    values = np.array([[e.value or e.high, e.low if e.value else e.high, e.high]
-                       for e in estimates])  # fmt: skip
+    values = np.array(
+        [[e.value or e.high, e.low if e.value else e.high, e.high] for e in estimates]
+    )
     drawn: FloatArray = 100 * np.maximum(values, floor)
     symbol = METHOD_SYMBOLS[method]
     texts = [
@@ -104,13 +115,27 @@ def _add_comparison(
     ]
     figure.add_trace(
         go.Scatter(
-            x=np.arange(len(names)) + 0.2 * (ALL_METHODS.index(method) - 1.5), y=drawn[:, 0],
-            error_y={"type": "data", "array": drawn[:, 2] - drawn[:, 0],
-                     "arrayminus": drawn[:, 0] - drawn[:, 1], "thickness": 1.5, "width": 3},
-            mode="markers", name=METHOD_NAMES[method], legendgroup=method, showlegend=row == 1,
-            marker={"color": METHOD_COLOURS[method], "size": 9 if len(names) <= 8 else 7,
-                    "symbol": [symbol if e.value else LIMIT for e in estimates]},
-            text=texts, hovertemplate="%{text}<extra></extra>",
+            x=np.arange(len(names)) + 0.2 * (ALL_METHODS.index(method) - 1.5),
+            y=drawn[:, 0],
+            error_y={
+                "type": "data",
+                "array": drawn[:, 2] - drawn[:, 0],
+                "arrayminus": drawn[:, 0] - drawn[:, 1],
+                "thickness": 1.5,
+                "width": 3,
+            },
+            mode="markers",
+            name=METHOD_NAMES[method],
+            legendgroup=method,
+            showlegend=row == 1,
+            marker={
+                "color": METHOD_COLOURS[method],
+                "size": 9 if len(names) <= 8 else 7,
+                "symbol": [symbol if e.value else LIMIT for e in estimates],
+            },
+            text=texts,
+            hovertemplate="%{text}<extra></extra>",
         ),
-        row=row, col=1,
-    )  # fmt: skip
+        row=row,
+        col=1,
+    )

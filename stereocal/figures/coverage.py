@@ -70,12 +70,17 @@ def _add_image(figure: go.Figure, column: int, camera: Camera) -> None:
     right, bottom = (side - 0.5 for side in camera.image_size)
     figure.add_trace(
         go.Scatter(
-            x=[-0.5, right, right, -0.5, -0.5], y=[-0.5, -0.5, bottom, bottom, -0.5],
-            mode="lines", line={"color": NEUTRAL, "width": 1.5}, name="Border of the image",
-            hoverinfo="skip", showlegend=False,
+            x=[-0.5, right, right, -0.5, -0.5],
+            y=[-0.5, -0.5, bottom, bottom, -0.5],
+            mode="lines",
+            line={"color": NEUTRAL, "width": 1.5},
+            name="Border of the image",
+            hoverinfo="skip",
+            showlegend=False,
         ),
-        row=1, col=column,
-    )  # fmt: skip
+        row=1,
+        col=column,
+    )
 
 
 def _add_points(figure: go.Figure, column: int, dataset: Dataset, points: FloatArray) -> None:
@@ -86,31 +91,43 @@ def _add_points(figure: go.Figure, column: int, dataset: Dataset, points: FloatA
     bars[:, :2] = points[ends]
     figure.add_trace(
         go.Scatter(
-            x=bars[..., 0].ravel(), y=bars[..., 1].ravel(), mode="lines",
-            line={"color": FAINT, "width": 1}, hoverinfo="skip", legendgroup="bars",
-            name=f"Bar A–B ({n_drawn(len(rows.bars))})", showlegend=column == 1,
+            x=bars[..., 0].ravel(),
+            y=bars[..., 1].ravel(),
+            mode="lines",
+            line={"color": FAINT, "width": 1},
+            hoverinfo="skip",
+            legendgroup="bars",
+            name=f"Bar A–B ({n_drawn(len(rows.bars))})",
+            showlegend=column == 1,
         ),
-        row=1, col=column,
-    )  # fmt: skip
+        row=1,
+        col=column,
+    )
     for number, target in enumerate(TARGETS):
         of_target = rows.target == number
         shown = of_target & drawn
         figure.add_trace(
             go.Scatter(
-                x=points[shown, 0], y=points[shown, 1], mode="markers",
+                x=points[shown, 0],
+                y=points[shown, 1],
+                mode="markers",
                 marker={
-                    "color": TARGET_COLOURS[target], "symbol": TARGET_SYMBOLS[target],
+                    "color": TARGET_COLOURS[target],
+                    "symbol": TARGET_SYMBOLS[target],
                     "size": 8 if len(rows.frames) <= 100 else 5,
                 },
-                customdata=rows.frame[shown], legendgroup=target,
-                name=f"Target {target} (n = {of_target.sum()})", showlegend=column == 1,
+                customdata=rows.frame[shown],
+                legendgroup=target,
+                name=f"Target {target} (n = {of_target.sum()})",
+                showlegend=column == 1,
                 hovertemplate=(
                     f"frame %{{customdata}}, target {target}<br>"
                     "u %{x:.2f} px, v %{y:.2f} px<extra></extra>"
                 ),
             ),
-            row=1, col=column,
-        )  # fmt: skip
+            row=1,
+            col=column,
+        )
 
 
 def _set_axes(figure: go.Figure, column: int, side: str, camera: Camera) -> None:
@@ -118,17 +135,29 @@ def _set_axes(figure: go.Figure, column: int, side: str, camera: Camera) -> None
     width, height = camera.image_size
     margin = 0.01 * max(width, height)
     figure.update_xaxes(
-        row=1, col=column, side="top", range=[-0.5 - margin, width - 0.5 + margin],
-        title_text=f"<b>{side}</b><br>{_size(camera)}<br>u (px)", constrain="domain", nticks=3,
+        row=1,
+        col=column,
+        side="top",
+        range=[-0.5 - margin, width - 0.5 + margin],
+        title_text=f"<b>{side}</b><br>{_size(camera)}<br>u (px)",
+        constrain="domain",
+        nticks=3,
         constraintoward="right" if column == 1 else "left",
-        tickangle=0, showgrid=False,
-    )  # fmt: skip
+        tickangle=0,
+        showgrid=False,
+    )
     figure.update_yaxes(
-        row=1, col=column, range=[height - 0.5 + margin, -0.5 - margin], title_text="v (px)",
+        row=1,
+        col=column,
+        range=[height - 0.5 + margin, -0.5 - margin],
+        title_text="v (px)",
         side="left" if column == 1 else "right",
-        scaleanchor="x" if column == 1 else "x2", constrain="domain", constraintoward="top",
-        nticks=6, showgrid=False,
-    )  # fmt: skip
+        scaleanchor="x" if column == 1 else "x2",
+        constrain="domain",
+        constraintoward="top",
+        nticks=6,
+        showgrid=False,
+    )
 
 
 def _covered_cells(points: FloatArray, camera: Camera) -> int:

@@ -99,9 +99,16 @@ def plot_frame_errors(calibration: Calibration, chosen: int | None = None) -> go
     figure.update_xaxes(row=2, col=1, title_text=_frame_title(calibration, panels))
     if chosen is not None:
         figure.add_shape(
-            type="line", x0=chosen, x1=chosen, xref="x2", y0=0, y1=1, yref="paper", layer="below",
+            type="line",
+            x0=chosen,
+            x1=chosen,
+            xref="x2",
+            y0=0,
+            y1=1,
+            yref="paper",
+            layer="below",
             line={"color": NEUTRAL, "width": 1.5, "dash": "dot"},
-        )  # fmt: skip
+        )
     return figure
 
 
@@ -137,16 +144,22 @@ def frame_panels(calibration: Calibration) -> tuple[FramePanel, FramePanel]:
     """Reprojection errors and length errors of all sets."""
     return (
         FramePanel(
-            "Reprojection error", "px", calibration.dataset.correspondences.frames,
+            "Reprojection error",
+            "px",
+            calibration.dataset.correspondences.frames,
             {method: frame_reprojection_px(calibration, method) for method in calibration.errors},
-            "2d", reprojection_outliers(calibration),
+            "2d",
+            reprojection_outliers(calibration),
         ),
         FramePanel(
-            "Length error", "%", bar_frames(calibration),
+            "Length error",
+            "%",
+            bar_frames(calibration),
             {method: 100 * errors.length for method, errors in calibration.errors.items()},
-            "3d", length_outliers(calibration),
+            "3d",
+            length_outliers(calibration),
         ),
-    )  # fmt: skip
+    )
 
 
 def _add_method(
@@ -166,22 +179,28 @@ def _add_method(
             continue
         figure.add_trace(
             go.Scatter(
-                x=_beside(panel, method)[chosen], y=panel.values[method][chosen], mode="markers",
+                x=_beside(panel, method)[chosen],
+                y=panel.values[method][chosen],
+                mode="markers",
                 customdata=panel.frames[chosen],
                 marker={
-                    "color": METHOD_COLOURS[method], "symbol": METHOD_SYMBOLS[method] + suffix,
-                    "size": SIZES[method] - (2 if len(panel.frames) > 100 else 0), "opacity": 0.85,
+                    "color": METHOD_COLOURS[method],
+                    "symbol": METHOD_SYMBOLS[method] + suffix,
+                    "size": SIZES[method] - (2 if len(panel.frames) > 100 else 0),
+                    "opacity": 0.85,
                 },
                 unselected={"marker": {"opacity": 0.85}},
-                name=METHOD_NAMES[method], legendgroup=method,
+                name=METHOD_NAMES[method],
+                legendgroup=method,
                 showlegend=row == 1 and not suffix,
                 hovertemplate=(
                     f"{METHOD_NAMES[method]}, frame %{{customdata}} ({kind})<br>"
                     f"{panel.title.lower()} %{{y:.3~r}} {panel.unit}<extra></extra>"
                 ),
             ),
-            row=row, col=1,
-        )  # fmt: skip
+            row=row,
+            col=1,
+        )
 
 
 def _beside(panel: FramePanel, method: Method) -> FloatArray:
@@ -221,13 +240,20 @@ def _add_labels(figure: go.Figure, row: int, panel: FramePanel) -> None:
         return
     figure.add_trace(
         go.Scatter(
-            x=panel.frames[at], y=heights, mode="text",
-            text=[f"<b>{frame}</b>" for frame in panel.frames[at]], textposition="top center",
-            textfont={"size": 14}, hoverinfo="skip", showlegend=False, cliponaxis=False,
+            x=panel.frames[at],
+            y=heights,
+            mode="text",
+            text=[f"<b>{frame}</b>" for frame in panel.frames[at]],
+            textposition="top center",
+            textfont={"size": 14},
+            hoverinfo="skip",
+            showlegend=False,
+            cliponaxis=False,
             name="Outlying frames",
         ),
-        row=row, col=1,
-    )  # fmt: skip
+        row=row,
+        col=1,
+    )
 
 
 def _labelled(panel: FramePanel) -> tuple[IntArray, FloatArray]:
@@ -271,12 +297,16 @@ def _add_key(figure: go.Figure, calibration: Calibration) -> None:
             continue
         figure.add_trace(
             go.Scatter(
-                x=[None], y=[None], mode="markers", hoverinfo="skip",
+                x=[None],
+                y=[None],
+                mode="markers",
+                hoverinfo="skip",
                 marker={"color": NEUTRAL, "symbol": symbol, "size": 9},
                 name=f"{name} (n = {int(chosen.sum())})",
             ),
-            row=1, col=1,
-        )  # fmt: skip
+            row=1,
+            col=1,
+        )
 
 
 def _scale(panel: FramePanel) -> dict[str, object]:

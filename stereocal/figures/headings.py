@@ -23,6 +23,10 @@ HEADINGS: Mapping[str, str] = {
 }
 """By the name of the column; a column of the user keeps its name."""
 IN_WORLD: Mapping[str, str] = {
-    **HEADINGS, "x": "x (m)", "y": "y (m)", "z": "z (m)", "coordinates": "World frame",
-}  # fmt: skip
+    **HEADINGS,
+    "x": "x (m)",
+    "y": "y (m)",
+    "z": "z (m)",
+    "coordinates": "World frame",
+}
 """Of points in a world frame."""

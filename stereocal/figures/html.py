@@ -67,9 +67,11 @@ def paragraphs(*texts: str) -> str:
 
 def html_plot(figure: go.Figure, words: str, kind: str) -> str:
     drawn = figure.to_html(
-        full_html=False, include_plotlyjs=False, include_mathjax=False,
+        full_html=False,
+        include_plotlyjs=False,
+        include_mathjax=False,
         config={"responsive": True, "displayModeBar": False},
-    )  # fmt: skip
+    )
     return f'<div class="{kind}" role="img" aria-label="{escape(words)}">{drawn}</div>'
 
 

@@ -36,35 +36,60 @@ def plot_draws(lens: LensCalibration) -> go.Figure:
         low, high = float(np.min(lens.draws[:, at])), float(np.max(lens.draws[:, at]))
         figure.add_trace(
             go.Histogram(
-                x=lens.draws[:, at], marker_color=BLUE, showlegend=number == 0,
+                x=lens.draws[:, at],
+                marker_color=BLUE,
+                showlegend=number == 0,
                 name=f"Results of the draws (n = {len(lens.draws)})",
                 xbins={"start": low, "end": high + 1e-12, "size": max((high - low) / BINS, 1e-12)},
                 hovertemplate=f"{name} %{{x}}{unit}<br>%{{y}} draws<extra></extra>",
             ),
-            row=row, col=column,
-        )  # fmt: skip
+            row=row,
+            col=column,
+        )
         suffix = str(number + 1) if number else ""
         height = {"xref": f"x{suffix}", "yref": f"y{suffix} domain", "y0": 0, "y1": 1}
         shapes += [
-            {**height, "type": "rect", "x0": value - sigma, "x1": value + sigma,
-             "fillcolor": BAND, "line": {"width": 0}, "layer": "below"},
-            {**height, "type": "line", "x0": value, "x1": value,
-             "line": {"color": ORANGE, "width": 2}},
-        ]  # fmt: skip
+            {
+                **height,
+                "type": "rect",
+                "x0": value - sigma,
+                "x1": value + sigma,
+                "fillcolor": BAND,
+                "line": {"width": 0},
+                "layer": "below",
+            },
+            {
+                **height,
+                "type": "line",
+                "x0": value,
+                "x1": value,
+                "line": {"color": ORANGE, "width": 2},
+            },
+        ]
         # One tick, at the median: at 420 px there is no room for more.
         reach = 1.1 * max(high - value, value - low, sigma)
         shown, _, error = with_error(value, sigma).partition(" ")
         figure.update_xaxes(
-            row=row, col=column, title_text=f"{name} {error}{unit}", tickangle=0,
-            tickvals=[value], ticktext=[shown], range=[value - reach, value + reach],
-        )  # fmt: skip
+            row=row,
+            col=column,
+            title_text=f"{name} {error}{unit}",
+            tickangle=0,
+            tickvals=[value],
+            ticktext=[shown],
+            range=[value - reach, value + reach],
+        )
         title = "draws" if column == 1 else ""
         figure.update_yaxes(row=row, col=column, nticks=4, title_text=title)
     for name, style in (
         ("Median", {"mode": "lines", "line": {"color": ORANGE, "width": 2}}),
-        ("± 1 standard error", {"mode": "markers", "marker": {
-            "color": "rgba(213,94,0,0.4)", "symbol": "square", "size": 12}}),
-    ):  # fmt: skip
+        (
+            "± 1 standard error",
+            {
+                "mode": "markers",
+                "marker": {"color": "rgba(213,94,0,0.4)", "symbol": "square", "size": 12},
+            },
+        ),
+    ):
         figure.add_trace(go.Scatter(x=[None], y=[None], name=name, **style), row=1, col=1)
     # All at once, because Plotly copies the earlier ones when one is added.
     figure.update_layout(shapes=shapes)
@@ -105,25 +130,34 @@ def plot_view_errors(lens: LensCalibration) -> go.Figure:
             continue
         figure.add_trace(
             go.Bar(
-                x=[names[at] for at in chosen], y=lens.view_errors[chosen],
+                x=[names[at] for at in chosen],
+                y=lens.view_errors[chosen],
                 name=f"{title} (n = {len(chosen)})",
-                marker={"color": colour, "pattern_shape": pattern}, showlegend=True,
+                marker={"color": colour, "pattern_shape": pattern},
+                showlegend=True,
                 customdata=[len(lens.search.views[at].ids) for at in chosen],
                 hovertemplate="%{x}<br>%{y:.3f} px over %{customdata} corners<extra></extra>",
             )
-        )  # fmt: skip
+        )
     middle = float(np.median(lens.view_errors))
     figure.add_hline(y=middle, line={"color": NEUTRAL, "width": 1.5, "dash": "dash"})
     figure.add_trace(
         go.Scatter(
-            x=[None], y=[None], mode="lines", name=f"Median {middle:.3f} px",
+            x=[None],
+            y=[None],
+            mode="lines",
+            name=f"Median {middle:.3f} px",
             line={"color": NEUTRAL, "width": 1.5, "dash": "dash"},
         )
-    )  # fmt: skip
+    )
     figure.update_xaxes(
-        categoryorder="array", categoryarray=names, tickangle=-60, showgrid=False,
-        showticklabels=len(names) <= 60, title_text="photograph" if len(names) > 60 else "",
-    )  # fmt: skip
+        categoryorder="array",
+        categoryarray=names,
+        tickangle=-60,
+        showgrid=False,
+        showticklabels=len(names) <= 60,
+        title_text="photograph" if len(names) > 60 else "",
+    )
     figure.update_yaxes(title_text="error, root mean square (px)", rangemode="tozero")
     return figure
 
@@ -148,10 +182,14 @@ def plot_residual_field(lens: LensCalibration) -> go.Figure:
     corners = np.concatenate([view.corners for view in lens.search.views])
     figure.add_trace(
         go.Scattergl(
-            x=corners[:, 0], y=corners[:, 1], mode="markers", hoverinfo="skip",
-            marker={"size": 3, "color": FAINT}, name=f"Corners (n = {len(corners)})",
+            x=corners[:, 0],
+            y=corners[:, 1],
+            mode="markers",
+            hoverinfo="skip",
+            marker={"size": 3, "color": FAINT},
+            name=f"Corners (n = {len(corners)})",
         )
-    )  # fmt: skip
+    )
     known = np.isfinite(field.mean[..., 0])
     tails, arrows = field.centres[known], field.mean[known]
     scale = arrow_scale(lens)
@@ -160,26 +198,41 @@ def plot_residual_field(lens: LensCalibration) -> go.Figure:
     lines[:, 0], lines[:, 1] = tails, tips
     figure.add_trace(
         go.Scatter(
-            x=lines[..., 0].ravel(), y=lines[..., 1].ravel(), mode="lines+markers",
-            line={"color": ORANGE, "width": 2}, name=f"Mean residual, ×{scale:g}",
-            marker={"color": ORANGE, "symbol": "arrow", "angleref": "previous",
-                    "size": np.tile([0, 9, 0], len(tails))},
+            x=lines[..., 0].ravel(),
+            y=lines[..., 1].ravel(),
+            mode="lines+markers",
+            line={"color": ORANGE, "width": 2},
+            name=f"Mean residual, ×{scale:g}",
+            marker={
+                "color": ORANGE,
+                "symbol": "arrow",
+                "angleref": "previous",
+                "size": np.tile([0, 9, 0], len(tails)),
+            },
             customdata=np.repeat(np.column_stack([arrows, field.count[known]]), 3, axis=0),
             hovertemplate="mean residual %{customdata[0]:.3f}, %{customdata[1]:.3f} px<br>"
             "of %{customdata[2]:.0f} corners<extra></extra>",
         )
-    )  # fmt: skip
+    )
     edge = {"type": "rect", "x0": -0.5, "y0": -0.5, "x1": width - 0.5, "y1": height - 0.5}
     figure.add_shape(edge, line={"color": NEUTRAL, "width": 1.5})
     margin = 0.02 * width
     figure.update_xaxes(
-        range=[-margin, width + margin], title_text="u (px)", showgrid=False, constrain="domain",
+        range=[-margin, width + margin],
+        title_text="u (px)",
+        showgrid=False,
+        constrain="domain",
         nticks=6,
-    )  # fmt: skip
+    )
     figure.update_yaxes(
-        range=[height + margin, -margin], title_text="v (px)", showgrid=False, scaleanchor="x",
-        constrain="domain", constraintoward="top", nticks=6,
-    )  # fmt: skip
+        range=[height + margin, -margin],
+        title_text="v (px)",
+        showgrid=False,
+        scaleanchor="x",
+        constrain="domain",
+        constraintoward="top",
+        nticks=6,
+    )
     return figure
 
 

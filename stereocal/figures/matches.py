@@ -48,13 +48,23 @@ def plot_matches(
     _add_unmatched(figure, points[unmatched(pairs, points, side)], photograph is not None)
     _add_pairs(figure, side, pairs, photograph is not None)
     figure.update_xaxes(
-        range=[-0.5, width - 0.5], constrain="domain", nticks=4, tickangle=0, showgrid=False,
-        mirror=True, ticksuffix=" px",
-    )  # fmt: skip
+        range=[-0.5, width - 0.5],
+        constrain="domain",
+        nticks=4,
+        tickangle=0,
+        showgrid=False,
+        mirror=True,
+        ticksuffix=" px",
+    )
     figure.update_yaxes(
-        range=[height - 0.5, -0.5], scaleanchor="x", constrain="domain", constraintoward="top",
-        nticks=5, showgrid=False, mirror=True,
-    )  # fmt: skip
+        range=[height - 0.5, -0.5],
+        scaleanchor="x",
+        constrain="domain",
+        constraintoward="top",
+        nticks=5,
+        showgrid=False,
+        mirror=True,
+    )
     return figure
 
 
@@ -87,15 +97,19 @@ def _add_unmatched(figure: go.Figure, points: FloatArray, on_photograph: bool) -
     drawn = points[:: thinned(len(points))]
     figure.add_trace(
         go.Scatter(
-            x=drawn[:, 0], y=drawn[:, 1], mode="markers",
+            x=drawn[:, 0],
+            y=drawn[:, 1],
+            mode="markers",
             marker={
-                "symbol": "circle-open", "size": 9, "line": {"width": 2},
+                "symbol": "circle-open",
+                "size": 9,
+                "line": {"width": 2},
                 "color": WRONG_COLOUR if on_photograph else NEUTRAL,
             },
             name=f"No partner (n = {len(points)})",
             hovertemplate="no partner<br>u %{x:.2f} px, v %{y:.2f} px<extra></extra>",
         )
-    )  # fmt: skip
+    )
 
 
 def _add_pairs(
@@ -116,14 +130,20 @@ def _add_pairs(
         rows = pairs.iloc[drawn]
         figure.add_trace(
             go.Scatter(
-                x=rows[f"u_{side}"], y=rows[f"v_{side}"],
+                x=rows[f"u_{side}"],
+                y=rows[f"v_{side}"],
                 mode="markers+text" if numbered else "markers",
-                text=[str(k + 1) for k in drawn], textposition="top center",
+                text=[str(k + 1) for k in drawn],
+                textposition="top center",
                 textfont={"size": 13, **(ON_PHOTOGRAPH if on_photograph else {})},
                 name=f"{name} (n = {np.count_nonzero(chosen)})",
                 marker={
-                    "symbol": symbol, "size": 9 if len(pairs) <= 200 else 6, "color": rank[drawn],
-                    "colorscale": [list(stop) for stop in PAIR_COLOURS], "cmin": 0.0, "cmax": 1.0,
+                    "symbol": symbol,
+                    "size": 9 if len(pairs) <= 200 else 6,
+                    "color": rank[drawn],
+                    "colorscale": [list(stop) for stop in PAIR_COLOURS],
+                    "cmin": 0.0,
+                    "cmax": 1.0,
                     "line": {"width": 1 if on_photograph else 0, "color": "white"},
                 },
                 customdata=np.column_stack([rows["error_px"], rows["runner_up_px"]]),
@@ -132,7 +152,7 @@ def _add_pairs(
                     "%{customdata[0]:.3f} px, runner-up %{customdata[1]:.3f} px<extra></extra>"
                 ),
             )
-        )  # fmt: skip
+        )
 
 
 def thinned(points: int) -> int:

@@ -67,20 +67,29 @@ def plot_points(
     values = points["frame" if colour == "frame" else "error_px"].to_numpy(dtype=np.float64)
     scale = {
         "colorscale": [list(stop) for stop in COLOURS],
-        "cmin": float(values[shown].min()), "cmax": _top(values[shown], colour),
-    }  # fmt: skip
+        "cmin": float(values[shown].min()),
+        "cmax": _top(values[shown], colour),
+    }
     figure = finish(go.Figure(), HEIGHT)
     figure.layout.uirevision, figure.layout.showlegend = view, False
     _add_tracks(figure, xyz, values, [track[seen[track]] for track in tracks], scale)
     marker = {
-        **scale, "size": 4 if len(shown) <= 200 else 2,
+        **scale,
+        "size": 4 if len(shown) <= 200 else 2,
         "colorbar": {
-            "title": {"text": TITLES[colour], "side": "top"}, "thickness": 14,
-            "len": 0.8, "tickfont": {"size": 13}, "nticks": 6, "orientation": "h",
-            "x": 0.5, "xanchor": "center", "y": 0.0, "yanchor": "top",
+            "title": {"text": TITLES[colour], "side": "top"},
+            "thickness": 14,
+            "len": 0.8,
+            "tickfont": {"size": 13},
+            "nticks": 6,
+            "orientation": "h",
+            "x": 0.5,
+            "xanchor": "center",
+            "y": 0.0,
+            "yanchor": "top",
             **({"tickformat": "d"} if colour == "frame" else {}),
         },
-    }  # fmt: skip
+    }
     about = np.column_stack([frames, points["error_px"], points[["x", "y", "z"]]])
     x, y, z = ("", "", "") if scene.is_world else (" (right)", " (down)", " (depth)")
     outside = outside_volume(points)
@@ -92,9 +101,12 @@ def plot_points(
             continue
         figure.add_trace(
             go.Scatter3d(
-                **upright(xyz[some]), mode="markers",
+                **upright(xyz[some]),
+                mode="markers",
                 marker={
-                    **marker, "color": values[some], "symbol": symbol,
+                    **marker,
+                    "color": values[some],
+                    "symbol": symbol,
                     "showscale": not any(trace.mode == "markers" for trace in figure.data),
                 },
                 customdata=about[some],
@@ -105,15 +117,21 @@ def plot_points(
                 ),
                 name=f"{name} (n = {len(some)})",
             )
-        )  # fmt: skip
+        )
     if len(of_frame):
         figure.add_trace(
             go.Scatter3d(
-                **upright(xyz[of_frame]), mode="markers", name=f"Frame {frame}", hoverinfo="name",
-                marker={"symbol": "diamond", "color": MARK_COLOUR,
-                        "size": 8 if len(of_frame) <= 20 else 4},
+                **upright(xyz[of_frame]),
+                mode="markers",
+                name=f"Frame {frame}",
+                hoverinfo="name",
+                marker={
+                    "symbol": "diamond",
+                    "color": MARK_COLOUR,
+                    "size": 8 if len(of_frame) <= 20 else 4,
+                },
             )
-        )  # fmt: skip
+        )
     add_cameras(figure, rig, depth, scene)
     # Else tracks far from the cameras are a dot in a corner.
     set_scene(figure, eye_of(view, rig, target, scene, xyz[seen]), scene)
@@ -121,9 +139,12 @@ def plot_points(
 
 
 def _add_tracks(
-    figure: go.Figure, xyz: FloatArray, values: FloatArray, tracks: Sequence[IntArray],
+    figure: go.Figure,
+    xyz: FloatArray,
+    values: FloatArray,
+    tracks: Sequence[IntArray],
     scale: Mapping[str, Any],
-) -> None:  # fmt: skip
+) -> None:
     """All tracks in one trace, with gaps between them; evenly thinned."""
     drawn = drawn_tracks(tracks)
     if not drawn:
@@ -133,10 +154,13 @@ def _add_tracks(
     path[np.cumsum([len(track) + 1 for track in drawn]) - 1] = np.nan
     figure.add_trace(
         go.Scatter3d(
-            **upright(path), mode="lines", line={**scale, "color": values[rows], "width": 3},
-            hoverinfo="skip", name=f"Tracks (n = {len(tracks)})",
+            **upright(path),
+            mode="lines",
+            line={**scale, "color": values[rows], "width": 3},
+            hoverinfo="skip",
+            name=f"Tracks (n = {len(tracks)})",
         )
-    )  # fmt: skip
+    )
 
 
 def drawn_tracks(tracks: Sequence[IntArray]) -> list[IntArray]:
@@ -207,12 +231,16 @@ def plot_lengths(check: LengthCheck) -> go.Figure:
     figure = finish(go.Figure(), 320)
     figure.add_trace(
         go.Scatter(
-            x=check.frames, y=100 * check.errors, mode="markers",
+            x=check.frames,
+            y=100 * check.errors,
+            mode="markers",
             marker={"color": METHOD_COLOURS["3d"], "symbol": "triangle-up", "size": 9},
-            customdata=check.lengths_m, name=f"Measured (n = {len(check.frames)})", showlegend=True,
+            customdata=check.lengths_m,
+            name=f"Measured (n = {len(check.frames)})",
+            showlegend=True,
             hovertemplate="frame %{x}<br>%{customdata:.4f} m, error %{y:.2f} %<extra></extra>",
         )
-    )  # fmt: skip
+    )
     figure.add_hline(y=0, line={"color": NEUTRAL, "width": 2, "dash": "dash"})
     figure.update_xaxes(title_text="Frame")
     figure.update_yaxes(title_text="Length error (%)")

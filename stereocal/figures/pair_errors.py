@@ -40,18 +40,23 @@ def plot_pair_errors(nearest: NearestErrors, threshold_px: float) -> go.Figure:
         pattern = {"shape": "/", "fgcolor": colour, "bgcolor": "rgba(0,0,0,0)", "size": 6}
         figure.add_trace(
             go.Scatter(
-                x=np.repeat(edges, 2), y=np.concatenate([[0], np.repeat(counts, 2), [0]]),
-                mode="lines", line={"color": colour, "width": 2}, fill="tozeroy",
+                x=np.repeat(edges, 2),
+                y=np.concatenate([[0], np.repeat(counts, 2), [0]]),
+                mode="lines",
+                line={"color": colour, "width": 2},
+                fill="tozeroy",
                 **({"fillcolor": fill} if fill else {"fillpattern": pattern}),
                 name=f"{name} (n = {len(known)})",
                 hovertemplate=f"{name}: %{{y}} points at %{{x:.3~r}} px<extra></extra>",
             )
-        )  # fmt: skip
+        )
     _add_threshold(figure, threshold_px)
     figure.update_xaxes(
-        type="log", title_text="Reprojection error (px)", range=np.log10(edges[[0, -1]]).tolist(),
+        type="log",
+        title_text="Reprojection error (px)",
+        range=np.log10(edges[[0, -1]]).tolist(),
         dtick=1 if np.log10(edges[-1] / edges[0]) > 2 else None,
-    )  # fmt: skip
+    )
     figure.update_yaxes(title_text="Points of the primary", rangemode="tozero")
     return figure
 
@@ -106,9 +111,12 @@ def _add_threshold(figure: go.Figure, threshold_px: float) -> None:
     if threshold_px <= 0:
         return
     figure.add_vline(
-        x=threshold_px, line={"color": NEUTRAL, "width": 2, "dash": "dash"},
+        x=threshold_px,
+        line={"color": NEUTRAL, "width": 2, "dash": "dash"},
         annotation={
-            "text": f"<b>{rounded(threshold_px, 3)} px</b>", "font": {"size": 14},
-            "x": np.log10(threshold_px), "yanchor": "top",
+            "text": f"<b>{rounded(threshold_px, 3)} px</b>",
+            "font": {"size": 14},
+            "x": np.log10(threshold_px),
+            "yanchor": "top",
         },
-    )  # fmt: skip
+    )

@@ -40,8 +40,14 @@ def photograph_behind(
     source = "data:image/jpeg;base64," + base64.b64encode(packed.tobytes()).decode()
     return [
         {
-            "source": source, "x": left - 0.5, "y": top - 0.5, "sizex": right - left,
-            "sizey": bottom - top, "sizing": "stretch", "layer": "below",
-            "xref": xref, "yref": yref,
+            "source": source,
+            "x": left - 0.5,
+            "y": top - 0.5,
+            "sizex": right - left,
+            "sizey": bottom - top,
+            "sizing": "stretch",
+            "layer": "below",
+            "xref": xref,
+            "yref": yref,
         }
-    ]  # fmt: skip
+    ]

@@ -41,11 +41,14 @@ def plot_plan_depths(plans: Sequence[PlanForecast]) -> go.Figure:
         depths, length, _ = found.fit.by_depth
         name = found.plan.name if len(plans) > 1 else "Length error"
         figure.add_scatter(
-            x=depths, y=100 * length, name=name, mode="lines+markers",
+            x=depths,
+            y=100 * length,
+            name=name,
+            mode="lines+markers",
             line={"color": PLAN_COLOURS[at], "dash": PLAN_DASHES[at], "width": 2},
             marker={"symbol": PLAN_SYMBOLS[at], "size": 8},
             hovertemplate="%{x:.3~r} m<br>%{y:.2~r} %<extra>" + "%{fullData.name}</extra>",
-        )  # fmt: skip
+        )
     finish(figure, HEIGHT)
     figure.update_layout(showlegend=len(plans) > 1)
     figure.update_xaxes(title_text="Depth ahead of the primary camera (m)")
@@ -76,16 +79,25 @@ def plot_plan_baselines(found: PlanForecast) -> go.Figure:
     baselines, errors = advice.baselines_m[known], 100 * advice.baseline_errors[known]
     figure = go.Figure()
     figure.add_scatter(
-        x=baselines, y=errors, mode="lines+markers", name="other baselines",
-        line={"color": NEUTRAL, "width": 2}, marker={"size": 8},
+        x=baselines,
+        y=errors,
+        mode="lines+markers",
+        name="other baselines",
+        line={"color": NEUTRAL, "width": 2},
+        marker={"size": 8},
         hovertemplate="%{x:.3~r} m<br>%{y:.2~r} %<extra></extra>",
-    )  # fmt: skip
+    )
     figure.add_scatter(
-        x=[planned], y=[100 * advice.length_error], mode="markers+text", text=["planned"],
-        textposition="top right", name="planned", cliponaxis=False,
+        x=[planned],
+        y=[100 * advice.length_error],
+        mode="markers+text",
+        text=["planned"],
+        textposition="top right",
+        name="planned",
+        cliponaxis=False,
         marker={"size": 13, "symbol": "diamond", "color": PLAN_COLOURS[0]},
         hovertemplate="planned: %{x:.3~r} m<br>%{y:.2~r} %<extra></extra>",
-    )  # fmt: skip
+    )
     finish(figure, HEIGHT)
     figure.update_layout(showlegend=False)
     ticks = [float(f"{b:.2g}") for b in baselines]

@@ -143,9 +143,13 @@ def _datasets(datasets: Sequence[Dataset], screenings: Sequence[Screening]) -> s
         lines = contents_table(dataset)["Read"]
         points = dataset.correspondences
         cells = [
-            dataset.name, len(points.frames), len(points), len(points.bars), lines["Baseline"],
+            dataset.name,
+            len(points.frames),
+            len(points),
+            len(points.bars),
+            lines["Baseline"],
             lines["Distance between the targets"],
-        ]  # fmt: skip
+        ]
         rows.append(
             "".join(f"<td>{escape(str(cell))}</td>" for cell in cells)
             + f'<td class="digest">{escape(dataset.sha256)}</td>'
@@ -167,10 +171,8 @@ def _validation(summaries: Mapping[Method, MethodSummary]) -> str:
     wide = html_plot(plot_validation(summaries), words, "plot wide")
     # A finger that moves over a figure scrolls the page.
     narrow = [
-        html_plot(plot_validation(summaries, [column]), words,
-              "plot narrow")
-        for column in COLUMNS
-    ]  # fmt: skip
+        html_plot(plot_validation(summaries, [column]), words, "plot narrow") for column in COLUMNS
+    ]
     return "\n".join([wide, *narrow, paragraphs(words)])
 
 
@@ -244,10 +246,14 @@ def _setting(value: object) -> str:
 
 def _software() -> str:
     versions = {
-        "stereocal": __version__, "Python": platform.python_version(),
-        "numpy": np.__version__, "scipy": scipy.__version__, "numba": numba.__version__,
-        "opencv": cv2.__version__, "plotly": plotly.__version__,
-    }  # fmt: skip
+        "stereocal": __version__,
+        "Python": platform.python_version(),
+        "numpy": np.__version__,
+        "scipy": scipy.__version__,
+        "numba": numba.__version__,
+        "opencv": cv2.__version__,
+        "plotly": plotly.__version__,
+    }
     written = datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d %H:%M UTC")
     table = html_table(pd.DataFrame({"Version": versions}).rename_axis("Program"))
     return f"{table}\n{paragraphs(f'Written on {written}.')}"

@@ -169,12 +169,15 @@ def _add_bars(figure: go.Figure, scene: RigScene, method: Method) -> None:
     missing = int((~scene.drawn).sum())
     figure.add_trace(
         go.Scatter3d(
-            **upright(path), mode="lines", line={"color": METHOD_COLOURS[method], "width": 4},
-            text=np.repeat(texts, 4), hovertemplate="%{text}<extra></extra>",
+            **upright(path),
+            mode="lines",
+            line={"color": METHOD_COLOURS[method], "width": 4},
+            text=np.repeat(texts, 4),
+            hovertemplate="%{text}<extra></extra>",
             name=f"Bars, {METHOD_NAMES[method]} ({n_drawn(int(scene.drawn.sum()))}"
             + (f", {missing} behind a camera)" if missing else ")"),
         )
-    )  # fmt: skip
+    )
 
 
 def _add_targets(figure: go.Figure, scene: RigScene) -> None:
@@ -194,9 +197,11 @@ def _add_targets(figure: go.Figure, scene: RigScene) -> None:
         points = scene.points[of_target]
         figure.add_trace(
             go.Scatter3d(
-                **upright(points), mode="markers",
+                **upright(points),
+                mode="markers",
                 marker={
-                    "color": TARGET_COLOURS[target], "symbol": TARGET_SYMBOLS[target],
+                    "color": TARGET_COLOURS[target],
+                    "symbol": TARGET_SYMBOLS[target],
                     "size": 2.5 if len(rows.frames) <= 100 else 1.5,
                 },
                 text=[of_bar[row] for row in of_target.tolist()],
@@ -207,4 +212,4 @@ def _add_targets(figure: go.Figure, scene: RigScene) -> None:
                 ),
                 name=f"Target {target}",
             )
-        )  # fmt: skip
+        )

@@ -69,9 +69,7 @@ IN_CAMERA = Scene()
 
 def upright(points: FloatArray) -> dict[str, FloatArray]:
     """Points (..., 3) in the primary's frame, as the figure's coordinates: x, depth, up."""
-    return {
-        "x": points[..., 0].ravel(), "y": points[..., 2].ravel(), "z": -points[..., 1].ravel()
-    }  # fmt: skip
+    return {"x": points[..., 0].ravel(), "y": points[..., 2].ravel(), "z": -points[..., 1].ravel()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,28 +129,39 @@ def add_cameras(figure: go.Figure, rig: Rig, depth: float, scene: Scene = IN_CAM
         centre = path[0]
         figure.add_trace(
             go.Scatter3d(
-                **upright(path), mode="lines", line={"color": NEUTRAL, "width": 4},
-                hoverinfo="skip", showlegend=False, name=f"{name} camera",
+                **upright(path),
+                mode="lines",
+                line={"color": NEUTRAL, "width": 4},
+                hoverinfo="skip",
+                showlegend=False,
+                name=f"{name} camera",
             )
-        )  # fmt: skip
+        )
         width, height = camera.image_size
         figure.add_trace(
             go.Scatter3d(
-                **upright(centre), mode="markers+text", text=[name], textposition="bottom center",
-                marker={"color": NEUTRAL, "size": 5}, textfont={"size": 14}, showlegend=False,
+                **upright(centre),
+                mode="markers+text",
+                text=[name],
+                textposition="bottom center",
+                marker={"color": NEUTRAL, "size": 5},
+                textfont={"size": 14},
+                showlegend=False,
                 hovertemplate=f"{name} camera, {width} × {height} px<br>"
                 f"{scene.place(centre)}<extra></extra>",
                 name=f"optical centre, {name}",
             )
-        )  # fmt: skip
+        )
     length = f"{rig.pose.baseline:.3f} m"
     figure.add_trace(
         go.Scatter3d(
-            **upright(np.array([scene.from_primary.T, _secondary_in(scene, rig).T])), mode="lines",
+            **upright(np.array([scene.from_primary.T, _secondary_in(scene, rig).T])),
+            mode="lines",
             line={"color": NEUTRAL, "width": 3, "dash": "dash"},
-            hovertemplate=f"baseline {length}<extra></extra>", name=f"Baseline {length}",
+            hovertemplate=f"baseline {length}<extra></extra>",
+            name=f"Baseline {length}",
         )
-    )  # fmt: skip
+    )
 
 
 def frusta(
@@ -191,9 +200,14 @@ def _corners(camera: Camera, depth: float) -> FloatArray:
 def set_scene(figure: go.Figure, eye: Eye | None = None, scene: Scene = IN_CAMERA) -> None:
     """Set equal axes in metres, and a viewpoint; without one everything is seen from behind."""
     axis = {
-        "showbackground": False, "gridcolor": GRID_3D, "linecolor": GRID_3D, "zeroline": False,
-        "nticks": 6, "tickfont": {"size": 12}, "showspikes": False,
-    }  # fmt: skip
+        "showbackground": False,
+        "gridcolor": GRID_3D,
+        "linecolor": GRID_3D,
+        "zeroline": False,
+        "nticks": 6,
+        "tickfont": {"size": 12},
+        "showspikes": False,
+    }
     low, high = _bounds(figure)
     # Set directly, because `update_layout` takes ten times as long.
     figure.layout.scene = {
@@ -202,12 +216,13 @@ def set_scene(figure: go.Figure, eye: Eye | None = None, scene: Scene = IN_CAMER
         "bgcolor": TRANSPARENT,
         **{
             name: {
-                **axis, "range": [low[at], high[at]],
+                **axis,
+                "range": [low[at], high[at]],
                 "title": {"text": title, "font": {"size": 14}},
             }
             for at, (name, title) in enumerate(scene.titles.items())
         },
-    }  # fmt: skip
+    }
 
 
 def _bounds(figure: go.Figure) -> tuple[FloatArray, FloatArray]:

@@ -101,16 +101,30 @@ def plot_story_lengths(story: Story) -> go.Figure:
         heights = -row + 0.5 * (np.arange(len(percent)) * 0.6180339887 % 1.0) - 0.42
         figure.add_trace(
             go.Scatter(
-                x=percent, y=heights, mode="markers", name=name, showlegend=False,
-                marker={"color": METHOD_COLOURS[method], "symbol": METHOD_SYMBOLS[method],
-                        "size": 5, "opacity": 0.7},
+                x=percent,
+                y=heights,
+                mode="markers",
+                name=name,
+                showlegend=False,
+                marker={
+                    "color": METHOD_COLOURS[method],
+                    "symbol": METHOD_SYMBOLS[method],
+                    "size": 5,
+                    "opacity": 0.7,
+                },
                 hovertemplate="%{x:.2f} %<extra></extra>",
             )
-        )  # fmt: skip
+        )
         figure.add_annotation(
-            x=0, xref="paper", xanchor="left", y=-row + 0.13, yanchor="bottom", showarrow=False,
-            text=f"{name}: <b>{rounded(100 * found.length_error)} %</b>", font={"size": 13},
-        )  # fmt: skip
+            x=0,
+            xref="paper",
+            xanchor="left",
+            y=-row + 0.13,
+            yanchor="bottom",
+            showarrow=False,
+            text=f"{name}: <b>{rounded(100 * found.length_error)} %</b>",
+            font={"size": 13},
+        )
         _line(figure, np.array([[0.0, -row - 0.45], [0.0, -row + 0.11]]), NEUTRAL, 1.5)
     figure.update_xaxes(
         range=SHOWN_PERCENT,
@@ -153,21 +167,39 @@ def plot_story_lines(story: Story) -> go.Figure:
         _line(figure, ends, METHOD_COLOURS[method], 3, dash, name)
     figure.add_trace(
         go.Scatter(
-            x=[0], y=[0], mode="markers", name="Measured point", showlegend=False,
-            marker={"symbol": "cross-thin", "size": 16, "color": NEUTRAL,
-                    "line": {"width": 3, "color": NEUTRAL}},
+            x=[0],
+            y=[0],
+            mode="markers",
+            name="Measured point",
+            showlegend=False,
+            marker={
+                "symbol": "cross-thin",
+                "size": 16,
+                "color": NEUTRAL,
+                "line": {"width": 3, "color": NEUTRAL},
+            },
             hoverinfo="name",
         )
-    )  # fmt: skip
+    )
     # The lines rise to the right: there is room for their names below.
     figure.add_annotation(
-        x=0.99, y=0.01, xref="paper", yref="paper", xanchor="right", yanchor="bottom",
-        align="left", text="<br>".join(names), showarrow=False, font={"size": 13},
-    )  # fmt: skip
+        x=0.99,
+        y=0.01,
+        xref="paper",
+        yref="paper",
+        xanchor="right",
+        yanchor="bottom",
+        align="left",
+        text="<br>".join(names),
+        showarrow=False,
+        font={"size": 13},
+    )
     figure.update_xaxes(
-        range=[-REACH_PX, REACH_PX], title_text="Pixels from the measured point", dtick=4,
+        range=[-REACH_PX, REACH_PX],
+        title_text="Pixels from the measured point",
+        dtick=4,
         constrain="domain",
-    )  # fmt: skip
+    )
     figure.update_yaxes(range=[REACH_PX, -REACH_PX], scaleanchor="x", constrain="domain", dtick=4)
     return figure
 
@@ -222,16 +254,24 @@ def plot_two_rays(story: Story) -> go.Figure:
     ):
         figure.add_trace(
             go.Scatter(
-                x=at[:, 0], y=at[:, 1], mode="markers", showlegend=False, hoverinfo="skip",
+                x=at[:, 0],
+                y=at[:, 1],
+                mode="markers",
+                showlegend=False,
+                hoverinfo="skip",
                 marker={"symbol": symbol, "color": colour, "size": size},
             )
-        )  # fmt: skip
+        )
     gaps = {name: 1000 * story.sets[name].gap_m for name in ("2d", "3d")}
     for x, y, text in (
-        (5.0, 7.2, f"gap {rounded(gaps['2d'])} mm with the 2D set,<br>"
-                   f"{rounded(gaps['3d'])} mm with the 3D set;<br>its middle is the 3D point"),
+        (
+            5.0,
+            7.2,
+            f"gap {rounded(gaps['2d'])} mm with the 2D set,<br>"
+            f"{rounded(gaps['3d'])} mm with the 3D set;<br>its middle is the 3D point",
+        ),
         (5.0, 2.6, "reprojection<br>error"),
-    ):  # fmt: skip
+    ):
         figure.add_annotation(x=x, y=y, text=text, showarrow=False, font={"size": 13})
     figure.update_xaxes(visible=False, range=[-0.2, 10.2], fixedrange=True)
     figure.update_yaxes(visible=False, range=[-0.2, 8.0], fixedrange=True)
@@ -262,8 +302,12 @@ def _line(
 ) -> None:
     figure.add_trace(
         go.Scatter(
-            x=ends[:, 0], y=ends[:, 1], mode="lines", showlegend=False, name=name,
+            x=ends[:, 0],
+            y=ends[:, 1],
+            mode="lines",
+            showlegend=False,
+            name=name,
             hoverinfo="name" if name else "skip",
             line={"color": colour, "width": width, "dash": dash},
         )
-    )  # fmt: skip
+    )

@@ -50,19 +50,34 @@ TRANSPARENT = "rgba(0,0,0,0)"
 
 
 LAYOUT: Mapping[str, Any] = {
-    "paper_bgcolor": TRANSPARENT, "plot_bgcolor": TRANSPARENT,
-    "margin": {"l": 8, "r": 8, "t": 8, "b": 8}, "font": {"size": 14},
+    "paper_bgcolor": TRANSPARENT,
+    "plot_bgcolor": TRANSPARENT,
+    "margin": {"l": 8, "r": 8, "t": 8, "b": 8},
+    "font": {"size": 14},
     "legend": {
-        "orientation": "h", "x": 0, "xanchor": "left", "y": 1.0, "yanchor": "bottom",
-        "font": {"size": 14}, "bgcolor": TRANSPARENT, "itemsizing": "constant",
+        "orientation": "h",
+        "x": 0,
+        "xanchor": "left",
+        "y": 1.0,
+        "yanchor": "bottom",
+        "font": {"size": 14},
+        "bgcolor": TRANSPARENT,
+        "itemsizing": "constant",
     },
-}  # fmt: skip
+}
 """Transparent, small margins, legend in rows above the plot."""
 AXIS: Mapping[str, Any] = {
-    "automargin": True, "showgrid": True, "gridcolor": GRID, "zeroline": False,
-    "showline": True, "linecolor": FAINT, "ticks": "outside", "tickcolor": FAINT,
-    "tickfont": {"size": 13}, "title": {"font": {"size": 14}, "standoff": 6},
-}  # fmt: skip
+    "automargin": True,
+    "showgrid": True,
+    "gridcolor": GRID,
+    "zeroline": False,
+    "showline": True,
+    "linecolor": FAINT,
+    "ticks": "outside",
+    "tickcolor": FAINT,
+    "tickfont": {"size": 13},
+    "title": {"font": {"size": 14}, "standoff": 6},
+}
 
 
 def finish(figure: go.Figure, height: int) -> go.Figure:

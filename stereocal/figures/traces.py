@@ -40,11 +40,14 @@ def plot_traces(calibration: Calibration) -> go.Figure:
     for row, method in enumerate(SEARCHES, start=1):
         costs = traces[method].cost if method in traces else np.ones(1)
         figure.update_yaxes(
-            row=row, col=1, title_text=f"{method.upper()} cost ({COST_UNITS[method]})",
+            row=row,
+            col=1,
+            title_text=f"{method.upper()} cost ({COST_UNITS[method]})",
             type="log" if _spans_a_decade(costs) else "linear",
-        )  # fmt: skip
-    figure.update_yaxes(row=3, col=1, type="log", title_text="Step Δ (rad)", exponentformat="power",
-                        dtick=1)  # fmt: skip
+        )
+    figure.update_yaxes(
+        row=3, col=1, type="log", title_text="Step Δ (rad)", exponentformat="power", dtick=1
+    )
     figure.update_yaxes(row=4, col=1, title_text="Acceptance ratio", range=[-0.03, 1.03])
     figure.update_xaxes(row=4, col=1, title_text=_move_title(traces), rangemode="tozero")
     return figure
@@ -93,24 +96,36 @@ def _add_line(
 ) -> None:
     figure.add_trace(
         go.Scatter(
-            x=moves + 1, y=values[moves], mode="lines",
-            line={"color": METHOD_COLOURS[method], "dash": DASHES[method], "width": 2,
-                  "shape": "hv"},
-            name=METHOD_NAMES[method], legendgroup=method, showlegend=row <= 2,
+            x=moves + 1,
+            y=values[moves],
+            mode="lines",
+            line={
+                "color": METHOD_COLOURS[method],
+                "dash": DASHES[method],
+                "width": 2,
+                "shape": "hv",
+            },
+            name=METHOD_NAMES[method],
+            legendgroup=method,
+            showlegend=row <= 2,
             hovertemplate=f"{METHOD_NAMES[method]}, move %{{x}}<br>{hover}<extra></extra>",
         ),
-        row=row, col=1,
-    )  # fmt: skip
+        row=row,
+        col=1,
+    )
 
 
 def _add_threshold(figure: go.Figure, calibration: Calibration, moves: int) -> None:
     threshold = calibration.settings.search.acceptance
     figure.add_trace(
         go.Scatter(
-            x=[1, moves], y=[threshold, threshold], mode="lines",
+            x=[1, moves],
+            y=[threshold, threshold],
+            mode="lines",
             line={"color": NEUTRAL, "dash": "dash", "width": 2},
             name=f"Threshold {threshold:g}",
             hovertemplate=f"the step shrinks below {threshold:g}<extra></extra>",
         ),
-        row=4, col=1,
-    )  # fmt: skip
+        row=4,
+        col=1,
+    )

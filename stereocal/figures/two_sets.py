@@ -37,9 +37,11 @@ SMALLEST_WINDOW_PX, SMALLEST_WINDOW_M = 3.0, 1e-4
 
 
 def plot_image(
-    views: Mapping[Method, FrameView], method: Method, camera: int,
+    views: Mapping[Method, FrameView],
+    method: Method,
+    camera: int,
     photograph: Photograph | None = None,
-) -> go.Figure:  # fmt: skip
+) -> go.Figure:
     """One image with the targets and their epipolar lines; below, close-ups of the targets.
 
     The close-ups have the same size with every set.
@@ -63,18 +65,29 @@ def plot_image(
         traces += [{**axes, **trace} for trace in _lines(view, camera, 2 if at == 0 else 3)]
         left, top, right, bottom = box
         axis = {
-            **AXIS, "showgrid": False, "nticks": 4, "constrain": "domain", "mirror": True,
-            "showticklabels": at == 0, "ticks": "outside" if at == 0 else "",
-        }  # fmt: skip
+            **AXIS,
+            "showgrid": False,
+            "nticks": 4,
+            "constrain": "domain",
+            "mirror": True,
+            "showticklabels": at == 0,
+            "ticks": "outside" if at == 0 else "",
+        }
         title = "" if at == 0 else f"{view.letters[at - 1]} ± {rounded(half)} px"
         layout[f"xaxis{number}"] = {
-            **axis, "domain": domain[0], "anchor": f"y{number}", "range": [left, right],
+            **axis,
+            "domain": domain[0],
+            "anchor": f"y{number}",
+            "range": [left, right],
             "title": {**AXIS["title"], "text": title},
-        }  # fmt: skip
+        }
         layout[f"yaxis{number}"] = {
-            **axis, "domain": domain[1], "anchor": f"x{number}", "range": [bottom, top],
+            **axis,
+            "domain": domain[1],
+            "anchor": f"x{number}",
+            "range": [bottom, top],
             "scaleanchor": f"x{number}",
-        }  # fmt: skip
+        }
     return go.Figure(traces, layout)
 
 
@@ -86,22 +99,36 @@ def _lines(view: FrameView, camera: int, width: int) -> list[dict[str, Any]]:
         line = {"color": METHOD_COLOURS[view.method], "width": width}
         name = f"epipolar line of {letter}"
         found.append(
-            {"type": "scatter", "x": u, "y": v, "mode": "lines", "line": line, "name": name,
-             "hoverinfo": "name"}
-        )  # fmt: skip
+            {
+                "type": "scatter",
+                "x": u,
+                "y": v,
+                "mode": "lines",
+                "line": line,
+                "name": name,
+                "hoverinfo": "name",
+            }
+        )
         at = view.pixels[camera][target]
         found.append(
             {
-                "type": "scatter", "x": at[:1], "y": at[1:], "mode": "markers+text",
-                "text": [letter], "textposition": "top right", "textfont": {"size": 16},
+                "type": "scatter",
+                "x": at[:1],
+                "y": at[1:],
+                "mode": "markers+text",
+                "text": [letter],
+                "textposition": "top right",
+                "textfont": {"size": 16},
                 "marker": {
-                    "color": TARGET_COLOURS[letter], "size": 9, "symbol": TARGET_SYMBOLS[letter],
+                    "color": TARGET_COLOURS[letter],
+                    "size": 9,
+                    "symbol": TARGET_SYMBOLS[letter],
                     "line": {"color": "white", "width": 1},
                 },
                 "hovertemplate": f"{letter} (%{{x:.2f}}, %{{y:.2f}})<br>"
                 f"{view.distances_px[target, camera]:.2f} px from its line<extra></extra>",
             }
-        )  # fmt: skip
+        )
     return found
 
 
@@ -121,30 +148,42 @@ def plot_gap(views: Mapping[Method, FrameView], method: Method) -> go.Figure:
         path = 1000 * (end + np.array([[-reach], [reach]]) * along - middle)
         figure.add_trace(
             go.Scatter3d(
-                **upright(path), mode="lines", line={"color": NEUTRAL, "width": 5, "dash": dash},
-                name=f"ray of the {name}", hoverinfo="name",
+                **upright(path),
+                mode="lines",
+                line={"color": NEUTRAL, "width": 5, "dash": dash},
+                name=f"ray of the {name}",
+                hoverinfo="name",
             )
-        )  # fmt: skip
+        )
     gap = f"gap {rounded(1000 * view.gaps_m[target])} mm"
     figure.add_trace(
         go.Scatter3d(
-            **upright(1000 * (ends - middle)), mode="lines+markers", name=gap, hoverinfo="name",
+            **upright(1000 * (ends - middle)),
+            mode="lines+markers",
+            name=gap,
+            hoverinfo="name",
             line={"color": METHOD_COLOURS[method], "width": 9},
             marker={"color": METHOD_COLOURS[method], "size": 4},
         )
-    )  # fmt: skip
+    )
     axis = {
-        "showbackground": False, "gridcolor": GRID_3D, "linecolor": GRID_3D, "zeroline": False,
-        "range": [-1000 * reach, 1000 * reach], "nticks": 4, "showspikes": False,
-    }  # fmt: skip
+        "showbackground": False,
+        "gridcolor": GRID_3D,
+        "linecolor": GRID_3D,
+        "zeroline": False,
+        "range": [-1000 * reach, 1000 * reach],
+        "nticks": 4,
+        "showspikes": False,
+    }
     titles = {"xaxis": "x (mm)", "yaxis": "z (mm)", "zaxis": "−y (mm)"}
     figure.update_layout(
         scene={
-            "aspectmode": "cube", "bgcolor": TRANSPARENT,
+            "aspectmode": "cube",
+            "bgcolor": TRANSPARENT,
             "camera": {"eye": {"x": 0.9, "y": -1.5, "z": 0.9}},
             **{name: {**axis, "title": {"text": title}} for name, title in titles.items()},
         }
-    )  # fmt: skip
+    )
     return figure
 
 

@@ -58,13 +58,21 @@ def plot_validation(
     top = LEGEND_LINE * (4 if len(columns) == 1 else 2) + LINE_HEIGHT + above
     inside = rows * PANEL_HEIGHT + (rows - 1) * above
     layout: dict[str, Any] = {
-        **LAYOUT, "height": top + inside + FOOT_HEIGHT, "hovermode": "x", "dragmode": False,
+        **LAYOUT,
+        "height": top + inside + FOOT_HEIGHT,
+        "hovermode": "x",
+        "dragmode": False,
         "margin": {**LAYOUT["margin"], "t": top, "b": FOOT_HEIGHT},
-        "legend": {**LAYOUT["legend"], "xref": "container", "yref": "container", "y": 1.0,
-                   "yanchor": "top"},
+        "legend": {
+            **LAYOUT["legend"],
+            "xref": "container",
+            "yref": "container",
+            "y": 1.0,
+            "yanchor": "top",
+        },
         "annotations": [_title(panel) for panel in panels],
         "shapes": [_frame(panel) for panel in panels if panel.standing == "best"],
-    }  # fmt: skip
+    }
     traces: list[dict[str, Any]] = _key(columns)
     for column in range(len(columns)):
         own = [panel for panel in panels if panel.column == column]
@@ -76,8 +84,9 @@ def plot_validation(
             layout[f"xaxis{panel.axis}"] |= _decades(panel, span, panel.row == rows - 1)
             layout[f"yaxis{panel.axis}"]["range"] = [0, 1.22 * (most or 1.0)]
         layout[f"xaxis{own[-1].axis}"]["title"] = {
-            **AXIS["title"], "text": "<br>".join(foot_of(own, span)),
-        }  # fmt: skip
+            **AXIS["title"],
+            "text": "<br>".join(foot_of(own, span)),
+        }
     # In one step: axis by axis, and trace by trace, Plotly takes 0.2 s.
     return go.Figure(data=traces, layout=layout)
 
@@ -97,23 +106,31 @@ def _axes(panel: Panel, columns: int, heights: tuple[int, int, int]) -> dict[str
     title = f"<b>{METHOD_NAMES[panel.method]}</b><br>Density per decade"
     return {
         f"xaxis{panel.axis}": {
-            **AXIS, "domain": [left, left + width], "anchor": f"y{panel.axis}",
+            **AXIS,
+            "domain": [left, left + width],
+            "anchor": f"y{panel.axis}",
         },
         f"yaxis{panel.axis}": {
-            **AXIS, "domain": [max(top - height / inside, 0.0), top], "anchor": f"x{panel.axis}",
-            "nticks": 5, "title": {**AXIS["title"], "text": title if panel.column == 0 else None},
+            **AXIS,
+            "domain": [max(top - height / inside, 0.0), top],
+            "anchor": f"x{panel.axis}",
+            "nticks": 5,
+            "title": {**AXIS["title"], "text": title if panel.column == 0 else None},
         },
-    }  # fmt: skip
+    }
 
 
 def _decades(panel: Panel, span: tuple[float, float], labelled: bool) -> dict[str, Any]:
     """A logarithmic axis: 0.01, 0.1, 1, 10; of the residual 10^-6, 10^-5."""
     return {
-        "type": "log", "range": list(span), "showticklabels": labelled, "tickangle": 0,
+        "type": "log",
+        "range": list(span),
+        "showticklabels": labelled,
+        "tickangle": 0,
         "dtick": 1 if span[1] - span[0] <= MOST_LABELS else 2,
         "exponentformat": "power" if panel.quantity == "residual" else "none",
         "minor": {"ticks": "outside", "ticklen": 2, "dtick": "D1"},
-    }  # fmt: skip
+    }
 
 
 def span_of(panels: Sequence[Panel]) -> tuple[float, float]:
@@ -148,18 +165,32 @@ def foot_of(panels: Sequence[Panel], span: tuple[float, float]) -> list[str]:
 def _title(panel: Panel) -> dict[str, Any]:
     heading = [f"<b>{HEADINGS[panel.quantity]}</b>"] if panel.row == 0 else []
     return {
-        "text": "<br>".join([*heading, *panel.title]), "xref": f"x{panel.axis} domain", "x": 0,
-        "xanchor": "left", "yref": f"y{panel.axis} domain", "y": 1, "yanchor": "bottom",
-        "yshift": 3, "align": "left", "showarrow": False, "font": {"size": 12},
-    }  # fmt: skip
+        "text": "<br>".join([*heading, *panel.title]),
+        "xref": f"x{panel.axis} domain",
+        "x": 0,
+        "xanchor": "left",
+        "yref": f"y{panel.axis} domain",
+        "y": 1,
+        "yanchor": "bottom",
+        "yshift": 3,
+        "align": "left",
+        "showarrow": False,
+        "font": {"size": 12},
+    }
 
 
 def _frame(panel: Panel) -> dict[str, Any]:
     return {
-        "type": "rect", "xref": f"x{panel.axis} domain", "yref": f"y{panel.axis} domain",
-        "x0": 0, "x1": 1, "y0": 0, "y1": 1, "name": f"best {panel.quantity}",
+        "type": "rect",
+        "xref": f"x{panel.axis} domain",
+        "yref": f"y{panel.axis} domain",
+        "x0": 0,
+        "x1": 1,
+        "y0": 0,
+        "y1": 1,
+        "name": f"best {panel.quantity}",
         "line": {"color": METHOD_COLOURS[panel.method], "width": 4},
-    }  # fmt: skip
+    }
 
 
 def _traces(panel: Panel, span: tuple[float, float], highest: float) -> list[dict[str, Any]]:
@@ -183,16 +214,25 @@ def _pdf(panel: Panel, pdf: Pdf, kind: str) -> dict[str, Any]:
     unit, what = UNITS[panel.quantity], f"{kind} pairs" if panel.matching else "3D error"
     wrong = kind == "wrong"
     return {
-        "type": "scatter", "mode": "lines", "fill": "tozeroy", "hoveron": "points",
-        "x": np.sqrt(ends.prod(axis=1)), "y": pdf.density[drawn], "customdata": ends,
-        "line": {"color": pairs.get(kind, METHOD_COLOURS[panel.method]), "shape": "hvh",
-                 "width": 2, "dash": "dot" if wrong else "solid"},
+        "type": "scatter",
+        "mode": "lines",
+        "fill": "tozeroy",
+        "hoveron": "points",
+        "x": np.sqrt(ends.prod(axis=1)),
+        "y": pdf.density[drawn],
+        "customdata": ends,
+        "line": {
+            "color": pairs.get(kind, METHOD_COLOURS[panel.method]),
+            "shape": "hvh",
+            "width": 2,
+            "dash": "dot" if wrong else "solid",
+        },
         "fillcolor": WRONG_COLOUR if wrong else FILLS[kind],
         **({"fillpattern": HATCH} if wrong else {}),
         "name": f"{METHOD_NAMES[panel.method]}, {what}",
         "hovertemplate": f"{what}: %{{customdata[0]:.3~r}} to %{{customdata[1]:.3~r}}{unit}<br>"
         "%{y:.3~r} per decade<extra></extra>",
-    }  # fmt: skip
+    }
 
 
 def drawn_bins(pdf: Pdf) -> slice:
@@ -210,11 +250,18 @@ def _line(panel: Panel, span: tuple[float, float], highest: float) -> dict[str, 
     value = f"{digits(panel.line, 2)}{UNITS[panel.quantity]}" if panel.matching else "1 %"
     name = "Recommended threshold" if panel.matching else "3D error of 1 %"
     return {
-        "type": "scatter", "x": [panel.line] * 2, "y": [0, 1.06 * highest], "mode": "lines+text",
-        "text": ["", value], "textposition": f"top {side}", "textfont": {"size": 12},
-        "cliponaxis": False, "line": {"color": NEUTRAL, "dash": "dash", "width": 2},
-        "name": name, "hovertemplate": f"{name.lower()}: {value}<extra></extra>",
-    }  # fmt: skip
+        "type": "scatter",
+        "x": [panel.line] * 2,
+        "y": [0, 1.06 * highest],
+        "mode": "lines+text",
+        "text": ["", value],
+        "textposition": f"top {side}",
+        "textfont": {"size": 12},
+        "cliponaxis": False,
+        "line": {"color": NEUTRAL, "dash": "dash", "width": 2},
+        "name": name,
+        "hovertemplate": f"{name.lower()}: {value}<extra></extra>",
+    }
 
 
 def _key(columns: Sequence[str]) -> list[dict[str, Any]]:
@@ -223,18 +270,31 @@ def _key(columns: Sequence[str]) -> list[dict[str, Any]]:
     keys: list[dict[str, Any]] = []
     if set(columns) - {"reconstruction"}:
         keys += [
-            {**filled, "name": "Correct pairs", "fillcolor": FILLS["correct"],
-             "line": {"color": CORRECT_COLOUR}},
-            {**filled, "name": "Wrong pairs", "fillpattern": HATCH,
-             "fillcolor": WRONG_COLOUR, "line": {"color": WRONG_COLOUR, "dash": "dot"}},
-        ]  # fmt: skip
+            {
+                **filled,
+                "name": "Correct pairs",
+                "fillcolor": FILLS["correct"],
+                "line": {"color": CORRECT_COLOUR},
+            },
+            {
+                **filled,
+                "name": "Wrong pairs",
+                "fillpattern": HATCH,
+                "fillcolor": WRONG_COLOUR,
+                "line": {"color": WRONG_COLOUR, "dash": "dot"},
+            },
+        ]
     lines = "Dashed: threshold"
     if "reconstruction" in columns:
         lines = "Dashed: 1 %" if len(columns) == 1 else "Dashed: threshold, or 1 %"
     keys += [
         {"mode": "lines", "name": lines, "line": {"color": NEUTRAL, "dash": "dash", "width": 2}},
-        {"mode": "markers", "name": "Framed: best; level: not apart",
-         "marker": {"symbol": "square-open", "size": 12, "color": NEUTRAL, "line": {"width": 3}}},
-    ]  # fmt: skip
-    return [{"type": "scatter", "x": [None], "y": [None], "hoverinfo": "skip", **key}
-            for key in keys]  # fmt: skip
+        {
+            "mode": "markers",
+            "name": "Framed: best; level: not apart",
+            "marker": {"symbol": "square-open", "size": 12, "color": NEUTRAL, "line": {"width": 3}},
+        },
+    ]
+    return [
+        {"type": "scatter", "x": [None], "y": [None], "hoverinfo": "skip", **key} for key in keys
+    ]

@@ -25,8 +25,12 @@ CAMERA_FORMAT = "stereocal-camera/1"
 LARGEST_BYTES = 4_000_000
 K_NAMES = ("camera_matrix", "Camera_Matrix", "cameraMatrix", "K", "M")
 DISTORTION_NAMES = (
-    "distortion_coefficients", "Distortion_Coefficients", "distCoeffs", "dist_coeffs", "D",
-)  # fmt: skip
+    "distortion_coefficients",
+    "Distortion_Coefficients",
+    "distCoeffs",
+    "dist_coeffs",
+    "D",
+)
 SIZE_NAMES = ("image_size", "imageSize", "resolution")
 WIDTH_NAMES = ("image_width", "image_Width", "width")
 HEIGHT_NAMES = ("image_height", "image_Height", "height")

@@ -94,8 +94,9 @@ def read_table(content: bytes, source: str) -> Table:
         words[SOURCE].str.lower().map({"": UNKNOWN_SOURCE} | {n: i for i, n in enumerate(SOURCES)})
     )
     for name, found, allowed in (
-        ("target", target, "A or B"), (SOURCE, origin, f"{', '.join(SOURCES)} or empty")
-    ):  # fmt: skip
+        ("target", target, "A or B"),
+        (SOURCE, origin, f"{', '.join(SOURCES)} or empty"),
+    ):
         bad = np.flatnonzero(found.isna())
         for row, cell in zip(bad.tolist(), words[name].iloc[bad].tolist(), strict=True):
             reasons.setdefault(row, f'{name} is "{cell[:40]}"; it must be {allowed}')

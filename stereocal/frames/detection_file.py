@@ -50,10 +50,14 @@ def _detection(data: dict[str, Any]) -> Detection:
     if data["reason"] is not None and data["reason"] not in get_args(Reason):
         raise ValueError(data["reason"])
     return Detection(
-        (int(width), int(height)), targets, float(data["score"]), data["reason"],
-        tuple(str(doubt) for doubt in data["doubts"]), str(data["sentence"]),
+        (int(width), int(height)),
+        targets,
+        float(data["score"]),
+        data["reason"],
+        tuple(str(doubt) for doubt in data["doubts"]),
+        str(data["sentence"]),
         tuple(_detection(one) for one in data["alternatives"]),
-    )  # fmt: skip
+    )
 
 
 def _corner_json(corner: Corner) -> dict[str, Any]:

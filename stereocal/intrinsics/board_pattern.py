@@ -68,9 +68,12 @@ class BoardPattern:
 
     @classmethod
     def parse(
-        cls, size: str, square_m: float, dictionary: str | None = None,
+        cls,
+        size: str,
+        square_m: float,
+        dictionary: str | None = None,
         marker_m: float | None = None,
-    ) -> BoardPattern:  # fmt: skip
+    ) -> BoardPattern:
         """The board with a size such as `18x12`, in inner corners.
 
         Raises:

@@ -168,10 +168,18 @@ def apply_sets(
         for path, points in zip(tables, (work.primary, work.secondary), strict=True)
     )
     matched = match_tables(
-        work.matching, first, second, folder / PAIRS,
-        work.threshold_px, work.depths_m, progress=progress, cancelled=cancelled,
-        executor=executor, pieces=pieces, sigma_px=work.sigma_px,
-    )  # fmt: skip
+        work.matching,
+        first,
+        second,
+        folder / PAIRS,
+        work.threshold_px,
+        work.depths_m,
+        progress=progress,
+        cancelled=cancelled,
+        executor=executor,
+        pieces=pieces,
+        sigma_px=work.sigma_px,
+    )
     if matched is None:
         return None
     chosen = matched.chosen
@@ -184,9 +192,15 @@ def apply_sets(
     if begin is not None:
         begin(STAGES[1])
     measured = reconstruct_table(
-        work.measuring, PointTable(folder / PAIRS, PIXELS, PAIRS), folder / POINTS, work.world,
-        progress=progress, cancelled=cancelled, executor=executor, pieces=pieces,
-    )  # fmt: skip
+        work.measuring,
+        PointTable(folder / PAIRS, PIXELS, PAIRS),
+        folder / POINTS,
+        work.world,
+        progress=progress,
+        cancelled=cancelled,
+        executor=executor,
+        pieces=pieces,
+    )
     if measured is None:
         return None
     return Outcome(

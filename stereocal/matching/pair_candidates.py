@@ -37,10 +37,17 @@ def pairs_within(
     of_primary = np.full((len(primary), 2), np.inf)
     of_secondary = np.full((len(secondary), 2), np.inf)
     found = _pairs_within(
-        contiguous(R), contiguous(T), contiguous(primary), contiguous(secondary.T),
-        contiguous(pixel_scale), float(threshold),
-        float(near), float(far), of_primary, of_secondary,
-    )  # fmt: skip
+        contiguous(R),
+        contiguous(T),
+        contiguous(primary),
+        contiguous(secondary.T),
+        contiguous(pixel_scale),
+        float(threshold),
+        float(near),
+        float(far),
+        of_primary,
+        of_secondary,
+    )
     rows = found[:, :2].astype(np.int64)
     return rows[:, 0], rows[:, 1], found[:, 2].copy(), of_primary, of_secondary
 

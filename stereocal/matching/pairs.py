@@ -20,9 +20,15 @@ from stereocal.rig.parameters import RigParameters
 
 POINT = ("u", "v")
 PAIR_COLUMNS = (
-    "frame", "u_primary", "v_primary", "u_secondary", "v_secondary", "error_px", "runner_up_px",
+    "frame",
+    "u_primary",
+    "v_primary",
+    "u_secondary",
+    "v_secondary",
+    "error_px",
+    "runner_up_px",
     "ambiguous",
-)  # fmt: skip
+)
 ERROR_DECIMALS = 6
 
 

@@ -221,14 +221,26 @@ class Mixture:
         """Standard error of `factor` over it, with errors in a frame alike (sandwich)."""
         step = 1e-4
         up, down = (
-            np.stack([
-                _log_density(self.errors, self.limit_px, self.factor * np.exp(sign * step),
-                             self.share, self.degrees),
-                _log_density(self.errors, self.limit_px, self.factor,
-                             min(self.share * np.exp(sign * step), 1.0), self.degrees),
-            ])
+            np.stack(
+                [
+                    _log_density(
+                        self.errors,
+                        self.limit_px,
+                        self.factor * np.exp(sign * step),
+                        self.share,
+                        self.degrees,
+                    ),
+                    _log_density(
+                        self.errors,
+                        self.limit_px,
+                        self.factor,
+                        min(self.share * np.exp(sign * step), 1.0),
+                        self.degrees,
+                    ),
+                ]
+            )
             for sign in (1, -1)
-        )  # fmt: skip
+        )
         scores = (up - down) / (2 * step)
         information = np.linalg.pinv(scores @ scores.T)
         frames = np.unique(self.errors.frame, return_inverse=True)[1]

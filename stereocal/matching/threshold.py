@@ -208,9 +208,15 @@ def _sample(
     numbers, errors, wanted, cut = [], [np.empty(0)], 0, False
     for number, (primary, secondary) in enumerate(frames):
         first, second, found, _, _ = pairs_within(
-            rig.pose.R, rig.pose.T, rig.primary.undistort(primary[:, :2]),
-            rig.secondary.undistort(secondary[:, :2]), scale, np.inf, near, far,
-        )  # fmt: skip
+            rig.pose.R,
+            rig.pose.T,
+            rig.primary.undistort(primary[:, :2]),
+            rig.secondary.undistort(secondary[:, :2]),
+            scale,
+            np.inf,
+            near,
+            far,
+        )
         few = min(len(primary), len(secondary))
         wanted += min(PAIRS_PER_POINT * few, max(len(found) // 2, few + 1))
         nearest = np.argsort(found, kind="stable")[: NEAREST * few]

@@ -73,9 +73,12 @@ def compared(content: Mapping[str, Any]) -> dict[str, Any]:
 def digest_of(content: Mapping[str, Any]) -> str:
     """SHA-256 of the JSON without `created` and `software`: keys sorted, no spaces, UTF-8."""
     text = json.dumps(
-        compared(content), sort_keys=True, separators=(",", ":"), ensure_ascii=False,
+        compared(content),
+        sort_keys=True,
+        separators=(",", ":"),
+        ensure_ascii=False,
         allow_nan=False,
-    )  # fmt: skip
+    )
     return hashlib.sha256(text.encode()).hexdigest()
 
 

@@ -33,13 +33,15 @@ def paper_kit(answer: Answer, applied: Outcome | None = None) -> bytes:
         for width in WIDTHS
         for form, content in page.rendered(draw, width).items()
     }
-    return pack_zip({
-        "methods.md": f"{methods_md(answer, applied)}\n{captions_md(answer)}".encode(),
-        "references.bib": references_bib(),
-        **drawn,
-        "table.csv": table_csv(answer),
-        ARCHIVE: pack_zip(archive_files(answer, answer.sets)),
-    })  # fmt: skip
+    return pack_zip(
+        {
+            "methods.md": f"{methods_md(answer, applied)}\n{captions_md(answer)}".encode(),
+            "references.bib": references_bib(),
+            **drawn,
+            "table.csv": table_csv(answer),
+            ARCHIVE: pack_zip(archive_files(answer, answer.sets)),
+        }
+    )
 
 
 def _figures(answer: Answer) -> Iterator[tuple[str, page.Draw]]:

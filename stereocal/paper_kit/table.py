@@ -24,10 +24,12 @@ def table_csv(answer: Answer) -> bytes:
     rows = []
     for method in ALL_METHODS:
         forecast = answer.forecasts.get(method)
-        rows.append({
-            **_flat(answer.validation.get(method, {})),
-            **_flat(forecast.figures if forecast else {}, "predicted_"),
-        })  # fmt: skip
+        rows.append(
+            {
+                **_flat(answer.validation.get(method, {})),
+                **_flat(forecast.figures if forecast else {}, "predicted_"),
+            }
+        )
     columns = list(dict.fromkeys(name for row in rows for name in row))
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")

@@ -153,14 +153,12 @@ class ProjectApplication(ProjectPoints):
             folder = Path(temporary)
             names = work.primary.name, work.secondary.name
             tables = self._copied(names[0], folder), self._copied(names[1], folder)
-            outcome = apply_sets(
-                work, tables, folder, begin, progress, cancelled, executor, pieces
-            )  # fmt: skip
+            outcome = apply_sets(work, tables, folder, begin, progress, cancelled, executor, pieces)
             if outcome is None:
                 return False
             files = {
                 name: keep_file(self.database, folder / name, name) for name in (PAIRS, POINTS)
-            }  # fmt: skip
+            }
             for name in names:
                 if name in self._own:
                     keep_file(self.database, self._own[name], name)

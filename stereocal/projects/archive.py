@@ -40,17 +40,23 @@ from stereocal.system.zip_files import OpenZip, open_zip, unzip
 MANIFEST, MANIFEST_FORMAT = "project.json", "stereocal-project/1"
 BOARDS = tuple(f"boards_{which}" for which in CAMERAS)
 FOLDERS = {
-    INPUT: "inputs", CALIBRATED: "calibrated", FURTHER: "datasets", BAR: "photographs",
+    INPUT: "inputs",
+    CALIBRATED: "calibrated",
+    FURTHER: "datasets",
+    BAR: "photographs",
     **{part: part for part in (*BOARDS, POINT_FILES, TABLES, ASKING, SETS, APPLIED, CHECK)},
-}  # fmt: skip
+}
 """Where the files of each part are in the zip."""
 RESULTS = {
-    "calibration": "calibration.json", "evaluation": "evaluation.npz", "frames": "frames.json",
+    "calibration": "calibration.json",
+    "evaluation": "evaluation.npz",
+    "frames": "frames.json",
     "calibration_evaluation": "calibration_evaluation.npz",
     "recommended": "recommended.json",
-    APPLIED: "applied.json", **{boards: f"{boards}.npz" for boards in BOARDS},
+    APPLIED: "applied.json",
+    **{boards: f"{boards}.npz" for boards in BOARDS},
     **{f"lens_{which}": f"lens_{which}.npz" for which in CAMERAS},
-}  # fmt: skip
+}
 PACKED = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".zip", ".npz", ".parquet", ".h5", ".mat")
 UNSAFE = re.compile(r"[^A-Za-z0-9._-]|^\.+")
 PARQUET_BEGINS = b"PAR1"

@@ -103,10 +103,17 @@ def _screening(dataset: Dataset, data: Mapping[str, Any]) -> Screening:
     if offset is not None:
         dataset = dataset.shifted(TimeOffset(**offset))
     return Screening(
-        dataset, None, left_out, exchanged, together, failure,
-        None if noise is None else float(noise), by_user,
-        None if measured is None else MeasuredOffset(**measured), str(data.get("time_note", "")),
-    )  # fmt: skip
+        dataset,
+        None,
+        left_out,
+        exchanged,
+        together,
+        failure,
+        None if noise is None else float(noise),
+        by_user,
+        None if measured is None else MeasuredOffset(**measured),
+        str(data.get("time_note", "")),
+    )
 
 
 def _times_to_json(screening: Screening) -> dict[str, Any]:

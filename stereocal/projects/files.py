@@ -199,8 +199,9 @@ def free_content(db: sqlite3.Connection, sha256: str) -> None:
     """Delete a content without a name."""
     db.execute(
         "DELETE FROM file WHERE sha256 = ?1 AND NOT EXISTS "
-        "(SELECT 1 FROM named WHERE named.sha256 = ?1)", [sha256],
-    )  # fmt: skip
+        "(SELECT 1 FROM named WHERE named.sha256 = ?1)",
+        [sha256],
+    )
 
 
 def free_unnamed(database: Database, before: float) -> int:

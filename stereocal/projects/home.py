@@ -99,9 +99,12 @@ def listed(project: Project) -> Listed:
     database = project.database
     there = {str(kind) for (kind,) in database.rows("SELECT kind FROM result")}
     return Listed(
-        project.id, title_of(project), changed_at(database.path),
-        tuple(kind for kind in RESULTS if kind in there), bool(interrupted(database)),
-    )  # fmt: skip
+        project.id,
+        title_of(project),
+        changed_at(database.path),
+        tuple(kind for kind in RESULTS if kind in there),
+        bool(interrupted(database)),
+    )
 
 
 def removed_projects(home: Path) -> list[Removed]:

@@ -99,8 +99,10 @@ class Checkpoints(Generic[T]):
         self._job.write()
         rows = self._job.database.rows(
             "SELECT content FROM finished WHERE kind = ? AND stage = ? AND key = ?",
-            self._job.record.kind, self._stage, key,
-        )  # fmt: skip
+            self._job.record.kind,
+            self._stage,
+            key,
+        )
         try:
             return self._unpack(bytes(rows[0][0]))
         except DAMAGED:
@@ -165,8 +167,9 @@ class RunningJob:
         now = self.record
         rows = db.execute(
             "UPDATE job SET at = ?, done = ?, total = ? WHERE kind = ? AND digest = ? "
-            "RETURNING cancel", [now.at, now.done, now.total, now.kind, now.digest],
-        ).fetchall()  # fmt: skip
+            "RETURNING cancel",
+            [now.at, now.done, now.total, now.kind, now.digest],
+        ).fetchall()
         if rows:
             db.executemany("INSERT OR REPLACE INTO finished VALUES (?, ?, ?, ?)", self._waiting)
         return bool(rows) and not rows[0][0]
@@ -207,8 +210,9 @@ def begin(
         db.execute(
             "INSERT INTO job (kind, digest, record, server) VALUES (?, ?, ?, ?) ON CONFLICT DO "
             "UPDATE SET record = excluded.record, server = excluded.server, at = 0, done = 0, "
-            "total = 0, sentence = '', cancel = 0", [kind, record.digest, text, server],
-        )  # fmt: skip
+            "total = 0, sentence = '', cancel = 0",
+            [kind, record.digest, text, server],
+        )
     _HERE.add(record.run)
     return RunningJob(database, record)
 
@@ -225,9 +229,17 @@ def find(database: Database, kind: str) -> tuple[State, Record] | None:
         content = json.loads(text)
         stages = tuple(str(stage) for stage in content["stages"])
         record = Record(
-            kind, stages, digest, content["work"], float(content["begun"]), str(content["run"]),
-            min(max(at, 0), len(stages) - 1), done, max(total, done), sentence,
-        )  # fmt: skip
+            kind,
+            stages,
+            digest,
+            content["work"],
+            float(content["begun"]),
+            str(content["run"]),
+            min(max(at, 0), len(stages) - 1),
+            done,
+            max(total, done),
+            sentence,
+        )
     except DAMAGED:
         return None  # it could not be resumed
     if sentence:

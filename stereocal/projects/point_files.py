@@ -174,17 +174,25 @@ class ProjectPoints:
         return Points(name, label, len(table), int(table["frame"].nunique()))
 
     def _keep_points(
-        self, side: CameraName, label: str, given: bytes, table: bytes, suffix: str,
+        self,
+        side: CameraName,
+        label: str,
+        given: bytes,
+        table: bytes,
+        suffix: str,
         answers: Answers | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         with tempfile.TemporaryDirectory(prefix="stereocal-") as folder:
             path = Path(folder) / f"table{suffix}"
             path.write_bytes(table)
             contents = PointTable(path, POINT, label).check()
         file = PointFile(
-            label, suffix, contents.rows, len(contents.frames),
+            label,
+            suffix,
+            contents.rows,
+            len(contents.frames),
             None if answers is None else answers.to_json(),
-        )  # fmt: skip
+        )
         with self.database.transaction():
             self._name(POINT_FILES, side, given, label, label)
             self._name(TABLES, side, table, label, asdict(file))

@@ -94,11 +94,13 @@ class Project:
             values = values_of(self.database, INPUT)
             files, labels = files_of(self.database, INPUT), about_files(self.database, INPUT)
         try:
-            return checked_inputs({
-                **{name: values[name] for name in VALUES if name in values},
-                "files": {slot: file.sha256 for slot, file in files.items()},
-                "labels": labels,
-            })  # fmt: skip
+            return checked_inputs(
+                {
+                    **{name: values[name] for name in VALUES if name in values},
+                    "files": {slot: file.sha256 for slot, file in files.items()},
+                    "labels": labels,
+                }
+            )
         except DAMAGED as error:
             raise DamagedError("What was given to the project is damaged.") from error
 
@@ -241,9 +243,7 @@ class Project:
             StereocalError: a file of the inputs was deleted meanwhile.
         """
         content = pack_calibration(calibration, dataclasses.asdict(inputs))
-        files = {
-            slot: StoredFile(digest, self.database) for slot, digest in inputs.files.items()
-        }  # fmt: skip
+        files = {slot: StoredFile(digest, self.database) for slot, digest in inputs.files.items()}
         with self.database.transaction():
             replace_files(self.database, CALIBRATED, files)
             keep_result(self.database, "calibration", content)

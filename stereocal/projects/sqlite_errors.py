@@ -75,10 +75,11 @@ def _translated(error: sqlite3.Error) -> Exception:
         sqlite3.SQLITE_TOOBIG: "A file is too large for a project.",
         sqlite3.SQLITE_NOMEM: "There is not enough memory for this.",
         **dict.fromkeys(
-            BUSY, "Another tab or server has been writing to this project for two minutes: wait, "
+            BUSY,
+            "Another tab or server has been writing to this project for two minutes: wait, "
             "and try again.",
         ),
-    }  # fmt: skip
+    }
     if code in sentences:
         return StereocalError(sentences[code])
     # Our queries are fixed, so other errors mean a damaged file.

@@ -209,9 +209,20 @@ def adjust(
     for step in range(most_steps + 1):
         fill_shared(origin, M, trial_p, q)
         trial = sum_normal_equations(
-            q, free, lenses, pixels, rays, distances, weight, length_weight, limits, trial_points,
-            trial_chi_squares, trial_H, trial_g,
-        ) + prior_cost(trial_p, precision)  # fmt: skip
+            q,
+            free,
+            lenses,
+            pixels,
+            rays,
+            distances,
+            weight,
+            length_weight,
+            limits,
+            trial_points,
+            trial_chi_squares,
+            trial_H,
+            trial_g,
+        ) + prior_cost(trial_p, precision)
         if trial <= cost or step == 0:
             cost = trial
             copy(trial_points, points)

@@ -270,7 +270,7 @@ def fit_points(
     """
     best = fill_residuals(
         q, R, T, lenses, pixels, distance, weight, length_weight, x, derivatives, J
-    )  # fmt: skip
+    )
     if not best < np.inf:
         return np.inf
     step, tried, damping = np.empty(OWN), np.empty(OWN), 0.0

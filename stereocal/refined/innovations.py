@@ -39,9 +39,20 @@ def bar_innovations(result: RefinedResult, rows: BoolArray) -> Innovations:
     weight, n = 1.0 / result.sigma_px.value, len(solve.frames)
     found, H = np.empty((n, 2)), np.empty((SHARED, SHARED))
     sum_normal_equations(
-        result.q, result.unknowns.free, result.lenses, solve.pixels, solve.rays, solve.distances,
-        weight, 0.0, np.full(n, np.inf), solve.points, np.empty(n), H, np.empty(SHARED),
-    )  # fmt: skip
+        result.q,
+        result.unknowns.free,
+        result.lenses,
+        solve.pixels,
+        solve.rays,
+        solve.distances,
+        weight,
+        0.0,
+        np.full(n, np.inf),
+        solve.points,
+        np.empty(n),
+        H,
+        np.empty(SHARED),
+    )
     length_innovations(
         result.q, result.lenses, solve.pixels, solve.distances, weight, solve.points, found
     )

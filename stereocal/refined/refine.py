@@ -176,9 +176,12 @@ class RefinedResult:
         stated = self.dataset.time_offset or TimeOffset()
         sigma = np.sqrt(np.diag(self.covariance)[[TIME, DRIFT]])
         return MeasuredOffset(
-            stated.frames + float(self.q[TIME]), stated.drift + float(self.q[DRIFT]),
-            stated.reference, float(sigma[0]), float(sigma[1]),
-        )  # fmt: skip
+            stated.frames + float(self.q[TIME]),
+            stated.drift + float(self.q[DRIFT]),
+            stated.reference,
+            float(sigma[0]),
+            float(sigma[1]),
+        )
 
     def apply(self, dataset: Dataset) -> Dataset:
         """A data set of the same rig, with the refined lenses instead of its own."""
@@ -241,11 +244,19 @@ def _check_lengths(result: RefinedResult) -> None:
     """
     settings, dataset = result.settings, result.dataset
     for what, factor, sigma, stated in (
-        ("baseline", result.pose.baseline / dataset.baseline_m,
-         baseline_sigma_m(dataset, settings), dataset.baseline_m),
-        ("distance between the targets", result.bar_factor,
-         distance_sigma_m(dataset, settings), dataset.target_distance_m),
-    ):  # fmt: skip
+        (
+            "baseline",
+            result.pose.baseline / dataset.baseline_m,
+            baseline_sigma_m(dataset, settings),
+            dataset.baseline_m,
+        ),
+        (
+            "distance between the targets",
+            result.bar_factor,
+            distance_sigma_m(dataset, settings),
+            dataset.target_distance_m,
+        ),
+    ):
         most = max(LARGEST_FACTOR, 1.0 + MOST_SIGMAS * sigma / stated)
         if np.isinf(sigma) or 1.0 / most < factor < most:
             continue
@@ -304,9 +315,13 @@ def robust_start(dataset: Dataset, rays: FloatArray) -> Pose | None:
         return None
     focal = float(np.sqrt(np.prod(dataset.pixel_scale[:, 0])))
     E, _ = cv2.findEssentialMat(
-        np.ascontiguousarray(rays[:2].T), np.ascontiguousarray(rays[2:].T), np.eye(3),
-        method=cv2.USAC_MAGSAC, prob=0.9999, threshold=2.0 / focal,
-    )  # fmt: skip
+        np.ascontiguousarray(rays[:2].T),
+        np.ascontiguousarray(rays[2:].T),
+        np.eye(3),
+        method=cv2.USAC_MAGSAC,
+        prob=0.9999,
+        threshold=2.0 / focal,
+    )
     if E is None or np.shape(E) != (3, 3):
         return None
     R, t, in_front = choose_pose(np.asarray(E, dtype=np.float64), rays)

@@ -237,19 +237,42 @@ class Solve:
 
     def _solve(self, limits: FloatArray, tolerance: float = TOLERANCE) -> None:
         self.cost, steps, self.converged = adjust(
-            self.unknowns.origin, self.unknowns.M, self.unknowns.free, self.unknowns.precision,
-            self.p, self.lenses, self.pixels, self.rays, self.distances, 1 / self.sigma_px,
-            1 / self.scatter, limits, self.points, self.chi_squares, self.H, tolerance,
+            self.unknowns.origin,
+            self.unknowns.M,
+            self.unknowns.free,
+            self.unknowns.precision,
+            self.p,
+            self.lenses,
+            self.pixels,
+            self.rays,
+            self.distances,
+            1 / self.sigma_px,
+            1 / self.scatter,
+            limits,
+            self.points,
+            self.chi_squares,
+            self.H,
+            tolerance,
             self.settings.maximum_steps,
-        )  # fmt: skip
+        )
         self.steps += steps
 
     def _evaluate(self, limits: FloatArray) -> None:
         sum_normal_equations(
-            self.q, self.unknowns.free, self.lenses, self.pixels, self.rays, self.distances,
-            1 / self.sigma_px, 1 / self.scatter, limits, self.points, self.chi_squares, self.H,
+            self.q,
+            self.unknowns.free,
+            self.lenses,
+            self.pixels,
+            self.rays,
+            self.distances,
+            1 / self.sigma_px,
+            1 / self.scatter,
+            limits,
+            self.points,
+            self.chi_squares,
+            self.H,
             np.empty(SHARED),
-        )  # fmt: skip
+        )
 
     def _estimate_noise(self, robust: bool = False) -> bool:
         """Estimate sigma_px from the pixel residuals alone, and then the scatter of the lengths.
@@ -262,9 +285,20 @@ class Solve:
         H = np.empty((SHARED, SHARED))
         used = np.where(self.outlying, 0.0, np.inf)
         sum_normal_equations(
-            self.q, self.unknowns.free, self.lenses, self.pixels, self.rays, self.distances,
-            1 / self.sigma_px, 0.0, used, points, chi_squares, H, np.empty(SHARED),
-        )  # fmt: skip
+            self.q,
+            self.unknowns.free,
+            self.lenses,
+            self.pixels,
+            self.rays,
+            self.distances,
+            1 / self.sigma_px,
+            0.0,
+            used,
+            points,
+            chi_squares,
+            H,
+            np.empty(SHARED),
+        )
         spent_px, spent_m = (0.0, 0.0) if robust else self._spent(H)
         if self.source_px == ESTIMATED:
             if robust:

@@ -85,21 +85,24 @@ def bring_into_step(dataset: Dataset, settings: RefineSettings) -> InStep:
     reference = float(np.round(dataset.correspondences.time_frame.mean()))
     recorded = dataset.shifted(TimeOffset(reference=reference))
     if np.isfinite(recorded.correspondences.motion[:, 0]).sum() < MINIMUM_ROWS:
-        return InStep(None, (
-            "The time offset between the cameras cannot be determined: too few points have "
-            "neighbours in time. Record the moving bar in consecutive frames; their recorded "
-            "numbers belong in the column time_frame."
-        ))  # fmt: skip
+        return InStep(
+            None,
+            (
+                "The time offset between the cameras cannot be determined: too few points have "
+                "neighbours in time. Record the moving bar in consecutive frames; their recorded "
+                "numbers belong in the column time_frame."
+            ),
+        )
     start, pose = _first_value(dataset, reference)
     fit = _fit(dataset, settings, start, pose)
     measured = fit.time_offset
     if not measured.sigma < MAXIMUM_SIGMA:
-        return InStep(None, (
+        note = (
             "The motion is too slow to tell the time offset between the cameras: its standard "
             f"error would be {rounded(measured.sigma)} frames. The points are used as recorded. "
-            "Move "
-            "the bar faster, or record fewer frames a second."
-        ))  # fmt: skip
+            "Move the bar faster, or record fewer frames a second."
+        )
+        return InStep(None, note)
     if measured.is_claimed(CLAIMED):
         note = f"{measured.sentence()} {_effect(fit)}"
         if not settings.time_drift and (drift := _drift(dataset, fit)):
@@ -108,11 +111,12 @@ def bring_into_step(dataset: Dataset, settings: RefineSettings) -> InStep:
             note += " This is at the end of the range searched: check which frames belong together."
         return InStep(fit, note)
     fit = refine(recorded, settings, fit.pose)
-    return InStep(fit, (
+    note = (
         "The cameras are in step, as far as the motion shows: the time offset is "
-        f"{fit.time_offset.interval(fit.time_offset.frames)} frame intervals. The points are used "
-        "as recorded."
-    ))  # fmt: skip
+        f"{fit.time_offset.interval(fit.time_offset.frames)} frame intervals. "
+        "The points are used as recorded."
+    )
+    return InStep(fit, note)
 
 
 def _effect(fit: RefinedResult) -> str:
@@ -203,10 +207,20 @@ def apparent_offset(fit: RefinedResult) -> MeasuredOffset | None:
     p = np.append(fit.p, 0.0)
     q, g = fit.q, np.empty(SHARED)
     sum_normal_equations(
-        q, unknowns.free, solve.lenses, solve.pixels, solve.rays, solve.distances,
-        1 / solve.sigma_px, 1 / solve.scatter, np.where(fit.outlying, 0.0, np.inf), solve.points,
-        solve.chi_squares, solve.H, g,
-    )  # fmt: skip
+        q,
+        unknowns.free,
+        solve.lenses,
+        solve.pixels,
+        solve.rays,
+        solve.distances,
+        1 / solve.sigma_px,
+        1 / solve.scatter,
+        np.where(fit.outlying, 0.0, np.inf),
+        solve.points,
+        solve.chi_squares,
+        solve.H,
+        g,
+    )
     C = unknowns.covariance(solve.H)
     step = -C @ (unknowns.M.T @ g + unknowns.precision @ p)
     # Of what the offset does not explain: bars that are waved by cameras out of step have errors

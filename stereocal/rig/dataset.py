@@ -70,11 +70,19 @@ class Correspondences:
         n = len(self.frame)
         self._fill_in_times()
         shapes = {
-            "target": (n,), "primary": (n, 2), "secondary": (n, 2),
-            "distance_m": (n,), "known_points_m": (n, 3),
-            "sigma_primary_px": (n,), "sigma_secondary_px": (n,), "source": (n,), "line": (n,),
-            "time_frame": (n,), "recorded": (n, 2), "motion": (n, 3),
-        }  # fmt: skip
+            "target": (n,),
+            "primary": (n, 2),
+            "secondary": (n, 2),
+            "distance_m": (n,),
+            "known_points_m": (n, 3),
+            "sigma_primary_px": (n,),
+            "sigma_secondary_px": (n,),
+            "source": (n,),
+            "line": (n,),
+            "time_frame": (n,),
+            "recorded": (n, 2),
+            "motion": (n, 3),
+        }
         for name, shape in shapes.items():
             if getattr(self, name).shape != shape:
                 raise StereocalError(
@@ -381,10 +389,16 @@ class Dataset:
             "target_distance_m": self.target_distance_m,
             "rows": [
                 getattr(rows, name).tolist()
-                for name in ("frame", "target", "primary", "recorded_secondary", "distance_m",
-                             "known_points_m")
+                for name in (
+                    "frame",
+                    "target",
+                    "primary",
+                    "recorded_secondary",
+                    "distance_m",
+                    "known_points_m",
+                )
             ],
-        }  # fmt: skip
+        }
         if rows.has_times:
             content["time_frame"] = rows.time_frame.tolist()
         if rows.has_sigmas:

@@ -13,8 +13,12 @@ from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose, triangulate_rays
 
 METRES_PER: Mapping[str, float] = {
-    "m": 1.0, "cm": 0.01, "mm": 0.001, "inches": 0.0254, "feet": 0.3048,
-}  # fmt: skip
+    "m": 1.0,
+    "cm": 0.01,
+    "mm": 0.001,
+    "inches": 0.0254,
+    "feet": 0.3048,
+}
 """Metres per unit in which lengths are measured."""
 LONG_M, LONG_BAR_M = 50.0, 20.0
 """A longer baseline or depth, and a longer bar, are asked about: rare, but not impossible."""

@@ -82,10 +82,12 @@ class MeasuredOffset(TimeOffset):
         try:
             own, drift = data["time_offset_frames"], data.get("time_drift") or {}
             found = cls(
-                float(own["value"]), float(drift.get("value", 0.0)),
-                float(drift.get("reference_frame", 0.0)), float(own["standard_error"]),
+                float(own["value"]),
+                float(drift.get("value", 0.0)),
+                float(drift.get("reference_frame", 0.0)),
+                float(own["standard_error"]),
                 float(drift.get("standard_error", 0.0)),
-            )  # fmt: skip
+            )
         except DAMAGED as error:
             raise StereocalError(f"{source}: the time offset is damaged ({error}).") from error
         numbers = [found.frames, found.drift, found.reference, found.sigma, found.drift_sigma]

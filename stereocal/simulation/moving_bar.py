@@ -96,10 +96,17 @@ def record(
         rig.pose.apply(bar.ends_m(recorded + late).reshape(-1, 3)),
     )
     cameras = rig.primary, rig.secondary
-    seen = np.all(
-        [in_view(camera, own, bar.depths_m, MARGIN_PX)
-         for camera, own in zip(cameras, points, strict=True)], axis=0,
-    ).reshape(-1, 2).all(axis=1)  # fmt: skip
+    seen = (
+        np.all(
+            [
+                in_view(camera, own, bar.depths_m, MARGIN_PX)
+                for camera, own in zip(cameras, points, strict=True)
+            ],
+            axis=0,
+        )
+        .reshape(-1, 2)
+        .all(axis=1)
+    )
     kept = np.repeat(seen, 2)
     primary, secondary = (
         camera.project(own[kept]) + noise_px * rng.standard_normal((np.count_nonzero(kept), 2))
@@ -107,9 +114,12 @@ def record(
     )
     count = int(np.count_nonzero(seen))
     rows = Correspondences.from_arrays(
-        np.repeat(np.arange(1, count + 1), 2), "AB" * count, primary, secondary,
+        np.repeat(np.arange(1, count + 1), 2),
+        "AB" * count,
+        primary,
+        secondary,
         time_frame=np.repeat(recorded[seen], 2),
-    )  # fmt: skip
+    )
     stated = nominal or Nominal.exact(Scene(rig, bar.ends_m(recorded[:1])))
     return Dataset(
         name, stated.primary, stated.secondary, rows, stated.baseline_m, stated.target_distance_m

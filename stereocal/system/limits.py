@@ -45,10 +45,12 @@ class Limits:
             StereocalError: a value that is not a number, or below 1.
         """
         variables = os.environ if environment is None else environment
-        return cls(**{
-            name: number_given(variables, variable, getattr(cls, name), least=1.0)
-            for name, variable in VARIABLES.items()
-        })  # fmt: skip
+        return cls(
+            **{
+                name: number_given(variables, variable, getattr(cls, name), least=1.0)
+                for name, variable in VARIABLES.items()
+            }
+        )
 
     def check_count(self, count: int, source: str) -> None:
         """Raise a `StereocalError` for too many files at once."""

@@ -150,9 +150,13 @@ def chunks_of_file(
         StereocalError: a row has too many cells, or the file cannot be read.
     """
     options = {
-        "header": 0, "index_col": False, "encoding": "utf-8-sig", "chunksize": rows,
-        "skip_blank_lines": False, "on_bad_lines": "error",
-    }  # fmt: skip
+        "header": 0,
+        "index_col": False,
+        "encoding": "utf-8-sig",
+        "chunksize": rows,
+        "skip_blank_lines": False,
+        "on_bad_lines": "error",
+    }
     for chunk in _read(path, delimiter, names, source, options):
         chunk.index += 2  # line 1 names the columns
         yield chunk
@@ -205,9 +209,12 @@ def is_missing(column: pd.Series[Any], empty: frozenset[str] = MISSING) -> npt.N
 
 
 def _read(
-    file: Path | io.StringIO, delimiter: str, names: Sequence[Any], source: str,
+    file: Path | io.StringIO,
+    delimiter: str,
+    names: Sequence[Any],
+    source: str,
     options: Mapping[str, Any],
-) -> Iterator[pd.DataFrame]:  # fmt: skip
+) -> Iterator[pd.DataFrame]:
     every: dict[str, Any] = {"header": None, **options}
     try:
         found: Any = pd.read_csv(

@@ -22,9 +22,18 @@ LISTED_BYTES = 3_300
 _LISTED = b"PK\x01\x02"
 
 DAMAGED_ZIP = (
-    zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError, ValueError, OSError,
-    OverflowError, IndexError, struct.error, zlib.error, lzma.LZMAError,
-)  # fmt: skip
+    zipfile.BadZipFile,
+    NotImplementedError,
+    RuntimeError,
+    EOFError,
+    ValueError,
+    OSError,
+    OverflowError,
+    IndexError,
+    struct.error,
+    zlib.error,
+    lzma.LZMAError,
+)
 """Exceptions of `zipfile` and its decompressors on damaged content."""
 
 

@@ -200,11 +200,12 @@ def _take_points(project: Project, store: ProjectApplication, side: CameraName) 
         again = callback(store.ask_again)
         st.button("Read it differently", key=f"again_{side}", on_click=again, args=(side,))
     upload = st.file_uploader(
-        f"Points of the {side} camera", type=["csv", "txt", "tsv", "parquet", "h5", "hdf5", "mat"],
+        f"Points of the {side} camera",
+        type=["csv", "txt", "tsv", "parquet", "h5", "hdf5", "mat"],
         key=f"upload_points_{side}",
         help="A table frame,u,v with further columns, or a file of Argus, easyWand, DLTdv, "
         "DeepLabCut (CSV), SLEAP (CSV or analysis HDF5), Tracktor, TrackMate or another program.",
-    )  # fmt: skip
+    )
     if upload is not None and is_new(upload):
         with taking(upload):
             check_uploads([upload])
@@ -244,14 +245,21 @@ def bring_up_to_date(project: Project, store: ProjectApplication, work: Applicat
     elif not (jobs.is_running(project, "apply") or jobs.can_go_on(job)):
         st.button(
             f"Match and measure ({work.primary.rows:,} and {work.secondary.rows:,} points)",
-            type="primary", key="apply_run", on_click=jobs.start, args=(job,),
-        )  # fmt: skip
+            type="primary",
+            key="apply_run",
+            on_click=jobs.start,
+            args=(job,),
+        )
     last = "Cancelled. What is shown is the last finished result."
     jobs.show_job(project, "apply", last, job)
 
 
 def _run(store: ProjectApplication, work: Application, job: jobs.Job) -> bool:
     return store.run(
-        work, job.begin, job.progress, lambda: job.cancelled, job.executor,
+        work,
+        job.begin,
+        job.progress,
+        lambda: job.cancelled,
+        job.executor,
         job.checkpoints("blocks", pack_block, unpack_block),
-    )  # fmt: skip
+    )

@@ -35,9 +35,12 @@ _PLAYING = "apply_playing"
 
 
 def show_frames(
-    project: Project, store: ProjectApplication, outcome: Outcome,
-    pairs: pd.DataFrame, points: pd.DataFrame,
-) -> None:  # fmt: skip
+    project: Project,
+    store: ProjectApplication,
+    outcome: Outcome,
+    pairs: pd.DataFrame,
+    points: pd.DataFrame,
+) -> None:
     """The matches of one frame in both images, and all points in space."""
     playing = _PLAYING in st.session_state
     draw = fragment(_draw, run_every=STEP_S if playing else None)
@@ -45,9 +48,13 @@ def show_frames(
 
 
 def _draw(
-    project: Project, store: ProjectApplication, outcome: Outcome,
-    pairs: pd.DataFrame, points: pd.DataFrame, playing: bool,
-) -> None:  # fmt: skip
+    project: Project,
+    store: ProjectApplication,
+    outcome: Outcome,
+    pairs: pd.DataFrame,
+    points: pd.DataFrame,
+    playing: bool,
+) -> None:
     if playing != (_PLAYING in st.session_state):
         st.rerun()  # the whole page: the timer is set where the fragment is called
     tables = [whole_table(store, name, name) for name in outcome.tables]
@@ -110,9 +117,13 @@ def _choose_frame(
         for label, key, to in (("Previous", "p", before), ("Next", "n", after)):
             there = 0 <= to < len(frames)
             st.button(
-                label, key=f"apply_{label.lower()}", shortcut=key, disabled=not there,
-                on_click=callback(field.set), args=(frames[to] if there else None,),
-            )  # fmt: skip
+                label,
+                key=f"apply_{label.lower()}",
+                shortcut=key,
+                disabled=not there,
+                on_click=callback(field.set),
+                args=(frames[to] if there else None,),
+            )
         _play_button(field, frames)
     return frame
 
@@ -130,10 +141,14 @@ def _step(field: Field, frames: list[int]) -> None:
 def _play_button(field: Field, frames: list[int]) -> None:
     playing = _PLAYING in st.session_state
     st.button(
-        "Pause" if playing else "Play", key="apply_play", width=110, shortcut="k",
+        "Pause" if playing else "Play",
+        key="apply_play",
+        width=110,
+        shortcut="k",
         icon=":material/pause:" if playing else ":material/play_arrow:",
-        on_click=_pause if playing else _play, args=() if playing else (field, frames),
-    )  # fmt: skip
+        on_click=_pause if playing else _play,
+        args=() if playing else (field, frames),
+    )
 
 
 def _play(field: Field, frames: list[int]) -> None:

@@ -70,9 +70,12 @@ def show_application(project: Project, store: ProjectApplication, chosen: Chosen
 
 
 def _show_result(
-    project: Project, store: ProjectApplication, outcome: Outcome, files: dict[str, StoredFile],
+    project: Project,
+    store: ProjectApplication,
+    outcome: Outcome,
+    files: dict[str, StoredFile],
     work: Application | None,
-) -> Tables | None:  # fmt: skip
+) -> Tables | None:
     """Answer, figures and downloads."""
     if work is None or outcome.digest != work.digest:
         st.warning(
@@ -121,9 +124,15 @@ def _show_looks(
 
 def _download(file: StoredFile, name: str, kind: Literal["primary", "secondary"]) -> None:
     st.download_button(
-        f"Download {name}", on_demand(file.read_bytes, name, "text/csv"), name, "text/csv",
-        on_click="ignore", icon=":material/download:", key=f"download_{name}", type=kind,
-    )  # fmt: skip
+        f"Download {name}",
+        on_demand(file.read_bytes, name, "text/csv"),
+        name,
+        "text/csv",
+        on_click="ignore",
+        icon=":material/download:",
+        key=f"download_{name}",
+        type=kind,
+    )
 
 
 def _show_lengths(project: Project, points: pd.DataFrame, known_m: float | None) -> None:
@@ -137,26 +146,32 @@ def _show_lengths(project: Project, points: pd.DataFrame, known_m: float | None)
         return
     left, right = st.columns(2)
     way = left.selectbox(
-        "Points are told apart by", ways,
+        "Points are told apart by",
+        ways,
         **setting(project, "apply_way", ways[0], one_of(ways)).widget(),
-    )  # fmt: skip
+    )
     length = setting(project, "apply_known", known_m, number(0.0, or_none=True))
     known = right.number_input(
-        "Known length (m)", min_value=0.0, value=None, format="%.6g",
-        placeholder="measured length", **length.widget(),
-    )  # fmt: skip
+        "Known length (m)",
+        min_value=0.0,
+        value=None,
+        format="%.6g",
+        placeholder="measured length",
+        **length.widget(),
+    )
     ends = ("", "")
     if way != TWO:
         names = sorted(points[way].dropna().astype(str).unique(), key=_by_number)
         first, second = (
             column.selectbox(
-                title, names,
+                title,
+                names,
                 **setting(project, f"apply_{title.lower()}_{way}", name, one_of(names)).widget(),
             )
             for title, name, column in zip(
                 ("From", "To"), names[:1] + names[1:2], st.columns(2), strict=True
             )
-        )  # fmt: skip
+        )
         ends = (first, second)
     if known is None:
         st.info("Give the known length.")
@@ -197,8 +212,9 @@ def _show_words(store: ProjectApplication, outcome: Outcome, tables: Tables | No
             f"--threshold {outcome.threshold_px!r}{sigma}{depths} --out {PAIRS}\n"
             f"python -m stereocal reconstruct {PAIRS} --parameters {measure_with} "
             f"{'' if outcome.world is None else f'--world {WORLD_FILE} '}--out {POINTS}",
-            language="shell", wrap_lines=True,
-        )  # fmt: skip
+            language="shell",
+            wrap_lines=True,
+        )
         with st.container(horizontal=True):
             for table, name in zip(outcome.tables, names, strict=True):
                 _download(store.table(table), name, "secondary")

@@ -55,12 +55,16 @@ class ThresholdForm:
         noise = None if usual is None else usual.noise
         by = "for targets" if noise is None or noise.source == "calibration" else "by the points"
         threshold_at.number_input(
-            "below (px)", min_value=0.0, value=None, step=0.1, format="%.4g",
+            "below (px)",
+            min_value=0.0,
+            value=None,
+            step=0.1,
+            format="%.4g",
             placeholder=f"{rounded(usual.threshold_px, 3)}, {by}" if usual else "none",
             help="Threshold: largest reprojection error of a pair, mean over both cameras. Empty: "
             "by the noise of your points.",
             **stated.widget(),
-        )  # fmt: skip
+        )
         otherwise = "by their column sigma_px, or estimated from their epipolar errors"
         with noise_at:
             return found, ask_noise(sigma, noise or "", otherwise)
@@ -153,16 +157,15 @@ def _depth_fields(project: Project) -> tuple[Field, Field, Field]:
 def _show_depths(project: Project) -> None:
     only, *ends = _depth_fields(project)
     st.toggle(
-        "Only points at some depths", **only.widget(),
+        "Only points at some depths",
+        **only.widget(),
         help="Where it is known how far away the points are, fewer wrong pairs fit.",
-    )  # fmt: skip
+    )
     if only.value():
         for title, field, column in zip(
             ("Nearest (m)", "Farthest (m)"), ends, st.columns(2), strict=True
         ):
-            column.number_input(
-                title, min_value=0.0, value=None, format="%.6g", **field.widget()
-            )  # fmt: skip
+            column.number_input(title, min_value=0.0, value=None, format="%.6g", **field.widget())
 
 
 def whole_table(store: ProjectApplication, name: str, label: str) -> pd.DataFrame:

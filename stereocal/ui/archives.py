@@ -58,9 +58,11 @@ def ask_about_archive(store: ProjectApplication) -> None:
         if found is not None:
             _show(found, known)
         ask_buttons(
-            store, "archive", None if found is None else lambda: _use(store, label, found),
+            store,
+            "archive",
+            None if found is None else lambda: _use(store, label, found),
             "Use what was found",
-        )  # fmt: skip
+        )
 
 
 def _gathered(content: bytes, label: str, options: ArchiveOptions, known: bool) -> Archive:
@@ -82,19 +84,24 @@ def _form(project: Project, label: str, content: bytes) -> ArchiveOptions:
     with st.expander("Say what the file does not, or has wrong"):
         left, middle, right = st.columns(3)
         unit = left.selectbox(
-            "Unit of its lengths", [AS_STATED, *UNITS],
+            "Unit of its lengths",
+            [AS_STATED, *UNITS],
             **setting(project, "archive_unit", AS_STATED, one_of([AS_STATED, *UNITS])).widget(),
-        )  # fmt: skip
+        )
         sides = [
             column.number_input(
-                title, min_value=1, value=None, step=1, placeholder=AS_STATED,
+                title,
+                min_value=1,
+                value=None,
+                step=1,
+                placeholder=AS_STATED,
                 **setting(project, key, None, number(1, or_none=True)).widget(),
             )
             for column, title, key in (
                 (middle, "Image width (px)", "archive_width"),
                 (right, "Image height (px)", "archive_height"),
             )
-        ]  # fmt: skip
+        ]
         usual = st.toggle(
             "Four distortion coefficients are k1 k2 p1 p2, not a fisheye's",
             **setting(project, "archive_usual_lens", False, yes_or_no).widget(),
@@ -132,9 +139,13 @@ def _show(found: Archive, baseline_known: bool) -> None:
         st.caption("It has no baseline: enter the measured one below, or say that there is none.")
     if found.throw is not None:
         st.download_button(
-            "The thrown object, for a world frame", found.throw.to_csv(index=False), THROW,
-            "text/csv", on_click="ignore", icon=":material/download:",
-        )  # fmt: skip
+            "The thrown object, for a world frame",
+            found.throw.to_csv(index=False),
+            THROW,
+            "text/csv",
+            on_click="ignore",
+            icon=":material/download:",
+        )
 
 
 def _use(store: ProjectApplication, label: str, found: Archive) -> None:

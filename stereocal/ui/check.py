@@ -157,15 +157,25 @@ def _smallest(project: Project, left: DeltaGenerator, right: DeltaGenerator) -> 
     baseline = setting(project, "check_baseline_percent", 100 * usual.baseline, number(0.001, 50.0))
     with left:
         st.number_input(
-            "Turn that matters (°)", 0.001, 90.0, step=0.05, format="%.4g",
-            help="“Same” is reported only if such a turn would have been found.", **turn.widget(),
-        )  # fmt: skip
+            "Turn that matters (°)",
+            0.001,
+            90.0,
+            step=0.05,
+            format="%.4g",
+            help="“Same” is reported only if such a turn would have been found.",
+            **turn.widget(),
+        )
     with right:
         st.number_input(
-            "Baseline change (%)", 0.001, 50.0, step=0.1, format="%.4g",
+            "Baseline change (%)",
+            0.001,
+            50.0,
+            step=0.1,
+            format="%.4g",
             help="“Same” is reported only if such a change of the baseline would have been found. "
-            "Matched points alone do not show it.", **baseline.widget(),
-        )  # fmt: skip
+            "Matched points alone do not show it.",
+            **baseline.widget(),
+        )
     return Smallest(float(np.radians(turn.value())), baseline.value() / 100)
 
 
@@ -193,11 +203,13 @@ def _take_files(
 
 def _take_images(store: ProjectCheck, rig: RigParameters | None) -> None:
     upload = st.file_uploader(
-        "New bars or matched points", type=TABLES, key="upload_check_images",
+        "New bars or matched points",
+        type=TABLES,
+        key="upload_check_images",
         help="A data set as a zip with dataset.json; or a table of bars like "
         "correspondences.csv; or matched points alone, like pairs.csv of Apply. Five bars or 50 "
         "points are a good start.",
-    )  # fmt: skip
+    )
     if upload is not None and is_new(upload):
         with taking(upload), st.spinner("Reading."):
             check_uploads([upload])
@@ -225,9 +237,13 @@ def show_check(chosen: Chosen) -> None:
         st.download_button(
             f"{REPAIRED} · for both",
             on_demand(lambda: repaired_parameters(found, sha256).dumps(), REPAIRED, JSON),
-            REPAIRED, JSON, on_click="ignore", type="primary", icon=":material/download:",
+            REPAIRED,
+            JSON,
+            on_click="ignore",
+            type="primary",
+            icon=":material/download:",
             key="download_repaired",
-        )  # fmt: skip
+        )
         st.caption(
             "To match and to measure, until the rig is calibrated again. On the Apply page, give "
             "it as a parameter file."

@@ -48,9 +48,13 @@ def choose_frame(project: Project, calibration: Calibration) -> int:
         ):
             there = 0 <= to < len(numbers)
             st.button(
-                label, icon=icon, key=label.lower().replace(" ", "_"), disabled=not there,
-                on_click=callback(field.set), args=(numbers[to] if there else None,),
-            )  # fmt: skip
+                label,
+                icon=icon,
+                key=label.lower().replace(" ", "_"),
+                disabled=not there,
+                on_click=callback(field.set),
+                args=(numbers[to] if there else None,),
+            )
         _actions(project, calibration, numbers[at])
     return numbers[at]
 
@@ -62,27 +66,39 @@ def _actions(project: Project, calibration: Calibration, frame: int) -> None:
     back = frame in screening.left_out and frame not in inputs.put_back
     if back or frame in inputs.left_out:
         st.button(
-            "Put it back", key="frame_put_back", icon=":material/undo:",
-            on_click=put_back, args=(project, frame),
+            "Put it back",
+            key="frame_put_back",
+            icon=":material/undo:",
+            on_click=put_back,
+            args=(project, frame),
             help="The result is made again at once.",
-        )  # fmt: skip
+        )
     else:
         st.button(
-            "Leave it out", key="frame_leave_out", icon=":material/close:",
-            on_click=leave_out, args=(project, frame),
+            "Leave it out",
+            key="frame_leave_out",
+            icon=":material/close:",
+            on_click=leave_out,
+            args=(project, frame),
             help="The result is made again at once.",
-        )  # fmt: skip
+        )
     if frame in screening.exchanged:
         st.button(
-            "Exchange A and B", key="frame_exchange", icon=":material/swap_horiz:",
-            on_click=exchange_again, args=(project, frame),
+            "Exchange A and B",
+            key="frame_exchange",
+            icon=":material/swap_horiz:",
+            on_click=exchange_again,
+            args=(project, frame),
             help="In the secondary image. The result is made again at once.",
-        )  # fmt: skip
+        )
     if photographed(project) and st.button(
-        "Correct it", key="frame_correct", icon=":material/edit:",
-        on_click=look_closely, args=(ProjectPhotographs(project), frame),
+        "Correct it",
+        key="frame_correct",
+        icon=":material/edit:",
+        on_click=look_closely,
+        args=(ProjectPhotographs(project), frame),
         help="Its photographs on the Data page.",
-    ):  # fmt: skip
+    ):
         st.switch_page("pages/data.py")
 
 

@@ -105,9 +105,12 @@ def _show_frames(project: Project, found: Calibration, answer: Answer | None) ->
     chosen = frame_field(project, found)
     st.caption("Click on a point to open its frame below.")
     show_figure(
-        plot_frame_errors(found, chosen.value()), describe_frame_errors(found), CHART,
-        on_select=partial(_clicked, project, found), selection_mode="points",
-    )  # fmt: skip
+        plot_frame_errors(found, chosen.value()),
+        describe_frame_errors(found),
+        CHART,
+        on_select=partial(_clicked, project, found),
+        selection_mode="points",
+    )
     with scrolled_part(OPENED):
         frame = choose_frame(project, found)
         views = views_of(found, frame)
@@ -135,9 +138,11 @@ def _show_image(
 ) -> None:
     st.markdown(f"**{CAMERAS[camera].capitalize()}**")
     show_figure(
-        plot_image(views, method, camera, photograph), describe_image(views, method, camera),
-        f"image_{CAMERAS[camera]}", fold=False,
-    )  # fmt: skip
+        plot_image(views, method, camera, photograph),
+        describe_image(views, method, camera),
+        f"image_{CAMERAS[camera]}",
+        fold=False,
+    )
 
 
 def _show_two_sets(project: Project, found: Calibration, _answer: Answer | None) -> None:

@@ -51,8 +51,9 @@ def show_contact_sheet(
     sheet = 1
     if sheets > 1:
         of_all = setting(store.project, "sheet", 1, number(1, sheets), tabs_own=True)
-        sheet = st.number_input(f"Sheet (of {sheets})", 1, sheets, step=1, width=200,
-                                **of_all.widget())  # fmt: skip
+        sheet = st.number_input(
+            f"Sheet (of {sheets})", 1, sheets, step=1, width=200, **of_all.widget()
+        )
     on_it = shown[(sheet - 1) * ON_A_SHEET : sheet * ON_A_SHEET]
     for start in range(0, len(on_it), COLUMNS):
         for frame, column in zip(on_it[start:], st.columns(COLUMNS), strict=False):
@@ -80,13 +81,20 @@ def _show_frame(
     st.session_state[key] = frame.use
     with st.container(horizontal=True, vertical_alignment="center"):
         st.checkbox(
-            "Use this frame", key=key, disabled=running or not frame.targets_in_both,
-            on_change=_choose, args=(store, frame.frame, key),
-        )  # fmt: skip
+            "Use this frame",
+            key=key,
+            disabled=running or not frame.targets_in_both,
+            on_change=_choose,
+            args=(store, frame.frame, key),
+        )
         st.button(
-            "Look closely", key=f"look_{frame.frame}", type="tertiary",
-            icon=":material/zoom_in:", on_click=look_closely, args=(frame.frame,),
-        )  # fmt: skip
+            "Look closely",
+            key=f"look_{frame.frame}",
+            type="tertiary",
+            icon=":material/zoom_in:",
+            on_click=look_closely,
+            args=(frame.frame,),
+        )
 
 
 def _choose(store: ProjectPhotographs, number: int, key: str) -> None:

@@ -34,20 +34,61 @@ class _Number:
 
 PAPER = SearchSettings()
 NUMBERS = (
-    _Number("delta", "First step Δ (rad)", PAPER.delta, 1e-9, 0.5,
-            "How far an angle is moved at first. Paper: 0.001 rad.", "%.10g"),
-    _Number("delta_min", "Smallest step Δ min (rad)", PAPER.delta_min, 1e-12, 0.5,
-            "The search ends when the step is smaller. Paper: 0.000001 rad.", "%.10g"),
-    _Number("acceptance", "Acceptance ratio", PAPER.acceptance, 0.01, 0.99,
-            "The step shrinks when fewer moves than this part are accepted. Paper: 0.2.", "%.10g"),
-    _Number("shrink", "Shrink factor", PAPER.shrink, 0.01, 0.99,
-            "What the step is multiplied by when it shrinks. Paper: 0.75.", "%.10g"),
-    _Number("minimum_moves", "Minimum moves", PAPER.minimum_moves, 1, 100_000,
-            "Moves at one step before the ratio is looked at. Paper: 1, to the letter; 20 is "
-            "steadier.", "%d"),
-    _Number("seed", "Seed", PAPER.seed, 0, 2**31 - 1,
-            "Source of the random numbers: the same seed gives the same files.", "%d"),
-)  # fmt: skip
+    _Number(
+        "delta",
+        "First step Δ (rad)",
+        PAPER.delta,
+        1e-9,
+        0.5,
+        "How far an angle is moved at first. Paper: 0.001 rad.",
+        "%.10g",
+    ),
+    _Number(
+        "delta_min",
+        "Smallest step Δ min (rad)",
+        PAPER.delta_min,
+        1e-12,
+        0.5,
+        "The search ends when the step is smaller. Paper: 0.000001 rad.",
+        "%.10g",
+    ),
+    _Number(
+        "acceptance",
+        "Acceptance ratio",
+        PAPER.acceptance,
+        0.01,
+        0.99,
+        "The step shrinks when fewer moves than this part are accepted. Paper: 0.2.",
+        "%.10g",
+    ),
+    _Number(
+        "shrink",
+        "Shrink factor",
+        PAPER.shrink,
+        0.01,
+        0.99,
+        "What the step is multiplied by when it shrinks. Paper: 0.75.",
+        "%.10g",
+    ),
+    _Number(
+        "minimum_moves",
+        "Minimum moves",
+        PAPER.minimum_moves,
+        1,
+        100_000,
+        "Moves at one step before the ratio is looked at. Paper: 1, to the letter; 20 is steadier.",
+        "%d",
+    ),
+    _Number(
+        "seed",
+        "Seed",
+        PAPER.seed,
+        0,
+        2**31 - 1,
+        "Source of the random numbers: the same seed gives the same files.",
+        "%d",
+    ),
+)
 
 
 SLIDERS = ("delta", "acceptance")
@@ -63,9 +104,11 @@ def settings_form(project: Project, dataset: Dataset) -> dict[str, Any]:
         if frames > 1:
             st.slider(
                 "Frames to calibrate with (the others test the result)",
-                1, frames, **_frames_field(project, frames).widget(),
+                1,
+                frames,
+                **_frames_field(project, frames).widget(),
                 help=f"All {frames}, or fewer, drawn at random. Paper: 20 of 25.",
-            )  # fmt: skip
+            )
         _numbers(project)
     return form_values(project, dataset)
 
@@ -112,9 +155,12 @@ def search_form(project: Project) -> None:
         delta.title, steps, format_func="{:g}".format, help=delta.help, **fields["delta"].widget()
     )
     right.slider(
-        acceptance.title, *acceptance.bounds, step=0.01, help=acceptance.help,
+        acceptance.title,
+        *acceptance.bounds,
+        step=0.01,
+        help=acceptance.help,
         **fields["acceptance"].widget(),
-    )  # fmt: skip
+    )
     with st.expander("Other settings of the search"):
         _numbers(project, without=SLIDERS)
 
@@ -125,29 +171,39 @@ def _numbers(project: Project, without: Collection[str] = ()) -> None:
     for at, each in enumerate(each for each in NUMBERS if each.key not in without):
         kind = type(each.default)
         columns[at % 3].number_input(
-            each.title, *each.bounds, format=each.format, help=each.help,
-            step=kind(1) if kind is int else each.default / 10, **fields[each.key].widget(),
-        )  # fmt: skip
+            each.title,
+            *each.bounds,
+            format=each.format,
+            help=each.help,
+            step=kind(1) if kind is int else each.default / 10,
+            **fields[each.key].widget(),
+        )
     st.segmented_control(
-        "Solver of the essential matrix", SOLVERS, required=True,
+        "Solver of the essential matrix",
+        SOLVERS,
+        required=True,
         help="Constrained: the best essential matrix. Linear: the textbook's 8-point estimate "
-        "alone, as the start of the searches.", **fields["essential"].widget(),
-    )  # fmt: skip
+        "alone, as the start of the searches.",
+        **fields["essential"].widget(),
+    )
     st.toggle(
-        "Trust every frame, as the paper does", **fields["all_frames"].widget(),
+        "Trust every frame, as the paper does",
+        **fields["all_frames"].widget(),
         help="Otherwise frames that contradict the others are left out.",
-    )  # fmt: skip
+    )
     st.toggle(
-        "Find the time offset between the cameras", **fields["time_offset"].widget(),
+        "Find the time offset between the cameras",
+        **fields["time_offset"].widget(),
         help="For cameras that are not quite in step: how many frames later the secondary takes "
         "its frames. Its points are shifted by that. Needs a bar that moves, in consecutive "
         "frames.",
-    )  # fmt: skip
+    )
     if fields["time_offset"].value():
         st.toggle(
-            "Find its drift too", **fields["time_drift"].widget(),
+            "Find its drift too",
+            **fields["time_drift"].widget(),
             help="For long recordings by cameras that each run by their own clock.",
-        )  # fmt: skip
+        )
 
 
 def settings_of(values: dict[str, Any]) -> CalibrationSettings:

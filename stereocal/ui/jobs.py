@@ -251,10 +251,14 @@ def progress_so_far(record: Record) -> str:
 
 def _show_interrupted(project: Project, kind: Kind, record: Record, work: Work | None) -> None:
     same = work is not None and record.digest == stored_jobs.digest_of(kind, work.about)
-    changed = "" if same else (
-        " The data, the settings or the program have changed since, so it can only be started "
-        "again; or set them back, and it can go on."
-    )  # fmt: skip
+    changed = (
+        ""
+        if same
+        else (
+            " The data, the settings or the program have changed since, so it can only be started "
+            "again; or set them back, and it can go on."
+        )
+    )
     st.warning(f"The server stopped while this ran. {progress_so_far(record)}{changed}")
     with st.container(horizontal=True):
         if same:

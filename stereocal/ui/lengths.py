@@ -37,9 +37,14 @@ def length_field(project: Project | None, name: str, label: str) -> None:
     length = _Length(project, name)
     field, choice = st.columns([3, 1], vertical_alignment="bottom")
     field.number_input(
-        label, min_value=0.0, value=None, step=None, format="%.10g",
-        placeholder="measured length", **length.number.widget(),
-    )  # fmt: skip
+        label,
+        min_value=0.0,
+        value=None,
+        step=None,
+        format="%.10g",
+        placeholder="measured length",
+        **length.number.widget(),
+    )
     choice.selectbox("Unit", list(METRES_PER), **length.unit.widget())
 
 
@@ -72,15 +77,19 @@ def show_rig(project: Project, dataset: Dataset) -> None:
     st.warning(escape_markdown(question))
     with st.container(horizontal=True):
         st.button(
-            "They are in metres", key="in_metres",
-            on_click=callback(project.keep_settings), args=({KEPT_ANSWER: stated},),
-        )  # fmt: skip
+            "They are in metres",
+            key="in_metres",
+            on_click=callback(project.keep_settings),
+            args=({KEPT_ANSWER: stated},),
+        )
         own = dataset.baseline_is_free or np.isfinite(dataset.correspondences.distance_m).any()
         for unit in () if own else units_that_fit(dataset):
             st.button(
-                f"They are in {unit}", key=f"in_{unit}",
-                on_click=callback(take_unit), args=(project, unit),
-            )  # fmt: skip
+                f"They are in {unit}",
+                key=f"in_{unit}",
+                on_click=callback(take_unit),
+                args=(project, unit),
+            )
 
 
 def take_unit(project: Project, unit: str) -> None:

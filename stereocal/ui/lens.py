@@ -87,8 +87,9 @@ def from_file(project: Project | None, which: CameraName) -> None:
     in_use(project, which)
     upload = st.file_uploader(
         f"Camera file, {which}: stereocal's JSON, or OpenCV's YAML, XML or JSON",
-        type=CAMERA_KINDS, key=f"upload_lens_{which}",
-    )  # fmt: skip
+        type=CAMERA_KINDS,
+        key=f"upload_lens_{which}",
+    )
     take_file(which, upload)
 
 
@@ -96,9 +97,11 @@ def from_photographs(project: Project | None, which: CameraName) -> ProjectLens 
     """The uploader, the forms and the calibration; None while there are no photographs."""
     key = f"upload_boards_{which}_{st.session_state.setdefault(_ROUND, 0)}"
     uploads = st.file_uploader(
-        f"Photographs of the board by the {which} camera, or a zip of them", type=KINDS,
-        accept_multiple_files=True, key=key,
-    )  # fmt: skip
+        f"Photographs of the board by the {which} camera, or a zip of them",
+        type=KINDS,
+        accept_multiple_files=True,
+        key=key,
+    )
     take_boards(uploads, which)
     project = current_project()
     if project is None:
@@ -110,8 +113,9 @@ def from_photographs(project: Project | None, which: CameraName) -> ProjectLens 
             return None
         left, right = st.columns([3, 1], vertical_alignment="center")
         left.markdown(f"{len(photographs)} photographs of the {which} camera are here.")
-        right.button("Remove them", on_click=_clear, args=(store, set(photographs)),
-                     key=f"no_boards_{which}")  # fmt: skip
+        right.button(
+            "Remove them", on_click=_clear, args=(store, set(photographs)), key=f"no_boards_{which}"
+        )
         pattern, settings = board_form(project), lens_form(project)
         work = _act(store, pattern, settings)
     except DamagedError as error:
@@ -149,28 +153,36 @@ def board_form(project: Project) -> BoardPattern:
     board = kind.segmented_control("Board", kinds, required=True, **chosen.widget())
     columns, rows = (
         place.number_input(
-            f"Inner corners, {way} way", *corners, step=1,
+            f"Inner corners, {way} way",
+            *corners,
+            step=1,
             help="Where four squares meet: one less than squares. Paper: 18 and 12.",
             **setting(project, name, usual, number(*corners)).widget(),
         )
         for place, way, name, usual in zip(
             places, ("one", "other"), ("board_columns", "board_rows"), (18, 12), strict=True
         )
-    )  # fmt: skip
+    )
     square_mm = square.number_input(
-        "Side of a square (mm)", *side, step=1.0, format="%.10g",
+        "Side of a square (mm)",
+        *side,
+        step=1.0,
+        format="%.10g",
         help="The lens does not depend on it.",
         **setting(project, "board_square_mm", 30.0, number(*side)).widget(),
-    )  # fmt: skip
+    )
     dictionary, marker_m = None, None
     if board == CHARUCO:
         left, right = st.columns(2)
         named = setting(project, "board_dictionary", "DICT_4X4_250", one_of(DICTIONARIES))
         dictionary = left.selectbox("Dictionary of the markers", DICTIONARIES, **named.widget())
         marker_m = 1e-3 * right.number_input(
-            "Side of a marker (mm)", *side, step=1.0, format="%.10g",
+            "Side of a marker (mm)",
+            *side,
+            step=1.0,
+            format="%.10g",
             **setting(project, "board_marker_mm", 22.5, number(*side)).widget(),
-        )  # fmt: skip
+        )
     return BoardPattern(columns, rows, 1e-3 * square_mm, dictionary, marker_m)
 
 
@@ -184,28 +196,51 @@ def lens_form(project: Project) -> LensSettings:
     with st.expander("Settings of the calibration"):
         subset, repeats, seed = (
             column.number_input(
-                title, *bounds, step=1, help=text,
+                title,
+                *bounds,
+                step=1,
+                help=text,
                 **setting(project, name, usual, number(*bounds)).widget(),
             )
-            for column, (name, title, usual, bounds, text) in zip(st.columns(3), (
-                ("lens_subset", "Photographs of a draw", paper.subset, (3, 1000),
-                 "With no more boards than this, two thirds of them. Paper: 20 of 50."),
-                ("lens_repeats", "Draws", paper.repeats, (2, 1000),
-                 "The result is their median. Paper: 50."),
-                ("lens_seed", "Seed", paper.seed, (0, 2**31 - 1),
-                 "Source of the random numbers: the same seed gives the same file."),
-            ), strict=True)
-        )  # fmt: skip
+            for column, (name, title, usual, bounds, text) in zip(
+                st.columns(3),
+                (
+                    (
+                        "lens_subset",
+                        "Photographs of a draw",
+                        paper.subset,
+                        (3, 1000),
+                        "With no more boards than this, two thirds of them. Paper: 20 of 50.",
+                    ),
+                    (
+                        "lens_repeats",
+                        "Draws",
+                        paper.repeats,
+                        (2, 1000),
+                        "The result is their median. Paper: 50.",
+                    ),
+                    (
+                        "lens_seed",
+                        "Seed",
+                        paper.seed,
+                        (0, 2**31 - 1),
+                        "Source of the random numbers: the same seed gives the same file.",
+                    ),
+                ),
+                strict=True,
+            )
+        )
         left, right = st.columns(2)
         fix_k3 = left.checkbox(
-            "Hold k3 at 0", **setting(project, "lens_fix_k3", paper.fix_k3, yes_or_no).widget(),
+            "Hold k3 at 0",
+            **setting(project, "lens_fix_k3", paper.fix_k3, yes_or_no).widget(),
             help="Steadier for long lenses, which distort little. Paper: not held.",
-        )  # fmt: skip
+        )
         zero_tangential = right.checkbox(
             "Hold p1 and p2 at 0",
             **setting(project, "lens_zero_tangential", paper.zero_tangential, yes_or_no).widget(),
             help="If the lens is known to be perpendicular to the sensor. Paper: not held.",
-        )  # fmt: skip
+        )
     return LensSettings(subset, repeats, seed, fix_k3, zero_tangential)
 
 
@@ -217,18 +252,25 @@ def _act(store: ProjectLens, pattern: BoardPattern, settings: LensSettings) -> j
         leave_out = _choose_left_out(store, search)
     running = jobs.is_running(store.project, job_kind(store.which))
     current = (
-        ready and search is not None and lens is not None and lens.settings == settings
+        ready
+        and search is not None
+        and lens is not None
+        and lens.settings == settings
         and [view.name for view in lens.search.views]
         == [view.name for view in search.without(leave_out).views]
-    )  # fmt: skip
+    )
     work = _work(store, pattern, settings, leave_out)
     if current:
         jobs.discard_finished(work)
     label = "Calibrate the lens" if ready else "Find the boards and calibrate the lens"
     st.button(
-        label, type="secondary" if current else "primary", key=f"calibrate_{store.which}",
-        disabled=running, on_click=_start, args=(work,),
-    )  # fmt: skip
+        label,
+        type="secondary" if current else "primary",
+        key=f"calibrate_{store.which}",
+        disabled=running,
+        on_click=_start,
+        args=(work,),
+    )
     if lens is not None and not current and not running:
         st.warning(
             "The form or the photographs have changed since the lens was calibrated. It still "
@@ -261,15 +303,21 @@ def _work(
         "settings": asdict(settings),
     }
     return jobs.Work(
-        store.project, job_kind(store.which), STAGES, about,
+        store.project,
+        job_kind(store.which),
+        STAGES,
+        about,
         lambda job: _calibrate(store, pattern, settings, leave_out, job),
-    )  # fmt: skip
+    )
 
 
 def _calibrate(
-    store: ProjectLens, pattern: BoardPattern, settings: LensSettings, leave_out: Sequence[str],
+    store: ProjectLens,
+    pattern: BoardPattern,
+    settings: LensSettings,
+    leave_out: Sequence[str],
     job: jobs.Job,
-) -> bool:  # fmt: skip
+) -> bool:
     def cancelled() -> bool:
         return job.cancelled
 
@@ -284,9 +332,13 @@ def _calibrate(
         store.keep_search(search)
     job.begin(STAGES[1])
     lens = calibrate_lens(
-        search.without(leave_out), settings, job.executor, job.progress, cancelled,
+        search.without(leave_out),
+        settings,
+        job.executor,
+        job.progress,
+        cancelled,
         pieces=job.checkpoints("draws", pack_draws, unpack_draws),
-    )  # fmt: skip
+    )
     if lens is None:
         return False
     store.keep_calibration(lens)

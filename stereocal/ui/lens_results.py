@@ -71,20 +71,34 @@ def _use_and_downloads(store: ProjectLens, lens: LensCalibration) -> None:
     use, ours, opencv = st.columns(3)
     used = store.is_used
     use.button(
-        "In use for this project" if used else "Use for this project", type="primary",
-        disabled=used, on_click=_use, args=(store,), key=f"use_lens_{store.which}",
+        "In use for this project" if used else "Use for this project",
+        type="primary",
+        disabled=used,
+        on_click=_use,
+        args=(store,),
+        key=f"use_lens_{store.which}",
         icon=":material/check:" if used else None,
-    )  # fmt: skip
+    )
     ours.download_button(
-        "Download camera.json", write_camera(lens.camera, about(lens)), f"{store.which}.json",
-        "application/json", on_click="ignore", icon=":material/download:",
-        key=f"lens_json_{store.which}", help="With the standard errors.",
-    )  # fmt: skip
+        "Download camera.json",
+        write_camera(lens.camera, about(lens)),
+        f"{store.which}.json",
+        "application/json",
+        on_click="ignore",
+        icon=":material/download:",
+        key=f"lens_json_{store.which}",
+        help="With the standard errors.",
+    )
     opencv.download_button(
-        "Download OpenCV YAML", write_opencv_camera(lens.camera), f"{store.which}.yml",
-        "application/yaml", on_click="ignore", icon=":material/download:",
-        key=f"lens_yaml_{store.which}", help="Without the standard errors.",
-    )  # fmt: skip
+        "Download OpenCV YAML",
+        write_opencv_camera(lens.camera),
+        f"{store.which}.yml",
+        "application/yaml",
+        on_click="ignore",
+        icon=":material/download:",
+        key=f"lens_yaml_{store.which}",
+        help="Without the standard errors.",
+    )
 
 
 def _use(store: ProjectLens) -> None:

@@ -144,9 +144,13 @@ def _show_next(page: StreamlitPage) -> None:
     following = dict(pairwise(_ORDER)).get(name)
     if following is not None:
         st.button(
-            f"Next: {TITLES[following]}", key="next", type="primary",
-            icon=":material/arrow_forward:", on_click=go_to, args=(following,),
-        )  # fmt: skip
+            f"Next: {TITLES[following]}",
+            key="next",
+            type="primary",
+            icon=":material/arrow_forward:",
+            on_click=go_to,
+            args=(following,),
+        )
 
 
 def go_to(name: str) -> None:

@@ -182,9 +182,14 @@ def _show_trade_off(
     with st.expander("Its parameters"):
         st.table(parameters_table(own))
     st.download_button(
-        "Download the slider's point", own.dumps(), "parameters_refined_point.json",
-        "application/json", on_click="ignore", icon=":material/download:", key="download_point",
-    )  # fmt: skip
+        "Download the slider's point",
+        own.dumps(),
+        "parameters_refined_point.json",
+        "application/json",
+        on_click="ignore",
+        icon=":material/download:",
+        key="download_point",
+    )
 
 
 def _points(curves: TradeOff, which: str | None) -> Any:
@@ -224,11 +229,17 @@ def show_download(project: Project, answer: Answer, calibrated_now: bool) -> Non
     to_use = "refined" in answer.recommendation.use.values()
     with st.container(horizontal=True, vertical_alignment="center"):
         st.download_button(
-            f"Download {name}", on_demand(content, name, mime), name, mime, on_click="ignore",
-            type="primary" if to_use else "secondary", icon=":material/download:",
-            key="download_refined", disabled=not calibrated_now,
+            f"Download {name}",
+            on_demand(content, name, mime),
+            name,
+            mime,
+            on_click="ignore",
+            type="primary" if to_use else "secondary",
+            icon=":material/download:",
+            key="download_refined",
+            disabled=not calibrated_now,
             help=None if calibrated_now else "Calibrate first: the validation gives its threshold.",
-        )  # fmt: skip
+        )
         for use in USES:
             st.toggle(
                 f"{PURPOSES[use]} the refined set",

@@ -33,9 +33,11 @@ def show_pairs(store: ProjectPhotographs) -> None:
             "Pair by name again", on_click=_pair_again, args=(store, rows), key="pair_again"
         )
         right.button(
-            "Remove all photographs", on_click=clear, args=(store, set(store.photographs)),
+            "Remove all photographs",
+            on_click=clear,
+            args=(store, set(store.photographs)),
             key="no_photographs",
-        )  # fmt: skip
+        )
 
 
 def _change_pairs(store: ProjectPhotographs, rows: Sequence[PairRow]) -> None:
@@ -68,7 +70,10 @@ def _table_of_pairs(store: ProjectPhotographs, rows: Sequence[PairRow]) -> pd.Da
     names = sorted(store.photographs)
     base: pd.DataFrame = st.session_state[_BASE]
     edited: pd.DataFrame = st.data_editor(
-        base, key=key, num_rows="dynamic", hide_index=True,
+        base,
+        key=key,
+        num_rows="dynamic",
+        hide_index=True,
         column_config={
             "Use": st.column_config.CheckboxColumn(default=True, width="small"),
             "Frame": st.column_config.NumberColumn(step=1, width="small", required=True),
@@ -77,7 +82,7 @@ def _table_of_pairs(store: ProjectPhotographs, rows: Sequence[PairRow]) -> pd.Da
                 for name in COLUMNS[2:]
             },
         },
-    )  # fmt: skip
+    )
     return edited
 
 

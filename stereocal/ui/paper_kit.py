@@ -25,9 +25,14 @@ def offer_paper_kit(project: Project, answer: Answer) -> None:
         return paper_kit(answer, applied)
 
     st.download_button(
-        LABEL, on_demand(make, NAME, MIME), NAME, MIME, on_click="ignore",
-        icon=":material/article:", key="download_kit",
-    )  # fmt: skip
+        LABEL,
+        on_demand(make, NAME, MIME),
+        NAME,
+        MIME,
+        on_click="ignore",
+        icon=":material/article:",
+        key="download_kit",
+    )
 
 
 def hold_paper_kit() -> None:

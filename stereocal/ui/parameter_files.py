@@ -38,10 +38,15 @@ def parameter_downloads(answer: Answer) -> None:
             name, purpose = FILES[method]
             made = partial(RigParameters.dumps, rig)
             st.download_button(
-                f"{name} · {purpose}", on_demand(made, name, _mime(name)), name, _mime(name),
-                on_click="ignore", type="primary" if method in to_use else "secondary",
-                icon=":material/download:", key=f"download_{method}",
-            )  # fmt: skip
+                f"{name} · {purpose}",
+                on_demand(made, name, _mime(name)),
+                name,
+                _mime(name),
+                on_click="ignore",
+                type="primary" if method in to_use else "secondary",
+                icon=":material/download:",
+                key=f"download_{method}",
+            )
 
 
 def hold_downloads() -> None:
@@ -49,9 +54,11 @@ def hold_downloads() -> None:
     with st.container(horizontal=True):
         for method, (name, purpose) in FILES.items():
             st.button(
-                f"{name} · {purpose}", disabled=True, icon=":material/download:",
+                f"{name} · {purpose}",
+                disabled=True,
+                icon=":material/download:",
                 key=f"no_download_{method}",
-            )  # fmt: skip
+            )
 
 
 def other_formats(project: Project, answer: Answer) -> None:
@@ -75,9 +82,14 @@ def other_formats(project: Project, answer: Answer) -> None:
         st.error(escape_markdown(str(error)))
         return
     st.download_button(
-        f"Download {name}", content, name, _mime(name), on_click="ignore",
-        icon=":material/download:", key="download_format",
-    )  # fmt: skip
+        f"Download {name}",
+        content,
+        name,
+        _mime(name),
+        on_click="ignore",
+        icon=":material/download:",
+        key="download_format",
+    )
 
 
 def packed(files: dict[str, bytes], file_name: str, chosen: str) -> tuple[str, bytes]:
@@ -93,15 +105,20 @@ def dlt_options(project: Project, which: str) -> ExchangeOptions:
     """The form of the pixel origin of DLT coefficients; `which` is part of the widgets' keys."""
     left, right = st.columns(2)
     corner = left.selectbox(
-        "Points are counted from the", CORNERS, format_func=CORNER_TITLES.__getitem__,
+        "Points are counted from the",
+        CORNERS,
+        format_func=CORNER_TITLES.__getitem__,
         **setting(project, f"dlt_corner_{which}", CORNERS[0], one_of(CORNERS)).widget(),
         help="Lower left: DLTdv5 to 7, Argus, easyWand. Upper left: DLTdv8.",
-    )  # fmt: skip
+    )
     first = right.number_input(
-        "First pixel", 0.0, 1.0, step=0.5,
+        "First pixel",
+        0.0,
+        1.0,
+        step=0.5,
         **setting(project, f"dlt_first_{which}", 0.0, number(0.0, 1.0)).widget(),
         help="Coordinate of the centre of the first pixel: 1 for DLTdv, 0 for Argus and easyWand.",
-    )  # fmt: skip
+    )
     return ExchangeOptions(origin=PixelOrigin(corner, first))
 
 

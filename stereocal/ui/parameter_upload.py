@@ -47,11 +47,13 @@ LENS_TITLES: Mapping[LensModel | None, str] = {
 def upload_set(project: Project, store: ProjectApplication, use: Use) -> None:
     """Uploader of a parameter file, and questions about it."""
     uploads = st.file_uploader(
-        f"{PURPOSES[use]}: {FILES[PAPERS[use]][0]}", type=KINDS, key=f"upload_set_{use}",
+        f"{PURPOSES[use]}: {FILES[PAPERS[use]][0]}",
+        type=KINDS,
+        key=f"upload_set_{use}",
         accept_multiple_files=True,
         help="Or parameters_refined.json, which serves both; or the files of another program, all "
         "of them at once or as a zip.",
-    )  # fmt: skip
+    )
     fresh = [upload for upload in uploads if is_new(upload)]
     if fresh:
         with taking(*fresh):
@@ -72,10 +74,13 @@ def _ask_about_set(project: Project, store: ProjectApplication, use: Use) -> Non
     with st.container(border=True):
         st.markdown(f"**{escape_markdown(label)}**: parameters of another program.")
         name = st.selectbox(
-            "Which program?", list(FORMATS), index=None,
-            format_func=lambda each: FORMATS[each].title, placeholder="choose",
+            "Which program?",
+            list(FORMATS),
+            index=None,
+            format_func=lambda each: FORMATS[each].title,
+            placeholder="choose",
             **_answer(project, f"set_format_{use}", None, list(FORMATS)),
-        )  # fmt: skip
+        )
         options = _options(project, use, name)
         rig: RigParameters | None = None
         try:
@@ -88,13 +93,18 @@ def _ask_about_set(project: Project, store: ProjectApplication, use: Use) -> Non
         if rig is not None:
             st.caption(f"The cameras are {rounded(rig.pose.baseline, 4)} m apart.")
             st.button(
-                "Use these parameters", type="primary", key=f"use_set_{use}", on_click=_use,
+                "Use these parameters",
+                type="primary",
+                key=f"use_set_{use}",
+                on_click=_use,
                 args=(store, use, label, rig),
-            )  # fmt: skip
+            )
         st.button(
-            "Put the files aside", key=f"aside_{use}", on_click=callback(store.forget_question),
+            "Put the files aside",
+            key=f"aside_{use}",
+            on_click=callback(store.forget_question),
             args=(use,),
-        )  # fmt: skip
+        )
 
 
 def _imported(content: bytes, label: str, name: str, options: ExchangeOptions) -> RigParameters:
@@ -104,14 +114,17 @@ def _imported(content: bytes, label: str, name: str, options: ExchangeOptions) -
 def _options(project: Project, use: Use, name: str | None) -> ExchangeOptions:
     left, right = st.columns(2)
     unit = left.selectbox(
-        "Its lengths are in", list(UNIT_TITLES), format_func=UNIT_TITLES.__getitem__,
+        "Its lengths are in",
+        list(UNIT_TITLES),
+        format_func=UNIT_TITLES.__getitem__,
         **_answer(project, f"set_unit_{use}", None, list(UNIT_TITLES)),
-    )  # fmt: skip
+    )
     lens = right.selectbox(
-        "Four distortion coefficients are", list(LENS_TITLES),
+        "Four distortion coefficients are",
+        list(LENS_TITLES),
         format_func=LENS_TITLES.__getitem__,
         **_answer(project, f"set_lens_{use}", None, list(LENS_TITLES)),
-    )  # fmt: skip
+    )
     options = ExchangeOptions(unit=unit, lens_model=lens)
     if name == "dlt":
         options = replace(options, origin=dlt_options(project, f"set_{use}").origin)
@@ -137,10 +150,14 @@ def _size(project: Project, key: str, which: str, known: ImageSize | None) -> Im
         field = setting(project, f"{key}_{side}", start, number(1, or_none=True), tabs_own=True)
         sides.append(
             column.number_input(
-                f"Image {side}, {which} (px)", min_value=1, value=None, step=1,
-                placeholder=STATED, **field.widget(),
+                f"Image {side}, {which} (px)",
+                min_value=1,
+                value=None,
+                step=1,
+                placeholder=STATED,
+                **field.widget(),
             )
-        )  # fmt: skip
+        )
     width, height = sides
     return None if width is None or height is None else (width, height)
 

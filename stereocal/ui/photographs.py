@@ -71,9 +71,11 @@ def photographs_in(project: Project | None) -> None:
         for camera, column in zip(CAMERAS, st.columns(2), strict=True):
             with column:
                 uploads = st.file_uploader(
-                    f"Photographs of the {camera} camera, or a zip of them", type=KINDS,
-                    accept_multiple_files=True, key=f"{key}_{camera}",
-                )  # fmt: skip
+                    f"Photographs of the {camera} camera, or a zip of them",
+                    type=KINDS,
+                    accept_multiple_files=True,
+                    key=f"{key}_{camera}",
+                )
                 _take(uploads, f"{camera}/")
     elif how == VIDEOS:
         videos_in(project)
@@ -84,11 +86,13 @@ def photographs_in(project: Project | None) -> None:
         _take(folder)
     else:
         uploads = st.file_uploader(
-            "Photographs of both cameras, or a zip of them", type=KINDS,
-            accept_multiple_files=True, key=key,
+            "Photographs of both cameras, or a zip of them",
+            type=KINDS,
+            accept_multiple_files=True,
+            key=key,
             help="Give both photographs of a frame the same name, apart from the camera: left07.png"
             " and right07.png, or cam0/07.png and cam1/07.png in a zip.",
-        )  # fmt: skip
+        )
         _take(uploads)
     targets_to_print(project, _focal_px(project) if project else None)
     if project is None:
@@ -160,11 +164,13 @@ def _find_targets(store: ProjectPhotographs) -> None:
         )
     work = _work(store, [row.pair for row in rows])
     st.button(
-        "Find the targets" if frames is None else "Find the targets again", key="find_targets",
+        "Find the targets" if frames is None else "Find the targets again",
+        key="find_targets",
         type="primary" if frames is None else "secondary",
         disabled=running or bool(lacking) or not rows,
-        on_click=_start, args=(work,),
-    )  # fmt: skip
+        on_click=_start,
+        args=(work,),
+    )
     # The cheap test first: the digest of thousands of pairs is slow.
     if frames is not None and jobs.can_go_on(work) and store.found_by == work.digest:
         jobs.discard(project, "photographs")
@@ -205,10 +211,15 @@ def _find(store: ProjectPhotographs, pairs: Sequence[Pair], job: jobs.Job) -> bo
     cameras = (primary, secondary)
     searched = store.photographs
     found = detect_frames(
-        pairs, searched, cameras, job.executor, job.begin, job.progress,
+        pairs,
+        searched,
+        cameras,
+        job.executor,
+        job.begin,
+        job.progress,
         lambda: job.cancelled,
         pieces=job.checkpoints("detections", pack_detection, unpack_detection),
-    )  # fmt: skip
+    )
     if found is None:
         return False
     store.keep_found(found, searched, job.digest)

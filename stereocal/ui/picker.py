@@ -88,9 +88,13 @@ def encode(image: npt.NDArray[np.uint8], name: str) -> Shown:
 
 
 def pick(
-    shown: Shown, marks: Sequence[Mark], label: str, key: str, locked: bool,
+    shown: Shown,
+    marks: Sequence[Mark],
+    label: str,
+    key: str,
+    locked: bool,
     on_pick: Callable[[Pick], None],
-) -> None:  # fmt: skip
+) -> None:
     """Show a photograph; a click calls `on_pick` before the page is drawn again.
 
     Args:
@@ -106,11 +110,16 @@ def pick(
     _component()(
         key=key,
         data={
-            "id": shown.id, "source": shown.source, "width": shown.width, "height": shown.height,
-            "marks": [asdict(mark) for mark in marks], "label": label, "locked": locked,
+            "id": shown.id,
+            "source": shown.source,
+            "width": shown.width,
+            "height": shown.height,
+            "marks": [asdict(mark) for mark in marks],
+            "label": label,
+            "locked": locked,
         },
         on_picked_change=picked,
-    )  # fmt: skip
+    )
 
 
 def pick_of(sent: Any) -> Pick | None:

@@ -79,9 +79,11 @@ def forecast_of(plan: Plan) -> PlanForecast:
 def open_plan(project: Project | None) -> None:
     """The uploader of a plan; its camera files come with it."""
     uploads = st.file_uploader(
-        "Open a plan (plan.json, and the camera files that it names)", type=CAMERA_KINDS,
-        key="upload_plan", accept_multiple_files=True,
-    )  # fmt: skip
+        "Open a plan (plan.json, and the camera files that it names)",
+        type=CAMERA_KINDS,
+        key="upload_plan",
+        accept_multiple_files=True,
+    )
     fresh = [upload for upload in uploads if is_new(upload)]
     if not fresh:
         return
@@ -189,19 +191,24 @@ def show_comparison(
                 _summary(other, other.plan.name)
                 with st.container(horizontal=True):
                     st.button(
-                        "Change this one", key=f"plan_show_{at}", on_click=callback(_swap),
+                        "Change this one",
+                        key=f"plan_show_{at}",
+                        on_click=callback(_swap),
                         args=(project, other.plan, [*rest, own]),
-                    )  # fmt: skip
+                    )
                     st.button(
                         "Remove", key=f"plan_drop_{at}", on_click=callback(kept.set), args=(rest,)
                     )
     with st.container(horizontal=True, vertical_alignment="bottom"):
         st.text_input("Name of this plan", max_chars=LONGEST_NAME, **_name(project).widget())
         st.button(
-            "Keep it to compare", key="plan_keep", on_click=callback(_keep),
-            args=(project, [*texts, own]), disabled=len(texts) >= MOST_PLANS - 1 or own in texts,
+            "Keep it to compare",
+            key="plan_keep",
+            on_click=callback(_keep),
+            args=(project, [*texts, own]),
+            disabled=len(texts) >= MOST_PLANS - 1 or own in texts,
             help="Then change the plan: up to three are shown side by side.",
-        )  # fmt: skip
+        )
 
 
 def _keep(project: Project | None, kept: list[str]) -> None:
@@ -234,9 +241,14 @@ def plan_downloads(found: PlanForecast) -> None:
         ("Report", partial(plan_report, found), "report.html", "text/html"),
     ):
         st.download_button(
-            label, on_demand(make, name, mime), name, mime, on_click="ignore",
-            key=f"download_{name}", icon=":material/download:",
-        )  # fmt: skip
+            label,
+            on_demand(make, name, mime),
+            name,
+            mime,
+            on_click="ignore",
+            key=f"download_{name}",
+            icon=":material/download:",
+        )
 
 
 def _compared(project: Project | None) -> Field:

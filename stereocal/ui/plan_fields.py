@@ -56,23 +56,36 @@ def plan_controls(project: Project | None) -> Plan:
     near, far = _range(project)
     bar, frames, noise = st.columns(3)
     bar_m = bar.number_input(
-        "Bar: distance of the two targets (m)", *BAR_M, step=0.05,
-        format="%.4g", **field(project, "bar_m").widget(),
-    )  # fmt: skip
+        "Bar: distance of the two targets (m)",
+        *BAR_M,
+        step=0.05,
+        format="%.4g",
+        **field(project, "bar_m").widget(),
+    )
     count = field(project, "frames")
     frames_chosen = frames.select_slider(
         "Frames of the bar", _with(FRAMES, count.value()), **count.widget()
     )
     noise_px = noise.number_input(
-        "Noise of a target in the image (px)", *NOISE_PX, step=0.05,
-        format="%.3g", help="0.1 to 0.3 px for detected targets; 1 px or more for clicked points.",
+        "Noise of a target in the image (px)",
+        *NOISE_PX,
+        step=0.05,
+        format="%.3g",
+        help="0.1 to 0.3 px for detected targets; 1 px or more for clicked points.",
         **field(project, "noise_px").widget(),
-    )  # fmt: skip
+    )
     known = _known(project)
     return Plan(
         str(field(project, "name").value()) or "Plan",
-        *cameras, pose, near, far, bar_m, int(frames_chosen), noise_px, known,
-    )  # fmt: skip
+        *cameras,
+        pose,
+        near,
+        far,
+        bar_m,
+        int(frames_chosen),
+        noise_px,
+        known,
+    )
 
 
 def field(project: Project | None, name: str) -> Field:
@@ -85,17 +98,25 @@ def show_plan(project: Project | None, plan: Plan) -> None:
     """Set all controls to a plan."""
     pose, own = plan.stated_pose, plan.uncertainty
     values: dict[str, Any] = {
-        "name": plan.name, "bar_m": plan.bar_m, "frames": plan.frames, "noise_px": plan.noise_px,
-        "focal_percent": 100 * own.focal, "centre_px": own.centre_px,
-        "baseline_mm": 1000 * own.baseline_m, "bar_mm": 1000 * own.bar_m,
-        "near_m": plan.near_m, "far_m": plan.far_m, "stated_pose": None,
+        "name": plan.name,
+        "bar_m": plan.bar_m,
+        "frames": plan.frames,
+        "noise_px": plan.noise_px,
+        "focal_percent": 100 * own.focal,
+        "centre_px": own.centre_px,
+        "baseline_mm": 1000 * own.baseline_m,
+        "bar_mm": 1000 * own.bar_m,
+        "near_m": plan.near_m,
+        "far_m": plan.far_m,
+        "stated_pose": None,
         "alike": plan.stated_primary == plan.stated_secondary,
-    }  # fmt: skip
+    }
     if isinstance(pose, AimedPose):
         values |= {
-            "baseline_m": pose.baseline_m, "toe_in_deg": pose.toe_in_deg,
+            "baseline_m": pose.baseline_m,
+            "toe_in_deg": pose.toe_in_deg,
             "height_m": pose.height_difference_m,
-        }  # fmt: skip
+        }
     else:
         values["stated_pose"] = {"R": pose.R.tolist(), "T": pose.T.tolist()}
     for name, value in values.items():
@@ -139,9 +160,13 @@ def _camera(project: Project | None, which: CameraName, title: str) -> Camera | 
         with right:
             return _from_file(project, which)
     focal = right.number_input(
-        "Focal length (mm)", *MM, step=1.0, format="%.4g",
-        help="The lens's own, not the 35 mm equivalent.", **_focal(project, which, chosen).widget(),
-    )  # fmt: skip
+        "Focal length (mm)",
+        *MM,
+        step=1.0,
+        format="%.4g",
+        help="The lens's own, not the 35 mm equivalent.",
+        **_focal(project, which, chosen).widget(),
+    )
     if chosen != OTHER:
         return COMMON[chosen].lens(focal)
     titles = ("Sensor width (mm)", "Sensor height (mm)", "Image width (px)", "Image height (px)")
@@ -211,10 +236,13 @@ def _pose(project: Project | None) -> Pose | AimedPose:
     turned = field(project, "toe_in_deg")
     lowest, highest = min(TOE_IN_DEG[0], turned.value()), max(TOE_IN_DEG[1], turned.value())
     toe = right.slider(
-        "Each camera turned in by (°)", lowest, highest, step=0.5,
+        "Each camera turned in by (°)",
+        lowest,
+        highest,
+        step=0.5,
         help="From parallel. Both optical axes then meet in front of the middle of the baseline.",
         **turned.widget(),
-    )  # fmt: skip
+    )
     return AimedPose(baseline_m, toe, field(project, "height_m").value())
 
 
@@ -237,10 +265,16 @@ def _known(project: Project | None) -> Uncertainty:
         for column, name, title, step in zip(
             columns,
             ("focal_percent", "centre_px", "baseline_mm", "bar_mm", "height_m"),
-            ("Focal lengths, ± %", "Image centres, ± px", "Baseline, ± mm", "Bar, ± mm",
-             "Secondary higher by (m)"),
-            (0.1, 1.0, 1.0, 0.1, 0.1), strict=True,
-        ):  # fmt: skip
+            (
+                "Focal lengths, ± %",
+                "Image centres, ± px",
+                "Baseline, ± mm",
+                "Bar, ± mm",
+                "Secondary higher by (m)",
+            ),
+            (0.1, 1.0, 1.0, 0.1, 0.1),
+            strict=True,
+        ):
             column.number_input(title, step=step, format="%.4g", **field(project, name).widget())
     return Uncertainty(
         field(project, "focal_percent").value() / 100,

@@ -27,11 +27,14 @@ PLAN, FORECAST = "plan", "plan_forecast"
 def start_button(found: PlanForecast) -> None:
     """The button that starts a project from a plan."""
     st.button(
-        "Start a project from it", type="primary", key="plan_start", on_click=start_project,
+        "Start a project from it",
+        type="primary",
+        key="plan_start",
+        on_click=start_project,
         args=(found,),
         help="A new project with these cameras and uncertainties, and with these lengths until "
         "they are measured. The forecast is then shown beside the result.",
-    )  # fmt: skip
+    )
 
 
 @callback

@@ -61,9 +61,12 @@ def work_of(
 
 
 def press(
-    project: Project, inputs: Inputs, dataset: Dataset, settings: CalibrationSettings,
+    project: Project,
+    inputs: Inputs,
+    dataset: Dataset,
+    settings: CalibrationSettings,
     errors_first: bool = False,
-) -> None:  # fmt: skip
+) -> None:
     """Calibrate and validate, at once or in a job.
 
     Args:
@@ -97,9 +100,12 @@ def _frames(dataset: Dataset) -> int:
 
 
 def _calibrate(
-    project: Project, inputs: Inputs, dataset: Dataset, settings: CalibrationSettings,
+    project: Project,
+    inputs: Inputs,
+    dataset: Dataset,
+    settings: CalibrationSettings,
     step: Callable[[str], None] | None = None,
-) -> Calibration:  # fmt: skip
+) -> Calibration:
     found = jobs.compute(calibrate, dataset, settings, trace=True, progress=step, refined=None)
     project.keep_calibration(found, inputs)
     return found
@@ -156,10 +162,13 @@ def _evaluation(
         calibration_frames=fitted,
     )
     runs = evaluate(
-        [kept], settings, job.executor, job.progress,
+        [kept],
+        settings,
+        job.executor,
+        job.progress,
         lambda: job.cancelled or project.calibration_digest != digest,
         pieces=job.checkpoints("runs", pack_runs, unpack_runs),
-    )  # fmt: skip
+    )
     if runs is None:
         return None
     return Evaluation(runs, settings, [kept.name], [calibration.dataset.sha256])

@@ -35,13 +35,15 @@ def board_to_print(project: Project | None) -> None:
         named = _paper(project, paper, "board")
         columns, rows = (
             place.number_input(
-                f"Inner corners, {way} way", *CORNERS, step=1,
+                f"Inner corners, {way} way",
+                *CORNERS,
+                step=1,
                 **setting(project, f"print_{name}", usual, number(*CORNERS)).widget(),
             )
             for place, way, name, usual in zip(
                 places, ("one", "other"), ("columns", "rows"), (18, 12), strict=True
             )
-        )  # fmt: skip
+        )
         try:
             board = fitted(BoardPattern(columns, rows, 0.01), paper_named(named))
         except StereocalError as error:
@@ -65,9 +67,12 @@ def targets_to_print(project: Project | None, focal_px: float | None) -> None:
         left, right = st.columns(2)
         named = _paper(project, left, "targets")
         side_mm = right.number_input(
-            "Side of a target (mm)", *SIDE_MM, step=5.0, format="%.10g",
+            "Side of a target (mm)",
+            *SIDE_MM,
+            step=5.0,
+            format="%.10g",
             **setting(project, "print_side_mm", USUAL_SIDE_MM, number(*SIDE_MM)).widget(),
-        )  # fmt: skip
+        )
         seen = describe_target(1e-3 * side_mm, focal_px) if focal_px else ""
         _targets(1e-3 * side_mm, named, seen)
 
@@ -78,10 +83,13 @@ def planned_targets_to_print(project: Project | None, plan: Plan) -> None:
         left, right = st.columns(2)
         named = _paper(project, left, "targets")
         least_px = right.number_input(
-            "Width in the image at the far end (px)", *DETECTED_PX, step=5.0, format="%.10g",
+            "Width in the image at the far end (px)",
+            *DETECTED_PX,
+            step=5.0,
+            format="%.10g",
             help="50 px are located well, also tilted; 20 px are the least.",
             **setting(project, "print_px", GOOD_PX, number(*DETECTED_PX)).widget(),
-        )  # fmt: skip
+        )
         size = planned_target(plan, least_px)
         _targets(size.side_m, named, size.sentence)
 
@@ -109,9 +117,14 @@ def field_sheet_to_print(plan: Plan) -> None:
 
     name, mime = "field_sheet.pdf", "application/pdf"
     st.download_button(
-        "Field sheet (PDF)", on_demand(content, name, mime), name, mime, on_click="ignore",
-        icon=":material/download:", key="download_field_sheet",
-    )  # fmt: skip
+        "Field sheet (PDF)",
+        on_demand(content, name, mime),
+        name,
+        mime,
+        on_click="ignore",
+        icon=":material/download:",
+        key="download_field_sheet",
+    )
 
 
 def _paper(project: Project | None, place: st.delta_generator.DeltaGenerator, what: str) -> str:
@@ -130,6 +143,11 @@ def _downloads(make: Callable[[], Sheet], what: str) -> None:
         ):
             name = f"{what}.{suffix}"
             st.download_button(
-                name, on_demand(content, name, mime), name, mime, on_click="ignore",
-                icon=":material/download:", key=f"download_{what}_{suffix}",
-            )  # fmt: skip
+                name,
+                on_demand(content, name, mime),
+                name,
+                mime,
+                on_click="ignore",
+                icon=":material/download:",
+                key=f"download_{what}_{suffix}",
+            )

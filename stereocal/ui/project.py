@@ -100,9 +100,12 @@ def offer_removed() -> bool:
     st.warning(f"This project was removed on {date}.")
     with st.container(horizontal=True):
         st.button(
-            "Bring it back", key="bring_it_back", type="primary",
-            on_click=bring_project_back, args=(project_id,),
-        )  # fmt: skip
+            "Bring it back",
+            key="bring_it_back",
+            type="primary",
+            on_click=bring_project_back,
+            args=(project_id,),
+        )
         st.button("Start a new project", on_click=forget_project)
     return True
 

@@ -61,9 +61,13 @@ def _show(one: Listed) -> None:
         st.button("Open", key=f"open_{one.id}", on_click=_open, args=(one.id,))
         with st.popover("More"):
             st.text_input(
-                "Name", one.title, key=key, placeholder="Give it a name",
-                on_change=_rename, args=(one.id, key),
-            )  # fmt: skip
+                "Name",
+                one.title,
+                key=key,
+                placeholder="Give it a name",
+                on_change=_rename,
+                args=(one.id, key),
+            )
             for label, act in (("Duplicate", _duplicate), ("Remove", _remove)):
                 st.button(label, key=f"{label.lower()}_{one.id}", on_click=act, args=(one.id,))
 

@@ -168,13 +168,18 @@ def _show_removed() -> None:
             text.markdown(f"{title}, removed {date_of(one.removed)}")
             with button, st.container(horizontal=True):
                 st.button(
-                    "Bring back", key=f"bring_back_{one.id}",
-                    on_click=bring_project_back, args=(one.id,),
-                )  # fmt: skip
+                    "Bring back",
+                    key=f"bring_back_{one.id}",
+                    on_click=bring_project_back,
+                    args=(one.id,),
+                )
                 st.button(
-                    "Delete for good", key=f"delete_{one.id}", on_click=_delete, args=(one.id,),
+                    "Delete for good",
+                    key=f"delete_{one.id}",
+                    on_click=_delete,
+                    args=(one.id,),
                     help="Frees its space on the disk at once.",
-                )  # fmt: skip
+                )
 
 
 def _pack_and_unpack(project: Project | None) -> None:
@@ -222,11 +227,14 @@ def _offer_packed(project: Project, name: str) -> None:
         st.error(escape_markdown(str(error)))
         return
     st.download_button(
-        f"Download it ({_size(len(content))})", content,
+        f"Download it ({_size(len(content))})",
+        content,
         f"{re.sub('[^A-Za-z0-9-]+', '-', name).strip('-') or 'project'}.zip",
-        "application/zip", on_click="ignore", icon=":material/download:",
+        "application/zip",
+        on_click="ignore",
+        icon=":material/download:",
         key="download_project",
-    )  # fmt: skip
+    )
     largest = st.get_option("server.maxUploadSize")
     if len(content) > largest * 2**20:
         st.caption(

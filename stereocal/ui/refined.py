@@ -46,15 +46,21 @@ def refine_form(project: Project, dataset: Dataset) -> RefineSettings:
     st.page_link("pages/data.py", label="State it on the Data page")
     free = _free(project)
     st.multiselect(
-        "Estimate the distortion of", CAMERAS, placeholder="no camera: as its file says",
+        "Estimate the distortion of",
+        CAMERAS,
+        placeholder="no camera: as its file says",
         help="k1, k2, p1 and p2, from the images of the bar. Needs bars out to the image borders.",
         **free.widget(),
-    )  # fmt: skip
+    )
     with st.expander("Noise of the images"):
         st.number_input(
-            "Noise of an image point, px", 0.0, 1e5, format="%.4g",
-            help="0: found from the images.", **_noise(project).widget(),
-        )  # fmt: skip
+            "Noise of an image point, px",
+            0.0,
+            1e5,
+            format="%.4g",
+            help="0: found from the images.",
+            **_noise(project).widget(),
+        )
     return refine_settings(project, dataset)
 
 
@@ -147,9 +153,11 @@ def answer_maker(project: Project, calibration: Calibration) -> Callable[[], Ans
 
 
 def answer_for(
-    calibration: Calibration, settings: RefineSettings, evaluation: Evaluation | None,
+    calibration: Calibration,
+    settings: RefineSettings,
+    evaluation: Evaluation | None,
     step: Callable[[str], None] = lambda _: None,
-) -> Answer:  # fmt: skip
+) -> Answer:
     """What a stored calibration and its validation tell, with the refined set of its frames.
 
     Args:

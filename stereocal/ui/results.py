@@ -128,9 +128,14 @@ def dataset_download(dataset: Dataset) -> None:
     """Download of the data set as a zip, which can be uploaded again."""
     name, mime = "dataset.zip", "application/zip"
     st.download_button(
-        "Download this data set", on_demand(lambda: pack_zip(pack_dataset(dataset)), name, mime),
-        name, mime, on_click="ignore", icon=":material/download:", key="download_dataset",
-    )  # fmt: skip
+        "Download this data set",
+        on_demand(lambda: pack_zip(pack_dataset(dataset)), name, mime),
+        name,
+        mime,
+        on_click="ignore",
+        icon=":material/download:",
+        key="download_dataset",
+    )
 
 
 @fragment

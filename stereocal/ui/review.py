@@ -89,10 +89,11 @@ def _show_one(store: ProjectPhotographs, running: bool) -> None:
     left, right = st.columns(2, vertical_alignment="bottom")
     left.segmented_control("A click moves target", WANTED, required=True, **_target(store).widget())
     right.toggle(
-        "Keep the raw click", **_raw(store).widget(),
+        "Keep the raw click",
+        **_raw(store).widget(),
         help="The centre goes exactly where you click, also with the shift key held. Otherwise it "
         "goes to the fitted corner near the click.",
-    )  # fmt: skip
+    )
     _show_outcome(store, frame)
     for camera, column in enumerate(st.columns(2)):
         with column:
@@ -118,13 +119,21 @@ def _choose_frame(store: ProjectPhotographs, review: Review) -> Frame:
         for label, key, step in (("Previous", "p", -1), ("Next", "n", 1)):
             to = beside(review.frames, number, step)
             st.button(
-                label, key=f"review_{label.lower()}", shortcut=key, disabled=to == number,
-                on_click=_go_to, args=(store, to),
-            )  # fmt: skip
+                label,
+                key=f"review_{label.lower()}",
+                shortcut=key,
+                disabled=to == number,
+                on_click=_go_to,
+                args=(store, to),
+            )
         st.button(
-            f"Next to decide ({left} left)", key="review_doubtful", shortcut="d",
-            disabled=doubtful is None, on_click=_go_to, args=(store, doubtful),
-        )  # fmt: skip
+            f"Next to decide ({left} left)",
+            key="review_doubtful",
+            shortcut="d",
+            disabled=doubtful is None,
+            on_click=_go_to,
+            args=(store, doubtful),
+        )
     return review.frame(number)
 
 
@@ -133,22 +142,32 @@ def _decide(store: ProjectPhotographs, review: Review, frame: Frame, running: bo
     number = frame.frame
     with st.container(horizontal=True):
         st.button(
-            "Use this frame", key="review_use", shortcut="t", icon=":material/check:",
+            "Use this frame",
+            key="review_use",
+            shortcut="t",
+            icon=":material/check:",
             disabled=running or not frame.targets_in_both or (frame.use and not is_open(frame)),
             on_click=edit,
             args=(store, number, lambda now: choose(now, number, True), "It is used."),
-        )  # fmt: skip
+        )
         st.button(
-            "Leave it out", key="review_leave", shortcut="x", icon=":material/close:",
+            "Leave it out",
+            key="review_leave",
+            shortcut="x",
+            icon=":material/close:",
             disabled=running or (not frame.use and not is_open(frame)),
             on_click=edit,
             args=(store, number, lambda now: choose(now, number, False), "It is left out."),
-        )  # fmt: skip
+        )
         st.button(
-            f"Undo ({len(review.edits)})", key="review_undo", shortcut="u", icon=":material/undo:",
-            disabled=running or not review.edits, on_click=take_back,
+            f"Undo ({len(review.edits)})",
+            key="review_undo",
+            shortcut="u",
+            icon=":material/undo:",
+            disabled=running or not review.edits,
+            on_click=take_back,
             args=(store, review.edits[-1] if review.edits else None),
-        )  # fmt: skip
+        )
 
 
 def _show_photograph(store: ProjectPhotographs, frame: Frame, camera: int, running: bool) -> None:
@@ -166,17 +185,27 @@ def _show_photograph(store: ProjectPhotographs, frame: Frame, camera: int, runni
         if at
     ]
     pick(
-        shown, marks,
+        shown,
+        marks,
         f"Photograph of the {name} camera, frame {frame.frame}. Arrow keys move, plus and minus "
-        "zoom, Enter places a target at the cross-hair in the middle.", f"pick_{name}",
-        running, lambda click: take_pick(store, frame.frame, camera, click),
-    )  # fmt: skip
+        "zoom, Enter places a target at the cross-hair in the middle.",
+        f"pick_{name}",
+        running,
+        lambda click: take_pick(store, frame.frame, camera, click),
+    )
     st.button(
-        "Swap A and B", key=f"swap_{name}", icon=":material/swap_horiz:",
-        disabled=running or not any(frame.centres[camera]), on_click=edit,
-        args=(store, frame.frame, lambda now: _swap(now, frame, camera),
-              f"A and B are exchanged in the {name} photograph."),
-    )  # fmt: skip
+        "Swap A and B",
+        key=f"swap_{name}",
+        icon=":material/swap_horiz:",
+        disabled=running or not any(frame.centres[camera]),
+        on_click=edit,
+        args=(
+            store,
+            frame.frame,
+            lambda now: _swap(now, frame, camera),
+            f"A and B are exchanged in the {name} photograph.",
+        ),
+    )
 
 
 @st.cache_data(show_spinner=False, max_entries=16)
@@ -304,8 +333,13 @@ def _download(frames: Sequence[Frame]) -> None:
         st.warning(escape_markdown(str(error)))
         return
     st.download_button(
-        "Download correspondences.csv", table, "correspondences.csv", "text/csv",
-        key="download_correspondences", on_click="ignore", icon=":material/download:",
+        "Download correspondences.csv",
+        table,
+        "correspondences.csv",
+        "text/csv",
+        key="download_correspondences",
+        on_click="ignore",
+        icon=":material/download:",
         help="The column source says of each row: detected, corrected (moved by a person to a "
         "fitted corner) or manual (a raw click).",
-    )  # fmt: skip
+    )

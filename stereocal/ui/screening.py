@@ -69,25 +69,35 @@ def show_left_out(project: Project, calibration: Calibration, look: Callable[[in
     with st.container(horizontal=True):
         for frame in screening.exchanged[:MOST_BUTTONS]:
             st.button(
-                f"Exchange A and B in frame {frame}", key=f"exchange_{frame}",
-                icon=":material/swap_horiz:", on_click=exchange_again, args=(project, frame),
+                f"Exchange A and B in frame {frame}",
+                key=f"exchange_{frame}",
+                icon=":material/swap_horiz:",
+                on_click=exchange_again,
+                args=(project, frame),
                 help="In the secondary image. The result is made again at once.",
-            )  # fmt: skip
+            )
         first = screening.left_out[0]
         st.button(
-            f"Look at frame {first}", key="look_left_out", icon=":material/search:",
-            on_click=look, args=(first,), help="There it can be put back.",
-        )  # fmt: skip
+            f"Look at frame {first}",
+            key="look_left_out",
+            icon=":material/search:",
+            on_click=look,
+            args=(first,),
+            help="There it can be put back.",
+        )
 
 
 def offer_to_bring_into_step(project: Project, calibration: Calibration) -> None:
     """A button to calibrate with the time offset, if the cameras seem to be out of step."""
     if any(warning.startswith(OUT_OF_STEP) for warning in calibration.warnings):
         st.button(
-            "Calibrate with the time offset", key="bring_into_step", icon=":material/schedule:",
-            on_click=bring_into_step, args=(project,),
+            "Calibrate with the time offset",
+            key="bring_into_step",
+            icon=":material/schedule:",
+            on_click=bring_into_step,
+            args=(project,),
             help="It becomes an unknown, and the secondary points are shifted by it.",
-        )  # fmt: skip
+        )
 
 
 @callback
@@ -105,10 +115,13 @@ def show_exchanged(project: Project) -> None:
     with st.container(horizontal=True):
         for frame in frames[:MOST_BUTTONS]:
             st.button(
-                f"Frame {frame}: take the exchange back", key=f"unexchange_{frame}",
-                icon=":material/undo:", on_click=exchange_again, args=(project, frame),
+                f"Frame {frame}: take the exchange back",
+                key=f"unexchange_{frame}",
+                icon=":material/undo:",
+                on_click=exchange_again,
+                args=(project, frame),
                 help="A and B of this frame were exchanged in the secondary image.",
-            )  # fmt: skip
+            )
 
 
 def calibrate_again() -> bool:

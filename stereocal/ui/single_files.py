@@ -48,9 +48,13 @@ def single_files(project: Project | None) -> None:
                 key = f"upload_{slot}"
                 take_camera(slot, st.file_uploader(TITLES[slot], type=CAMERA_KINDS, key=key))
     st.download_button(
-        "Template for the table", TEMPLATE, "correspondences.csv", "text/csv", on_click="ignore",
+        "Template for the table",
+        TEMPLATE,
+        "correspondences.csv",
+        "text/csv",
+        on_click="ignore",
         icon=":material/download:",
-    )  # fmt: skip
+    )
     if project is not None:
         ask_about_bars(ProjectApplication(project))
         ask_about_archive(ProjectApplication(project))

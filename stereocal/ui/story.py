@@ -35,8 +35,10 @@ def show_story() -> None:
         st.plotly_chart(plot_story_lines(story), key="story_lines")
     with st.expander("In words"):
         for words in (
-            describe_story_lengths(story), describe_two_rays(story), describe_story_lines(story)
-        ):  # fmt: skip
+            describe_story_lengths(story),
+            describe_two_rays(story),
+            describe_story_lines(story),
+        ):
             st.caption(words)
 
 

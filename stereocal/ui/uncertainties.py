@@ -60,12 +60,17 @@ def length_uncertainty(project: Project | None, name: str, assumed: str) -> None
         format_func=lambda option: TITLES.get(option, "Typed, in mm"),
         help=HELP.format(assumed=assumed) + (HELP_ON_FREE if name == "baseline_m" else ""),
         **length.choice.widget(),
-    )  # fmt: skip
+    )
     if chosen == TYPED:
         right.number_input(
-            "± mm", min_value=LEAST_MM, value=None, step=None, format="%.6g",
-            placeholder="not stated", **length.number.widget(),
-        )  # fmt: skip
+            "± mm",
+            min_value=LEAST_MM,
+            value=None,
+            step=None,
+            format="%.6g",
+            placeholder="not stated",
+            **length.number.widget(),
+        )
 
 
 def lens_uncertainties(project: Project | None) -> None:
@@ -83,10 +88,11 @@ def describe_uncertainties(dataset: Dataset) -> str:
     parts = [
         _of_length("baseline", dataset.baseline_sigma_m, DEFAULT_BASELINE * dataset.baseline_m),
         _of_length(
-            "distance A–B", dataset.target_distance_sigma_m,
+            "distance A–B",
+            dataset.target_distance_sigma_m,
             DEFAULT_DISTANCE * dataset.target_distance_m,
         ),
-    ]  # fmt: skip
+    ]
     for which, camera in zip(CAMERAS, (dataset.primary, dataset.secondary), strict=True):
         stated = "" if camera.uncertainty else " (not stated, assumed)"
         parts.append(f"{which} lens {_of_lens(camera)}{stated}")
@@ -188,18 +194,25 @@ def _lens_known(project: Project, which: CameraName, camera: Camera) -> None:
     chosen = st.selectbox(
         f"How well is the {which} lens known?",
         [*([OWN] if camera.uncertainty else []), NOT_STATED, TYPED],
-        format_func=titles.__getitem__, help=HELP.format(assumed=assumed), **lens.choice.widget(),
-    )  # fmt: skip
+        format_func=titles.__getitem__,
+        help=HELP.format(assumed=assumed),
+        **lens.choice.widget(),
+    )
     if chosen != TYPED:
         return
     for column, title, typed in zip(
         st.columns(2), ("Focal length, ± %", "Image centre, ± px"), lens.numbers, strict=True
     ):
         column.number_input(
-            title, min_value=0.0, value=None, step=None, format="%.6g", placeholder="not stated",
+            title,
+            min_value=0.0,
+            value=None,
+            step=None,
+            format="%.6g",
+            placeholder="not stated",
             help="0 holds it as it is given. It counts once both numbers are there.",
             **typed.widget(),
-        )  # fmt: skip
+        )
 
 
 @dataclass

@@ -68,19 +68,29 @@ def choose_protocol(project: Project, datasets: Sequence[Dataset]) -> Evaluation
     runs, frames, most = _protocol_fields(project, datasets)
     left, right = st.columns(2)
     left.slider(
-        "Runs", 10, 500, step=10, help="How often frames are drawn again. Paper: 100.",
+        "Runs",
+        10,
+        500,
+        step=10,
+        help="How often frames are drawn again. Paper: 100.",
         **runs.widget(),
-    )  # fmt: skip
+    )
     right.slider(
-        "Frames to calibrate with; the others test", 1, most, help="Paper: 20 of 25.",
+        "Frames to calibrate with; the others test",
+        1,
+        most,
+        help="Paper: 20 of 25.",
         **frames.widget(),
-    )  # fmt: skip
+    )
     st.segmented_control(
-        "Left out together", SPLITS, format_func=SPLITS.__getitem__, required=True,
+        "Left out together",
+        SPLITS,
+        format_func=SPLITS.__getitem__,
+        required=True,
         help="Neighbouring frames of a moving bar have alike errors: tested on one, a fit of the "
         "other looks better than it is. For frames taken one by one both are the same.",
         **_splits(project).widget(),
-    )  # fmt: skip
+    )
     search_form(project)
     return kept_protocol(project, datasets)
 
@@ -116,11 +126,11 @@ def kept_protocol(project: Project, datasets: Sequence[Dataset]) -> EvaluationSe
         settings_of(search_values(project)),
         runs.value(),
         frames.value(),
-        own if len(datasets) == 1 else RefineSettings(
-            time_offset=own.time_offset, time_drift=own.time_drift
-        ),
+        own
+        if len(datasets) == 1
+        else RefineSettings(time_offset=own.time_offset, time_drift=own.time_drift),
         _splits(project).value(),
-    )  # fmt: skip
+    )
 
 
 def without_refined(
@@ -183,9 +193,12 @@ def _work(project: Project, datasets: Sequence[Dataset], settings: EvaluationSet
         "settings": settings.to_json(),
     }
     return jobs.Work(
-        project, "evaluation", STAGES, about,
+        project,
+        "evaluation",
+        STAGES,
+        about,
         lambda job: _validate(project, datasets, settings, job),
-    )  # fmt: skip
+    )
 
 
 def _yield_to_clicks(_done: int, _total: int) -> None:
@@ -204,9 +217,13 @@ def _validate(
         runs = evaluate_with_kept_fits(kept, settings, job.executor, _FITS, _yield_to_clicks)
     else:
         runs = evaluate(
-            kept, settings, job.executor, job.progress, lambda: job.cancelled,
+            kept,
+            settings,
+            job.executor,
+            job.progress,
+            lambda: job.cancelled,
             pieces=job.checkpoints("runs", pack_runs, unpack_runs),
-        )  # fmt: skip
+        )
     if runs is None:
         return False
     digests = [dataset.sha256 for dataset in datasets]

@@ -95,14 +95,16 @@ def show_evaluation(
         with st.container(key="narrow"):
             for column in columns:
                 st.plotly_chart(
-                    plot_validation(pooled, [column]), key=f"validation_{column}",
+                    plot_validation(pooled, [column]),
+                    key=f"validation_{column}",
                     config=_saved_as(picture, f"validation_{column}"),
-                )  # fmt: skip
+                )
     with st.container(key="wide" if len(columns) > 1 else "fits"):
         st.plotly_chart(
-            plot_validation(pooled, columns), key="validation",
+            plot_validation(pooled, columns),
+            key="validation",
             config=_saved_as(picture, "validation"),
-        )  # fmt: skip
+        )
     with st.expander("In words"):
         st.caption(escape_markdown(describe_validation(pooled, columns)))
     if screenings:
@@ -110,15 +112,19 @@ def show_evaluation(
     with st.expander("Figures as a table, and the width of the bins"):
         st.table(validation_table(pooled))
         st.select_slider(
-            "Width of the bins (decades)", BIN_WIDTHS, help="The overlap depends on it a little.",
+            "Width of the bins (decades)",
+            BIN_WIDTHS,
+            help="The overlap depends on it a little.",
             **bins.widget(),
-        )  # fmt: skip
+        )
     if len(evaluation.names) > 1:
         st.subheader("Data set by data set")
         show_figure(
-            plot_comparison(by_dataset), describe_comparison(by_dataset), "comparison",
+            plot_comparison(by_dataset),
+            describe_comparison(by_dataset),
+            "comparison",
             config=_saved_as(picture, "comparison"),
-        )  # fmt: skip
+        )
     st.caption(f"Made with: {describe_protocol(evaluation)}")
 
 
@@ -132,22 +138,27 @@ def _choose_view(project: Project, refined: Field) -> tuple[list[str], str]:
     ):
         wide = st.segmented_control("Show", panels, required=True, **shown.widget())
         st.toggle(
-            "With the refined method", **refined.widget(),
+            "With the refined method",
+            **refined.widget(),
             help="One set, fitted to images and lengths at once. The paper has the other three.",
-        )  # fmt: skip
+        )
         picture = st.segmented_control(
-            "Save pictures as", FORMATS, required=True,
-            help="The camera at the top right of a figure saves it.", **saved.widget(),
-        )  # fmt: skip
+            "Save pictures as",
+            FORMATS,
+            required=True,
+            help="The camera at the top right of a figure saves it.",
+            **saved.widget(),
+        )
     return [key for key, title in COLUMNS.items() if wide in ("All three", title)], picture
 
 
 def _saved_as(picture: str, name: str) -> dict[str, Any]:
     """Plotly's options for a button that saves a figure in the browser, as it is seen."""
     return {
-        "displayModeBar": True, "modeBarButtons": [["toImage"]],
+        "displayModeBar": True,
+        "modeBarButtons": [["toImage"]],
         "toImageButtonOptions": {"format": picture.lower(), "filename": name, "scale": 2},
-    }  # fmt: skip
+    }
 
 
 def _screenings(
@@ -200,9 +211,12 @@ def _answer(project: Project, evaluation: Evaluation) -> Callable[[], Answer] | 
 
 
 def _downloads(
-    project: Project, screenings: Sequence[Screening], evaluation: Evaluation, pooled: Any,
+    project: Project,
+    screenings: Sequence[Screening],
+    evaluation: Evaluation,
+    pooled: Any,
     by_dataset: Any,
-) -> None:  # fmt: skip
+) -> None:
     left, right = st.columns(2)
     about = ([each.full_dataset for each in screenings], evaluation.settings, screenings)
     make = _answer(project, evaluation)
@@ -213,11 +227,20 @@ def _downloads(
         return report_html(pooled, by_dataset, *about, recommended)
 
     left.download_button(
-        "Download report.html", on_demand(report, "report.html", "text/html"), "report.html",
-        "text/html", on_click="ignore", icon=":material/download:", key="download_report",
-    )  # fmt: skip
+        "Download report.html",
+        on_demand(report, "report.html", "text/html"),
+        "report.html",
+        "text/html",
+        on_click="ignore",
+        icon=":material/download:",
+        key="download_report",
+    )
     right.download_button(
-        "Download summary.json", summary_json(pooled, by_dataset, *about),
-        "summary.json", "application/json", on_click="ignore", icon=":material/download:",
+        "Download summary.json",
+        summary_json(pooled, by_dataset, *about),
+        "summary.json",
+        "application/json",
+        on_click="ignore",
+        icon=":material/download:",
         key="download_summary",
-    )  # fmt: skip
+    )

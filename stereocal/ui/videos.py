@@ -51,10 +51,14 @@ def videos_in(project: Project | None) -> None:
     settings = _settings(project)
     running = project is not None and jobs.is_running(project, "video")
     st.button(
-        "Take the frames", key="take_frames", type="primary",
-        disabled=running or None in uploads, on_click=_start, args=(uploads, settings),
+        "Take the frames",
+        key="take_frames",
+        type="primary",
+        disabled=running or None in uploads,
+        on_click=_start,
+        args=(uploads, settings),
         help="The frames become photographs of the project; the videos are not stored.",
-    )  # fmt: skip
+    )
     if project is None:
         return
     jobs.show_job(project, "video", "Cancelled. No frame was taken.", None)
@@ -68,9 +72,11 @@ def _settings(project: Project | None) -> VideoSettings:
     left, right = st.columns(2, vertical_alignment="bottom")
     options = list(CHOICES)
     choice = left.selectbox(
-        "Take", options, format_func=CHOICES.__getitem__,
+        "Take",
+        options,
+        format_func=CHOICES.__getitem__,
         **setting(project, "video_choice", "still", one_of(options)).widget(),
-    )  # fmt: skip
+    )
     n = 30
     if choice == "every":
         n = right.number_input(
@@ -85,9 +91,11 @@ def _settings(project: Project | None) -> VideoSettings:
     later = None
     if not together:
         later = right.number_input(
-            "The secondary's clock is ahead by (s)", step=None, format="%.6g",
+            "The secondary's clock is ahead by (s)",
+            step=None,
+            format="%.6g",
             **setting(project, "video_later_s", 0.0, number(-1e12)).widget(),
-        )  # fmt: skip
+        )
     return VideoSettings(choice, n, later)
 
 
@@ -144,9 +152,7 @@ def _take(
     def keep(name: str, content: bytes) -> None:
         found[name] = store.keep(name, content)
 
-    report = extract(
-        videos, settings, keep, job.begin, job.progress, lambda: job.cancelled
-    )  # fmt: skip
+    report = extract(videos, settings, keep, job.begin, job.progress, lambda: job.cancelled)
     if report is None:
         return False
     if not found:

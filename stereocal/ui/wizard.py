@@ -149,18 +149,30 @@ def _point_form(
     per_unit, likelihood = 1.0, 0.0
     if layout.program == "TrackMate" or can_choose_columns(layout):
         per_unit = st.number_input(
-            "Pixels per unit of the file", 1e-9, format="%.6g",
+            "Pixels per unit of the file",
+            1e-9,
+            format="%.6g",
             **form.field("px_per_unit", first.px_per_unit, number(1e-9)),
-        )  # fmt: skip
+        )
     if any(each.likelihood is not None for each in layout.columns):
         likelihood = st.number_input(
-            "Least likelihood", 0.0, 1.0, step=0.05,
+            "Least likelihood",
+            0.0,
+            1.0,
+            step=0.05,
             **form.field("least_likelihood", first.least_likelihood, number(0.0, 1.0)),
-        )  # fmt: skip
+        )
     return dataclasses.replace(
-        first, camera=camera, corner=corner, flip=flip, first_pixel=first_pixel,
-        image_height=height, px_per_unit=per_unit, least_likelihood=likelihood, columns=columns,
-    )  # fmt: skip
+        first,
+        camera=camera,
+        corner=corner,
+        flip=flip,
+        first_pixel=first_pixel,
+        image_height=height,
+        px_per_unit=per_unit,
+        least_likelihood=likelihood,
+        columns=columns,
+    )
 
 
 def _bar_form(form: _Form) -> BarAnswers:
@@ -176,14 +188,23 @@ def _bar_form(form: _Form) -> BarAnswers:
         chosen[name] = st.selectbox(title, options, **one)
     corner, flip, first_pixel = _origin(form, layout.origin.corner, layout.origin.first_pixel)
     heights = [
-        _height(form, f"height_{k}", f"Image height, {which} (px)",
-                None if camera is None else camera.image_size[1], corner)
+        _height(
+            form,
+            f"height_{k}",
+            f"Image height, {which} (px)",
+            None if camera is None else camera.image_size[1],
+            corner,
+        )
         for k, (which, camera) in enumerate(zip(CAMERAS, cameras, strict=True))
-    ]  # fmt: skip
+    ]
     return BarAnswers(
-        (chosen["camera_0"], chosen["camera_1"]), (chosen["end_0"], chosen["end_1"]),
-        corner, flip, first_pixel, (heights[0], heights[1]),
-    )  # fmt: skip
+        (chosen["camera_0"], chosen["camera_1"]),
+        (chosen["end_0"], chosen["end_1"]),
+        corner,
+        flip,
+        first_pixel,
+        (heights[0], heights[1]),
+    )
 
 
 def _columns(
@@ -202,11 +223,14 @@ def _columns(
         options = [COUNTED, *numbers] if name == "frame" else list(numbers)
         chosen.append(
             column.selectbox(
-                f"Column of {name}", options, index=None, placeholder="choose",
+                f"Column of {name}",
+                options,
+                index=None,
+                placeholder="choose",
                 format_func=lambda at: COUNTED_TITLE if at == COUNTED else names[at],
                 **form.field(name, default, one_of(options)),
             )
-        )  # fmt: skip
+        )
     frame, u, v = chosen
     if frame is None or u is None or v is None:
         return None
@@ -219,20 +243,25 @@ def _origin(
     left, middle, right = st.columns(3)
     start = form.layout.origin.first_pixel if first_pixel is None else first_pixel
     chosen = left.selectbox(
-        "Points are counted from the", CORNERS, format_func=CORNER_TITLES.__getitem__,
+        "Points are counted from the",
+        CORNERS,
+        format_func=CORNER_TITLES.__getitem__,
         **form.field("corner", corner, one_of(CORNERS)),
-    )  # fmt: skip
+    )
     pixel = middle.number_input(
-        "The first pixel's centre is at", step=0.5,
+        "The first pixel's centre is at",
+        step=0.5,
         help="0 here and in OpenCV, 1 in MATLAB and DLTdv, 0.5 in COLMAP.",
         **form.field("first_pixel", float(start), number(-math.inf)),
-    )  # fmt: skip
+    )
     flip: Flip = "h"
     if chosen == "lower-left":
         flip = right.selectbox(
-            "Height h counts as", FLIPS, format_func=FLIP_TITLES.__getitem__,
+            "Height h counts as",
+            FLIPS,
+            format_func=FLIP_TITLES.__getitem__,
             **form.field("flip", form.layout.origin.flip, one_of(FLIPS)),
-        )  # fmt: skip
+        )
     return chosen, flip, pixel
 
 

@@ -84,8 +84,10 @@ def _lacks_frame_rate(project: Project, store: ProjectApplication) -> bool:
 def _take_file(store: ProjectApplication) -> None:
     upload = st.file_uploader(
         "Surveyed points, plumb lines or a throw; or world.json",
-        type=["csv", "txt", "tsv", "json"], key="upload_world", help=HELP,
-    )  # fmt: skip
+        type=["csv", "txt", "tsv", "json"],
+        key="upload_world",
+        help=HELP,
+    )
     if upload is not None and is_new(upload):
         with taking(upload):
             check_uploads([upload])
@@ -152,25 +154,32 @@ def _found(project: Project, given: Given, rig: RigParameters) -> Pose | None:
     st.download_button(
         f"Download {WORLD_FILE}",
         on_demand(lambda: write_world(frame, rig), WORLD_FILE, "application/json"),
-        WORLD_FILE, "application/json", on_click="ignore", icon=":material/download:",
+        WORLD_FILE,
+        "application/json",
+        on_click="ignore",
+        icon=":material/download:",
         key="download_world",
-    )  # fmt: skip
+    )
     return frame.pose
 
 
 def _show_residuals(residuals: dict[str, list[float]]) -> None:
     rows = [
-        {"Point": name, **{f"{axis} (mm)": 1000 * value for axis, value in zip("xyz", each,
-                                                                              strict=True)}}
+        {
+            "Point": name,
+            **{f"{axis} (mm)": 1000 * value for axis, value in zip("xyz", each, strict=True)},
+        }
         for name, each in residuals.items()
-    ]  # fmt: skip
+    ]
     st.caption("Residuals, measured minus surveyed")
     st.dataframe(
-        rows, hide_index=True, height=min(35 * (len(rows) + 1) + 3, 283),
+        rows,
+        hide_index=True,
+        height=min(35 * (len(rows) + 1) + 3, 283),
         column_config={
             f"{axis} (mm)": st.column_config.NumberColumn(format="%.1f") for axis in "xyz"
         },
-    )  # fmt: skip
+    )
 
 
 def _rate(observed: Observed) -> float | None:
@@ -199,9 +208,14 @@ def _settings(project: Project, observed: Observed) -> WorldSettings:
     with right:
         heading = setting(project, "world_heading", 0.0, number(-360.0, 360.0))
         st.number_input(
-            "Turned by (°)", -360.0, 360.0, step=1.0, format="%.4g",
-            help="Counter-clockwise, as seen from above.", **heading.widget(),
-        )  # fmt: skip
+            "Turned by (°)",
+            -360.0,
+            360.0,
+            step=1.0,
+            format="%.4g",
+            help="Counter-clockwise, as seen from above.",
+            **heading.widget(),
+        )
     with last:
         usual = "as the targets" if isinstance(observed, Survey) else "by their scatter"
         sigma_px = ask_noise(noise_field(project, "world_sigma_px"), usual, usual)

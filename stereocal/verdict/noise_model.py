@@ -47,9 +47,13 @@ def draw_noise(model: RefinedResult, draws: int, rng: np.random.Generator) -> No
     bars = bar_innovations(model, model.used_rows)
     lengths = bars.errors_m / np.sqrt(bars.variances_m2 + model.scatter_m.value**2)
     return noise_given(
-        residuals, len(residuals) - _freedom(model),
-        lengths[np.isfinite(lengths)], length_freedom(model, bars), draws, rng,
-    )  # fmt: skip
+        residuals,
+        len(residuals) - _freedom(model),
+        lengths[np.isfinite(lengths)],
+        length_freedom(model, bars),
+        draws,
+        rng,
+    )
 
 
 def noise_given(

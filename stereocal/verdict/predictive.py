@@ -264,10 +264,17 @@ def predict(
         for half in range(2):
             own = slice(2 * bars * half, 2 * bars * (half + 1))
             judge(
-                sets, lenses, seen[own], np.ascontiguousarray(start[:, own]),
-                distances[draw, bars * half : bars * (half + 1)], partners,
-                counts[draw, half], nans[draw, half], lengths[draw, half], correct_px[draw, half],
-            )  # fmt: skip
+                sets,
+                lenses,
+                seen[own],
+                np.ascontiguousarray(start[:, own]),
+                distances[draw, bars * half : bars * (half + 1)],
+                partners,
+                counts[draw, half],
+                nans[draw, half],
+                lengths[draw, half],
+                correct_px[draw, half],
+            )
 
     with ThreadPoolExecutor(workers) as pool:
         list(pool.map(judge_draw, range(draws)))

@@ -195,9 +195,14 @@ class _Curve:
         """The weighted sum of both costs, in units of their mean errors, plus the priors."""
         self._errors_at(p)
         value, _, _ = weigh(
-            self.errors, self.pairs, 2.0 * (1.0 - share) / self.mean_px, 2.0 * share / self.mean_m,
-            SMOOTHING * self.mean_px, SMOOTHING * self.mean_m, self.weights,
-        )  # fmt: skip
+            self.errors,
+            self.pairs,
+            2.0 * (1.0 - share) / self.mean_px,
+            2.0 * share / self.mean_m,
+            SMOOTHING * self.mean_px,
+            SMOOTHING * self.mean_m,
+            self.weights,
+        )
         return float(value + 0.5 * (p @ self.unknowns.precision @ p))
 
     def _minimise(self, p: FloatArray, share: float) -> FloatArray:
@@ -208,9 +213,17 @@ class _Curve:
             if fresh:
                 q = self._q(p)
                 fill_jacobian(
-                    q, self.unknowns.M, self.steps, self.lenses, self.pixels, self.rays,
-                    self.inverse_jacobians, self.bars, self.distances, self.J,
-                )  # fmt: skip
+                    q,
+                    self.unknowns.M,
+                    self.steps,
+                    self.lenses,
+                    self.pixels,
+                    self.rays,
+                    self.inverse_jacobians,
+                    self.bars,
+                    self.distances,
+                    self.J,
+                )
                 weighted = self.J * self.weights
                 A = weighted @ self.J.T + self.unknowns.precision
                 b = weighted @ self.errors + self.unknowns.precision @ p

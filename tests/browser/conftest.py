@@ -21,9 +21,15 @@ from tests.browser.work import finished_project
 
 ROOT = Path(__file__).parents[2]
 FLAGS = [
-    "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
-    "--disable-background-networking", "--disable-component-update", "--disable-sync",
-]  # fmt: skip
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+]
 LONGEST_MS = 120_000
 """The first calibration on a fresh machine compiles; on a busy one that took 40 s."""
 

@@ -78,14 +78,34 @@ def test_demo_to_files_of_the_command_line(
     settled(page)
     mine = [download(page, f"download_{name}", tmp_path / "page") for name in ("pairs", "points")]
 
-    assert main(
-        ["match", *map(str, tables), "--parameters", str(recommended), "--threshold", "25",
-         "--out", str(tmp_path / "pairs.csv")]
-    ) == 0  # fmt: skip
-    assert main(
-        ["reconstruct", str(tmp_path / "pairs.csv"), "--parameters", str(recommended),
-         "--out", str(tmp_path / "points.csv")]
-    ) == 0  # fmt: skip
+    assert (
+        main(
+            [
+                "match",
+                *map(str, tables),
+                "--parameters",
+                str(recommended),
+                "--threshold",
+                "25",
+                "--out",
+                str(tmp_path / "pairs.csv"),
+            ]
+        )
+        == 0
+    )
+    assert (
+        main(
+            [
+                "reconstruct",
+                str(tmp_path / "pairs.csv"),
+                "--parameters",
+                str(recommended),
+                "--out",
+                str(tmp_path / "points.csv"),
+            ]
+        )
+        == 0
+    )
     for path in mine:
         assert path.read_bytes() == (tmp_path / path.name).read_bytes()
 

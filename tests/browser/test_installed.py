@@ -25,8 +25,11 @@ def test_an_installed_package_serves_the_recording_to_both_files(
     # Now, so that the walk waits for the pages alone.
     subprocess.run(
         [sys.executable, "-m", "stereocal", "compile"],
-        cwd=tmp_path, env=environment, check=True, capture_output=True,
-    )  # fmt: skip
+        cwd=tmp_path,
+        env=environment,
+        check=True,
+        capture_output=True,
+    )
     with served(tmp_path / "home", environment, command, tmp_path) as (_, url):
         page.goto(url)
         settled(page)

@@ -14,9 +14,14 @@ pytestmark = pytest.mark.browser
 def test_nothing_acknowledged_is_lost_when_the_server_is_killed(tmp_path: Path) -> None:
     trial = Trial(tmp_path, seed=3, log=None)
     for activity in (
-        "upload a table", "type lengths", "upload zips", "correct targets", "find targets",
-        "calibrate", "validate",
-    ):  # fmt: skip
+        "upload a table",
+        "type lengths",
+        "upload zips",
+        "correct targets",
+        "find targets",
+        "calibrate",
+        "validate",
+    ):
         trial.kill_during(activity)
     assert "0 are not in the list" in trial.finish()
     assert trial.problems == []

@@ -35,12 +35,11 @@ def a_project_of_links(home: Path) -> Project:
         "secondary": "secondary.json",
     }
     project.give(
-        {
-            slot: (f"{slot} {FILE}.csv", (FIELD / name).read_bytes())
-            for slot, name in slots.items()
-        },
-        name=NAME, baseline_m=field.baseline_m, target_distance_m=field.target_distance_m,
-    )  # fmt: skip
+        {slot: (f"{slot} {FILE}.csv", (FIELD / name).read_bytes()) for slot, name in slots.items()},
+        name=NAME,
+        baseline_m=field.baseline_m,
+        target_distance_m=field.target_distance_m,
+    )
     more = pack_zip(pack_dataset(replace(field, name=NAME)))
     project.add_dataset(f"{FILE}.zip", more)
     project.keep_settings({"validate_on": "All my data sets", "validate_runs": 10})

@@ -146,8 +146,10 @@ def test_clicks_corrections_and_the_table(
     settled(page)
     rows = download(page, tmp_path)
     assert [(row["frame"], row["target"], row["source"]) for row in rows[:3]] == [
-        ("1", "A", "manual"), ("1", "B", "detected"), ("3", "A", "detected"),
-    ]  # fmt: skip
+        ("1", "A", "manual"),
+        ("1", "B", "detected"),
+        ("3", "A", "detected"),
+    ]
     assert float(rows[0]["u_primary"]) == manual.u and rows[0]["sigma_primary_px"] == ""
     b = centre(store, 1, 1, 0)
     assert (float(rows[0]["u_secondary"]), float(rows[0]["v_secondary"])) == (b.u, b.v)
@@ -166,8 +168,10 @@ def test_clicks_corrections_and_the_table(
     settled(page)
     rows = download(page, tmp_path)
     assert [(row["frame"], row["source"]) for row in rows[:3]] == [
-        ("1", "corrected"), ("1", "detected"), ("2", "detected"),
-    ]  # fmt: skip
+        ("1", "corrected"),
+        ("1", "detected"),
+        ("2", "detected"),
+    ]
     page.keyboard.press("u")
     expect(page.get_by_role("button", name="Undo (0)")).to_be_disabled()
     assert centre(store, 1, 0, 0) == before
@@ -252,9 +256,11 @@ def test_by_touch_on_a_narrow_screen(
     browser: Browser, page: Page, store: ProjectPhotographs
 ) -> None:
     narrow = browser.new_context(
-        viewport={"width": 420, "height": 900}, has_touch=True, is_mobile=True,
+        viewport={"width": 420, "height": 900},
+        has_touch=True,
+        is_mobile=True,
         device_scale_factor=2,
-    )  # fmt: skip
+    )
     phone = narrow.new_page()
     phone.goto(page.url)
     primary = Photograph(phone, "primary")

@@ -114,10 +114,14 @@ def test_uploads_without_the_token_of_the_page_are_refused(
     assert requests.put(place, files=body, timeout=10, **right).status_code == 204  # type: ignore[arg-type]
     # A page elsewhere may not even try: the browser asks before, and gets no leave.
     asked = requests.options(
-        place, timeout=10,
-        headers={"Origin": "http://evil.example", "Access-Control-Request-Method": "PUT",
-                 "Access-Control-Request-Headers": "X-Xsrftoken"},
-    )  # fmt: skip
+        place,
+        timeout=10,
+        headers={
+            "Origin": "http://evil.example",
+            "Access-Control-Request-Method": "PUT",
+            "Access-Control-Request-Headers": "X-Xsrftoken",
+        },
+    )
     assert asked.headers.get("Access-Control-Allow-Origin", "") not in ("*", "http://evil.example")
     # Nor does a token open the session of somebody else, whose name nobody is told.
     elsewhere = re.sub(r"upload_file/[^/]+/", f"upload_file/{'0' * 36}/", place)
@@ -168,11 +172,27 @@ def test_nothing_drives_the_app_but_its_page(app_url: str) -> None:
 
 
 ODD = [
-    "..%2F..", "%2e%2e%2f%2e%2e%2fetc%2fpasswd", "..", "A" * 32, "0" * 33, "0" * 31, "0" * 32,
-    "%00" * 32, "0" * 31 + "%00", "0" * 31 + "%0A", "%D9%A1" * 32, "%EF%BC%91" * 32, "x" * 5000,
-    "-1", "*", "0" * 15 + "/" + "0" * 16, "C%3A%5CWindows", "%3Cscript%3Ealert(1)%3C%2Fscript%3E",
-    "0" * 32 + "&project=" + "1" * 32, "",
-]  # fmt: skip
+    "..%2F..",
+    "%2e%2e%2f%2e%2e%2fetc%2fpasswd",
+    "..",
+    "A" * 32,
+    "0" * 33,
+    "0" * 31,
+    "0" * 32,
+    "%00" * 32,
+    "0" * 31 + "%00",
+    "0" * 31 + "%0A",
+    "%D9%A1" * 32,
+    "%EF%BC%91" * 32,
+    "x" * 5000,
+    "-1",
+    "*",
+    "0" * 15 + "/" + "0" * 16,
+    "C%3A%5CWindows",
+    "%3Cscript%3Ealert(1)%3C%2Fscript%3E",
+    "0" * 32 + "&project=" + "1" * 32,
+    "",
+]
 
 
 def test_odd_addresses_get_a_sentence_and_leave_nothing(

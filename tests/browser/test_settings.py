@@ -22,53 +22,107 @@ Settled = Callable[[Page], None]
 
 SET: dict[str, dict[str, Any]] = {
     "data": {
-        "baseline_m_unit": "cm", "target_distance_m_unit": "mm", "frames_view": "One frame",
-        "review_target": "B", "review_raw": True,
-        "baseline_m_known": "Tape", "target_distance_m_known": "Typed",
+        "baseline_m_unit": "cm",
+        "target_distance_m_unit": "mm",
+        "frames_view": "One frame",
+        "review_target": "B",
+        "review_raw": True,
+        "baseline_m_known": "Tape",
+        "target_distance_m_known": "Typed",
     },
     "plan": {
-        "plan_name": "pond", "plan_alike": False, "plan_baseline_m": 5.0, "plan_toe_in_deg": 11.5,
-        "plan_near_m": 9.0, "plan_far_m": 22.0, "plan_bar_m": 1.1, "plan_frames": 30,
+        "plan_name": "pond",
+        "plan_alike": False,
+        "plan_baseline_m": 5.0,
+        "plan_toe_in_deg": 11.5,
+        "plan_near_m": 9.0,
+        "plan_far_m": 22.0,
+        "plan_bar_m": 1.1,
+        "plan_frames": 30,
         "plan_noise_px": 0.35,
     },
     "cameras": {
-        "board_kind": "ChArUco", "board_columns": 9, "board_rows": 7, "board_square_mm": 25.0,
-        "board_marker_mm": 18.5, "board_dictionary": "DICT_5X5_100", "lens_subset": 9,
-        "lens_repeats": 13, "lens_seed": 4, "lens_fix_k3": True, "lens_zero_tangential": True,
+        "board_kind": "ChArUco",
+        "board_columns": 9,
+        "board_rows": 7,
+        "board_square_mm": 25.0,
+        "board_marker_mm": 18.5,
+        "board_dictionary": "DICT_5X5_100",
+        "lens_subset": 9,
+        "lens_repeats": 13,
+        "lens_seed": 4,
+        "lens_fix_k3": True,
+        "lens_zero_tangential": True,
     },
     "calibrate": {
-        "calibration_frames": 11, "delta": 0.002, "delta_min": 3e-6, "acceptance": 0.25,
-        "shrink": 0.8, "minimum_moves": 25, "seed": 5, "essential": "linear",
-        "view": "Parameters", "rig_method": "2d", "rig_view": "Side", "format_file": "3d",
-        "format": "dlt", "dlt_corner_3d": "lower-left", "dlt_first_3d": 0.5,
+        "calibration_frames": 11,
+        "delta": 0.002,
+        "delta_min": 3e-6,
+        "acceptance": 0.25,
+        "shrink": 0.8,
+        "minimum_moves": 25,
+        "seed": 5,
+        "essential": "linear",
+        "view": "Parameters",
+        "rig_method": "2d",
+        "rig_view": "Side",
+        "format_file": "3d",
+        "format": "dlt",
+        "dlt_corner_3d": "lower-left",
+        "dlt_first_3d": 0.5,
     },
     "validate": {
-        "delta": 0.002, "delta_min": 3e-6, "acceptance": 0.25, "shrink": 0.8, "minimum_moves": 25,
-        "seed": 5, "essential": "linear", "validate_runs": 40, "validate_frames": 9,
-        "bin_width": 0.2, "with_refined": False, "columns": "Residual",
+        "delta": 0.002,
+        "delta_min": 3e-6,
+        "acceptance": 0.25,
+        "shrink": 0.8,
+        "minimum_moves": 25,
+        "seed": 5,
+        "essential": "linear",
+        "validate_runs": 40,
+        "validate_frames": 9,
+        "bin_width": 0.2,
+        "with_refined": False,
+        "columns": "Residual",
     },
     "one_set": {"curve": "As given", "along": 30},
     "apply": {
-        "apply_matching": "3d", "apply_measuring": "2d", "apply_only_depths": True,
-        "apply_near": 1.5, "apply_far": 60.0, "apply_threshold": 2.5,
+        "apply_matching": "3d",
+        "apply_measuring": "2d",
+        "apply_only_depths": True,
+        "apply_near": 1.5,
+        "apply_far": 60.0,
+        "apply_threshold": 2.5,
         "apply_view": "Threshold and depths",
     },
     "check": {"check_turn_deg": 0.2, "check_baseline_percent": 0.5},
-}  # fmt: skip
+}
 """Of each page, by the key of the widget; none is the usual value, none its least."""
 SHOWN = {
     **{key: value for values in SET.values() for key, value in values.items()},
-    **{key: "true" if value else "false" for key, value in (
-        ("review_raw", True), ("lens_fix_k3", True), ("lens_zero_tangential", True),
-        ("with_refined", False), ("apply_only_depths", True),
-        ("plan_alike", False),
-    )},
+    **{
+        key: "true" if value else "false"
+        for key, value in (
+            ("review_raw", True),
+            ("lens_fix_k3", True),
+            ("lens_zero_tangential", True),
+            ("with_refined", False),
+            ("apply_only_depths", True),
+            ("plan_alike", False),
+        )
+    },
     "plan_toe_in_deg": "11.50",
-    "delta_min": "0.000003", "board_square_mm": "25", "apply_far": "60", "dlt_first_3d": "0.50",
-    "rig_method": "2D set", "dlt_corner_3d": "lower left", "apply_matching": "3D set",
-    "apply_measuring": "2D set", "format_file": "3D set",
+    "delta_min": "0.000003",
+    "board_square_mm": "25",
+    "apply_far": "60",
+    "dlt_first_3d": "0.50",
+    "rig_method": "2D set",
+    "dlt_corner_3d": "lower left",
+    "apply_matching": "3D set",
+    "apply_measuring": "2D set",
+    "format_file": "3D set",
     "format": "DLT coefficients (DLTdv, easyWand, Argus)",
-}  # fmt: skip
+}
 """As the browser shows it."""
 
 STATED: dict[str, Any] = {
@@ -79,11 +133,14 @@ STATED: dict[str, Any] = {
 """What the Data page's fields of how well things are known write."""
 STATED_SHOWN = {
     "review_frame": "5",
-    "baseline_m_known": "Tape: ± 5 mm", "target_distance_m_known": "Typed, in mm",
-    "target_distance_m_sigma_mm": "0.7", "lens_primary_known": "Typed",
-    "lens_primary_focal_percent": "0.4", "lens_primary_centre_px": "6",
+    "baseline_m_known": "Tape: ± 5 mm",
+    "target_distance_m_known": "Typed, in mm",
+    "target_distance_m_sigma_mm": "0.7",
+    "lens_primary_known": "Typed",
+    "lens_primary_focal_percent": "0.4",
+    "lens_primary_centre_px": "6",
     "lens_secondary_known": "Not stated",
-}  # fmt: skip
+}
 
 READ = """() => Object.fromEntries(
   [...document.querySelectorAll('[data-testid=stMain] [class*="st-key-"]')].flatMap(box => {

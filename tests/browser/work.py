@@ -41,9 +41,13 @@ def finished_project(home: Path) -> str:
     )
     with ThreadPoolExecutor(2) as executor:
         frames = detect_frames(
-            pair_names(files).pairs, files, (rig.primary, rig.secondary), executor,
-            lambda _stage: None, lambda _done, _total: None,
-        )  # fmt: skip
+            pair_names(files).pairs,
+            files,
+            (rig.primary, rig.secondary),
+            executor,
+            lambda _stage: None,
+            lambda _done, _total: None,
+        )
         lens = calibrate_lens(search(BOARDS, 1), LensSettings(subset=8, repeats=12), executor)
     assert frames is not None and lens is not None
     store.keep_frames(frames)

@@ -206,9 +206,12 @@ class TestMinimum:
         at = np.array(found.pose.angles)
         simplex = np.vstack([at, at + 1e-3 * np.eye(5)])
         peer = minimize(
-            cost_of_angles, at, args=(problem,), method="Nelder-Mead",
+            cost_of_angles,
+            at,
+            args=(problem,),
+            method="Nelder-Mead",
             options={"initial_simplex": simplex, "xatol": 1e-9, "fatol": 1e-12, "maxfev": 4000},
-        )  # fmt: skip
+        )
         # Improved over 6 seeds by 1 % (2D), 2 % (3D), and up to 7 % (known points).
         assert peer.fun >= 0.9 * found.cost
 
@@ -241,14 +244,26 @@ class TestSettings:
     @pytest.mark.parametrize(
         ("name", "value"),
         [
-            ("delta", 0.0), ("delta", -1e-3), ("delta", 0.6), ("delta", float("nan")),
-            ("delta_min", 0.0), ("delta_min", 2e-3), ("delta_min", float("nan")),
-            ("acceptance", 0.0), ("acceptance", 1.0), ("acceptance", float("nan")),
-            ("shrink", 0.0), ("shrink", 1.0), ("shrink", float("nan")),
-            ("minimum_moves", 0), ("minimum_moves", 100_001), ("maximum_moves", 0),
-            ("seed", -1), ("seed", 2**63),
+            ("delta", 0.0),
+            ("delta", -1e-3),
+            ("delta", 0.6),
+            ("delta", float("nan")),
+            ("delta_min", 0.0),
+            ("delta_min", 2e-3),
+            ("delta_min", float("nan")),
+            ("acceptance", 0.0),
+            ("acceptance", 1.0),
+            ("acceptance", float("nan")),
+            ("shrink", 0.0),
+            ("shrink", 1.0),
+            ("shrink", float("nan")),
+            ("minimum_moves", 0),
+            ("minimum_moves", 100_001),
+            ("maximum_moves", 0),
+            ("seed", -1),
+            ("seed", 2**63),
         ],
-    )  # fmt: skip
+    )
     def test_out_of_range(self, name: str, value: Any) -> None:
         with pytest.raises(StereocalError, match=f"^{name} is "):
             SearchSettings(**{name: value})
@@ -256,8 +271,11 @@ class TestSettings:
     def test_defaults_are_the_papers(self) -> None:
         given = SearchSettings()
         assert (given.delta, given.delta_min, given.acceptance, given.shrink) == (
-            1e-3, 1e-6, 0.2, 0.75,
-        )  # fmt: skip
+            1e-3,
+            1e-6,
+            0.2,
+            0.75,
+        )
 
 
 def test_the_secondary_has_skew_in_the_cost() -> None:

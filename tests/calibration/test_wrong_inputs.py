@@ -132,5 +132,12 @@ def test_a_message_ends_between_words() -> None:
     text = str(StereocalError(f"It is wrong: {words}. Check the files."))
     assert len(text) <= LONGEST and text.endswith("Check the files.")
     assert set(text.replace(":", "").replace(".", "").split()) <= {
-        "It", "is", "wrong", "suspect", "Check", "the", "files", "",
-    }  # fmt: skip
+        "It",
+        "is",
+        "wrong",
+        "suspect",
+        "Check",
+        "the",
+        "files",
+        "",
+    }

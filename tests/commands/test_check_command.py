@@ -57,9 +57,12 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Work:
         write_all({folder / name / file: text for file, text in pack_dataset(few).items()})
     (folder / "pairs.csv").write_text(pairs_of(data["moved"]))
     return Work(
-        folder / "parameters_refined.json", folder / "same", folder / "moved",
-        folder / "pairs.csv", folder / "out",
-    )  # fmt: skip
+        folder / "parameters_refined.json",
+        folder / "same",
+        folder / "moved",
+        folder / "pairs.csv",
+        folder / "out",
+    )
 
 
 @pytest.fixture

@@ -100,9 +100,12 @@ def test_figures_reach_the_parameter_files(threads: Path, tmp_path: Path) -> Non
     ],
 )
 def test_bad_input_is_one_sentence_exit_2_and_no_file(
-    options: list[str], sentence: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    options: list[str],
+    sentence: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
-) -> None:  # fmt: skip
+) -> None:
     connect: Any = distributed.Client
     monkeypatch.setattr(distributed, "Client", lambda at, **_: connect(at, timeout="0.1s"))
     assert main(["evaluate", str(FIELD), "--out", str(tmp_path / "out"), *options]) == 2

@@ -62,8 +62,12 @@ def test_photographs_in_and_the_true_lens_out(camera: bytes) -> None:
     assert found_camera.uncertainty is not None
     K = found_camera.K
     found = np.array([K[0, 0], K[1, 1], K[0, 2], K[1, 2], *found_camera.distortion])
-    sigma = np.array([*(getattr(found_camera.uncertainty, n) for n in ("fx", "fy", "cx", "cy")),
-                      *found_camera.uncertainty.distortion])  # fmt: skip
+    sigma = np.array(
+        [
+            *(getattr(found_camera.uncertainty, n) for n in ("fx", "fy", "cx", "cy")),
+            *found_camera.uncertainty.distortion,
+        ]
+    )
     # Photographs of 640x480 px, found, refined and calibrated. Measured: 0.2 to 2.2 sigma.
     assert (np.abs(found - TRUE) < 5 * sigma).all()
     assert np.abs(found - TRUE)[:2].max() < 1.0
@@ -109,9 +113,12 @@ def test_opencv_file_and_unusable_photographs(
     ],
 )
 def test_bad_input_is_one_sentence(
-    boards: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str],
+    boards: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    arguments: list[str],
     sentence: str,
-) -> None:  # fmt: skip
+) -> None:
     out = tmp_path / "camera.json"
     usual = ["--board", "8x6", "--square", "0.03", *FEW]
     assert main(["intrinsics", str(boards), "--out", str(out), *usual, *arguments]) == 2

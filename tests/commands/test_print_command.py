@@ -71,9 +71,12 @@ def test_the_field_sheet_of_a_plan_is_written(tmp_path: Path) -> None:
     ],
 )
 def test_what_cannot_be_printed_gives_one_sentence(
-    asked: str, sentence: str, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+    asked: str,
+    sentence: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
-) -> None:  # fmt: skip
+) -> None:
     monkeypatch.chdir(tmp_path)
     assert main(["print", *asked.split()]) == 2
     said = capsys.readouterr().err

@@ -25,27 +25,58 @@ INTERRUPTED_COMMANDS: dict[str, tuple[str, bool, list[str]]] = {
     "calibrate": ("Compiling", True, ["calibrate", f"{FIELD}", "--out", "OUT"]),
     "evaluate": ("Compiling", True, ["evaluate", f"{FIELD}", "--out", "OUT"]),
     "evaluate in processes": (
-        "/100000 runs", False,
+        "/100000 runs",
+        False,
         ["evaluate", f"{FIELD}", "--out", "OUT", "--workers", "2", "--runs", "100000"],
     ),
     "detect": ("Compiling", True, ["detect", f"{PHOTOGRAPHS}", "--out", "OUT/table.csv"]),
     "intrinsics": (
-        "photographs searched", False,
-        ["intrinsics", f"{PHOTOGRAPHS / 'boards_primary'}", "--board", "18x12", "--square", "0.03",
-         "--out", "OUT/camera.json", "--repeats", "10000"],
+        "photographs searched",
+        False,
+        [
+            "intrinsics",
+            f"{PHOTOGRAPHS / 'boards_primary'}",
+            "--board",
+            "18x12",
+            "--square",
+            "0.03",
+            "--out",
+            "OUT/camera.json",
+            "--repeats",
+            "10000",
+        ],
     ),
     "match": (
-        "Compiling", True,
-        ["match", "IN/primary.csv", "IN/secondary.csv", "--parameters", "IN/parameters_2d.json",
-         "--threshold", "1", "--out", "OUT/pairs.csv", "--unmatched", "OUT/unmatched.csv"],
+        "Compiling",
+        True,
+        [
+            "match",
+            "IN/primary.csv",
+            "IN/secondary.csv",
+            "--parameters",
+            "IN/parameters_2d.json",
+            "--threshold",
+            "1",
+            "--out",
+            "OUT/pairs.csv",
+            "--unmatched",
+            "OUT/unmatched.csv",
+        ],
     ),
     "reconstruct": (
-        "Compiling", True,
-        ["reconstruct", "IN/pairs.csv", "--parameters", "IN/parameters_2d.json",
-         "--out", "OUT/points.csv"],
+        "Compiling",
+        True,
+        [
+            "reconstruct",
+            "IN/pairs.csv",
+            "--parameters",
+            "IN/parameters_2d.json",
+            "--out",
+            "OUT/points.csv",
+        ],
     ),
     "compile": ("Compiling", True, ["compile"]),
-}  # fmt: skip
+}
 COMMANDS_WITH_FILES = (
     "calibrate",
     "check",
@@ -174,9 +205,14 @@ def test_a_pipe_that_nobody_reads(arguments: str, both: bool, tmp_path: Path) ->
     reader, writer = os.pipe()
     os.close(reader)
     ended = subprocess.run(
-        command(*words), cwd=ROOT, stdout=writer, stderr=writer if both else subprocess.PIPE,
-        check=False, timeout=LONGEST_S, env={**os.environ, "PYTHONUNBUFFERED": ""},
-    )  # fmt: skip
+        command(*words),
+        cwd=ROOT,
+        stdout=writer,
+        stderr=writer if both else subprocess.PIPE,
+        check=False,
+        timeout=LONGEST_S,
+        env={**os.environ, "PYTHONUNBUFFERED": ""},
+    )
     os.close(writer)
     assert ended.returncode == CLOSED_PIPE, ended.stderr
     assert sentences((ended.stderr or b"").decode()) == []

@@ -81,8 +81,11 @@ print(sorted(compiled() - before))
 def test_nothing_that_a_page_does_compiles_anything_more() -> None:
     run = subprocess.run(
         [sys.executable, "-c", WORK, str(ROOT / "sample_data")],
-        capture_output=True, text=True, check=False, cwd=ROOT,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=ROOT,
+    )
     assert run.stdout == "[]\n", run.stdout + run.stderr
 
 
@@ -110,9 +113,13 @@ print(json.dumps([heard, steps, first, again, sum(seconds), passed]))
 @pytest.mark.soak
 def test_from_nothing_all_is_counted_and_no_time_contains_it(tmp_path: Path) -> None:
     run = subprocess.run(
-        [sys.executable, "-c", FROM_NOTHING], cwd=ROOT, capture_output=True, text=True, check=False,
+        [sys.executable, "-c", FROM_NOTHING],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
         env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)},
-    )  # fmt: skip
+    )
     assert run.returncode == 0, run.stderr
     heard, steps, first, again, seconds, passed = json.loads(run.stdout)
     assert heard == list(range(len(heard)))

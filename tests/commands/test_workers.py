@@ -37,19 +37,36 @@ def commands(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[str]]:
         "evaluate": ["evaluate", f"{FIELD}", "--runs", "25", "--no-refined"],
         "detect": ["detect", f"{few}", "--doubtful"],
         "intrinsics": [
-            "intrinsics", f"{given / 'boards'}", "--board", "8x6", "--square", "0.03",
-            "--subset", "4", "--repeats", "12",
+            "intrinsics",
+            f"{given / 'boards'}",
+            "--board",
+            "8x6",
+            "--square",
+            "0.03",
+            "--subset",
+            "4",
+            "--repeats",
+            "12",
         ],
-        "match": ["match", f"{found['primary']}", f"{found['secondary']}", *parameters,
-                  "--threshold", "1"],
+        "match": [
+            "match",
+            f"{found['primary']}",
+            f"{found['secondary']}",
+            *parameters,
+            "--threshold",
+            "1",
+        ],
         "reconstruct": ["reconstruct", f"{found['pairs']}", *parameters],
-    }  # fmt: skip
+    }
 
 
 OUT = {
-    "evaluate": "out", "detect": "table.csv", "intrinsics": "camera.yml", "match": "pairs.csv",
+    "evaluate": "out",
+    "detect": "table.csv",
+    "intrinsics": "camera.yml",
+    "match": "pairs.csv",
     "reconstruct": "points.csv",
-}  # fmt: skip
+}
 
 
 @pytest.fixture(scope="module")
@@ -77,9 +94,12 @@ def test_processes(
 
 @pytest.mark.parametrize("name", OUT)
 def test_a_cluster(
-    name: str, commands: dict[str, list[str]], by_threads: dict[str, bytes], scheduler: str,
+    name: str,
+    commands: dict[str, list[str]],
+    by_threads: dict[str, bytes],
+    scheduler: str,
     tmp_path: Path,
-) -> None:  # fmt: skip
+) -> None:
     assert written(name, commands[name], tmp_path, "--scheduler", scheduler) == by_threads[name]
 
 
@@ -98,9 +118,12 @@ def test_photographs_need_no_shared_disk(scheduler: str, tmp_path: Path) -> None
 @pytest.mark.parametrize("name", OUT)
 @pytest.mark.parametrize("option", ["--workers", "--scheduler"])
 def test_what_cannot_compute_is_refused(
-    name: str, option: str, commands: dict[str, list[str]], tmp_path: Path,
+    name: str,
+    option: str,
+    commands: dict[str, list[str]],
+    tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
-) -> None:  # fmt: skip
+) -> None:
     value = {"--workers": "0", "--scheduler": "nonsense"}[option]
     assert main([*commands[name], "--out", str(tmp_path / OUT[name]), option, value]) == 2
     assert option[2:-1] in capsys.readouterr().err

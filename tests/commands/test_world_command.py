@@ -100,9 +100,13 @@ def test_a_throw_checks_the_scale(
     ],
 )
 def test_bad_input_gives_one_sentence_and_no_file(
-    change: str, more: list[str], says: str, place: Place, tmp_path: Path,
+    change: str,
+    more: list[str],
+    says: str,
+    place: Place,
+    tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
-) -> None:  # fmt: skip
+) -> None:
     if change == "frames":
         (tmp_path / "t.csv").write_bytes(throw_csv(thrown(place)))
     elif change != "gone":

@@ -79,8 +79,12 @@ def paint(light: FloatArray, board: Board, origin: tuple[float, float], fine: in
 
     def covered(half: float) -> FloatArray:
         """0 to 1: the share of each fine pixel inside a square."""
-        lines = (half * depth + across, half * depth - across, half * depth + down,
-                 half * depth - down)  # fmt: skip
+        lines = (
+            half * depth + across,
+            half * depth - across,
+            half * depth + down,
+            half * depth - down,
+        )
         share: FloatArray = np.prod([0.5 + 0.5 * side(line) for line in lines], axis=0)
         return share
 

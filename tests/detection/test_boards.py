@@ -58,9 +58,15 @@ class TestPattern:
 
     def test_points_run_row_by_row(self) -> None:
         points = BoardPattern(4, 3, 0.5).points
-        np.testing.assert_array_equal(points[[0, 1, 4, 11]], [
-            [0, 0, 0], [0.5, 0, 0], [0, 0.5, 0], [1.5, 1, 0],
-        ])  # fmt: skip
+        np.testing.assert_array_equal(
+            points[[0, 1, 4, 11]],
+            [
+                [0, 0, 0],
+                [0.5, 0, 0],
+                [0, 0.5, 0],
+                [1.5, 1, 0],
+            ],
+        )
 
     @pytest.mark.parametrize(
         ("arguments", "sentence"),
@@ -83,9 +89,15 @@ class TestPattern:
 
 
 class TestCorners:
-    @pytest.mark.parametrize(("bits", "blur", "tilt"), [
-        (8, 0.7, 0.0), (8, 0.7, 0.8), (12, 0.7, 0.3), (16, 1.5, 0.5),
-    ])  # fmt: skip
+    @pytest.mark.parametrize(
+        ("bits", "blur", "tilt"),
+        [
+            (8, 0.7, 0.0),
+            (8, 0.7, 0.8),
+            (12, 0.7, 0.3),
+            (16, 1.5, 0.5),
+        ],
+    )
     def test_against_truth(self, bits: int, blur: float, tilt: float) -> None:
         pose = facing(spin=0.2, tilt=tilt)
         view = found(photographed(pose, bits=bits, blur_px=blur))
@@ -203,13 +215,20 @@ class TestOrder:
 
     @given(
         st.sampled_from([(6, 8), (5, 8), (6, 6), (5, 5), (7, 7)]),
-        st.booleans(), st.booleans(), st.booleans(), st.floats(-3.1, 3.1),
-    )  # fmt: skip
+        st.booleans(),
+        st.booleans(),
+        st.booleans(),
+        st.floats(-3.1, 3.1),
+    )
     @settings(max_examples=60)
     def test_any_order_gives_the_same(
-        self, shape: tuple[int, int], upside_down: bool, mirrored: bool, transposed: bool,
+        self,
+        shape: tuple[int, int],
+        upside_down: bool,
+        mirrored: bool,
+        transposed: bool,
         spin: float,
-    ) -> None:  # fmt: skip
+    ) -> None:
         rows, columns = shape
         squares = (columns + 1, rows + 1)
         pose = facing(spin=spin, tilt=0.2)
@@ -310,8 +329,9 @@ class TestManyPhotographs:
         one = find_boards(photographs(folder), CHARUCO, AtOnce())
         with ThreadPoolExecutor(3) as threads:
             other = find_boards(photographs(folder), CHARUCO, threads)
-        assert one and other and names(one.views) == ["00.png", "01.png", "02.png", "03.png",
-                                                      "04.png"]  # fmt: skip
+        assert (
+            one and other and names(one.views) == ["00.png", "01.png", "02.png", "03.png", "04.png"]
+        )
         for a, b in zip(one.views, other.views, strict=True):
             assert a.name == b.name
             np.testing.assert_array_equal(a.corners, b.corners)
@@ -326,9 +346,12 @@ class TestManyPhotographs:
     def test_progress_and_cancel(self, folder: Path) -> None:
         seen: list[tuple[int, int]] = []
         found = find_boards(
-            photographs(folder), CHARUCO, AtOnce(), lambda *at: seen.append(at),
+            photographs(folder),
+            CHARUCO,
+            AtOnce(),
+            lambda *at: seen.append(at),
             lambda: len(seen) >= 2,
-        )  # fmt: skip
+        )
         assert found is None and seen[:2] == [(1, 5), (2, 5)]
 
     def test_unusable_files_are_named_and_the_others_go_on(
@@ -374,9 +397,11 @@ class TestManyPhotographs:
         seen: list[tuple[int, int]] = []
         with executor, pytest.raises(StereocalError, match="shows one with 8x6"):
             find_boards(
-                {f"{at:02}.png": path for at in range(30)}, BoardPattern(9, 7, 0.03), executor,
+                {f"{at:02}.png": path for at in range(30)},
+                BoardPattern(9, 7, 0.03),
+                executor,
                 lambda *at: seen.append(at),
-            )  # fmt: skip
+            )
         assert len(seen) < 12  # the check follows the eighth; a few may have ended with it
 
     def test_no_board_at_all(self, tmp_path: Path) -> None:

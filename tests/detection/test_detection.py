@@ -107,7 +107,7 @@ def test_a_dark_photograph_will_do(usual: Photograph) -> None:
         (lambda: chessboard_scene(3, 3, 60), "too few candidates"),
         (lambda: chessboard_scene(2, 3, 60), "too few candidates"),
     ],
-)  # fmt: skip
+)
 def test_what_is_refused_and_why(image: Callable[[], Photograph], reason: str) -> None:
     detection = detect_targets(image())
     assert (detection.state, detection.reason) == ("refused", reason)

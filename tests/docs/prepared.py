@@ -65,9 +65,11 @@ def bump(folder: Path) -> None:
     rays = np.column_stack([camera.undistort(rows.secondary), np.ones(len(rows))]) @ turn.T
     secondary = np.round(camera.distort(rays[:, :2] / rays[:, 2:]), 4)
     moved = replace(
-        some, name="After a bump", correspondences=replace(rows, secondary=secondary),
+        some,
+        name="After a bump",
+        correspondences=replace(rows, secondary=secondary),
         notes="40 bars of the real recording, its secondary camera turned by 0.2 degrees.",
-    )  # fmt: skip
+    )
     for name, content in pack_dataset(moved).items():
         (folder / name).write_bytes(content)
 

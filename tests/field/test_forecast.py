@@ -65,9 +65,13 @@ def test_the_file_has_every_figure_with_its_interval() -> None:
     assert set(content["methods"]) == {"2d", "3d", "refined"}
     for figures in content["methods"].values():
         assert set(figures) == {
-            "mean_length_error", "median_error_3d", "p95_error_3d", "fcp_reprojection",
-            "threshold_px", "mean_reprojection_px",
-        }  # fmt: skip
+            "mean_length_error",
+            "median_error_3d",
+            "p95_error_3d",
+            "fcp_reprojection",
+            "threshold_px",
+            "mean_reprojection_px",
+        }
         for figure in (*figures.values(), content["position_error_m"]):
             assert set(figure) == {"value", "low", "high"}
             assert figure["low"] <= figure["value"] <= figure["high"]

@@ -98,7 +98,7 @@ BAD: list[tuple[dict[str, Any], str]] = [
     ({"uncertainty": contents()["uncertainty"] | {"focal": 3.0}}, "fraction"),
     ({"uncertainty": contents()["uncertainty"] | {"baseline_m": 5}}, "in metres"),
     ({"uncertainty": contents()["uncertainty"] | {"bar_m": -1}}, "0 or more"),
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize(("changes", "message"), BAD, ids=[message for _, message in BAD])

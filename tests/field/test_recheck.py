@@ -137,8 +137,10 @@ def test_matched_points_find_a_turn_and_keep_the_baseline(case: Case) -> None:
     assert found.baseline_m is None
     answer = to_json(found)
     assert answer["baseline_m"] == {
-        "value": case.prior.rig.pose.baseline, "low": None, "high": None
-    }  # fmt: skip
+        "value": case.prior.rig.pose.baseline,
+        "low": None,
+        "high": None,
+    }
     assert any("do not show the baseline" in note for note in notes(found))
     true_turn = angle_between(rig, case.truth)
     assert found.turn[0].low < true_turn < found.turn[0].high

@@ -21,8 +21,14 @@ from stereocal.simulation.rendering import turned
 from tests.field.plans import plan
 
 WIDE = SensorLens(12.0, (11.3, 7.1), (1920, 1200))
-TANK = plan(stated_primary=WIDE, stated_secondary=WIDE, near_m=0.6, far_m=1.2, bar_m=0.12,
-            stated_pose=AimedPose(0.4, 12.0))  # fmt: skip
+TANK = plan(
+    stated_primary=WIDE,
+    stated_secondary=WIDE,
+    near_m=0.6,
+    far_m=1.2,
+    bar_m=0.12,
+    stated_pose=AimedPose(0.4, 12.0),
+)
 ABOVE = plan(stated_pose=Pose(turned((0.1, 0.0, 0.02)), np.array([0.0, 2.0, 0.1])), near_m=15.0)
 """The secondary stands above the primary, and looks down."""
 PLANS = [plan(), plan(frames=7), plan(frames=200), plan(stated_pose=AimedPose(4.5)), TANK, ABOVE]

@@ -415,9 +415,11 @@ class TestThrow:
         throw = thrown(place, 1, drag=0.0)
         kept = np.flatnonzero(throw.frames % 7 != 3)
         some = Throw(
-            tuple(throw.tracks[k] for k in kept), throw.frames[kept] + 5000, throw.pixels[kept],
+            tuple(throw.tracks[k] for k in kept),
+            throw.frames[kept] + 5000,
+            throw.pixels[kept],
             FRAME_RATE,
-        )  # fmt: skip
+        )
         found = world_of_throw(place.rig, some, Axes(origin="first"), drag=False)
         assert found.about["gravity"]["agrees"]
         start = place.rig.reconstruct(some.pixels[:1, :2], some.pixels[:1, 2:])

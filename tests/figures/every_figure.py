@@ -106,13 +106,22 @@ def every_figure() -> dict[str, Drawn]:
             ("draws", f.plot_draws(lens), f.describe_draws(lens)),
             ("gap", f.plot_gap(views, "3d"), f.describe_gap(views, "3d")),
             ("image", f.plot_image(views, "3d", 1), f.describe_image(views, "3d", 1)),
-            ("frame_errors", f.plot_frame_errors(calibration),
-             f.describe_frame_errors(calibration)),
+            (
+                "frame_errors",
+                f.plot_frame_errors(calibration),
+                f.describe_frame_errors(calibration),
+            ),
             ("lengths", f.plot_lengths(check), f.describe_lengths(check)),
-            ("matches", f.plot_matches(pairs, left, "primary", SET.primary.image_size),
-             f.describe_matches(pairs, left, right, 1)),
-            ("pair_errors", f.plot_pair_errors(NEAREST, 0.8),
-             f.describe_pair_errors(NEAREST, 0.8, CHOICE)),
+            (
+                "matches",
+                f.plot_matches(pairs, left, "primary", SET.primary.image_size),
+                f.describe_matches(pairs, left, right, 1),
+            ),
+            (
+                "pair_errors",
+                f.plot_pair_errors(NEAREST, 0.8),
+                f.describe_pair_errors(NEAREST, 0.8, CHOICE),
+            ),
             ("plan_baselines", f.plot_plan_baselines(planned), f.describe_plan_baselines(planned)),
             ("plan_depths", f.plot_plan_depths(plans), f.describe_plan_depths(plans)),
             ("plan_map", f.plot_plan_map(planned), f.describe_plan_map(planned)),
@@ -122,10 +131,13 @@ def every_figure() -> dict[str, Drawn]:
             ("story_lengths", f.plot_story_lengths(story), f.describe_story_lengths(story)),
             ("story_lines", f.plot_story_lines(story), f.describe_story_lines(story)),
             ("traces", f.plot_traces(calibration), f.describe_traces(calibration)),
-            ("trade_off", f.plot_trade_off(curves, costs, curves.freed[1]),
-             f.describe_trade_off(curves, costs)),
+            (
+                "trade_off",
+                f.plot_trade_off(curves, costs, curves.freed[1]),
+                f.describe_trade_off(curves, costs),
+            ),
             ("two_rays", f.plot_two_rays(story), f.describe_two_rays(story)),
             ("validation", f.plot_validation(pooled), f.describe_validation(pooled)),
             ("view_errors", f.plot_view_errors(lens), f.describe_view_errors(lens)),
         )
-    }  # fmt: skip
+    }

@@ -197,8 +197,9 @@ def test_points_in_a_world_frame_stand_upright() -> None:
     assert eye.up.z == pytest.approx(before.up.z)
     assert eye.eye.z == pytest.approx(before.eye.z)  # as high above the scene
     assert "depth" not in describe_points(moved, world=world)
-    views = {str(plot_points(moved, "error", SET, v, world=world).layout.scene.camera)
-             for v in VIEWS}  # fmt: skip
+    views = {
+        str(plot_points(moved, "error", SET, v, world=world).layout.scene.camera) for v in VIEWS
+    }
     assert len(views) == len(VIEWS)
 
 

@@ -30,18 +30,27 @@ PAGES = {"light": "#FFFFFF", "dark": "#12181E"}
 SIGHTS = {
     "normal": np.eye(3),
     "protanopia": np.array(
-        [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216],
-         [-0.003882, -0.048116, 1.051998]]
+        [
+            [0.152286, 1.052583, -0.204868],
+            [0.114503, 0.786281, 0.099216],
+            [-0.003882, -0.048116, 1.051998],
+        ]
     ),
     "deuteranopia": np.array(
-        [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413],
-         [-0.011820, 0.042940, 0.968881]]
+        [
+            [0.367322, 0.860646, -0.227968],
+            [0.280085, 0.672501, 0.047413],
+            [-0.011820, 0.042940, 0.968881],
+        ]
     ),
     "tritanopia": np.array(
-        [[1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602],
-         [0.004733, 0.691367, 0.303900]]
+        [
+            [1.255528, -0.076749, -0.178779],
+            [-0.078411, 0.930809, 0.147602],
+            [0.004733, 0.691367, 0.303900],
+        ]
     ),
-}  # fmt: skip
+}
 APART = 11.0
 """CIEDE2000 of two lines or marks that are taken for different at a glance; 2.3 is just noticeable
 side by side, and thin lines need several times that."""
@@ -58,9 +67,12 @@ def linear(colour: str) -> FloatArray:
 def lab(rgb: FloatArray) -> FloatArray:
     """CIE L*a*b* (D65) of linear sRGB."""
     to_xyz = np.array(
-        [[0.4124564, 0.3575761, 0.1804375], [0.2126729, 0.7151522, 0.0721750],
-         [0.0193339, 0.1191920, 0.9503041]]
-    )  # fmt: skip
+        [
+            [0.4124564, 0.3575761, 0.1804375],
+            [0.2126729, 0.7151522, 0.0721750],
+            [0.0193339, 0.1191920, 0.9503041],
+        ]
+    )
     x = to_xyz @ np.clip(rgb, 0, 1) / [0.95047, 1.0, 1.08883]
     f = np.where(x > (6 / 29) ** 3, np.cbrt(x), x / (3 * (6 / 29) ** 2) + 4 / 29)
     return np.array([116 * f[1] - 16, 500 * (f[0] - f[1]), 200 * (f[1] - f[2])])
@@ -83,9 +95,12 @@ def ciede2000(first: FloatArray, second: FloatArray) -> float:
     dh = 2 * math.sqrt(c1 * c2) * math.sin(math.radians(turn / 2))
     mean_l, c, h = (l1 + l2) / 2, (c1 + c2) / 2, h1 + turn / 2 if c1 * c2 else h1 + h2
     t = (
-        1 - 0.17 * math.cos(math.radians(h - 30)) + 0.24 * math.cos(math.radians(2 * h))
-        + 0.32 * math.cos(math.radians(3 * h + 6)) - 0.20 * math.cos(math.radians(4 * h - 63))
-    )  # fmt: skip
+        1
+        - 0.17 * math.cos(math.radians(h - 30))
+        + 0.24 * math.cos(math.radians(2 * h))
+        + 0.32 * math.cos(math.radians(3 * h + 6))
+        - 0.20 * math.cos(math.radians(4 * h - 63))
+    )
     sl = 1 + 0.015 * (mean_l - 50) ** 2 / math.sqrt(20 + (mean_l - 50) ** 2)
     sc, sh = 1 + 0.045 * c, 1 + 0.015 * c * t
     theta = 30 * math.exp(-((((h % 360) - 275) / 25) ** 2))
@@ -149,9 +164,14 @@ def marks(trace: Any) -> tuple[Any, ...]:
     pattern = getattr(getattr(trace, "fillpattern", None), "shape", None)
     bars = getattr(getattr(marker, "pattern", None), "shape", None)
     return (
-        trace.type, getattr(trace, "mode", None), getattr(line, "dash", None) or "solid",
-        getattr(marker, "symbol", None), pattern, bars, bool(getattr(trace, "fill", None)),
-    )  # fmt: skip
+        trace.type,
+        getattr(trace, "mode", None),
+        getattr(line, "dash", None) or "solid",
+        getattr(marker, "symbol", None),
+        pattern,
+        bars,
+        bool(getattr(trace, "fill", None)),
+    )
 
 
 def colour_of(trace: Any) -> str | None:

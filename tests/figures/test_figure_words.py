@@ -26,8 +26,10 @@ def numbers(words: str) -> list[float]:
 
 def says(words: str, value: float) -> bool:
     """Whether a text has this number, rounded to two digits or more."""
-    return any(abs(said - value) <= 0.006 * abs(value) + 1e-12 or said == float(f"{value:.2g}")
-               for said in numbers(words))  # fmt: skip
+    return any(
+        abs(said - value) <= 0.006 * abs(value) + 1e-12 or said == float(f"{value:.2g}")
+        for said in numbers(words)
+    )
 
 
 def named(figure: go.Figure, *names: str) -> list[Any]:
@@ -122,8 +124,10 @@ def residual_field(figure: go.Figure) -> list[float]:
 def rig(figure: go.Figure) -> list[float]:
     (trace,) = named(figure, "Baseline")
     ends = np.array([trace.x, trace.y, trace.z], dtype=np.float64)
-    return [float(np.linalg.norm(ends[:, 0] - ends[:, 1])),
-            float(len(named(figure, "Target A")[0].x))]  # fmt: skip
+    return [
+        float(np.linalg.norm(ends[:, 0] - ends[:, 1])),
+        float(len(named(figure, "Target A")[0].x)),
+    ]
 
 
 def written(figure: go.Figure) -> list[float]:
@@ -190,12 +194,33 @@ def image(figure: go.Figure) -> list[float]:
 SHOWN: dict[str, Callable[[go.Figure], list[float]]] = {
     each.__name__: each
     for each in (
-        accuracy, check, comparison, coverage, disagreement, draws, frame_errors, gap, image,
-        lengths, matches, pair_errors, plan_baselines, plan_depths, plan_map, points,
-        residual_field, rig, story_lengths, story_lines, traces, trade_off, two_rays, validation,
+        accuracy,
+        check,
+        comparison,
+        coverage,
+        disagreement,
+        draws,
+        frame_errors,
+        gap,
+        image,
+        lengths,
+        matches,
+        pair_errors,
+        plan_baselines,
+        plan_depths,
+        plan_map,
+        points,
+        residual_field,
+        rig,
+        story_lengths,
+        story_lines,
+        traces,
+        trade_off,
+        two_rays,
+        validation,
         view_errors,
     )
-}  # fmt: skip
+}
 """Numbers that can be read off each figure."""
 
 

@@ -360,8 +360,9 @@ def test_bars_behind_a_camera_are_counted(calibration: Calibration) -> None:
     pose = calibration.methods["3d"].pose
     turned = Pose(pose.R, -pose.T)
     methods = {
-        **calibration.methods, "3d": replace(calibration.methods["3d"], pose=turned),
-    }  # fmt: skip
+        **calibration.methods,
+        "3d": replace(calibration.methods["3d"], pose=turned),
+    }
     behind = replace(calibration, methods=methods)
     missing = int(np.isnan(behind.errors["3d"].length).sum())
     assert missing == 24

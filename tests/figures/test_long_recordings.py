@@ -34,16 +34,18 @@ def test_no_figure_draws_all_points(
     frames = len(calibration.dataset.correspondences.frames)
     assert frames > 3 * MOST
     markers = [
-        plot_coverage(calibration.dataset), plot_frame_errors(calibration),
+        plot_coverage(calibration.dataset),
+        plot_frame_errors(calibration),
         plot_rig(calibration, "3d"),
-    ]  # fmt: skip
+    ]
     assert all(points_in(figure, mode="markers") > 2 * MOST for figure in markers)
     for module in (style, frame_errors):
         monkeypatch.setattr(module, "MOST_DRAWN", MOST)
     for figure in (
-        plot_coverage(calibration.dataset), plot_frame_errors(calibration),
+        plot_coverage(calibration.dataset),
+        plot_frame_errors(calibration),
         plot_rig(calibration, "3d"),
-    ):  # fmt: skip
+    ):
         assert points_in(figure, mode="markers") <= 2 * MOST  # some targets are alone
         assert points_in(figure, mode="lines") <= 5 * MOST
         said = figure.to_json()
@@ -59,6 +61,8 @@ def test_the_worst_frame_of_each_run_of_neighbours_is_drawn(
         assert drawn.sum() == MOST
         relative = [values / np.nanmedian(values) for values in panel.values.values()]
         assert drawn[np.nanargmax(np.max(relative, axis=0))]
-        missing = {name: np.where(np.arange(len(drawn)) == 3, np.nan, each)
-                   for name, each in panel.values.items()}  # fmt: skip
+        missing = {
+            name: np.where(np.arange(len(drawn)) == 3, np.nan, each)
+            for name, each in panel.values.items()
+        }
         assert drawn_frames(replace(panel, values=missing)).sum() == MOST

@@ -48,8 +48,12 @@ def test_trade_off_has_both_curves_all_sets_and_the_point(curves: TradeOff) -> N
     figure = plot_trade_off(curves, costs, curves.freed[2])
     by_name = {trace.name: trace for trace in figure.data}
     assert list(by_name) == [
-        "Nominal lenses", "Lenses freed", "2D set", "3D set", "The slider's point",
-    ]  # fmt: skip
+        "Nominal lenses",
+        "Lenses freed",
+        "2D set",
+        "3D set",
+        "The slider's point",
+    ]
     np.testing.assert_allclose(
         by_name["Lenses freed"].y, [1000 * point.cost_3d_m for point in curves.freed]
     )
@@ -96,8 +100,9 @@ def test_maps_have_equal_axes_that_fill_their_room(result: RefinedResult) -> Non
         px_per_m = height / abs(np.diff(y.range)[0])
         # At the width of the page the map is as wide as its axis, unless it would be too high.
         assert px_per_m * np.diff(x.range)[0] == pytest.approx(WIDTH, rel=0.01) or height in (
-            pytest.approx(LEAST_HEIGHT), pytest.approx(MOST_HEIGHT)
-        )  # fmt: skip
+            pytest.approx(LEAST_HEIGHT),
+            pytest.approx(MOST_HEIGHT),
+        )
     assert list(layout.xaxis.range) == list(layout.xaxis2.range)
 
 

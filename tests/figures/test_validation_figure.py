@@ -44,9 +44,15 @@ def without_bars(summary: MethodSummary) -> MethodSummary:
     lengths = summary.reconstruction
     pdf = Pdf(lengths.pdf.edges, np.zeros_like(lengths.pdf.density), 0, 0, lengths.pdf.n)
     empty = replace(
-        lengths, pdf=pdf, median=Estimate(NAN, NAN, NAN), p95=NAN, mean=NAN,
-        fraction_above_1_percent=NAN, wand_score=NAN, mean_length_error=NAN,
-    )  # fmt: skip
+        lengths,
+        pdf=pdf,
+        median=Estimate(NAN, NAN, NAN),
+        p95=NAN,
+        mean=NAN,
+        fraction_above_1_percent=NAN,
+        wand_score=NAN,
+        mean_length_error=NAN,
+    )
     return replace(summary, reconstruction=empty)
 
 

@@ -95,8 +95,12 @@ def test_a_thrown_object_is_written_beside_the_data_set() -> None:
     found = easywand(axisPts=np.hstack(pairs), gravityFreq=125.0)
     assert found.throw is not None
     assert found.throw.columns.tolist() == [
-        "frame", "u_primary", "v_primary", "u_secondary", "v_secondary",
-    ]  # fmt: skip
+        "frame",
+        "u_primary",
+        "v_primary",
+        "u_secondary",
+        "v_secondary",
+    ]
     assert found.throw["frame"].tolist() == [1, 2, 3, 4, 6]
     assert found.throw["v_secondary"][0] == pytest.approx(images(path)[1][0, 1])
     assert any("125 frames a second" in note for note in found.notes)
@@ -129,9 +133,12 @@ def test_the_pair_of_cameras_is_chosen() -> None:
 
 def test_one_nominal_lens_for_all_cameras() -> None:
     found = easywand(
-        focalLengths=1200.0, imageWidth=1600.0, imageHeight=1200.0,
-        principalPoints=np.array([800.0, 600.0, 800.0, 600.0]), nlin=np.zeros((0, 0)),
-    )  # fmt: skip
+        focalLengths=1200.0,
+        imageWidth=1600.0,
+        imageHeight=1200.0,
+        principalPoints=np.array([800.0, 600.0, 800.0, 600.0]),
+        nlin=np.zeros((0, 0)),
+    )
     assert found.primary is not None and found.secondary is not None
     assert np.array_equal(found.primary.K, found.secondary.K)
     assert not found.primary.distortion.any()
@@ -303,7 +310,7 @@ def test_three_cameras_of_kalibr_in_either_order() -> None:
         ({"a.json": write_camera(PRIMARY), "b.yaml": b"cam0: {}\ncam1: {}\n"}, "one program"),
         ({"e.mat": mat({"easyWandData": easywand_fields()}), "a.csv": wand_csv()}, "alone"),
     ],
-)  # fmt: skip
+)
 def test_what_does_not_fit_is_refused(files: dict[str, bytes], message: str) -> None:
     with pytest.raises(StereocalError, match=message):
         gather(files, USUAL)

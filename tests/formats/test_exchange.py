@@ -40,9 +40,14 @@ NO_SKEW = replace(FULL, secondary=STRAIGHT)
 PLAIN = replace(NO_SKEW, primary=Camera(PRIMARY.K, PRIMARY.distortion[:4], PRIMARY.image_size))
 SIZES = ExchangeOptions((PRIMARY.image_size, SECONDARY.image_size))
 RICHEST = {
-    "opencv": FULL, "kalibr": PLAIN, "ros": FULL, "matlab": FULL, "aniposelib": FULL,
-    "colmap": NO_SKEW, "dlt": FULL,
-}  # fmt: skip
+    "opencv": FULL,
+    "kalibr": PLAIN,
+    "ros": FULL,
+    "matlab": FULL,
+    "aniposelib": FULL,
+    "colmap": NO_SKEW,
+    "dlt": FULL,
+}
 """The rig with all that the format holds."""
 
 
@@ -160,11 +165,15 @@ class TestPeers:
         # Rectified, both see a point in the same row, and Q gives its place back.
         rectified = [
             cv2.undistortPoints(
-                view[:, None], found[f"M{k}"], found[f"D{k}"], R=found[f"R{k}"], P=found[f"P{k}"],
+                view[:, None],
+                found[f"M{k}"],
+                found[f"D{k}"],
+                R=found[f"R{k}"],
+                P=found[f"P{k}"],
                 criteria=(3, 100, 1e-14),
             ).reshape(-1, 2)
             for k, view in ((1, seen[0]), (2, seen[1]))
-        ]  # fmt: skip
+        ]
         np.testing.assert_allclose(rectified[0][:, 1], rectified[1][:, 1], rtol=0, atol=1e-5)
         u, v = rectified[0].T
         places = np.stack([u, v, u - rectified[1][:, 0], np.ones_like(u)]).T @ found["Q"].T

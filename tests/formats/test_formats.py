@@ -136,10 +136,17 @@ class TestTable:
 
     def test_distances(self) -> None:
         content = table(
-            ROW + ",0.9", "1,B,1,2,3,4,", "2,A,1,2,3,4,0.5", "2,B,1,2,3,4,0.5", "3,A,1,2,3,4,0.5",
-            "3,B,1,2,3,4,0.6", "4,A,1,2,3,4,0", "5,A,1,2,3,4,-0.9", "6,A,1,2,3,4,nan",
+            ROW + ",0.9",
+            "1,B,1,2,3,4,",
+            "2,A,1,2,3,4,0.5",
+            "2,B,1,2,3,4,0.5",
+            "3,A,1,2,3,4,0.5",
+            "3,B,1,2,3,4,0.6",
+            "4,A,1,2,3,4,0",
+            "5,A,1,2,3,4,-0.9",
+            "6,A,1,2,3,4,nan",
             header=HEADER + ",distance_m",
-        )  # fmt: skip
+        )
         rows = read_table(content, "t.csv").correspondences
         np.testing.assert_array_equal(rows.distance_m, [0.9, np.nan, 0.5, 0.5, 0.5])
         lines, reasons = zip(*problems_of(content), strict=True)
@@ -150,17 +157,25 @@ class TestTable:
     def test_the_distance_of_a_frame_may_stand_with_either_target(self) -> None:
         """Empty with A, then two rows that differ: no order hides a contradiction."""
         content = table(
-            "1,A,1,2,3,4,", "1,B,1,2,3,4,0.6", "2,B,1,2,3,4,0.5", "2,A,1,2,3,4,",
+            "1,A,1,2,3,4,",
+            "1,B,1,2,3,4,0.6",
+            "2,B,1,2,3,4,0.5",
+            "2,A,1,2,3,4,",
             header=HEADER + ",distance_m",
-        )  # fmt: skip
+        )
         assert not problems_of(content)
 
     def test_sigmas_and_sources(self) -> None:
         content = table(
-            ROW + ",0.05,,detected", "1,B,1,2,3,4,0.1,0.2,", "2,A,1,2,3,4,,,Manual",
-            "3,A,1,2,3,4,0,,", "4,A,1,2,3,4,,-1,", "5,A,1,2,3,4,,,guessed", "6,A,1,2,3,4,x,,",
+            ROW + ",0.05,,detected",
+            "1,B,1,2,3,4,0.1,0.2,",
+            "2,A,1,2,3,4,,,Manual",
+            "3,A,1,2,3,4,0,,",
+            "4,A,1,2,3,4,,-1,",
+            "5,A,1,2,3,4,,,guessed",
+            "6,A,1,2,3,4,x,,",
             header=HEADER + ",sigma_primary_px,sigma_secondary_px,source",
-        )  # fmt: skip
+        )
         rows = read_table(content, "t.csv").correspondences
         np.testing.assert_array_equal(rows.sigma_primary_px, [0.05, 0.1, np.nan])
         np.testing.assert_array_equal(rows.sigma_secondary_px, [np.nan, 0.2, np.nan])
@@ -202,11 +217,13 @@ class TestTable:
 
     @given(
         st.lists(
-            st.tuples(st.integers(-(2**53), 2**53), st.sampled_from("AB")), min_size=1,
-            max_size=8, unique=True,
+            st.tuples(st.integers(-(2**53), 2**53), st.sampled_from("AB")),
+            min_size=1,
+            max_size=8,
+            unique=True,
         ),
         st.data(),
-    )  # fmt: skip
+    )
     @settings(max_examples=60)
     def test_there_and_back(self, keys: list[tuple[int, str]], data: st.DataObject) -> None:
         n = len(keys)
@@ -310,9 +327,11 @@ class TestCameraFile:
     )
     def test_other_names_and_columns(self, suffix: str, K: str, D: str) -> None:
         nodes = {
-            K: NODES["camera_matrix"], D: NODES["distortion_coefficients"].T.copy(),
-            "width": 1280, "height": 1024,
-        }  # fmt: skip
+            K: NODES["camera_matrix"],
+            D: NODES["distortion_coefficients"].T.copy(),
+            "width": 1280,
+            "height": 1024,
+        }
         assert equal(read_camera(with_storage(suffix, **nodes), "c", "brown"), SECONDARY)
 
     def test_nodes_of_other_tools_do_no_harm(self) -> None:
@@ -498,9 +517,13 @@ class TestDatasetFiles:
         back = parse_dataset(pack_dataset(full), "x")
         assert back.sha256 == NOISY.sha256
         for name in (
-            "name", "notes", "baseline_m", "target_distance_m", "baseline_sigma_m",
+            "name",
+            "notes",
+            "baseline_m",
+            "target_distance_m",
+            "baseline_sigma_m",
             "target_distance_sigma_m",
-        ):  # fmt: skip
+        ):
             assert getattr(back, name) == getattr(full, name)
 
     @pytest.mark.parametrize("inside", ["", "survey/", "a/b/c/"])

@@ -236,8 +236,11 @@ CASES: dict[str, tuple[str, Callable[[], bytes]]] = {
     },
 }
 READ_ANOTHER_WAY = (
-    "no x at all", "short label rows", "a script of blank lines", "a script of dots",
-)  # fmt: skip
+    "no x at all",
+    "short label rows",
+    "a script of blank lines",
+    "a script of dots",
+)
 """As a table whose columns a person chooses; blanks are allowed."""
 
 
@@ -266,7 +269,7 @@ def test_it_is_refused_now(case: str, tmp_path: Path) -> None:
         damaged_data(),
         packed("head.npy", b"\x93NUMPY\1\0v\0").replace(b"PK\x01\x02\x14", b"PK\x01\x02\xff"),
     ],
-)  # fmt: skip
+)
 def test_arrays_that_are_none(content: bytes) -> None:
     with pytest.raises(StereocalError):
         read_arrays(content, "lens.npz")

@@ -107,8 +107,13 @@ def sleap_h5(side: int, **more: object) -> bytes:
     tracks[0, :, :, FIRST:] = VIEWS[side].transpose(2, 1, 0)
     tracks[0, :, 1, FIRST + 2] = np.nan
     scores = np.where(np.isnan(tracks[:, 0]), np.nan, 0.9)
-    arrays = {"tracks": tracks, "node_names": [b"nose", b"tail"], "track_names": [b"track_0"],
-              "point_scores": scores, **more}  # fmt: skip
+    arrays = {
+        "tracks": tracks,
+        "node_names": [b"nose", b"tail"],
+        "track_names": [b"track_0"],
+        "point_scores": scores,
+        **more,
+    }
     return hdf5(**arrays)
 
 
@@ -160,11 +165,18 @@ class TestWhoWroteIt:
     @pytest.mark.parametrize(
         ("content", "name"),
         [
-            (DLTDV5, "dltdv5"), (DLTDV8, "dltdv8"), (ARGUS, "argus"), (WAND, "wand"),
-            (tracktor(0), "tracktor"), (sleap(0), "sleap"), (deeplabcut(0), "deeplabcut"),
-            (trackmate(0, "pixel", 1), "trackmate"), (b"t,x,y\n1,2,3\n", "table"), (odd(0), None),
+            (DLTDV5, "dltdv5"),
+            (DLTDV8, "dltdv8"),
+            (ARGUS, "argus"),
+            (WAND, "wand"),
+            (tracktor(0), "tracktor"),
+            (sleap(0), "sleap"),
+            (deeplabcut(0), "deeplabcut"),
+            (trackmate(0, "pixel", 1), "trackmate"),
+            (b"t,x,y\n1,2,3\n", "table"),
+            (odd(0), None),
         ],
-    )  # fmt: skip
+    )
     def test_by_its_header(self, content: bytes, name: str | None) -> None:
         assert layout_name(content, "points") == name
         for other in set(LAYOUTS) - {name, "wand", "table", "argus", "dltdv5"}:
@@ -174,10 +186,15 @@ class TestWhoWroteIt:
     @pytest.mark.parametrize(
         "header",
         [
-            ",frame,pos_x,pos_y", "id,when,right,down", "x,y,width,height", "x1,y1,x2,y2",
-            "a,b,c,d,e,f,g,h", "frame,id,x1,y1,x2,y2,w,h", "x,y,score,id,x,y,score,id",
+            ",frame,pos_x,pos_y",
+            "id,when,right,down",
+            "x,y,width,height",
+            "x1,y1,x2,y2",
+            "a,b,c,d,e,f,g,h",
+            "frame,id,x1,y1,x2,y2,w,h",
+            "x,y,score,id,x,y,score,id",
         ],
-    )  # fmt: skip
+    )
     def test_named_columns_are_no_headerless_wand_file(self, header: str) -> None:
         width = header.count(",") + 1
         content = csv(header, [[10 * k + c for c in range(width)] for k in range(3)])
@@ -241,8 +258,10 @@ class TestNumbers:
         content = csv("Track 1_cam_1_x,Track 1_cam_1_y,Track 1_cam_2_x,Track 1_cam_2_y", rows)
         layout = layout_of(content, "points")
         assert (layout.program, layout.cameras, layout.points) == (
-            "Argus", ("cam1", "cam2"), ("Track 1",),
-        )  # fmt: skip
+            "Argus",
+            ("cam1", "cam2"),
+            ("Track 1",),
+        )
         assert not holds_bars(content, "points")
         for side in (0, 1):
             found = pixels(content, side)[["u", "v"]].to_numpy()
@@ -281,9 +300,12 @@ class TestHdf5:
         tracks[1, 0, 0, 1] = np.nan
         table = pixels(point_text(hdf5(tracks=tracks, node_names=[b"nose"]), "a.h5"), 0)
         assert table[["frame", "u", "v", "track"]].to_numpy().tolist() == [
-            [0, 0, 3, "track_0"], [0, 6, 9, "track_1"], [1, 1, 4, "track_0"],
-            [2, 2, 5, "track_0"], [2, 8, 11, "track_1"],
-        ]  # fmt: skip
+            [0, 0, 3, "track_0"],
+            [0, 6, 9, "track_1"],
+            [1, 1, 4, "track_0"],
+            [2, 2, 5, "track_0"],
+            [2, 8, 11, "track_1"],
+        ]
 
     def test_deeplabcuts_is_named_and_never_read(self, tmp_path: Path) -> None:
         content = hdf5(**{"df_with_missing/table": np.zeros(3)})
@@ -309,11 +331,14 @@ class TestHdf5:
     @pytest.mark.parametrize(
         "change",
         [
-            {"tracks": np.zeros((2, 3, 2, 5))}, {"tracks": np.zeros((1, 2, 5, 4))},
-            {"tracks": np.zeros((3, 4))}, {"tracks": np.zeros((1, 2, 2, 4), dtype="i4")},
-            {"point_scores": np.zeros((1, 2, 3))}, {"node_names": np.zeros(2)},
+            {"tracks": np.zeros((2, 3, 2, 5))},
+            {"tracks": np.zeros((1, 2, 5, 4))},
+            {"tracks": np.zeros((3, 4))},
+            {"tracks": np.zeros((1, 2, 2, 4), dtype="i4")},
+            {"point_scores": np.zeros((1, 2, 3))},
+            {"node_names": np.zeros(2)},
         ],
-    )  # fmt: skip
+    )
     def test_other_arrays(self, change: dict[str, object]) -> None:
         with pytest.raises(StereocalError, match=r"^a\.h5: .*(shape|SLEAP)"):
             point_text(sleap_h5(0, **change), "a.h5")
@@ -362,9 +387,16 @@ def run_match(tmp_path: Path, files: tuple[bytes, bytes], *more: str, ending: st
     RIG_2D.save(tmp_path / "2d.json")
     given = [str(tmp_path / f"{name}.{ending}") for name in ("p", "s")]
     return main(
-        ["match", *given, "--parameters", str(tmp_path / "2d.json"), "--out",
-         str(tmp_path / "pairs.csv"), *more]
-    )  # fmt: skip
+        [
+            "match",
+            *given,
+            "--parameters",
+            str(tmp_path / "2d.json"),
+            "--out",
+            str(tmp_path / "pairs.csv"),
+            *more,
+        ]
+    )
 
 
 ONE_CAMERA = {
@@ -442,7 +474,7 @@ class TestCommandLine:
             (b"", ("--layout", "sleap"), "is empty"),
             (hdf5_bytes_of_deeplabcut(), ("--layout", "deeplabcut"), "DeepLabCut.*CSV"),
         ],
-    )  # fmt: skip
+    )
     def test_what_is_missing_or_wrong(
         self,
         content: bytes,

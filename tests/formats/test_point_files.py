@@ -96,12 +96,16 @@ def test_deeplabcut() -> None:
     )
     layout = propose_layout(content, "dlc.csv")
     assert (layout.program, layout.points, layout.questions != ()) == (
-        "DeepLabCut", ("nose", "tail"), True,
-    )  # fmt: skip
+        "DeepLabCut",
+        ("nose", "tail"),
+        True,
+    )
     table = read_points(content, layout, "cam1")
     assert table.to_numpy().tolist() == [
-        [0, 10.5, 20.25, "nose"], [0, 30.0, 40.0, "tail"], [1, 11.5, 21.25, "nose"],
-    ]  # fmt: skip
+        [0, 10.5, 20.25, "nose"],
+        [0, 30.0, 40.0, "tail"],
+        [1, 11.5, 21.25, "nose"],
+    ]
     sure = read_points(content, replace(layout, least_likelihood=0.6), "cam1")
     assert set(sure["point"]) == {"nose"}
 

@@ -89,9 +89,11 @@ class TestWorldFile:
     )
     def test_hostile_world_json(self, change: dict[str, object], says: str) -> None:
         data = {
-            "format": WORLD_FORMAT, "source": "plumb", "world_from_primary": self.table.tolist(),
+            "format": WORLD_FORMAT,
+            "source": "plumb",
+            "world_from_primary": self.table.tolist(),
             **change,
-        }  # fmt: skip
+        }
         with pytest.raises(StereocalError, match=says):
             parse_world(json.dumps(data).encode(), "w.json")
 
@@ -136,8 +138,10 @@ class TestTables:
         found = read_observed(LINES.encode(), "p.csv")
         assert isinstance(found, tuple)
         assert [(line.name, line.kind) for line in found] == [
-            ("a", "plumb"), ("sea", "horizon"), ("b", "plumb"),
-        ]  # fmt: skip
+            ("a", "plumb"),
+            ("sea", "horizon"),
+            ("b", "plumb"),
+        ]
         assert [len(side) for side in found[0].pixels] == [2, 1]
         assert [len(side) for side in found[1].pixels] == [1, 0]
 
@@ -151,8 +155,10 @@ class TestTables:
 
     def test_kinds(self) -> None:
         assert [kind_of_table(t.encode(), "x") for t in (SURVEY, LINES, THROW)] == [
-            "point", "line", "frame",
-        ]  # fmt: skip
+            "point",
+            "line",
+            "frame",
+        ]
 
     @pytest.mark.parametrize(
         ("text", "says"),

@@ -131,10 +131,13 @@ def test_progress_counts_every_photograph_of_both_stages(
 ) -> None:
     seen: list[tuple[str, int, int]] = []
     detect_frames(
-        pair_names(FILES).pairs, on_disk(FILES, tmp_path), CAMERAS, pool,
+        pair_names(FILES).pairs,
+        on_disk(FILES, tmp_path),
+        CAMERAS,
+        pool,
         begin=lambda stage: seen.append((stage, 0, 0)),
         progress=lambda done, total: seen.append((seen[-1][0], done, total)),
-    )  # fmt: skip
+    )
     assert seen == [(stage, i, 14 if i else 0) for stage in STAGES for i in range(15)]
 
 
@@ -303,9 +306,13 @@ class TestCommand:
         ],
     )
     def test_bad_input(
-        self, gone: list[str], says: str, survey: Path, tmp_path: Path,
+        self,
+        gone: list[str],
+        says: str,
+        survey: Path,
+        tmp_path: Path,
         capsys: pytest.CaptureFixture[str],
-    ) -> None:  # fmt: skip
+    ) -> None:
         for pattern in gone:
             for path in survey.glob(pattern):
                 path.unlink()

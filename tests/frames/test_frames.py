@@ -37,14 +37,21 @@ def frame(number: int = 1, state: State = "found", use: bool = True) -> Frame:
 
 coordinates = st.floats(-1e4, 1e4)
 centres = st.none() | st.builds(
-    Centre, coordinates, coordinates, st.none() | st.floats(1e-6, 10),
+    Centre,
+    coordinates,
+    coordinates,
+    st.none() | st.floats(1e-6, 10),
     st.sampled_from(["detected", "corrected", "manual"]),
-)  # fmt: skip
+)
 frames = st.builds(
-    Frame, st.integers(-(2**53), 2**53), st.tuples(st.text(), st.text()),
+    Frame,
+    st.integers(-(2**53), 2**53),
+    st.tuples(st.text(), st.text()),
     st.tuples(st.tuples(centres, centres), st.tuples(centres, centres)),
-    st.sampled_from(["found", "doubtful", "refused"]), st.text(), st.booleans(),
-)  # fmt: skip
+    st.sampled_from(["found", "doubtful", "refused"]),
+    st.text(),
+    st.booleans(),
+)
 
 
 @given(st.lists(frames, max_size=5))
@@ -60,9 +67,14 @@ def test_damaged_files_are_refused(content: bytes) -> None:
 
 @pytest.mark.parametrize(
     ("key", "value"),
-    [("state", "lost"), ("centres", [[None]]), ("files", ["a"]), ("frame", "x"),
-     ("centres", [[{"u": 1, "v": 2, "source": "guess"}, None], [None, None]])],
-)  # fmt: skip
+    [
+        ("state", "lost"),
+        ("centres", [[None]]),
+        ("files", ["a"]),
+        ("frame", "x"),
+        ("centres", [[{"u": 1, "v": 2, "source": "guess"}, None], [None, None]]),
+    ],
+)
 def test_a_frame_that_cannot_be_is_refused(key: str, value: object) -> None:
     content = json.loads(pack_frames([frame()]))
     content["frames"][0][key] = value

@@ -116,7 +116,7 @@ def test_every_photograph_is_accounted_for_once(names: list[str]) -> None:
         (["LEFT1.png", "RIGHT2.png"], "RIGHT2.png (secondary) has no partner LEFT2.png"),
         (["left1.png", "left1.jpg", "right1.png"], "the same camera and frame: left1.jpg"),
     ],
-)  # fmt: skip
+)
 def test_nothing_to_pair_is_said(names: list[str], sentence: str) -> None:
     found = pair_names(names)
     assert not found.pairs and not found.ambiguous

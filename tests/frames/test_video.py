@@ -70,8 +70,12 @@ def test_avi(tmp_path: Path) -> None:
     )
     found = taken(videos, VideoSettings("every", 7))[1]
     assert sorted(number_in(image) for name, image in found.items() if "primary" in name) == [
-        0, 7, 14, 21, 28,
-    ]  # fmt: skip
+        0,
+        7,
+        14,
+        21,
+        28,
+    ]
 
 
 def test_a_dropped_frame_is_reported_and_the_pairs_stay_right(tmp_path: Path) -> None:
@@ -149,9 +153,11 @@ def test_the_segments_of_a_long_video_give_each_frame_one_score(
     path = write_video(tmp_path / "a.mp4", constant(60))
     seen: list[tuple[int, int]] = []
     report = extract(
-        (path, path), VideoSettings("still"), lambda *_: None,
+        (path, path),
+        VideoSettings("still"),
+        lambda *_: None,
         progress=lambda done, total: seen.append((done, total)),
-    )  # fmt: skip
+    )
     assert report is not None and report.taken == 3
     assert seen[-1] == (3, 3)
     whole = score_frames(path, 0.0, 10.0)

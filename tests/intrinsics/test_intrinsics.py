@@ -101,9 +101,12 @@ class TestAgainstPeers:
         for draw in range(3):
             chosen = [lens.search.views[at] for at in lens.drawn[draw]]
             _, K, distortion, _, _ = cv2.calibrateCamera(
-                [points] * len(chosen), [view.corners.astype(np.float32) for view in chosen],
-                SMALL.image_size, np.eye(3), np.zeros(5),
-            )  # fmt: skip
+                [points] * len(chosen),
+                [view.corners.astype(np.float32) for view in chosen],
+                SMALL.image_size,
+                np.eye(3),
+                np.zeros(5),
+            )
             expected = [K[0, 0], K[1, 1], K[0, 2], K[1, 2], *distortion.ravel()[:5]]
             # OpenCV's own limit of 30 rounds against ours of 100. Measured: 1e-9 of fx.
             np.testing.assert_allclose(lens.draws[draw], expected, rtol=1e-5, atol=1e-6)
@@ -130,8 +133,9 @@ class TestAgainstPeers:
         best = least_squares(residuals, start, x_scale="jac", method="lm")
         # The minimum is flat along k2 and k3. Measured: 2e-4 of fx, where its error is 1.5 px.
         np.testing.assert_allclose(best.x[:4], found[:4], rtol=0, atol=0.02)
-        assert best.cost == pytest.approx(0.5 * np.square(residuals(np.array(start))).sum(),
-                                          rel=1e-5)  # fmt: skip
+        assert best.cost == pytest.approx(
+            0.5 * np.square(residuals(np.array(start))).sum(), rel=1e-5
+        )
 
     def test_error_of_a_view_is_that_of_its_best_pose(self) -> None:
         lens = usual()

@@ -27,10 +27,16 @@ LATE = 0.7
 def late() -> RigParameters:
     """The true rig, with the offset."""
     return RigParameters(
-        method="refined", primary=rig.PRIMARY, secondary=rig.SECONDARY, pose=rig.RIG, cost=0.0,
-        settings={}, inputs={}, matching_threshold_px=1.5,
+        method="refined",
+        primary=rig.PRIMARY,
+        secondary=rig.SECONDARY,
+        pose=rig.RIG,
+        cost=0.0,
+        settings={},
+        inputs={},
+        matching_threshold_px=1.5,
         time_offset=MeasuredOffset(LATE, sigma=0.001),
-    )  # fmt: skip
+    )
 
 
 @pytest.fixture(scope="module")

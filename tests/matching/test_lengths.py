@@ -100,8 +100,11 @@ def test_columns_chosen_by_hand() -> None:
     moved = replace(answers, first_pixel=0.5, px_per_unit=2.0)
     table = read_points(ODD, answered(layout, moved, ODD, "odd.csv"), "cam1")
     assert table.to_dict("list") == {
-        "frame": [7, 8], "u": [20.5, 22.5], "v": [39.5, 41.5], "weight": ["heavy", "light"],
-    }  # fmt: skip
+        "frame": [7, 8],
+        "u": [20.5, 22.5],
+        "v": [39.5, 41.5],
+        "weight": ["heavy", "light"],
+    }
     counted = replace(answers, columns=(None, 1, 2))
     table = read_points(ODD, answered(layout, counted, ODD, "odd.csv"), "cam1")
     assert table["frame"].tolist() == [1, 2]

@@ -98,9 +98,15 @@ class TestCandidates:
         i, j = (each.ravel() for each in np.indices((40, 31)))
         table = RIG_2D.reprojection_errors(first[i], second[j]).mean(axis=1).reshape(40, 31)
         row, column, errors, of_first, of_second = pairs_within(
-            RIG.R, RIG.T, PRIMARY.undistort(first), SECONDARY.undistort(second),
-            np.array([PRIMARY.pixel_scale, SECONDARY.pixel_scale]), 20.0, 0.0, np.inf,
-        )  # fmt: skip
+            RIG.R,
+            RIG.T,
+            PRIMARY.undistort(first),
+            SECONDARY.undistort(second),
+            np.array([PRIMARY.pixel_scale, SECONDARY.pixel_scale]),
+            20.0,
+            0.0,
+            np.inf,
+        )
         expected = np.nonzero(table <= 20.0)
         np.testing.assert_array_equal((row, column), expected)
         # Sums in another order; measured: 3e-13 px.

@@ -70,9 +70,17 @@ def folder(tmp_path: Path) -> Path:
 def run_match(folder: Path, *more: str, ending: str = "csv", parameters: str = "2d") -> int:
     """`stereocal match`; the pairs go to `pairs.*`."""
     return main(
-        ["match", str(folder / f"p.{ending}"), str(folder / f"s.{ending}"), "--parameters",
-         str(folder / f"{parameters}.json"), "--out", str(folder / f"pairs.{ending}"), *more]
-    )  # fmt: skip
+        [
+            "match",
+            str(folder / f"p.{ending}"),
+            str(folder / f"s.{ending}"),
+            "--parameters",
+            str(folder / f"{parameters}.json"),
+            "--out",
+            str(folder / f"pairs.{ending}"),
+            *more,
+        ]
+    )
 
 
 class TestMatch:
@@ -82,8 +90,12 @@ class TestMatch:
         assert run_match(folder) == 0
         pairs = pd.read_csv(folder / "pairs.csv")
         assert list(pairs) == [
-            *PAIR_COLUMNS, *PAIR_SIGMAS, "bird_primary", "size", "bird_secondary",
-        ]  # fmt: skip
+            *PAIR_COLUMNS,
+            *PAIR_SIGMAS,
+            "bird_primary",
+            "size",
+            "bird_secondary",
+        ]
         assert (pairs["bird_primary"] == pairs["bird_secondary"]).mean() > 0.97
         assert len(pairs) > 0.97 * FRAMES * POINTS
         assert (pairs["error_px"] <= 0.9).all()  # the threshold is 0.86 px
@@ -100,9 +112,10 @@ class TestMatch:
         assert run_match(folder) == 0
         assert run_match(folder, ending="parquet") == 0
         pd.testing.assert_frame_equal(
-            pd.read_csv(folder / "pairs.csv"), pd.read_parquet(folder / "pairs.parquet"),
+            pd.read_csv(folder / "pairs.csv"),
+            pd.read_parquet(folder / "pairs.parquet"),
             check_dtype=False,
-        )  # fmt: skip
+        )
 
     def test_the_library_says_the_same(self, folder: Path) -> None:
         assert run_match(folder, "--threshold", "auto") == 0
@@ -210,9 +223,16 @@ class TestMatch:
 class TestReconstruct:
     def run(self, folder: Path, *more: str, ending: str = "csv") -> int:
         return main(
-            ["reconstruct", str(folder / f"pairs.{ending}"), "--parameters",
-             str(folder / "3d.json"), "--out", str(folder / f"points.{ending}"), *more]
-        )  # fmt: skip
+            [
+                "reconstruct",
+                str(folder / f"pairs.{ending}"),
+                "--parameters",
+                str(folder / "3d.json"),
+                "--out",
+                str(folder / f"points.{ending}"),
+                *more,
+            ]
+        )
 
     @pytest.mark.parametrize("ending", ["csv", "parquet"])
     def test_points_with_the_columns_of_the_design(self, folder: Path, ending: str) -> None:
@@ -221,14 +241,26 @@ class TestReconstruct:
         read = pd.read_csv if ending == "csv" else pd.read_parquet
         pairs, points = (read(folder / f"{name}.{ending}") for name in ("pairs", "points"))
         assert list(points) == [
-            "frame", "x", "y", "z", "error_px", "sigma_x", "sigma_y", "sigma_z", "ambiguous",
-            "bird_primary", "size", "bird_secondary",
-        ]  # fmt: skip
+            "frame",
+            "x",
+            "y",
+            "z",
+            "error_px",
+            "sigma_x",
+            "sigma_y",
+            "sigma_z",
+            "ambiguous",
+            "bird_primary",
+            "size",
+            "bird_secondary",
+        ]
         pixels = pairs[list(PAIR_COLUMNS[1:5])].to_numpy()
         np.testing.assert_allclose(
-            points[["x", "y", "z"]].to_numpy(), RIG_2D.reconstruct(pixels[:, :2], pixels[:, 2:]),
-            rtol=0, atol=1e-12,
-        )  # fmt: skip
+            points[["x", "y", "z"]].to_numpy(),
+            RIG_2D.reconstruct(pixels[:, :2], pixels[:, 2:]),
+            rtol=0,
+            atol=1e-12,
+        )
         np.testing.assert_allclose(points["error_px"], pairs["error_px"], atol=2e-6)
 
     def test_world_noise_and_the_rig_of_matching(
@@ -380,7 +412,8 @@ BAD: dict[str, tuple[Spoil, str]] = {
     "outside": (spoil("s.csv", put(9, "u", "1280")), "line 11: frame 3: "),
     "negative": (spoil("p.csv", put(9, "v", "-3")), "1600x1200 px"),
     "twice": (
-        spoil("p.csv", lambda t: pd.concat([t, t.tail(1)])), "line 242: frame 14",
+        spoil("p.csv", lambda t: pd.concat([t, t.tail(1)])),
+        "line 242: frame 14",
     ),
     "too many cells": (add_line("p.csv", "3,1,1,1,1,1"), "line 242: 6 cells"),
     "no column v": (spoil("s.csv", lambda t: t.rename(columns={"v": "w"})), "column v"),
@@ -398,7 +431,7 @@ BAD: dict[str, tuple[Spoil, str]] = {
         "1600x1200 px",
     ),
     "no parameters": (lambda folder: (folder / "2d.json").unlink(), "2d.json: "),
-}  # fmt: skip
+}
 
 
 class TestBadInput:

@@ -18,9 +18,16 @@ from tests.known_rig import ANGLES, BASELINE_M, PRIMARY, RIG, SECONDARY, images
 
 TARGETS_PX, OF_FILE_PX = 0.03, 0.1
 FILE = RigParameters(
-    PRIMARY, SECONDARY, RIG, "refined", 1.0, {}, {},
-    matching_threshold_px=OF_FILE_PX, noise_px=TARGETS_PX,
-)  # fmt: skip
+    PRIMARY,
+    SECONDARY,
+    RIG,
+    "refined",
+    1.0,
+    {},
+    {},
+    matching_threshold_px=OF_FILE_PX,
+    noise_px=TARGETS_PX,
+)
 PIXELS = ["u_primary", "v_primary", "u_secondary", "v_secondary"]
 
 
@@ -93,10 +100,12 @@ def test_standard_errors_are_of_these_points() -> None:
         places[frame] = rng.uniform([-1.3, -1.1, 6.0], [1.3, 1.0, 10.5], (4, 3))
         for _ in range(2):
             rng.standard_normal((int((rng.random(4) > 0.1).sum()), 2))
-    true = np.array([
-        places[frame][bird]
-        for frame, bird in zip(points["frame"], points["bird_primary"], strict=True)
-    ])  # fmt: skip
+    true = np.array(
+        [
+            places[frame][bird]
+            for frame, bird in zip(points["frame"], points["bird_primary"], strict=True)
+        ]
+    )
     z = (points[["x", "y", "z"]].to_numpy() - true) / points[
         ["sigma_x", "sigma_y", "sigma_z"]
     ].to_numpy()

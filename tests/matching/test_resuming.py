@@ -136,8 +136,11 @@ def test_validation(dataset: Dataset, executor: Counting) -> None:
     ],
 )
 def test_runs_of_other_data_or_settings_are_not_used(
-    other: Dataset, settings: EvaluationSettings, dataset: Dataset, executor: Counting,
-) -> None:  # fmt: skip
+    other: Dataset,
+    settings: EvaluationSettings,
+    dataset: Dataset,
+    executor: Counting,
+) -> None:
     parts = run_parts()
     few = replace(SETTINGS, runs=4)
     evaluate([dataset], few, executor, chunk=4, pieces=parts)

@@ -14,10 +14,15 @@ def flight(frames: int = 30, birds: int = 3, step: int = 1) -> pd.DataFrame:
     bird = np.tile(np.arange(birds), frames)
     return pd.DataFrame(
         {
-            "frame": frame, "x": 0.1 * frame + bird, "y": 1.0 * bird, "z": 8.0 + 0.05 * frame,
-            "error_px": 0.1, "camera": "left", "bird": [f"b{k}" for k in bird],
+            "frame": frame,
+            "x": 0.1 * frame + bird,
+            "y": 1.0 * bird,
+            "z": 8.0 + 0.05 * frame,
+            "error_px": 0.1,
+            "camera": "left",
+            "bird": [f"b{k}" for k in bird],
         }
-    )  # fmt: skip
+    )
 
 
 def test_a_column_that_names_each_bird_once_a_frame_gives_tracks() -> None:

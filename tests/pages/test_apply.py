@@ -67,9 +67,9 @@ def app(home: Path) -> Iterator[AppTest]:
 
 def said(app: AppTest, *kinds: str) -> str:
     wanted = kinds or ("error", "info", "warning", "success", "caption")
-    return " ".join(
-        str(item.value) for kind in wanted for item in getattr(app, kind)
-    ).replace("\\", "")  # fmt: skip
+    return " ".join(str(item.value) for kind in wanted for item in getattr(app, kind)).replace(
+        "\\", ""
+    )
 
 
 def calibrated(app: AppTest) -> AppTest:
@@ -200,14 +200,34 @@ def test_the_files_are_those_of_the_command_line(app: AppTest, home: Path, tmp_p
     SET_3D.save(tmp_path / "3d.json")
     for threshold in ("0.8", "0.25"):
         app.number_input(key="apply_threshold").set_value(float(threshold)).run()
-        assert main(
-            ["match", *(str(tmp_path / f"{side}.csv") for side in both), "--parameters",
-             str(tmp_path / "2d.json"), "--threshold", threshold, "--out", str(tmp_path / PAIRS)]
-        ) == 0  # fmt: skip
-        assert main(
-            ["reconstruct", str(tmp_path / PAIRS), "--parameters", str(tmp_path / "3d.json"),
-             "--out", str(tmp_path / POINTS)]
-        ) == 0  # fmt: skip
+        assert (
+            main(
+                [
+                    "match",
+                    *(str(tmp_path / f"{side}.csv") for side in both),
+                    "--parameters",
+                    str(tmp_path / "2d.json"),
+                    "--threshold",
+                    threshold,
+                    "--out",
+                    str(tmp_path / PAIRS),
+                ]
+            )
+            == 0
+        )
+        assert (
+            main(
+                [
+                    "reconstruct",
+                    str(tmp_path / PAIRS),
+                    "--parameters",
+                    str(tmp_path / "3d.json"),
+                    "--out",
+                    str(tmp_path / POINTS),
+                ]
+            )
+            == 0
+        )
         result = store_of(app, home).result
         assert result is not None
         for name in (PAIRS, POINTS):

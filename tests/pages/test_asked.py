@@ -75,9 +75,13 @@ def test_four_coefficients_in_a_data_set(app: AppTest, home: Path) -> None:
     assert kept is not None and kept.sha256 == sound.sha256
 
 
-@pytest.mark.parametrize(("name", "content", "says"), [
-    ("left.ini", INI, "INI file"), ("left.mat", MAT, "MATLAB"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("name", "content", "says"),
+    [
+        ("left.ini", INI, "INI file"),
+        ("left.mat", MAT, "MATLAB"),
+    ],
+)
 def test_other_kinds_are_named(app: AppTest, name: str, content: bytes, says: str) -> None:
     app.switch_page("pages/data.py").run()
     app.file_uploader(key="upload_primary").upload(name, content).run()

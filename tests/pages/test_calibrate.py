@@ -239,8 +239,10 @@ def test_the_recommendation_is_followed(pressed: AppTest, home: Path) -> None:
     assert pressed.segmented_control(key="rig_method").value == "refined"
     offered = [button.proto for button in pressed.get("download_button")][:3]
     assert [re.sub(" .*", "", each.label) for each in offered] == [
-        "parameters_2d.json", "parameters_3d.json", "parameters_refined.json",
-    ]  # fmt: skip
+        "parameters_2d.json",
+        "parameters_3d.json",
+        "parameters_refined.json",
+    ]
     assert [each.type for each in offered] == ["secondary", "secondary", "primary"]
     pressed.segmented_control(key="view").set_value("Parameters").run()
     assert pressed.selectbox(key="format_file").value == "refined"

@@ -51,9 +51,12 @@ def files() -> Files:
     pairs = np.column_stack([a + 2.0 * case.rng.standard_normal(a.shape) for a in sides])
     points = pd.DataFrame(pairs, columns=list(PIXELS)).clip(lower=0.0).rename_axis("frame")
     return Files(
-        case.prior.rig.dumps().encode(), pack_zip(five(case.truth)), pack_zip(moved),
-        moved["correspondences.csv"], points.to_csv().encode(),
-    )  # fmt: skip
+        case.prior.rig.dumps().encode(),
+        pack_zip(five(case.truth)),
+        pack_zip(moved),
+        moved["correspondences.csv"],
+        points.to_csv().encode(),
+    )
 
 
 @pytest.fixture

@@ -14,9 +14,14 @@ from tests.pages.test_pages import open_sample, project_of
 from tests.pages.waiting import ended
 
 COMPUTING = (
-    (screening, "screened"), (refined, "refine"), (refined, "trade_off"), (refined, "calibrate"),
-    (refined, "outlook_of"), (refined, "answer"), (results, "pack_dataset"),
-)  # fmt: skip
+    (screening, "screened"),
+    (refined, "refine"),
+    (refined, "trade_off"),
+    (refined, "calibrate"),
+    (refined, "outlook_of"),
+    (refined, "answer"),
+    (results, "pack_dataset"),
+)
 
 
 @pytest.fixture
@@ -30,8 +35,13 @@ def long(app: AppTest, monkeypatch: pytest.MonkeyPatch) -> AppTest:
 
 def forget() -> None:
     """What a server that starts has not in memory."""
-    for cache in (screening._screened, refined._refined, refined._outlook, refined._answers,
-                  refined._traced):  # fmt: skip
+    for cache in (
+        screening._screened,
+        refined._refined,
+        refined._outlook,
+        refined._answers,
+        refined._traced,
+    ):
         cache.clear()
     jobs._jobs().clear()
 

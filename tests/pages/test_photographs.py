@@ -173,11 +173,13 @@ def dataset_files() -> dict[str, bytes]:
         files[f"rig/{slot}.json"] = write_camera(getattr(BARS.rig, slot))
     files["rig/dataset.json"] = json.dumps(
         {
-            "format": "stereocal-dataset/1", "name": "field day", "baseline_m": 2.0,
+            "format": "stereocal-dataset/1",
+            "name": "field day",
+            "baseline_m": 2.0,
             "target_distance_m": 0.9,
             "cameras": {"primary": "primary.json", "secondary": "secondary.json"},
         }
-    ).encode()  # fmt: skip
+    ).encode()
     return files
 
 

@@ -107,8 +107,11 @@ def test_an_opened_plan_shows_its_own_numbers_on_sliders_too(app: AppTest) -> No
     near = {"near_m": 2.123, "far_m": 2.4}
     changes: dict[str, Any] = {
         "pose": {"baseline_m": 4.01, "toe_in_deg": 62.25, "height_difference_m": 0.0},
-        "volume": near, "bar_m": 0.0123, "noise_px": 19.5, "frames": 77,
-    }  # fmt: skip
+        "volume": near,
+        "bar_m": 0.0123,
+        "noise_px": 19.5,
+        "frames": 77,
+    }
     open_plan(app, {"plan.json": json.dumps(contents(**changes)).encode()})
     assert app.select_slider(key="plan_baseline_m").value == 4.01
     assert app.slider(key="plan_toe_in_deg").value == 62.25
@@ -120,11 +123,18 @@ def test_an_opened_plan_shows_its_own_numbers_on_sliders_too(app: AppTest) -> No
 def test_damaged_settings_do_no_harm(app: AppTest, home: Path) -> None:
     app.button(key="plan_start").click().run()
     project = Project.open(home, app.session_state["project_id"])
-    project.keep_settings({
-        "plan_bar_m": "x", "plan_stated_pose": {"R": 1, "T": 2}, "plan_compared": ["{", 7],
-        "plan_primary_camera": "none", "plan_frames": 2.5, "plan_toe_in_deg": 1e9,
-        "plan_near_m": [1], "plan_forecast": {"methods": 3},
-    })  # fmt: skip
+    project.keep_settings(
+        {
+            "plan_bar_m": "x",
+            "plan_stated_pose": {"R": 1, "T": 2},
+            "plan_compared": ["{", 7],
+            "plan_primary_camera": "none",
+            "plan_frames": 2.5,
+            "plan_toe_in_deg": 1e9,
+            "plan_near_m": [1],
+            "plan_forecast": {"methods": 3},
+        }
+    )
     app.switch_page("pages/plan.py").run()
     assert not app.error and "Limited by" in messages(app)
 

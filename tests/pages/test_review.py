@@ -36,10 +36,13 @@ def found_frames(store: ProjectPhotographs) -> tuple[Frame, ...]:
     """The frames as detection finds them; frame 3 and 5 are made to need a person."""
     with ThreadPoolExecutor(1) as executor:
         frames = detect_frames(
-            [row.pair for row in store.rows], store.photographs,
-            (BARS.rig.primary, BARS.rig.secondary), executor,
-            lambda _: None, lambda *_: None,
-        )  # fmt: skip
+            [row.pair for row in store.rows],
+            store.photographs,
+            (BARS.rig.primary, BARS.rig.secondary),
+            executor,
+            lambda _: None,
+            lambda *_: None,
+        )
     assert frames is not None and all(frame.state == "found" for frame in frames)
     frames[2] = replace(frames[2], state="doubtful", reason="Look at it.", use=False)
     hidden = replace(frames[4], state="refused", reason="Secondary: one target.", use=False)
@@ -231,9 +234,16 @@ class TestClick:
 class TestPicker:
     @pytest.mark.parametrize(
         "sent",
-        [None, 3, "x", {}, {"id": "a", "u": "x", "v": 1, "raw": False},
-         {"id": "a", "u": float("nan"), "v": 1, "raw": False}, {"id": "a", "u": 1, "v": 2}],
-    )  # fmt: skip
+        [
+            None,
+            3,
+            "x",
+            {},
+            {"id": "a", "u": "x", "v": 1, "raw": False},
+            {"id": "a", "u": float("nan"), "v": 1, "raw": False},
+            {"id": "a", "u": 1, "v": 2},
+        ],
+    )
     def test_what_is_no_click(self, sent: object) -> None:
         assert pick_of(sent) is None
 

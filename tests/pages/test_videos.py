@@ -25,8 +25,11 @@ def give(app: AppTest, primary: bytes, secondary: bytes) -> AppTest:
     app.segmented_control(key="data_how").set_value("Photographs").run()
     app.segmented_control(key="photographs_how").set_value("Two videos").run()
     for which, content in (("primary", primary), ("secondary", secondary)):
-        found = next(each for each in app.file_uploader if str(each.key).endswith(f"_{which}")
-                     and str(each.key).startswith("upload_videos"))  # fmt: skip
+        found = next(
+            each
+            for each in app.file_uploader
+            if str(each.key).endswith(f"_{which}") and str(each.key).startswith("upload_videos")
+        )
         found.upload(f"{which}.mp4", content)
     return app.run()
 

@@ -67,10 +67,19 @@ def test_the_methods_say_the_figures_of_the_result() -> None:
     assert f"the refined set below {digits(use.threshold_px, 2)} px is recommended" in text
     assert "points were matched" not in text and "were reconstructed" not in text
     for words in (
-        "25 frames", "50 pairs", "25 bars", "0.9 m apart", "baseline was 4.5 m", "seed 0",
+        "25 frames",
+        "50 pairs",
+        "25 bars",
+        "0.9 m apart",
+        "baseline was 4.5 m",
+        "seed 0",
         "In each of 8 runs, 20 frames drawn at random calibrated the system and the other 5",
-        f"[@{PAPER}]", f"[@{PROGRAM}]", "2336 × 1728 px", "10⁻⁶ rad", "the refined set",
-    ):  # fmt: skip
+        f"[@{PAPER}]",
+        f"[@{PROGRAM}]",
+        "2336 × 1728 px",
+        "10⁻⁶ rad",
+        "the refined set",
+    ):
         assert words in text, words
     assert "left out" not in text
     assert "  " not in text

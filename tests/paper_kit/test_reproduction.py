@@ -63,8 +63,11 @@ def in_a_process(*asked: str) -> str:
     """What a command prints, in a process of its own."""
     run = subprocess.run(
         [sys.executable, "-m", "stereocal", *asked],
-        cwd=ROOT, capture_output=True, text=True, check=False,
-    )  # fmt: skip
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert run.returncode == 0, run.stderr
     return run.stdout
 
@@ -195,9 +198,11 @@ def without_files(files: dict[str, bytes]) -> None:
     ],
 )
 def test_bad_archives_give_one_sentence(
-    edit: Callable[[dict[str, bytes]], None], sentence: str, tmp_path: Path,
+    edit: Callable[[dict[str, bytes]], None],
+    sentence: str,
+    tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
-) -> None:  # fmt: skip
+) -> None:
     assert reproduce(archive(tmp_path, edit), tmp_path) == 2
     assert sentence in capsys.readouterr().err
     assert not (tmp_path / "again").exists()
@@ -211,10 +216,14 @@ def test_no_archive_at_all(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
 
 
 BASE: dict[str, Any] = {
-    "R": [[1.0, 0.0], [0.0, 1.0]], "cost": 2.0, "settings": {"seed": 3, "essential": "linear"},
-    "frames_left_out": [1, 2], "recommendation": {"text": "Below 0.91 px, 0.60 %."},
-    "created": "today", "validation": None,
-}  # fmt: skip
+    "R": [[1.0, 0.0], [0.0, 1.0]],
+    "cost": 2.0,
+    "settings": {"seed": 3, "essential": "linear"},
+    "frames_left_out": [1, 2],
+    "recommendation": {"text": "Below 0.91 px, 0.60 %."},
+    "created": "today",
+    "validation": None,
+}
 
 
 @pytest.mark.parametrize(

@@ -116,8 +116,9 @@ def test_all_that_native_code_decodes_is_tried_before_it_is_read(tmp_path: Path)
 
     unpack_project(FULL, "full.zip", tmp_path, look)
     assert Counter(tried) == {
-        ("photograph", "photographs"): 12, ("photograph", "boards_primary"): 7,
-    }  # fmt: skip
+        ("photograph", "photographs"): 12,
+        ("photograph", "boards_primary"): 7,
+    }
     # A table of numbers in Parquet is one whatever it is called.
     content = changed(FULL, lambda files: files.update({"points/primary.csv": b"PAR1 and more"}))
     unpack_project(content, "full.zip", tmp_path, look)
@@ -127,9 +128,12 @@ def test_all_that_native_code_decodes_is_tried_before_it_is_read(tmp_path: Path)
 @pytest.mark.parametrize(
     ("part", "name", "kind"),
     [
-        ("dataset", "1.zip", None), ("asking", "2.zip", None),
-        ("asking", "3.csv", None), ("sets", "4.json", None), ("tables", "5.parquet", "table"),
+        ("dataset", "1.zip", None),
+        ("asking", "2.zip", None),
+        ("asking", "3.csv", None),
+        ("sets", "4.json", None),
+        ("tables", "5.parquet", "table"),
     ],
-)  # fmt: skip
+)
 def test_as_what_a_file_is_tried(part: str, name: str, kind: str | None) -> None:
     assert guarded_kind(part, Path(name)) == kind

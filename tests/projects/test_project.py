@@ -55,8 +55,10 @@ def test_missing_parts_are_named_until_complete(tmp_path: Path) -> None:
     project.give({}, baseline_m=4.5)
     project.give({"primary": ("p.json", (FIELD / "primary.json").read_bytes())})
     assert project.inputs.missing == [
-        "the table of points", "the secondary camera's file", "the distance between the targets",
-    ]  # fmt: skip
+        "the table of points",
+        "the secondary camera's file",
+        "the distance between the targets",
+    ]
     assert project.dataset is None
 
 

@@ -18,7 +18,7 @@ def test_defaults_are_those_of_a_persons_own_computer() -> None:
 def test_what_is_given_holds() -> None:
     settings = ServerSettings.from_environment(
         {"STEREOCAL_SHARED": "1", "STEREOCAL_KEEP_DAYS": "90", "STEREOCAL_UNDO_DAYS": "0"}
-    )  # fmt: skip
+    )
     assert settings == ServerSettings(True, 90.0, 0.0)
 
 

@@ -48,9 +48,23 @@ LENSES = {
     "five": [-0.21, 0.17, 0.0009, -0.0013, -0.06],
     "eight": [0.11, -0.2, 0.001, -0.002, 0.03, 0.3, -0.1, 0.02],
     "twelve": [0.1, -0.2, 0.001, -0.002, 0.03, 0.3, -0.1, 0.02, 0.002, -0.003, 0.001, 0.004],
-    "tilted": [0.1, -0.2, 0.001, -0.002, 0.03, 0.3, -0.1, 0.02, 0.002, -0.003, 0.001, 0.004,
-               0.03, -0.05],
-}  # fmt: skip
+    "tilted": [
+        0.1,
+        -0.2,
+        0.001,
+        -0.002,
+        0.03,
+        0.3,
+        -0.1,
+        0.02,
+        0.002,
+        -0.003,
+        0.001,
+        0.004,
+        0.03,
+        -0.05,
+    ],
+}
 
 
 def truth() -> FloatArray:
@@ -196,9 +210,12 @@ def test_the_result_is_scipys_of_the_whole_problem() -> None:
     """The places are eliminated; SciPy keeps them: 15 frames, 13 + 90 unknowns."""
     data = rig.dataset(15, 0.3)
     priors = RefineSettings(
-        primary=LensPrior(0.01, 10.0), secondary=LensPrior(0.01, 10.0),
-        sigma_px=0.3, scatter_m=0.001, loss="squares",
-    )  # fmt: skip
+        primary=LensPrior(0.01, 10.0),
+        secondary=LensPrior(0.01, 10.0),
+        sigma_px=0.3,
+        scatter_m=0.001,
+        loss="squares",
+    )
     solve = Solve(data, rig.RIG, priors)
     assert solve.run()
     unknowns, lenses = solve.unknowns, lenses_of(data)
@@ -240,10 +257,20 @@ def test_left_out_frames_have_no_say() -> None:
         n = len(limits)
         H, g = np.empty((SHARED, SHARED)), np.empty(SHARED)
         cost = sum_normal_equations(
-            unknowns.origin, unknowns.free, solve.lenses, solve.pixels[:n], solve.rays[:n],
+            unknowns.origin,
+            unknowns.free,
+            solve.lenses,
+            solve.pixels[:n],
+            solve.rays[:n],
             solve.distances[:n],
-            5.0, 100.0, limits, np.full((n, OWN), np.nan), np.empty(n), H, g,
-        )  # fmt: skip
+            5.0,
+            100.0,
+            limits,
+            np.full((n, OWN), np.nan),
+            np.empty(n),
+            H,
+            g,
+        )
         sides.append((cost, H, g))
     for first, second in zip(*sides, strict=True):
         np.testing.assert_array_equal(first, second)

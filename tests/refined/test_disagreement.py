@@ -18,10 +18,16 @@ from stereocal.rig.camera import Camera, CameraName, LensUncertainty
 from stereocal.rig.dataset import Dataset
 from tests import known_rig as rig
 
-KEYS = {"primary distortion", "secondary distortion",
-    "baseline", "distance", "primary focal", "primary centre", "secondary focal",
+KEYS = {
+    "primary distortion",
+    "secondary distortion",
+    "baseline",
+    "distance",
+    "primary focal",
+    "primary centre",
+    "secondary focal",
     "secondary centre",
-}  # fmt: skip
+}
 KNOWN = Misjudged()
 
 

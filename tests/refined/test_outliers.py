@@ -43,9 +43,13 @@ def calibration() -> Calibration:
 def with_errors(calibration: Calibration, method: str, errors: Errors) -> Calibration:
     """The same calibration, with other errors for one method."""
     changed = Calibration(
-        calibration.dataset, calibration.settings, calibration.screening, calibration.frames,
-        calibration.methods, calibration.warnings,
-    )  # fmt: skip
+        calibration.dataset,
+        calibration.settings,
+        calibration.screening,
+        calibration.frames,
+        calibration.methods,
+        calibration.warnings,
+    )
     changed.__dict__["errors"] = {**calibration.errors, method: errors}
     return changed
 

@@ -125,10 +125,12 @@ def test_fixed_stays_fixed_and_apart_comes_apart() -> None:
     found = refine(
         data,
         RefineSettings(
-            primary=FIXED_LENS, secondary=LensPrior(apart=True), baseline_sigma_m=0.0,
+            primary=FIXED_LENS,
+            secondary=LensPrior(apart=True),
+            baseline_sigma_m=0.0,
             distance_sigma_m=0.0,
         ),
-    )  # fmt: skip
+    )
     np.testing.assert_array_equal(found.primary.K, data.primary.K)
     assert found.pose.baseline == pytest.approx(rig.BASELINE_M, rel=1e-12)
     assert found.bar_factor == 1.0

@@ -59,9 +59,14 @@ def test_errors_are_near_the_cramer_rao_bound(rigs: int) -> None:
 def test_standard_errors_are_named_in_their_units(result: RefinedResult) -> None:
     found = standard_errors(result)
     assert list(found) == [
-        "yaw", "pitch", "roll", "delta", "epsilon", "baseline_m",
+        "yaw",
+        "pitch",
+        "roll",
+        "delta",
+        "epsilon",
+        "baseline_m",
         *(f"{c}_{k}" for c in ("primary", "secondary") for k in ("fx", "fy", "cx", "cy")),
-    ]  # fmt: skip
+    ]
     assert found["primary_fx"].value == result.primary.K[0, 0]
     assert found["secondary_cy"].value == result.secondary.K[1, 2]
     # The data can only narrow the priors: 1 % and 10 px.

@@ -24,7 +24,7 @@ LENSES = {
     8: [0.31, -0.12, 0.0008, -0.0006, 0.02, 0.52, -0.05, 0.01],
     12: [0.31, -0.12, 0.0008, -0.0006, 0.02, 0.52, -0.05, 0.01, 2e-3, -1e-3, 1.5e-3, 5e-4],
     14: [0.31, -0.12, 8e-4, -6e-4, 0.02, 0.52, -0.05, 0.01, 2e-3, -1e-3, 1.5e-3, 5e-4, 0.02, -0.03],
-}  # fmt: skip
+}
 
 
 def camera_with(coefficients: int, matrix: FloatArray = K) -> Camera:
@@ -54,9 +54,13 @@ class TestThereAndBack:
         np.testing.assert_allclose(back, rays, rtol=0, atol=1e-12)
 
     @given(
-        st.floats(-0.25, 0.25), st.floats(-0.05, 0.05), st.floats(-3e-3, 3e-3),
-        st.floats(-3e-3, 3e-3), st.floats(-1279, 1279), st.floats(-1023, 1023),
-    )  # fmt: skip
+        st.floats(-0.25, 0.25),
+        st.floats(-0.05, 0.05),
+        st.floats(-3e-3, 3e-3),
+        st.floats(-3e-3, 3e-3),
+        st.floats(-1279, 1279),
+        st.floats(-1023, 1023),
+    )
     @settings(max_examples=60)
     def test_any_ordinary_lens(
         self, k1: float, k2: float, p1: float, p2: float, u: float, v: float
@@ -190,9 +194,16 @@ class TestRefusals:
 
     @pytest.mark.parametrize(
         "change",
-        [{"K": "x"}, {"K": [[1, 2], [3]]}, {"image_size": 5}, {"image_size": [1, 2, 3]},
-         {"image_size": [1e400, 2]}, {"distortion": ["a"]}, {"distortion": None}],
-    )  # fmt: skip
+        [
+            {"K": "x"},
+            {"K": [[1, 2], [3]]},
+            {"image_size": 5},
+            {"image_size": [1, 2, 3]},
+            {"image_size": [1e400, 2]},
+            {"distortion": ["a"]},
+            {"distortion": None},
+        ],
+    )
     def test_json_of_the_wrong_kind(self, change: dict[str, Any]) -> None:
         with pytest.raises(StereocalError, match=r"^here: "):
             Camera.from_json({**PRIMARY.to_json(), **change}, "here")

@@ -51,9 +51,13 @@ def python(
     }
     return subprocess.run(
         [*AS_A_USER, sys.executable, *map(str, words)],
-        cwd=installed, env={**usual, **{name: str(value) for name, value in environment.items()}},
-        capture_output=True, text=True, check=False, timeout=LONGEST_S,
-    )  # fmt: skip
+        cwd=installed,
+        env={**usual, **{name: str(value) for name, value in environment.items()}},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=LONGEST_S,
+    )
 
 
 def folder(tmp_path: Path, name: str, mode: int = 0o755) -> Path:
@@ -116,7 +120,10 @@ def test_a_folder_that_others_prepared_is_not_used(
 def test_a_numba_that_was_imported_before_is_told(installed: Path, tmp_path: Path) -> None:
     code = "import numba; import stereocal.calibration.costs; print(numba.config.CACHE_DIR)"
     found = python(
-        installed, "-c", code, HOME=folder(tmp_path, "home", 0o555),
+        installed,
+        "-c",
+        code,
+        HOME=folder(tmp_path, "home", 0o555),
         TMPDIR=folder(tmp_path, "temporary"),
-    )  # fmt: skip
+    )
     assert found.stdout.strip().startswith(str(tmp_path / "temporary")), found.stderr

@@ -28,9 +28,13 @@ def test_code_on_disk_is_not_used_when_what_it_calls_has_changed(tmp_path: Path)
 
     def cost() -> float:
         run = subprocess.run(
-            [sys.executable, "-c", ASK], cwd=tmp_path, capture_output=True, text=True, check=True,
+            [sys.executable, "-c", ASK],
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            check=True,
             env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")},
-        )  # fmt: skip
+        )
         return float(run.stdout)
 
     assert cost() == 2.0

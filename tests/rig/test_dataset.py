@@ -162,8 +162,11 @@ class TestPointsOutside:
     def test_the_last_half_pixel_is_inside(self, camera: str, axis: int) -> None:
         size = {"primary": PRIMARY, "secondary": SECONDARY}[camera].image_size[axis]
         for value, outside in (
-            (-0.5, False), (-0.51, True), (size - 0.5, False), (size - 0.49, True),
-        ):  # fmt: skip
+            (-0.5, False),
+            (-0.51, True),
+            (size - 0.5, False),
+            (size - 0.49, True),
+        ):
             points = np.array(getattr(correspondences(3), camera))
             points[4, axis] = value
             problems = points_outside(

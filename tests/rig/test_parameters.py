@@ -39,10 +39,30 @@ PARAMETERS = RigParameters(
     inputs={"sha256": "0" * 64},
 )
 KEYS = [
-    "format", "purpose", "method", "convention", "units", "pixel_origin", "cameras", "R", "T", "E",
-    "angles", "baseline_m", "triangulation", "matching_threshold_px", "cost", "validation",
-    "settings", "inputs", "frames_left_out", "noise_px", "volume", "software", "created",
-]  # fmt: skip
+    "format",
+    "purpose",
+    "method",
+    "convention",
+    "units",
+    "pixel_origin",
+    "cameras",
+    "R",
+    "T",
+    "E",
+    "angles",
+    "baseline_m",
+    "triangulation",
+    "matching_threshold_px",
+    "cost",
+    "validation",
+    "settings",
+    "inputs",
+    "frames_left_out",
+    "noise_px",
+    "volume",
+    "software",
+    "created",
+]
 
 
 def damaged(change: Callable[[dict[str, Any]], object]) -> str:
@@ -190,10 +210,28 @@ class TestRefusals:
         with pytest.raises(StereocalError, match=says):
             RigParameters.loads(damaged(change), "test")
 
-    @pytest.mark.parametrize("key", [k for k in KEYS if k in (
-        "format", "method", "convention", "cameras", "R", "T", "angles", "baseline_m",
-        "triangulation", "cost", "settings", "inputs",
-    )])  # fmt: skip
+    @pytest.mark.parametrize(
+        "key",
+        [
+            k
+            for k in KEYS
+            if k
+            in (
+                "format",
+                "method",
+                "convention",
+                "cameras",
+                "R",
+                "T",
+                "angles",
+                "baseline_m",
+                "triangulation",
+                "cost",
+                "settings",
+                "inputs",
+            )
+        ],
+    )
     def test_a_missing_key(self, key: str) -> None:
         with pytest.raises(StereocalError):
             RigParameters.loads(damaged(lambda data: data.pop(key)))

@@ -70,9 +70,7 @@ def test_lengths_span_the_papers_ranges_with_the_errors_of_a_range_finder() -> N
         assert (min(read), max(read)) == limits
         assert len(set(read)) == 19
         assert read == [round(length, 3) for length in read]
-        true = [
-            (s.rig.pose.baseline, s.bar_length_m)[at] for s, _ in made
-        ]  # fmt: skip
+        true = [(s.rig.pose.baseline, s.bar_length_m)[at] for s, _ in made]
         sigma = (BASELINE_SIGMA_M, BAR_SIGMA_M)[at]
         # 19 errors of unit size: their standard deviation is 1 +- 0.17.
         assert 0.5 < np.std((np.array(read) - true) / sigma) < 1.5

@@ -178,9 +178,15 @@ def test_command_writes_the_photographs(
     folder = tmp_path / "photographs"
     files = {str(file.relative_to(folder)) for file in folder.rglob("*") if file.is_file()}
     assert files == {
-        "dataset.json", "primary.json", "secondary.json", "truth.json", "primary/0001.jpg",
-        "secondary/0001.jpg", "boards_primary/0001.jpg", "boards_secondary/0001.jpg",
-    }  # fmt: skip
+        "dataset.json",
+        "primary.json",
+        "secondary.json",
+        "truth.json",
+        "primary/0001.jpg",
+        "secondary/0001.jpg",
+        "boards_primary/0001.jpg",
+        "boards_secondary/0001.jpg",
+    }
     (frame,) = json.loads((folder / "truth.json").read_text())["frames"]
     for which in ("primary", "secondary"):
         image = np.asarray(cv2.imread(str(folder / which / "0001.jpg"), cv2.IMREAD_UNCHANGED))

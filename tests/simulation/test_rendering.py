@@ -290,9 +290,12 @@ def test_charuco_board_is_opencvs() -> None:
     np.testing.assert_allclose(corners, theirs, atol=1e-6)
     pose = Pose(turned((0.4, -0.2, 0.1)), np.array([0.02, -0.01, 0.6]))
     image = photograph(
-        camera, 110.0, [Placed(charuco_board(squares, 0.04), pose)],
-        PhotographSettings(), np.random.default_rng(0),
-    )  # fmt: skip
+        camera,
+        110.0,
+        [Placed(charuco_board(squares, 0.04), pose)],
+        PhotographSettings(),
+        np.random.default_rng(0),
+    )
     found, ids, _, _ = cv2.aruco.CharucoDetector(peer).detectBoard(image)
     assert len(ids) == 24
     truth = camera.project(pose.apply(corners))[np.ravel(ids)]

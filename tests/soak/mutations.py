@@ -31,9 +31,20 @@ from tests.soak.trees import changed_json, dumped, random_tree
 
 HEADS = (b"", b"", b"%YAML:1.0\n---\n", b'<?xml version="1.0"?>\n<opencv_storage>\n')
 MAGIC = (
-    b"", b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff", b"II*\0\x08\0\0\0", b"MM\0*\0\0\0\x08", b"BM",
-    b"P5 ", b"P2 ", b"P6\n", b"PK\x03\x04", b"PK\x05\x06", b"PAR1", b"II+\0",
-)  # fmt: skip
+    b"",
+    b"\x89PNG\r\n\x1a\n",
+    b"\xff\xd8\xff",
+    b"II*\0\x08\0\0\0",
+    b"MM\0*\0\0\0\x08",
+    b"BM",
+    b"P5 ",
+    b"P2 ",
+    b"P6\n",
+    b"PK\x03\x04",
+    b"PK\x05\x06",
+    b"PAR1",
+    b"II+\0",
+)
 """How photographs, zips and Parquet begin."""
 Mutation = Callable[[Random, bytes, bytes], bytes]
 
@@ -61,12 +72,28 @@ def from_nothing(kind: str, random: Random) -> bytes:
 
 
 _ANY: tuple[Mutation, ...] = (
-    flip, cut, cut_out, insert, repeat, splice, long_run,
-)  # fmt: skip
+    flip,
+    cut,
+    cut_out,
+    insert,
+    repeat,
+    splice,
+    long_run,
+)
 _TEXT: tuple[Mutation, ...] = (
-    other_number, other_number, other_numbers, other_word, other_word, moved_lines, moved_lines,
-    endings, separators, encoding, deep, quote,
-)  # fmt: skip
+    other_number,
+    other_number,
+    other_numbers,
+    other_word,
+    other_word,
+    moved_lines,
+    moved_lines,
+    endings,
+    separators,
+    encoding,
+    deep,
+    quote,
+)
 BY_KIND: dict[str, tuple[Mutation, ...]] = {
     "text": _TEXT,
     "yaml": (*_TEXT, deep),

@@ -83,13 +83,33 @@ def npy(random: Random, content: bytes, other: bytes) -> bytes:
     head, data = content[10 : 10 + length], content[10 + length :]
     act = random.randrange(6)
     if act == 0:
-        types = (b"'|O'", b"'<f8'", b"'>i4'", b"'<c16'", b"'|S7'", b"'<U3'", b"'<M8[s]'", b"'|b1'",
-        b"'<i8'",
-                 b"[('a', '<f8')]", b"'|V8'", b"'<f2'")  # fmt: skip
+        types = (
+            b"'|O'",
+            b"'<f8'",
+            b"'>i4'",
+            b"'<c16'",
+            b"'|S7'",
+            b"'<U3'",
+            b"'<M8[s]'",
+            b"'|b1'",
+            b"'<i8'",
+            b"[('a', '<f8')]",
+            b"'|V8'",
+            b"'<f2'",
+        )
         head = re.sub(rb"'descr': '[^']*'", b"'descr': " + random.choice(types), head)
     elif act == 1:
-        shapes = (b"()", b"(0,)", b"(1,)", b"(-1,)", b"(3, 0)", b"(100000000000,)", b"(2, 2, 2, 2)",
-                  b"(1000000, 1000000)", b"(9223372036854775807, 4)")  # fmt: skip
+        shapes = (
+            b"()",
+            b"(0,)",
+            b"(1,)",
+            b"(-1,)",
+            b"(3, 0)",
+            b"(100000000000,)",
+            b"(2, 2, 2, 2)",
+            b"(1000000, 1000000)",
+            b"(9223372036854775807, 4)",
+        )
         head = re.sub(rb"'shape': \([^)]*\)", b"'shape': " + random.choice(shapes), head)
     elif act == 2:
         head = head.replace(b"False", b"True")

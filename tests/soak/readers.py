@@ -98,28 +98,42 @@ def _tables() -> list[Reader]:
         ),
         Reader("tables", "text", "table of points", seeds.points, _table("t.csv"), table),
         Reader(
-            "tables", "parquet", "Parquet", seeds.parquet, _table("t.parquet"),
+            "tables",
+            "parquet",
+            "Parquet",
+            seeds.parquet,
+            _table("t.parquet"),
             (*table, "parquet"),
         ),
+        Reader("tables", "image", "points, HDF5", seeds.sleap, _hdf5, ("sleap_h5", "other_files")),
         Reader(
-            "tables", "image", "points, HDF5", seeds.sleap, _hdf5, ("sleap_h5", "other_files")
-        ),
-        Reader(
-            "tables", "text", "world, table", lambda: [seeds.world("", "")], _world("w.csv"),
+            "tables",
+            "text",
+            "world, table",
+            lambda: [seeds.world("", "")],
+            _world("w.csv"),
             ("world_file",),
         ),
         Reader(
-            "JSON", "json", "world, JSON", lambda: [seeds.world("[", "]"), seeds.world_json()],
-            _world("w.json"), ("world_file",),
+            "JSON",
+            "json",
+            "world, JSON",
+            lambda: [seeds.world("[", "]"), seeds.world_json()],
+            _world("w.json"),
+            ("world_file",),
         ),
         *(
             Reader(
-                "tables", "text", f"world from {name}", partial(list, [content]), _observed,
+                "tables",
+                "text",
+                f"world from {name}",
+                partial(list, [content]),
+                _observed,
                 ("world_tables",),
             )
             for name, content in seeds.observed().items()
         ),
-    ]  # fmt: skip
+    ]
 
 
 def _descriptions() -> list[Reader]:
@@ -138,29 +152,48 @@ def _descriptions() -> list[Reader]:
         ),
         Reader("JSON", "json", "parameters", lambda: rigs, _parameters),
         Reader(
-            "JSON", "json", "dataset.json", lambda: [seeds.field()["dataset.json"]],
+            "JSON",
+            "json",
+            "dataset.json",
+            lambda: [seeds.field()["dataset.json"]],
             lambda content, _: parse_dataset({**seeds.field(), "dataset.json": content}, "a.zip"),
             ("dataset_files",),
         ),
         Reader(
-            "JSON", "json", "plan", _plans,
-            lambda content, _: parse_plan(content, "plan.json", lambda _: ours[0]), ("plan_file",),
+            "JSON",
+            "json",
+            "plan",
+            _plans,
+            lambda content, _: parse_plan(content, "plan.json", lambda _: ours[0]),
+            ("plan_file",),
         ),
         Reader(
-            "YAML", "yaml", "archive, Kalibr", lambda: [kalibr_chain()], _archive("c.yaml"),
+            "YAML",
+            "yaml",
+            "archive, Kalibr",
+            lambda: [kalibr_chain()],
+            _archive("c.yaml"),
             ("chains", "cameras", "gather", "archive"),
         ),
         Reader("other text", "text", "archive, TOML", caliscope_files, _archive("c.toml")),
         Reader(
-            "JSON", "json", "archive, fields of easyWand",
-            lambda: [_packed_fields(easywand_fields())], _easywand, ("easywand",),
+            "JSON",
+            "json",
+            "archive, fields of easyWand",
+            lambda: [_packed_fields(easywand_fields())],
+            _easywand,
+            ("easywand",),
         ),
         Reader(
-            "JSON", "json", "archive, fields of MATLAB", lambda: [_packed_fields(stereo_struct())],
-            lambda content, _: stereo_of({"s": _fields_of(content)}, "a.mat"), ("matlab_stereo",),
+            "JSON",
+            "json",
+            "archive, fields of MATLAB",
+            lambda: [_packed_fields(stereo_struct())],
+            lambda content, _: stereo_of({"s": _fields_of(content)}, "a.mat"),
+            ("matlab_stereo",),
         ),
         *(_exchange(name, file) for name in RICHEST for file in export_files(RICHEST[name], name)),
-    ]  # fmt: skip
+    ]
 
 
 def _archive(name: str) -> Read:
@@ -232,12 +265,20 @@ def _packed() -> list[Reader]:
     two = seeds.zipped({f"cam{k}/1.png": seeds.image(".png") for k in (0, 1)})
     return [
         Reader(
-            "zips", "zip", "data set, zip", lambda: [dataset_zip()],
-            lambda content, _: parse_zip(content, "a.zip"), tables,
+            "zips",
+            "zip",
+            "data set, zip",
+            lambda: [dataset_zip()],
+            lambda content, _: parse_zip(content, "a.zip"),
+            tables,
         ),
         Reader(
-            "zips", "zip", "data set, zip on disk", lambda: [dataset_zip()],
-            lambda content, folder: read_dataset(_kept(content, folder / "a.zip")), tables,
+            "zips",
+            "zip",
+            "data set, zip on disk",
+            lambda: [dataset_zip()],
+            lambda content, folder: read_dataset(_kept(content, folder / "a.zip")),
+            tables,
         ),
         Reader("zips", "zip", "photographs, zip", lambda: [two], _photographs, photographs),
         Reader(
@@ -245,23 +286,31 @@ def _packed() -> list[Reader]:
         ),
         *(
             Reader(
-                "project files", inner.kind, f"project, {name}", inner.seeds,
-                partial(_inner, name), inner.modules,
+                "project files",
+                inner.kind,
+                f"project, {name}",
+                inner.seeds,
+                partial(_inner, name),
+                inner.modules,
             )
             for name, inner in FILES.items()
         ),
-    ]  # fmt: skip
+    ]
 
 
 def _images() -> list[Reader]:
     modules = ("photograph",)
     return [
         Reader(
-            "photographs", "png" if name == "PNG" else "image", f"photograph, {name}",
-            partial(list, found), _photograph, modules,
+            "photographs",
+            "png" if name == "PNG" else "image",
+            f"photograph, {name}",
+            partial(list, found),
+            _photograph,
+            modules,
         )
         for name, found in seeds.photographs().items()
-    ]  # fmt: skip
+    ]
 
 
 def _browser() -> list[Reader]:
@@ -269,14 +318,21 @@ def _browser() -> list[Reader]:
     return [
         Reader("browser", "text", "address", lambda: addresses, _address, ("folders",)),
         Reader(
-            "browser", "json", "click", lambda: [b'{"id": "a", "u": 1.5, "v": 2, "raw": false}'],
+            "browser",
+            "json",
+            "click",
+            lambda: [b'{"id": "a", "u": 1.5, "v": 2, "raw": false}'],
             lambda content, _: pick_of(_plain(content)),
         ),
         Reader(
-            "browser", "text", "settings", lambda: [b"1", b"90.5"], _settings,
+            "browser",
+            "text",
+            "settings",
+            lambda: [b"1", b"90.5"],
+            _settings,
             ("server_settings",),
         ),
-    ]  # fmt: skip
+    ]
 
 
 def _address(content: bytes, folder: Path) -> None:

@@ -72,10 +72,14 @@ def sleap() -> Sequence[bytes]:
     tracks = np.arange(48, dtype=np.float64).reshape(2, 2, 3, 4) + 0.25
     tracks[1, :, :, 2] = np.nan
     return [
-        hdf5(tracks=tracks, node_names=names, track_names=np.array([b"a", b"b"]),
-             point_scores=np.full((2, 3, 4), 0.9)),
+        hdf5(
+            tracks=tracks,
+            node_names=names,
+            track_names=np.array([b"a", b"b"]),
+            point_scores=np.full((2, 3, 4), 0.9),
+        ),
         hdf5(tracks=tracks[:1], node_names=names),
-    ]  # fmt: skip
+    ]
 
 
 def hdf5(**arrays: Any) -> bytes:

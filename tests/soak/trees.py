@@ -61,9 +61,17 @@ def _changed(random: Random, tree: Any, other: Any) -> Any:
         return grown
     if isinstance(tree, list) and tree and random.random() < 0.7:
         return random.choice(
-            (tree[:-1], tree * 2, [*tree, random.choice(VALUES)], tree[::-1], [tree], tree[0],
-             tree * random.choice((1, 300)), dict(enumerate(map(str, tree))))
-        )  # fmt: skip
+            (
+                tree[:-1],
+                tree * 2,
+                [*tree, random.choice(VALUES)],
+                tree[::-1],
+                [tree],
+                tree[0],
+                tree * random.choice((1, 300)),
+                dict(enumerate(map(str, tree))),
+            )
+        )
     if random.random() < 0.1:
         return other
     if random.random() < 0.05:

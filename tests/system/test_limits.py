@@ -102,11 +102,15 @@ def _dataset(folder: Path) -> None:
         ("ROWS", "20", lambda d: _table(POINTS, d), "t.csv: the table has 30 rows or more; at"),
         ("ROWS", "20", lambda _: _points(POINTS), "t.csv: the table has 31 rows or more; at"),
     ],
-)  # fmt: skip
+)
 def test_each_limit_says_what_was_found_and_what_to_change(
-    name: str, value: str, read: Callable[[Path], object], found: str, tmp_path: Path,
+    name: str,
+    value: str,
+    read: Callable[[Path], object],
+    found: str,
+    tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
-) -> None:  # fmt: skip
+) -> None:
     variable = f"STEREOCAL_MOST_{name}"
     monkeypatch.setenv(variable, value)
     with pytest.raises(StereocalError, match=rf"{found}.* are read \(setting {variable}\)\."):

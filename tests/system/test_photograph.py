@@ -72,8 +72,18 @@ def tiff(
     size = 32 * 20 * bits // 8
     data = bytes(i % 251 for i in range(size))
     start = 16 if big else 8
-    tags = [(256, 4, 32), (257, 4, 20), (258, 3, bits), (259, 3, 1), (262, 3, 1), (273, 4, start),
-            (277, 3, 1), (278, 4, 20), (279, 4, size), (339, 3, kind)]  # fmt: skip
+    tags = [
+        (256, 4, 32),
+        (257, 4, 20),
+        (258, 3, bits),
+        (259, 3, 1),
+        (262, 3, 1),
+        (273, 4, start),
+        (277, 3, 1),
+        (278, 4, 20),
+        (279, 4, size),
+        (339, 3, kind),
+    ]
     count = struct.pack(order + ("Q" if big else "H"), len(tags))
     length = len(count) + len(tags) * struct.calcsize(order + entry) + struct.calcsize(order + word)
     out = (b"II" if order == "<" else b"MM") + struct.pack(order + "H", 43 if big else 42)
@@ -200,15 +210,21 @@ FRAME = JPEG.index(b"\xff\xc0")
         (tiff(pages=1000), "this TIFF contains several images"),
         (png_of([(b"IHDR", HUGE), (b"IDAT", b""), (b"IEND", b"")]), "60000x60000 px"),
         (b"P2 60000 60000 255", "60000x60000 px"),
-        (b"BM" + bytes(12) + struct.pack("<IiiHHI", 40, 60_000, 60_000, 1, 8, 1) + bytes(20),
-         "60000x60000 px"),
-        (JPEG[: FRAME + 5] + struct.pack(">HH", 60_000, 60_000) + JPEG[FRAME + 9 :],
-         "60000x60000 px"),
+        (
+            b"BM" + bytes(12) + struct.pack("<IiiHHI", 40, 60_000, 60_000, 1, 8, 1) + bytes(20),
+            "60000x60000 px",
+        ),
+        (
+            JPEG[: FRAME + 5] + struct.pack(">HH", 60_000, 60_000) + JPEG[FRAME + 9 :],
+            "60000x60000 px",
+        ),
         (encoded(picture()[:4, :4], ".png"), "4x4 px are too few"),
-        (png_of([*chunks_of(PNG)[:1], (b"acTL", struct.pack(">II", 2, 0)), *chunks_of(PNG)[1:]]),
-         "animated"),
+        (
+            png_of([*chunks_of(PNG)[:1], (b"acTL", struct.pack(">II", 2, 0)), *chunks_of(PNG)[1:]]),
+            "animated",
+        ),
     ],
-)  # fmt: skip
+)
 def test_what_cannot_be_used_is_said(content: bytes, sentence: str) -> None:
     with pytest.raises(StereocalError) as raised:
         decode_photograph(content, "left 7.png")

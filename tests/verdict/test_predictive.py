@@ -187,8 +187,9 @@ def test_only_noise_across_the_lines_moves_a_pair_off_them() -> None:
         return np.asarray(np.einsum("ni,ij,nj->n", moved[:, 1], E, moved[:, 0]))
 
     step = 1e-3 * np.eye(4)
-    gradient = np.stack([off_the_line(np.tile(s, (6, 1))) - off_the_line(np.tile(-s, (6, 1)))
-                         for s in step], axis=1)  # fmt: skip
+    gradient = np.stack(
+        [off_the_line(np.tile(s, (6, 1))) - off_the_line(np.tile(-s, (6, 1))) for s in step], axis=1
+    )
     unit = gradient / np.linalg.norm(gradient, axis=1)[:, None]
     along = noise - np.sum(noise * unit, axis=1)[:, None] * unit
     assert_allclose(pixels, noise + 1.5 * along, atol=1e-8)  # measured: 3e-11

@@ -35,23 +35,32 @@ def outlook(calibration: Calibration) -> Outlook:
 
 
 def told(
-    calibration: Calibration, outlook: Outlook, predictive: Predictive,
-    validation: Any = None, check: ModelCheck | None = None,
-) -> Recommendation:  # fmt: skip
+    calibration: Calibration,
+    outlook: Outlook,
+    predictive: Predictive,
+    validation: Any = None,
+    check: ModelCheck | None = None,
+) -> Recommendation:
     return recommend(calibration, replace(outlook, predictive=predictive, check=check), validation)
 
 
 def entry(threshold: float, **more: Any) -> dict[str, Any]:
     """The figures of a validation, as in a file."""
     return {
-        "threshold_px": threshold, "wrong_let_in_at_threshold": 0.004, "wrong_pairs": 9000,
-        "median_error_3d": 0.002, "p95_error_3d": 0.006, **more,
-    }  # fmt: skip
+        "threshold_px": threshold,
+        "wrong_let_in_at_threshold": 0.004,
+        "wrong_pairs": 9000,
+        "median_error_3d": 0.002,
+        "p95_error_3d": 0.006,
+        **more,
+    }
 
 
 VALIDATION: dict[Method, dict[str, Any]] = {
-    "2d": entry(0.4), "3d": entry(9.0), "refined": entry(0.3)
-}  # fmt: skip
+    "2d": entry(0.4),
+    "3d": entry(9.0),
+    "refined": entry(0.3),
+}
 
 
 def test_one_set(calibration: Calibration, outlook: Outlook) -> None:
@@ -70,9 +79,12 @@ def test_one_set(calibration: Calibration, outlook: Outlook) -> None:
     [(2.0, 1.5, ("2d", "3d")), (0.9, 1.5, ("refined", "3d")), (2.0, 0.9, ("2d", "refined"))],
 )
 def test_two_sets(
-    calibration: Calibration, outlook: Outlook, matching: float, measuring: float,
+    calibration: Calibration,
+    outlook: Outlook,
+    matching: float,
+    measuring: float,
     files: tuple[Method, Method],
-) -> None:  # fmt: skip
+) -> None:
     found = told(calibration, outlook, forecast_with(matching, measuring, 0.02))
     assert (found.match.method, found.measure.method) == files
     assert found.verdict is not None and found.verdict.kind == "two"
@@ -144,9 +156,7 @@ def test_without_a_forecast_the_papers_two(calibration: Calibration) -> None:
     )
     assert found.sentences[1] == NO_FORECAST
     nothing = recommend(replace(calibration, refined=None), None)
-    assert nothing.sentences == (
-        "Match with the 2D set, and measure with the 3D set.", NO_REFINED
-    )  # fmt: skip
+    assert nothing.sentences == ("Match with the 2D set, and measure with the 3D set.", NO_REFINED)
 
 
 def test_frames_left_out_are_named(outlook: Outlook) -> None:

@@ -43,9 +43,14 @@ from stereocal.verdict.predictive import partners_in_groups
 
 FILES: tuple[Method, ...] = ("2d", "3d", "refined")
 FIGURES = (
-    "mean_length_error", "median_error_3d", "p95_error_3d", "fcp_reprojection", "threshold_px",
-    "mean_reprojection_px", "wrong_let_in_at_threshold",
-)  # fmt: skip
+    "mean_length_error",
+    "median_error_3d",
+    "p95_error_3d",
+    "fcp_reprojection",
+    "threshold_px",
+    "mean_reprojection_px",
+    "wrong_let_in_at_threshold",
+)
 TEST_BARS = 200
 WRONG_PARTNERS = 9
 REFINED_EVERY = 2
@@ -168,9 +173,13 @@ def _calibrated(
     angles = paper_angles(dataset, everything, CalibrationSettings(), *seeds)
     start = Pose.from_angles(Angles(*angles[0].tolist()), plan.baseline_m)
     stated = shared_unknowns(plan.rig)
-    sets = np.array([
-        stated, stated, *([refine(dataset, refine_settings(plan), start).q] if refined else []),
-    ])  # fmt: skip
+    sets = np.array(
+        [
+            stated,
+            stated,
+            *([refine(dataset, refine_settings(plan), start).q] if refined else []),
+        ]
+    )
     sets[:2, : angles.shape[1]] = angles[1:]
     sets[:, BAR] = 1.0
     return sets
@@ -198,10 +207,17 @@ def _judged(
     errors = np.abs(lengths - 1.0)
     quantiles = np.percentile if np.isfinite(errors).all() else np.nanpercentile  # 20 times faster
     median, p95 = quantiles(errors, (50, 95), axis=1)
-    figures = np.column_stack([
-        np.nanmean(errors, axis=1), median, p95, overlap(merge_bins(of_px, MERGE)),
-        10.0 ** (LOWEST + BIN_WIDTH * limits), correct_px, _wrong_below(of_px, limits),
-    ])  # fmt: skip
+    figures = np.column_stack(
+        [
+            np.nanmean(errors, axis=1),
+            median,
+            p95,
+            overlap(merge_bins(of_px, MERGE)),
+            10.0 ** (LOWEST + BIN_WIDTH * limits),
+            correct_px,
+            _wrong_below(of_px, limits),
+        ]
+    )
     if len(sets) < len(FILES):
         return figures, float("nan")
     refined = sets[FILES.index("refined")]

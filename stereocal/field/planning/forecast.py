@@ -37,9 +37,13 @@ TOLD_APART = 0.05
 MOST_FAILED = 0.5
 """Share of drawn rigs that may fail before the plan is rejected."""
 STATED = (
-    "mean_length_error", "median_error_3d", "p95_error_3d", "fcp_reprojection", "threshold_px",
+    "mean_length_error",
+    "median_error_3d",
+    "p95_error_3d",
+    "fcp_reprojection",
+    "threshold_px",
     "mean_reprojection_px",
-)  # fmt: skip
+)
 """The figures of `forecast.json`."""
 
 

@@ -15,8 +15,10 @@ from stereocal.rig.compiled import BoolArray, FloatArray
 from stereocal.rig.geometry import Pose
 
 DISTANCES, ACROSS, HEIGHTS = (
-    ("near", "middle", "far"), ("left", "centre", "right"), ("low", "middle", "high"),
-)  # fmt: skip
+    ("near", "middle", "far"),
+    ("left", "centre", "right"),
+    ("low", "middle", "high"),
+)
 DIRECTIONS = {
     "level": (1.0, 0.0, 0.0),
     "upright": (0.0, 1.0, 0.0),

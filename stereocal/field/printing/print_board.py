@@ -110,10 +110,16 @@ def _room(pattern: BoardPattern, paper: Paper) -> tuple[float, float]:
 
 def _too_large(pattern: BoardPattern, paper: Paper) -> str:
     width, height = _size_mm(pattern)
-    fits = [name for name, other in PAPERS.items() if largest_square(pattern, other) >= (
-        pattern.square_m - 1e-9)]  # fmt: skip
-    advice = [f"use squares of at most {1e3 * square:.0f} mm"] if (
-        square := largest_square(pattern, paper)) else []  # fmt: skip
+    fits = [
+        name
+        for name, other in PAPERS.items()
+        if largest_square(pattern, other) >= (pattern.square_m - 1e-9)
+    ]
+    advice = (
+        [f"use squares of at most {1e3 * square:.0f} mm"]
+        if (square := largest_square(pattern, paper))
+        else []
+    )
     advice += [f"print it on {fits[0]}, in a copy shop if need be"] if fits else []
     return (
         f"A board of {pattern.columns + 1}x{pattern.rows + 1} squares of {_square(pattern)} is "

@@ -32,8 +32,9 @@ from stereocal.system.numbers import rounded
 TEXT = ParagraphStyle("text", fontName=FONT, fontSize=8.5, leading=10.4)
 LISTED = ParagraphStyle("listed", parent=TEXT, leftIndent=7, bulletIndent=0, spaceAfter=1.5)
 ABOVE = ParagraphStyle("above", parent=TEXT, spaceAfter=4)
-HEADING = ParagraphStyle("heading", parent=TEXT, fontName=FONT_BOLD, fontSize=10, leading=12,
-                         spaceBefore=5, spaceAfter=2)  # fmt: skip
+HEADING = ParagraphStyle(
+    "heading", parent=TEXT, fontName=FONT_BOLD, fontSize=10, leading=12, spaceBefore=5, spaceAfter=2
+)
 TITLE = ParagraphStyle("title", parent=HEADING, fontSize=14, leading=17)
 DRAWING_MM = (84.0, 88.0)
 LONGEST_NAME = 60
@@ -60,7 +61,8 @@ def field_sheet(plan: Plan, paper: Paper = PAPERS["A4"]) -> bytes:
         Paragraph(escape(title), TITLE),
         _table(
             [[draw_from_above(plan, places, *DRAWING_MM), beside]],
-            [DRAWING_MM[0], width - DRAWING_MM[0]], lines=False,
+            [DRAWING_MM[0], width - DRAWING_MM[0]],
+            lines=False,
         ),
         Paragraph(f"Bar: {plan.frames} frames of a bar of {rounded(plan.bar_m, 4)} m", HEADING),
         Paragraph(
@@ -71,12 +73,17 @@ def field_sheet(plan: Plan, paper: Paper = PAPERS["A4"]) -> bytes:
         ),
         _checklist(plan, places, width),
         Paragraph("Measure", HEADING),
-        _table([[_text(cell) for cell in row] for row in measurements(plan)],
-               [38.0, width - 78.0, 40.0]),
+        _table(
+            [[_text(cell) for cell in row] for row in measurements(plan)],
+            [38.0, width - 78.0, 40.0],
+        ),
         Paragraph("Write down", HEADING),
-        _table([[_text(cell) for cell in row] for row in records()],
-               [41.0, 0.5 * width - 41.0] * 2, height_mm=RECORD_MM),
-    ]  # fmt: skip
+        _table(
+            [[_text(cell) for cell in row] for row in records()],
+            [41.0, 0.5 * width - 41.0] * 2,
+            height_mm=RECORD_MM,
+        ),
+    ]
     file = BytesIO()
     canvas = Canvas(file, (paper.width_mm * mm, paper.height_mm * mm), invariant=1)
     canvas.setTitle(title)

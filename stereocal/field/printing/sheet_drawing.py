@@ -97,8 +97,13 @@ def _camera(at: FloatArray, axis: FloatArray) -> Polygon:
     length = float(np.linalg.norm(axis))
     ahead = axis / length if length > 1e-6 else np.array([0.0, 1.0])
     across = np.array([ahead[1], -ahead[0]])
-    corners = np.array([at - CAMERA_MM * 0.5 * ahead, at + CAMERA_MM * 0.5 * ahead + 1.6 * across,
-                        at + CAMERA_MM * 0.5 * ahead - 1.6 * across])  # fmt: skip
+    corners = np.array(
+        [
+            at - CAMERA_MM * 0.5 * ahead,
+            at + CAMERA_MM * 0.5 * ahead + 1.6 * across,
+            at + CAMERA_MM * 0.5 * ahead - 1.6 * across,
+        ]
+    )
     return _outline(corners, white, black)
 
 
@@ -115,6 +120,11 @@ def _label(
     at: FloatArray | tuple[float, float], words: str, anchor: Literal["start", "middle"]
 ) -> String:
     return String(
-        float(at[0]), float(at[1]), words, fontName=FONT, fontSize=LABEL_MM, textAnchor=anchor,
+        float(at[0]),
+        float(at[1]),
+        words,
+        fontName=FONT,
+        fontSize=LABEL_MM,
+        textAnchor=anchor,
         fillColor=black,
-    )  # fmt: skip
+    )

@@ -106,8 +106,10 @@ def _aimed(plan: Plan) -> str:
             "Both look straight ahead, at right angles to the line P-S: aim them at two marks "
             f"{rounded(plan.baseline_m, 4)} m apart."
         )
-    how = [f"{name} {abs(angle):.1f}° {'in' if angle >= 0 else 'out'}"
-           for name, angle in zip("PS", turned, strict=True)]  # fmt: skip
+    how = [
+        f"{name} {abs(angle):.1f}° {'in' if angle >= 0 else 'out'}"
+        for name, angle in zip("PS", turned, strict=True)
+    ]
     aim = ""
     if turned.sum() > PARALLEL_DEG:
         meeting = plan.baseline_m / float(np.sum(np.tan(np.radians(turned))))

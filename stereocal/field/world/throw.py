@@ -240,10 +240,12 @@ def fit_flights(
         begun = x[head:].reshape(-1, 6)
         k = float(x[3]) if drag else 0.0
         with np.errstate(over="ignore", invalid="ignore"):
-            return np.concatenate([
-                path(flight.times, at[:3], at[3:], x[:3], k)
-                for flight, at in zip(flights, begun, strict=True)
-            ])  # fmt: skip
+            return np.concatenate(
+                [
+                    path(flight.times, at[:3], at[3:], x[:3], k)
+                    for flight, at in zip(flights, begun, strict=True)
+                ]
+            )
 
     def errors(x: FloatArray) -> FloatArray:
         return np.asarray(np.einsum("nij,nj->ni", W, xyz - paths(x)).ravel())

@@ -46,18 +46,24 @@ def _draw_panel(axes: Axes, calibration: Calibration, panel: FramePanel) -> set[
     """Draw the values; returns which kinds of frames there are."""
     held, out = held_out(calibration, panel.frames), left_out(calibration, panel.frames)
     kinds: list[tuple[str, BoolArray]] = [
-        ("used", ~(held | out)), ("held out", held), ("left out", out)
-    ]  # fmt: skip
+        ("used", ~(held | out)),
+        ("held out", held),
+        ("left out", out),
+    ]
     size = 1.6 if len(panel.frames) > MANY else 3.0
     for method in panel.values:
         for kind, chosen in kinds:
             crossed = kind == "left out"
             axes.plot(
-                panel.frames[chosen], panel.values[method][chosen], linestyle="none",
-                marker="x" if crossed else MARKERS[method], color=METHOD_COLOURS[method],
-                markersize=size * LARGER[method] + crossed, markeredgewidth=0.4,
+                panel.frames[chosen],
+                panel.values[method][chosen],
+                linestyle="none",
+                marker="x" if crossed else MARKERS[method],
+                color=METHOD_COLOURS[method],
+                markersize=size * LARGER[method] + crossed,
+                markeredgewidth=0.4,
                 markerfacecolor="none" if kind == "held out" else None,
-            )  # fmt: skip
+            )
     axes.set_ylabel(f"{panel.title} ({panel.unit})")
     if panel.is_log:
         axes.set_yscale("log")
@@ -70,18 +76,40 @@ def _draw_panel(axes: Axes, calibration: Calibration, panel: FramePanel) -> set[
 
 def _key(kinds: set[str], methods: Iterable[Method]) -> list[Line2D]:
     shown = [
-        Line2D([], [], color=METHOD_COLOURS[method], marker=MARKERS[method], markersize=3,
-               linestyle="none", label=METHOD_NAMES[method])
+        Line2D(
+            [],
+            [],
+            color=METHOD_COLOURS[method],
+            marker=MARKERS[method],
+            markersize=3,
+            linestyle="none",
+            label=METHOD_NAMES[method],
+        )
         for method in methods
-    ]  # fmt: skip
+    ]
     if "held out" in kinds:
         shown.append(
-            Line2D([], [], color=NEUTRAL, marker="o", markerfacecolor="none", markersize=3,
-                   linestyle="none", label="Open: held out")
-        )  # fmt: skip
+            Line2D(
+                [],
+                [],
+                color=NEUTRAL,
+                marker="o",
+                markerfacecolor="none",
+                markersize=3,
+                linestyle="none",
+                label="Open: held out",
+            )
+        )
     if "left out" in kinds:
         shown.append(
-            Line2D([], [], color=NEUTRAL, marker="x", markersize=3, linestyle="none",
-                   label="Cross: left out")
-        )  # fmt: skip
+            Line2D(
+                [],
+                [],
+                color=NEUTRAL,
+                marker="x",
+                markersize=3,
+                linestyle="none",
+                label="Cross: left out",
+            )
+        )
     return shown

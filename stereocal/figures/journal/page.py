@@ -22,17 +22,34 @@ MM_PER_INCH = 25.4
 SMALL, TEXT = 6.0, 7.0
 """Sizes of letters in points: journals ask for 5 to 8."""
 STYLE: dict[str, Any] = {
-    "font.family": "DejaVu Sans", "font.size": TEXT, "axes.titlesize": TEXT,
-    "axes.labelsize": TEXT, "xtick.labelsize": SMALL, "ytick.labelsize": SMALL,
-    "legend.fontsize": SMALL, "legend.frameon": False, "legend.handlelength": 1.6,
-    "axes.linewidth": 0.5, "xtick.major.width": 0.5, "ytick.major.width": 0.5,
-    "xtick.minor.width": 0.3, "ytick.minor.width": 0.3, "xtick.major.size": 2.5,
-    "ytick.major.size": 2.5, "xtick.minor.size": 1.5, "ytick.minor.size": 1.5,
-    "axes.spines.top": False, "axes.spines.right": False, "hatch.linewidth": 0.5,
-    "lines.linewidth": 0.8, "axes.unicode_minus": True,
+    "font.family": "DejaVu Sans",
+    "font.size": TEXT,
+    "axes.titlesize": TEXT,
+    "axes.labelsize": TEXT,
+    "xtick.labelsize": SMALL,
+    "ytick.labelsize": SMALL,
+    "legend.fontsize": SMALL,
+    "legend.frameon": False,
+    "legend.handlelength": 1.6,
+    "axes.linewidth": 0.5,
+    "xtick.major.width": 0.5,
+    "ytick.major.width": 0.5,
+    "xtick.minor.width": 0.3,
+    "ytick.minor.width": 0.3,
+    "xtick.major.size": 2.5,
+    "ytick.major.size": 2.5,
+    "xtick.minor.size": 1.5,
+    "ytick.minor.size": 1.5,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "hatch.linewidth": 0.5,
+    "lines.linewidth": 0.8,
+    "axes.unicode_minus": True,
     # Fonts as TrueType inside the PDF, which editors of journals can change; texts stay texts.
-    "pdf.fonttype": 42, "svg.fonttype": "none", "svg.hashsalt": "stereocal",
-}  # fmt: skip
+    "pdf.fonttype": 42,
+    "svg.fonttype": "none",
+    "svg.hashsalt": "stereocal",
+}
 """DejaVu Sans comes with Matplotlib: figures are the same on every computer."""
 SVG = {"Date": None, "Creator": None}
 PDF = {"CreationDate": None, "ModDate": None, "Creator": None, "Producer": None}

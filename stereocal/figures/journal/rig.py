@@ -40,16 +40,21 @@ def draw_rig(calibration: Calibration, method: Method, width_mm: float) -> Figur
     for axes, (title, at, sign, label) in zip(grid, VIEWS, strict=True):
         _draw_rig(axes, outlines, at, sign)
         axes.add_collection(
-            LineCollection(_flat(bars, at, sign).tolist(), colors=METHOD_COLOURS[method],
-                           linewidths=0.5, alpha=0.7)
-        )  # fmt: skip
+            LineCollection(
+                _flat(bars, at, sign).tolist(),
+                colors=METHOD_COLOURS[method],
+                linewidths=0.5,
+                alpha=0.7,
+            )
+        )
         axes.set_aspect("equal", adjustable="box", anchor="NW")
         ends = sorted((sign * low[at], sign * high[at]))
         axes.set(
-            xlabel=DEPTH, ylabel=label,
+            xlabel=DEPTH,
+            ylabel=label,
             xlim=(low[2] - NAME_MM / per_metre, high[2] + 1 / per_metre),
             ylim=(ends[0] - BORDER_MM / per_metre, ends[1] + BORDER_MM / per_metre),
-        )  # fmt: skip
+        )
         write_left(axes, f"{title}; baseline {scene.rig.pose.baseline:.3f} m" if at == 0 else title)
     return figure
 
@@ -67,10 +72,14 @@ def _draw_rig(axes: Axes, outlines: list[FloatArray], at: int, sign: float) -> N
         away = flat[0] - np.nanmean(flat, axis=0)
         offset = LABEL_POINTS * away / max(float(np.linalg.norm(away)), 1e-9)
         axes.annotate(
-            name, tuple(flat[0]), tuple(offset), textcoords="offset points", fontsize=SMALL,
+            name,
+            tuple(flat[0]),
+            tuple(offset),
+            textcoords="offset points",
+            fontsize=SMALL,
             ha="center" if abs(away[0]) < abs(away[1]) else "right" if away[0] < 0 else "left",
             va="center",
-        )  # fmt: skip
+        )
 
 
 def _flat(points: FloatArray, at: int, sign: float) -> FloatArray:

@@ -66,16 +66,27 @@ def _draw_panel(axes: Axes, panel: Panel, most: float) -> None:
         density, wrong = pdf.density[drawn], colour == WRONG_COLOUR
         if len(density):
             axes.stairs(
-                density, edges, fill=True, facecolor="none" if wrong else colour, linewidth=0,
-                edgecolor=colour, hatch=HATCH if wrong else None, alpha=None if wrong else FILL,
-            )  # fmt: skip
+                density,
+                edges,
+                fill=True,
+                facecolor="none" if wrong else colour,
+                linewidth=0,
+                edgecolor=colour,
+                hatch=HATCH if wrong else None,
+                alpha=None if wrong else FILL,
+            )
             axes.stairs(density, edges, color=colour, linestyle=":" if wrong else "-")
     axes.plot([panel.line] * 2, [0, 1.04 * most], color="black", linestyle="--", linewidth=0.7)
     value = f"{digits(panel.line, 2)}{UNITS[panel.quantity]}" if panel.matching else "1 %"
     axes.annotate(
-        value, (panel.line, 1.04 * most), (0, 1), textcoords="offset points", ha="center",
-        va="bottom", fontsize=SMALL,
-    )  # fmt: skip
+        value,
+        (panel.line, 1.04 * most),
+        (0, 1),
+        textcoords="offset points",
+        ha="center",
+        va="bottom",
+        fontsize=SMALL,
+    )
     axes.set_ylim(0, 1.25 * most)
 
 
@@ -118,10 +129,19 @@ def _plain(text: str) -> str:
 def _key() -> Sequence[Patch | Line2D]:
     return [
         Patch(facecolor=CORRECT_COLOUR, alpha=FILL, label="Correct pairs"),
-        Patch(facecolor="none", edgecolor=WRONG_COLOUR, hatch=HATCH, linewidth=0,
-              label="Wrong pairs"),
-        Line2D([], [], color="black", linestyle="--", linewidth=0.7,
-               label="Threshold, or 1 %"),
-        Line2D([], [], color=NEUTRAL, marker="s", markerfacecolor="none", linestyle="none",
-               markersize=5, markeredgewidth=1.5, label="Framed: best; level: not apart"),
-    ]  # fmt: skip
+        Patch(
+            facecolor="none", edgecolor=WRONG_COLOUR, hatch=HATCH, linewidth=0, label="Wrong pairs"
+        ),
+        Line2D([], [], color="black", linestyle="--", linewidth=0.7, label="Threshold, or 1 %"),
+        Line2D(
+            [],
+            [],
+            color=NEUTRAL,
+            marker="s",
+            markerfacecolor="none",
+            linestyle="none",
+            markersize=5,
+            markeredgewidth=1.5,
+            label="Framed: best; level: not apart",
+        ),
+    ]

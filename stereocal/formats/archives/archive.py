@@ -111,9 +111,12 @@ class Archive:
         """
         distance = self.target_distance_m if distance_m is None else distance_m
         if (
-            self.primary is None or self.secondary is None or self.correspondences is None
-            or distance is None or (baseline_m is None and self.baseline_m is None)
-        ):  # fmt: skip
+            self.primary is None
+            or self.secondary is None
+            or self.correspondences is None
+            or distance is None
+            or (baseline_m is None and self.baseline_m is None)
+        ):
             lines = self.missing(baseline_m, distance_m)
             raise StereocalError(
                 f"{'; '.join(f'{line.what} is missing, {line.origin}' for line in lines)}."

@@ -97,6 +97,10 @@ def read_sections(
         pose = second @ first.inverse()
     program = "Caliscope" if "cameras" in data or "charuco" in data else "aniposelib"
     return CameraPair(
-        program, primary, secondary, pose, chosen_words(names, pair),
+        program,
+        primary,
+        secondary,
+        pose,
+        chosen_words(names, pair),
         remarks=remarks_on_choice(names, wanted),
-    )  # fmt: skip
+    )

@@ -204,10 +204,16 @@ def read_easywand(file: EasyWandFile, options: ArchiveOptions) -> Archive:
         baseline *= UNITS[options.unit or "m"]
         taken.append(baseline_taken(baseline, "coefs, its own solution"))
     return Archive(
-        tuple(taken), cameras[0], cameras[1], points, baseline, distance, throw,
+        tuple(taken),
+        cameras[0],
+        cameras[1],
+        points,
+        baseline,
+        distance,
+        throw,
         (f"From easyWand, {seen.words}.", *notes, *about),
         remarks_on_choice(file.cameras, options.cameras),
-    )  # fmt: skip
+    )
 
 
 @dataclass(frozen=True)

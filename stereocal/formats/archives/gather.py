@@ -158,9 +158,13 @@ def _rows_of(
         )
     first, second = (layout.cameras[k] for k in pair)
     rows = read_bars(
-        content, layout, (first, second), (layout.points[0], layout.points[1]),
-        (heights[0], heights[1]), name,
-    )  # fmt: skip
+        content,
+        layout,
+        (first, second),
+        (layout.points[0], layout.points[1]),
+        (heights[0], heights[1]),
+        name,
+    )
     corner = layout.origin.corner.replace("-", " ")
     words = f"{layout.program}, {chosen_words(layout.cameras, pair)}, counted from the {corner}"
     return rows, words, remarks

@@ -37,9 +37,13 @@ def stereo_of(structs: Mapping[str, Fields], source: str) -> CameraPair:
                 for part, which in zip(PARTS, CAMERAS, strict=True)
             )
             return CameraPair(
-                "MATLAB", primary, secondary, _pose(fields, source), "stereoParams",
+                "MATLAB",
+                primary,
+                secondary,
+                _pose(fields, source),
+                "stereoParams",
                 stated=_unit(fields),
-            )  # fmt: skip
+            )
     raise StereocalError(
         f"{source}: this .mat file has neither easyWandData nor the struct of a stereoParameters "
         f"(it contains: {', '.join(structs)[:100]}). In MATLAB: s = toStruct(stereoParams); "

@@ -145,9 +145,14 @@ def import_files(
         raise StereocalError(text if known else f"{source}: {text}") from error
     digest = hashlib.sha256(b"".join(files[each] for each in sorted(files))).hexdigest()
     return RigParameters(
-        rig.primary, rig.secondary, rig.pose, method="imported", cost=None, settings={},
+        rig.primary,
+        rig.secondary,
+        rig.pose,
+        method="imported",
+        cost=None,
+        settings={},
         inputs={"format": name, "sha256": digest},
-    )  # fmt: skip
+    )
 
 
 def _in_metres(files: Files, known: ExchangeFormat, options: ExchangeOptions, source: str) -> Rig:

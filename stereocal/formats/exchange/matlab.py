@@ -70,8 +70,13 @@ def write_matlab(rig: Rig, _: ExchangeOptions) -> dict[str, bytes]:
 
 
 WORLD_UNITS: Mapping[str, Unit] = {
-    "m": "m", "meters": "m", "cm": "cm", "centimeters": "cm", "mm": "mm", "millimeters": "mm",
-}  # fmt: skip
+    "m": "m",
+    "meters": "m",
+    "cm": "cm",
+    "centimeters": "cm",
+    "mm": "mm",
+    "millimeters": "mm",
+}
 _WORLD_UNITS = re.compile(r"WorldUnits['\"]?\s*[,=]\s*['\"]([^'\"]*)['\"]")
 _ASSIGNED = re.compile(r"^[ \t]*([A-Za-z]\w*)[ \t]*=[ \t]*\[([^\[\]]*)\]", re.MULTILINE)
 

@@ -55,13 +55,18 @@ def write_opencv(rig: Rig, _: ExchangeOptions) -> dict[str, bytes]:
     comment = "1 is the primary camera, 2 the secondary."
     return {
         "intrinsics.yml": _file(
-            [comment, "M: camera matrix; D: k1 k2 p1 p2 [k3 [k4 k5 k6 ...]]; sizes: width, height.",
-             "The centre of the top-left pixel is (0, 0)."], intrinsics, sizes
+            [
+                comment,
+                "M: camera matrix; D: k1 k2 p1 p2 [k3 [k4 k5 k6 ...]]; sizes: width, height.",
+                "The centre of the top-left pixel is (0, 0).",
+            ],
+            intrinsics,
+            sizes,
         ),
         "extrinsics.yml": _file(
             [comment, "R1, R2, P1, P2, Q are for images of the size of the primary's."], extrinsics
         ),
-    }  # fmt: skip
+    }
 
 
 def rectification(rig: Rig) -> tuple[FloatArray, ...]:
