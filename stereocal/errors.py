@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 LONGEST = 900
@@ -30,9 +31,15 @@ class StereocalError(ValueError):
 
     Messages may quote untrusted files: characters that are not printable are replaced by spaces,
     and a message over `LONGEST` characters loses its middle, because its end says what to do.
+
+    Args:
+        text: what is wrong, kept as `reason`.
+        source: the file or part of it that the message begins with.
     """
 
-    def __init__(self, text: str = "") -> None:
+    def __init__(self, text: str = "", source: str = "") -> None:
+        self.reason = text
+        text = f"{source}: {text}" if source else text
         text = "".join(character if character.isprintable() else " " for character in text)
         if len(text) > LONGEST:
             start, end = text[: LONGEST - KEPT_TAIL - 5], text[-KEPT_TAIL:]
@@ -41,6 +48,15 @@ class StereocalError(ValueError):
             begin = end.find(" ") + 1
             text = f"{start} ... {end[begin if begin <= LONGEST_WORD else 0 :]}"
         super().__init__(text)
+
+
+@contextmanager
+def naming(source: str) -> Iterator[None]:
+    """Errors from within begin with `source`, the file or part of it that caused them."""
+    try:
+        yield
+    except StereocalError as error:
+        raise StereocalError(str(error), source) from error
 
 
 @dataclass(frozen=True)

@@ -137,8 +137,7 @@ def parse_dataset(
             f"{source}: {TABLE}: ", error.problems, "with a point outside its image"
         ) from error
     except StereocalError as error:
-        text = str(error)
-        raise StereocalError(text if text.startswith(source) else f"{source}: {text}") from error
+        raise StereocalError(str(error), source) from error
 
 
 def parse_zip(content: bytes, source: str, lens_model: LensModel | None = None) -> Dataset:

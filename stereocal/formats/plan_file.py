@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from stereocal.errors import StereocalError
+from stereocal.errors import StereocalError, naming
 from stereocal.field.planning.plan import AimedPose, Plan, SensorLens, Uncertainty
 from stereocal.formats.camera_file import CAMERA_FORMAT, read_camera, write_camera
 from stereocal.formats.lens_model import LensModel
@@ -76,28 +76,26 @@ def parse_plan(
     frames = _number(data, "frames", source)
     if frames != int(frames):
         raise StereocalError(f"{source}: frames is {frames:g}; it must be a whole number.")
-    primary, secondary = camera("primary"), camera("secondary")
-    try:
+    primary, secondary, pose = camera("primary"), camera("secondary"), _pose(data, source)
+    near_m, far_m = (_number(volume, key, f"{source}: volume") for key in ("near_m", "far_m"))
+    bar_m, noise_px = (_number(data, key, source) for key in ("bar_m", "noise_px"))
+    errors = {
+        key: _number(stated, key, f"{source}: uncertainty")
+        for key in ("focal", "centre_px", "baseline_m", "bar_m")
+    }
+    with naming(source):
         return Plan(
             name=str(data.get("name") or Path(source).stem)[:LONGEST_NAME],
             stated_primary=primary,
             stated_secondary=secondary,
-            stated_pose=_pose(data, source),
-            near_m=_number(volume, "near_m", f"{source}: volume"),
-            far_m=_number(volume, "far_m", f"{source}: volume"),
-            bar_m=_number(data, "bar_m", source),
+            stated_pose=pose,
+            near_m=near_m,
+            far_m=far_m,
+            bar_m=bar_m,
             frames=int(frames),
-            noise_px=_number(data, "noise_px", source),
-            uncertainty=Uncertainty(
-                **{
-                    key: _number(stated, key, f"{source}: uncertainty")
-                    for key in ("focal", "centre_px", "baseline_m", "bar_m")
-                }
-            ),
+            noise_px=noise_px,
+            uncertainty=Uncertainty(**errors),
         )
-    except StereocalError as error:
-        text = str(error)
-        raise StereocalError(text if text.startswith(source) else f"{source}: {text}") from error
 
 
 def write_plan(plan: Plan) -> bytes:
@@ -165,12 +163,9 @@ def _camera(
     width, height = _two(entry, "image_size", where)
     if width != int(width) or height != int(height):
         raise StereocalError(f"{where}: image_size must be two whole numbers of pixels.")
-    sensor = _two(entry, "sensor_mm", where)
-    try:
-        return SensorLens(_number(entry, "focal_mm", where), sensor, (int(width), int(height)))
-    except StereocalError as error:
-        text = str(error)
-        raise StereocalError(text if text.startswith(where) else f"{where}: {text}") from error
+    sensor, focal = _two(entry, "sensor_mm", where), _number(entry, "focal_mm", where)
+    with naming(where):
+        return SensorLens(focal, sensor, (int(width), int(height)))
 
 
 def _pose(data: Mapping[str, Any], source: str) -> Pose | AimedPose:
@@ -181,18 +176,18 @@ def _pose(data: Mapping[str, Any], source: str) -> Pose | AimedPose:
         )
     if "pose" in data:
         stated, where = _object(data, "pose", source), f"{source}: pose"
-        return AimedPose(
-            _number(stated, "baseline_m", where),
-            _number(stated, "toe_in_deg", where),
-            _number(stated, "height_difference_m", where) if len(stated) > 2 else 0.0,
-        )
+        baseline, toe_in = (_number(stated, key, where) for key in ("baseline_m", "toe_in_deg"))
+        height = _number(stated, "height_difference_m", where) if len(stated) > 2 else 0.0
+        with naming(source):
+            return AimedPose(baseline, toe_in, height)
     try:
         R, T = (np.array(data[key], dtype=np.float64) for key in ("R", "T"))
     except (KeyError, TypeError, ValueError) as error:
         raise StereocalError(
             f"{source}: R must be 3 rows of 3 numbers, and T 3 numbers in metres."
         ) from error
-    return Pose(R, T)
+    with naming(source):
+        return Pose(R, T)
 
 
 def _object(data: Mapping[str, Any], key: str, source: str) -> Mapping[str, Any]:

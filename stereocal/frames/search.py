@@ -15,7 +15,7 @@ from stereocal.frames.inspection import inspect_photographs, wrong_sizes
 from stereocal.frames.labelling import FrameLabels, LabelledPair, label_targets
 from stereocal.frames.pairing import Pair
 from stereocal.frames.series import detect_series
-from stereocal.rig.camera import CAMERAS, Camera
+from stereocal.rig.camera import CAMERAS, Camera, CameraName
 from stereocal.rig.dataset import TARGETS
 from stereocal.system.photograph_files import Photographs
 from stereocal.system.tasks import Pieces, Progress
@@ -134,9 +134,7 @@ def _frame(
         state = "refused"
         centres = _as_seen(both[0]), _as_seen(both[1])
         reason = " ".join(
-            _message(one, name, i)
-            for i, (one, name) in enumerate(zip(both, (pair.primary, pair.secondary), strict=True))
-            if one.sentence
+            _message(one, camera) for one, camera in zip(both, CAMERAS, strict=True) if one.sentence
         )
     return Frame(
         frame=pair.frame,
@@ -148,10 +146,11 @@ def _frame(
     )
 
 
-def _message(found: Detection, name: str, camera: int) -> str:
+def _message(found: Detection, camera: CameraName) -> str:
     """The message on one photograph, starting with its name or its camera."""
-    sentence = found.sentence
-    return sentence if sentence.startswith(name) else f"{CAMERAS[camera].capitalize()}: {sentence}"
+    if found.reason == "unreadable":
+        return found.sentence
+    return f"{camera.capitalize()}: {found.sentence}"
 
 
 def _as_seen(found: Detection) -> CentrePair:

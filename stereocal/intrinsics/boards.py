@@ -195,7 +195,7 @@ def find_board_in_file(
     try:
         image = read_for_worker(photograph, name)
     except StereocalError as error:
-        return Refused(name, str(error).removeprefix(f"{name}: ").rstrip("."))
+        return Refused(name, error.reason.rstrip("."))
     return find_board(image, pattern, name)
 
 

@@ -55,50 +55,49 @@ class Limits:
     def check_count(self, count: int, source: str) -> None:
         """Raise a `StereocalError` for too many files at once."""
         if count > self.files:
-            raise self._refusal("files", f"{source}: {count} files at once are too many", "")
+            raise self._refusal("files", source, f"{count} files at once are too many", "")
 
     def check_size(self, size: int, source: str) -> None:
         """Raise a `StereocalError` for too large a file, in bytes."""
         if size > self.file_mb * MB:
-            raise self._refusal("file_mb", f"{source}: the file has {_mb(size)}", " MB")
+            raise self._refusal("file_mb", source, f"the file has {_mb(size)}", " MB")
 
     def check_together(self, size: int, source: str) -> None:
         """Raise a `StereocalError` for too large a sum of files, in bytes."""
         if size > self.unpacked_mb * MB:
-            raise self._refusal("unpacked_mb", f"{source}: {_mb(size)} together", " MB")
+            raise self._refusal("unpacked_mb", source, f"{_mb(size)} together", " MB")
 
     def check_expansion(self, packed: int, unpacked: int, source: str) -> None:
         """Raise a `StereocalError` for a zip bomb; sizes in bytes."""
         if unpacked > self.ratio * packed + FREE_EXPANSION:
             message = (
-                f"{source}: {packed} bytes would expand to {unpacked}, "
+                f"{packed} bytes would expand to {unpacked}, "
                 f"{unpacked / max(packed, 1):.0f} times as much; it was not unpacked"
             )
-            raise self._refusal("ratio", message, " times")
+            raise self._refusal("ratio", source, message, " times")
 
     def check_pixels(self, width: int, height: int, source: str) -> None:
         """Raise a `StereocalError` for too large a photograph, by its header."""
         if width * height > self.megapixels * MB:
             message = (
-                f"{source}: the image has {width}x{height} px, "
-                f"{rounded(width * height / MB, 4)} megapixels"
+                f"the image has {width}x{height} px, {rounded(width * height / MB, 4)} megapixels"
             )
-            raise self._refusal("megapixels", message, " megapixels")
+            raise self._refusal("megapixels", source, message, " megapixels")
 
     def check_pairs(self, rows: int, source: str) -> None:
         """Raise a `StereocalError` for too many rows of a calibration table."""
         if rows > self.pairs:
-            raise self._refusal("pairs", f"{source}: the table has more rows", "")
+            raise self._refusal("pairs", source, "the table has more rows", "")
 
     def check_rows(self, rows: int, source: str) -> None:
         """Raise a `StereocalError` for too many rows of a table of points."""
         if rows > self.rows:
-            raise self._refusal("rows", f"{source}: the table has {rows} rows or more", "")
+            raise self._refusal("rows", source, f"the table has {rows} rows or more", "")
 
-    def _refusal(self, field: str, message: str, unit: str) -> StereocalError:
+    def _refusal(self, field: str, source: str, message: str, unit: str) -> StereocalError:
         limit = getattr(self, field)
         return StereocalError(
-            f"{message}; at most {limit:.10g}{unit} are read (setting {VARIABLES[field]})."
+            f"{message}; at most {limit:.10g}{unit} are read (setting {VARIABLES[field]}).", source
         )
 
 

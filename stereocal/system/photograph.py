@@ -81,15 +81,16 @@ def decode_photograph(content: bytes, name: str) -> GreyImage:
     except cv2.error:
         image = None
     if image is None or image.size == 0:
-        raise StereocalError(f"{name}: the {form} is cut off or damaged; copy it again.")
+        raise StereocalError(f"the {form} is cut off or damaged; copy it again.", name)
     if image.ndim == 3 and image.shape[2] == 2:
         image = image[:, :, 0]
     elif image.ndim == 3:
         image = cv2.cvtColor(np.ascontiguousarray(image[:, :, :3]), cv2.COLOR_BGR2GRAY)
     if image.dtype not in (np.uint8, np.uint16) or image.shape[::-1] != size:
         raise StereocalError(
-            f"{name}: the {form} does not match its header ({size[0]}x{size[1]} px, 8 or 16 "
-            "bits); copy it again."
+            f"the {form} does not match its header ({size[0]}x{size[1]} px, 8 or 16 bits); copy "
+            "it again.",
+            name,
         )
     return np.ascontiguousarray(image)
 
@@ -108,7 +109,7 @@ def _header(content: bytes, name: str) -> tuple[str, tuple[int, int]]:
     """Format, width and height from the header, checked before anything is decoded."""
     Limits.from_environment().check_size(len(content), name)
     if not content:
-        raise StereocalError(f"{name}: the file is empty (0 bytes).")
+        raise StereocalError("the file is empty (0 bytes).", name)
     form = "file"
     try:
         image = Image.open(io.BytesIO(content), formats=FORMATS)
@@ -116,16 +117,17 @@ def _header(content: bytes, name: str) -> tuple[str, tuple[int, int]]:
         problem = _problem(image, content)
     except UnidentifiedImageError as error:
         raise StereocalError(
-            f"{name}: this is not a readable photograph (PNG, JPEG, TIFF, BMP or PGM of 8 or 16 "
-            "bits), or it is cut off."
+            "this is not a readable photograph (PNG, JPEG, TIFF, BMP or PGM of 8 or 16 bits), or "
+            "it is cut off.",
+            name,
         ) from error
     except Exception as error:  # Pillow's parsers may raise anything
-        raise StereocalError(f"{name}: the {form} is cut off or damaged; copy it again.") from error
+        raise StereocalError(f"the {form} is cut off or damaged; copy it again.", name) from error
     Limits.from_environment().check_pixels(*size, name)
     if problem:
-        raise StereocalError(f"{name}: {problem}.")
+        raise StereocalError(f"{problem}.", name)
     if min(size) < SMALLEST_SIDE:
-        raise StereocalError(f"{name}: {size[0]}x{size[1]} px are too few for a photograph.")
+        raise StereocalError(f"{size[0]}x{size[1]} px are too few for a photograph.", name)
     return form, size
 
 

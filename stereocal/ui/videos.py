@@ -32,6 +32,7 @@ CHOICES: dict[Choice, str] = {
 }
 KINDS = [suffix.removeprefix(".") for suffix in SUFFIXES]
 REPORT = "video_report"
+FRAMES_MISSING = "video_frames_missing"
 MISSING = (
     "To read videos, stereocal needs the package av. Stop stereocal, run "
     '`pip install "stereocal[video]"`, and start it again.'
@@ -64,7 +65,7 @@ def videos_in(project: Project | None) -> None:
     jobs.show_job(project, "video", "Cancelled. No frame was taken.", None)
     said = project.settings.get(REPORT)
     if isinstance(said, list) and not running:
-        show = st.warning if any(" missing: " in str(sentence) for sentence in said) else st.success
+        show = st.warning if project.settings.get(FRAMES_MISSING) else st.success
         show(" ".join(escape_markdown(str(sentence)) for sentence in said))
 
 
@@ -158,5 +159,5 @@ def _take(
     if not found:
         raise StereocalError("No frame of the videos could be decoded.")
     store.add(found)
-    project.keep_settings({REPORT: list(report.sentences)})
+    project.keep_settings({REPORT: list(report.sentences), FRAMES_MISSING: report.frames_missing})
     return True

@@ -61,6 +61,7 @@ def test_every_nth_frame_of_a_constant_rate(tmp_path: Path, suffix: str) -> None
     assert [pair.frame for pair in pairing.pairs] == [1, 11, 21, 31, 41, 51]
     text = " ".join(report.sentences)
     assert "60 frames, 25 frames a second; no frame is missing" in text
+    assert not report.frames_missing
 
 
 def test_avi(tmp_path: Path) -> None:
@@ -86,6 +87,7 @@ def test_a_dropped_frame_is_reported_and_the_pairs_stay_right(tmp_path: Path) ->
     )
     report, found = taken(videos, VideoSettings("every", 1))
     assert "3 frames are missing: 1 after 0.760 s, 2 after 1.600 s" in report.sentences[1]
+    assert report.frames_missing
     assert report.taken == 57
     for name, image in found.items():
         assert number_in(image) == int(name.split("/")[1].split(".")[0]) - 1

@@ -15,6 +15,7 @@ from stereocal.frames.video.times import (
     VideoPairs,
     describe_times,
     every,
+    gaps_of,
     pair_times,
     stillest,
 )
@@ -58,6 +59,8 @@ class VideoReport:
     sentences: tuple[str, ...]
     taken: int
     """Number of pairs."""
+    frames_missing: bool
+    """Whether frames are missing within a video, by its time stamps."""
 
 
 def guard_of_videos() -> Guard:
@@ -105,7 +108,8 @@ def extract(
     sentences.append(f"{len(chosen) - lost} pairs of frames were taken.")
     if lost:
         sentences.append(f"{lost} could not be decoded.")
-    return VideoReport(tuple(sentences), len(chosen) - lost)
+    missing = any(gaps_of(each.seconds) for each in times)
+    return VideoReport(tuple(sentences), len(chosen) - lost, missing)
 
 
 def _read(guard: Guard, path: Path) -> VideoTimes:
