@@ -22,7 +22,6 @@ from stereocal.projects.project import Project
 from stereocal.system.latest import read_once
 from stereocal.ui.fields import number, one_of, setting, yes_or_no
 from stereocal.ui.intake import clear_refusal, escape_markdown
-from stereocal.ui.project import own_change
 from stereocal.ui.texts import escaped_table
 from stereocal.ui.wizard import ask_buttons
 
@@ -161,7 +160,6 @@ def _use(store: ProjectApplication, label: str, found: Archive) -> None:
         values |= {"baseline_m": found.baseline_m, "baseline_sigma_m": found.baseline_sigma_m}
     if found.target_distance_m is not None and inputs.target_distance_m is None:
         values["target_distance_m"] = found.target_distance_m
-    with own_change(store.project):
-        store.project.give(files, **values)
+    store.project.give(files, **values)
     store.forget_question("archive")
     clear_refusal()

@@ -18,7 +18,7 @@ from typing import Any, Protocol
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.ui.messages import callback, tell
+from stereocal.ui.messages import callback
 
 Fit = Callable[[Any], Any]
 """Converts a stored value for display; ValueError or TypeError if the field cannot show it."""
@@ -50,8 +50,6 @@ class Field:
     """Stores a value; may raise StereocalError."""
     tabs_own: bool = False
     """Whether each tab has its own value, for choices that change no result."""
-    tells: bool = True
-    """Whether to report a change by another tab."""
     fit: Fit = lambda value: value
     """As for `setting`: other data may have come since this tab showed the value."""
 
@@ -67,8 +65,6 @@ class Field:
         """`key` and `on_change` for the widget, which will show the value."""
         value = self.value()
         shown: dict[str, Any] = st.session_state[_SHOWN]
-        if self.tells and shown.get(self.name, value) != value:
-            tell("Settings were changed in another tab; they are shown as they are now.", "info")
         # Only then: writing would discard what the user is typing.
         if not _is_drawn(self.key) or st.session_state.get(self.key) != value:
             st.session_state[self.key] = value
@@ -101,7 +97,9 @@ class Field:
 
         @callback
         def keep() -> None:
-            self.set(st.session_state[self.key])
+            # Another callback of the same click may have emptied the session, for another project.
+            if self.key in st.session_state:
+                self.set(st.session_state[self.key])
 
         return keep
 

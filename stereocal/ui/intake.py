@@ -35,7 +35,7 @@ from stereocal.system.zip_files import unzip
 from stereocal.ui import jobs
 from stereocal.ui.decoding import server_guard
 from stereocal.ui.fields import Field, one_of, setting
-from stereocal.ui.project import own_change, project_to_write
+from stereocal.ui.project import project_to_write
 from stereocal.ui.refusal import ask_lens
 from stereocal.ui.refusal import clear_refusal as clear_refusal
 from stereocal.ui.refusal import refuse as refuse
@@ -206,8 +206,7 @@ def _try_dataset(
     """Store a data set; if rows are refused, offer to leave them out."""
     try:
         project = project_to_write()
-        with own_change(project):
-            with_photographs = give_dataset(project, files, source, photographs, lens_model)
+        with_photographs = give_dataset(project, files, source, photographs, lens_model)
         if with_photographs:
             given_as(project, PHOTOGRAPHS).set(PHOTOGRAPHS)
         clear_refusal()
@@ -226,8 +225,7 @@ def _try_files(files: dict[Slot, tuple[str, bytes]]) -> None:
     """Store files; if rows of the table are refused, offer to leave them out."""
     try:
         project = project_to_write()
-        with own_change(project):
-            project.give(files)
+        project.give(files)
         clear_refusal()
     except RefusedRowsError as error:
         table = files.get("correspondences") or project_to_write().table

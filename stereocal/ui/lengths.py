@@ -22,7 +22,7 @@ from stereocal.rig.lengths_in_words import (
 from stereocal.ui.fields import Field, one_of, setting
 from stereocal.ui.intake import clear_refusal, refuse
 from stereocal.ui.messages import callback
-from stereocal.ui.project import own_change, project_to_write
+from stereocal.ui.project import project_to_write
 from stereocal.ui.texts import escape_markdown
 
 KEPT_ANSWER = "lengths_in_metres"
@@ -114,7 +114,7 @@ class _Length:
         kept = setting(project, f"{name}_unit", "m", one_of(list(METRES_PER)), tabs_own=True)
         self.unit = replace(kept, write=self._take_unit)
         key = f"{name}_value"
-        self.number = Field(key, key, self._read, self._take_number, tells=False)
+        self.number = Field(key, key, self._read, self._take_number)
 
     def _read(self) -> float | None:
         metres = getattr(self.project.inputs, self.name) if self.project else None
@@ -124,21 +124,16 @@ class _Length:
         self._take(number, self.unit.value())
 
     def _take_unit(self, unit: str) -> None:
-        """Keep the typed number in the new unit, unless another tab has changed the length."""
-        number = self.number.shown()
-        if number == self._read():
-            self._take(number, unit)
-        else:
-            project_to_write().keep_settings({self.unit.key: unit})
+        """Keep the number that the field shows, in the new unit."""
+        self._take(self.number.shown(), unit)
 
     def _take(self, number: float | None, unit: str) -> None:
         metres = None if number is None else float(number) * METRES_PER[unit]
         try:
             self.project = project_to_write()
-            with own_change(self.project):
-                self.project.keep_settings({self.unit.key: unit})
-                given: dict[str, Any] = {self.name: metres}
-                self.project.give({}, **given)
+            self.project.keep_settings({self.unit.key: unit})
+            given: dict[str, Any] = {self.name: metres}
+            self.project.give({}, **given)
             clear_refusal()
         except StereocalError as error:
             refuse(error)

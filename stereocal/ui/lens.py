@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
-from contextlib import suppress
+from collections.abc import Sequence
 from dataclasses import asdict
 
 import streamlit as st
@@ -31,7 +30,7 @@ from stereocal.ui.intake import (
     take_file,
     take_photographs,
 )
-from stereocal.ui.messages import callback, readable, tell
+from stereocal.ui.messages import callback, readable
 from stereocal.ui.project import current_project, project_to_write
 from stereocal.ui.samples import has_sample_photographs, load_sample_boards
 from stereocal.ui.uploads import free_memory
@@ -113,14 +112,12 @@ def from_photographs(project: Project | None, which: CameraName) -> ProjectLens 
             return None
         left, right = st.columns([3, 1], vertical_alignment="center")
         left.markdown(f"{len(photographs)} photographs of the {which} camera are here.")
-        right.button(
-            "Remove them", on_click=_clear, args=(store, set(photographs)), key=f"no_boards_{which}"
-        )
+        right.button("Remove them", on_click=_clear, args=(store,), key=f"no_boards_{which}")
         pattern, settings = board_form(project), lens_form(project)
         work = _act(store, pattern, settings)
     except DamagedError as error:
         st.error(escape_markdown(str(error)))
-        st.button("Remove them", on_click=_clear, args=(store, ()), key=f"no_boards_{which}")
+        st.button("Remove them", on_click=_clear, args=(store,), key=f"no_boards_{which}")
         return None
     except StereocalError as error:
         st.error(escape_markdown(str(error)))
@@ -346,11 +343,7 @@ def _calibrate(
 
 
 @callback
-def _clear(store: ProjectLens, seen: Collection[str]) -> None:
-    with suppress(StereocalError):  # a damaged list can be cleared as well
-        if set(store.photographs) - set(seen):
-            tell("Another tab has added photographs: look, and press again.")
-            return
+def _clear(store: ProjectLens) -> None:
     jobs.discard(store.project, job_kind(store.which))  # first: a running job needs the photographs
     store.clear()
     st.session_state[_ROUND] += 1

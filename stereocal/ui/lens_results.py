@@ -25,7 +25,6 @@ from stereocal.projects.lens import ProjectLens
 from stereocal.ui.fields import one_of, setting
 from stereocal.ui.figure import show_figure
 from stereocal.ui.intake import clear_refusal, escape_markdown, refuse
-from stereocal.ui.project import own_change
 
 
 def show_lens(store: ProjectLens) -> None:
@@ -103,8 +102,7 @@ def _use_and_downloads(store: ProjectLens, lens: LensCalibration) -> None:
 
 def _use(store: ProjectLens) -> None:
     try:
-        with own_change(store.project):
-            store.use()
+        store.use()
         clear_refusal()
     except StereocalError as error:
         refuse(error)

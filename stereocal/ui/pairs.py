@@ -1,8 +1,8 @@
-"""The table of photograph pairs on the Data page; the last change of any tab wins."""
+"""The table of photograph pairs on the Data page."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 
 import pandas as pd
 import streamlit as st
@@ -13,7 +13,7 @@ from stereocal.projects.pair_rows import PairRow
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.ui import jobs
 from stereocal.ui.intake import escape_markdown
-from stereocal.ui.messages import callback, tell
+from stereocal.ui.messages import callback
 
 COLUMNS = ("Use", "Frame", "Primary photograph", "Secondary photograph")
 ROUND, _BASE, _ROWS = "photographs_round", "pairs_base", "pairs_known"
@@ -29,19 +29,17 @@ def show_pairs(store: ProjectPhotographs) -> None:
         _change_pairs(store, rows)
         st.caption(f"{sum(row.use for row in rows)} of {len(rows)} pairs are used.")
         left, right = st.columns(2)
-        left.button(
-            "Pair by name again", on_click=_pair_again, args=(store, rows), key="pair_again"
-        )
+        left.button("Pair by name again", on_click=_pair_again, args=(store,), key="pair_again")
         right.button(
             "Remove all photographs",
             on_click=clear,
-            args=(store, set(store.photographs)),
+            args=(store,),
             key="no_photographs",
         )
 
 
 def _change_pairs(store: ProjectPhotographs, rows: Sequence[PairRow]) -> None:
-    """Show the table; store changes of this tab, and reload those of others."""
+    """Show the table; store its changes, and reload it when other pairs are stored."""
     edited = rows_of(_table_of_pairs(store, rows))
     known: Sequence[PairRow] = st.session_state[_ROWS]
     try:
@@ -51,12 +49,6 @@ def _change_pairs(store: ProjectPhotographs, rows: Sequence[PairRow]) -> None:
             st.rerun()
         elif known != rows:
             forget_table()
-            there = store.photographs
-            if all({row.pair.primary, row.pair.secondary} <= there.keys() for row in known):
-                # Else a whole data set was given, also from this tab.
-                tell(
-                    "The pairs were changed in another tab; they are shown as they are now.", "info"
-                )
             st.rerun()
     except StereocalError as error:
         st.error(escape_markdown(f"{error} The last sound table is kept."))
@@ -103,27 +95,16 @@ def rows_of(table: pd.DataFrame) -> list[PairRow]:
 
 
 @callback
-def _pair_again(store: ProjectPhotographs, seen: Sequence[PairRow]) -> None:
-    if store.rows != seen:
-        raise StereocalError("The pairs were changed in another tab: look, and press again.")
+def _pair_again(store: ProjectPhotographs) -> None:
     store.keep_rows(None)
     forget_table()
 
 
 @callback
-def clear(store: ProjectPhotographs, seen: Collection[str]) -> None:
-    if _names(store) - set(seen):
-        raise StereocalError("Another tab has added photographs: look, and press again.")
+def clear(store: ProjectPhotographs) -> None:
     jobs.discard(store.project, "photographs")  # first: a running job needs the photographs
     store.clear()
     forget_table()
-
-
-def _names(store: ProjectPhotographs) -> set[str]:
-    try:
-        return set(store.photographs)
-    except StereocalError:  # a damaged list can be cleared as well
-        return set()
 
 
 def forget_table() -> None:

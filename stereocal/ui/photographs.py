@@ -104,7 +104,7 @@ def photographs_in(project: Project | None) -> None:
             show_pairs(store)
     except StereocalError as error:
         st.error(escape_markdown(str(error)))
-        st.button("Remove all photographs", on_click=clear, args=(store, ()), key="no_photographs")
+        st.button("Remove all photographs", on_click=clear, args=(store,), key="no_photographs")
         return
     try:
         if store.photographs:

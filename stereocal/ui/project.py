@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
 from concurrent.futures import Future
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from datetime import datetime
 
 import streamlit as st
@@ -15,22 +14,15 @@ from stereocal.formats.evaluation_files import Evaluation
 from stereocal.projects.card import title_of
 from stereocal.projects.data_folder import default_home
 from stereocal.projects.home import bring_back, changed_at, removed_at
-from stereocal.projects.inputs import Inputs, Slot
-from stereocal.projects.photographs import TABLE_LABEL
 from stereocal.projects.project import Project
 from stereocal.refined.results import Calibration
 from stereocal.ui.fields import Field
 from stereocal.ui.messages import attempt, callback, end_here, readable, tell
 from stereocal.ui.texts import escape_markdown
 
-SLOT_TITLES: Mapping[str, Slot] = {
-    "table of points": "correspondences",
-    "primary camera": "primary",
-    "secondary camera": "secondary",
-}
 _RESET = "forms_reset"
 _BEGUN = "projects_begun"
-_ID, _INPUTS = "project_id", "inputs_seen"
+_ID = "project_id"
 
 
 def keep_address() -> None:
@@ -47,9 +39,7 @@ def current_project() -> Project | None:
     if project_id is None:
         return None
     try:
-        project = Project.open(default_home(), project_id)
-        report_changes(project)
-        return project
+        return Project.open(default_home(), project_id)
     except StereocalError as error:
         if not offer_removed():
             st.error(escape_markdown(str(error)))
@@ -74,7 +64,7 @@ def show_project(project: Project | None) -> DeltaGenerator:
 
 def _name(project: Project) -> Field:
     key = "project_name"
-    return Field(key, key, lambda: project.inputs.name, project.rename, tells=False)
+    return Field(key, key, lambda: project.inputs.name, project.rename)
 
 
 def show_saved(project: Project | None, place: DeltaGenerator) -> None:
@@ -202,50 +192,3 @@ def reset_forms() -> bool:
 def forms_are_sound() -> None:
     """Note that a page was drawn without an error."""
     st.session_state.pop(_RESET, None)
-
-
-def report_changes(project: Project) -> None:
-    """Report inputs that another tab has changed since the last run of this one.
-
-    A table found in photographs is not reported: it may come from this tab's own search.
-    """
-    now = _shown_inputs(project)
-    before = st.session_state.get(_INPUTS)
-    st.session_state[_INPUTS] = now
-    if before is None or before["id"] != now["id"]:
-        return
-    changed = [what for what in now if now[what] != before[what] and now[what] != TABLE_LABEL]
-    if changed:
-        changes = "; ".join(f"{what}: {now[what]}" for what in changed)
-        tell(f"Changed in another tab: {changes}.", "info")
-
-
-@contextmanager
-def own_change(project: Project) -> Iterator[None]:
-    """Changes inside are this tab's own, and are not reported."""
-    report_changes(project)
-    try:
-        yield
-    finally:
-        st.session_state[_INPUTS] = _shown_inputs(project)
-
-
-def _shown_inputs(project: Project) -> dict[str, str]:
-    inputs = project.inputs
-    return {
-        "id": project.id,
-        "baseline": _length(inputs.baseline_m),
-        "distance between the targets": _length(inputs.target_distance_m),
-        **{title: _file(inputs, slot) for title, slot in SLOT_TITLES.items()},
-    }
-
-
-def _length(metres: float | None) -> str:
-    return "none" if metres is None else f"{metres:.12g} m"
-
-
-def _file(inputs: Inputs, slot: Slot) -> str:
-    if slot not in inputs.files:
-        return "none"
-    label = inputs.labels[slot]
-    return label if label == TABLE_LABEL else f"{label} ({inputs.files[slot][:8]})"

@@ -20,7 +20,7 @@ from stereocal.ui.texts import escape_markdown
 REMOVED = "removed_project"
 FAILED = "failed_project"
 OPENED = "opened_project"
-"""Set when a project was opened from its card: the next run goes to its data."""
+"""The project whose card was pressed: the next run opens it."""
 WIDTH = 250
 
 
@@ -93,8 +93,8 @@ def _rename(project_id: str, key: str) -> None:
 
 
 def _open(project_id: str) -> None:
-    open_project(project_id)
-    st.session_state[OPENED] = True
+    # Not opened here: that empties the session, with a name that was typed before the click.
+    st.session_state[OPENED] = project_id
 
 
 def _duplicate(project_id: str) -> None:

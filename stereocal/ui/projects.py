@@ -56,7 +56,8 @@ def show_projects() -> Project | None:
     Returns:
         The open project.
     """
-    if st.session_state.pop(OPENED, False):
+    if opened := st.session_state.pop(OPENED, None):
+        open_project(opened)
         st.switch_page("pages/data.py")
     settings = ServerSettings.from_environment()
     folder = default_home() / "projects"

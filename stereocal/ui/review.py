@@ -166,7 +166,7 @@ def _decide(store: ProjectPhotographs, review: Review, frame: Frame, running: bo
             icon=":material/undo:",
             disabled=running or not review.edits,
             on_click=take_back,
-            args=(store, review.edits[-1] if review.edits else None),
+            args=(store,),
         )
 
 
@@ -202,7 +202,7 @@ def _show_photograph(store: ProjectPhotographs, frame: Frame, camera: int, runni
         args=(
             store,
             frame.frame,
-            lambda now: _swap(now, frame, camera),
+            lambda now: swap(now, frame.frame, camera),
             f"A and B are exchanged in the {name} photograph.",
         ),
     )
@@ -251,13 +251,6 @@ def take_pick(store: ProjectPhotographs, number: int, camera: int, click: Pick) 
     edit(store, number, change, lambda: placed)
 
 
-def _swap(now: Review, seen: Frame, camera: int) -> Review:
-    """Exchange A and B, unless another tab has moved them: that could undo its exchange."""
-    if now.frame(seen.frame).centres[camera] != seen.centres[camera]:
-        raise StereocalError("Another tab has moved A or B here: look, and press again.")
-    return swap(now, seen.frame, camera)
-
-
 def edit(
     store: ProjectPhotographs,
     number: int,
@@ -273,19 +266,13 @@ def edit(
 
 
 @callback
-def take_back(store: ProjectPhotographs, seen: Edit | None) -> None:
-    """Undo the latest edit, and show its frame (a callback).
-
-    Args:
-        seen: the latest edit when the page was drawn; a later one of another tab is not undone.
-    """
+def take_back(store: ProjectPhotographs) -> None:
+    """Undo the latest edit, and show its frame (a callback)."""
+    undone: Edit | None = None
 
     def change(now: Review) -> Review:
-        if now.edits and now.edits[-1] != seen:
-            raise StereocalError(
-                "Another tab has made a change since, which Undo would take back: look, and press "
-                "again."
-            )
+        nonlocal undone
+        undone = now.edits[-1] if now.edits else None
         return undo(now)
 
     try:
@@ -293,9 +280,9 @@ def take_back(store: ProjectPhotographs, seen: Edit | None) -> None:
     except StereocalError as error:
         _say(_frame(store).shown() or 0, str(error), refused=True)
         return
-    if seen:
-        _go_to(store, seen.after.frame)
-        _say(seen.after.frame, "The last change is undone.")
+    if undone is not None:
+        _go_to(store, undone.after.frame)
+        _say(undone.after.frame, "The last change is undone.")
 
 
 @callback

@@ -33,6 +33,5 @@ def refined_switch(project: Project, use: Use, answer: Answer) -> Field:
         name,
         lambda: chosen.value() == "refined",
         lambda on: chosen.set("refined" if on else papers),
-        tells=False,
         fit=yes_or_no,
     )

@@ -33,7 +33,6 @@ from stereocal.ui.fields import Fit, number, one_of, setting, yes_or_no
 from stereocal.ui.intake import clear_refusal, escape_markdown, refuse
 from stereocal.ui.messages import callback
 from stereocal.ui.parameter_files import CORNER_TITLES
-from stereocal.ui.project import own_change
 from stereocal.ui.texts import escaped_table
 
 PREVIEW_ROWS = 5
@@ -105,8 +104,7 @@ def ask_about_bars(store: ProjectApplication) -> None:
         st.caption(f"{len(rows)} pairs of points in {len(rows.frames)} frames.")
 
         def use() -> None:
-            with own_change(store.project):
-                store.project.give({"correspondences": (label, table)})
+            store.project.give({"correspondences": (label, table)})
             store.forget_question("bars")
 
         ask_buttons(store, "bars", use)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import streamlit as st
@@ -229,8 +229,7 @@ def _settings(project: Project, observed: Observed) -> WorldSettings:
 
 def _choice(project: Project, title: str, key: str, options: dict[str, str]) -> str:
     names = list(options)
-    # Another file has other names, which is no change by another tab.
-    chosen = replace(setting(project, key, names[0], one_of(names)), tells=False)
+    chosen = setting(project, key, names[0], one_of(names))
     st.selectbox(title, names, format_func=lambda name: options.get(name, name), **chosen.widget())
     return str(chosen.value())
 

@@ -198,7 +198,6 @@ def test_a_data_set_of_photographs(packed: bool, app: AppTest, tmp_path: Path) -
     assert app.segmented_control(key="data_how").value == "Photographs"
     assert "14 photographs. 7 pairs by name" in messages(app)
     assert "Still missing: the targets in the photographs" in messages(app)
-    assert "another tab" not in messages(app)
     project = store_of(app, tmp_path).project
     assert project.inputs.name == "field day" and project.inputs.baseline_m == 2.0
 
