@@ -11,14 +11,11 @@ within the scatter of the test (two standard errors, jackknife over 10 groups of
 from __future__ import annotations
 
 import argparse
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from stereocal.calibration.methods import CalibrationSettings
-from stereocal.evaluation.evaluate import count_set
-from stereocal.evaluation.summary import merge_bins, overlap
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.refined.screening import screen
 from stereocal.refined.unknowns import RefineSettings
@@ -26,24 +23,10 @@ from stereocal.rig.dataset import Dataset
 from stereocal.rig.rig import Rig
 from stereocal.verdict.forecast import forecast_files
 from stereocal.workflow import calibrate
+from tests.rigs.population import figures_on
 
-MERGE = 5
 GROUPS = 10
 FIGURES = ("fcp_reprojection", "mean_reprojection_px", "median_error_3d", "p95_error_3d")
-
-
-def figures_on(data: Dataset, rig: Rig) -> dict[str, float]:
-    """Of one file on a data set."""
-    seen = replace(data, primary=rig.primary, secondary=rig.secondary)
-    run = count_set(seen, rig.pose)
-    errors = np.abs(run.lengths[0] - 1.0)
-    fcp = overlap(merge_bins(run.counts[0, 1].astype(np.int64), MERGE))
-    return {
-        "fcp_reprojection": float(fcp),
-        "mean_reprojection_px": float(run.correct_px[0]),
-        "median_error_3d": float(np.nanmedian(errors)),
-        "p95_error_3d": float(np.nanpercentile(errors, 95)),
-    }
 
 
 def scatter_of(data: Dataset, rig: Rig) -> dict[str, float]:

@@ -2,7 +2,7 @@
 
 python -m benchmarks.points [--rigs 8] [--noise 0.05 0.2 0.5 2] [--points 4 40]
 
-Rigs as in `benchmarks.refined_rigs`, calibrated with 25 bars of 0.02 px. Points everywhere between
+Rigs as in `tests.rigs.refined_rigs`, calibrated with 25 bars of 0.02 px. Points everywhere between
 4 and 10 m, a tenth missing in each camera; frames until there are some 600 points. The noise is
 estimated and the threshold chosen as `match` does; z is the error of a reconstructed right pair
 over its stated standard error, by coordinate.
@@ -17,7 +17,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.flock import FlockFrame
-from benchmarks.refined_rigs import DEPTHS_M, Misjudged, random_scene, stated
 from stereocal.matching.matching import match_points
 from stereocal.matching.reconstruction import reconstruct_points
 from stereocal.matching.threshold import ThresholdChoice, choose_threshold
@@ -27,6 +26,7 @@ from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import place_bars
 from stereocal.verdict.forecast import outlook_of
 from stereocal.workflow import answer, calibrate
+from tests.rigs.refined_rigs import DEPTHS_M, Misjudged, random_scene, stated
 
 TARGETS_PX = 0.02
 MISSING = 0.1

@@ -22,7 +22,6 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from benchmarks.halves import figures_on
 from stereocal.calibration.methods import CalibrationSettings, Method
 from stereocal.field.checking.new_images import images_of_bars
 from stereocal.field.checking.prior import prior_of
@@ -38,6 +37,7 @@ from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.dataset import Correspondences, Dataset
 from stereocal.verdict.forecast import forecast_files
 from stereocal.workflow import calibrate
+from tests.rigs.population import figures_on
 
 QUARTERS = 4
 TURN_RAD = float(np.radians(0.2))

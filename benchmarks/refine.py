@@ -25,7 +25,6 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.sparse import lil_matrix
 
-from benchmarks.refined_rigs import Misjudged, random_scene, stated
 from stereocal.calibration.essential import calibrate_essential
 from stereocal.refined.bar_fit import BAR, OWN, PRIMARY, SECONDARY
 from stereocal.refined.refine import refine
@@ -35,6 +34,7 @@ from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose, stack_rays, triangulate_rays
+from tests.rigs.refined_rigs import Misjudged, random_scene, stated
 
 SIGMA_PX, SCATTER_M = 0.2, 0.001
 TURNS = 9

@@ -29,8 +29,6 @@ from typing import Any
 import cv2
 import numpy as np
 
-from benchmarks.client import Session
-from benchmarks.server import MemoryWatch, Server
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
 from stereocal.evaluation.summary import summarise, summarise_all
@@ -49,6 +47,8 @@ from stereocal.simulation.rendering import PhotographSettings
 from stereocal.simulation.simulate import FIELD_BAR_M, field_rig, observe, place_bars
 from stereocal.workflow import calibrate
 from tests.bar_photographs import BOARD_M, DEPTHS_M, small
+from tests.browser.client import Session
+from tests.browser.server import MemoryWatch, Server
 
 FRAMES, PHOTOGRAPHED = 25, 14
 LABELS = re.compile(r"(?:points|primary|secondary|left|right)_(\d\d)")

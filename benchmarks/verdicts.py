@@ -11,8 +11,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from benchmarks.population import population
-from benchmarks.refined_rigs import BAR_M, DEPTHS_M, Misjudged, random_scene, stated
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
 from stereocal.refined.unknowns import LensPrior, RefineSettings
@@ -21,6 +19,8 @@ from stereocal.simulation.simulate import place_bars
 from stereocal.verdict.forecast import forecast_files
 from stereocal.verdict.one_or_two_sets import TOLERANCE, Verdict
 from stereocal.workflow import calibrate
+from tests.rigs.population import population
+from tests.rigs.refined_rigs import BAR_M, DEPTHS_M, Misjudged, random_scene, stated
 
 
 @dataclass(frozen=True)

@@ -13,36 +13,26 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchmarks.halves import FIGURES, figures_on
-from benchmarks.refined_rigs import BAR_M, DEPTHS_M, Misjudged, random_rig, stated
+from benchmarks.halves import FIGURES
 from stereocal.calibration.methods import Method
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
-from stereocal.rig.rig import Rig
-from stereocal.simulation.simulate import Nominal, Scene, observe, place_bars
+from stereocal.simulation.simulate import Nominal, observe
 from stereocal.verdict.forecast import forecast_files
 from stereocal.workflow import calibrate
+from tests.rigs.population import figures_on
+from tests.rigs.refined_rigs import (
+    Misjudged,
+    random_rig,
+    stated,
+    waved_scene,
+)
 
 WAVES = 6
-MARGIN_PX = 60.0
 NOISE_PX, MISFIT_PX = 0.2, 0.2
 FRAMES, FURTHER = 200, 100
 METHODS: tuple[Method, ...] = ("2d", "3d", "refined")
-
-
-def waved_scene(cameras: Rig, rng: np.random.Generator, frames: int, length: int) -> Scene:
-    """A bar that is somewhere else, in another direction, every `length` frames."""
-    keys = place_bars(cameras, rng, frames // length + 2, BAR_M, DEPTHS_M, MARGIN_PX).ends_m
-    middles, halves = keys.mean(axis=1), 0.5 * (keys[:, 0] - keys[:, 1])
-    at, part = np.divmod(np.arange(frames), length)
-    share = (part / length)[:, None]
-    middle = (1 - share) * middles[at] + share * middles[at + 1]
-    # Of two ways round the shorter one.
-    flip = np.where(np.sum(halves[at] * halves[at + 1], axis=1) < 0, -1.0, 1.0)[:, None]
-    half = (1 - share) * halves[at] + share * flip * halves[at + 1]
-    half *= 0.5 * BAR_M / np.linalg.norm(half, axis=1, keepdims=True)
-    return Scene(cameras, np.stack([middle + half, middle - half], axis=1))
 
 
 def smooth_fields(rng: np.random.Generator) -> FloatArray:

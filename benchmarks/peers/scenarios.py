@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.peers.solution import Solution
-from benchmarks.refined_rigs import BAR_M, DEPTHS_M, Misjudged, random_scene, spoiled, stated
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.simulation.simulate import Nominal, place_bars
+from tests.rigs.refined_rigs import BAR_M, DEPTHS_M, Misjudged, random_scene, spoiled, stated
 
 FRAMES = 25
 TEST_FRAMES = 50

@@ -1,6 +1,6 @@
 """Why two sets, on the real recording: length errors, epipolar lines, and two rays that miss.
 
-`python -m benchmarks.story` computes the figures' numbers; they are read from a file, so that the
+`python -m tools.story` computes the figures' numbers; they are read from a file, so that the
 Start page opens at once.
 """
 

@@ -1,4 +1,4 @@
-"""A server that is killed while somebody works: `python -m benchmarks.kills` in small."""
+"""A server that is killed while somebody works: `python -m tests.browser.kills` in small."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.kills import Trial
+from tests.browser.kills import Trial
 
 pytestmark = pytest.mark.browser
 

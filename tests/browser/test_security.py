@@ -14,8 +14,8 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 from websockets.typing import Origin
 
-from benchmarks.client import Session
 from stereocal.ui.menu import TITLES
+from tests.browser.client import Session
 from tests.browser.conftest import LONGEST_MS, serve
 from tests.browser.work import NAME
 

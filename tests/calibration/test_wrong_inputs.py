@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.ordinary_path import WRONG, flipped, said_of, scaled
-from benchmarks.ordinary_path import rig as random_rig
 from stereocal.calibration.pose_fit import essential_fit
 from stereocal.calibration.wrong_inputs import check_inputs, find_wrong_input
 from stereocal.errors import LONGEST, StereocalError
 from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import Dataset
 from stereocal.workflow import calibrate
+from tests.rigs.mistakes import WRONG, flipped, said_of, scaled
+from tests.rigs.mistakes import rig as random_rig
 
 SOUND = random_rig(3)[1]
 
@@ -97,7 +97,7 @@ def test_the_fit_says_no_data_not_zero() -> None:
 
 @pytest.mark.parametrize("name", WRONG)
 def test_ten_rigs_of_each_mistake(name: str) -> None:
-    """40 rigs of each are in benchmarks.ordinary_path; measured there: see docs/reliability.md."""
+    """40 rigs of each are in tests.rigs.mistakes; measured there: see docs/reliability.md."""
     named = sum(said_of(name, number).named for number in range(10))
     assert named >= WRONG[name].least_of_10
 

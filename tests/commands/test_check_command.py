@@ -11,14 +11,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.bumps import Case, bumped, cases, seen_by
-from benchmarks.refined_rigs import BAR_M, DEPTHS_M
 from stereocal.cli import main
 from stereocal.formats.dataset_files import pack_dataset
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import RigParameters
 from stereocal.simulation.simulate import place_bars
 from stereocal.system.atomic_files import write_all
+from tests.rigs.bumps import Case, bumped, cases, seen_by
+from tests.rigs.refined_rigs import BAR_M, DEPTHS_M
 from tests.terminal import sentences
 
 

@@ -9,10 +9,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from benchmarks.world import FRAME_RATE, Place, known_places, plumb_lines, surveyed, thrown
 from stereocal.cli import main
 from stereocal.rig.geometry import Pose
 from tests.field.world_tables import PIXELS, lines_csv, survey_csv, throw_csv
+from tests.rigs.worlds import FRAME_RATE, Place, known_places, plumb_lines, surveyed, thrown
 from tests.terminal import sentences
 
 

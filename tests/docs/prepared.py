@@ -13,11 +13,11 @@ import numpy as np
 import pandas as pd
 from scipy.spatial.transform import Rotation
 
-from benchmarks.world import common_view, known_places, plumb_lines, surveyed, thrown
 from stereocal.formats.dataset_files import pack_dataset, read_dataset
 from stereocal.system.photograph import read_photograph
 from tests.archives import easywand_fields, kalibr_chain, mat, wand_csv
 from tests.field.world_tables import PIXELS, lines_csv, survey_csv, throw_csv
+from tests.rigs.worlds import common_view, known_places, plumb_lines, surveyed, thrown
 from tests.terminal import ROOT
 from tests.videos import write_video
 

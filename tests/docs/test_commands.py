@@ -127,7 +127,9 @@ def options_of(parser: argparse.ArgumentParser) -> set[str]:
 def test_options_that_are_named_are_there() -> None:
     ours = options_of(_parser())
     for page in PAGES:
-        inline = re.findall(r"`(?!python -m b)[^`\n]+`", page.read_text(encoding="utf-8"))
+        inline = re.findall(
+            r"`(?!python -m (?:benchmarks|tools|tests)\.)[^`\n]+`", page.read_text(encoding="utf-8")
+        )
         named = set(re.findall(r"(?<![\w-])--[a-z][a-z-]+", " ".join(inline)))
         assert named <= ours | OTHERS or page.parent.name == "benchmarks", name_of(page)
 
@@ -137,7 +139,7 @@ def test_targets_and_benchmarks_are_there() -> None:
     text = "\n".join(code.text for page in PAGES for code in code_of(page))
     made = set(re.findall(r"^ *make ([a-z]+)", text, re.M))
     assert {"run", "test", "docs"} <= made <= targets
-    measured = set(re.findall(r"python -m (benchmarks\.\w+)", text))
+    measured = set(re.findall(r"python -m ((?:benchmarks|tools|tests)\.[\w.]+\w)", text))
     assert len(measured) > 10
     assert not [name for name in measured if importlib.util.find_spec(name) is None]
 

@@ -10,7 +10,6 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from benchmarks.plans import observed
 from stereocal.errors import StereocalError
 from stereocal.field.planning.advice import LIMITS, advise, with_baseline
 from stereocal.field.planning.bars import place_planned_bars
@@ -23,6 +22,7 @@ from stereocal.field.planning.plan import AimedPose, Plan, Uncertainty
 from stereocal.rig.geometry import triangulate
 from tests import known_rig
 from tests.field.plans import FIELD, plan
+from tests.rigs.plans import observed
 
 FEW = 48
 

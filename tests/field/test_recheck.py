@@ -13,19 +13,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from benchmarks.bumps import (
-    Case,
-    bound,
-    bumped,
-    cases,
-    joined,
-    longer,
-    matched,
-    new_bars,
-    seen_by,
-    true_fit,
-)
-from benchmarks.refined_rigs import BAR_M, DEPTHS_M, random_rig
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
 from stereocal.field.checking.check_words import notes, sentence, to_json
@@ -51,6 +38,19 @@ from stereocal.rig.tracks import TimeOffset
 from stereocal.simulation.moving_bar import move_bar, record
 from stereocal.simulation.simulate import lens_off_by, place_bars
 from stereocal.workflow import answer, calibrate
+from tests.rigs.bumps import (
+    Case,
+    bound,
+    bumped,
+    cases,
+    joined,
+    longer,
+    matched,
+    new_bars,
+    seen_by,
+    true_fit,
+)
+from tests.rigs.refined_rigs import BAR_M, DEPTHS_M, random_rig
 from tests.terminal import ROOT
 
 RECORDING = ROOT / "sample_data" / "recording"

@@ -9,9 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.bumps import Case, bumped, cases, seen_by
-from benchmarks.refined_rigs import BAR_M, DEPTHS_M, Misjudged, in_runs, random_rig, stated
-from benchmarks.waved import waved_scene
 from stereocal.errors import StereocalError
 from stereocal.field.checking.check_words import notes
 from stereocal.field.checking.new_images import NewImages, images_of_bars
@@ -25,6 +22,16 @@ from stereocal.refined.screening import screen
 from stereocal.rig.dataset import Correspondences
 from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import place_bars
+from tests.rigs.bumps import Case, bumped, cases, seen_by
+from tests.rigs.refined_rigs import (
+    BAR_M,
+    DEPTHS_M,
+    Misjudged,
+    in_runs,
+    random_rig,
+    stated,
+    waved_scene,
+)
 
 RECORDING = Path(__file__).parents[2] / "sample_data" / "recording"
 OFF = Misjudged()

@@ -1,4 +1,4 @@
-"""World frames against simulated truth; studies of many rigs are in `benchmarks.world`."""
+"""World frames against simulated truth; studies of many rigs are in `tests.rigs.worlds`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,17 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from benchmarks.world import (
+from stereocal.errors import StereocalError
+from stereocal.field.world.find import WorldSettings, find_world
+from stereocal.field.world.frame import Axes
+from stereocal.field.world.lines import world_of_lines
+from stereocal.field.world.observed import Line, Survey, Throw
+from stereocal.field.world.survey import world_of_survey
+from stereocal.field.world.throw import path, world_of_throw
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import Angles, Pose
+from stereocal.rig.tracks import MeasuredOffset
+from tests.rigs.worlds import (
     CLICK_PX,
     FRAME_RATE,
     GRAVITY,
@@ -24,16 +34,6 @@ from benchmarks.world import (
     surveyed,
     thrown,
 )
-from stereocal.errors import StereocalError
-from stereocal.field.world.find import WorldSettings, find_world
-from stereocal.field.world.frame import Axes
-from stereocal.field.world.lines import world_of_lines
-from stereocal.field.world.observed import Line, Survey, Throw
-from stereocal.field.world.survey import world_of_survey
-from stereocal.field.world.throw import path, world_of_throw
-from stereocal.rig.compiled import FloatArray
-from stereocal.rig.geometry import Angles, Pose
-from stereocal.rig.tracks import MeasuredOffset
 
 
 @pytest.fixture
@@ -90,7 +90,7 @@ def lean(place: Place, line: Line, degrees: float) -> Line:
 
 class TestLines:
     def test_the_vertical_of_plumb_lines(self) -> None:
-        """0.3 px and 4 m: in `benchmarks.world`, 400 rigs."""
+        """0.3 px and 4 m: in `tests.rigs.worlds`, 400 rigs."""
         off = []
         for place in known_places(15, 13):
             found = find_world(place.rig, tuple(plumb_lines(place)))
@@ -230,7 +230,7 @@ class TestSurvey:
         assert len(world_of_survey(place.rig, twice).about["residuals_m"]) == 5
 
     def test_mirrored_surveys_are_refused(self) -> None:
-        """1,000 of 1,000 in `benchmarks.world`."""
+        """1,000 of 1,000 in `tests.rigs.worlds`."""
         for place in known_places(25, 14):
             survey = surveyed(place, int(place.rng.integers(4, 9)))
             assert refusal(place, survey) is None
@@ -322,7 +322,7 @@ class TestThrow:
         assert "the bar had no part" in found.notes[-1]
 
     def test_intervals_hold(self) -> None:
-        """Exact rigs here; 1,000 throws of calibrated rigs are in `benchmarks.world`."""
+        """Exact rigs here; 1,000 throws of calibrated rigs are in `tests.rigs.worlds`."""
         trials = 60
         held = 0
         for place in known_places(trials, 16):

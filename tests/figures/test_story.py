@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.story import STORY, tell_story
 from stereocal.figures.story import ROWS, Story, plot_story_lengths, plot_story_lines, read_story
+from tools.story import STORY, tell_story
 
 
 @pytest.fixture(scope="module")

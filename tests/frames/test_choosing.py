@@ -11,7 +11,6 @@ import cv2
 import numpy as np
 import pytest
 
-from benchmarks.choosing import small_rig, taken
 from stereocal.detection.detect import Detection, refusal
 from stereocal.frames.choosing import MINIMUM_SURE, choose_boards
 from stereocal.frames.frame import report_line
@@ -21,6 +20,7 @@ from stereocal.frames.search import detect_frames
 from stereocal.rig.compiled import FloatArray
 from tests import known_rig as rig
 from tests.frames.test_labelling import CAMERAS, detection
+from tests.rigs.third_boards import small_rig, taken
 
 NOISE_PX = 0.05
 FRAMES = 18

@@ -11,7 +11,6 @@ import pandas as pd
 import pytest
 from streamlit.testing.v1 import AppTest
 
-from benchmarks.world import FRAME_RATE, Place, plumb_lines, surveyed, thrown, world_of_cameras
 from stereocal.field.world.lines import world_of_lines
 from stereocal.formats.world_file import write_world
 from stereocal.matching.application import POINTS
@@ -21,6 +20,7 @@ from stereocal.projects.project import Project
 from stereocal.rig.geometry import Pose
 from tests.field.world_tables import lines_csv, survey_csv, throw_csv
 from tests.pages.test_apply import SET_3D, said, with_files
+from tests.rigs.worlds import FRAME_RATE, Place, plumb_lines, surveyed, thrown, world_of_cameras
 
 
 @pytest.fixture

@@ -10,8 +10,6 @@ import pandas as pd
 import pytest
 from streamlit.testing.v1 import AppTest
 
-from benchmarks.bumps import Case, bumped, cases, matched, seen_by
-from benchmarks.refined_rigs import BAR_M, DEPTHS_M
 from stereocal.formats.correspondences_csv import write_table
 from stereocal.formats.dataset_files import pack_dataset
 from stereocal.matching.reconstruction_files import PIXELS
@@ -24,6 +22,8 @@ from stereocal.system.zip_files import pack_zip
 from tests.pages.test_apply import ROOT, SLOW, calibrated, said
 from tests.pages.test_apply import app as app
 from tests.pages.test_apply import home as home
+from tests.rigs.bumps import Case, bumped, cases, matched, seen_by
+from tests.rigs.refined_rigs import BAR_M, DEPTHS_M
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.refined_rigs import Misjudged, in_runs, random_rig, stated
-from benchmarks.waved import waved_scene
 from stereocal.matching.reconstruction import noise_of_file
 from stereocal.refined.disagreement import what_disagrees
 from stereocal.refined.parameter_file import refined_parameters
@@ -14,6 +12,7 @@ from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
+from tests.rigs.refined_rigs import Misjudged, in_runs, random_rig, stated, waved_scene
 
 FIXED = RefineSettings(
     primary=LensPrior(0.0, 0.0),

@@ -7,8 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.refined_rigs import Misjudged, random_scene, stated
-from benchmarks.refined_truth import accusations
 from stereocal.refined.bar_fit import DISTORTION
 from stereocal.refined.disagreement import ACCUSED, _as_normal, compare_inputs, what_disagrees
 from stereocal.refined.refine import refine
@@ -17,6 +15,8 @@ from stereocal.refined.unknowns import FIXED_LENS, LensPrior, RefineSettings
 from stereocal.rig.camera import Camera, CameraName, LensUncertainty
 from stereocal.rig.dataset import Dataset
 from tests import known_rig as rig
+from tests.rigs.accuracy import accusations
+from tests.rigs.refined_rigs import Misjudged, random_scene, stated
 
 KEYS = {
     "primary distortion",

@@ -9,7 +9,6 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from benchmarks.refined_rigs import Misjudged, random_scene, spoiled, stated
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
 from stereocal.projects.calibration_files import pack_calibration, unpack_calibration
@@ -23,6 +22,7 @@ from stereocal.rig.parameters import RigParameters
 from stereocal.rig.volume import Volume
 from stereocal.workflow import answer, calibrate
 from tests import known_rig as rig
+from tests.rigs.refined_rigs import Misjudged, random_scene, spoiled, stated
 
 METHODS: tuple[Literal["2d", "3d"], ...] = ("2d", "3d")
 

@@ -8,8 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.refined_rigs import Misjudged, fixed_lenses, random_scene, spoiled, stated
-from benchmarks.refined_truth import against_the_paper, turned, with_gross_errors
 from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.refined.refine import refine
@@ -20,6 +18,8 @@ from stereocal.rig.geometry import Angles, Pose
 from stereocal.simulation.simulate import Nominal, lens_off_by, observe
 from stereocal.workflow import calibrate
 from tests import known_rig as rig
+from tests.rigs.accuracy import against_the_paper, turned, with_gross_errors
+from tests.rigs.refined_rigs import Misjudged, fixed_lenses, random_scene, spoiled, stated
 
 SAMPLES = Path(__file__).parents[2] / "sample_data"
 KNOWN = Misjudged()

@@ -9,9 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.ordinary_path import rig as random_rig
-from benchmarks.ordinary_path import with_frames_exchanged, with_points_off
-from benchmarks.refined_truth import turned
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.calibration.pose_fit import LENGTH_TOLERANCE, essential_fit
 from stereocal.cli import main
@@ -30,6 +27,9 @@ from stereocal.verdict.forecast import outlook_of
 from stereocal.verdict.in_words import left_out_line, why_not_trusted
 from stereocal.workflow import answer, calibrate
 from tests import known_rig as rig
+from tests.rigs.accuracy import turned
+from tests.rigs.mistakes import rig as random_rig
+from tests.rigs.mistakes import with_frames_exchanged, with_points_off
 
 SAMPLES = Path(__file__).parents[2] / "sample_data"
 

@@ -7,8 +7,6 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from benchmarks.refined_rigs import Misjudged, fixed_lenses
-from benchmarks.refined_truth import deviations, over_bound
 from stereocal.errors import StereocalError
 from stereocal.refined.bar_fit import SHARED
 from stereocal.refined.refine import RefinedResult, refine
@@ -25,6 +23,8 @@ from stereocal.refined.unknowns import RefineSettings, pose_of
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import triangulate
 from tests import known_rig as rig
+from tests.rigs.accuracy import deviations, over_bound
+from tests.rigs.refined_rigs import Misjudged, fixed_lenses
 
 KNOWN = Misjudged()
 

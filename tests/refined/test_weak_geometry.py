@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.ordinary_path import rig as random_rig
 from stereocal.refined.screening import screen
 from stereocal.refined.weak_geometry import geometry_warning
 from stereocal.rig.camera import Camera
@@ -15,6 +14,7 @@ from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import Scene, observe, place_bars
 from tests import known_rig as rig
+from tests.rigs.mistakes import rig as random_rig
 
 
 def seen(depths_m: tuple[float, float], direction: FloatArray | None, number: int) -> Dataset:

@@ -14,12 +14,12 @@ import cv2
 import h5py
 import numpy as np
 
-from benchmarks.world import Place, plumb_lines, surveyed, thrown, world_of_cameras
 from stereocal.formats.camera_file import write_camera
 from stereocal.rig.parameters import RigParameters
 from tests.field.world_tables import lines_csv, survey_csv, throw_csv
 from tests.formats.test_point_files import wand
 from tests.known_rig import PRIMARY, RIG, SECONDARY
+from tests.rigs.worlds import Place, plumb_lines, surveyed, thrown, world_of_cameras
 
 FIELD = Path(__file__).parents[2] / "sample_data" / "field"
 

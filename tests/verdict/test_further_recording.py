@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.halves import figures_on
 from stereocal.evaluation.summary import Estimate
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.refined.screening import screen
@@ -15,6 +14,7 @@ from stereocal.refined.unknowns import RefineSettings
 from stereocal.verdict.forecast import forecast_files
 from stereocal.verdict.further_recording import LARGEST, half_width, widened
 from stereocal.workflow import calibrate
+from tests.rigs.population import figures_on
 
 RECORDING = Path(__file__).parents[2] / "sample_data" / "recording"
 FIGURES = ("mean_reprojection_px", "median_error_3d", "p95_error_3d")

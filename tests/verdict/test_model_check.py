@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 from scipy.stats import binom
 
-from benchmarks.refined_rigs import Misjudged, random_scene, stated
 from stereocal.refined.innovations import bar_innovations
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.unknowns import RefineSettings
@@ -24,6 +23,7 @@ from stereocal.verdict.model_check import (
 )
 from stereocal.verdict.predictive import predict
 from stereocal.workflow import calibrate
+from tests.rigs.refined_rigs import Misjudged, random_scene, stated
 
 SETTINGS = Misjudged().settings()
 

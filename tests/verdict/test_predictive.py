@@ -11,9 +11,6 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.stats import binom
 
-from benchmarks.population import population
-from benchmarks.refined_rigs import BAR_M, DEPTHS_M, Misjudged, random_scene, stated
-from benchmarks.trust import CASES, one_rig
 from stereocal.calibration.methods import Method
 from stereocal.errors import StereocalError
 from stereocal.evaluation.evaluate import count_set
@@ -38,6 +35,8 @@ from stereocal.verdict.noise_model import noise_given
 from stereocal.verdict.predictive import predict
 from stereocal.workflow import calibrate
 from tests import known_rig as rig
+from tests.rigs.population import CASES, one_rig, population
+from tests.rigs.refined_rigs import BAR_M, DEPTHS_M, Misjudged, random_scene, stated
 
 FIGURES = ("fcp_reprojection", "mean_reprojection_px", "median_error_3d", "p95_error_3d")
 

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.refined_rigs import Misjudged, random_scene, stated
 from stereocal.errors import StereocalError
 from stereocal.refined.refine import refine
 from stereocal.refined.solve import lenses_of
@@ -19,6 +18,7 @@ from stereocal.verdict.paper_costs import fill_errors, fill_jacobian
 from stereocal.verdict.tradeoff import TradeOff, costs_of, trade_off
 from stereocal.workflow import calibrate
 from tests import known_rig as rig
+from tests.rigs.refined_rigs import Misjudged, random_scene, stated
 
 
 @pytest.fixture(scope="module")

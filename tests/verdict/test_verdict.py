@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.refined_rigs import Misjudged, random_scene, stated
 from stereocal.calibration.methods import Method
 from stereocal.errors import StereocalError
 from stereocal.evaluation.compiled_run import BINS, CORRECT, WRONG
@@ -17,6 +16,7 @@ from stereocal.verdict.model_check import HeldOutRatio, ModelCheck
 from stereocal.verdict.one_or_two_sets import verdict
 from stereocal.verdict.predictive import Predictive
 from stereocal.workflow import calibrate
+from tests.rigs.refined_rigs import Misjudged, random_scene, stated
 
 SETS: tuple[Method, ...] = ("2d", "3d", "refined")
 

@@ -1,6 +1,6 @@
 """The real server is killed at random moments while people work: is anything lost?
 
-    python -m benchmarks.kills --kills 200 --seed 0
+    python -m tests.browser.kills --kills 200 --seed 0
 
 Each time, a session does one thing over and over (`kill_activities`) on a server that gets SIGKILL
 at a random moment. Then, on the same disk: the library opens the project and finds everything that
@@ -24,8 +24,13 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.client import PageError, Session
-from benchmarks.kill_activities import (
+from stereocal.errors import StereocalError
+from stereocal.formats.camera_file import write_camera
+from stereocal.projects.home import duplicate, recent_projects
+from stereocal.projects.project import Project
+from tests.bar_photographs import BAR_M, bar_set
+from tests.browser.client import PageError, Session
+from tests.browser.kill_activities import (
     ACTIVITIES,
     PHOTOGRAPHED,
     Activity,
@@ -33,12 +38,7 @@ from benchmarks.kill_activities import (
     photographs,
     value_of,
 )
-from benchmarks.server import Server
-from stereocal.errors import StereocalError
-from stereocal.formats.camera_file import write_camera
-from stereocal.projects.home import duplicate, recent_projects
-from stereocal.projects.project import Project
-from tests.bar_photographs import BAR_M, bar_set
+from tests.browser.server import Server
 
 WRONG = ("cannot be read", "damaged", "another version", "no project at this address", "unforeseen")
 COLUMNS = (

@@ -1,6 +1,6 @@
 """The story of the Start page: each set fitted to half of the real recording, tested on the rest.
 
-python -m benchmarks.story      # writes assets/story.json
+python -m tools.story      # writes assets/story.json
 """
 
 from __future__ import annotations

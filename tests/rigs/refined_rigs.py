@@ -145,3 +145,20 @@ def spoiled(
     return replace(dataset, correspondences=changed), sorted(
         int(frame) for frame in rows.frame[rows.bars[bad, 0]]
     )
+
+
+MARGIN_PX = 60.0
+
+
+def waved_scene(cameras: Rig, rng: np.random.Generator, frames: int, length: int) -> Scene:
+    """A bar that is somewhere else, in another direction, every `length` frames."""
+    keys = place_bars(cameras, rng, frames // length + 2, BAR_M, DEPTHS_M, MARGIN_PX).ends_m
+    middles, halves = keys.mean(axis=1), 0.5 * (keys[:, 0] - keys[:, 1])
+    at, part = np.divmod(np.arange(frames), length)
+    share = (part / length)[:, None]
+    middle = (1 - share) * middles[at] + share * middles[at + 1]
+    # Of two ways round the shorter one.
+    flip = np.where(np.sum(halves[at] * halves[at + 1], axis=1) < 0, -1.0, 1.0)[:, None]
+    half = (1 - share) * halves[at] + share * flip * halves[at + 1]
+    half *= 0.5 * BAR_M / np.linalg.norm(half, axis=1, keepdims=True)
+    return Scene(cameras, np.stack([middle + half, middle - half], axis=1))

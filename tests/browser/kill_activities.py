@@ -1,4 +1,4 @@
-"""What people do while the server is killed (`benchmarks.kills`), and what each page acknowledged.
+"""What people do while the server is killed (`kills`), and what each page acknowledged.
 
 An activity goes on until its session breaks off. It notes before each act what the project will
 then hold, and after the page's answer that it must hold it from now on, whatever happens.
@@ -18,7 +18,6 @@ from typing import Any
 import cv2
 import numpy as np
 
-from benchmarks.client import Session
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.correspondences_csv import write_table
 from stereocal.formats.dataset_files import DESCRIPTION, pack_dataset
@@ -31,6 +30,7 @@ from stereocal.rig.dataset import Dataset
 from stereocal.simulation.simulate import FIELD_BAR_M, field_rig, observe, place_bars
 from stereocal.system.zip_files import pack_zip
 from tests.bar_photographs import bar_set
+from tests.browser.client import Session
 
 Item = tuple[str, ...]
 PHOTOGRAPHED = 7

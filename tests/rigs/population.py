@@ -3,20 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
-from stereocal.calibration.methods import ALL_METHODS, Method
+from stereocal.calibration.methods import ALL_METHODS, CalibrationSettings, Method
 from stereocal.evaluation.compiled_run import BINS, CORRECT, REPROJECTION, RESIDUAL, UNDERFLOW
+from stereocal.evaluation.evaluate import count_set
 from stereocal.evaluation.summary import merge_bins, overlap
 from stereocal.refined.solve import lenses_of_cameras
-from stereocal.refined.unknowns import shared_unknowns
+from stereocal.refined.unknowns import RefineSettings, shared_unknowns
 from stereocal.rig.compiled import FloatArray
+from stereocal.rig.dataset import Dataset
 from stereocal.rig.rig import Rig
+from stereocal.simulation.simulate import place_bars
+from stereocal.verdict.forecast import forecast_files
 from stereocal.verdict.fresh_bars import GROUP
 from stereocal.verdict.intervals import MERGE
 from stereocal.verdict.judging import judge
-from stereocal.verdict.predictive import bin_edge, partners_in_groups
+from stereocal.verdict.predictive import Forecast, bin_edge, partners_in_groups
+from stereocal.workflow import calibrate
+from tests.rigs.refined_rigs import BAR_M, DEPTHS_M, Misjudged, random_scene, stated
 
 
 def population(
@@ -79,3 +86,65 @@ def population(
             "mean_error_3d": float(np.nanmean(errors)),
         }
     return found
+
+
+def figures_on(data: Dataset, rig: Rig) -> dict[str, float]:
+    """Of one file on a data set."""
+    seen = replace(data, primary=rig.primary, secondary=rig.secondary)
+    run = count_set(seen, rig.pose)
+    errors = np.abs(run.lengths[0] - 1.0)
+    fcp = overlap(merge_bins(run.counts[0, 1].astype(np.int64), MERGE))
+    return {
+        "fcp_reprojection": float(fcp),
+        "mean_reprojection_px": float(run.correct_px[0]),
+        "median_error_3d": float(np.nanmedian(errors)),
+        "p95_error_3d": float(np.nanpercentile(errors, 95)),
+    }
+
+
+CASES: Mapping[str, Misjudged] = {
+    "exact": Misjudged(0.0, 0.0, 0.0, 0.0),
+    "0.2 %, 4 px, baseline 0.5 %": Misjudged(0.0115, 0.0005, 0.002, 4.0),
+    "1 %, 15 px, baseline 2 %": Misjudged(0.046, 0.0005, 0.01, 15.0),
+}
+
+
+NOISE_PX = (0.1, 0.5)
+TEST_BARS = 2000
+FIGURES = (
+    "fcp_residual",
+    "fcp_reprojection",
+    "correct_lost_at_threshold",
+    "wrong_let_in_at_threshold",
+    "mean_reprojection_px",
+    "median_error_3d",
+    "p95_error_3d",
+)
+
+
+def one_rig(off: Misjudged, frames: int, seed: int) -> dict[Method, dict[str, tuple[float, ...]]]:
+    """Of each file and figure: the population's value, and value, low, high of the forecast."""
+    rng = np.random.default_rng([seed, frames, int(1e6 * off.focal)])
+    noise = float(np.exp(rng.uniform(*np.log(NOISE_PX))))
+    scene = random_scene(rng, frames)
+    dataset = stated(scene, rng, replace(off, noise_px=noise))
+    settings = off.settings() if off.focal else RefineSettings()
+    calibration = calibrate(dataset, CalibrationSettings(), refined=settings)
+    outlook = forecast_files(calibration)
+    files, forecasts = outlook.files, outlook.predictive.forecasts
+    factor = BAR_M / dataset.target_distance_m
+    test = place_bars(scene.rig, rng, TEST_BARS, BAR_M, DEPTHS_M)
+    thresholds = {method: found.threshold_px.value for method, found in forecasts.items()}
+    truths = population(scene.rig, files, test.ends_m, noise, thresholds, rng, factor)
+    return {
+        method: {
+            figure: (truths[method][figure], *_numbers(forecasts[method], figure))
+            for figure in FIGURES
+        }
+        for method in forecasts
+    }
+
+
+def _numbers(forecast: Forecast, figure: str) -> tuple[float, float, float]:
+    estimate = getattr(forecast, figure)
+    return estimate.value, estimate.low, estimate.high

@@ -1,0 +1,111 @@
+"""Calibrated rigs, then new images after one of their cameras moved."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from stereocal.field.checking.fits import (
+    Fit,
+    pose_change,
+    pose_difference,
+    turned,
+)
+from stereocal.field.checking.new_images import NewImages, images_of_bars, images_of_matches
+from stereocal.field.checking.power import information_of, power_of
+from stereocal.field.checking.prior import Prior, prior_of
+from stereocal.refined.parameter_file import refined_parameters
+from stereocal.refined.refine import refine
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.geometry import Pose
+from stereocal.rig.rig import Rig
+from stereocal.simulation.simulate import Nominal, Scene, observe, place_bars
+from tests.rigs.refined_rigs import BAR_M, DEPTHS_M, FRAMES, Misjudged, random_scene, stated
+
+OFF = Misjudged()
+NEW_BARS = 5
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A calibrated rig."""
+
+    truth: Rig
+    dataset: Dataset
+    prior: Prior
+    rng: np.random.Generator
+
+
+def cases(trials: int, seed: int) -> Iterator[Case]:
+    """Calibrated rigs, each with its own random stream."""
+    for k in range(trials):
+        rng = np.random.default_rng([seed, k])
+        scene = random_scene(rng, FRAMES)
+        dataset = stated(scene, rng, OFF)
+        fit = refine(dataset, OFF.settings())
+        yield Case(scene.rig, dataset, prior_of(refined_parameters(fit)), rng)
+
+
+def new_bars(case: Case, rig: Rig) -> NewImages:
+    """New bars as a rig sees them, with the lenses and lengths stated for the calibration."""
+    scene = place_bars(rig, case.rng, NEW_BARS, BAR_M, DEPTHS_M)
+    return images_of_bars(seen_by(case, scene), case.prior.rig)
+
+
+def seen_by(case: Case, scene: Scene) -> Dataset:
+    """A scene as data set with the stated lenses and lengths."""
+    data = case.dataset
+    nominal = Nominal(data.primary, data.secondary, data.baseline_m, data.target_distance_m)
+    return observe(scene, case.rng, OFF.noise_px, "new", nominal)
+
+
+def bumped(case: Case, angle_rad: float) -> Rig:
+    """The rig after one of its cameras turned in place about a random axis."""
+    axis = case.rng.standard_normal(3)
+    vector = angle_rad * axis / np.linalg.norm(axis)
+    return replace(case.truth, pose=turned(case.truth.pose, int(case.rng.integers(2)), vector))
+
+
+def longer(case: Case, factor: float) -> Rig:
+    """The rig with another baseline."""
+    pose = case.truth.pose
+    return replace(case.truth, pose=Pose(pose.R, pose.T * factor))
+
+
+def bound(case: Case, images: NewImages, rig: Rig) -> float:
+    """Probability that an ideal test at 1 % finds the movement, with the true noise.
+
+    The old parameters have the covariance of the file, with its estimated noise.
+    """
+    fit = true_fit(case, images)
+    m = len(fit.change)
+    return power_of(information_of(fit), pose_difference(rig.pose, case.truth.pose)[:m])
+
+
+def true_fit(case: Case, images: NewImages) -> Fit:
+    """The images fitted with the pose free and the true noise."""
+    change = pose_change(case.prior, images.bars > 0)
+    fit = Fit(case.prior, images, change, OFF.noise_px)
+    return fit.minimise(np.zeros(len(images.numbers), dtype=np.bool_))
+
+
+def matched(case: Case, rig: Rig, pairs: int) -> NewImages:
+    """Matched points without lengths, anywhere where both cameras look."""
+    scene = place_bars(rig, case.rng, pairs // 2, BAR_M, DEPTHS_M)
+    rows = seen_by(case, scene).correspondences
+    return images_of_matches(rows.frame, rows.primary, rows.secondary, case.prior.rig, "points")
+
+
+def joined(case: Case, before: Scene, after: Scene) -> Dataset:
+    """The bars of two rigs, one after the other."""
+    one, two = seen_by(case, before), seen_by(case, after)
+    a, b = one.correspondences, two.correspondences
+    rows = type(a).from_arrays(
+        np.concatenate([a.frame, b.frame + len(before.ends_m)]),
+        "AB" * (len(before.ends_m) + len(after.ends_m)),
+        np.concatenate([a.primary, b.primary]),
+        np.concatenate([a.secondary, b.secondary]),
+    )
+    return replace(one, correspondences=rows)
