@@ -22,10 +22,10 @@ from stereocal.detection.detect import Detection, detect_targets
 from stereocal.frames.labelling import Labelling, label_targets
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
-from stereocal.simulation.backgrounds import outdoors
-from stereocal.simulation.photographs import BarSettings, photograph_bars, place_visible_bars
-from stereocal.simulation.rendering import PhotographSettings
 from stereocal.simulation.simulate import field_rig
+from tools.photographs.backgrounds import outdoors
+from tools.photographs.bars import BarSettings, photograph_bars, place_visible_bars
+from tools.photographs.rendering import PhotographSettings
 
 PER_SCENE = 10
 """Pairs of one background: the geometry of all of them tells A and B apart."""

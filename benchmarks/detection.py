@@ -18,8 +18,8 @@ from stereocal.detection.corner_model import ALL, CORE, FRAME, fill_frame, fill_
 from stereocal.detection.detect import corner_near
 from stereocal.detection.fit import window
 from stereocal.rig.compiled import FloatArray
-from stereocal.simulation.rendering import Photograph
 from tests.detection.boards import Board, picture, plane_to_image
+from tools.photographs.rendering import Photograph
 
 RENDERS = 200
 WINDOWS = (2, 3, 4, 5, 6, 7, 8, 10, 12, 15, 20, 30)

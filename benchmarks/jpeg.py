@@ -17,8 +17,8 @@ from scipy.optimize import least_squares
 from scipy.special import erf
 
 from stereocal.rig.compiled import FloatArray
-from stereocal.simulation.rendering import Photograph
-from stereocal.simulation.sample_photographs import jpeg, prepare_photographs
+from tools.photographs.rendering import Photograph
+from tools.photographs.sample import jpeg, prepare_photographs
 
 QUALITIES = (95, 90, 85, 80, 75, 60)
 WINDOW = 0.22

@@ -18,8 +18,8 @@ from stereocal.intrinsics.boards import BoardSearch, BoardView
 from stereocal.intrinsics.calibrate_lens import PARAMETERS, LensSettings, calibrate_lens
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
-from stereocal.simulation.board_series import draw_board_poses, true_corners
 from stereocal.simulation.simulate import field_rig
+from tools.photographs.board_series import draw_board_poses, true_corners
 
 PATTERN = BoardPattern(18, 12, 0.03)
 CASES = ((50, 20), (30, 20), (25, 20))

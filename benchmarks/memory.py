@@ -18,11 +18,11 @@ import cv2
 import numpy as np
 
 from stereocal.frames.series import detect_series
-from stereocal.simulation.backgrounds import outdoors
-from stereocal.simulation.photographs import BarSettings, photograph_bars, place_visible_bars
-from stereocal.simulation.rendering import PhotographSettings
 from stereocal.simulation.simulate import field_rig
 from stereocal.system.executors import engine
+from tools.photographs.backgrounds import outdoors
+from tools.photographs.bars import BarSettings, photograph_bars, place_visible_bars
+from tools.photographs.rendering import PhotographSettings
 
 COUNTS = (50, 500)
 ENGINES = {"threads": None, "processes": 2}

@@ -42,13 +42,13 @@ from stereocal.projects.photographs import TABLE_LABEL
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.rig import Rig
-from stereocal.simulation.photographs import BarSettings, photograph_bars, place_visible_bars
-from stereocal.simulation.rendering import PhotographSettings
 from stereocal.simulation.simulate import FIELD_BAR_M, field_rig, observe, place_bars
 from stereocal.workflow import calibrate
 from tests.bar_photographs import BOARD_M, DEPTHS_M, small
 from tests.browser.client import Session
 from tests.browser.server import MemoryWatch, Server
+from tools.photographs.bars import BarSettings, photograph_bars, place_visible_bars
+from tools.photographs.rendering import PhotographSettings
 
 FRAMES, PHOTOGRAPHED = 25, 14
 LABELS = re.compile(r"(?:points|primary|secondary|left|right)_(\d\d)")

@@ -22,7 +22,7 @@ from stereocal.refined.refine import refine
 from stereocal.refined.screening import screen
 from stereocal.refined.time_offset import CLAIMED
 from stereocal.rig.tracks import TimeOffset
-from stereocal.simulation.moving_bar import FRAMES_BETWEEN, move_bar, record
+from tests.rigs.moving_bar import FRAMES_BETWEEN, move_bar, record
 from tests.rigs.refined_rigs import BAR_M, DEPTHS_M, Misjudged, misjudged, random_rig
 
 DRIFT = 1e-5

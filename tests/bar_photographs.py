@@ -12,14 +12,14 @@ import numpy as np
 
 from stereocal.rig.camera import Camera
 from stereocal.rig.rig import Rig
-from stereocal.simulation.photographs import (
+from stereocal.simulation.simulate import field_rig
+from tools.photographs.bars import (
     BarSettings,
     PhotographPair,
     photograph_bars,
     place_visible_bars,
 )
-from stereocal.simulation.rendering import PhotographSettings
-from stereocal.simulation.simulate import field_rig
+from tools.photographs.rendering import PhotographSettings
 
 SHRINK = 4
 BOARD_M, BAR_M, DEPTHS_M = 0.3, 0.9, (6.0, 9.0)

@@ -15,8 +15,8 @@ from stereocal.intrinsics.boards import BoardSearch, BoardView
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
-from stereocal.simulation.board_series import draw_board_poses
-from stereocal.simulation.rendering import (
+from tools.photographs.board_series import draw_board_poses
+from tools.photographs.rendering import (
     Board,
     Photograph,
     PhotographSettings,

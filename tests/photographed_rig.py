@@ -13,9 +13,9 @@ from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.rig import Rig
-from stereocal.simulation.board_series import draw_board_poses, photograph_boards
-from stereocal.simulation.photographs import BarSettings, photograph_bars, place_visible_bars
-from stereocal.simulation.rendering import PhotographSettings, chessboard
+from tools.photographs.bars import BarSettings, photograph_bars, place_visible_bars
+from tools.photographs.board_series import draw_board_poses, photograph_boards
+from tools.photographs.rendering import PhotographSettings, chessboard
 
 BASELINE_M, BAR_M, BOARD_M = 1.2, 0.6, 0.2
 CORNERS, SQUARE_M = (11, 8), 0.03

@@ -5,9 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from stereocal.commands.progress import ProgressBar
 from stereocal.errors import StereocalError
-from stereocal.formats.simulated import write_field, write_nineteen, write_photographs
+from stereocal.formats.simulated import write_field, write_nineteen
 
 
 def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -18,11 +17,6 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     command.add_argument("--frames", type=int, default=25, metavar="N", help="default: 25")
     command.add_argument("--out", type=Path, required=True, help="folder for the data sets")
     command.add_argument("--seed", type=int, default=0, metavar="N", help="default: 0")
-    command.add_argument(
-        "--images",
-        action="store_true",
-        help="also photographs of the bar and of a chessboard (11 MB, about a minute)",
-    )
 
 
 def run(parsed: argparse.Namespace) -> None:
@@ -35,8 +29,3 @@ def run(parsed: argparse.Namespace) -> None:
     print(f"wrote {parsed.out / 'field'}")
     write_nineteen(parsed.out / "nineteen", parsed.seed, parsed.datasets, parsed.frames)
     print(f"wrote {parsed.out / 'nineteen'}")
-    if parsed.images:
-        out = parsed.out / "photographs"
-        with ProgressBar("photographs") as bar:
-            write_photographs(out, parsed.seed, parsed.frames, progress=bar.show)
-        print(f"wrote {out}")

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from stereocal.rig.compiled import FloatArray
-from stereocal.simulation.rendering import Photograph
+from tools.photographs.rendering import Photograph
 
 
 @dataclass(frozen=True)

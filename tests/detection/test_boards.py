@@ -20,9 +20,9 @@ from stereocal.intrinsics.board_pattern import BoardPattern
 from stereocal.intrinsics.boards import BoardView, Refused, find_board, find_boards
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
-from stereocal.simulation.rendering import Board, Photograph, chessboard
 from stereocal.system.photograph import read_photograph
 from tests.lens import PATTERN, SQUARES, AtOnce, corners_of, facing, names, photographed, png
+from tools.photographs.rendering import Board, Photograph, chessboard
 
 TELLABLE = BoardPattern(8, 5, 0.03)
 """9x6 squares: turned by 180 degrees, black and white are exchanged."""

@@ -14,9 +14,9 @@ from stereocal.detection.detect import corner_near
 from stereocal.detection.fit import Corner
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
-from stereocal.simulation.photographs import facing
-from stereocal.simulation.rendering import PhotographSettings, Placed, photograph, x_corner_board
 from tests.detection.boards import Board, picture
+from tools.photographs.bars import facing
+from tools.photographs.rendering import PhotographSettings, Placed, photograph, x_corner_board
 
 PARAMETERS = np.array(
     [10.2, 9.7, 0.3, 1.2, np.log(1.2), 100.0, 60.0, 2e-3, -1e-3, 3.0, 2.0, -0.1, 0.05]

@@ -15,11 +15,11 @@ import pytest
 from stereocal.detection.detect import Detection, detect_targets
 from stereocal.errors import StereocalError
 from stereocal.frames.series import detect_series
-from stereocal.simulation.backgrounds import outdoors
-from stereocal.simulation.photographs import BarSettings, photograph_bars, place_visible_bars
-from stereocal.simulation.rendering import Photograph, PhotographSettings
 from stereocal.simulation.simulate import field_rig
 from tests.detection.boards import Board, paint
+from tools.photographs.backgrounds import outdoors
+from tools.photographs.bars import BarSettings, photograph_bars, place_visible_bars
+from tools.photographs.rendering import Photograph, PhotographSettings
 
 SIZE = (700, 400)
 LEFT = Board((170.3, 200.2), 80.0, 0.3, 0.5, 1.0)

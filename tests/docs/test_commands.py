@@ -26,7 +26,7 @@ NOT_RUN = {
     "python -m venv": "makes an environment",
     "stereocal-env/bin/pip": "tests/test_wheel.py installs the wheel",
     "stereocal serve": "serves until it is stopped; tests/browser/test_installed.py runs it",
-    "stereocal simulate --out sample_data --images": "a minute; tests/simulation renders some",
+    "python -m tools.photographs": "a minute; tests/tools renders some",
     "docker": "needs Docker",
 }
 """Beginnings of commands that are not run here, and why."""

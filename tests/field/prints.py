@@ -9,7 +9,7 @@ from stereocal.field.printing.paper import Sheet
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
-from stereocal.simulation.rendering import (
+from tools.photographs.rendering import (
     Board,
     Photograph,
     PhotographSettings,

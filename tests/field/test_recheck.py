@@ -35,7 +35,6 @@ from stereocal.rig.compiled import FloatArray
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import TimeOffset
-from stereocal.simulation.moving_bar import move_bar, record
 from stereocal.simulation.simulate import lens_off_by, place_bars
 from stereocal.workflow import answer, calibrate
 from tests.rigs.bumps import (
@@ -50,6 +49,7 @@ from tests.rigs.bumps import (
     seen_by,
     true_fit,
 )
+from tests.rigs.moving_bar import move_bar, record
 from tests.rigs.refined_rigs import BAR_M, DEPTHS_M, random_rig
 from tests.terminal import ROOT
 

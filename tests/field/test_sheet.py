@@ -17,8 +17,8 @@ from stereocal.field.printing.bar_places import DIRECTIONS, bar_places, ground_f
 from stereocal.field.printing.paper import PAPERS
 from stereocal.field.printing.sheet import field_sheet
 from stereocal.rig.geometry import Pose
-from stereocal.simulation.rendering import turned
 from tests.field.plans import plan
+from tools.photographs.rendering import turned
 
 WIDE = SensorLens(12.0, (11.3, 7.1), (1920, 1200))
 TANK = plan(

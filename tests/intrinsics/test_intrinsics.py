@@ -27,8 +27,8 @@ from stereocal.intrinsics.tables import lens_answer, lens_rows, with_error
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
-from stereocal.simulation.rendering import chessboard_corners, turned
 from tests.lens import PATTERN, SMALL, SQUARES, TRUE, AtOnce, search, views
+from tools.photographs.rendering import chessboard_corners, turned
 
 FEW = LensSettings(subset=12, repeats=20)
 

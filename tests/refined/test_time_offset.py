@@ -20,10 +20,10 @@ from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import TimeOffset
-from stereocal.simulation.moving_bar import move_bar, record
 from stereocal.simulation.simulate import field_rig
 from stereocal.workflow import answer, calibrate
 from tests import known_rig as rig
+from tests.rigs.moving_bar import move_bar, record
 
 FIELD = Path(__file__).parents[2] / "sample_data" / "field"
 FRAMES = 120

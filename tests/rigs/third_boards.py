@@ -10,22 +10,22 @@ import numpy as np
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
-from stereocal.simulation.photographs import (
+from stereocal.simulation.simulate import field_rig
+from tests.bar_photographs import BAR_M, BOARD_M, DEPTHS_M, small
+from tools.photographs.bars import (
     BarSettings,
     PhotographPair,
     facing,
     place_boards,
     place_visible_bars,
 )
-from stereocal.simulation.rendering import (
+from tools.photographs.rendering import (
     PhotographSettings,
     Picture,
     Placed,
     photograph,
     x_corner_board,
 )
-from stereocal.simulation.simulate import field_rig
-from tests.bar_photographs import BAR_M, BOARD_M, DEPTHS_M, small
 
 WITH_ANOTHER = 0.4
 """In so many frames of a series there is a third board: it stands behind the bar in the others."""

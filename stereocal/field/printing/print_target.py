@@ -21,7 +21,6 @@ from stereocal.field.printing.paper import (
     footer_height,
     stroke,
 )
-from stereocal.simulation.photographs import SEPARATION
 from stereocal.system.numbers import rounded
 
 GOOD_PX = 50.0
@@ -33,6 +32,9 @@ STEP_MM, FINE_STEP_MM, FINE_MM = 5.0, 1.0, 50.0
 MARK_MM, MARK_GAP_MM = 3.5, 1.5
 """Length of a mark outside the target, and its distance from it."""
 AROUND_MM = MARK_MM + MARK_GAP_MM
+SEPARATION = 1.6
+"""Least distance of the targets across the line of sight, in sides of a target, so that neither
+hides the other."""
 SMALLEST_M, LARGEST_M = 0.002, 10.0
 
 

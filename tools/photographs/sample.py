@@ -2,41 +2,49 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 
 from stereocal.errors import StereocalError
+from stereocal.formats.dataset_files import TABLE, pack_dataset
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.rig import Rig
-from stereocal.simulation.backgrounds import indoors, outdoors
-from stereocal.simulation.board_series import (
+from stereocal.simulation.simulate import (
+    FIELD_BAR_M,
+    FIELD_BASELINE_M,
+    FIELD_FRAMES,
+    TRUTH,
+    Nominal,
+    Scene,
+    field_rig,
+    observe,
+    truth_of,
+)
+from stereocal.system.atomic_files import write_atomically
+from stereocal.system.tasks import Progress
+from tools.photographs.backgrounds import indoors, outdoors
+from tools.photographs.bars import (
+    BarSettings,
+    PhotographPair,
+    photograph_bars,
+    place_visible_bars,
+)
+from tools.photographs.board_series import (
     LENS_PHOTOGRAPHS,
     LENS_SQUARE_M,
     LENS_SQUARES,
     draw_board_poses,
     photograph_boards,
 )
-from stereocal.simulation.flaws import NO_FLAW, SAMPLE_FLAWS, Flaw
-from stereocal.simulation.photographs import (
-    BarSettings,
-    PhotographPair,
-    photograph_bars,
-    place_visible_bars,
-)
-from stereocal.simulation.rendering import Photograph, PhotographSettings, chessboard
-from stereocal.simulation.simulate import (
-    FIELD_BAR_M,
-    FIELD_BASELINE_M,
-    FIELD_FRAMES,
-    Scene,
-    field_rig,
-    truth_of,
-)
+from tools.photographs.flaws import NO_FLAW, SAMPLE_FLAWS, Flaw
+from tools.photographs.rendering import Photograph, PhotographSettings, chessboard
 
 JPEG_QUALITY = 50
 """Its effect on accuracy is in sample_data/README.md."""
@@ -160,3 +168,51 @@ def true_of_photographs(field: PhotographedField) -> dict[str, Any]:
         },
     }
     return truth
+
+
+def write_photographs(
+    folder: Path,
+    seed: int,
+    frames: int = FIELD_FRAMES,
+    boards: int = LENS_PHOTOGRAPHS,
+    progress: Progress = lambda _done, _total: None,
+) -> None:
+    """Write a data set of photographs: `primary/0001.jpg`, ..., `boards_primary/`, and the truth.
+
+    There is no table of points; they are to be detected.
+
+    Args:
+        progress: called with the number of photographs written and the total.
+
+    Raises:
+        StereocalError: the folder cannot be written to.
+    """
+    field = prepare_photographs(seed, frames, boards)
+    for name, content in describing_files(field).items():
+        write_atomically(folder / name, content)
+    total = 2 * (frames + boards)
+    done = 0
+    for pair in field.pairs():
+        quality = JPEG_QUALITY_HIDDEN if field.is_hidden(pair.frame) else JPEG_QUALITY
+        for which, image in (("primary", pair.primary), ("secondary", pair.secondary)):
+            name = f"{pair.frame:04d}.jpg"
+            write_atomically(folder / which / name, jpeg(image, quality))
+        done += 2
+        progress(done, total)
+    for which in field.cameras:
+        for number, image in enumerate(field.board_photographs(which), start=1):
+            name = f"{number:04d}.jpg"
+            write_atomically(folder / f"boards_{which}" / name, jpeg(image, JPEG_QUALITY))
+            done += 1
+            progress(done, total)
+
+
+def describing_files(field: PhotographedField) -> dict[str, bytes]:
+    """`dataset.json`, the two camera files and `truth.json`."""
+    nominal = replace(
+        Nominal.exact(field.scene), baseline_m=FIELD_BASELINE_M, target_distance_m=FIELD_BAR_M
+    )
+    notes = f"Synthetic photographs, seed {field.seed}; the truth is in {TRUTH}."
+    exact = observe(field.scene, np.random.default_rng(0), 0.0, "photographs", nominal, notes)
+    files = {name: content for name, content in pack_dataset(exact).items() if name != TABLE}
+    return {**files, TRUTH: (json.dumps(true_of_photographs(field), indent=2) + "\n").encode()}

@@ -16,12 +16,14 @@ from types import MappingProxyType
 import numpy as np
 
 from stereocal.errors import StereocalError
+from stereocal.field.printing.print_target import SEPARATION
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
-from stereocal.simulation.flaws import NO_FLAW, Flaw, add_glare, exposed
-from stereocal.simulation.rendering import (
+from stereocal.simulation.simulate import FIELD_DEPTHS_M, MAXIMUM_ROUNDS, Scene, place_bars
+from tools.photographs.flaws import NO_FLAW, Flaw, add_glare, exposed
+from tools.photographs.rendering import (
     Board,
     Photograph,
     PhotographSettings,
@@ -31,17 +33,13 @@ from stereocal.simulation.rendering import (
     turned,
     x_corner_board,
 )
-from stereocal.simulation.scenery import GROUND_M
-from stereocal.simulation.simulate import FIELD_DEPTHS_M, MAXIMUM_ROUNDS, Scene, place_bars
+from tools.photographs.scenery import GROUND_M
 
 HERE = Pose(np.eye(3), np.zeros(3))
 """The primary camera's pose in its own frame."""
 VISIBLE_MARGIN_PX = 110.0
 """Least distance of a target from the edge of an image: a 0.18 m board at 8 m extends to 113 px if
 it is rotated by 45 degrees, so almost all boards are completely visible."""
-SEPARATION = 1.6
-"""Least distance of the targets across the line of sight, in sides of a board, so that neither
-hides the other."""
 ROD_SHADES = (60.0, 110.0, 145.0, 160.0, 140.0, 105.0, 65.0)
 """Grey levels across a round rod lit from the front."""
 

@@ -16,7 +16,9 @@ from stereocal.intrinsics.board_corners import refine
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
-from stereocal.simulation.board_series import (
+from stereocal.simulation.simulate import field_rig
+from tests.known_rig import PRIMARY
+from tools.photographs.board_series import (
     CHARUCO_MARKER,
     LENS_SQUARE_M,
     LENS_SQUARES,
@@ -25,7 +27,7 @@ from stereocal.simulation.board_series import (
     photograph_boards,
     true_corners,
 )
-from stereocal.simulation.rendering import (
+from tools.photographs.rendering import (
     Board,
     PhotographSettings,
     Picture,
@@ -38,8 +40,6 @@ from stereocal.simulation.rendering import (
     turned,
     x_corner_board,
 )
-from stereocal.simulation.simulate import field_rig
-from tests.known_rig import PRIMARY
 
 NO_NOISE = PhotographSettings(vignetting=0.0, full_well_e=np.inf, read_noise=0.0, bits=16)
 STRAIGHT = Camera(

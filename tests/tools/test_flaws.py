@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from stereocal.detection.detect import detect_targets
-from stereocal.simulation.flaws import SAMPLE_FLAWS, Flaw
-from stereocal.simulation.photographs import BarSettings, PhotographPair, photograph_bars
-from tests.simulation.test_photographs import PLAIN, SHIPPED, is_x_corner, small_scene
+from tests.tools.test_photographs import PLAIN, SHIPPED, is_x_corner, small_scene
+from tools.photographs.bars import BarSettings, PhotographPair, photograph_bars
+from tools.photographs.flaws import SAMPLE_FLAWS, Flaw
 
 BAR = BarSettings(board_m=0.3, tilt_rad=(0.0, 0.3))
 FRAMES = 4

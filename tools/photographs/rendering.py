@@ -20,14 +20,14 @@ from stereocal.errors import StereocalError
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
-from stereocal.simulation.area_sampling import (
+from tools.photographs.area_sampling import (
     BLUR_REACH,
     fill_parts,
     pixel_weights,
     sample_offsets,
     sum_parts,
 )
-from stereocal.simulation.pixel_rays import on_plane, ray_splines
+from tools.photographs.pixel_rays import on_plane, ray_splines
 
 Picture = npt.NDArray[np.float32]
 """(height, width) grey levels before the sensor; 255 is full scale."""

@@ -14,7 +14,7 @@ import numpy as np
 from stereocal.rig.camera import Camera, CameraName
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
-from stereocal.simulation.rendering import (
+from tools.photographs.rendering import (
     Board,
     Picture,
     Placed,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -11,26 +10,24 @@ import cv2
 import numpy as np
 import pytest
 
-from stereocal import cli
-from stereocal.commands import simulate as simulate_command
 from stereocal.errors import StereocalError
+from stereocal.field.printing.print_target import SEPARATION
 from stereocal.formats.camera_file import read_camera
-from stereocal.formats.simulated import describing_files, write_photographs
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.rig import Rig
-from stereocal.simulation.backgrounds import WALL_M, outdoors
-from stereocal.simulation.photographs import (
-    SEPARATION,
+from stereocal.simulation.simulate import FIELD_BAR_M, Scene, field_rig
+from tests.simulation.test_simulate import assert_same_numbers
+from tools.photographs.__main__ import main
+from tools.photographs.backgrounds import WALL_M, outdoors
+from tools.photographs.bars import (
     BarSettings,
     facing,
     photograph_bars,
     place_boards,
     place_visible_bars,
 )
-from stereocal.simulation.rendering import Photograph, PhotographSettings
-from stereocal.simulation.sample_photographs import JPEG_QUALITY, jpeg, prepare_photographs
-from stereocal.simulation.simulate import FIELD_BAR_M, Scene, field_rig
-from tests.simulation.test_simulate import assert_same_numbers
+from tools.photographs.rendering import Photograph, PhotographSettings
+from tools.photographs.sample import JPEG_QUALITY, describing_files, jpeg, prepare_photographs
 
 SHIPPED = Path(__file__).parents[2] / "sample_data" / "photographs"
 PLAIN = PhotographSettings(read_noise=0.0, full_well_e=np.inf, vignetting=0.0)
@@ -167,13 +164,8 @@ def test_both_cameras_see_the_same_background() -> None:
     assert np.corrcoef(first, second)[0, 1] > 0.9
 
 
-def test_command_writes_the_photographs(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    few = functools.partial(write_photographs, boards=1)
-    monkeypatch.setattr(simulate_command, "write_photographs", few)
-    arguments = ["--datasets", "1", "--frames", "1", "--seed", "3", "--images"]
-    assert cli.main(["simulate", "--out", str(tmp_path), *arguments]) == 0
+def test_command_writes_the_photographs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    main(["--out", str(tmp_path / "photographs"), "--frames", "1", "--boards", "1", "--seed", "3"])
     assert "4/4 photographs" in capsys.readouterr().err
     folder = tmp_path / "photographs"
     files = {str(file.relative_to(folder)) for file in folder.rglob("*") if file.is_file()}

@@ -11,7 +11,7 @@ from stereocal.errors import StereocalError
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
-from stereocal.simulation.rendering import (
+from tools.photographs.rendering import (
     Board,
     Photograph,
     PhotographSettings,
