@@ -52,7 +52,6 @@ class Inner:
     """A file of a project's zip."""
 
     kind: str
-    modules: tuple[str, ...]
     member: str
 
     def seeds(self) -> Sequence[bytes]:
@@ -61,18 +60,16 @@ class Inner:
 
 
 FILES = {
-    "project.json": Inner(
-        "json", ("archive", "pair_rows", "review", "point_files"), "project.json"
-    ),
-    "camera": Inner("json", (), "inputs/primary.json"),
-    "points": Inner("text", (), "inputs/correspondences.csv"),
-    "more": Inner("zip", (), "datasets/000000.zip"),
-    "calibration.json": Inner("json", (), "results/calibration.json"),
-    "evaluation.npz": Inner("npz", (), "results/evaluation.npz"),
-    "frames.json": Inner("json", ("photographs", "review", "thumbnails"), "results/frames.json"),
-    "boards.npz": Inner("npz", ("lens",), "results/boards_primary.npz"),
-    "lens.npz": Inner("npz", ("lens",), "results/lens_primary.npz"),
-    "result.json": Inner("json", ("application",), "results/applied.json"),
+    "project.json": Inner("json", "project.json"),
+    "camera": Inner("json", "inputs/primary.json"),
+    "points": Inner("text", "inputs/correspondences.csv"),
+    "more": Inner("zip", "datasets/000000.zip"),
+    "calibration.json": Inner("json", "results/calibration.json"),
+    "evaluation.npz": Inner("npz", "results/evaluation.npz"),
+    "frames.json": Inner("json", "results/frames.json"),
+    "boards.npz": Inner("npz", "results/boards_primary.npz"),
+    "lens.npz": Inner("npz", "results/lens_primary.npz"),
+    "result.json": Inner("json", "results/applied.json"),
 }
 
 

@@ -1,17 +1,17 @@
 """Every reader of strangers' files, with sound files to begin from: what is fuzzed, and how.
 
 A reader takes the bytes of one file and a scratch folder. It may return, or raise `StereocalError`;
-anything else is a bug. The tests and `benchmarks/hostile.py` both use this list.
+anything else is a bug.
 """
 
 from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -71,129 +71,85 @@ Seeds = Callable[[], Sequence[bytes]]
 KNOWN = RigParameters(PRIMARY, SECONDARY, RIG, "2d", 1.0, {}, {}, noise_px=0.3)
 
 
-@dataclass(frozen=True)
-class Reader:
+class Reader(NamedTuple):
     """One reader, or one kind of file of it."""
 
-    group: str
     kind: str
-    """How its files are changed: a key of `mutations.BY_KIND`."""
-    name: str
+    """How its files are changed: a key of `damage.CHANGES`."""
     seeds: Seeds
     read: Read
-    modules: tuple[str, ...] = ()
-    """Which modules of formats/ and store/ it goes through."""
 
 
-def _tables() -> list[Reader]:
-    asked = ("point_answers", "point_layouts", "rig_layouts", "point_files", "pixel_origin")
-    table, csv = ("point_table",), ("correspondences_csv",)
-    return [
-        *(
-            Reader("tables", "text", f"points, {name}", partial(list, found), _points, asked)
-            for name, found in seeds.layouts().items()
-        ),
-        Reader(
-            "tables", "text", "correspondences.csv", seeds.correspondences, _correspondences, csv
-        ),
-        Reader("tables", "text", "table of points", seeds.points, _table("t.csv"), table),
-        Reader(
-            "tables",
-            "parquet",
-            "Parquet",
-            seeds.parquet,
-            _table("t.parquet"),
-            (*table, "parquet"),
-        ),
-        Reader("tables", "image", "points, HDF5", seeds.sleap, _hdf5, ("sleap_h5", "other_files")),
-        Reader(
-            "tables",
-            "text",
-            "world, table",
-            lambda: [seeds.world("", "")],
-            _world("w.csv"),
-            ("world_file",),
-        ),
-        Reader(
-            "JSON",
-            "json",
-            "world, JSON",
-            lambda: [seeds.world("[", "]"), seeds.world_json()],
-            _world("w.json"),
-            ("world_file",),
-        ),
-        *(
-            Reader(
-                "tables",
-                "text",
-                f"world from {name}",
-                partial(list, [content]),
-                _observed,
-                ("world_tables",),
+@cache
+def readers() -> dict[str, Reader]:
+    """All readers by name."""
+    return {
+        **_tables(),
+        **_descriptions(),
+        **{f"project, {name}": _inner(name) for name in FILES},
+        **{
+            f"photograph, {name}": Reader(
+                "png" if name == "PNG" else "image", partial(list, found), _photograph
             )
+            for name, found in seeds.photographs().items()
+        },
+        **_zips(),
+        **_browser(),
+    }
+
+
+def _tables() -> dict[str, Reader]:
+    texts: dict[str, tuple[Seeds, Read]] = {
+        **{f"points, {name}": (partial(list, x), _points) for name, x in seeds.layouts().items()},
+        "correspondences.csv": (seeds.correspondences, _correspondences),
+        "table of points": (seeds.points, _table("t.csv")),
+        "world, table": (lambda: [seeds.world("", "")], _world("w.csv")),
+        **{
+            f"world from {name}": (partial(list, [content]), _observed)
             for name, content in seeds.observed().items()
-        ),
-    ]
+        },
+    }
+    return {
+        **{name: Reader("text", *how) for name, how in texts.items()},
+        "Parquet": Reader("image", seeds.parquet, _table("t.parquet")),
+        "points, HDF5": Reader("image", seeds.sleap, _hdf5),
+    }
 
 
-def _descriptions() -> list[Reader]:
-    opencv = ("camera_file", "file_storage", "yaml_text")
+def _descriptions() -> dict[str, Reader]:
     ours = [write_camera(PRIMARY), seeds.uncertain_camera()]
-    yaml = [write_opencv_camera(PRIMARY)]
     rigs = [rig.dumps().encode() for rig in list(RICHEST.values())[:3]]
-    return [
-        Reader("JSON", "json", "camera, ours", lambda: ours, _camera, ("camera_file",)),
-        Reader("YAML", "yaml", "camera, OpenCV YAML", lambda: yaml, _camera, opencv),
-        Reader(
-            "XML", "xml", "camera, OpenCV XML", lambda: [seeds.storage(".xml")], _camera, opencv
-        ),
-        Reader(
-            "JSON", "json", "camera, OpenCV JSON", lambda: [seeds.storage(".json")], _camera, opencv
-        ),
-        Reader("JSON", "json", "parameters", lambda: rigs, _parameters),
-        Reader(
-            "JSON",
-            "json",
-            "dataset.json",
+    texts: dict[str, tuple[Seeds, Read]] = {
+        "camera, OpenCV YAML": (lambda: [write_opencv_camera(PRIMARY)], _camera),
+        "camera, OpenCV XML": (lambda: [seeds.storage(".xml")], _camera),
+        "archive, Kalibr": (lambda: [kalibr_chain()], _archive("c.yaml")),
+        "archive, TOML": (caliscope_files, _archive("c.toml")),
+    }
+    trees: dict[str, tuple[Seeds, Read]] = {
+        "camera, ours": (lambda: ours, _camera),
+        "camera, OpenCV JSON": (lambda: [seeds.storage(".json")], _camera),
+        "world, JSON": (lambda: [seeds.world("[", "]"), seeds.world_json()], _world("w.json")),
+        "parameters": (lambda: rigs, _parameters),
+        "dataset.json": (
             lambda: [seeds.field()["dataset.json"]],
             lambda content, _: parse_dataset({**seeds.field(), "dataset.json": content}, "a.zip"),
-            ("dataset_files",),
         ),
-        Reader(
-            "JSON",
-            "json",
-            "plan",
-            _plans,
-            lambda content, _: parse_plan(content, "plan.json", lambda _: ours[0]),
-            ("plan_file",),
-        ),
-        Reader(
-            "YAML",
-            "yaml",
-            "archive, Kalibr",
-            lambda: [kalibr_chain()],
-            _archive("c.yaml"),
-            ("chains", "cameras", "gather", "archive"),
-        ),
-        Reader("other text", "text", "archive, TOML", caliscope_files, _archive("c.toml")),
-        Reader(
-            "JSON",
-            "json",
-            "archive, fields of easyWand",
-            lambda: [_packed_fields(easywand_fields())],
-            _easywand,
-            ("easywand",),
-        ),
-        Reader(
-            "JSON",
-            "json",
-            "archive, fields of MATLAB",
+        "plan": (_plans, lambda content, _: parse_plan(content, "plan.json", lambda _: ours[0])),
+        "archive, fields of easyWand": (lambda: [_packed_fields(easywand_fields())], _easywand),
+        "archive, fields of MATLAB": (
             lambda: [_packed_fields(stereo_struct())],
             lambda content, _: stereo_of({"s": _fields_of(content)}, "a.mat"),
-            ("matlab_stereo",),
         ),
-        *(_exchange(name, file) for name in RICHEST for file in export_files(RICHEST[name], name)),
-    ]
+    }
+    return {
+        **{name: Reader("text", *how) for name, how in texts.items()},
+        **{name: Reader("json", *how) for name, how in trees.items()},
+        **{
+            f"{name}, {file}": _exchange(name, file)
+            for name in RICHEST
+            for file in export_files(RICHEST[name], name)
+        },
+    }
 
 
 def _archive(name: str) -> Read:
@@ -237,12 +193,8 @@ def _plans() -> list[bytes]:
 
 def _exchange(name: str, file: str) -> Reader:
     sound = export_files(RICHEST[name], name)
-    ending = file.rsplit(".", 1)[-1]
-    kind = {"yml": "yaml", "yaml": "yaml", "json": "json"}.get(ending, "text")
-    group = {"yaml": "YAML", "json": "JSON"}.get(kind, "other text")
     sizes = (PRIMARY.image_size, SECONDARY.image_size)
     options = ExchangeOptions(sizes, PixelOrigin("lower-left"), unit="m", lens_model="brown")
-    modules = ["exchange", "opencv_stereo" if name == "opencv" else name]
 
     def read(content: bytes, _: Path) -> object:
         files = {**sound, file: content}
@@ -256,83 +208,31 @@ def _exchange(name: str, file: str) -> Reader:
             raise refused
         return None
 
-    return Reader(group, kind, f"{name}, {file}", lambda: [sound[file]], read, tuple(modules))
+    return Reader("json" if file.endswith(".json") else "text", lambda: [sound[file]], read)
 
 
-def _packed() -> list[Reader]:
-    tables = ("zip_files", "dataset_files")
-    photographs = ("zip_files", "photograph_files")
+def _zips() -> dict[str, Reader]:
     two = seeds.zipped({f"cam{k}/1.png": seeds.image(".png") for k in (0, 1)})
-    return [
-        Reader(
-            "zips",
-            "zip",
-            "data set, zip",
-            lambda: [dataset_zip()],
-            lambda content, _: parse_zip(content, "a.zip"),
-            tables,
-        ),
-        Reader(
-            "zips",
-            "zip",
-            "data set, zip on disk",
+    found: dict[str, tuple[Seeds, Read]] = {
+        "data set, zip": (lambda: [dataset_zip()], lambda content, _: parse_zip(content, "a.zip")),
+        "data set, zip on disk": (
             lambda: [dataset_zip()],
             lambda content, folder: read_dataset(_kept(content, folder / "a.zip")),
-            tables,
         ),
-        Reader("zips", "zip", "photographs, zip", lambda: [two], _photographs, photographs),
-        Reader(
-            "zips", "zip", "project, zip", lambda: [project_zip()], read_project_zip, ("archive",)
-        ),
-        *(
-            Reader(
-                "project files",
-                inner.kind,
-                f"project, {name}",
-                inner.seeds,
-                partial(_inner, name),
-                inner.modules,
-            )
-            for name, inner in FILES.items()
-        ),
-    ]
+        "photographs, zip": (lambda: [two], _photographs),
+        "project, zip": (lambda: [project_zip()], read_project_zip),
+    }
+    return {name: Reader("zip", *how) for name, how in found.items()}
 
 
-def _images() -> list[Reader]:
-    modules = ("photograph",)
-    return [
-        Reader(
-            "photographs",
-            "png" if name == "PNG" else "image",
-            f"photograph, {name}",
-            partial(list, found),
-            _photograph,
-            modules,
-        )
-        for name, found in seeds.photographs().items()
-    ]
-
-
-def _browser() -> list[Reader]:
+def _browser() -> dict[str, Reader]:
     addresses = [b"0" * 32, b"0123456789abcdef" * 2]
-    return [
-        Reader("browser", "text", "address", lambda: addresses, _address, ("folders",)),
-        Reader(
-            "browser",
-            "json",
-            "click",
-            lambda: [b'{"id": "a", "u": 1.5, "v": 2, "raw": false}'],
-            lambda content, _: pick_of(_plain(content)),
-        ),
-        Reader(
-            "browser",
-            "text",
-            "settings",
-            lambda: [b"1", b"90.5"],
-            _settings,
-            ("server_settings",),
-        ),
-    ]
+    click = b'{"id": "a", "u": 1.5, "v": 2, "raw": false}'
+    return {
+        "address": Reader("text", lambda: addresses, _address),
+        "click": Reader("json", lambda: [click], lambda content, _: pick_of(_plain(content))),
+        "settings": Reader("text", lambda: [b"1", b"90.5"], _settings),
+    }
 
 
 def _address(content: bytes, folder: Path) -> None:
@@ -429,19 +329,10 @@ def _photographs(content: bytes, folder: Path) -> None:
         read_photograph(path, name)
 
 
-def _inner(name: str, content: bytes, _: Path) -> None:
-    read_inner(name, content)
+def _inner(name: str) -> Reader:
+    return Reader(FILES[name].kind, FILES[name].seeds, lambda content, _: read_inner(name, content))
 
 
 def _kept(content: bytes, path: Path) -> Path:
     path.write_bytes(content)
     return path
-
-
-@cache
-def readers() -> dict[str, Reader]:
-    """All readers by name."""
-    every = [*_tables(), *_descriptions(), *_packed(), *_images(), *_browser()]
-    found = {reader.name: reader for reader in every}
-    assert len(found) == len(every)
-    return found

@@ -1,0 +1,278 @@
+"""Sound files made unsound, as accident and malice do."""
+
+from __future__ import annotations
+
+import io
+import json
+import re
+import struct
+import warnings
+import zipfile
+import zlib
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from hypothesis import strategies as st
+
+Draw = Callable[[st.SearchStrategy[Any]], Any]
+Change = Callable[[Draw, bytes, bytes], bytes]
+LARGEST = 400_000
+"""Bytes; what grows by repetition ends here."""
+
+WRITTEN = """
+nan NaN inf -Infinity 1e999 1e308 -1e308 1e-320 -0 0 -1 0.5 9007199254740993 4294967296 65536
+-9223372036854775809 0x10 1_000 1,5 ٣ ½ 1e --1 null true None 1+2j 2026-01-01 ~ 1:30 *x &x
+. .. ../../etc/passwd /etc/passwd C:\\a con <script> **bold** $x$ '; :red[x] 日本 \u202egnp.exe
+__proto__ primary.json project.json K R T frames pairs files
+, ; " ' [ ] { } ( ) : - # % & * ? !! < > </ <!-- <![CDATA[ --- ... \\ \\u0000 !!opencv-matrix
+"""
+WORDS = [*WRITTEN.split(), "", *" \t\r\0\ud800\ufeff\x85\u2028"]
+WORDS += ["1" + "0" * 400, "9" * 5000, "é" * 300, "0" * 32]
+"""Numbers, names and signs that readers stumble over."""
+PIECES = (
+    st.sampled_from([word.encode("utf-8", "surrogatepass") for word in WORDS])
+    | st.sampled_from(
+        [b"\xff", b"\xfe\xff", b"\xef\xbb\xbf", b"- ", b"a: ", b"<a>", b"x,1\n", b"a=[\n"]
+    )
+    | st.binary(max_size=100)
+)
+VALUES: st.SearchStrategy[Any] = (
+    st.none()
+    | st.booleans()
+    | st.sampled_from([0, -1, 1, 2, 2**31, 2**53 + 1, 2**64, 10**400, [], {}, [[]]])
+    | st.floats()
+    | st.sampled_from(WORDS)
+)
+TREES = st.recursive(
+    VALUES,
+    lambda inner: (
+        st.lists(inner, max_size=4) | st.dictionaries(st.sampled_from(WORDS), inner, max_size=4)
+    ),
+    max_leaves=8,
+)
+NPY_TYPES = ("|O", "<f8", ">i4", "<c16", "|S7", "<U3", "<M8[s]", "|b1", "<i8", "|V8", "<f2")
+NPY_SHAPES = ("()", "(0,)", "(-1,)", "(3, 0)", "(100000000000,)", "(1000000, 1000000)")
+
+
+@st.composite
+def damaged(draw: Draw, kind: str, sound: Sequence[bytes]) -> bytes:
+    """A sound file with one to three things wrong, which may be taken from another."""
+    content, other = draw(st.sampled_from(sound)), draw(st.sampled_from(sound))
+    for _ in range(draw(st.integers(1, 3))):
+        content = draw(st.sampled_from(CHANGES[kind]))(draw, content, other)[:LARGEST]
+    return bytes(content)
+
+
+def never_sound() -> st.SearchStrategy[bytes]:
+    """Bytes, texts, trees, and files that only begin like one that a program writes."""
+    heads = b"%YAML:1.0\n---\n", b'<?xml version="1.0"?>\n', b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff"
+    heads += b"II*\0\x08\0\0\0", b"BM", b"P5 ", b"PK\x03\x04", b"PAR1", b"\x89HDF\r\n\x1a\n"
+    noise = st.binary(max_size=2000)
+    lines = st.lists(st.lists(PIECES, max_size=6).map(b",".join), max_size=12).map(b"\n".join)
+    begun = st.tuples(st.sampled_from(heads), noise).map(b"".join)
+    return noise | lines | begun | TREES.map(dumped)
+
+
+def dumped(tree: object) -> bytes:
+    """As JSON, whatever its texts hold."""
+    return json.dumps(tree, ensure_ascii=False).encode("utf-8", "surrogatepass")
+
+
+def _place(draw: Draw, content: bytes) -> int:
+    """Anywhere, but half of the time where heads and lists of contents are."""
+    end = len(content)
+    near = st.integers(0, min(end, 200))
+    return int(draw(near | near.map(lambda at: end - at) | st.integers(0, end)))
+
+
+def _flip(draw: Draw, content: bytes, _: bytes) -> bytes:
+    changed = bytearray(content)
+    for _each in range(draw(st.sampled_from((1, 2, 8, 64))) if changed else 0):
+        changed[min(_place(draw, content), len(content) - 1)] ^= 1 << draw(st.integers(0, 7))
+    return bytes(changed)
+
+
+def _cut(draw: Draw, content: bytes, _: bytes) -> bytes:
+    start = _place(draw, content)
+    return content[:start] + content[start + draw(st.sampled_from((1, 4, 50, 1000, LARGEST))) :]
+
+
+def _insert(draw: Draw, content: bytes, _: bytes) -> bytes:
+    """A piece put in, up to so often that who looks once for each does not come to an end."""
+    start, piece = _place(draw, content), draw(PIECES)
+    many = draw(st.sampled_from((1, 1, 3, 60, LARGEST // 2 // (1 + len(piece)))))
+    return content[:start] + piece * many + content[start:]
+
+
+def _repeat(draw: Draw, content: bytes, _: bytes) -> bytes:
+    start = _place(draw, content)
+    end = start + draw(st.sampled_from((1, 10, 100, 2000)))
+    return (
+        content[:start] + content[start:end] * draw(st.sampled_from((2, 10, 500))) + content[end:]
+    )
+
+
+def _splice(draw: Draw, content: bytes, other: bytes) -> bytes:
+    return content[: _place(draw, content)] + other[_place(draw, other) :]
+
+
+def _whole_number(draw: Draw, content: bytes, _: bytes) -> bytes:
+    """A length, an offset or a count with an extreme value."""
+    form = draw(st.sampled_from(("<H", ">H", "<I", ">I", "<Q", ">Q", "B")))
+    most = 256 ** struct.calcsize(form) - 1
+    value = draw(st.sampled_from((0, 1, 2, most, most // 2)) | st.integers(0, most))
+    start = _place(draw, content)
+    return content[:start] + struct.pack(form, value) + content[start + struct.calcsize(form) :]
+
+
+def _token(draw: Draw, content: bytes, other: bytes) -> bytes:
+    """One number or word replaced, or every number."""
+    pattern = draw(st.sampled_from((rb"[-+]?\d[\d.eE+-]*", rb"[A-Za-z_]\w*")))
+    found = list(re.finditer(pattern, content[:20_000]))
+    new = draw(PIECES | st.sampled_from(re.findall(pattern, other)[:50] or [b""]))
+    if not found:
+        return content + new
+    if draw(st.integers(0, 9)) == 0:
+        return re.sub(pattern, lambda _: new, content, count=1 + LARGEST // (1 + len(new)))
+    match = draw(st.sampled_from(found))
+    return content[: match.start()] + new + content[match.end() :]
+
+
+def _lines(draw: Draw, content: bytes, other: bytes) -> bytes:
+    """Lines lost, doubled, moved, lengthened."""
+    lines = content.split(b"\n")
+    at = draw(st.integers(0, len(lines) - 1))
+    new = draw(st.sampled_from((lines[0], lines[at] * 2, *other.split(b"\n")[:20])))
+    lines[at : at + draw(st.integers(0, 2))] = [new] * draw(st.sampled_from((0, 1, 2, 1000)))
+    return b"\n".join(lines)
+
+
+def _exchange(draw: Draw, content: bytes, _: bytes) -> bytes:
+    """Other ends of lines, other separators, other signs throughout."""
+    old, new = draw(st.sampled_from((b"\n", b",", b"a", b"1", b" "))), draw(PIECES)
+    return content.replace(old, new, 1 + LARGEST // (1 + len(new)))
+
+
+def _encoding(draw: Draw, content: bytes, _: bytes) -> bytes:
+    codec = draw(st.sampled_from(("utf-16", "utf-32", "utf-8-sig", "utf-7")))
+    return content.decode("utf-8", "replace").encode(codec)
+
+
+def _deep(draw: Draw, content: bytes, _: bytes) -> bytes:
+    pairs = (
+        (b"[", b"]"),
+        (b'{"a":', b"}"),
+        (b"<a>", b"</a>"),
+        (b"- ", b""),
+        (b"(", b")"),
+        (b"? ", b""),
+    )
+    opening, closing = draw(st.sampled_from(pairs))
+    depth, start = draw(st.sampled_from((3, 60, 1010, 100_000))), _place(draw, content)
+    return content[:start] + opening * depth + b"1" + closing * depth + content[start:]
+
+
+def _tree(draw: Draw, content: bytes, other: bytes) -> bytes:
+    """JSON with another value, key or kind at some depth."""
+    try:
+        tree = json.loads(content)
+    except (ValueError, RecursionError):
+        return _token(draw, content, other)
+    return dumped(_changed(draw, tree))
+
+
+def _changed(draw: Draw, tree: Any) -> Any:
+    if not (isinstance(tree, dict | list) and tree) or draw(st.integers(0, 7)) == 0:
+        return draw(TREES | st.just([tree]) | st.just([tree] * 300))
+    grown: Any = tree.copy()
+    key = draw(st.sampled_from(list(tree) if isinstance(tree, dict) else range(len(tree))))
+    act = draw(st.integers(0, 5))
+    if act == 0:
+        del grown[key]
+    elif act == 1 and isinstance(grown, dict):
+        grown[draw(st.sampled_from(WORDS))] = grown.pop(key)
+    elif act == 1:
+        grown.insert(key, draw(TREES))
+    else:
+        grown[key] = _changed(draw, tree[key])
+    return grown
+
+
+def _member(draw: Draw, content: bytes, other: bytes) -> bytes:
+    """One file of a zip changed, renamed, doubled or taken out; the zip itself stays sound."""
+    try:
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            files = [(item.filename, archive.read(item)) for item in archive.infolist()[:100]]
+    except Exception:  # the changes before have made it unsound
+        return _flip(draw, content, other)
+    if not files:
+        return _flip(draw, content, other)
+    at = draw(st.integers(0, len(files) - 1))
+    name, data = files[at]
+    act, named = draw(st.integers(0, 6)), draw(st.sampled_from((name, f"a/{name}", *WORDS)))
+    if act == 0:
+        del files[at]
+    elif act == 1:
+        files[at] = (named, data)
+    elif act == 2:
+        files.append((named, data))
+    else:
+        ending = name.rsplit(".", 1)[-1].lower()
+        kind = {"csv": "text", "m": "text"}.get(ending, ending if ending in CHANGES else "json")
+        files[at] = (name, draw(damaged(kind, [data])))
+    packed = io.BytesIO()
+    with warnings.catch_warnings(), zipfile.ZipFile(packed, "w") as archive:
+        warnings.simplefilter("ignore")  # a name twice
+        for name, data in files:
+            archive.writestr(zipfile.ZipInfo(name.encode("utf-8", "replace").decode()), data)
+    return packed.getvalue()
+
+
+def _npy(draw: Draw, content: bytes, other: bytes) -> bytes:
+    """Another type or shape in the head of an array."""
+    if content[:6] != b"\x93NUMPY" or len(content) < 12:
+        return _flip(draw, content, other)
+    (length,) = struct.unpack_from("<H", content, 8)
+    kind, shape = draw(st.sampled_from(NPY_TYPES)), draw(st.sampled_from(NPY_SHAPES))
+    changes = (
+        (rb"'descr': '[^']*'", f"'descr': '{kind}'"),
+        (rb"'shape': \([^)]*\)", f"'shape': {shape}"),
+    )
+    change = draw(st.sampled_from(changes))
+    head = re.sub(change[0], change[1].encode(), content[10 : 10 + length])
+    return content[:8] + struct.pack("<H", len(head)) + head + content[10 + length :]
+
+
+def _png(draw: Draw, content: bytes, other: bytes) -> bytes:
+    """A chunk changed, doubled or taken out, with a right checksum all the same."""
+    chunks, at = [], 8
+    while content[:4] == b"\x89PNG" and at + 12 <= len(content):
+        (length,) = struct.unpack_from(">I", content, at)
+        chunks.append((content[at + 4 : at + 8], content[at + 8 : at + 8 + length]))
+        at += 12 + length
+    if not chunks:
+        return _flip(draw, content, other)
+    at = draw(st.integers(0, len(chunks) - 1))
+    kind, data = chunks[at]
+    kinds = st.sampled_from([kind, b"tRNS", b"PLTE", b"iCCP", b"zTXt", b"gAMA", b"eXIf", b"acTL"])
+    data = draw(st.sampled_from((_flip, _whole_number, _cut)))(draw, data, other)
+    data = draw(st.sampled_from((data, zlib.compress(data * 50))))
+    chunks[at : at + draw(st.integers(0, 1))] = [(draw(kinds), data)] * draw(st.integers(0, 2))
+    return content[:8] + b"".join(
+        struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+        for kind, data in chunks
+    )
+
+
+ANY: tuple[Change, ...] = (_flip, _cut, _insert, _repeat, _splice)
+TEXT: tuple[Change, ...] = (_token, _token, _lines, _exchange, _encoding, _deep, *ANY)
+CHANGES: dict[str, tuple[Change, ...]] = {
+    "text": TEXT,
+    "json": (*[_tree] * 6, *TEXT),
+    "image": (*[_whole_number] * 3, *ANY),
+    "png": (*[_png] * 6, _whole_number, *ANY),
+    "npy": (*[_npy] * 4, _whole_number, *ANY),
+    "npz": (*[_member] * 6, _whole_number, *ANY),
+    "zip": (*[_member] * 6, _whole_number, *ANY),
+}
+"""By kind of file, as often as they are drawn."""
