@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-import pandas as pd
 import pytest
 from playwright.sync_api import Page, expect
 
 from stereocal.cli import main
 from stereocal.rig.parameters import RigParameters
 from tests.browser.conftest import LONGEST_MS, choose, download, results_shown
-from tests.known_rig import PRIMARY, RIG, SECONDARY, images
+from tests.known_rig import PRIMARY, RIG, SECONDARY
 
 pytestmark = pytest.mark.browser
 Settled = Callable[[Page], None]
@@ -78,34 +75,11 @@ def test_demo_to_files_of_the_command_line(
     settled(page)
     mine = [download(page, f"download_{name}", tmp_path / "page") for name in ("pairs", "points")]
 
-    assert (
-        main(
-            [
-                "match",
-                *map(str, tables),
-                "--parameters",
-                str(recommended),
-                "--threshold",
-                "25",
-                "--out",
-                str(tmp_path / "pairs.csv"),
-            ]
-        )
-        == 0
-    )
-    assert (
-        main(
-            [
-                "reconstruct",
-                str(tmp_path / "pairs.csv"),
-                "--parameters",
-                str(recommended),
-                "--out",
-                str(tmp_path / "points.csv"),
-            ]
-        )
-        == 0
-    )
+    sets = ["--parameters", str(recommended)]
+    pairs = ["--threshold", "25", "--out", str(tmp_path / "pairs.csv")]
+    points = ["--out", str(tmp_path / "points.csv")]
+    assert main(["match", *map(str, tables), *sets, *pairs]) == 0
+    assert main(["reconstruct", str(tmp_path / "pairs.csv"), *sets, *points]) == 0
     for path in mine:
         assert path.read_bytes() == (tmp_path / path.name).read_bytes()
 
@@ -145,37 +119,3 @@ def test_frames_play_and_stop_by_keyboard(page: Page, app_url: str, settled: Set
     stopped = slider.get_attribute("aria-valuetext")
     page.wait_for_timeout(2000)
     assert slider.get_attribute("aria-valuetext") == stopped
-
-
-def test_a_long_matching_shows_progress_and_can_be_stopped(
-    page: Page, app_url: str, settled: Settled, tmp_path: Path
-) -> None:
-    rng = np.random.default_rng(1)
-    seen = images(rng.uniform([-1.3, -1.1, 6.0], [1.3, 1.0, 10.5], (200_000, 3)))
-    frames = np.repeat(np.arange(200), 1000)
-    files = {}
-    for which, side in zip(("primary", "secondary"), seen, strict=True):
-        files[which] = tmp_path / f"{which}.csv"
-        table = pd.DataFrame({"frame": frames, "u": side[:, 0], "v": side[:, 1]})
-        table.to_csv(files[which], index=False, float_format="%.4f")
-    SET_2D.save(tmp_path / "2d.json")
-    replace(SET_2D, method="3d").save(tmp_path / "3d.json")
-
-    page.goto(f"{app_url}/apply")
-    settled(page)
-    page.locator(".st-key-apply_begin button").click()
-    for which, path in files.items():
-        uploader = page.locator(f".st-key-upload_points_{which} input[type=file]")
-        uploader.set_input_files(path)
-        expect(page.get_by_text(f"{which}.csv, 200,000 points")).to_be_visible()
-    for use, name in (("matching", "2d"), ("measuring", "3d")):
-        uploader = page.locator(f".st-key-upload_set_{use} input[type=file]")
-        uploader.set_input_files(tmp_path / f"{name}.json")
-        expect(page.get_by_text(f"In use: {name}.json")).to_be_visible()
-    page.get_by_role("button", name="Match and measure").click(timeout=LONGEST_MS)
-    expect(page.get_by_text(re.compile("of 200 frames matched, about"))).to_be_visible(
-        timeout=LONGEST_MS
-    )
-    page.locator(".st-key-cancel_apply button").click()
-    expect(page.get_by_text("Cancelled. What is shown is the last finished")).to_be_visible()
-    expect(page.get_by_text("No result yet.")).to_be_visible()

@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 
-from stereocal.formats.dataset_files import pack_dataset, read_dataset
 from stereocal.projects.project import Project
 from stereocal.refined.outliers import bar_frames
-from stereocal.system.zip_files import pack_zip
 from tests.browser.conftest import LONGEST_MS, ROOT, results_shown
+from tests.browser.work import a_project
 
 pytestmark = pytest.mark.browser
 Settled = Callable[[Page], None]
@@ -23,16 +22,8 @@ FIELD = ROOT / "sample_data" / "field"
 
 def given(page: Page, app_url: str, home: Path, settled: Settled) -> Project:
     """A project with the sample, opened on Calibrate and calibrated."""
-    project = Project.create(home)
-    files = {name: bytes(content) for name, content in pack_dataset(read_dataset(FIELD)).items()}
-    page.goto(f"{app_url}/data?project={project.id}")
-    settled(page)
-    page.get_by_text("A zip", exact=True).click()
-    page.locator(".st-key-upload_zip input[type=file]").set_input_files(
-        {"name": "field.zip", "mimeType": "application/zip", "buffer": pack_zip(files)}
-    )
-    expect(page.get_by_text("50 pairs of points in 25 frames")).to_be_visible()
-    page.get_by_test_id("stSidebar").get_by_role("link", name="Calibrate").click()
+    project = a_project(home, FIELD)
+    page.goto(f"{app_url}/calibrate?project={project.id}")
     settled(page)
     page.locator(".st-key-run button").click()
     results_shown(page)
@@ -50,7 +41,8 @@ def frame_of_largest_error(project: Project) -> int:
 
 def points(page: Page) -> list[str]:
     """Where the symbols of the lower panel are."""
-    expect(page.locator(".st-key-frames .scatterlayer .point").first).to_be_visible()
+    symbols = page.locator(".st-key-frames .scatterlayer .point")
+    expect(symbols.first).to_be_visible(timeout=LONGEST_MS)
     found: list[str] = []
     while True:  # Plotly draws after the page is settled
         page.wait_for_timeout(1000)
@@ -106,26 +98,6 @@ def test_an_outlier_is_clicked_left_out_and_put_back(
     settled(page)
     assert points(page) == before
     assert project.inputs.left_out == []
-
-
-def test_a_set_moves_lines_rays_and_length(
-    page: Page, app_url: str, home: Path, settled: Settled
-) -> None:
-    given(page, app_url, home, settled)
-    page.locator(".st-key-view").get_by_text("Why two sets").click()
-    seen: set[tuple[str, str]] = set()
-    space = page.get_by_text("the bar is").last
-    for name in ("2D set", "3D set", "Refined set"):
-        before = space.inner_text() if seen else ""
-        page.locator(".st-key-two_sets_method").get_by_text(name).click()
-        expect(space).not_to_have_text(before, timeout=LONGEST_MS)
-        settled(page)
-        page.wait_for_timeout(1000)
-        lines = page.locator(".st-key-image_primary .scatterlayer path.js-line").evaluate_all(
-            "all => all.map(one => one.getAttribute('d')).join()"
-        )
-        seen.add((lines, space.inner_text()))
-    assert len({lines for lines, _ in seen}) == len({words for _, words in seen}) == 3
 
 
 def test_a_point_of_the_data_page_opens_its_frame(

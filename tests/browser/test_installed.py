@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.browser.conftest import LONGEST_MS, results_shown, served
-from tests.browser.test_few_acts import save
+from stereocal.rig.parameters import RigParameters
+from tests.browser.conftest import LONGEST_MS, download, results_shown, served
 from tests.wheel import installed_in
 
 pytestmark = pytest.mark.browser
@@ -44,4 +44,5 @@ def test_an_installed_package_serves_the_recording_to_both_files(
         results_shown(page)
         settled(page)
         for method in ("2d", "3d"):
-            save(page, method, page.locator(f".st-key-download_{method} button").click, tmp_path)
+            path = download(page, f"download_{method}", tmp_path)
+            assert RigParameters.load(path).method == method

@@ -11,12 +11,12 @@ from playwright.sync_api import Page, expect
 
 from stereocal.formats.dataset_files import pack_dataset, read_dataset
 from stereocal.projects.home import duplicate, remove
-from stereocal.projects.inputs import Slot
 from stereocal.projects.project import Project
 from stereocal.system.zip_files import pack_zip
 from stereocal.ui.menu import TITLES
 from stereocal.workflow import calibrate
 from tests.browser.conftest import LONGEST_MS, ROOT
+from tests.browser.work import FILES, a_project
 
 pytestmark = pytest.mark.browser
 Settled = Callable[[Page], None]
@@ -27,19 +27,10 @@ NAME = f"http://evil.example/x https://evil.example {FILE}"
 
 def a_project_of_links(home: Path) -> Project:
     """Every name in it would be a link."""
-    project = Project.create(home)
+    project = a_project(home, FIELD, NAME)
     field = read_dataset(FIELD)
-    slots: dict[Slot, str] = {
-        "correspondences": "correspondences.csv",
-        "primary": "primary.json",
-        "secondary": "secondary.json",
-    }
-    project.give(
-        {slot: (f"{slot} {FILE}.csv", (FIELD / name).read_bytes()) for slot, name in slots.items()},
-        name=NAME,
-        baseline_m=field.baseline_m,
-        target_distance_m=field.target_distance_m,
-    )
+    for slot, name in FILES.items():
+        project.give({slot: (f"{slot} {FILE}.csv", (FIELD / name).read_bytes())})
     more = pack_zip(pack_dataset(replace(field, name=NAME)))
     project.add_dataset(f"{FILE}.zip", more)
     project.keep_settings({"validate_on": "All my data sets", "validate_runs": 10})

@@ -13,17 +13,13 @@ import pytest
 from playwright.sync_api import Browser, Locator, Page, expect
 
 from stereocal.calibration.methods import CalibrationSettings
-from stereocal.formats.camera_file import write_camera
 from stereocal.frames.frame import Centre
 from stereocal.projects.home import duplicate
 from stereocal.projects.photographs import ProjectPhotographs
-from stereocal.projects.project import Project
 from stereocal.workflow import calibrate
-from tests.bar_photographs import bar_set, write
-from tests.browser.conftest import LONGEST_MS
+from tests.browser.conftest import download
 
 pytestmark = pytest.mark.browser
-BARS = bar_set(7)
 Settled = Callable[[Page], None]
 
 
@@ -61,10 +57,6 @@ class Photograph:
         self.page.mouse.wheel(0, -500 * math.log(factor))
 
 
-def store_of(page: Page, home: Path) -> ProjectPhotographs:
-    return ProjectPhotographs(Project.open(home, page.url.split("project=")[1][:32]))
-
-
 def centre(store: ProjectPhotographs, number: int, camera: int, target: int) -> Centre:
     (frame,) = (frame for frame in store.frames or [] if frame.frame == number)
     found = frame.centres[camera][target]
@@ -74,36 +66,20 @@ def centre(store: ProjectPhotographs, number: int, camera: int, target: int) -> 
 
 @pytest.fixture
 def store(
-    page: Page, app_url: str, home: Path, settled: Settled, tmp_path: Path
+    page: Page, app_url: str, home: Path, finished: str, settled: Settled
 ) -> ProjectPhotographs:
     """A project whose targets have been found, with frame 1 on the page."""
-    files = {name.split("/")[1]: content for name, content in BARS.files().items()}
-    write(files, tmp_path)
-    page.goto(f"{app_url}/data")
-    settled(page)
-    page.get_by_text("Photographs", exact=True).first.click()
-    uploader = page.locator("[class*=st-key-upload_photographs_] input[type=file]")
-    uploader.set_input_files([tmp_path / name for name in sorted(files)])
-    expect(page.get_by_text("14 photographs. 7 pairs by name")).to_be_visible()
-    for slot in ("primary", "secondary"):
-        path = tmp_path / f"{slot}.json"
-        path.write_bytes(write_camera(getattr(BARS.rig, slot)))
-        page.locator(f".st-key-upload_{slot} input[type=file]").set_input_files(path)
-        expect(page.get_by_text(f"In use: {slot}.json")).to_be_visible()
-    page.get_by_role("button", name="Find the targets").click()
-    expect(page.get_by_text("7 frames: 7 found")).to_be_visible(timeout=LONGEST_MS)
+    project = duplicate(home, finished)
+    page.goto(f"{app_url}/data?project={project.id}")
     settled(page)
     page.locator(".st-key-look_1 button").click()
     Photograph(page, "primary")
-    return store_of(page, home)
+    return ProjectPhotographs(project)
 
 
-def download(page: Page, folder: Path) -> list[dict[str, str]]:
-    with page.expect_download() as event:
-        page.get_by_role("button", name="Download correspondences.csv").click()
-    assert event.value.suggested_filename == "correspondences.csv"
-    event.value.save_as(folder / "correspondences.csv")
-    return list(csv.DictReader((folder / "correspondences.csv").read_text().splitlines()))
+def table(page: Page, folder: Path) -> list[dict[str, str]]:
+    path = download(page, "download_correspondences", folder)
+    return list(csv.DictReader(path.read_text().splitlines()))
 
 
 def test_clicks_corrections_and_the_table(
@@ -144,7 +120,7 @@ def test_clicks_corrections_and_the_table(
     page.keyboard.press("x")
     expect(page.get_by_text("It is left out.").first).to_be_visible()
     settled(page)
-    rows = download(page, tmp_path)
+    rows = table(page, tmp_path)
     assert [(row["frame"], row["target"], row["source"]) for row in rows[:3]] == [
         ("1", "A", "manual"),
         ("1", "B", "detected"),
@@ -166,7 +142,7 @@ def test_clicks_corrections_and_the_table(
         expect(page.get_by_role("button", name=f"Undo ({left})")).to_be_visible()
     assert centre(store, 1, 0, 0) == corrected
     settled(page)
-    rows = download(page, tmp_path)
+    rows = table(page, tmp_path)
     assert [(row["frame"], row["source"]) for row in rows[:3]] == [
         ("1", "corrected"),
         ("1", "detected"),
@@ -217,9 +193,8 @@ def test_view_by_mouse_and_keys(page: Page, store: ProjectPhotographs) -> None:
     assert primary.view == whole
 
 
-@pytest.mark.parametrize("width", [1400, 420])
 def test_what_a_press_opens_is_scrolled_to(
-    page: Page, app_url: str, home: Path, finished: str, settled: Settled, width: int
+    page: Page, app_url: str, home: Path, finished: str, settled: Settled
 ) -> None:
     def top(part: str) -> float:
         page.wait_for_timeout(2500)  # what stands above comes later, and scrolling follows it
@@ -233,7 +208,7 @@ def test_what_a_press_opens_is_scrolled_to(
     assert dataset
     settings = CalibrationSettings(frames_left_out=(9,))
     project.keep_calibration(calibrate(dataset, settings), project.inputs)
-    page.set_viewport_size({"width": width, "height": 900})
+    page.set_viewport_size({"width": 420, "height": 900})
     page.goto(f"{app_url}/data?project={project.id}")
     settled(page)
     for number in (9, 10):

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import json
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from stereocal.formats.camera_file import write_camera
+from stereocal.formats.dataset_files import TABLE
 from stereocal.frames.pairing import pair_names
 from stereocal.frames.search import detect_frames
 from stereocal.intrinsics.calibrate_lens import LensSettings, calibrate_lens
+from stereocal.projects.inputs import Slot
 from stereocal.projects.lens import ProjectLens
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
@@ -18,6 +21,24 @@ from tests.lens import facing, photographed, png, search
 
 FRAMES, BOARDS = 14, 12
 NAME = "Meadow of the survey"
+FILES: dict[Slot, str] = {
+    "correspondences": TABLE,
+    "primary": "primary.json",
+    "secondary": "secondary.json",
+}
+
+
+def a_project(home: Path, folder: Path, name: str = "") -> Project:
+    """A project with the files and lengths of a data set, not yet calibrated."""
+    about = json.loads((folder / "dataset.json").read_text())
+    project = Project.create(home)
+    project.give(
+        {slot: (file, (folder / file).read_bytes()) for slot, file in FILES.items()},
+        name=name or about["name"],
+        baseline_m=about["baseline_m"],
+        target_distance_m=about["target_distance_m"],
+    )
+    return project
 
 
 def finished_project(home: Path) -> str:

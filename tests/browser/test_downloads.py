@@ -1,0 +1,76 @@
+"""Every download button of every page gives a whole file."""
+
+from __future__ import annotations
+
+import io
+import json
+import xml.etree.ElementTree as ET
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+from playwright.sync_api import Page, expect
+
+from stereocal.cli import main
+from stereocal.ui.menu import TITLES
+from tests.browser.conftest import LONGEST_MS, download
+
+pytestmark = pytest.mark.browser
+PAGES = [name for name in TITLES if name not in ("start", "help")]
+LEAST = {"calibrate": 6, "validate": 3, "apply": 3, "plan": 2, "cameras": 2, "data": 1}
+"""Buttons that a page of a project with all results has at least."""
+
+
+def whole(name: str, content: bytes) -> bool:
+    """Read a file by its ending."""
+    ending = name.rsplit(".", 1)[-1]
+    if ending == "json":
+        return bool(json.loads(content))
+    if ending == "csv":
+        return len(pd.read_csv(io.BytesIO(content))) > 0
+    if ending == "zip":
+        return zipfile.ZipFile(io.BytesIO(content)).testzip() is None
+    if ending == "svg":
+        return ET.fromstring(content).tag.endswith("svg")
+    if ending == "png":
+        return cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED) is not None
+    if ending in ("yaml", "yml"):
+        return bool(yaml.safe_load(content.split(b"\n", 1)[1]))
+    return content.startswith({"pdf": b"%PDF", "html": b"<!DOCTYPE"}[ending])
+
+
+@pytest.mark.parametrize("path", PAGES)
+def test_all_files_of_a_page(
+    page: Page, app_url: str, finished: str, settled: Callable[[Page], None], path: str
+) -> None:
+    page.goto(f"{app_url}/{path}?project={finished}")
+    expect(page.get_by_text("held out: not yet")).to_have_count(0, timeout=LONGEST_MS)
+    settled(page)
+    for summary in page.locator("[data-testid=stExpander] summary").all():
+        summary.click()
+    page.wait_for_timeout(1000)  # folds open slowly
+    settled(page)
+    buttons = page.locator("[data-testid=stDownloadButton] button:enabled")
+    assert buttons.count() >= LEAST.get(path, 0)
+    for number in range(buttons.count()):
+        with page.expect_download() as event:
+            buttons.nth(number).click()
+        content = Path(event.value.path()).read_bytes()
+        assert whole(event.value.suggested_filename, content), event.value.suggested_filename
+
+
+def test_the_paper_kit_is_computed_again(
+    page: Page, app_url: str, finished: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page.goto(f"{app_url}/calibrate?project={finished}")
+    expect(page.get_by_text("held out: not yet")).to_have_count(0, timeout=LONGEST_MS)
+    with zipfile.ZipFile(download(page, "download_kit", tmp_path)) as kit:
+        kit.extract("archive.zip", tmp_path)
+    asked = ["reproduce", str(tmp_path / "archive.zip"), "--out", str(tmp_path / "again")]
+    assert main(asked) == 0
+    assert capsys.readouterr().out.count(": identical") == 3
