@@ -20,7 +20,6 @@ from stereocal.figures import (
     plot_pair_errors,
     plot_points,
 )
-from stereocal.figures.matches import MAXIMUM_NUMBERS
 from stereocal.figures.measured import MAXIMUM_DRAWN, MAXIMUM_TRACKS, drawn_tracks, in_view
 from stereocal.figures.space import VIEWS
 from stereocal.matching.lengths import check_lengths
@@ -106,10 +105,6 @@ def test_histogram_of_nothing(errors: list[float]) -> None:
     )
 
 
-def test_histogram_with_a_threshold_of_zero() -> None:
-    assert not plot_pair_errors(NEAREST, 0.0).layout.shapes
-
-
 def test_matches_of_a_frame() -> None:
     of_frame = PAIRS[PAIRS["frame"] == 1]
     first = pixels_of(PRIMARY_TABLE[PRIMARY_TABLE["frame"] == 1])
@@ -132,27 +127,6 @@ def test_matches_of_a_frame() -> None:
     for figure in figures:
         assert figure.layout.yaxis.range[0] > figure.layout.yaxis.range[1]  # v downwards
         assert not figure.layout.images
-
-
-def test_photograph_is_behind_the_matches() -> None:
-    width, height = SET.secondary.image_size
-    grey = np.full((height, width), 90, np.uint8)
-    figure = plot_matches(PAIRS, np.empty((0, 2)), "secondary", (width, height), grey)
-    (image,) = figure.layout.images
-    assert (image.x, image.y, image.sizex, image.sizey) == (-0.5, -0.5, width, height)
-    assert image.layer == "below"
-    assert traces(figure, "Pair")[0].marker.line.width == 1
-
-
-def test_ambiguous_pairs_have_another_symbol_and_many_no_number() -> None:
-    many = pd.concat([PAIRS] * 5, ignore_index=True)
-    assert len(many) > MAXIMUM_NUMBERS
-    many["ambiguous"] = np.arange(len(many)) % 2 == 0
-    figure = plot_matches(many, np.empty((0, 2)), "primary", SET.primary.image_size)
-    sure, doubtful = traces(figure, "Pair")[0], traces(figure, "Ambiguous")[0]
-    assert sure.marker.symbol != doubtful.marker.symbol
-    assert "text" not in sure.mode
-    assert len(sure.x) + len(doubtful.x) == len(many)
 
 
 def test_many_matches_are_thinned() -> None:
@@ -265,16 +239,6 @@ def test_many_tracks_are_thinned_and_keep_their_ends() -> None:
     many = list(np.arange(100_000).reshape(-1, 4))
     assert len(drawn_tracks(many)) <= MAXIMUM_TRACKS
     assert drawn_tracks([np.array([1])]) == []
-
-
-def test_advice_on_the_threshold_says_what_holds() -> None:
-    apart = describe_pair_errors(NEAREST, 0.8, CHOICE)
-    assert "A good threshold lies between the two distributions." in apart
-    overlapping = replace(CHOICE, shares=Shares(0.01, 0.3))
-    assert "overlap: at 0.5 px, about 1 %" in describe_pair_errors(NEAREST, 0.8, overlapping)
-    assert "no threshold separates them" in describe_pair_errors(NEAREST, 0.8, None)
-    single = NearestErrors(np.array([0.2, 0.3]), np.array([np.inf, np.inf]), 2)
-    assert "only leaves out poor pairs" in describe_pair_errors(single, 0.8, CHOICE)
 
 
 def test_lengths_are_drawn_with_their_sign() -> None:

@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-import ast
-import inspect
 import re
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
 import pytest
 
-from stereocal import figures
 from tests.figures.every_figure import PLOTS, every_figure
-
-ROOT = Path(__file__).parents[2]
 
 
 def numbers(words: str) -> list[float]:
@@ -242,33 +236,7 @@ def test_a_number_that_is_not_said_is_noticed() -> None:
 
 
 @pytest.mark.parametrize("name", PLOTS)
-def test_text_is_made_of_the_same_inputs(name: str) -> None:
-    plot = inspect.signature(getattr(figures, f"plot_{name}")).parameters
-    describe = inspect.signature(getattr(figures, f"describe_{name}")).parameters
-    # The sentence of matches names their frame, and is of both images; that of the errors of
-    # pairs says which threshold would be good.
-    assert set(describe) - {"frame", "primary", "secondary", "choice"} <= set(plot)
-    assert next(iter(describe)) == next(iter(plot))
-
-
-def test_no_figure_stands_on_a_page_without_its_text() -> None:
-    """`st.plotly_chart` is in `show_figure`, which takes both, or beside its own sentence."""
-    seen = 0
-    for path in [*(ROOT / "stereocal/ui").glob("*.py"), *(ROOT / "pages").glob("*.py")]:
-        source = path.read_text(encoding="utf-8")
-        for function in ast.walk(ast.parse(source)):
-            if not isinstance(function, ast.FunctionDef | ast.Module):
-                continue
-            own = ast.unparse(function)
-            if isinstance(function, ast.Module) and path.parent.name == "ui":
-                continue
-            seen += own.count("plot_")
-            for name in set(re.findall(r"\bplot_(\w+)\(", own)):
-                assert f"describe_{name}(" in own, f"{path.name}: plot_{name}"
-            if "st.plotly_chart(" in own and "def show_figure" not in own:
-                assert "st.caption(" in own and "describe_" in own, path.name
-    assert seen >= len(PLOTS)
-    for name in PLOTS:
-        files = [*(ROOT / "stereocal").rglob("*.py"), *(ROOT / "pages").glob("*.py")]
-        uses = [path for path in files if f"plot_{name}(" in path.read_text(encoding="utf-8")]
-        assert len(uses) > 1, f"plot_{name} stands nowhere"
+def test_background_and_text_are_left_to_the_page(name: str) -> None:
+    layout = every_figure()[name].figure.layout
+    assert layout.paper_bgcolor == layout.plot_bgcolor == "rgba(0,0,0,0)"
+    assert layout.font.color is None

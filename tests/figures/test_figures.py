@@ -10,7 +10,6 @@ import pytest
 from stereocal.calibration.methods import METHODS, CalibrationSettings
 from stereocal.calibration.montecarlo import Trace
 from stereocal.calibration.results import errors_of
-from stereocal.errors import StereocalError
 from stereocal.figures import (
     METHOD_COLOURS,
     METHOD_NAMES,
@@ -41,15 +40,6 @@ def calibration() -> Calibration:
     return make_calibration(noise_px=0.2, shift_px=10.0)
 
 
-def every_figure(calibration: Calibration) -> list[go.Figure]:
-    return [
-        plot_coverage(calibration.dataset),
-        plot_traces(calibration),
-        plot_frame_errors(calibration),
-        plot_rig(calibration, "3d"),
-    ]
-
-
 def traces_of(figure: go.Figure, **wanted: Any) -> list[Any]:
     return [t for t in figure.data if all(t[name] == value for name, value in wanted.items())]
 
@@ -57,18 +47,6 @@ def traces_of(figure: go.Figure, **wanted: Any) -> list[Any]:
 def with_traces(calibration: Calibration, trace: Trace | None) -> Calibration:
     found = {name: replace(method, trace=trace) for name, method in calibration.methods.items()}
     return replace(calibration, methods=found)
-
-
-def test_all_figures_leave_background_and_text_to_the_page(calibration: Calibration) -> None:
-    for figure in every_figure(calibration):
-        assert figure.layout.paper_bgcolor == figure.layout.plot_bgcolor == "rgba(0,0,0,0)"
-        assert figure.layout.font.color is None
-        assert figure.layout.height >= 400
-        assert figure.layout.legend.orientation == "h"
-
-
-def test_all_figures_can_be_written_as_json(calibration: Calibration) -> None:
-    assert all(len(figure.to_json()) > 1000 for figure in every_figure(calibration))
 
 
 def test_coverage_shows_the_points_of_both_images(calibration: Calibration) -> None:
@@ -95,27 +73,6 @@ def test_coverage_joins_the_targets_of_a_frame(calibration: Calibration) -> None
         assert np.isnan(path[:, 2]).all()
 
 
-def test_coverage_has_image_axes(calibration: Calibration) -> None:
-    figure = plot_coverage(calibration.dataset)
-    layout = figure.layout
-    for camera, x, y, name in (
-        (calibration.dataset.primary, layout.xaxis, layout.yaxis, "Primary"),
-        (calibration.dataset.secondary, layout.xaxis2, layout.yaxis2, "Secondary"),
-    ):
-        width, height = camera.image_size
-        assert y.range[0] >= height - 0.5
-        assert y.range[1] <= -0.5  # v downwards
-        assert x.range[0] <= -0.5
-        assert x.range[1] >= width - 0.5
-        assert name in x.title.text
-        assert f"{width} × {height} px" in x.title.text
-        assert "u (px)" in x.title.text
-        assert y.title.text == "v (px)"
-    assert (layout.yaxis.scaleanchor, layout.yaxis2.scaleanchor) == ("x", "x2")
-    borders = traces_of(figure, name="Border of the image")
-    assert [max(border.x) for border in borders] == [1599.5, 1279.5]
-
-
 def test_traces_show_cost_step_and_ratio(calibration: Calibration) -> None:
     figure = plot_traces(calibration)
     panels = {"2d": ("y", "y3", "y4"), "3d": ("y2", "y3", "y4")}
@@ -130,27 +87,6 @@ def test_traces_show_cost_step_and_ratio(calibration: Calibration) -> None:
             np.testing.assert_array_equal(line.x, moves + 1)
             np.testing.assert_array_equal(line.y, values[moves])
             assert line.line.color == METHOD_COLOURS["2d" if method == "2d" else "3d"]
-
-
-def test_traces_have_units_and_the_threshold(calibration: Calibration) -> None:
-    layout = plot_traces(calibration).layout
-    titles = [axis.title.text for axis in (layout.yaxis, layout.yaxis2, layout.yaxis3)]
-    assert titles == ["2D cost (px)", "3D cost (m)", "Step Δ (rad)"]
-    assert layout.yaxis4.title.text == "Acceptance ratio"
-    assert layout.yaxis3.type == "log"
-    assert layout.xaxis4.title.text.startswith("Move (2D: n = ")
-    (threshold,) = [t for t in plot_traces(calibration).data if t.line.dash == "dash"]
-    assert set(threshold.y) == {calibration.settings.search.acceptance}
-    assert threshold.yaxis == "y4"
-
-
-@pytest.mark.parametrize(("first", "kind"), [(9.0, "linear"), (11.0, "log")])
-def test_cost_axes_are_logarithmic_over_a_decade(
-    calibration: Calibration, first: float, kind: str
-) -> None:
-    trace = Trace(np.array([first, 2.0, 1.0]), np.array([1e-3, 1e-4, 1e-5]), np.zeros(3))
-    layout = plot_traces(with_traces(calibration, trace)).layout
-    assert (layout.yaxis.type, layout.yaxis2.type) == (kind, kind)
 
 
 def test_long_traces_are_thinned_and_keep_their_ends(calibration: Calibration) -> None:
@@ -227,36 +163,6 @@ def test_held_out_frames_have_open_symbols(calibration: Calibration) -> None:
     assert "Dotted: left out (n = 1)" in names
 
 
-def test_nothing_is_open_when_all_frames_calibrate(calibration: Calibration) -> None:
-    figure = plot_frame_errors(calibrate(calibration.dataset, CalibrationSettings()))
-    assert not [t for t in figure.data if str(t.marker.symbol).endswith("-open")]
-    assert "held out" not in " ".join(str(t.name) for t in figure.data)
-
-
-def test_frame_errors_have_units_and_n(calibration: Calibration) -> None:
-    layout = plot_frame_errors(calibration).layout
-    assert layout.yaxis.title.text == "Reprojection error (px)"
-    assert layout.yaxis2.title.text == "Length error (%)"
-    assert layout.xaxis2.title.text.startswith("Frame (n = 25)")
-
-
-def test_a_large_range_makes_the_axis_logarithmic(calibration: Calibration) -> None:
-    n, m = len(calibration.dataset.correspondences), 24
-    even = replace(
-        calibration.errors["2d"],
-        reprojection_px=np.linspace(1, 2, n),
-        length=np.linspace(0.01, 0.02, m),
-    )
-    same = replace(calibration, refined=None)
-    for method in METHODS:
-        same = with_errors(same, method, even)
-    assert plot_frame_errors(same).layout.yaxis.type == "linear"
-    far = with_errors(same, "3d", replace(even, reprojection_px=60 * even.reprojection_px))
-    layout = plot_frame_errors(far).layout
-    assert (layout.yaxis.type, layout.yaxis2.type) == ("log", "linear")
-    assert layout.yaxis.range[0] < 0 < np.log10(120) < layout.yaxis.range[1]
-
-
 def test_the_outlying_frame_is_named(calibration: Calibration) -> None:
     labels = traces_of(plot_frame_errors(calibration), mode="text", yaxis="y")
     assert [(list(t.text), list(t.x)) for t in labels] == [([f"<b>{MIXED_UP}</b>"], [MIXED_UP])]
@@ -298,14 +204,6 @@ def test_rig_shows_the_reconstructed_bars(calibration: Calibration, method: str)
     assert bars.text[0] == f"frame 2<br>length {lengths[0]:.4f} m, error {100 * error[0]:.2f} %"
     assert bars.line.color == METHOD_COLOURS[chosen]
     assert "n = 24" in bars.name
-
-
-def test_rig_has_equal_axes_in_metres(calibration: Calibration) -> None:
-    scene = plot_rig(calibration, "3d").layout.scene
-    assert scene.aspectmode == "data"
-    assert scene.xaxis.title.text == "x (m)"
-    assert scene.yaxis.title.text == "z (m), depth"
-    assert scene.zaxis.title.text == "−y (m), up"
 
 
 @pytest.mark.parametrize("narrow", [True, False])
@@ -369,24 +267,6 @@ def test_bars_behind_a_camera_are_counted(calibration: Calibration) -> None:
     (bars,) = [t for t in plot_rig(behind, "3d").data if t.name.startswith("Bars")]
     assert f"(n = {24 - missing}, {missing} behind a camera)" in bars.name
     assert f"{missing} bars not drawn" in describe_rig(behind, "3d")
-
-
-def test_a_method_that_is_not_there(calibration: Calibration) -> None:
-    with pytest.raises(StereocalError, match='"4d" is not known'):
-        plot_rig(calibration, "4d")
-
-
-def test_descriptions_are_one_sentence(calibration: Calibration) -> None:
-    for text in (
-        describe_coverage(calibration.dataset),
-        describe_traces(calibration),
-        describe_frame_errors(calibration),
-        describe_rig(calibration, "3d"),
-    ):
-        assert text.endswith(".")
-        assert ". " not in text
-        assert "\n" not in text
-        assert "<" not in text
 
 
 def test_known_points_without_bars_are_drawn() -> None:

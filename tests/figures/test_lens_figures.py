@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from pathlib import Path
 
 import cv2
@@ -41,22 +40,6 @@ def test_every_draw_is_in_its_histogram() -> None:
         np.testing.assert_array_equal(trace.x, lens.draws[:, at])
         assert trace.xbins.start <= trace.x.min() and trace.xbins.end >= trace.x.max()
     assert f"{FEW.repeats} calibrations, each with {FEW.subset} of 30" in describe_draws(lens)
-
-
-def test_held_parameters_have_no_histogram() -> None:
-    lens = calibrated(search(14, seed=3), dataclasses.replace(FEW, fix_k3=True))
-    histograms = [trace for trace in plot_draws(lens).data if trace.type == "histogram"]
-    assert len(histograms) == 8
-
-
-def test_median_and_error_are_marked() -> None:
-    lens = usual()
-    figure = plot_draws(lens)
-    lines = [shape for shape in figure.layout.shapes if shape.type == "line"]
-    bands = [shape for shape in figure.layout.shapes if shape.type == "rect"]
-    for at, (line, band) in enumerate(zip(lines, bands, strict=True)):
-        assert line.x0 == lens.values[at]
-        assert band.x1 - band.x0 == pytest.approx(2 * lens.standard_errors[at])
 
 
 def test_outlying_photograph_has_a_bar_of_its_own(bent: LensCalibration) -> None:

@@ -57,13 +57,6 @@ def report(summaries: Summaries, by_dataset: dict[str, Summaries], dataset: Data
     return text.replace(get_plotlyjs(), "")
 
 
-def test_it_is_one_whole_page(report: str) -> None:
-    assert report.startswith('<!DOCTYPE html>\n<html lang="en">')
-    assert "<title>Validation of 2 data sets</title>" in report
-    assert report.rstrip().endswith("</html>")
-    assert "prefers-color-scheme: dark" in report
-
-
 def test_nothing_is_fetched_from_elsewhere(report: str) -> None:
     assert not re.search(r"https?://", report)
     assert not re.search(r"<script[^>]*\ssrc|<link|<img|@import|url\(", report)
@@ -104,13 +97,6 @@ def test_data_settings_angles_and_versions_are_in_it(
     for mean, spread in zip(found.angle_means.flat, found.angle_spreads.flat, strict=True):
         assert f"{math.degrees(mean):.4f} ± {math.degrees(spread):.4f}" in report
     assert f'<th scope="row">stereocal</th><td>{__version__}</td>' in report
-
-
-def test_one_data_set_is_not_compared(runs: list[list[Run]], dataset: Dataset) -> None:
-    alone = summarise(runs[:1])
-    text = report_html(alone, {dataset.name: alone}, [dataset], SETTINGS)
-    assert "compared</h2>" not in text
-    assert f"<title>Validation of {dataset.name}</title>" in text
 
 
 def test_it_can_be_written_when_no_bar_was_measured(

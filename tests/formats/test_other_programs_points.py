@@ -15,7 +15,7 @@ import pandas as pd
 import pytest
 
 from stereocal.cli import main
-from stereocal.errors import RefusedRowsError, StereocalError
+from stereocal.errors import StereocalError
 from stereocal.formats.point_answers import (
     UNKNOWN,
     answered,
@@ -214,13 +214,6 @@ class TestWhoWroteIt:
         with pytest.raises(StereocalError, match="choose the columns"):
             pixels(content, 0)
 
-    @pytest.mark.parametrize(
-        "header", ["frame,pos_x,pos_y,pos_x", "t,x,y,x", "track,frame_idx,n.x,n.y,n.x"]
-    )
-    def test_two_columns_of_one_name(self, header: str) -> None:
-        content = csv(header, [list(range(header.count(",") + 1))] * 2)
-        assert layout_of(content, "points").program == UNKNOWN
-
 
 class TestNumbers:
     """Against our own projection."""
@@ -242,16 +235,6 @@ class TestNumbers:
         table = pixels(content, 0)
         np.testing.assert_array_equal(table[["u", "v"]], [[0, 0], [1599, 1199], [2.25, 99.5]])
 
-    @pytest.mark.parametrize("write", [tracktor, sleap, deeplabcut])
-    @pytest.mark.parametrize("side", [0, 1])
-    def test_files_with_one_camera(self, write: Callable[[int], bytes], side: int) -> None:
-        table = pixels(write(side), side)
-        expected = VIEWS[side].reshape(-1, 2)
-        if write is sleap:
-            expected = np.delete(expected, 5, axis=0)
-        np.testing.assert_allclose(table[["u", "v"]].to_numpy(), expected, rtol=0, atol=1e-12)
-        assert table["frame"].iloc[0] == FIRST and table["frame"].iloc[-1] == FIRST + FRAMES - 1
-
     def test_argus_with_one_track_and_two_cameras(self) -> None:
         """Four columns, which were taken for both ends of a bar in one camera."""
         rows = [row[:4] for row in rig_columns(lower_left)]
@@ -266,17 +249,6 @@ class TestNumbers:
         for side in (0, 1):
             found = pixels(content, side)[["u", "v"]].to_numpy()
             np.testing.assert_allclose(found, VIEWS[side][:, 0], rtol=0, atol=1e-9)
-
-    @pytest.mark.parametrize(
-        "pattern",
-        ["track{p}_cam{c}_{a}", "cam{c}{a}", "bat.{p} camera {c} {a}", "P{p}-CAM-{c}-{A}"],
-    )
-    def test_names_like_those_of_argus(self, pattern: str) -> None:
-        names = [pattern.format(p=7, c=c, a=a, A=a.upper()) for c in (1, 2) for a in "xy"]
-        content = csv(",".join(names), [row[:4] for row in rig_columns(lower_left)])
-        assert layout_of(content, "points").cameras == ("cam1", "cam2")
-        found = pixels(content, 1)[["u", "v"]].to_numpy()
-        np.testing.assert_allclose(found, VIEWS[1][:, 0], rtol=0, atol=1e-9)
 
     def test_unsure_nodes_of_sleap_can_be_left_out(self) -> None:
         content = sleap(0, score=0.3)
@@ -353,32 +325,10 @@ class TestHdf5:
         with pytest.raises(StereocalError, match="without 'tracks'"):
             point_text(packed.getvalue(), "a.h5")
 
-    def test_a_file_that_would_swell(self) -> None:
-        packed = io.BytesIO()
-        with h5py.File(packed, "w") as file:
-            file.create_dataset("tracks", (1, 2, 1, 40_000_000), "f8", chunks=True)
-            file["node_names"] = [b"nose"]
-        with pytest.raises(StereocalError, match="would expand"):
-            point_text(packed.getvalue(), "a.h5")
-
 
 def hdf5_bytes_of_deeplabcut() -> bytes:
     """As much of one as tells it, made without h5py."""
     return b"\x89HDF\r\n\x1a\n" + bytes(90) + b"df_with_missing" + bytes(90)
-
-
-class TestRows:
-    @pytest.mark.parametrize("at", [1, 2, 5])
-    def test_longer_than_the_header(self, at: int) -> None:
-        lines = tracktor(0).decode().splitlines()
-        lines[at] += ",9"
-        with pytest.raises(StereocalError, match=f"line {at + 1}: 6 cells instead of 5"):
-            pixels("\n".join(lines).encode(), 0)
-
-    def test_all_of_them(self) -> None:
-        """As R writes row names, one column beside the header."""
-        with pytest.raises(RefusedRowsError, match="2 rows cannot be used: line 2: 4 cells"):
-            pixels(b"frame,x,y\n1,2,3,4\n2,3,4,5\n", 0)
 
 
 def run_match(tmp_path: Path, files: tuple[bytes, bytes], *more: str, ending: str = "csv") -> int:
@@ -436,11 +386,6 @@ class TestCommandLine:
         assert run_match(tmp_path, (content, content), "--layout", layout) == 0
         self.check(tmp_path, range(1, FRAMES + 1))
 
-    def test_sleaps_analysis_file(self, tmp_path: Path) -> None:
-        files = (sleap_h5(0), sleap_h5(1))
-        assert run_match(tmp_path, files, "--layout", "sleap", ending="h5") == 0
-        self.check(tmp_path, range(FIRST, FIRST + FRAMES), 2 * FRAMES - 1)
-
     def test_cameras_exchanged_and_counted_otherwise(self, tmp_path: Path) -> None:
         """Camera 2 is the primary; the height counts as h + 1, from a first pixel of 0.5."""
 
@@ -488,14 +433,3 @@ class TestCommandLine:
         assert printed.count("\n") == 1
         assert re.search(says, printed), printed
         assert not (tmp_path / "pairs.csv").exists()
-
-    def test_three_cameras_need_an_answer(
-        self, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-    ) -> None:
-        rows = [[*row[:4], 5, 6, *row[4:], 7, 8] for row in rig_columns(lower_left)]
-        content = csv("", rows)
-        assert run_match(tmp_path, (content, content), "--layout", "wand") == 2
-        assert "--cameras 1,2" in capsys.readouterr().err
-        more = ("--layout", "wand", "--cameras", "cam1,cam2")
-        assert run_match(tmp_path, (content, content), *more) == 0
-        self.check(tmp_path, range(1, FRAMES + 1))
