@@ -19,7 +19,6 @@ from stereocal.formats.evaluation_files import (
     Evaluation,
     pack_evaluation,
     summary_json,
-    unique_names,
     unpack_evaluation,
     validation_figures,
 )
@@ -57,13 +56,6 @@ def test_damaged_evaluation_is_said(content: bytes) -> None:
         unpack_evaluation(content)
 
 
-def test_cut_off_evaluation_is_said(runs: list[list[Run]]) -> None:
-    whole = pack_evaluation(Evaluation(runs, SETTINGS, ["one"], ["a"]))
-    for part in (0.1, 0.5, 0.99):
-        with pytest.raises(StereocalError, match="validate again"):
-            unpack_evaluation(whole[: int(part * len(whole))])
-
-
 def test_summary_has_what_scripts_read(runs: list[list[Run]]) -> None:
     pooled = summarise(runs)
     dataset = read_dataset(FIELD)
@@ -83,11 +75,6 @@ def test_summary_has_what_scripts_read(runs: list[list[Run]]) -> None:
     assert content["datasets"][0]["sha256"] == dataset.sha256
     assert content["settings"]["runs"] == 6
     assert validation_figures(pooled, SETTINGS)["2d"]["runs"] == 6
-
-
-def test_names_become_unique() -> None:
-    dataset = read_dataset(FIELD)
-    assert unique_names([dataset] * 3) == ["field", "field (2)", "field (3)"]
 
 
 @pytest.mark.parametrize(

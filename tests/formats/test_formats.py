@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import tracemalloc
 import zipfile
 from collections.abc import Mapping
 from dataclasses import fields, replace
@@ -144,17 +143,6 @@ class TestTable:
         assert lines == (7, 8, 9, 10)
         assert "frame 3" in reasons[0]
         assert all("distance_m" in reason for reason in reasons[1:])
-
-    def test_the_distance_of_a_frame_may_stand_with_either_target(self) -> None:
-        """Empty with A, then two rows that differ: no order hides a contradiction."""
-        content = table(
-            "1,A,1,2,3,4,",
-            "1,B,1,2,3,4,0.6",
-            "2,B,1,2,3,4,0.5",
-            "2,A,1,2,3,4,",
-            header=HEADER + ",distance_m",
-        )
-        assert not problems_of(content)
 
     def test_sigmas_and_sources(self) -> None:
         content = table(
@@ -336,38 +324,6 @@ class TestCameraFile:
             read_camera(with_storage(suffix, **{**NODES, **change}), "c")
 
     @pytest.mark.parametrize(
-        ("content", "says"),
-        [
-            (b"", "is empty"),
-            (b"\n \n", "is empty"),
-            (b"\xef\xbb\xbf", "c: "),
-            (b"hello", "format of the camera file is not known"),
-            (b"\x89PNG\r\n\x1a\n\x00\xff", "not a camera file"),
-            (b"{", "not valid JSON"),
-            (b"{}", "camera_matrix is missing"),
-            (b"[" * 100_000, "not known"),
-            (b'{"a":' * 100_000, "nested more than 50 levels"),
-            (b'{"format": "stereocal-camera/9"}', "stereocal-camera/9"),
-            (b'{"format": "stereocal-camera/1"}', "has no K, distortion, image_size"),
-            (b"%YAML:1.0", "c: "),
-            (b"<?xml version='1.0'?>", "c: "),
-            (b"%YAML:1.0\n" + b"#" * 4_000_000, "too many"),
-        ],
-    )
-    def test_no_camera_file(self, content: bytes, says: str) -> None:
-        with pytest.raises(StereocalError, match=says) as error:
-            read_camera(content, "c")
-        assert str(error.value).startswith("c: ")
-
-    @pytest.mark.parametrize("suffix", SUFFIXES)
-    @pytest.mark.parametrize("percent", [5, 20, 35, 50, 65, 80, 90])
-    def test_files_cut_off(self, suffix: str, percent: int) -> None:
-        """The size stands first in our order of nodes, and a matrix half there is no camera."""
-        whole = with_storage(suffix, **NODES)
-        with pytest.raises(StereocalError, match=r"^c: "):
-            read_camera(whole[: len(whole) * percent // 100], "c")
-
-    @pytest.mark.parametrize(
         ("old", "new"),
         [
             (b"  cols: 3\n", b""),
@@ -452,13 +408,6 @@ class TestDatasetFiles:
         (tmp_path / "notes.txt").write_bytes(b"\xff")
         assert read_dataset(tmp_path).sha256 == NOISY.sha256
 
-    def test_files_of_a_mac_are_ignored(self) -> None:
-        files = {f"survey/{name}": content for name, content in self.files.items()}
-        files["__MACOSX/survey/._dataset.json"] = b"\x00\x05\x16\x07"
-        files["__MACOSX/survey/dataset.json"] = b"\x00\x05\x16\x07"
-        files["survey/.DS_Store"] = b"\x00"
-        assert parse_dataset(unzip(zipped(files), "x"), "x").sha256 == NOISY.sha256
-
     def test_two_data_sets_are_refused(self) -> None:
         files = {f"{day}/{name}": c for day in ("mon", "tue") for name, c in self.files.items()}
         with pytest.raises(StereocalError, match=r"2 data sets \(mon/dataset.json, tue"):
@@ -487,14 +436,6 @@ class TestDatasetFiles:
             read_dataset(source)
         survey = read_survey(source)
         assert survey.with_points(NOISY.correspondences).sha256 == NOISY.sha256
-
-    def test_photographs_are_not_unpacked_with_the_texts(self, tmp_path: Path) -> None:
-        content = zipped({**self.files, "primary/1.png": bytes(9_000_000)})
-        (tmp_path / "a.zip").write_bytes(content)
-        tracemalloc.start()
-        assert read_dataset(tmp_path / "a.zip").sha256 == NOISY.sha256
-        assert tracemalloc.get_traced_memory()[1] < 3_000_000
-        tracemalloc.stop()
 
     def test_nothing_there(self, tmp_path: Path) -> None:
         with pytest.raises(StereocalError, match="no such folder or file"):

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from stereocal.errors import StereocalError
-from stereocal.formats.pixel_origin import PixelOrigin
-from stereocal.formats.point_files import PointLayout, read_bars, read_points
+from stereocal.formats.point_files import read_bars, read_points
 from stereocal.formats.point_layouts import propose_layout
-from stereocal.rig.compiled import FloatArray
 from tests.known_rig import bar_ends, images
 
 FIRST, SECOND = images(bar_ends(6))
@@ -32,58 +29,6 @@ def wand(header: str = "") -> bytes:
         lines.append(",".join("NaN" if np.isnan(x) else repr(float(x)) for x in cells))
     lines[-1] = ",".join(["0"] * 12)
     return ("\n".join(lines) + "\n").encode()
-
-
-@pytest.mark.parametrize("header", ["", "a1x,a1y,a2x,a2y,a3x,a3y,b1x,b1y,b2x,b2y,b3x,b3y"])
-def test_wand_files_of_argus_and_easywand(header: str) -> None:
-    layout = propose_layout(wand(header), "wand.csv")
-    assert (layout.cameras, layout.points) == (("cam1", "cam2", "cam3"), ("A", "B"))
-    assert any("lower left" in question for question in layout.questions)
-    assert any("Which of the 3 cameras" in question for question in layout.questions)
-    rows = read_bars(wand(header), layout, ("cam1", "cam2"), ("A", "B"), HEIGHTS, "wand.csv")
-    assert len(rows.bars) == 5  # the last frame is zeros: nothing was seen
-    np.testing.assert_allclose(rows.primary[:5], FIRST[0:10:2], rtol=0, atol=1e-9)
-    np.testing.assert_allclose(rows.secondary[5:], SECOND[1:10:2], rtol=0, atol=1e-9)
-    np.testing.assert_array_equal(rows.frames, np.arange(1, 6))
-    exchanged = read_bars(wand(header), layout, ("cam2", "cam1"), ("B", "A"), HEIGHTS[::-1], "w")
-    np.testing.assert_allclose(exchanged.primary[:5], SECOND[1:10:2], rtol=0, atol=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("names", "program", "to_theirs"),
-    [
-        ("pt{p}_cam{c}_X,pt{p}_cam{c}_Y", "DLTdv5 to 7", lambda p, h: (p[0] + 1, h - p[1])),
-        ("tail{p}_cam{c}_U,tail{p}_cam{c}_V", "DLTdv8", lambda p, _: (p[0] + 1, p[1] + 1)),
-    ],
-)
-def test_dltdv(
-    names: str, program: str, to_theirs: Callable[[FloatArray, int], tuple[float, float]]
-) -> None:
-    """Point outer, camera inner; a point that one camera did not see."""
-    head = ",".join(names.format(p=p, c=c) for p in (1, 2) for c in (1, 2))
-    lines = [head]
-    for k in range(6):
-        cells = []
-        for end in (0, 1):
-            for view, height in zip((FIRST, SECOND), HEIGHTS, strict=True):
-                theirs = to_theirs(view[2 * k + end], height)
-                cells += [repr(float(x)) for x in theirs]
-        if k == 2:
-            cells[6:8] = ["NaN", "NaN"]
-        lines.append(",".join(cells))
-    content = "\n".join(lines).encode()
-    layout = propose_layout(content, "xypts.csv")
-    assert layout.program == program
-    table = read_points(content, layout, "cam2", 1024, "xypts.csv")
-    assert list(table) == ["frame", "u", "v", "point"]
-    assert len(table) == 11
-    np.testing.assert_array_equal(table["frame"].to_numpy()[:3], [1, 1, 2])
-    np.testing.assert_allclose(
-        table[["u", "v"]].to_numpy(), np.delete(SECOND, 5, axis=0), rtol=0, atol=1e-9
-    )
-    rows = read_bars(content, layout, ("cam1", "cam2"), layout.points[:2], HEIGHTS)  # type: ignore[arg-type]
-    assert len(rows.bars) == 5
-    assert len(rows) == 11
 
 
 def test_deeplabcut() -> None:
@@ -135,22 +80,6 @@ def test_trackmate(unit: str, asks: bool) -> None:
     assert table["frame"].tolist() == [1, 2]  # in the order of the frames
     assert table["u"].tolist() == [203.0, 201.0]
     assert table["track"].tolist() == ["3", "3"]
-
-
-def test_our_own_and_the_like() -> None:
-    ours = propose_layout(b"frame,u,v,id\n1,2,3,a\n", "p.csv")
-    assert (ours.program, ours.questions) == ("stereocal", ())
-    theirs = propose_layout(b"t;x;y\n1;2,5;3\n", "p.csv")
-    assert "Are the columns t, x and y" in theirs.questions[0]
-    assert read_points(b"t;x;y\n1;2,5;3\n", theirs, "cam1")["u"].tolist() == [2.5]
-
-
-def test_a_layout_can_be_corrected_and_looked_at() -> None:
-    content = b"10,20\n30,40\n50,60\n"
-    layout = PointLayout("by hand", propose_layout(wand(), "w").columns[:1], header_rows=0)
-    layout = replace(layout, origin=PixelOrigin("lower-left", 0.5, "h-1"), first_frame=100)
-    table = read_points(content, layout, "cam1", 100, first_rows=2)
-    assert table.to_numpy().tolist() == [[100, 9.5, 79.0], [101, 29.5, 59.0]]
 
 
 @pytest.mark.parametrize(

@@ -11,11 +11,8 @@ import pytest
 from stereocal.errors import StereocalError
 from stereocal.field.world.frame import WorldFrame
 from stereocal.field.world.observed import Survey, Throw
-from stereocal.formats.world_file import WORLD_FORMAT, parse_world, read_world, write_world
+from stereocal.formats.world_file import WORLD_FORMAT, read_world, write_world
 from stereocal.formats.world_tables import (
-    LONGEST_NAME,
-    MOST_ROWS,
-    kind_of_table,
     read_observed,
 )
 from stereocal.matching.reconstruction import name_of_world
@@ -55,10 +52,6 @@ class TestWorldFile:
         with pytest.raises(StereocalError, match=says):
             read_world(tmp_path / "w.json")
 
-    def test_no_such_file(self, tmp_path: Path) -> None:
-        with pytest.raises(StereocalError, match="cannot be read"):
-            read_world(tmp_path / "none.json")
-
     def test_world_json_is_read_back_exactly(self, tmp_path: Path) -> None:
         frame = WorldFrame(WORLD, "plumb", {"vertical_deg": 0.1}, "Found.", ("a note",))
         rig = RigParameters(PRIMARY, SECONDARY, RIG, "2d", 1.0, {}, {"sha256": "ab"})
@@ -72,40 +65,6 @@ class TestWorldFile:
         assert data["source"] == "plumb"
         assert data["uncertainty"] == {"vertical_deg": 0.1}
         assert data["name"] == name_of_world(read)
-
-    @pytest.mark.parametrize(
-        ("change", "says"),
-        [
-            ({"format": "stereocal-world/2"}, "this version reads"),
-            ({"format": None}, "this version reads"),
-            ({"source": "guess"}, '"source" must be one of'),
-            ({"world_from_primary": None}, "not a 4x4|last row"),
-            ({"world_from_primary": [[1, 2], [3]]}, "not a 4x4"),
-            ({"world_from_primary": {"a": 1}}, "not a 4x4"),
-            ({"world_from_primary": [["x"] * 4] * 4}, "not a 4x4"),
-            ({"world_from_primary": np.diag([1.0, 1, -1, 1]).tolist()}, "must be a rotation"),
-            ({"world_from_primary": np.diag([1e200, 1, 1, 1]).tolist()}, "must be a rotation"),
-        ],
-    )
-    def test_hostile_world_json(self, change: dict[str, object], says: str) -> None:
-        data = {
-            "format": WORLD_FORMAT,
-            "source": "plumb",
-            "world_from_primary": self.table.tolist(),
-            **change,
-        }
-        with pytest.raises(StereocalError, match=says):
-            parse_world(json.dumps(data).encode(), "w.json")
-
-    def test_other_hostile_files(self) -> None:
-        deep = b"[" * 100_000 + b"]" * 100_000
-        for content in (b"\xff\xfe", b"NaN", b"[" * 10, deep, b"[[1e999]]", b" " * 2_000_000):
-            for name in ("w.json", "w.csv"):
-                with pytest.raises(StereocalError):
-                    parse_world(content, name)
-        without = {"format": WORLD_FORMAT, "source": "plumb"}
-        with pytest.raises(StereocalError, match="is missing"):
-            parse_world(json.dumps(without).encode(), "w.json")
 
 
 SURVEY = (
@@ -153,13 +112,6 @@ class TestTables:
         with pytest.raises(StereocalError, match="needs the frame rate"):
             read_observed(THROW.encode(), "t.csv")
 
-    def test_kinds(self) -> None:
-        assert [kind_of_table(t.encode(), "x") for t in (SURVEY, LINES, THROW)] == [
-            "point",
-            "line",
-            "frame",
-        ]
-
     @pytest.mark.parametrize(
         ("text", "says"),
         [
@@ -191,13 +143,3 @@ class TestTables:
     def test_what_is_refused(self, text: str, says: str) -> None:
         with pytest.raises(StereocalError, match=says):
             read_observed(text.encode(), "t.csv", 100.0)
-
-    def test_sizes_are_limited(self) -> None:
-        header = "line,u_primary,v_primary,u_secondary,v_secondary\n"
-        with pytest.raises(StereocalError, match=f"at most {MOST_ROWS:,} rows"):
-            read_observed((header + "a,1,2,3,4\n" * (MOST_ROWS + 1)).encode(), "t.csv")
-        many = "".join(f"l{k},1,2,3,4\n" for k in range(51))
-        with pytest.raises(StereocalError, match="different names are too many"):
-            read_observed((header + many).encode(), "t.csv")
-        (line,) = read_observed((header + "x" * 5000 + ",1,2,3,4\n").encode(), "t.csv")  # type: ignore[misc]
-        assert len(line.name) == LONGEST_NAME

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +13,7 @@ from stereocal.matching.in_step import SHIFT
 from stereocal.matching.matching_files import match_tables
 from stereocal.matching.pairs import POINT, match
 from stereocal.matching.point_table import PointTable
-from stereocal.matching.reconstruction_files import PIXELS, reconstruct, reconstruct_table
+from stereocal.matching.reconstruction_files import PIXELS, reconstruct_table
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.tracks import MeasuredOffset
 from tests import known_rig as rig
@@ -47,20 +46,6 @@ def points() -> tuple[pd.DataFrame, pd.DataFrame]:
 def written(table: pd.DataFrame, path: Path) -> PointTable:
     table.to_csv(path, index=False)
     return PointTable(path, POINT)
-
-
-def test_tables_in_memory(late: RigParameters, points: tuple[pd.DataFrame, pd.DataFrame]) -> None:
-    pairs = match(late, *points)
-    moved = pairs[SHIFT] != 0
-    assert moved.mean() > 0.9
-    assert (pairs["target_primary"] == pairs["target_secondary"]).mean() > 0.95
-    assert pairs["error_px"][moved].mean() < 0.3
-    without = match(replace(late, time_offset=None), *points, threshold_px=1.5)
-    assert SHIFT not in without
-    assert len(without) < 0.8 * len(pairs)
-    # Pairs that were shifted already are not shifted again.
-    measured = reconstruct(late, pairs)
-    assert measured["error_px"][moved].mean() < 0.3
 
 
 def test_tables_on_disk_are_the_same(

@@ -21,7 +21,7 @@ from stereocal.formats.point_answers import (
     layout_of,
 )
 from stereocal.formats.point_files import read_points
-from stereocal.matching.lengths import check_lengths, has_two_a_frame, label_columns
+from stereocal.matching.lengths import check_lengths, has_two_a_frame
 
 
 def points(*rows: tuple[int, float, str]) -> pd.DataFrame:
@@ -58,11 +58,6 @@ def test_a_name_twice_in_a_frame_is_left_out_and_said() -> None:
     assert "1 frames were left out" in check.sentence()
 
 
-def test_points_behind_a_camera_have_no_length() -> None:
-    lost = BIRDS.assign(x=BIRDS["x"].where(BIRDS.index != 0))
-    assert check_lengths(lost, 1.0, "bird", ("a", "b")).frames.tolist() == [2]
-
-
 @pytest.mark.parametrize(
     ("known", "ends", "sentence"),
     [
@@ -75,14 +70,6 @@ def test_points_behind_a_camera_have_no_length() -> None:
 def test_refused(known: float, ends: tuple[str, str], sentence: str) -> None:
     with pytest.raises(StereocalError, match=sentence):
         check_lengths(BIRDS, known, "bird", ends)
-
-
-def test_columns_that_can_name_points() -> None:
-    table = pd.concat([BIRDS] * 300, ignore_index=True)
-    table["size"], table["same"] = np.arange(len(table)) + 0.5, "x"
-    table["outside_volume"] = table["ambiguous"] = np.arange(len(table)) % 2 == 0
-    table["sigma_x"] = np.arange(len(table)) % 3
-    assert label_columns(table) == ["bird"]
 
 
 ODD = b"when;across;down;weight\n7;10,5;20;heavy\n8;11,5;21;light\n"
@@ -109,14 +96,6 @@ def test_columns_chosen_by_hand() -> None:
     table = read_points(ODD, answered(layout, counted, ODD, "odd.csv"), "cam1")
     assert table["frame"].tolist() == [1, 2]
     assert Answers.from_json(moved.to_json()) == moved
-
-
-@pytest.mark.parametrize("columns", [(0, 1, 1), (1, 1, 2), (2, 1, 2)])
-def test_the_same_column_for_two_things(columns: tuple[int, int, int]) -> None:
-    layout = layout_of(ODD, "odd.csv")
-    answers = replace(first_answers(layout, 0), columns=columns)
-    with pytest.raises(StereocalError, match="three different columns"):
-        answered(layout, answers, ODD, "odd.csv")
 
 
 def test_answers_of_another_version() -> None:

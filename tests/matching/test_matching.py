@@ -20,9 +20,9 @@ from stereocal.matching.matching import (
     refuse_different_rigs,
 )
 from stereocal.matching.pair_candidates import pairs_within
-from stereocal.matching.threshold import choose_threshold, sample_of
+from stereocal.matching.threshold import choose_threshold
 from stereocal.rig.compiled import FloatArray
-from stereocal.rig.geometry import Angles, Pose
+from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
 from tests.known_rig import ANGLES, BASELINE_M, PRIMARY, RIG, SECONDARY, SEEDS, images
 
@@ -80,11 +80,6 @@ class TestAssignment:
             matching.LARGEST_DENSE = before
         np.testing.assert_array_equal(dense, sparse)
 
-    def test_two_poor_pairs_do_not_displace_a_good_one(self) -> None:
-        i, j = np.array([0, 0, 1]), np.array([0, 1, 0])
-        np.testing.assert_array_equal(assign(i, j, np.array([0.1, 0.9, 0.9]), 1.0), [0])
-        np.testing.assert_array_equal(assign(i, j, np.array([0.9, 0.3, 0.3]), 1.0), [1, 2])
-
     def test_a_pair_at_the_gate_is_taken(self) -> None:
         zero = np.zeros(2, dtype=np.int64)
         assert len(assign(zero[:1], zero[:1], np.array([1.0]), 1.0)) == 1
@@ -114,12 +109,6 @@ class TestCandidates:
         filled = np.where(np.isnan(table), np.inf, table)
         np.testing.assert_allclose(of_first, np.sort(filled, axis=1)[:, :2], atol=1e-9)
         np.testing.assert_allclose(of_second, np.sort(filled, axis=0)[:2].T, atol=1e-9)
-
-    def test_room_is_made_for_all_pairs(self) -> None:
-        first, second = cloud(60, 2)
-        found = match_points(RIG_2D, first, second, 1e9)
-        np.testing.assert_array_equal(found.primary, found.secondary)
-        assert found.ambiguous.all()
 
     @pytest.mark.parametrize("sides", [(0, 5), (5, 0), (0, 0), (1, 1)])
     def test_few_points_or_none(self, sides: tuple[int, int]) -> None:
@@ -153,16 +142,6 @@ class TestMatches:
         np.testing.assert_array_equal(found.ambiguous, unsure)
         assert 0 < unsure.sum() < len(found)
 
-    def test_the_runner_up_is_the_best_other_pair(self) -> None:
-        first, second = cloud(12, 6, noise_px=0.3)
-        found = match_points(RIG_2D, first, second, 5.0)
-        i, j = (each.ravel() for each in np.indices((12, 12)))
-        table = RIG_2D.reprojection_errors(first[i], second[j]).mean(axis=1).reshape(12, 12)
-        for k in range(len(found)):
-            row, column = found.primary[k], found.secondary[k]
-            others = [*np.delete(table[row], column), *np.delete(table[:, column], row)]
-            assert found.runner_up_px[k] == pytest.approx(np.nanmin(others), abs=1e-9)
-
     def test_depth_is_a_second_gate(self) -> None:
         first, second = cloud(50, 7)
         depth = RIG_2D.reconstruct(first, second)[:, 2]
@@ -176,16 +155,6 @@ class TestMatches:
         np.testing.assert_array_equal(own.secondary, same.secondary)
         with pytest.raises(StereocalError, match="contains no matching threshold"):
             match_points(replace(RIG_2D, matching_threshold_px=None), first, second)
-
-    @pytest.mark.parametrize("threshold", [-1.0, float("nan"), float("inf")])
-    def test_thresholds_that_cannot_be(self, threshold: float) -> None:
-        with pytest.raises(StereocalError, match="threshold"):
-            match_points(RIG_2D, *cloud(3, 0), threshold)
-
-    @pytest.mark.parametrize("depths", [(5.0, 5.0), (-1.0, 3.0), (7.0, 2.0), (float("nan"), 9.0)])
-    def test_depths_that_cannot_be(self, depths: tuple[float, float]) -> None:
-        with pytest.raises(StereocalError, match="depth range"):
-            match_points(RIG_2D, *cloud(3, 0), depths_m=depths)
 
 
 class TestThresholdFromThePoints:
@@ -205,14 +174,6 @@ class TestThresholdFromThePoints:
         # Errors of correct pairs are a half-normal of 0.21 px.
         assert 3 < chosen.threshold_px / 0.21 < 14
 
-    def test_denser_points_take_a_smaller_threshold(self) -> None:
-        chosen = [
-            choose_threshold(RIG_2D, [cloud(n, k, noise_px=0.3) for k in range(2000 // n)])
-            for n in (20, 100, 500)
-        ]
-        thresholds = [each.threshold_px for each in chosen]
-        assert thresholds == sorted(thresholds, reverse=True)
-
     def test_parameters_that_fit_nothing(self) -> None:
         """The threshold is that of the file, and without one there is none."""
         rng = np.random.default_rng(0)
@@ -229,11 +190,6 @@ class TestThresholdFromThePoints:
         with pytest.raises(StereocalError, match="No threshold can be chosen"):
             choose_threshold(without, [])
 
-    def test_the_sample_is_spread_evenly(self) -> None:
-        assert sample_of(range(1000), 1000.0) == {round(k * 999 / 19) for k in range(20)}
-        assert sample_of(range(7), 1000.0) == set(range(7))
-        assert len(sample_of(range(1000), 4.0)) == 500
-
 
 class TestPurposeAndRig:
     def test_the_wrong_purpose_is_a_sentence(self) -> None:
@@ -244,10 +200,6 @@ class TestPurposeAndRig:
         assert purpose_warning(RIG_2D, "matching") is None
         assert purpose_warning(measuring, "reconstruction") is None
         assert purpose_warning(both, "matching") is purpose_warning(both, "reconstruction") is None
-
-    def test_the_two_sets_of_a_rig_are_one_rig(self) -> None:
-        near = Pose.from_angles(Angles(*(np.array(ANGLES) + 0.02)), BASELINE_M * 1.01)
-        refuse_different_rigs(RIG_2D, replace(RIG_2D, method="3d", pose=near))
 
     @pytest.mark.parametrize(
         ("change", "says"),

@@ -113,16 +113,6 @@ def test_standard_errors_are_of_these_points() -> None:
     np.testing.assert_allclose(np.sqrt(np.mean(z**2, axis=0)), 1.0, atol=0.1)
 
 
-def test_too_few_pairs_take_the_noise_of_the_targets_and_say_so() -> None:
-    chosen = choose_threshold(FILE, sample(seen(0.5, 4)))
-    assert chosen.threshold_px == OF_FILE_PX
-    assert chosen.noise is not None and chosen.noise.source == "calibration"
-    assert "that of the targets is used, 0.03 px" in chosen.sentence()
-    pairs = match(FILE, *seen(0.01, 4))
-    assert "sigma_primary_px" not in pairs
-    assert reconstruct(FILE, pairs)["sigma_x"].gt(0).all()
-
-
 def test_points_that_state_their_noise() -> None:
     """By column, other for each point; what is typed goes before; a contradiction is said."""
     first, second = seen(0.5)

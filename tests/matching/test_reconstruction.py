@@ -21,17 +21,6 @@ PIXELS = images(POINTS)
 WORLD = Pose.from_angles(Angles(0.3, -0.4, 1.2, 0.1, 0.2), 5.0)
 
 
-def test_places_and_errors() -> None:
-    found = reconstruct_points(RIG_3D, *PIXELS)
-    np.testing.assert_allclose(found.xyz, POINTS, rtol=0, atol=1e-10)  # measured: 7e-14 m
-    assert found.error_px.max() < 1e-9
-    assert found.sigma_m is None
-    moved = reconstruct_points(RIG_3D, PIXELS[0], PIXELS[1] + [0.0, 1.0])
-    np.testing.assert_allclose(
-        moved.error_px, RIG_3D.reprojection_errors(PIXELS[0], PIXELS[1] + [0, 1]).mean(axis=1)
-    )
-
-
 def test_points_behind_are_nan() -> None:
     found = reconstruct_points(RIG_3D, PIXELS[0][::-1], PIXELS[1] + [600.0, 0.0])
     behind = np.isnan(found.xyz).any(axis=1)
@@ -95,18 +84,6 @@ def test_the_covariance_of_the_pose_adds() -> None:
         repeated.append(reconstruct_points(moved, *PIXELS).xyz)
     # Measured: within 8 %.
     np.testing.assert_allclose(np.array(repeated).std(axis=0), np.asarray(sigma), rtol=0.15)
-
-
-@pytest.mark.parametrize("sigma", [-0.1, float("nan")])
-def test_noise_that_cannot_be(sigma: float) -> None:
-    with pytest.raises(StereocalError, match="image noise"):
-        reconstruct_points(RIG_3D, *PIXELS, sigma_px=sigma)
-
-
-def test_a_covariance_that_cannot_be() -> None:
-    for covariance in (np.eye(5), np.triu(np.ones((6, 6)))):
-        with pytest.raises(StereocalError, match="symmetric 6x6"):
-            reconstruct_points(RIG_3D, *PIXELS, pose_covariance=covariance)
 
 
 def test_a_file_with_uncertainties_brings_standard_errors() -> None:

@@ -17,16 +17,6 @@ from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
 from stereocal.formats.evaluation_files import pack_runs, unpack_runs
 from stereocal.frames.detection_file import pack_detection, unpack_detection
 from stereocal.frames.series import detect_series
-from stereocal.intrinsics.boards import BoardView, Refused, find_boards
-from stereocal.intrinsics.calibrate_lens import LensSettings, calibrate_lens
-from stereocal.intrinsics.files import (
-    pack_board,
-    pack_draws,
-    pack_lens,
-    pack_search,
-    unpack_board,
-    unpack_draws,
-)
 from stereocal.matching import matching_files
 from stereocal.matching.application import PAIRS, POINTS, Application, Points, apply_sets
 from stereocal.matching.blocks import pack_block, unpack_block
@@ -35,9 +25,8 @@ from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.volume import Volume
 from tests import known_rig as rig
-from tests import lens as lens_scene
 from tests.bar_photographs import bar_set, write
-from tests.projects.test_checkpoints import same_detections, same_runs
+from tests.projects.test_checkpoints import same_detections
 
 T = TypeVar("T")
 
@@ -109,23 +98,6 @@ def dataset() -> Dataset:
     return rig.dataset(14, 0.3)
 
 
-def test_validation(dataset: Dataset, executor: Counting) -> None:
-    both = [dataset, rig.dataset(13, 0.2, seed=3)]
-    whole = evaluate(both, SETTINGS, executor, chunk=4)
-    assert executor.tasks == 12
-    stop, parts = StopAt(20), run_parts()
-    assert evaluate(both, SETTINGS, executor, stop.progress, stop.cancelled, 4, parts) is None
-    finished = len(parts)
-    assert 5 <= finished < 12
-    executor.tasks = 0
-    told = StopAt(1000)
-    again = evaluate(both, SETTINGS, executor, told.progress, chunk=4, pieces=parts)
-    assert executor.tasks == 12 - finished
-    assert told.done == 48
-    assert whole is not None and again is not None
-    assert all(same_runs(a, b) for a, b in zip(whole, again, strict=True))
-
-
 @pytest.mark.parametrize(
     ("other", "settings"),
     [
@@ -170,43 +142,6 @@ def test_targets_in_photographs(executor: Counting, tmp_path: Path) -> None:
     assert all(same_detections(whole[name], again[name]) for name in photographs)
     assert again[missing.name].reason == "unreadable"
     assert parts.get(missing.name) is None
-
-
-PATTERN = lens_scene.PATTERN
-LENS = LensSettings(subset=5, repeats=23)
-
-
-def test_boards_and_lens(executor: Counting, tmp_path: Path) -> None:
-    lens_scene.write_boards(tmp_path / "photographs", 9)
-    photographs = {path.name: path for path in sorted((tmp_path / "photographs").iterdir())}
-    search = find_boards(photographs, PATTERN, executor)
-    executor.tasks = 0
-    stop: StopAt = StopAt(4)
-    found: Parts[BoardView | Refused] = Parts(pack_board, unpack_board)
-    stopped = find_boards(photographs, PATTERN, executor, stop.progress, stop.cancelled, found)
-    assert stopped is None
-    finished, executor.tasks = len(found), 0
-    assert 4 <= finished < 9
-    again = find_boards(photographs, PATTERN, executor, pieces=found)
-    assert executor.tasks == 9 - finished
-    assert search is not None and again is not None
-    assert pack_search(search) == pack_search(again)
-
-    whole = calibrate_lens(search, LENS, executor)
-    draws = Parts(pack_draws, unpack_draws)
-    stop = StopAt(10)
-    assert calibrate_lens(search, LENS, executor, stop.progress, stop.cancelled, draws) is None
-    finished, executor.tasks = len(draws), 0
-    assert 2 <= finished < 6
-    lens = calibrate_lens(search, LENS, executor, pieces=draws)
-    assert executor.tasks == 6 - finished  # 5 of draws, and one of all photographs
-    assert whole is not None and lens is not None
-    assert pack_lens(whole) == pack_lens(lens)
-    # Draws of other photographs, or with another seed, are others.
-    executor.tasks = 0
-    calibrate_lens(search.without([search.views[0].name]), LENS, executor, pieces=draws)
-    calibrate_lens(search, replace(LENS, seed=1), executor, pieces=draws)
-    assert executor.tasks == 12
 
 
 def scattered(folder: Path) -> Application:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from stereocal.matching.tracks import ONE_A_FRAME, track_columns, tracks_by, usual_tracks
+from stereocal.matching.tracks import track_columns, tracks_by, usual_tracks
 
 
 def flight(frames: int = 30, birds: int = 3, step: int = 1) -> pd.DataFrame:
@@ -32,14 +32,6 @@ def test_a_column_that_names_each_bird_once_a_frame_gives_tracks() -> None:
     assert [len(track) for track in tracks] == [30, 30, 30]
     assert points["bird"].iloc[tracks[1]].unique().tolist() == ["b1"]
     assert usual_tracks(points) == "bird"
-
-
-def test_the_only_point_of_each_frame_is_a_track() -> None:
-    points = flight(birds=1).drop(columns=["bird", "camera"])
-    assert track_columns(points) == [ONE_A_FRAME] and usual_tracks(points) == ONE_A_FRAME
-    shuffled = points.sample(frac=1.0, random_state=1, ignore_index=True)
-    (track,) = tracks_by(shuffled, ONE_A_FRAME)
-    np.testing.assert_array_equal(shuffled["frame"].iloc[track], points["frame"])
 
 
 def test_a_track_ends_where_frames_or_positions_are_missing() -> None:
