@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import json
 from pathlib import Path
 
 import numpy as np
@@ -11,16 +10,14 @@ import pandas as pd
 import pytest
 from streamlit.testing.v1 import AppTest
 
-from stereocal.field.world.lines import world_of_lines
-from stereocal.formats.world_file import write_world
 from stereocal.matching.application import POINTS
 from stereocal.matching.reconstruction import name_of_world
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.project import Project
 from stereocal.rig.geometry import Pose
-from tests.field.world_tables import lines_csv, survey_csv, throw_csv
+from tests.field.world_tables import lines_csv, survey_csv
 from tests.pages.test_apply import SET_3D, said, with_files
-from tests.rigs.worlds import FRAME_RATE, Place, plumb_lines, surveyed, thrown, world_of_cameras
+from tests.rigs.worlds import Place, plumb_lines, surveyed, world_of_cameras
 
 
 @pytest.fixture
@@ -94,40 +91,3 @@ def test_a_survey_its_residuals_and_a_mirrored_one(
     assert "left-handed" in said(app, "error")
     assert "in the primary camera's frame" in said(app, "error")
     assert points(app, home)[1] is None
-
-
-def test_a_throw_asks_for_the_frame_rate(app: AppTest, place: Place, tmp_path: Path) -> None:
-    (tmp_path / "throw.csv").write_bytes(throw_csv(thrown(place, 1)))
-    give(app, tmp_path / "throw.csv")
-    assert "Give the frame rate" in said(app, "info")
-    app.number_input(key="world_frame_rate").set_value(FRAME_RATE).run()
-    assert "Gravity is measured as 9." in said(app, "success")
-    app.checkbox(key="world_no_drag").check().run()
-    assert not app.error
-
-
-def test_files_that_state_the_frame_and_files_that_are_none(
-    app: AppTest, home: Path, place: Place, tmp_path: Path
-) -> None:
-    frame = world_of_lines(place.rig, plumb_lines(place), sigma_px=0.3)
-    (tmp_path / "w.json").write_bytes(write_world(frame, SET_3D))
-    give(app, tmp_path / "w.json")
-    world = points(app, home)[1]
-    assert world is not None and name_of_world(world) == name_of_world(frame.pose)
-    matrix = np.vstack([np.column_stack([frame.pose.R, [1.0, 2.0, 3.0]]), [0, 0, 0, 1]])
-    np.savetxt(tmp_path / "m.csv", matrix, delimiter=",")
-    give(app, tmp_path / "m.csv")
-    shifted = points(app, home)[1]
-    assert shifted is not None
-    np.testing.assert_allclose(shifted.T, [1, 2, 3])
-    bad = {**json.loads((tmp_path / "w.json").read_text()), "world_from_primary": [[float("nan")]]}
-    for name, content in (
-        ("bad.json", json.dumps(bad)),
-        ("bad.csv", "a,b\n1,2\n"),
-        ("nan.csv", "point,x,y,z\nP,nan,1,2\n"),
-    ):
-        (tmp_path / name).write_text(content)
-        give(app, tmp_path / name)
-        assert name in said(app, "error")
-    kept = points(app, home)[1]
-    assert kept is not None and name_of_world(kept) == name_of_world(shifted)

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 from streamlit.testing.v1 import AppTest
 
-from stereocal.formats.exchange.exchange import export_files
-from stereocal.rig.rig import Rig
-from tests.archives import easywand_fields, mat, wand_csv
-from tests.known_rig import BAR_M, BASELINE_M, PRIMARY, RIG, SECONDARY
+from tests.archives import easywand_fields, mat
+from tests.known_rig import BAR_M, BASELINE_M
 from tests.pages.test_apply import app as app
 from tests.pages.test_apply import home as home
 from tests.pages.test_apply import said
@@ -64,38 +61,3 @@ def test_a_free_baseline_is_found_from_the_lengths(app: AppTest, home: Path) -> 
     app.selectbox(key="baseline_m_known").select("Tape").run()
     assert not project.inputs.baseline_free
     assert "the baseline" in said(app, "warning")
-
-
-def test_a_contradicted_image_height_is_asked_for(app: AppTest) -> None:
-    fields = easywand_fields() | {"imageHeight": np.array([800.0, 800.0])}
-    give_easywand(app, mat({"easyWandData": fields}))
-    assert "1600x800 px" in said(app, "error")
-    app.number_input(key="archive_width").set_value(1600).run()
-    app.number_input(key="archive_height").set_value(1200).run()
-    assert said(app, "error") == ""
-
-
-def test_cameras_of_another_program_and_a_damaged_file(app: AppTest, home: Path) -> None:
-    rig = Rig(PRIMARY, SECONDARY, RIG)
-    toml = export_files(rig, "aniposelib")["calibration.toml"]
-    app.switch_page("pages/data.py").run()
-    app.file_uploader(key="upload_primary").upload("calibration.toml", toml).run()
-    assert "state the unit" in said(app, "error")
-    app.selectbox(key="archive_unit").select("m").run()
-    app.button(key="use_archive").click().run()
-    primary, secondary = project_of(app, home).cameras
-    assert primary is not None and secondary is not None
-    assert secondary.image_size == SECONDARY.image_size
-    ros = export_files(rig, "ros")["secondary.yaml"]
-    app.file_uploader(key="upload_primary").upload("ros.yaml", ros).run()
-    assert project_of(app, home).cameras[0].image_size == SECONDARY.image_size  # type: ignore[union-attr]
-    give_easywand(app, EASYWAND[:1000])
-    assert "damaged" in said(app, "error")
-    app.button(key="aside_archive").click().run()
-    assert said(app, "error") == ""
-
-
-def test_a_wand_table_is_still_asked_about(app: AppTest) -> None:
-    app.switch_page("pages/data.py").run()
-    app.file_uploader(key="upload_correspondences").upload("wand.csv", wand_csv()).run()
-    assert any("looks like a wand file" in item.value for item in app.markdown)

@@ -15,9 +15,7 @@ from stereocal.cli import main
 from stereocal.evaluation.evaluate import evaluate
 from stereocal.formats.dataset_files import pack_dataset, read_dataset
 from stereocal.paper_kit.reproduction import archive_files
-from stereocal.projects import parsed_files
 from stereocal.projects.archive import pack_project
-from stereocal.projects.project import Project
 from stereocal.rig.dataset import Dataset
 from stereocal.ui import press
 from stereocal.ui.closer_looks import VIEWS
@@ -91,19 +89,6 @@ def test_closer_looks_come_one_at_a_time(pressed: AppTest) -> None:
     assert len(seen) == len(VIEWS)
 
 
-def test_the_frame_is_the_same_in_all_looks(pressed: AppTest) -> None:
-    pressed.selectbox(key="chosen_frame").set_value(9).run()
-    assert "Frame 9 is used." in text(pressed)
-    pressed.button(key="next_frame").click().run()
-    assert pressed.selectbox(key="chosen_frame").value == 10
-    pressed.segmented_control(key="view").set_value("Why two sets").run()
-    assert pressed.selectbox(key="chosen_frame").value == 10
-    assert "With the 2D set the epipolar lines pass" in text(pressed)
-    before = captions(pressed)
-    pressed.segmented_control(key="two_sets_method").set_value("3d").run()
-    assert captions(pressed) != before
-
-
 def test_a_frame_is_left_out_and_put_back(pressed: AppTest, home: Path) -> None:
     project = project_of(pressed, home)
     before = project.calibration
@@ -126,16 +111,6 @@ def test_a_frame_is_left_out_and_put_back(pressed: AppTest, home: Path) -> None:
     calibration = project.calibration
     assert calibration is not None and calibration.screening.left_out == ()
     assert "Frame 9 is used." in text(pressed)
-
-
-def test_a_new_validation_elsewhere_leaves_the_files_alone(pressed: AppTest, home: Path) -> None:
-    project = project_of(pressed, home)
-    found = project.calibration_evaluation
-    evaluation = project.evaluation
-    assert evaluation is not None
-    project.keep_evaluation(replace(evaluation, sha256=["0" * 64], names=["another"]))
-    again = project.calibration_evaluation
-    assert again is not None and found is not None and again.settings == found.settings
 
 
 def give(app: AppTest, dataset: Dataset) -> None:
@@ -172,65 +147,6 @@ def test_long_work_shows_progress_and_ends(
     assert project.calibration_evaluation is not None
     assert "held out: not yet" not in captions(app)
     assert "Use the refined set for both" in messages(app)
-
-
-def test_a_calibration_that_came_as_the_job_ended_is_validated_too(
-    pressed: AppTest, home: Path
-) -> None:
-    project = project_of(pressed, home)
-    pressed.selectbox(key="chosen_frame").set_value(9).run()
-    pressed.button(key="frame_leave_out").click().run()
-    assert ended(project, "calibration").state == "done"
-    project.keep_calibration(calibrate(read_dataset(FIELD)), project.inputs)  # with all frames
-    assert project.calibration_evaluation is None
-    pressed.run()
-    assert ended(project, "calibration").state == "done"
-    assert project.calibration_evaluation is not None
-
-
-def test_a_calibration_made_meanwhile_is_validated_too(home: Path, app: AppTest) -> None:
-    """The job of a press validates what is stored when it ends."""
-    project = project_of(open_sample(app), home)
-    app.switch_page("pages/calibrate.py").run()
-    app.button(key="run").click().run()
-    app.selectbox(key="chosen_frame").set_value(9).run()
-    app.button(key="frame_leave_out").click().run()
-    app.button(key="next_frame").click().run()
-    app.button(key="frame_leave_out").click().run()  # the job goes on with it
-    assert ended(project, "calibration").state == "done"
-    app.run()  # or, if it was ending, the page begins a new one when it follows its end
-    assert ended(project, "calibration").state == "done"
-    calibration = Project.open(home, project.id).calibration
-    evaluation = project.calibration_evaluation
-    assert calibration is not None and evaluation is not None
-    assert evaluation.settings.calibration.frames_left_out == calibration.screening.by_user
-
-
-@pytest.mark.parametrize("at_once", [True, False])
-def test_a_result_read_again_as_another_object_is_no_newer_one(
-    app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch, at_once: bool
-) -> None:
-    """With more projects at work than the cache of results has places, each read gives another."""
-    begun: list[object] = []
-
-    def once(*given: Any, **named: Any) -> Any:
-        begun.append(given)
-        assert len(begun) < 3, "the validation begins again for ever"
-        return evaluate(*given, **named)
-
-    monkeypatch.setattr(parsed_files, "calibration_of", parsed_files.calibration_of.__wrapped__)
-    monkeypatch.setattr(press, "evaluate", once)
-    monkeypatch.setattr(press, "INSTANT", 1000 if at_once else 0)
-    open_sample(app)
-    app.switch_page("pages/calibrate.py").run()
-    app.button(key="run").click().run()
-    project = project_of(app, home)
-    assert project.calibration is not None
-    if not at_once:
-        assert ended(project, "calibration").state == "done"
-        app.run()
-    assert len(begun) == 1
-    assert "held out: not yet" not in captions(app) and "of wrong pairs" in messages(app)
 
 
 def test_the_recommendation_is_followed(pressed: AppTest, home: Path) -> None:
@@ -298,14 +214,3 @@ def test_nothing_is_offered_before_its_threshold_is_final(
     app.segmented_control(key="view").set_value("Parameters").run()
     (row,) = [each.value for each in app.table if "Matching threshold (px)" in each.value.index]
     assert str(row.loc["Matching threshold (px)", "Refined set"]) + " px" == tile
-
-
-def test_validate_waits_for_the_validation_of_the_press(
-    app: AppTest, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    app.button(key="recording").click().run()
-    app.switch_page("pages/validate.py").run()
-    assert any(button.key == "validate" for button in app.button)
-    monkeypatch.setattr("stereocal.ui.jobs.is_running", lambda _, kind: kind == "calibration")
-    app.run()
-    assert not any(button.key == "validate" for button in app.button)

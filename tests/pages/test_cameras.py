@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import io
 import os
-import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -63,10 +61,6 @@ def calibrate(app: AppTest, which: CameraName = "primary") -> AppTest:
     return app.run()
 
 
-def test_nothing_yet(app: AppTest) -> None:
-    assert "Nothing to calibrate yet" in messages(app)
-
-
 def test_photographs_to_the_projects_camera(
     app: AppTest, home: Path, boards: dict[str, bytes]
 ) -> None:
@@ -119,43 +113,6 @@ def test_bad_photographs_are_said_and_nothing_is_lost(
     after = store_of(app, home).calibration
     assert before is not None and after is not None
     np.testing.assert_array_equal(after.draws, before.draws)
-
-
-def test_zip_of_photographs_and_removing_them(
-    app: AppTest, home: Path, boards: dict[str, bytes]
-) -> None:
-    packed = io.BytesIO()
-    with zipfile.ZipFile(packed, "w") as archive:
-        for name, content in boards.items():
-            archive.writestr(f"series/{name}", content)
-    app.segmented_control(key="lens_camera").set_value("secondary").run()
-    upload(app, {"boards.zip": packed.getvalue()}, "secondary")
-    store = store_of(app, home, "secondary")
-    assert len(store.photographs) == 7 and not store_of(app, home).photographs
-    app.button(key="no_boards_secondary").click().run()
-    assert not store.photographs
-
-
-@pytest.mark.parametrize(
-    ("name", "content", "sentence"),
-    [
-        ("bad.zip", b"no zip", "not a valid zip"),
-        ("empty.zip", b"PK\x05\x06" + 18 * b"\0", "zip is empty|no photograph"),
-    ],
-)
-def test_bad_zip_is_said(app: AppTest, name: str, content: bytes, sentence: str) -> None:
-    upload(app, {name: content})
-    assert any(part in messages(app) for part in sentence.split("|"))
-
-
-def test_camera_file(app: AppTest, home: Path) -> None:
-    app.segmented_control(key="lens_how").set_value("A camera file").run()
-    content = (FIELD / "primary.json").read_bytes()
-    app.file_uploader(key="upload_lens_primary").upload("p.json", content).run()
-    assert Project.open(home, app.session_state["project_id"]).cameras[0] is not None
-    assert any("p.json" in item.value for item in app.caption)
-    app.file_uploader(key="upload_lens_primary").upload("q.json", b"{").run()
-    assert "not valid JSON" in messages(app)
 
 
 def test_sample_photographs(app: AppTest, home: Path) -> None:

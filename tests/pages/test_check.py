@@ -109,45 +109,11 @@ def test_a_table_of_bars_and_the_archive(
         assert found[1].read_bytes() == content
 
 
-def test_bad_files_are_reported_and_the_others_stay(begun: AppTest, files: Files) -> None:
-    give(begun, "parameters", "p.json", b"{}")
-    assert "this version reads" in said(begun, "error")
-    give(begun, "parameters", "p.json", files.parameters)
-    give(begun, "images", "moved.zip", files.moved)
-    for name, content, message in (
-        ("x.csv", b"frame,u\n1,2\n", "are missing"),
-        ("x.zip", pack_zip({"a.txt": b"nothing"}), "there is no dataset.json"),
-        ("y.csv", b"frame,u_primary,v_primary,u_secondary,v_secondary\n1,2,3,4,5\n", "too few"),
-    ):
-        give(begun, "images", name, content)
-        assert message in said(begun, "error")
-        assert said(begun, "warning").startswith("Moved: ")
-
-
 def test_parameters_without_covariance_are_one_message(begun: AppTest, files: Files) -> None:
     give(begun, "images", "moved.zip", files.moved)
     bare = files.parameters.replace(b'"uncertainties"', b'"something"')
     give(begun, "parameters", "p.json", bare)
     assert "does not state the covariance" in said(begun, "error")
-
-
-def test_the_noise_of_matched_points_reaches_the_check(begun: AppTest, files: Files) -> None:
-    give(begun, "parameters", "p.json", files.parameters)
-    give(begun, "images", "same.zip", files.same)
-    assert "check_sigma_px" not in {field.key for field in begun.number_input}
-    give(begun, "images", "pairs.csv", files.points)
-    assert "the points fit no pose" in said(begun, "info")
-    assert "as the targets" in begun.number_input(key="check_sigma_px").placeholder
-    begun.number_input(key="check_sigma_px").set_value(2.0).run()
-    assert "fit no pose" not in said(begun)
-    assert not begun.warning
-    again = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW)
-    again.query_params["project"] = begun.session_state["project_id"]
-    again.run().switch_page("pages/check.py").run()
-    assert again.number_input(key="check_sigma_px").value == 2.0
-    assert "fit no pose" not in said(again)
-    begun.number_input(key="check_sigma_px").set_value(0.1).run()
-    assert "the points fit no pose" in said(begun, "info")
 
 
 def test_the_results_of_the_project_are_checked(app: AppTest, home: Path) -> None:

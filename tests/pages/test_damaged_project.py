@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import random
 from pathlib import Path
 
 import pytest
@@ -12,7 +11,7 @@ from stereocal.errors import StereocalError
 from stereocal.projects.files import keep_result
 from stereocal.projects.home import recent_projects
 from stereocal.projects.project import Project
-from tests.pages.stored_projects import FULL, ROOT, SLOW, go, look_at_all, placed, session, told
+from tests.pages.stored_projects import FULL, ROOT, SLOW, go, placed, session, told
 
 RESULTS = {
     "calibration": ("calibrate", "calibrate again"),
@@ -21,14 +20,6 @@ RESULTS = {
     "lens_primary": ("cameras", "calibrate the lens again"),
     "applied": ("apply", "match and measure again"),
 }
-
-
-def flip(path: Path, seed: int, count: int) -> None:
-    """Change bytes at random places."""
-    rng, content = random.Random(seed), bytearray(path.read_bytes())
-    for _ in range(count):
-        content[rng.randrange(len(content))] ^= 1 << rng.randrange(8)
-    path.write_bytes(bytes(content))
 
 
 @pytest.mark.parametrize("kind", RESULTS)
@@ -59,27 +50,3 @@ def test_a_project_that_cannot_be_opened_is_listed_and_kept(home: Path) -> None:
     assert not app.exception and path.read_bytes() == before
     app.button(key=f"remove_{project.id}").click().run()
     assert not app.exception and recent_projects(home) == []
-
-
-@pytest.mark.parametrize(
-    "seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.soak) for seed in range(2, 6))]
-)
-def test_bytes_flipped_at_random_places(seed: int, home: Path) -> None:
-    project = placed(FULL, home)
-    flip(project.database.path, seed, 40)
-    app = session(project)
-    look_at_all(app)
-    go(app, "start")
-    assert not app.exception
-
-
-def test_edits_that_are_damaged_cost_the_undoing_alone(home: Path) -> None:
-    project = placed(FULL, home)
-    with project.database.transaction() as db:
-        db.execute("UPDATE edit SET json = '{'")
-    project.keep_settings({"frames_view": "One frame"})
-    app = go(session(project), "data")
-    assert app.button(key="review_undo").label == "Undo (0)"
-    app.button(key="review_leave").click().run()
-    app.button(key="review_undo").click().run()
-    assert not app.exception

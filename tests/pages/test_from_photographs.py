@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import io
 import struct
-import zipfile
 import zlib
 from pathlib import Path
 
@@ -44,14 +42,6 @@ def huge_png() -> bytes:
         struct.pack(">I", len(part)) + kind + part + struct.pack(">I", zlib.crc32(kind + part))
         for kind, part in parts
     )
-
-
-def bomb(name: str) -> bytes:
-    """A zip that swells a thousandfold."""
-    packed = io.BytesIO()
-    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr(name, bytes(30_000_000))
-    return packed.getvalue()
 
 
 def bad_images(good: bytes) -> dict[str, tuple[bytes, str]]:
@@ -123,47 +113,8 @@ def test_bad_photographs_of_the_bar_refuse_their_own_frame(app: AppTest, home: P
     assert len(data.store_of(app, home).photographs) == 14
 
 
-def test_a_file_that_is_no_photograph_at_all(app: AppTest, home: Path) -> None:
-    data_page(app)
-    data.upload_zip(app, FILES)
-    # Chosen one by one, such a file is refused by the browser already.
-    app.segmented_control(key="photographs_how").set_value("A folder").run()
-    key = f"upload_photographs_{app.session_state['photographs_round']}_folder"
-    app.file_uploader(key=key).upload("notes.txt", b"wind from the west").run()
-    assert "There is no photograph among these files" in said(app)
-    app.segmented_control(key="photographs_how").set_value("Both cameras together").run()
-    data.upload(app, {"none.zip": data.zipped({"notes.txt": b"x"})})
-    assert "there is no photograph in it" in said(app)
-    assert "What was loaded before is unchanged" in said(app)
-    assert len(data.store_of(app, home).photographs) == 14
-
-
 def cameras_page(app: AppTest) -> AppTest:
     return app.switch_page("pages/cameras.py").run()
-
-
-def test_bad_photographs_of_the_board_are_left_aside(
-    app: AppTest, home: Path, boards: dict[str, bytes]
-) -> None:
-    cameras_page(app)
-    bad = bad_images(boards["00.png"])
-    flat = cv2.imdecode(np.frombuffer(boards["00.png"], np.uint8), cv2.IMREAD_GRAYSCALE)
-    assert flat is not None
-    height, width = flat.shape
-    edge_on = np.full_like(flat, 120)
-    edge_on[height // 2 : height // 2 + 8] = cv2.resize(flat, (width, 8))
-    bad["edge.png"] = (png(np.asarray(edge_on, np.uint8)), "edge-on|no board")
-    cameras.upload(app, boards | {name: content for name, (content, _) in bad.items()})
-    cameras.calibrate(cameras.small_board(app))
-    assert not app.error
-    assert "draws of 5 out of 7 photographs" in said(app)
-    store = cameras.store_of(app, home)
-    assert store.search is not None
-    reasons = {item.name: item.reason for item in store.search.refused}
-    assert set(reasons) == set(bad)
-    for name, (_, sentence) in bad.items():
-        assert any(part in reasons[name] for part in sentence.split("|")), reasons[name]
-        assert f"{name}: {reasons[name]}" in said(app)
 
 
 @pytest.mark.parametrize(
@@ -184,17 +135,3 @@ def test_too_few_boards(
     assert sentence in said(app)
     store = cameras.store_of(app, home)
     assert len(store.photographs) == count and store.search is not None
-
-
-def test_boards_of_two_sizes_and_a_bomb(app: AppTest, home: Path, boards: dict[str, bytes]) -> None:
-    cameras_page(app)
-    image = cv2.imdecode(np.frombuffer(boards["00.png"], np.uint8), cv2.IMREAD_GRAYSCALE)
-    assert image is not None
-    cameras.upload(app, boards | {"odd.png": png(np.asarray(image[:, :600], np.uint8))})
-    cameras.calibrate(cameras.small_board(app))
-    assert "must all have one size: most are 640x480 px, but odd.png is 600x480" in said(app)
-    cameras.upload(app, {"bomb.zip": bomb("08.pgm")})
-    assert "would expand to 30000000" in said(app)
-    cameras.upload(app, {"empty.png": b""})
-    store = cameras.store_of(app, home)
-    assert set(boards) <= set(store.photographs)

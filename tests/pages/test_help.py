@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 from streamlit.testing.v1 import AppTest
 
-from stereocal.ui import help as page
 from stereocal.ui.help import DOCS, parts, topics
 from tests.terminal import ROOT
 
@@ -36,12 +35,6 @@ def test_links_lead_to_pages_of_the_help() -> None:
     assert topic_links > 80
 
 
-def test_pictures_stand_where_the_text_has_them() -> None:
-    pictures = [picture for _, picture in parts("field_guide") if picture]
-    assert len(pictures) > 5
-    assert all(path.is_file() and words for words, path in pictures)
-
-
 def test_the_page_shows_what_the_address_asks_for(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -53,10 +46,3 @@ def test_the_page_shows_what_the_address_asks_for(
     app.selectbox[0].set_value("world").run()
     assert app.query_params["topic"] in ("world", ["world"])
     assert any("World frame" in item.value or "world frame" in item.value for item in app.markdown)
-
-
-def test_an_installation_without_it_says_so(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(page, "DOCS", tmp_path)
-    assert topics() == {}

@@ -11,9 +11,8 @@ from streamlit.testing.v1 import AppTest
 from stereocal.evaluation.evaluate import evaluate_runs
 from stereocal.projects import jobs as stored_jobs
 from stereocal.projects.home import copy_database
-from stereocal.projects.photographs import ProjectPhotographs
-from stereocal.ui import jobs, photographs, validation
-from tests.pages.stored_projects import FULL, ROOT, SLOW, messages, placed, session
+from stereocal.ui import jobs, validation
+from tests.pages.stored_projects import SLOW, messages
 from tests.pages.test_pages import open_sample, project_of
 from tests.pages.waiting import ended
 from tests.projects.test_checkpoints import same_runs
@@ -110,32 +109,6 @@ def test_with_changed_settings_it_can_only_start_anew(interrupted: AppTest, home
     assert stored_jobs.find(project_of(app, home).database, "evaluation") is None
 
 
-def test_start_says_it_in_the_list_and_a_new_session_finds_it(
-    interrupted: AppTest, home: Path
-) -> None:
-    project = project_of(interrupted, home)
-    interrupted.switch_page("pages/start.py").run()
-    assert any(each.value.endswith(", interrupted") for each in interrupted.caption)
-    again = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW)
-    again.query_params["project"] = project.id
-    again.run().switch_page("pages/validate.py").run()
-    assert STOPPED in messages(again)
-    assert "go_on_evaluation" in keys(again)
-
-
-def test_a_job_whose_tab_was_closed_is_there_when_the_page_is_opened_again(
-    app: AppTest, home: Path
-) -> None:
-    long_validation(app).button(key="validate").click().run()
-    project = project_of(app, home)
-    again = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW)
-    again.query_params["project"] = project.id
-    assert ended(project, "evaluation").state == "done"
-    again.run().switch_page("pages/validate.py").run()
-    assert any("40 runs" in str(caption.value) for caption in again.caption)
-    assert "validate" not in keys(again) and not again.error
-
-
 def test_a_job_of_another_server_is_shown_and_can_be_stopped(app: AppTest, home: Path) -> None:
     project = project_of(long_validation(app), home)
     other = stored_jobs.begin(project.database, "evaluation", ("runs",), {})
@@ -171,19 +144,3 @@ def test_an_unforeseen_error_is_a_calm_sentence_and_stands_in_the_log(
     # Also to a server that has been started since.
     jobs._jobs().clear()
     assert "Unexpected error. Earlier results are unchanged" in messages(app.run())
-
-
-@pytest.mark.parametrize("kept", [True, False])
-def test_a_search_whose_result_was_kept_is_not_offered_again(kept: bool, home: Path) -> None:
-    project = placed(FULL, home)
-    store = ProjectPhotographs(project)
-    frames = store.frames
-    assert frames is not None
-    work = photographs._work(store, [row.pair for row in store.rows])
-    assert stored_jobs.begin(project.database, "photographs", work.stages, work.about) is not None
-    store.keep_found(frames, store.photographs, work.digest if kept else "another")
-    stored_jobs._HERE.clear()  # its server died just then
-    app = session(project).switch_page("pages/data.py").run()
-    assert not app.exception
-    assert ("go_on_photographs" in keys(app)) != kept and (STOPPED in messages(app)) != kept
-    assert (stored_jobs.find(project.database, "photographs") is None) == kept

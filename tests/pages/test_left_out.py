@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -10,11 +9,8 @@ from streamlit.testing.v1 import AppTest
 
 from stereocal.formats.dataset_files import pack_dataset, read_dataset
 from stereocal.projects.project import Project
-from stereocal.projects.review import read_review
-from stereocal.ui.screening import exchange
 from tests.pages.stored_projects import messages
 from tests.pages.test_pages import FIELD, project_of, zipped
-from tests.pages.test_review import found_frames, new_store
 from tests.pages.waiting import ended
 
 BAD = 7
@@ -68,14 +64,6 @@ def test_exchanging_it_brings_it_back_at_once(app: AppTest, project: Project) ->
     assert left_out(project) == (BAD,)
 
 
-def test_a_new_table_has_nothing_exchanged(app: AppTest, project: Project) -> None:
-    app.button(key=f"exchange_{BAD}").click().run()
-    table = project.table
-    assert table is not None
-    project.give({"correspondences": table})
-    assert project.inputs.exchanged == []
-
-
 def test_a_frame_put_back_is_used_and_what_it_does_is_said(app: AppTest, project: Project) -> None:
     app.button(key="look_left_out").click().run()
     assert app.selectbox(key="chosen_frame").value == BAD
@@ -88,24 +76,3 @@ def test_a_frame_put_back_is_used_and_what_it_does_is_said(app: AppTest, project
     assert left_out(project) == (BAD,)
     assert (project.inputs.put_back, project.inputs.left_out) == ([], [BAD])
     assert not app.error
-
-
-def test_validation_is_without_it(app: AppTest, project: Project) -> None:
-    app.switch_page("pages/validate.py").run()
-    evaluation = project.evaluation
-    assert evaluation is not None
-    assert f"frame {BAD}" in messages(app)
-    assert app.slider(key="validate_frames").max == 22  # 24 frames, 2 to test with
-
-
-def test_of_photographs_the_review_exchanges_it(home: Path) -> None:
-    """So it is undone there, and the contact sheet shows it."""
-    store = new_store(home)
-    frames = found_frames(store)
-    store.keep_frames(frames[:2])
-    before = read_review(store).frame(frames[0].frame)
-    exchange(store.project, before.frame)
-    review = read_review(store)
-    assert review.frame(before.frame) == replace(before.swapped(1), reviewed=True, corrected=True)
-    assert len(review.edits) == 1
-    assert store.project.inputs.exchanged == []

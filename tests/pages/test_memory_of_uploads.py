@@ -44,21 +44,6 @@ def test_what_no_page_takes_goes_when_its_session_has_been_idle(
     assert held(files) == {}
 
 
-def test_who_holds_the_most_loses_it_when_it_is_too_much(files: MemoryUploadedFileManager) -> None:
-    watch = Watch(files, MOST)
-    for number in range(12):
-        put(files, "flood", f"{number}", 100)
-    put(files, "other", "1", 300)
-    watch.look(0.0)
-    assert held(files) == {"other": {"1"}}
-    assert watch.has_dropped("flood")  # its page says so
-    assert not watch.has_dropped("flood")
-    assert not watch.has_dropped("other")
-    put(files, "other", "2", MOST - 300)
-    watch.look(1.0)
-    assert held(files) == {"other": {"1", "2"}}  # as much as may be
-
-
 def test_what_a_page_has_taken_is_let_go(app: AppTest, monkeypatch: pytest.MonkeyPatch) -> None:
     gone: list[str] = []
     monkeypatch.setattr(

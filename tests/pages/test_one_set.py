@@ -43,10 +43,6 @@ def text(app: AppTest) -> str:
     return " ".join(str(item.value) for kind in (app.markdown, app.caption) for item in kind)
 
 
-def test_says_what_it_lacks(app: AppTest) -> None:
-    assert "it needs points" in messages(one_set(app))
-
-
 def test_answers_and_follows_the_form(app: AppTest, home: Path) -> None:
     project = project_of(open_sample(app), home)
     one_set(app)
@@ -77,15 +73,6 @@ def test_the_slider_moves_along_the_curve_and_is_kept(app: AppTest, home: Path) 
     app.segmented_control(key="curve").set_value("As given").run()
     assert len({*seen, text(app)}) == 4
     assert project.settings["along"] == 100
-
-
-def test_only_what_is_looked_at_is_computed(
-    app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    few_runs(open_sample(app), home)
-    monkeypatch.setattr("stereocal.ui.refined.accuracy_map", None)  # cannot be called
-    one_set(app)
-    assert not app.exception
 
 
 def test_other_seeds_are_tried_beside_the_page_and_once(
@@ -137,33 +124,6 @@ def test_the_refined_set_can_serve_a_purpose(app: AppTest, home: Path) -> None:
     app.selectbox(key="apply_matching").set_value("2d").run()
     one_set(app)
     assert not app.toggle(key="refined_2d").value and not app.toggle(key="refined_3d").value
-
-
-def test_what_a_data_set_states_of_its_lengths_is_taken(app: AppTest, home: Path) -> None:
-    dataset = replace(read_dataset(FIELD), baseline_sigma_m=0.007, target_distance_sigma_m=0.0003)
-    packed = zipped({name: bytes(content) for name, content in pack_dataset(dataset).items()})
-    app.switch_page("pages/data.py").run()
-    app.segmented_control(key="data_how").set_value("A zip").run()
-    app.file_uploader(key="upload_zip").upload("field.zip", packed, "application/zip").run()
-    read = few_runs(app, home).dataset
-    assert read is not None
-    assert (read.baseline_sigma_m, read.target_distance_sigma_m) == (0.007, 0.0003)
-    assert app.number_input(key="baseline_m_sigma_mm").value == 7.0
-    assert app.number_input(key="target_distance_m_sigma_mm").value == 0.3
-    assert "baseline ± 7 mm; distance A–B ± 0.3 mm" in text(one_set(app))
-
-
-def test_a_bad_frame_is_named_though_the_papers_sets_fail_over_it(app: AppTest, home: Path) -> None:
-    project = few_runs(open_sample(app), home)
-    assert "All 25 frames fit" in text(one_set(app))
-    rows = (FIELD / "correspondences.csv").read_text().splitlines()
-    at = next(i for i, row in enumerate(rows) if row.startswith("5,"))
-    cells = rows[at].split(",")
-    rows[at] = ",".join([*cells[:3], str(float(cells[3]) + 300), *cells[4:]])
-    project.give({"correspondences": ("c.csv", "\n".join(rows).encode())})
-    one_set(app)
-    assert "frame 5, which contradicts the others" in messages(app)
-    assert len(app.table) >= 1  # the parameters are there all the same
 
 
 def test_the_distortion_can_be_estimated(app: AppTest, home: Path) -> None:

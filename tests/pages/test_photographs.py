@@ -9,16 +9,12 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereocal.formats.camera_file import write_camera
-from stereocal.frames.pairing import Pair
-from stereocal.projects.pair_rows import PairRow
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
-from stereocal.ui.pairs import rows_of, table_of
 from tests.bar_photographs import bar_set
 from tests.pages.stored_projects import go, messages
 from tests.pages.waiting import ended, wait_until
@@ -103,47 +99,6 @@ def test_from_photographs_to_a_complete_data_set(app: AppTest, tmp_path: Path) -
     assert again.checkbox(key="use_frame_2").value is False
 
 
-def test_files_one_after_the_other_and_a_missing_twin(app: AppTest, tmp_path: Path) -> None:
-    plain = {name.split("/")[1]: content for name, content in FILES.items()}
-    names = sorted(plain)
-    upload(app, {name: plain[name] for name in names[:10]})
-    assert "left4.png (primary) has no partner right4.png" in messages(app)
-    upload(app, {name: plain[name] for name in names[10:]})
-    assert "14 photographs. 7 pairs by name" in messages(app)
-    assert [row.pair.frame for row in store_of(app, tmp_path).rows] == [1, 2, 3, 4, 5, 6, 7]
-    app.button(key="no_photographs").click().run()
-    assert not store_of(app, tmp_path).photographs
-    assert "Nothing is loaded yet" in messages(app)
-
-
-def test_one_camera_after_the_other(app: AppTest) -> None:
-    app.segmented_control(key="photographs_how").set_value("One camera after the other").run()
-    for camera in ("primary", "secondary"):
-        number = app.session_state["photographs_round"]
-        widget = app.file_uploader(key=f"upload_photographs_{number}_{camera}")
-        own = [n for n in FILES if n.startswith(camera)]
-        for i, name in enumerate(own):
-            widget.upload(f"DSC{i}.png", FILES[name])
-        app.run()
-    assert '7 pairs by name: "primary" marks the primary camera' in messages(app)
-
-
-def test_bad_photographs_refuse_their_own_frame_only(app: AppTest, tmp_path: Path) -> None:
-    bad = dict(FILES)
-    bad["primary/left2.png"] = b"frame,target\n1,A\n"
-    bad["secondary/right3.png"] = FILES["secondary/right3.png"][:-500]
-    bad["primary/left4.png"] = bar_set(1, 9).files()["primary/left1.png"][:0]
-    upload_zip(app, bad)
-    give_cameras_and_lengths(app)
-    find(app, tmp_path)
-    said = " ".join(item.value for item in app.caption).replace("\\", "")
-    assert "7 frames: 0 found, 4 doubtful, 3 refused" in messages(app)
-    assert "primary/left2.png: " in said
-    assert "secondary/right3.png: the PNG is cut off" in said
-    assert "primary/left4.png: the file is empty" in said
-    assert app.checkbox(key="use_frame_2").disabled and not app.checkbox(key="use_frame_1").disabled
-
-
 @pytest.mark.parametrize(
     ("files", "sentence"),
     [
@@ -155,16 +110,6 @@ def test_bad_photographs_refuse_their_own_frame_only(app: AppTest, tmp_path: Pat
 def test_what_cannot_be_used_is_said(files: dict[str, bytes], sentence: str, app: AppTest) -> None:
     upload(app, files)
     assert sentence in messages(app)
-
-
-def test_a_bomb_is_said_and_nothing_is_lost(app: AppTest, tmp_path: Path) -> None:
-    upload_zip(app, FILES)
-    packed = io.BytesIO()
-    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr("left5.pgm", bytes(30_000_000))
-    upload(app, {"bomb.zip": packed.getvalue()})
-    assert "would expand to 30000000" in messages(app)
-    assert len(store_of(app, tmp_path).photographs) == 14
 
 
 def dataset_files() -> dict[str, bytes]:
@@ -200,24 +145,6 @@ def test_a_data_set_of_photographs(packed: bool, app: AppTest, tmp_path: Path) -
     assert "Still missing: the targets in the photographs" in messages(app)
     project = store_of(app, tmp_path).project
     assert project.inputs.name == "field day" and project.inputs.baseline_m == 2.0
-
-
-def test_a_data_set_of_points_replaces_photographs(app: AppTest, tmp_path: Path) -> None:
-    upload_zip(app, FILES)
-    app.segmented_control(key="data_how").set_value("A zip").run()
-    field = {path.name: path.read_bytes() for path in (ROOT / "sample_data/field").iterdir()}
-    app.file_uploader(key="upload_zip").upload("field.zip", zipped(field)).run()
-    assert "50 pairs of points in 25 frames" in messages(app)
-    assert not store_of(app, tmp_path).photographs
-    assert not app.exception
-
-
-def test_the_table_of_pairs_there_and_back() -> None:
-    rows = [PairRow(Pair(3, "l3", "r3")), PairRow(Pair(7, "l7", "r7"), use=False)]
-    assert rows_of(table_of(rows)) == rows
-    half = pd.concat([table_of(rows), pd.DataFrame([{"Use": True, "Frame": 9}])])
-    assert rows_of(half) == rows
-    assert rows_of(table_of([])) == []
 
 
 def test_cancel_leaves_what_was_found_before(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
 
 import pytest
 from streamlit.testing.v1 import AppTest
@@ -19,9 +18,6 @@ from stereocal.verdict.in_words import percent
 from tests import known_rig
 from tests.field.plans import FIELD, contents, plan
 from tests.pages.stored_projects import FULL, go, messages, placed, session, told
-
-ROOT = Path(__file__).parents[2]
-SLOW = 120
 
 
 @pytest.fixture
@@ -62,13 +58,6 @@ def test_a_plan_that_cannot_work_is_one_message(app: AppTest) -> None:
     assert not app.error and "Limited by" in messages(app)
 
 
-def test_the_two_cameras_may_differ(app: AppTest) -> None:
-    app.toggle(key="plan_alike").set_value(False).run()
-    app.selectbox(key="plan_secondary_camera").set_value("Other: sensor and pixels").run()
-    assert app.number_input(key="plan_secondary_width_px").value == 6000
-    assert not app.error and "Limited by" in messages(app)
-
-
 def test_a_plan_is_opened_with_its_camera_files(app: AppTest) -> None:
     cameras = {"primary": "left.json", "secondary": contents()["cameras"]["secondary"]}
     content = json.dumps(contents(cameras=cameras, bar_m=1.25, frames=33)).encode()
@@ -80,76 +69,6 @@ def test_a_plan_is_opened_with_its_camera_files(app: AppTest) -> None:
     assert app.select_slider(key="plan_frames").value == 33
     assert app.selectbox(key="plan_primary_camera").value == "A camera file"
     assert str(app.selectbox(key="plan_secondary_camera").value).startswith("IDT M5")
-
-
-def test_four_coefficients_are_asked_about(app: AppTest) -> None:
-    four = {
-        "camera_matrix": known_rig.SECONDARY.K.tolist(),
-        "distortion_coefficients": known_rig.SECONDARY.distortion.tolist(),
-        "image_size": list(known_rig.SECONDARY.image_size),
-    }
-    app.selectbox(key="plan_primary_camera").set_value("A camera file").run()
-    assert "Give the file of the primary camera" in messages(app)
-    app.file_uploader(key="upload_plan_primary").upload("lens.json", json.dumps(four).encode())
-    app.run()
-    assert "Which are they?" in messages(app)
-    app.button(key="use_rest").click().run()
-    assert any("1280 x 1024 px" in item.value for item in app.caption)
-    named = {"primary": "lens.json", "secondary": contents()["cameras"]["secondary"]}
-    content = json.dumps(contents(cameras=named, frames=40)).encode()
-    open_plan(app, {"plan.json": content, "lens.json": json.dumps(four).encode()})
-    assert "Which are they?" in messages(app)
-    app.button(key="use_rest").click().run()
-    assert app.select_slider(key="plan_frames").value == 40
-
-
-def test_an_opened_plan_shows_its_own_numbers_on_sliders_too(app: AppTest) -> None:
-    near = {"near_m": 2.123, "far_m": 2.4}
-    changes: dict[str, Any] = {
-        "pose": {"baseline_m": 4.01, "toe_in_deg": 62.25, "height_difference_m": 0.0},
-        "volume": near,
-        "bar_m": 0.0123,
-        "noise_px": 19.5,
-        "frames": 77,
-    }
-    open_plan(app, {"plan.json": json.dumps(contents(**changes)).encode()})
-    assert app.select_slider(key="plan_baseline_m").value == 4.01
-    assert app.slider(key="plan_toe_in_deg").value == 62.25
-    assert app.select_slider(key="plan_near_m").value == 2.123
-    assert app.select_slider(key="plan_frames").value == 77
-    assert app.number_input(key="plan_noise_px").value == 19.5
-
-
-def test_damaged_settings_do_no_harm(app: AppTest, home: Path) -> None:
-    app.button(key="plan_start").click().run()
-    project = Project.open(home, app.session_state["project_id"])
-    project.keep_settings(
-        {
-            "plan_bar_m": "x",
-            "plan_stated_pose": {"R": 1, "T": 2},
-            "plan_compared": ["{", 7],
-            "plan_primary_camera": "none",
-            "plan_frames": 2.5,
-            "plan_toe_in_deg": 1e9,
-            "plan_near_m": [1],
-            "plan_forecast": {"methods": 3},
-        }
-    )
-    app.switch_page("pages/plan.py").run()
-    assert not app.error and "Limited by" in messages(app)
-
-
-def test_a_stated_pose_is_kept_until_it_is_replaced(app: AppTest) -> None:
-    one = plan(stated_pose=FIELD.pose)
-    open_plan(app, {"plan.json": write_plan(one)})
-    assert not app.error and any("R and T of the plan" in item.value for item in app.markdown)
-    app.button(key="plan_aim").click().run()
-    assert not app.error and app.select_slider(key="plan_baseline_m").value == 4.5
-
-
-def test_what_is_no_plan_is_refused(app: AppTest) -> None:
-    open_plan(app, {"camera.json": write_camera(known_rig.PRIMARY)})
-    assert "plan.json" in messages(app) and "Limited by" in messages(app)
 
 
 def test_three_plans_side_by_side(app: AppTest) -> None:
@@ -224,14 +143,3 @@ def test_the_forecast_stands_beside_what_came_out(home: Path) -> None:
     said = told(app, "caption")
     assert "The plan expected these median length errors: 2D" in said
     assert percent(found.estimate("refined", "median_error_3d").value) in said
-
-
-def test_what_is_no_forecast_shows_no_line() -> None:
-    assert planned_line(None) == "" and planned_line({"methods": {}}) == ""
-
-
-def test_start_leads_to_it(home: Path) -> None:
-    assert home.is_dir()
-    started = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW).run()
-    started.button(key="begin_plan").click().run()
-    assert started.title[0].value == "Plan" and not started.exception

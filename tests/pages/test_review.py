@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from base64 import b64decode
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
-import cv2
-import numpy as np
 import pytest
-import streamlit as st
 from streamlit.testing.v1 import AppTest
 
 from stereocal.formats.camera_file import write_camera
@@ -21,8 +17,7 @@ from stereocal.frames.search import detect_frames
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.projects.review import read_review
-from stereocal.ui import picker
-from stereocal.ui.picker import Pick, encode, pick_of
+from stereocal.ui.picker import Pick, pick_of
 from stereocal.ui.review import take_back, take_pick
 from tests.bar_photographs import bar_set
 
@@ -120,18 +115,6 @@ def test_walk_through_the_doubtful_frames(app: AppTest, store: ProjectPhotograph
     assert not read_review(store).frame(5).reviewed
 
 
-def test_the_choice_outlives_the_page_and_a_refresh(
-    app: AppTest, store: ProjectPhotographs
-) -> None:
-    app.selectbox(key="review_frame").set_value(4).run()
-    app.switch_page("pages/start.py").run().switch_page("pages/data.py").run()
-    assert app.selectbox(key="review_frame").value == 4
-    again = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW)
-    again.query_params["project"] = store.project.id
-    again.run().switch_page("pages/data.py").run()
-    assert again.selectbox(key="review_frame").value == 4
-
-
 def test_swap_and_the_table(app: AppTest, store: ProjectPhotographs) -> None:
     before = read_review(store).frame(1).centres[1]
     assert "other frames: A 0.0" in said(app)
@@ -147,12 +130,6 @@ def test_swap_and_the_table(app: AppTest, store: ProjectPhotographs) -> None:
     assert "other frames: A 0.0" in said(app)
 
 
-def test_leave_out_reaches_the_data_set(app: AppTest) -> None:
-    assert "10 pairs of points in 5 frames" in said(app)
-    press(app, "review_leave")
-    assert "8 pairs of points in 4 frames" in said(app)
-
-
 def test_from_the_sheet_to_one_frame_and_an_edit_of_the_sheet_is_undone(
     app: AppTest, store: ProjectPhotographs
 ) -> None:
@@ -163,14 +140,6 @@ def test_from_the_sheet_to_one_frame_and_an_edit_of_the_sheet_is_undone(
     assert app.selectbox(key="review_frame").value == 2
     press(app, "review_undo")
     assert read_review(store).frame(2).use
-
-
-def test_a_photograph_that_has_gone_is_said(app: AppTest, store: ProjectPhotographs) -> None:
-    st.cache_data.clear()
-    with store.database.transaction() as db:
-        db.execute("DELETE FROM named WHERE name = 'primary/left2.png'")
-    app.selectbox(key="review_frame").set_value(2).run()
-    assert "primary/left2.png (primary): there is no such photograph" in said(app)
 
 
 class TestClick:
@@ -218,11 +187,6 @@ class TestClick:
         assert sentence == "B in the primary photograph is now where you clicked, (10.25, 20.50)."
         assert self.centre(store, 1) == Centre(10.25, 20.5, None, "manual")
 
-    def test_no_corner_there(self, store: ProjectPhotographs) -> None:
-        before = read_review(store)
-        assert "no corner of four squares near" in self.click(store, 1, 10.0, 10.0, False)
-        assert read_review(store) == before
-
     def test_a_click_in_a_photograph_that_is_no_longer_shown(
         self, store: ProjectPhotographs
     ) -> None:
@@ -249,14 +213,3 @@ class TestPicker:
 
     def test_a_click(self) -> None:
         assert pick_of({"id": "a", "u": 1, "v": 2.5, "raw": True}) == Pick("a", 1.0, 2.5, True)
-
-    def test_large_photographs_are_reduced(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr(picker, "MOST_PIXELS", 20_000)
-        image = np.tile(np.linspace(0, 255, 400), (300, 1)).astype(np.uint8)
-        shown = encode(image, "name")
-        assert (shown.width, shown.height) == (400, 300)
-        content = np.frombuffer(b64decode(shown.source.split(",")[1]), np.uint8)
-        read = cv2.imdecode(content, cv2.IMREAD_UNCHANGED)
-        assert read is not None and read.size <= 20_000
-        # The same ramp, its middle in the middle.
-        np.testing.assert_allclose(read[:, [0, -1]].mean(axis=0), [1, 254], atol=3)

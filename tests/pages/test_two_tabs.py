@@ -11,7 +11,6 @@ from streamlit.testing.v1 import AppTest
 
 from stereocal.frames.review import choose
 from stereocal.projects.data_folder import default_home
-from stereocal.projects.files import StoredFile
 from stereocal.projects.home import remove
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
@@ -55,23 +54,6 @@ def test_of_two_edits_of_one_value_the_last_holds(project: Project) -> None:
     sound(a, b)
 
 
-def test_camera_files(project: Project) -> None:
-    a, b = tabs(project, "data")
-    a.file_uploader(key="upload_primary").upload(
-        "new.json", placed_file(project, "primary"), "text/json"
-    ).run()
-    b.file_uploader(key="upload_secondary").upload(
-        "other.json", placed_file(project, "secondary"), "text/json"
-    ).run()
-    labels = project.inputs.labels
-    assert (labels["primary"], labels["secondary"]) == ("new.json", "other.json")
-    sound(a, b)
-
-
-def placed_file(project: Project, slot: str) -> bytes:
-    return StoredFile(project.inputs.files[slot], project.database).read_bytes()
-
-
 def test_settings_of_forms(project: Project) -> None:
     a, b = tabs(project, "calibrate")
     a.number_input(key="seed").set_value(5).run()
@@ -95,18 +77,6 @@ def test_a_name_typed_before_the_click_on_another_project_is_kept(
     sound(app)
     assert app.query_params["project"] == other.id
     assert project.inputs.name == "Bats" != other.inputs.name
-
-
-def test_a_finished_validation_is_not_replaced_by_an_old_form(project: Project) -> None:
-    a, b = tabs(project, "validate")
-    a.slider(key="validate_runs").set_value(20).run()
-    made = project.evaluation
-    assert made is not None and made.settings.runs == 20
-    b.run()
-    kept = project.evaluation
-    assert kept is not None and kept.settings == made.settings
-    assert b.slider(key="validate_runs").value == 20
-    sound(a, b)
 
 
 def test_the_last_finished_calibration_holds_and_says_what_it_was_made_with(
@@ -133,17 +103,6 @@ def test_a_rerun_does_not_bring_back_old_pairs(project: Project) -> None:
     sound(a, b)
 
 
-def test_a_photograph_that_another_tab_replaced_is_told(project: Project) -> None:
-    a, b = tabs(project, "data")
-    store = ProjectPhotographs(project)
-    name, path = next(iter(store.photographs.items()))
-    assert "have changed" not in told(a, "warning")
-    store.add({name: store.keep(name, path.read_bytes() + b"\n")})
-    b.run()
-    assert "The pairs or their photographs have changed since" in told(b, "warning")
-    sound(a, b)
-
-
 def test_corrections_and_undo(project: Project) -> None:
     a, b = tabs(project, "data")
     store = ProjectPhotographs(project)
@@ -156,17 +115,6 @@ def test_corrections_and_undo(project: Project) -> None:
     b.button(key="review_undo").click().run()
     assert read_review(store).frame(5).use and not read_review(store).frame(2).use
     sound(a, b)
-
-
-def test_a_correction_made_during_a_search_outlives_it(project: Project) -> None:
-    store = ProjectPhotographs(project)
-    found = store.frames
-    assert found is not None
-    fresh = [replace(frame, reviewed=False) for frame in found]
-    change_review(store, lambda now: choose(now, 4, False))
-    store.keep_found(fresh, store.photographs)
-    assert not read_review(store).frame(4).use
-    assert len(read_review(store).edits) == 3
 
 
 @pytest.mark.parametrize(
@@ -198,12 +146,3 @@ def test_a_project_removed_in_another_tab_is_said_and_does_not_come_back(
     assert not app.exception
     assert "removed" in told(app, "error", "info", "warning")
     assert project.database.path.read_bytes() == before
-
-
-def test_rename_and_duplicate(project: Project) -> None:
-    a, b = tabs(project, "start")
-    a.text_input(key=f"name_{project.id}").set_value("Swifts").run()
-    b.button(key=f"duplicate_{project.id}").click().run()
-    names = [item.value for item in b.text_input if str(item.key).startswith("name_")]
-    assert "Swifts (copy)" in names and project.inputs.name == "Swifts"
-    sound(a, b)

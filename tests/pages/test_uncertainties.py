@@ -10,8 +10,7 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereocal.formats.camera_file import write_camera
-from stereocal.formats.dataset_files import pack_dataset, parse_dataset, read_dataset
-from stereocal.projects.archive import pack_project, unpack_project
+from stereocal.formats.dataset_files import read_dataset
 from stereocal.projects.project import Project
 from stereocal.refined.unknowns import DEFAULT_FOCAL, baseline_sigma_m, lens_prior
 from stereocal.rig.camera import LensUncertainty
@@ -53,32 +52,6 @@ def test_nothing_is_stated_until_somebody_does(app: AppTest, home: Path) -> None
     assert said.count("(not stated, assumed)") == 4
 
 
-@pytest.mark.parametrize(
-    ("option", "mm"), [("Laser range finder", 2), ("Tape", 5), ("Total station", 1)]
-)
-@pytest.mark.parametrize("name", LENGTHS)
-def test_presets(app: AppTest, home: Path, name: str, option: str, mm: float) -> None:
-    project = project_of(open_sample(app), home)
-    choose(app, name, option)
-    sigma = f"{name.removesuffix('_m')}_sigma_m"
-    assert getattr(read(project), sigma) == mm / 1000
-    assert app.selectbox(key=f"{name}_known").value == option
-    choose(app, name, "Not stated")
-    assert getattr(read(project), sigma) is None
-
-
-def test_an_uncertainty_in_another_unit_is_asked_about(app: AppTest, home: Path) -> None:
-    """5000 mm of a baseline of 4.5 m; what was stated before stays."""
-    project = project_of(open_sample(app), home)
-    choose(app, "baseline_m", "Tape")
-    choose(app, "baseline_m", "Typed")
-    app.number_input(key="baseline_m_sigma_mm").set_value(5000.0).run()
-    assert not app.exception
-    (refused,) = app.error
-    assert "millimetres" in refused.value and "0.005 m" in refused.value
-    assert read(project).baseline_sigma_m == 0.005
-
-
 def test_typed_numbers_stand_after_f5_and_reach_the_refined_method(
     app: AppTest, home: Path
 ) -> None:
@@ -107,22 +80,6 @@ def test_typed_numbers_stand_after_f5_and_reach_the_refined_method(
     assert again.selectbox(key="lens_primary_known").value == "Not stated"
 
 
-def test_a_zip_carries_what_was_stated(app: AppTest, home: Path, tmp_path: Path) -> None:
-    project = project_of(open_sample(app), home)
-    choose(app, "target_distance_m", "Total station")
-    choose(app, "lens_primary", "Typed")
-    app.number_input(key="lens_primary_focal_percent").set_value(0.0).run()
-    app.number_input(key="lens_primary_centre_px").set_value(0.0).run()
-    dataset = read(project)
-    pack_project(project, tmp_path / "project.zip")
-    opened = unpack_project(tmp_path / "project.zip", "project.zip", tmp_path / "other")
-    files = {name: bytes(content) for name, content in pack_dataset(dataset).items()}
-    for carried in (read(opened), parse_dataset(files, "a data set")):
-        assert carried.sha256 == dataset.sha256
-        assert carried.target_distance_sigma_m == 0.001
-        assert lens_prior(carried.primary, None).focal == 0.0
-
-
 def test_a_lens_with_standard_errors_states_itself(app: AppTest, home: Path) -> None:
     project = project_of(open_sample(app), home)
     given = app.file_uploader(key="upload_primary")
@@ -142,15 +99,3 @@ def test_a_lens_with_standard_errors_states_itself(app: AppTest, home: Path) -> 
     project.give({"primary": ("q.json", known_lens())})
     assert read(project).primary.uncertainty is not None
     assert project.inputs.lens_known == {}
-
-
-def test_a_result_made_with_other_statements_is_said_to_be_old(app: AppTest) -> None:
-    open_sample(app).switch_page("pages/calibrate.py").run()
-    app.button(key="run").click().run()
-    assert not app.warning
-    app.switch_page("pages/data.py").run()
-    choose(app, "baseline_m", "Tape")
-    app.switch_page("pages/calibrate.py").run()
-    assert "uncertainties of the lengths" in app.warning[0].value
-    app.button(key="run").click().run()
-    assert not app.warning

@@ -9,7 +9,6 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereocal.projects.photographs import ProjectPhotographs
-from stereocal.ui import videos
 from tests.pages.test_apply import app as app
 from tests.pages.test_apply import home as home
 from tests.pages.test_apply import said
@@ -53,20 +52,3 @@ def test_videos(app: AppTest, home: Path, tmp_path: Path, monkeypatch: pytest.Mo
     store = ProjectPhotographs(project)
     assert [row.pair.frame for row in store.rows] == [1, 11, 21, 32, 41]
     assert not list(temporary.glob("stereocal-video-*"))
-
-
-def test_a_damaged_video(app: AppTest, home: Path, tmp_path: Path) -> None:
-    whole = write_video(tmp_path / "a.mp4", [k / 25 for k in range(50)]).read_bytes()
-    give(app, whole, whole[: len(whole) // 2])
-    app.button(key="take_frames").click().run()
-    assert ended(project_of(app, home), "video").state == "failed"
-    app.run()
-    assert "secondary.mp4: this video is damaged" in said(app, "error")
-
-
-def test_without_av(app: AppTest, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(videos, "find_spec", lambda _name: None)
-    app.switch_page("pages/data.py").run()
-    app.segmented_control(key="data_how").set_value("Photographs").run()
-    app.segmented_control(key="photographs_how").set_value("Two videos").run()
-    assert "stereocal[video]" in said(app, "info")

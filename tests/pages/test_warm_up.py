@@ -12,7 +12,7 @@ from streamlit.delta_generator import DeltaGenerator
 from streamlit.testing.v1 import AppTest
 
 from stereocal.system.tasks import Progress
-from stereocal.ui import jobs, warm_up
+from stereocal.ui import warm_up
 
 APP = Path(__file__).parents[2] / "app.py"
 LONGEST_S = 300
@@ -84,37 +84,3 @@ def test_a_page_that_waits_shows_how_far_it_is(compiling: Compiling) -> None:
     assert share == pytest.approx(12 / 98)
     assert "12 of 98" in sentence
     assert not [one for one in threading.enumerate() if one.name == "compiling shown"]
-
-
-def test_a_job_that_waits_leaves_the_compilation_to_the_bar_above(compiling: Compiling) -> None:
-    warm_up.warm_up()
-    assert compiling.begun.wait(LONGEST_S)
-
-    def script(show: object, job: object) -> None:
-        show(job, "")  # type: ignore[operator]
-
-    job = jobs.Job(("runs",), jobs.pool())
-    app = AppTest.from_function(script, default_timeout=LONGEST_S, args=(jobs._show_bars, job))
-    (bar,) = app.run().get("progress")
-    assert bar.proto.text == "Starting"
-    job.progress(3, 50)
-    (bar,) = app.run().get("progress")
-    assert "3 of 50 runs" in bar.proto.text
-
-
-@pytest.mark.usefixtures("compiling")
-def test_what_cannot_be_compiled_ahead_ends_nothing(
-    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
-    swept = threading.Event()
-
-    def fail(_: Progress) -> int:
-        monkeypatch.setattr(warm_up, "_sweep", swept.set)
-        raise RuntimeError("no room for it")
-
-    monkeypatch.setattr(warm_up, "SWEEP_EVERY_S", 0.01)
-    monkeypatch.setattr(warm_up, "compile_all", fail)
-    state = warm_up.warm_up()
-    assert swept.wait(LONGEST_S)  # the hourly look goes on
-    assert state.over and not state.compiling
-    assert "no room for it" in caplog.text
