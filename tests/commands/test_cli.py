@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 import shutil
-import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -66,34 +65,6 @@ def test_calibrate_prints_the_methods_and_writes_three_files(
     assert f"for both: match below {in_files['refined']} px" in printed
 
 
-def test_calibrate_tells_the_rig_and_asks_about_its_units(
-    field: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    common = ["calibrate", str(field), "--out", str(field / "out"), "--runs", "0"]
-    assert main(common) == 0
-    printed = capsys.readouterr().out
-    assert "The cameras are 4.5 m apart; a bar of 0.9 m was seen from " in printed
-    assert "in metres?" not in printed
-    about = json.loads((field / "dataset.json").read_text())
-    about |= {"baseline_m": 450.0, "target_distance_m": 90.0}
-    (field / "dataset.json").write_text(json.dumps(about))
-    assert main(common) == 0
-    assert "in metres? The two lengths would be 4.5 and 0.9 m if they are in cm" in (
-        capsys.readouterr().out
-    )
-
-
-def test_calibrate_without_the_refined_set(
-    field: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["calibrate", str(field), "--out", str(tmp_path / "out"), "--no-refined"]) == 0
-    printed = capsys.readouterr().out
-    assert "Match with the 2D set below" in printed
-    assert "(on held-out frames)" in printed
-    assert "There is no forecast, because there is no refined set." in printed
-    assert not (tmp_path / "out" / "parameters_refined.json").exists()
-
-
 def test_calibrate_names_bad_frames_and_decides_without_splits(
     field: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -141,17 +112,6 @@ def test_settings_reach_the_result(field: Path, tmp_path: Path) -> None:
     }
     assert expected.items() <= written["settings"].items()
     assert len(written["inputs"]["frames"]) == 20
-
-
-def test_zip_gives_the_same_as_the_folder(field: Path, tmp_path: Path) -> None:
-    packed = tmp_path / "field.zip"
-    with zipfile.ZipFile(packed, "w") as archive:
-        for path in field.iterdir():
-            archive.write(path, f"some folder/{path.name}")
-    assert main(["calibrate", str(field), "--out", str(tmp_path / "a")]) == 0
-    assert main(["calibrate", str(packed), "--out", str(tmp_path / "b")]) == 0
-    for name in ("parameters_2d.json", "parameters_3d.json"):
-        assert without_date(tmp_path / "a" / name) == without_date(tmp_path / "b" / name)
 
 
 def table(edit: Callable[[list[str]], list[str]]) -> Callable[[Path], None]:
@@ -276,19 +236,6 @@ def test_bad_input_is_one_sentence_exit_2_and_no_file(
     assert re.search(sentence, printed.err), printed.err
     assert len(sentences(printed.err)) == 1
     assert not out.exists() or not any(out.iterdir())
-
-
-@pytest.mark.parametrize(
-    ("content", "sentence"),
-    [(b"", "empty"), (b"PK and no more", "bad.zip")],
-)
-def test_bad_zip(
-    content: bytes, sentence: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = tmp_path / "bad.zip"
-    path.write_bytes(content)
-    assert main(["calibrate", str(path), "--out", str(tmp_path / "out")]) == 2
-    assert sentence in capsys.readouterr().err
 
 
 def test_bad_settings_and_bad_output(

@@ -9,7 +9,6 @@ from typing import Any
 import distributed
 import pytest
 
-from stereocal.calibration.methods import METHODS
 from stereocal.cli import main
 from stereocal.rig.parameters import RigParameters
 from tests.terminal import sentences
@@ -61,25 +60,6 @@ def test_writes_summary_and_report_and_shows_progress(
         assert remote not in report.split("Plotly.newPlot")[0][:2000]
 
 
-def test_processes_give_the_numbers_of_threads(threads: Path, tmp_path: Path) -> None:
-    ours, theirs = figures(threads), figures(evaluated(tmp_path, "--workers", "2"))
-    for method in METHODS:
-        assert ours[method] == theirs[method]
-    # The refined method stops at a tolerance, and code that was compiled a moment ago may round
-    # otherwise than the same code read from the cache; measured: 2e-6 of a length error.
-    refined = [numbers(found["refined"]) for found in (ours, theirs)]
-    assert refined[0] == pytest.approx(refined[1], rel=1e-5, abs=1e-12)
-
-
-def numbers(value: Any) -> list[float]:
-    """All numbers of a JSON value, in order."""
-    if isinstance(value, dict):
-        value = list(value.values())
-    if isinstance(value, list):
-        return [number for inner in value for number in numbers(inner)]
-    return [float(value)] if isinstance(value, int | float) else []
-
-
 def test_figures_reach_the_parameter_files(threads: Path, tmp_path: Path) -> None:
     options = ["--out", str(tmp_path), "--validation", str(threads)]
     assert main(["calibrate", str(FIELD), *options]) == 0
@@ -113,20 +93,3 @@ def test_bad_input_is_one_sentence_exit_2_and_no_file(
     assert sentence in printed.err
     assert len(sentences(printed.err)) == 1
     assert not (tmp_path / "out").exists()
-
-
-def test_a_data_set_that_is_not_there_is_named(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    missing = tmp_path / "nowhere"
-    assert main(["evaluate", str(FIELD), str(missing), "--out", str(tmp_path / "out")]) == 2
-    assert "nowhere" in capsys.readouterr().err
-    assert not (tmp_path / "out").exists()
-
-
-def test_simulate_makes_the_sample_data_again(tmp_path: Path) -> None:
-    options = ["--datasets", "2", "--frames", "5", "--seed", "3"]
-    assert main(["simulate", "--out", str(tmp_path), *options]) == 0
-    assert len([path for path in (tmp_path / "nineteen").iterdir() if path.is_dir()]) == 2
-    rows = (tmp_path / "nineteen" / "01" / "correspondences.csv").read_text().splitlines()
-    assert len(rows) == 1 + 10

@@ -7,7 +7,6 @@ import io
 import json
 import re
 import shutil
-import zipfile
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 
@@ -75,21 +74,6 @@ def test_photographs_in_and_the_true_lens_out(camera: bytes) -> None:
     assert about["settings"]["subset"] == 8 and about["board"]["columns"] == 8
 
 
-def test_a_zip_gives_the_same_bytes(boards: Path, camera: bytes, tmp_path: Path) -> None:
-    with zipfile.ZipFile(tmp_path / "boards.zip", "w") as archive:
-        for path in sorted(boards.iterdir()):
-            archive.write(path, path.name)
-    assert run(tmp_path / "boards.zip", "--out", tmp_path / "b.json") == 0
-    assert (tmp_path / "b.json").read_bytes() == camera
-
-
-def test_single_files_and_a_photograph_left_out(boards: Path, tmp_path: Path) -> None:
-    files = sorted(boards.iterdir())
-    assert run(*files, "--out", tmp_path / "a.json", "--leave-out", "03.png") == 0
-    method = json.loads((tmp_path / "a.json").read_bytes())["about"]["method"]
-    assert method.endswith("8 of 11 photographs")
-
-
 def test_opencv_file_and_unusable_photographs(
     boards: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -127,30 +111,11 @@ def test_bad_input_is_one_sentence(
     assert not out.exists()
 
 
-def test_folder_without_photographs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (tmp_path / "notes.txt").write_text("none")
-    assert run(tmp_path, "--out", tmp_path / "camera.json") == 2
-    assert "no photograph" in capsys.readouterr().err
-    assert run(tmp_path / "nowhere", "--out", tmp_path / "camera.json") == 2
-    assert "nowhere" in capsys.readouterr().err
-
-
 class TestCameraFile:
     def test_uncertainty_there_and_back(self) -> None:
         back = read_camera(write_camera(KNOWN, {"method": "test"}), "x.json")
         assert back.uncertainty is not None and KNOWN.uncertainty is not None
         assert back.uncertainty.to_json() == KNOWN.uncertainty.to_json()
-
-    def test_camera_without_it_is_written_as_before(self) -> None:
-        content = json.loads(write_camera(rig.PRIMARY))
-        assert set(content) == {"format", "K", "distortion", "image_size"}
-        assert read_camera(write_camera(rig.PRIMARY), "x.json").uncertainty is None
-
-    def test_further_keys_are_let_pass(self) -> None:
-        content = json.loads(write_camera(KNOWN))
-        content["uncertainty"]["more"] = [[1.0]]
-        content["more"] = 1
-        assert read_camera(json.dumps(content).encode(), "x.json").uncertainty is not None
 
     @pytest.mark.parametrize(
         ("change", "sentence"),

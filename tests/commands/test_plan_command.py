@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -61,11 +59,6 @@ def test_a_bad_plan_is_one_sentence(
     assert not out.exists() and not said.out
 
 
-def test_there_is_no_plan(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["plan", str(tmp_path / "none.json"), "--out", str(tmp_path / "out")]) == 2
-    assert "none.json" in capsys.readouterr().err
-
-
 @pytest.mark.parametrize(
     "name", ["/etc/passwd", "../secret.json", "a/../../secret.json", "a\0.json"]
 )
@@ -86,21 +79,3 @@ def test_a_plan_names_camera_files_beside_it_only(
     assert main(["plan", str(folder / "plan.json"), "--out", str(tmp_path / "out")]) == 2
     said = capsys.readouterr().err
     assert "is not beside the plan" in said and "secret.json: " not in said
-
-
-@pytest.mark.parametrize("made", [os.mkfifo, lambda path: path.symlink_to("/dev/zero"), Path.mkdir])
-def test_a_pipe_or_a_device_is_no_camera_file(
-    made: Callable[[Path], object], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """A pipe would be waited for without end."""
-    made(tmp_path / "a.json")
-    content = {
-        "format": "stereocal-plan/1",
-        "cameras": {"primary": "a.json"},
-        "volume": {},
-        "uncertainty": {},
-        "frames": 25,
-    }
-    (tmp_path / "plan.json").write_text(json.dumps(content))
-    assert main(["plan", str(tmp_path / "plan.json"), "--out", str(tmp_path / "out")]) == 2
-    assert "a.json: there is no such file" in capsys.readouterr().err

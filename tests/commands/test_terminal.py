@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import json
 import os
 import shlex
@@ -11,12 +10,10 @@ import signal
 import subprocess
 import time
 from pathlib import Path
-from types import ModuleType
 
 import pytest
 
 from stereocal.__main__ import CLOSED_PIPE, INTERRUPTED, NO_OUTPUT
-from stereocal.cli import COMMANDS, main
 from tests.terminal import FIELD, LONGEST_S, ROOT, command, run, sentences, started, tables
 
 PHOTOGRAPHS = ROOT / "sample_data" / "photographs"
@@ -77,22 +74,6 @@ INTERRUPTED_COMMANDS: dict[str, tuple[str, bool, list[str]]] = {
     ),
     "compile": ("Compiling", True, ["compile"]),
 }
-COMMANDS_WITH_FILES = (
-    "calibrate",
-    "check",
-    "convert",
-    "detect",
-    "evaluate",
-    "import",
-    "intrinsics",
-    "match",
-    "plan",
-    "print",
-    "reconstruct",
-    "reproduce",
-    "simulate",
-    "world",
-)
 FEW = ("calibrate", "match")
 """One that computes, one with processes of its own, one with half a file; the rest in the soak."""
 
@@ -154,24 +135,6 @@ def test_ctrl_c_is_one_line_and_leaves_nothing(name: str, given: Path, tmp_path:
             return
         time.sleep(0.05)
     pytest.fail("A process of the command stays.")
-
-
-def test_ctrl_c_while_a_file_is_read(tmp_path: Path) -> None:
-    parameters = tmp_path / "parameters.json"
-    os.mkfifo(parameters)
-    with started("convert", parameters, "--to", "opencv", "--out", tmp_path / "out") as process:
-        writer = None
-        while writer is None:
-            assert process.poll() is None
-            try:  # succeeds as soon as the command has opened it
-                writer = os.open(parameters, os.O_WRONLY | os.O_NONBLOCK)
-            except OSError as error:
-                assert error.errno == errno.ENXIO
-                time.sleep(0.05)
-        said = interrupted(process)
-        os.close(writer)
-    assert (process.returncode, said) == (INTERRUPTED, "stereocal: interrupted.\n")
-    assert not (tmp_path / "out").exists()
 
 
 def test_ctrl_c_leaves_data_sets_whole(tmp_path: Path) -> None:
@@ -249,21 +212,6 @@ def test_a_terminal_of_plain_ascii(environment: dict[str, str], tmp_path: Path) 
     assert "there is no such folder or file" in said
 
 
-@pytest.mark.parametrize("module", COMMANDS, ids=lambda module: module.__name__.split(".")[-1])
-def test_help_is_in_ascii(module: ModuleType, capsys: pytest.CaptureFixture[str]) -> None:
-    name = (
-        module.__name__.split(".")[-1]
-        .replace("compiling", "compile")
-        .replace("_files", "")
-        .replace("_archive", "")
-    )
-    with pytest.raises(SystemExit):
-        main([name, "--help"])
-    printed = capsys.readouterr().out
-    assert name in printed
-    assert printed.isascii()
-
-
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full")
 @pytest.mark.parametrize(
     ("shell", "status", "said"),
@@ -289,15 +237,3 @@ def test_an_output_that_is_full_or_closed(
     assert ended.returncode == status
     assert "Traceback" not in ended.stderr and said in ended.stderr
     assert (tmp_path / "a.pdf").exists()
-
-
-@pytest.mark.parametrize("name", COMMANDS_WITH_FILES)
-def test_no_path_is_empty(
-    name: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    """`Path("")` is the current folder, where the files would be written."""
-    monkeypatch.chdir(tmp_path)
-    with pytest.raises(SystemExit, match="2"):
-        main([name, *(["target"] if name == "print" else []), "--out", ""])
-    assert "argument --out: a path is missing" in capsys.readouterr().err
-    assert not list(tmp_path.iterdir())

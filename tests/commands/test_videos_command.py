@@ -44,12 +44,3 @@ def test_targets_in_videos(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
         errors = [np.abs(found - [end[name] for end in ends]).max() for name in "AB"]
         assert min(errors) < 0.1, (frame, target)
     assert len(rows.bars) == 6
-
-
-def test_wrong_options(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    none = str(tmp_path / "none.mp4")
-    given = [str(SAMPLE), "--out", str(tmp_path / "x.csv"), "--videos", none, none]
-    assert main(["detect", *given, "--every", "0"]) == 2
-    assert "--every is 0" in capsys.readouterr().err
-    assert main(["detect", *given]) == 2
-    assert "none.mp4" in capsys.readouterr().err

@@ -6,7 +6,6 @@ import json
 import os
 import subprocess
 import sys
-import threading
 import time
 from pathlib import Path
 
@@ -140,29 +139,3 @@ def passed() -> tuple[float, float]:
     with global_compiler_lock, global_compiler_lock:
         time.sleep(0.05)
     return clock() - before, time.perf_counter() - truly
-
-
-def test_the_clock_stands_still_while_its_thread_compiles() -> None:
-    by_clock, truly = passed()
-    assert truly - by_clock >= 0.05
-    before = clock()
-    time.sleep(0.05)
-    assert clock() - before >= 0.05
-
-
-def test_the_clock_goes_on_while_another_thread_compiles() -> None:
-    compiling, ended = threading.Event(), threading.Event()
-
-    def compile_something() -> None:
-        with global_compiler_lock:
-            compiling.set()
-            ended.wait(60)
-
-    other = threading.Thread(target=compile_something)
-    other.start()
-    compiling.wait(60)
-    before = clock()
-    time.sleep(0.05)
-    assert clock() - before >= 0.05
-    ended.set()
-    other.join()

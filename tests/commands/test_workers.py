@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 from stereocal.cli import main
-from stereocal.errors import StereocalError
-from stereocal.system.executors import SCHEDULER, cluster, scheduler_of
+from stereocal.system.executors import cluster
 from tests import lens
 from tests.dask_cluster import QUIET
 from tests.dask_cluster import scheduler as scheduler
@@ -128,14 +127,3 @@ def test_what_cannot_compute_is_refused(
     assert main([*commands[name], "--out", str(tmp_path / OUT[name]), option, value]) == 2
     assert option[2:-1] in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.parametrize("address", ["host:8786", "tcp://host", "tcp://a b:1", "8"])
-def test_an_address_of_the_server_is_checked(address: str) -> None:
-    with pytest.raises(StereocalError, match=SCHEDULER):
-        scheduler_of({SCHEDULER: address})
-
-
-def test_a_server_may_have_no_cluster() -> None:
-    assert scheduler_of({}) is scheduler_of({SCHEDULER: " "}) is None
-    assert scheduler_of({SCHEDULER: "tcp://host:8786"}) == "tcp://host:8786"

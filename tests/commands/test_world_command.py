@@ -12,7 +12,7 @@ import pytest
 from stereocal.cli import main
 from stereocal.rig.geometry import Pose
 from tests.field.world_tables import PIXELS, lines_csv, survey_csv, throw_csv
-from tests.rigs.worlds import FRAME_RATE, Place, known_places, plumb_lines, surveyed, thrown
+from tests.rigs.worlds import Place, known_places, plumb_lines, surveyed, thrown
 from tests.terminal import sentences
 
 
@@ -73,17 +73,6 @@ def test_a_survey_with_origin_and_heading(
     third = place.world.inverse().apply(survey.world_m[3])
     assert np.linalg.norm(pose.apply(third)) < 0.05
     np.testing.assert_allclose(pose.R[0], place.world.R[1], atol=0.02)
-
-
-def test_a_throw_checks_the_scale(
-    place: Place, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "throw.csv").write_bytes(throw_csv(thrown(place, 2)))
-    assert run(tmp_path, "throw.csv", "--frame-rate", str(FRAME_RATE)) == 0
-    assert "Gravity is measured as 9." in capsys.readouterr().out
-    gravity = written(tmp_path)[1]["gravity"]
-    assert isinstance(gravity, dict) and gravity["agrees"]
-    assert run(tmp_path, "throw.csv", "--frame-rate", str(FRAME_RATE), "--no-drag") == 0
 
 
 @pytest.mark.parametrize(

@@ -3,28 +3,23 @@
 from __future__ import annotations
 
 import json
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
 import pytest
 
-from stereocal.errors import StereocalError
 from stereocal.field.planning.advice import LIMITS, advise, with_baseline
 from stereocal.field.planning.bars import place_planned_bars
 from stereocal.field.planning.common_view import sees
-from stereocal.field.planning.drawn_rigs import FILES, draw_rigs, standard_errors
+from stereocal.field.planning.drawn_rigs import FILES
 from stereocal.field.planning.expected import expect
 from stereocal.field.planning.forecast import PlanForecast, forecast
-from stereocal.field.planning.in_words import answer
 from stereocal.field.planning.plan import AimedPose, Plan, Uncertainty
 from stereocal.rig.geometry import triangulate
 from tests import known_rig
 from tests.field.plans import FIELD, plan
 from tests.rigs.plans import observed
-
-FEW = 48
 
 
 @lru_cache(maxsize=4)
@@ -79,25 +74,6 @@ def test_the_file_has_every_figure_with_its_interval() -> None:
     assert content["advice"] and all(isinstance(text, str) for text in content["advice"])
 
 
-def test_every_executor_and_the_same_seed_give_the_same() -> None:
-    alone = forecast(FIELD, rigs=FEW)
-    with ThreadPoolExecutor(2) as executor:
-        done: list[tuple[int, int]] = []
-        both = forecast(FIELD, executor, rigs=FEW, progress=lambda *counts: done.append(counts))
-    assert both.dumps() == alone.dumps()
-    assert done[-1] == (FEW, FEW)
-    assert forecast(FIELD, seed=1, rigs=FEW).dumps() != alone.dumps()
-
-
-def test_errors_grow_with_the_range_and_fall_with_the_baseline() -> None:
-    _, length, position = whole().fit.by_depth
-    assert (np.diff(length) > 0).all() and (np.diff(position) > 0).all()
-    errors = [expect(with_baseline(FIELD, b)).length_error for b in (1.5, 3.0, 6.0, 9.0)]
-    assert errors == sorted(errors, reverse=True)
-    advice = whole().advice
-    assert advice.baselines_m[np.nanargmin(advice.baseline_errors)] > FIELD.baseline_m
-
-
 NEAR = plan(stated_pose=AimedPose(4.0, 38.0), near_m=2.5, far_m=4.0, bar_m=0.4)
 EXACT = Uncertainty(0.0, 0.0, 0.0, 0.0)
 
@@ -112,31 +88,6 @@ EXACT = Uncertainty(0.0, 0.0, 0.0, 0.0)
 )
 def test_what_limits(one: Plan, limit: str) -> None:
     assert advise(expect(one)).limited_by == limit
-
-
-def test_a_wide_baseline_for_a_near_volume_does_not_want_to_grow() -> None:
-    advice = advise(expect(replace(NEAR, uncertainty=EXACT)))
-    assert not any(own.text.startswith("A baseline of") for own in advice.variants)
-
-
-def test_lenses_tell_positions() -> None:
-    unsure = plan(uncertainty=Uncertainty(0.003, 20.0, 0.005, 0.0005))
-    (text,) = (s for s in advise(expect(unsure)).sentences if s.startswith("Lenses"))
-    assert text.endswith("cm.") and "positions to" in text
-    sure = advise(expect(replace(NEAR, uncertainty=EXACT)))
-    assert not any(s.startswith("Lenses") for s in sure.sentences)
-
-
-def test_an_error_of_the_bar_is_in_the_lengths() -> None:
-    """Where nothing but the bar tells the scale."""
-    sure = forecast(plan(uncertainty=Uncertainty(0.003, 5.0, 0.3, 0.0)), rigs=FEW)
-    wrong = forecast(plan(uncertainty=Uncertainty(0.003, 5.0, 0.3, 0.004)), rigs=FEW)
-    for found, scale in ((sure, 0.0), (wrong, 0.004 / 0.9)):
-        noise = sure.fit.length_error
-        expected = np.hypot(noise, np.sqrt(2 / np.pi) * scale)
-        assert found.fit.length_error == pytest.approx(expected, rel=0.1)
-        value = found.estimate("refined", "mean_length_error").value
-        assert value == pytest.approx(expected, rel=0.2)
 
 
 def test_more_bars_a_longer_bar_and_less_noise_never_hurt() -> None:
@@ -168,25 +119,3 @@ def test_bars_are_where_the_plan_says() -> None:
     assert points[:, 2].min() >= 4.0 and points[:, 2].max() <= 10.0
     assert sees(one.primary, points).all() and sees(one.secondary, one.pose.apply(points)).all()
     assert np.ptp(bars.mean(axis=1)[:, 2]) > 4.0
-
-
-def test_a_bar_that_hardly_fits_is_told() -> None:
-    with pytest.raises(StereocalError, match="hardly fits"):
-        forecast(plan(near_m=8.0, far_m=8.2, bar_m=2.0), rigs=FEW)
-
-
-def test_errors_of_drawn_rigs_are_standard_normal() -> None:
-    errors = standard_errors(3, 256)
-    assert np.allclose(errors.mean(axis=0), 0.0, atol=0.05)
-    assert np.allclose(errors.std(axis=0), 1.0, atol=0.05)
-    assert np.array_equal(standard_errors(3, 40), standard_errors(3, 64)[:40])
-
-
-def test_a_part_of_the_rigs_is_the_same_part() -> None:
-    first, second = draw_rigs(FIELD, 0, 16, 32), draw_rigs(FIELD, 0, 16, 32)
-    assert np.array_equal(first.figures, second.figures, equal_nan=True)
-
-
-def test_the_answer_in_words() -> None:
-    text = answer(whole())
-    assert "at 25 m" in text and "points of a frame" in text and "Limited by" in text

@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 
 from stereocal.errors import StereocalError
-from stereocal.field.planning.common_cameras import COMMON
 from stereocal.field.planning.plan import AimedPose, SensorLens
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.plan_file import parse_plan, read_plan, write_plan
-from stereocal.rig.geometry import Pose, triangulate
+from stereocal.rig.geometry import triangulate
 from tests import known_rig
 from tests.field.plans import FIELD, LENS, contents, plan
 
@@ -36,15 +35,6 @@ def test_a_lens_from_its_data_sheet() -> None:
     lens = SensorLens(50.0, (36.0, 24.0), (6000, 4000))
     assert np.allclose(np.diag(lens.camera.K), [8333.333, 8333.333, 1.0])
     assert np.allclose(lens.camera.K[:2, 2], [2999.5, 1999.5])
-
-
-@pytest.mark.parametrize(("name", "degrees"), [("GoPro", 86.9), ("Phone", 67.8), ("IDT M5", 18.6)])
-def test_common_cameras_see_as_wide_as_their_makers_say(name: str, degrees: float) -> None:
-    """Horizontally; lenses of 19 mm and 26 mm on full frame, the phone's of 4:3."""
-    (common,) = (camera for known, camera in COMMON.items() if known.startswith(name))
-    width, focal = common.sensor_mm[0], common.focal_mm
-    assert 2 * np.degrees(np.arctan(width / 2 / focal)) == pytest.approx(degrees, abs=1.0)
-    assert common.lens(focal).camera.image_size == common.image_size
 
 
 def test_the_file_is_read_back(tmp_path: Path) -> None:
@@ -107,14 +97,3 @@ def test_plans_that_cannot_work(changes: dict[str, Any], message: str) -> None:
         parse_plan(json.dumps(contents(**changes)).encode(), "plan.json", str.encode)
     assert str(caught.value).startswith("plan.json: ")
     assert str(caught.value).count("plan.json") == 1
-
-
-def test_a_lens_whose_pixels_would_not_be_square() -> None:
-    with pytest.raises(StereocalError, match="not be square"):
-        SensorLens(50.0, (24.0, 36.0), (6000, 3000))
-
-
-def test_a_volume_behind_the_other_camera() -> None:
-    turned = Pose(np.diag([-1.0, 1.0, -1.0]), np.array([1.0, 0.0, -2.0]))
-    with pytest.raises(StereocalError, match="behind the secondary"):
-        plan(stated_pose=turned)

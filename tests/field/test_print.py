@@ -7,15 +7,13 @@ import xml.etree.ElementTree as ElementTree
 from io import BytesIO
 
 import numpy as np
-import pypdfium2
 import pytest
 
 from stereocal.detection.detect import detect_targets
 from stereocal.errors import StereocalError
 from stereocal.field.printing.paper import PAPERS, Paper, Sheet, paper_named
-from stereocal.field.printing.print_board import fitted, largest_square, print_board
+from stereocal.field.printing.print_board import print_board
 from stereocal.field.printing.print_target import (
-    largest_side,
     planned_target,
     print_targets,
     target_size,
@@ -41,16 +39,6 @@ SCALE = 1e-3
 """Lengths are right to 0.1 %."""
 TILT = (0.5, -0.3, 0.2)
 BOARD = BoardPattern(18, 12, 0.02)
-
-
-def text_of(pdf: bytes) -> str:
-    document = pypdfium2.PdfDocument(pdf)
-    try:
-        assert len(document) == 1
-        words: str = document[0].get_textpage().get_text_range()
-    finally:
-        document.close()
-    return " ".join(words.split())
 
 
 def rectangles(sheet: Sheet) -> FloatArray:
@@ -164,16 +152,6 @@ def test_what_does_not_fit_names_a_paper_that_does() -> None:
         print_board(BoardPattern(18, 12, 0.0003), A4)
 
 
-@pytest.mark.parametrize("paper", PAPERS.values(), ids=PAPERS)
-def test_the_largest_that_fits_does_fit(paper: Paper) -> None:
-    print_targets(largest_side(paper), paper)
-    with pytest.raises(StereocalError):
-        print_targets(largest_side(paper) + 0.01, paper)
-    board = fitted(BoardPattern(18, 12, 0.03), paper)
-    assert board.square_m == largest_square(board, paper)
-    print_board(board, paper)
-
-
 @pytest.mark.parametrize(
     "pattern",
     [BOARD, BoardPattern(9, 12, 0.02), BoardPattern(13, 9, 0.02, "DICT_5X5_250", 0.015)],
@@ -192,25 +170,3 @@ def test_a_printed_board_is_found_with_all_corners_and_its_scale_is_right(
         lengths = np.linalg.norm(steps, axis=2)
         assert lengths.mean() == pytest.approx(20.0, rel=SCALE)
         np.testing.assert_allclose(lengths, 20.0, atol=0.15)
-
-
-def test_prints_say_what_to_enter_and_what_to_measure() -> None:
-    target = text_of(print_targets(0.18, A4).pdf())
-    assert "stereocal target, 180 mm. Print this sheet twice" in target
-    assert "is 100.0 mm long, and the target 180 mm wide and high" in target
-    board = text_of(print_board(BOARD, A3).pdf())
-    assert "18 and 12 inner corners, side of a square 20 mm" in board
-    assert "the board 380.0 x 260.0 mm" in board
-
-
-def test_the_same_sheet_gives_the_same_bytes() -> None:
-    sheets = [print_board(BOARD, A3) for _ in range(2)]
-    assert sheets[0].pdf() == sheets[1].pdf()
-    assert sheets[0].svg() == sheets[1].svg()
-
-
-def test_texts_of_an_svg_have_the_width_of_the_pdf_in_any_font() -> None:
-    svg = ElementTree.fromstring(print_board(BOARD, A3).svg().encode())
-    texts = list(svg.iter("{http://www.w3.org/2000/svg}text"))
-    assert sum("font-weight: bold" in text.attrib["style"] for text in texts) == 1
-    assert all(0.5 < float(text.attrib["textLength"]) < 300.0 for text in texts)

@@ -2,36 +2,24 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
 from stereocal.field.checking.check_words import notes, sentence, to_json
-from stereocal.field.checking.fits import (
-    turned,
-)
-from stereocal.field.checking.held_out import HeldOut
-from stereocal.field.checking.new_images import images_of_bars, images_of_matches, images_of_pairs
+from stereocal.field.checking.new_images import images_of_bars, images_of_matches
 from stereocal.field.checking.power import Smallest
 from stereocal.field.checking.prior import prior_of
 from stereocal.field.checking.recheck import recheck
 from stereocal.field.checking.repair import repaired_parameters
 from stereocal.field.checking.residuals import residuals_of
 from stereocal.formats.dataset_files import read_dataset
-from stereocal.matching.point_table import PAIR_SIGMAS, PointTable
-from stereocal.matching.reconstruction_files import PIXELS
 from stereocal.refined.parameter_file import refined_parameters
-from stereocal.refined.unknowns import RefineSettings, pose_of
-from stereocal.rig.compiled import FloatArray
+from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import TimeOffset
@@ -46,7 +34,6 @@ from tests.rigs.bumps import (
     longer,
     matched,
     new_bars,
-    seen_by,
     true_fit,
 )
 from tests.rigs.moving_bar import move_bar, record
@@ -112,14 +99,6 @@ def test_a_turn_is_found_with_its_size_and_the_pose_repaired(case: Case, degrees
     assert angle_between(found.repaired, rig) < 0.5 * angle_between(case.truth, rig)
 
 
-def test_a_movement_smaller_than_matters_is_no_reason_to_calibrate_again(case: Case) -> None:
-    images = new_bars(case, bumped(case, np.radians(0.5)))
-    assert recheck(case.prior, images).verdict == "moved"
-    found = recheck(case.prior, images, Smallest(float(np.radians(5.0)), 0.2))
-    assert (found.verdict, found.seen, found.changed) == ("same", True, False)
-    assert sentence(found).startswith("Same: a change is seen, but smaller than matters: by a turn")
-
-
 def test_a_longer_baseline_is_found(case: Case) -> None:
     found = recheck(case.prior, new_bars(case, longer(case, 1.05)))
     change = found.baseline_change
@@ -144,25 +123,6 @@ def test_matched_points_find_a_turn_and_keep_the_baseline(case: Case) -> None:
     assert any("do not show the baseline" in note for note in notes(found))
     true_turn = angle_between(rig, case.truth)
     assert found.turn[0].low < true_turn < found.turn[0].high
-
-
-def test_matched_points_less_exact_than_targets(case: Case, tmp_path: Path) -> None:
-    """2 px after targets of 0.2 px: they fit a pose, within the noise that they state."""
-    rows = matched(case, case.truth, 200).dataset.correspondences
-    sides = (rows.primary, rows.secondary)
-    first, second = (side + 2.0 * case.rng.standard_normal(side.shape) for side in sides)
-    table = pd.DataFrame(np.column_stack([first, second]), columns=list(PIXELS)).clip(lower=0.0)
-    table.insert(0, "frame", np.arange(len(table)))
-    path = tmp_path / "pairs.csv"
-    table.to_csv(path, index=False)
-    unstated = recheck(case.prior, images_of_pairs(PointTable(path, PIXELS), case.prior.rig))
-    assert not unstated.usable
-    for name in PAIR_SIGMAS:
-        table[name] = 2.0
-    table.to_csv(path, index=False)
-    stated = recheck(case.prior, images_of_pairs(PointTable(path, PIXELS), case.prior.rig))
-    assert stated.usable and stated.verdict != "moved"
-    assert stated.noise.sigma_px == pytest.approx(2.0, rel=0.2)
 
 
 def test_a_refocused_lens_is_named() -> None:
@@ -243,24 +203,6 @@ def test_a_repair_is_offered_where_held_out_bars_are_better_with_it(case: Case) 
     assert residuals_of(found).after is not None
 
 
-@pytest.mark.parametrize("how", ["own", "no better"])
-def test_a_repair_is_not_offered_otherwise(case: Case, how: str) -> None:
-    found = recheck(case.prior, new_bars(case, bumped(case, np.radians(0.5))))
-    if how == "own":
-        found = replace(found, images=replace(found.images, own=True))
-    else:
-        found.__dict__["held_out"] = HeldOut((0.2, 0.19), (0.002, 0.0021))
-    assert found.verdict == "moved" and not found.offers_repair
-    assert "no repaired parameters are offered" in sentence(found).lower()
-    assert residuals_of(found).after is None
-
-
-def test_a_recording_is_known_from_its_own_parameters(case: Case) -> None:
-    data, rig = case.dataset, case.prior.rig
-    assert images_of_bars(data, rig).own
-    assert not images_of_bars(data.of_frames(data.correspondences.frames[1:]), rig).own
-
-
 def test_an_unmoved_quarter_of_a_recording_offers_no_repair() -> None:
     """The first quarter of the real recording, by the three others: it measures no better then.
 
@@ -280,24 +222,6 @@ def test_an_unmoved_quarter_of_a_recording_offers_no_repair() -> None:
     assert recheck(prior_of(turned_rig), images_of_bars(images, turned_rig)).offers_repair
 
 
-def test_the_answer_is_json(case: Case) -> None:
-    for rig in (case.truth, bumped(case, np.radians(0.5))):
-        answer = to_json(recheck(case.prior, new_bars(case, rig)))
-        assert json.loads(json.dumps(answer, allow_nan=False)) == answer
-        assert set(answer) >= {"verdict", "rotation_rad", "baseline_m", "reason"}
-        for name in ("rotation_rad", "baseline_m"):
-            assert set(answer[name]) == {"value", "low", "high"}
-
-
-def test_another_bar_has_its_own_length(case: Case) -> None:
-    images = new_bars(case, case.truth)
-    other = replace(images.dataset, target_distance_m=2 * images.dataset.target_distance_m)
-    prior = case.prior.with_bar_of(other)
-    assert prior.covariance[6, 6] == pytest.approx(1e-6)
-    np.testing.assert_allclose(prior.covariance[6, :6], 0.0, atol=1e-15)
-    assert case.prior.with_bar_of(images.dataset) is case.prior
-
-
 def test_files_without_covariance_are_rejected(case: Case) -> None:
     with pytest.raises(StereocalError, match="does not state the covariance"):
         prior_of(replace(case.prior.rig, uncertainties=None))
@@ -313,31 +237,6 @@ def test_an_impossible_covariance_is_rejected(case: Case, spoil: object) -> None
     rig = replace(case.prior.rig, uncertainties={**known, "covariance": wrong})
     with pytest.raises(StereocalError, match="not symmetric and positive"):
         prior_of(rig)
-
-
-def test_images_of_another_size_and_too_few_points_are_rejected(case: Case) -> None:
-    rig = case.prior.rig
-    small = replace(rig, primary=replace(rig.primary, image_size=(3200, 2400)))
-    data = seen_by(case, place_bars(case.truth, case.rng, 5, BAR_M, DEPTHS_M))
-    with pytest.raises(StereocalError, match="1600x1200 px, and the parameters are of 3200x2400"):
-        images_of_bars(data, small)
-    with pytest.raises(StereocalError, match="too few"):
-        images_of_matches(np.arange(3), np.ones((3, 2)), np.ones((3, 2)), rig, "points")
-
-
-vectors = st.tuples(*[st.floats(-1.7, 1.7)] * 3).map(np.array)
-
-
-@given(vectors)
-def test_a_turn_in_place_moves_no_centre(vector: FloatArray) -> None:
-    case = next(cases(1, 41))
-    pose = case.truth.pose
-    for camera in (0, 1):
-        moved = turned(pose, camera, vector)
-        assert moved.baseline == pytest.approx(pose.baseline)
-        if camera == 1:  # the secondary's centre as the primary sees it
-            np.testing.assert_allclose(-moved.R.T @ moved.T, -pose.R.T @ pose.T, atol=1e-9)
-    assert pose_of(case.prior.q).baseline == pytest.approx(case.prior.rig.pose.baseline)
 
 
 def test_bars_out_of_step_are_shifted_by_the_offset_of_the_parameters() -> None:

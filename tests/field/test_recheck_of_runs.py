@@ -7,9 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pytest
 
-from stereocal.errors import StereocalError
 from stereocal.field.checking.check_words import notes
 from stereocal.field.checking.new_images import NewImages, images_of_bars
 from stereocal.field.checking.prior import prior_of
@@ -77,14 +75,6 @@ def test_runs_are_no_movement_and_a_turn_is_still_found() -> None:
     assert since >= 12
 
 
-def test_a_movement_that_is_taken_back_has_no_since() -> None:
-    """Without the look at both halves of what follows, one of these has."""
-    for case in waved_cases(5):
-        moved = bumped(case, np.radians(0.2))
-        back = waved_bars(case, case.truth, moved, case.truth, case.truth)
-        assert recheck(case.prior, back).since is None
-
-
 def test_twenty_bars_taken_one_by_one_show_a_turn() -> None:
     found = 0
     for case in cases(20, 47):
@@ -110,30 +100,3 @@ def test_a_recording_has_not_moved_against_itself_and_says_how_its_frames_count(
     written = repaired_parameters(check, None).uncertainties
     assert written is not None
     assert written["design_effect"] == check.noise.design_effect
-
-
-def test_the_effect_of_the_file_counts_for_few_bars_too() -> None:
-    case = next(cases(1, 41))
-    images = images_of_bars(
-        seen_by(case, place_bars(case.truth, case.rng, 5, BAR_M, DEPTHS_M)), case.prior.rig
-    )
-    one, four = (
-        recheck(replace(case.prior, design_effect=effect), images) for effect in (1.0, 4.0)
-    )
-    assert four.noise.sigma_px == one.noise.sigma_px
-    assert four.power.detectable_turn_rad > 1.2 * one.power.detectable_turn_rad
-
-
-@pytest.mark.parametrize("effect", [0.5, float("nan"), "many"])
-def test_an_impossible_design_effect_is_refused(effect: object) -> None:
-    rig = next(cases(1, 41)).prior.rig
-    damaged = replace(rig, uncertainties={**(rig.uncertainties or {}), "design_effect": effect})
-    with pytest.raises(StereocalError, match="uncertainties"):
-        prior_of(damaged)
-
-
-def test_a_file_without_design_effect_is_read() -> None:
-    rig = next(cases(1, 41)).prior.rig
-    known = dict(rig.uncertainties or {})
-    del known["design_effect"]
-    assert prior_of(replace(rig, uncertainties=known)).design_effect == 1.0

@@ -9,12 +9,10 @@ import numpy as np
 import pypdfium2
 import pytest
 
-from stereocal.errors import StereocalError
 from stereocal.field.planning.bars import margin_px
 from stereocal.field.planning.common_view import sees
 from stereocal.field.planning.plan import AimedPose, Plan, SensorLens
-from stereocal.field.printing.bar_places import DIRECTIONS, bar_places, ground_from_primary
-from stereocal.field.printing.paper import PAPERS
+from stereocal.field.printing.bar_places import DIRECTIONS, bar_places
 from stereocal.field.printing.sheet import field_sheet
 from stereocal.rig.geometry import Pose
 from tests.field.plans import plan
@@ -71,14 +69,6 @@ def test_the_bars_cover_the_volume_in_all_directions() -> None:
     assert len({(one.distance, one.across, one.height) for one in everywhere}) == 27
 
 
-def test_the_ground_is_level_and_midway_between_the_cameras() -> None:
-    ground = ground_from_primary(plan())
-    primary, secondary = ground.apply(np.vstack([np.zeros(3), plan().pose.inverse().T]))
-    np.testing.assert_allclose(primary, -secondary, atol=1e-12)
-    assert primary[1] - secondary[1] == pytest.approx(0.2)
-    assert secondary[2] == pytest.approx(0.0, abs=1e-12)
-
-
 def test_the_sheet_says_where_what_and_how() -> None:
     words = words_of(field_sheet(plan()))
     for said in (
@@ -96,31 +86,3 @@ def test_the_sheet_says_where_what_and_how() -> None:
     ):
         assert said in words
     assert words.count("❏") == 25
-
-
-@pytest.mark.parametrize("planned", PLANS)
-@pytest.mark.parametrize("paper", ["A4", "Letter"])
-def test_every_plan_is_one_page(planned: Plan, paper: str) -> None:
-    assert field_sheet(planned, PAPERS[paper]) == field_sheet(planned, PAPERS[paper])
-    words = words_of(field_sheet(planned, PAPERS[paper]))
-    assert "Write down" in words
-    assert "nan" not in words
-    assert "-0.0 m" not in words
-
-
-def test_other_rigs_are_described_as_they_stand() -> None:
-    parallel = words_of(field_sheet(plan(stated_pose=AimedPose(4.5))))
-    assert "Both look straight ahead" in parallel
-    assert "in front of the pupils" not in parallel
-    assert "at the same height" in parallel
-    assert "from the primary (P), 2 m higher" in words_of(field_sheet(ABOVE))
-
-
-def test_names_are_neither_markup_nor_too_long() -> None:
-    assert "<b>cave</b> ?? & co" in words_of(field_sheet(plan(name="<b>cave</b> 蝙蝠 & co")))
-    assert "bat" * 20 + "..." in words_of(field_sheet(plan(name="bat" * 60)))
-
-
-def test_a_bar_that_fits_nowhere_is_an_error() -> None:
-    with pytest.raises(StereocalError, match=r"hardly fits into what both cameras see"):
-        bar_places(plan(bar_m=7.0))

@@ -41,7 +41,6 @@ fill_motions, fill_residuals = (
 )
 fill_shared_derivatives = machine_code(bar_fit.fill_shared_derivatives)
 distort = machine_code(distortion.distort)
-distortion_derivatives = machine_code(distortion.distortion_derivatives)
 set_distortion = machine_code(distortion.set_distortion)
 
 LENSES = {
@@ -122,22 +121,6 @@ def test_slopes_of_bend(name: str) -> None:
         np.testing.assert_allclose(distort(x, y, terms, 0)[2:], expected, atol=1e-8)
 
 
-@pytest.mark.parametrize("name", LENSES)
-def test_derivatives_by_the_distortion(name: str) -> None:
-    terms, h = bending(Camera(np.eye(3), np.array(LENSES[name]), (100, 100))), 1e-6
-    for x, y in np.random.default_rng(2).uniform(-0.5, 0.5, (20, 2)):
-        found = np.empty((2, 4))
-        distortion_derivatives(x, y, terms, 0, found)
-        for i in range(4):
-            sides = []
-            for step in (h, -h):
-                moved = terms.copy()
-                moved[0, 1 + i] += step
-                sides.append(np.array(distort(x, y, moved, 0)[:2]))
-            # Central differences of step 1e-6: 1e-10 of rounding.
-            np.testing.assert_allclose(found[:, i], (sides[0] - sides[1]) / (2 * h), atol=1e-8)
-
-
 @given(seed=rig.SEEDS)
 @settings(max_examples=6)
 def test_slopes_are_those_of_finite_differences(seed: int) -> None:
@@ -191,19 +174,6 @@ def test_cholesky(seed: int, n: int) -> None:
     np.testing.assert_allclose(A @ x, b, atol=1e-8 * np.linalg.cond(A))
     A[0, 0] = -1.0
     assert not factor(A, 0.0)
-
-
-@given(limit=st.floats(1.0, 100.0), s=st.floats(0.0, 200.0))
-def test_the_weight_is_the_slope_of_the_loss(limit: float, s: float) -> None:
-    rho, w = loss(s, limit)
-    assert 0 <= w <= 1
-    assert 0 <= rho <= min(s, limit / 3.0) + 1e-12
-    slope = (loss(s + 1e-5, limit)[0] - loss(max(s - 1e-5, 0.0), limit)[0]) / (
-        s + 1e-5 - max(s - 1e-5, 0.0)
-    )
-    assert w == pytest.approx(slope, abs=1e-4)
-    assert loss(s, np.inf) == (s, 1.0)
-    assert loss(s, 0.0) == (0.0, 0.0)
 
 
 def test_the_result_is_scipys_of_the_whole_problem() -> None:

@@ -8,7 +8,6 @@ import pytest
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.calibration.results import Errors
 from stereocal.refined.outliers import (
-    bar_frames,
     frame_reprojection_px,
     held_out,
     left_out,
@@ -59,23 +58,6 @@ def test_the_mixed_up_frame_stands_out_alone(calibration: Calibration) -> None:
     assert outlying_frames(calibration) == sorted({MIXED_UP, *length_outliers(calibration)})
 
 
-def test_data_without_noise_have_no_outlying_frame() -> None:
-    exact = make_calibration(noise_px=0.0, shift_px=0.0)
-    assert outlying_frames(exact) == []
-
-
-def test_the_larger_error_of_the_two_targets_counts(calibration: Calibration) -> None:
-    rows = calibration.dataset.correspondences
-    errors = calibration.errors["3d"].reprojection_px
-    expected = [errors[rows.frame == frame].max() for frame in rows.frames]
-    np.testing.assert_array_equal(frame_reprojection_px(calibration, "3d"), expected)
-
-
-def test_bars_know_their_frame(calibration: Calibration) -> None:
-    assert bar_frames(calibration).tolist() == list(range(2, 26))
-    assert len(calibration.errors["2d"].length) == 24
-
-
 def test_held_out_frames_are_those_neither_calibrated_with_nor_left_out(
     calibration: Calibration,
 ) -> None:
@@ -95,16 +77,6 @@ def test_the_limit_is_six_robust_deviations_above_the_median() -> None:
     assert outlying(above, 0.0).tolist() == [False] * 4 + [True] + [False] * 2
     above[4] = limit - 1e-3
     assert not outlying(above, 0.0).any()
-
-
-def test_equal_values_leave_room_for_rounding() -> None:
-    values = np.array([1.0, 1.0, 1.0, 1.0, 1.005])
-    assert not outlying(values, 0.01).any()
-    assert outlying(values, 0.001).tolist() == [False] * 4 + [True]
-
-
-def test_a_small_error_is_never_outlying() -> None:
-    assert not outlying(np.array([5.0, 5.0, 5.1, 4.9, 0.0]), 0.0)[-1]
 
 
 def test_what_cannot_be_computed_stands_out(calibration: Calibration) -> None:

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from stereocal.calibration.methods import CalibrationSettings
-from stereocal.errors import StereocalError
 from stereocal.projects.calibration_files import pack_calibration, unpack_calibration
 from stereocal.refined.bar_fit import TIME
 from stereocal.refined.disagreement import what_disagrees
@@ -69,14 +68,6 @@ def test_what_the_uncertainties_say(result: RefinedResult) -> None:
     assert abs(length["estimate"] - length["stated"]) < 4 * Misjudged().bar_m
 
 
-def test_noise_and_volume_of_the_frames_used(result: RefinedResult) -> None:
-    read = RigParameters.loads(refined_parameters(result).dumps())
-    assert read.noise_px == result.sigma_px.value
-    assert read.volume == Volume.of_bars(result.points_m[~result.outlying])
-    assert read.volume != Volume.of_bars(result.points_m)
-    assert read.volume.contains(result.points_m[~result.outlying].reshape(-1, 3)).all()
-
-
 def test_noise_and_volume_of_the_papers_sets() -> None:
     """Each set's own points of the frames it was fitted to; the noise of the best fit there is."""
     data = rig.dataset(25, 0.2)
@@ -106,36 +97,6 @@ def test_noise_and_volume_of_the_papers_sets() -> None:
     del old["screening"]["noise_px"]
     older = unpack_calibration(json.dumps(old).encode(), lambda _: data)
     assert older.parameters("3d").noise_px is None
-
-
-def test_settings_without_limit_can_be_written() -> None:
-    free = refine(rig.dataset(20, 0.2), RefineSettings(baseline_sigma_m=np.inf))
-    read = RigParameters.loads(refined_parameters(free).dumps())
-    assert read.settings["baseline_sigma_m"] == "inf"
-
-
-def test_the_papers_files_have_no_such_key() -> None:
-    found = calibrate(rig.dataset(20, 0.2), refined=None)
-    assert "uncertainties" not in found.parameters("2d").to_json()
-    assert found.refined is None
-    assert "refined" not in found.errors
-
-
-@pytest.mark.parametrize(
-    ("value", "sentence"),
-    [("[1, 2]", "not an object"), ('{"yaw": NaN}', "not finite")],
-)
-def test_damaged_uncertainties(result: RefinedResult, value: str, sentence: str) -> None:
-    text = refined_parameters(result).dumps()
-    data = json.loads(text)
-    data["uncertainties"] = "HERE"
-    with pytest.raises(StereocalError, match=sentence):
-        RigParameters.loads(json.dumps(data).replace('"HERE"', value))
-
-
-def test_a_threshold_from_a_validation(result: RefinedResult) -> None:
-    with_one = refined_parameters(result, validation={"threshold_px": 1.5})
-    assert with_one.matching_threshold_px == 1.5
 
 
 def test_calibrate_runs_it_beside_the_papers_three() -> None:

@@ -9,18 +9,12 @@ import numpy as np
 import pytest
 
 from stereocal.calibration.methods import CalibrationSettings
-from stereocal.calibration.wrong_inputs import check_inputs
 from stereocal.errors import StereocalError
-from stereocal.formats.dataset_files import read_dataset
-from stereocal.projects.calibration_files import pack_calibration, unpack_calibration
-from stereocal.refined import time_offset
-from stereocal.refined.diagnosis import OUT_OF_STEP
 from stereocal.refined.screening import screen
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import TimeOffset
-from stereocal.simulation.simulate import field_rig
 from stereocal.workflow import answer, calibrate
 from tests import known_rig as rig
 from tests.rigs.moving_bar import move_bar, record
@@ -96,13 +90,6 @@ def test_bars_placed_anew_for_each_photograph_are_in_step() -> None:
     assert sets["refined"].time_offset is not None
 
 
-def test_too_slow_a_motion_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(time_offset, "MAXIMUM_SIGMA", 0.001)
-    found = screen(moving(0.3), time_offset=True)
-    assert found.measured_offset is None
-    assert "too slow to tell" in found.time_note
-
-
 def test_exchanged_targets_are_recognised_between_frames() -> None:
     data = moving(0.3)
     found = screen(data.with_targets_exchanged([40, 80]), time_offset=True)
@@ -120,38 +107,6 @@ def test_a_drift_is_found_and_else_pointed_out() -> None:
     assert abs(found.drift - 2e-3) < 4 * found.drift_sigma < 1e-3
 
 
-def test_a_stored_calibration_is_shifted_again() -> None:
-    found = calibrate(moving(0.7), replace(TIMED, all_frames=True))
-    assert found.screening.left_out == found.screening.without_neighbours != ()
-    again = unpack_calibration(pack_calibration(found, {}), lambda _: moving(0.7))
-    np.testing.assert_array_equal(
-        again.dataset.correspondences.secondary, found.dataset.correspondences.secondary
-    )
-    assert again.screening.shift == found.screening.shift
-    assert again.screening.time_note == found.screening.time_note
-
-
 def test_no_pose_fits_without_the_offset() -> None:
     with pytest.raises(StereocalError, match="out of step"):
         calibrate(moving(1.9, between=5))
-
-
-def test_a_late_camera_is_not_taken_for_exchanged_files() -> None:
-    """A fast bar: by themselves, the points fit exchanged cameras better."""
-    rng = np.random.default_rng(11)
-    bar = move_bar(field_rig(4.5), rng, 120, 0.9, frames_between=20)
-    data = record(bar, rng, 0.15, "late", TimeOffset(0.3))
-    with pytest.raises(StereocalError, match="exchanged"):
-        check_inputs(data)
-    found = calibrate(data)
-    assert [text for text in found.warnings if text.startswith(OUT_OF_STEP)]
-    assert not [text for text in found.warnings if "exchanged" in text]
-
-
-def test_no_offset_is_claimed_without_a_size() -> None:
-    """Single frames, the primary's points at 75 %: an offset of 0.001 frames was claimed."""
-    data = read_dataset(FIELD)
-    rows = data.correspondences
-    wrong = replace(data, correspondences=replace(rows, primary=0.75 * rows.primary))
-    with pytest.raises(StereocalError, match="points seem to be measured in images"):
-        calibrate(wrong)

@@ -13,11 +13,9 @@ from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.uncertainty import (
     Plane,
     accuracy_map,
-    distance_sigmas,
     in_view,
     length_jacobian,
     point_covariances,
-    standard_errors,
 )
 from stereocal.refined.unknowns import RefineSettings, pose_of
 from stereocal.rig.compiled import FloatArray
@@ -54,26 +52,6 @@ def test_errors_are_near_the_cramer_rao_bound(rigs: int) -> None:
     most = 1.1 + 1.4 / np.sqrt(rigs)
     assert rotation < most
     assert length < most
-
-
-def test_standard_errors_are_named_in_their_units(result: RefinedResult) -> None:
-    found = standard_errors(result)
-    assert list(found) == [
-        "yaw",
-        "pitch",
-        "roll",
-        "delta",
-        "epsilon",
-        "baseline_m",
-        *(f"{c}_{k}" for c in ("primary", "secondary") for k in ("fx", "fy", "cx", "cy")),
-    ]
-    assert found["primary_fx"].value == result.primary.K[0, 0]
-    assert found["secondary_cy"].value == result.secondary.K[1, 2]
-    # The data can only narrow the priors: 1 % and 10 px.
-    assert 0 < found["primary_fx"].sigma <= 0.01 * rig.PRIMARY.K[0, 0] * 1.0001
-    assert 0 < found["secondary_cy"].sigma <= 10.0
-    held = standard_errors(refine(rig.dataset(25, 0.2), fixed_lenses(RefineSettings())))
-    assert held["primary_fx"].sigma == 0
 
 
 def test_slopes_of_a_distance_are_those_of_finite_differences(result: RefinedResult) -> None:
@@ -122,18 +100,6 @@ def test_noise_of_a_point_is_what_simulation_shows() -> None:
         np.testing.assert_allclose(
             np.cov(found.T), expected, rtol=0, atol=0.12 * np.abs(expected).max()
         )
-
-
-def test_farther_is_worse_and_more_noise_is_worse(result: RefinedResult) -> None:
-    depth = np.array([4.0, 6.0, 8.0, 10.0])
-    points = np.column_stack([0 * depth, 0 * depth, depth])
-    spread = np.sqrt(np.trace(point_covariances(result, points), axis1=1, axis2=2))
-    assert (np.diff(spread) > 0).all()
-    aside = points + np.array([0.0, 0.0, 0.5])
-    sigmas = distance_sigmas(result, points, aside)
-    assert (np.diff(sigmas) > 0).all()
-    behind = point_covariances(result, [[0.0, 0.0, -3.0]])
-    assert np.isnan(behind).all()
 
 
 @pytest.mark.parametrize("plane", get_args(Plane))

@@ -48,14 +48,6 @@ def test_gaps_cut_runs() -> None:
     assert found.text == f"400 frames, about {found.count} independent ones"
 
 
-def test_times_may_be_of_any_step_and_far_apart() -> None:
-    """Numbers such as milliseconds since 1970, and one frame of another year."""
-    alike = np.repeat(np.random.default_rng(4).standard_normal((40, 2)), 10, axis=0)
-    times = 1_700_000_000_000 + 100 * np.arange(400)
-    times[-1] += 10**12
-    assert clusters_of(times, alike).length == pytest.approx(10, abs=3)
-
-
 def test_few_frames_keep_several_runs() -> None:
     alike = np.repeat(np.random.default_rng(7).standard_normal((2, 2)), 30, axis=0)
     assert clusters_of(np.arange(60), alike).count >= FEWEST

@@ -91,15 +91,6 @@ def test_with_a_home_it_is_in_the_cache_folder_there(installed: Path, tmp_path: 
     assert found.stdout.strip() == str(own / "stereocal"), found.stderr
 
 
-def test_what_was_chosen_and_the_folder_of_the_sources_come_first(
-    installed: Path, tmp_path: Path
-) -> None:
-    home, own = folder(tmp_path, "home"), folder(tmp_path, "own")
-    assert python(installed, "-c", CACHE, HOME=home, NUMBA_CACHE_DIR=own).stdout == f"{own}\n"
-    assert python(ROOT, "-c", CACHE, HOME=home).stdout == "beside\n"
-    assert not list(home.iterdir())
-
-
 @pytest.mark.parametrize("trap", ["others can write", "a link"])
 def test_a_folder_that_others_prepared_is_not_used(
     trap: str, installed: Path, tmp_path: Path
@@ -115,15 +106,3 @@ def test_a_folder_that_others_prepared_is_not_used(
     assert found != prepared
     assert found.parent == temporary
     assert found.stat().st_mode & 0o777 == 0o700
-
-
-def test_a_numba_that_was_imported_before_is_told(installed: Path, tmp_path: Path) -> None:
-    code = "import numba; import stereocal.calibration.costs; print(numba.config.CACHE_DIR)"
-    found = python(
-        installed,
-        "-c",
-        code,
-        HOME=folder(tmp_path, "home", 0o555),
-        TMPDIR=folder(tmp_path, "temporary"),
-    )
-    assert found.stdout.strip().startswith(str(tmp_path / "temporary")), found.stderr

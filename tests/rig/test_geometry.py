@@ -24,9 +24,7 @@ from stereocal.rig.geometry import (
     triangulate_rays,
 )
 from tests.known_rig import (
-    ANGLES,
     ANY_ANGLES,
-    BASELINE_M,
     PRIMARY,
     RIG,
     SECONDARY,
@@ -38,7 +36,6 @@ from tests.known_rig import (
 
 POINTS = bar_ends(20)
 P, Q = rays_of(RIG, POINTS)[:2].T, rays_of(RIG, POINTS)[2:].T
-NO_LENS = np.zeros(5)
 
 
 def cross_matrix(t: FloatArray) -> FloatArray:
@@ -124,17 +121,6 @@ class TestPose:
         with pytest.raises(StereocalError):
             Pose(R, T)
 
-    def test_six_printed_digits_are_a_rotation(self) -> None:
-        assert Pose(np.round(RIG.R, 7), RIG.T).baseline == RIG.baseline
-
-    def test_arrays_cannot_be_changed_and_are_copies(self) -> None:
-        R = np.array(RIG.R)
-        pose = Pose(R, RIG.T)
-        R[0, 0] = 5.0
-        np.testing.assert_array_equal(pose.R, RIG.R)
-        with pytest.raises(ValueError, match="read-only"):
-            pose.T[0] = 1.0
-
     @given(ANY_ANGLES, ANY_ANGLES, SEEDS)
     def test_names_cancel(self, first: Angles, second: Angles, seed: int) -> None:
         b_from_a, c_from_b = Pose.from_angles(first, 1.3), Pose.from_angles(second, 0.6)
@@ -153,17 +139,6 @@ class TestPose:
             b_from_a.inverse().apply(b_from_a.apply(in_a)), in_a, rtol=0, atol=1e-13
         )
 
-    def test_apply_takes_one_point_too(self) -> None:
-        np.testing.assert_allclose(
-            RIG.apply([0.3, -0.2, 7.0]), RIG.R @ [0.3, -0.2, 7.0] + RIG.T, rtol=1e-13
-        )
-
-    def test_the_secondary_stands_where_T_says(self) -> None:
-        """epsilon near pi: T points to -x, so the secondary stands to the right, 2.37 m away."""
-        centre = RIG.inverse().apply(np.zeros(3))
-        assert centre[0] > 2.0
-        assert np.linalg.norm(centre) == pytest.approx(BASELINE_M, rel=1e-13)
-
 
 class TestEssential:
     @given(ANY_ANGLES, st.floats(0.01, 100.0))
@@ -181,19 +156,9 @@ class TestEssential:
         unit = RIG.T / RIG.baseline
         assert min(np.abs(s * np.ravel(t) - unit).max() for s in (1, -1)) < 1e-12
 
-    def test_opencv_estimates_it_from_our_points(self) -> None:
-        found, _ = cv2.findEssentialMat(P, Q, np.eye(3), method=cv2.RANSAC, threshold=1e-6)
-        E = np.asarray(found)[:3]
-        E = E / np.linalg.norm(E) * np.sqrt(2)
-        # A five-point fit of 5 of the exact points; measured: 2e-14.
-        assert min(np.abs(s * E - RIG.essential).max() for s in (1, -1)) < 1e-9
-
     def test_residual_of_exact_pairs_is_zero(self) -> None:
         # Rounding of rays of order 1; measured: 6e-17.
         assert np.abs(residuals(RIG.essential, P, Q)).max() < 1e-14
-
-    def test_residual_of_an_image_of_another_point_is_not(self) -> None:
-        assert np.median(np.abs(residuals(RIG.essential, P, np.roll(Q, 1, axis=0)))) > 1e-3
 
     def test_residual_is_the_secondary_times_E_times_the_primary(self) -> None:
         E = np.arange(9.0).reshape(3, 3)
@@ -206,11 +171,6 @@ class TestEpipolarDistances:
     F = fundamental(PRIMARY, SECONDARY, RIG)
     first = pixels(PRIMARY, P) + np.random.default_rng(1).normal(size=P.shape)
     second = pixels(SECONDARY, Q) + np.random.default_rng(2).normal(size=Q.shape)
-
-    def test_exact_points_lie_on_their_lines(self) -> None:
-        found = epipolar_distances(self.F, pixels(PRIMARY, P), pixels(SECONDARY, Q))
-        # 1e-16 of about 1000 px, through the inverse of K; measured: 3e-13 px.
-        assert found.max() < 1e-11
 
     def test_agrees_with_opencvs_lines(self) -> None:
         found = epipolar_distances(self.F, self.first, self.second)
@@ -288,12 +248,6 @@ class TestTriangulation:
         np.testing.assert_allclose(ours, POINTS, rtol=0, atol=1e-12)
         np.testing.assert_allclose(peer, POINTS, rtol=0, atol=1e-11)
 
-    def test_opencv_projects_our_points_onto_our_rays(self) -> None:
-        rotation, _ = cv2.Rodrigues(RIG.R)
-        found, _ = cv2.projectPoints(POINTS, rotation, RIG.T, np.eye(3), NO_LENS)
-        # The rotation vector and back; measured: 7e-16.
-        np.testing.assert_allclose(np.asarray(found).reshape(-1, 2), Q, rtol=0, atol=1e-13)
-
     def test_parallel_rays_have_no_point(self) -> None:
         """The same direction in space, seen from both cameras."""
         towards = RIG.R @ np.array([0.1, -0.2, 1.0])
@@ -316,17 +270,6 @@ class TestTriangulation:
         assert sorted(np.sign(depths)) == [-1, 1]
         assert np.isnan(triangulate_rays(forward.R, forward.T, rays_of(forward, point))).all()
 
-    def test_depth_is_positive_in_front(self) -> None:
-        assert (triangulate(RIG, P, Q)[:, 2] > 5.0).all()
-        wrong = Pose(RIG.R, -RIG.T)
-        assert np.isnan(triangulate(wrong, P, Q)).all()
-
-    def test_one_lost_pair_loses_no_other(self) -> None:
-        rays = rays_of(RIG, POINTS)
-        rays[:, 3] = np.nan
-        lost = np.isnan(triangulate_rays(RIG.R, RIG.T, rays)[:, 0])
-        np.testing.assert_array_equal(np.flatnonzero(lost), [3])
-
 
 def test_reprojection_errors_are_pixels_between_image_and_projected_midpoint() -> None:
     """With the whole of K, skew too: project the midpoint in both cameras and measure."""
@@ -343,12 +286,3 @@ def test_reprojection_errors_are_pixels_between_image_and_projected_midpoint() -
         # 1e-16 of 1000 px lost in the difference; measured: 1.4e-13 px.
         np.testing.assert_allclose(found[:, column], np.hypot(*shift.T), rtol=0, atol=1e-11)
     assert np.median(found) > 0.1
-
-
-def test_the_rig_is_asymmetric() -> None:
-    """What the other tests rest on."""
-    assert PRIMARY.image_size != SECONDARY.image_size
-    assert PRIMARY.K[0, 0] != PRIMARY.K[1, 1]
-    assert SECONDARY.K[0, 1] != 0
-    assert min(abs(angle) for angle in ANGLES) > 0.05
-    assert np.abs(RIG.T).min() > 0.2

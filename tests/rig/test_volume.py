@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from typing import Any
 
 import numpy as np
@@ -60,12 +59,6 @@ def test_the_margin_makes_up_for_the_shortness_of_a_range() -> None:
     np.testing.assert_allclose(np.mean(found, axis=0), [4.0, 9.0], atol=0.05)
 
 
-def test_few_further_bars_in_the_same_place_are_outside() -> None:
-    further = bar_ends(3000, seed=99)
-    shares = [1 - Volume.of_bars(bar_ends(25, k)).contains(further).mean() for k in range(40)]
-    assert 0.03 < np.mean(shares) < 0.09  # measured: 0.06; 0.11 without a margin
-
-
 def test_bars_behind_the_camera_or_missing_do_not_count() -> None:
     points = bar_ends(10)
     more = np.vstack([points, -points, np.full((4, 3), np.nan)])
@@ -73,20 +66,6 @@ def test_bars_behind_the_camera_or_missing_do_not_count() -> None:
     for none in (-points, np.empty((0, 3)), np.full((2, 3), np.nan)):
         with pytest.raises(StereocalError, match="No bar is in front"):
             Volume.of_bars(none)
-
-
-def test_few_bars_and_near_ones() -> None:
-    one = Volume.of_bars([[0.1, 0.2, 1.0], [0.2, 0.2, 3.0]])
-    assert one.z_m == (0.0, 5.0)  # never behind the camera
-    same = Volume.of_bars([[0.1, 0.2, 1.0]])
-    assert same.contains([[0.1, 0.2, 1.0], [0.1, 0.2, 1.1]]).tolist() == [True, False]
-
-
-def test_there_and_back() -> None:
-    for volume in (VOLUME, Volume.of_bars(bar_ends(7))):
-        data = json.loads(json.dumps(volume.to_json()))
-        assert list(data) == ["x/z", "y/z", "z_m"]
-        assert Volume.from_json(data, "test") == volume
 
 
 @pytest.mark.parametrize(
@@ -111,9 +90,3 @@ def test_there_and_back() -> None:
 def test_refused_with_one_message(change: Any) -> None:
     with pytest.raises(StereocalError, match=r"^file\.json: the volume of the bars must give x/z"):
         Volume.from_json(change, "file.json")
-
-
-def test_in_words() -> None:
-    volume = Volume((-0.3, 0.2), (-0.1, 0.25), (3.1234, 107.8))
-    assert volume.depths == "3.12 to 108 m"
-    assert "depths from 3.12 to 108 m, 28° wide and 20° high" in volume.sentence()
